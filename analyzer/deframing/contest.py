@@ -1,0 +1,129 @@
+"""Decide a stretch where candidates compete: when is enough known, and how far does the decision reach?
+
+Positions where something could be decided are events: the end of a candidate, a quiet line (idle timeout), a silence
+that ends every frame, the window being full. Events are taken in stream order and each looks only at bytes before it,
+so a stream fed byte by byte and a whole file come to the same decisions at the same offsets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from dissectors.lengths import Role
+
+from .candidates import predicted
+from .lattice import CRC_BITS, EMBEDDED, FITS, NOISE_BEGINS, NOISE_BYTE, Lattice, Step
+from .rules import MAX_ADU
+
+WINDOW: Final = 2048  # bytes at most that wait for a decision
+_KNOWN_BITS: Final = 3.0
+_ALONE: Final = 15.0  # bits that frames end to end with silence behind them need
+_AMID: Final = 48.0  # bits that frames need after noise, or with more bytes right behind them
+_LEAD: Final = 8.0  # bits over the next best reading of the same bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A position at which to look; `idle` when the line was quiet there, `cut` when so long that no frame spans it."""
+
+    position: int
+    idle: bool = False
+    cut: bool = False
+    silent: bool = False  # some gap there, or the end of what a read gave
+
+
+def decide(lattice: Lattice, data: bytes, events: Sequence[Event], idle_bits: float) -> list[Step]:
+    """The steps that are now certain, from the lattice's position 0; none if more has to be known."""
+    for event in events:
+        lattice.advance(event.position)
+        steps = lattice.steps()
+        if event.cut:
+            return steps
+        frames = [s for s in steps if s.candidate is not None and not s.candidate.damaged]
+        if not frames or not (event.idle or frames[-1].end == event.position):
+            continue
+        if not event.idle:
+            path = lattice.best
+            whole = len(frames) == len(steps) and event.silent
+            if path.since_noise < (_ALONE if whole else _AMID) or lattice.lead < _LEAD:
+                continue
+        if not _awaited(data, frames, steps, event, lattice, idle_bits):
+            return steps[: steps.index(frames[-1]) + 1]
+    return []
+
+
+def _awaited(
+    data: bytes, frames: Sequence[Step], steps: Sequence[Step], event: Event, lattice: Lattice, idle_bits: float
+) -> bool:
+    """Whether a longer frame may still come that would explain the end better: an answer that a request asked for."""
+    best = frames[-1].score
+    position = event.position
+    for pending in frames[-1].said.pending:
+        header = pending.expects.header
+        if len(header) < 2:
+            continue
+        low = max(0, pending.start + len(pending.adu) - lattice.offset, position - MAX_ADU)
+        found = data.find(header, low, position)
+        while found >= 0:
+            length = predicted(data[:position], found, Role.RESPONSE)
+            if length is not None and found + length > position:
+                before = next(s for s in steps if s.end > found)
+                start = before.before
+                score = start.score if start is not None else 0.0
+                if found > before.start:
+                    score -= NOISE_BEGINS + NOISE_BYTE * (found - before.start)
+                score += CRC_BITS + _KNOWN_BITS + FITS - (idle_bits if event.idle else 0.0)
+                score += sum(max(0.0, CRC_BITS + f.candidate.structure - EMBEDDED) for f in frames if f.start > found and f.candidate)
+                if score > best:
+                    return True
+            found = data.find(header, found + 1, position)
+    return False
+
+
+def forced(lattice: Lattice, position: int) -> list[Step]:
+    """The best path's steps well before `position`: what waited too long is decided as it stands."""
+    lattice.advance(position)
+    limit = position - 2 * MAX_ADU
+    steps = []
+    for step in lattice.steps():
+        if step.end > limit:
+            if step.candidate is None and step.start < limit:
+                steps.append(Step(step.start, limit, None, step.before, step.score, step.said))
+            break
+        steps.append(step)
+    return steps
+
+
+def margins(steps: Sequence[Step]) -> list[tuple[float, Step | None]]:
+    """For each step, by how much its path beat the best path without it, and what that path had there.
+
+    Where two paths met, the winner's frames since they parted are as sure as the difference (soft-output Viterbi).
+    """
+    margin = [(float("inf"), None)] * len(steps)  # type: list[tuple[float, Step | None]]
+    index = {id(step): i for i, step in enumerate(steps)}
+    place = {(s.start, s.end, s.candidate.role if s.candidate else -1): i for i, s in enumerate(steps)}
+    for at, step in enumerate(steps):
+        for difference, loser in step.losers:
+            shared: set[int] = set()
+            pieces: list[Step] = []
+            while loser is not None:
+                i = index.get(id(loser))
+                if i is not None:
+                    shared.update(range(i + 1))
+                    break
+                key = (loser.start, loser.end, loser.candidate.role if loser.candidate else -1)
+                if key in place:
+                    shared.add(place[key])
+                else:
+                    pieces.append(loser)
+                loser = loser.before
+            for i in range(at):
+                if i not in shared and difference < margin[i][0]:
+                    mine = steps[i]
+                    rival = next((p for p in pieces if p.start < mine.end and p.end > mine.start), None)
+                    margin[i] = (difference, rival)
+    return margin
+
+

@@ -1,0 +1,61 @@
+"""Answers that came damaged: the CRC is wrong, but the header is the one that a request asked for.
+
+Unit, function and byte count are 24 bits that chance does not give, so such a stretch competes in the lattice with
+whatever a chance CRC inside it would make of it. It ends where something else begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from dissectors.lengths import Role
+
+from .candidates import predicted
+from .lattice import GLITCH_RUN, GLITCHES, Candidate, Pending
+from .places import Places
+from .rules import MAX_ADU
+
+_DAMAGED: Final = -9.0  # bits: answers are damaged now and then
+_LENGTH: Final = -3.0  # and not of the length that they should be
+_LONGER: Final = -2.0  # a byte too many
+_BYTE: Final = -0.6  # a byte that nothing vouches for
+_SPARE: Final = 4  # bytes that a fault may have added
+_LEAST: Final = 3
+
+
+def damaged_answers(
+    data: bytes, offset: int, places: Places, candidates: Sequence[Candidate], pending: Sequence[Pending]
+) -> list[Candidate]:
+    """Candidates for damaged answers to the pending request or to requests in `data`, at stream `offset`."""
+    taken = {c.start for c in candidates if c.role == Role.RESPONSE}
+    asked = [(0, p) for p in pending[-1:]]
+    asked += [
+        (c.end, Pending.of(offset + c.start, data[c.start : c.end]))
+        for c in candidates
+        if c.role == Role.REQUEST and c.declared and data[c.start]
+    ]
+    found: dict[tuple[int, int], Candidate] = {}
+    for begin, request in asked:
+        header = request.expects.header
+        if len(header) < _LEAST:
+            continue
+        for start in range(begin, min(begin + GLITCH_RUN, len(data))):
+            if start not in taken and data.startswith(header, start):
+                length = predicted(data, start, Role.RESPONSE) or MAX_ADU
+                for end in places.ends:
+                    if start + _LEAST <= end <= start + length + _SPARE:
+                        found[start, end] = Candidate(
+                            start, end, Role.RESPONSE, _bits(end - start, length), damaged=True
+                        )
+            if data[start] not in GLITCHES:
+                break
+    return list(found.values())
+
+
+def _bits(length: int, predicted: int) -> float:
+    """What the length of a damaged answer says."""
+    bits = _DAMAGED + _BYTE * length
+    if length != predicted:
+        bits += _LENGTH + _LONGER * max(0, length - predicted)
+    return bits

@@ -1,0 +1,349 @@
+"""Bytes in, pieces out: the deframer of one port's stream.
+
+Where candidates tile the bytes end to end with no rival, the path is forced and whole runs are taken as arrays
+(`_runs`); only what is left goes through the lattice (`contest`). The engine is sans-IO and holds the undecided bytes
+alone: at most a window, and what one feed brought.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dissectors.lengths import Role
+
+from .candidates import Candidates, search
+from .contest import WINDOW, Event, decide, forced, margins
+from .damaged import damaged_answers
+from .lattice import CRC_BITS, GLITCH_RUN, GLITCHES, NOISE_BEGINS, Candidate, Lattice, Pending, Said, Step
+from .places import places
+from .prefix import Windows, windows
+from .rules import MAX_ADU, MIN_ADU, Bytes, Index
+from .silence import Trust, Turn, classes_of
+from .tape import Tape, Times
+from .unknown import unknown_windows
+
+NOISE: Final = 2  # the role of a piece that is no frame
+_SLICE: Final = 1 << 18  # bytes searched at once
+_TALK: Final = 2048  # bytes: further back than a conversation reaches
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to deframe. Times in ns."""
+
+    idle_ns: int = 50_000_000  # a quiet line: what is whole is reported [5 ms .. 5 s]
+    cut_ns: int = 1_500_000_000  # no frame has a hole like this
+    explain: bool = False
+
+
+class Pieces(NamedTuple):
+    """Decided pieces of the stream, end to end; offsets in the stream."""
+
+    start: NDArray[np.int64]
+    end: NDArray[np.int64]
+    role: NDArray[np.uint8]  # Role, or NOISE
+    check: NDArray[np.bool_]  # CRC right
+    margin: NDArray[np.float32]  # bits over the best explanation without it
+    rival: NDArray[np.int64]  # shape (n, 3): start, end and role of what would stand there instead; -1 for noise
+    parts: NDArray[np.float32]  # shape (n, 3): structure, silence, conversation in bits
+
+
+class Runs(NamedTuple):
+    """Intervals (start, end) of candidates, and which of them have no rival."""
+
+    start: Index
+    end: Index
+    role: NDArray[np.uint8]
+    structure: NDArray[np.float32]
+    clean: NDArray[np.bool_]
+    last: Index  # for each clean interval: the last one of the run that it begins or continues
+
+
+class Engine:
+    """Decides, in stream order, what every byte is. `feed` as bytes come, `take` what was decided."""
+
+    def __init__(self, char_ns: float, options: Options) -> None:
+        self.tape = Tape(char_ns)
+        self.options = options
+        self.trust = Trust()
+        self._said = Said()
+        self._vendor: set[int] = set()
+        self._waiting = False  # the last frame was a request that wants an answer
+        self._idle_class = int(classes_of(np.array([options.idle_ns]), char_ns)[0])
+        self._out: list[Pieces] = []
+
+    def feed(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8]) -> None:
+        """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each."""
+        ends = np.cumsum(sizes)
+        begin = 0
+        while begin < len(sizes):
+            limit = (ends[begin - 1] if begin else 0) + _SLICE
+            upto = max(begin + 1, int(np.searchsorted(ends, limit, side="right")))
+            low, high = (int(ends[begin - 1]) if begin else 0), int(ends[upto - 1])
+            self.tape.append(data[low:high], sizes[begin:upto], times[begin:upto], marks[begin:upto])
+            begin = upto
+            self._work(self.tape.ready, quiet=False, final=False)
+
+    def tick(self, now_ns: int) -> None:
+        """The line has been silent up to now."""
+        if len(self.tape) and now_ns > self.tape.last_time:
+            self.tape.close()
+            silence = now_ns - self.tape.last_time
+            self._work(len(self.tape), quiet=silence >= self.options.idle_ns, final=silence >= self.options.cut_ns)
+
+    def close(self) -> None:
+        """No more bytes come."""
+        self.tape.close()
+        self._work(len(self.tape), quiet=True, final=True)
+
+    def take(self) -> Pieces:
+        """What was decided since the last call."""
+        out, self._out = self._out, []
+        if not out:
+            return _pieces([], 0)
+        return Pieces(*(np.concatenate(columns) for columns in zip(*out, strict=True)))
+
+    def _work(self, ready: int, *, quiet: bool, final: bool) -> None:
+        """Decide as much of the first `ready` bytes of the tape as can be."""
+        tape = self.tape
+        begin = 0
+        while begin < ready:
+            upto = min(ready, begin + _SLICE + WINDOW)
+            last = upto == ready
+            done = self._slice(begin, upto, quiet=quiet and last, final=final and last)
+            begin += done
+            if last:
+                break
+        tape.drop(begin)
+
+    def _slice(self, begin: int, upto: int, *, quiet: bool, final: bool) -> int:
+        """Decide bytes [begin, upto) of the tape; how many were."""
+        data = self.tape.data[begin:upto]
+        if len(data) < MIN_ADU and not final:
+            return 0
+        crc = windows(data)
+        found = self._whole(search(data, crc), begin)
+        runs = _runs(found, len(data) if final else len(data) - MAX_ADU)
+        stretch = _Stretch(data, begin, crc, found)
+        at = 0
+        while at < len(data):
+            i = int(np.searchsorted(runs.start, at))
+            if i < len(runs.start) and runs.start[i] == at and runs.clean[i]:
+                at = self._run(runs, i, begin)
+                continue
+            moved = self._contest(stretch, at, quiet=quiet, final=final)
+            if moved == at:
+                break
+            at = moved
+        return at
+
+    def _whole(self, found: Candidates, begin: int) -> Candidates:
+        """Candidates that no long silence cuts."""
+        if not len(found):
+            return found
+        low, high = begin + int(found.start[0]), begin + int(found.end.max())
+        cuts = self.tape.quiet(low, high, self.options.cut_ns) - begin
+        if not len(cuts):
+            return found
+        whole = np.searchsorted(cuts, found.start, side="right") == np.searchsorted(cuts, found.end, side="left")
+        return Candidates(found.start[whole], found.end[whole], found.role[whole], found.structure[whole])
+
+    def _run(self, runs: Runs, i: int, begin: int) -> int:
+        """Take the run of intervals from i on; the position behind it."""
+        last = int(runs.last[i]) + 1
+        start, end, role = runs.start[i:last], runs.end[i:last], runs.role[i:last]
+        structure = runs.structure[i:last]
+        n = len(start)
+        parts = np.zeros((n, 3), np.float32)
+        parts[:, 0] = structure
+        rival = np.full((n, 3), -1, np.int64)
+        margin = structure + np.float32(CRC_BITS + NOISE_BEGINS)
+        self._commit(start + begin, end + begin, role, np.ones(n, np.bool_), margin, rival, parts)
+        self._said = self._talk(self._said, start, end, role, begin)
+        return int(end[-1])
+
+    def _talk(self, said: Said, start: Index, end: Index, role: NDArray[np.uint8], begin: int) -> Said:
+        """The conversation after a run of frames: those in reach of its end."""
+        first = int(np.searchsorted(start, end[-1] - _TALK))
+        tape = self.tape
+        for s, e, r in zip(start[first:].tolist(), end[first:].tolist(), role[first:].tolist(), strict=True):
+            adu = tape.data[begin + s : begin + e].tobytes()
+            if r == Role.REQUEST:
+                said = said.ask(Pending.of(tape.base + begin + s, adu))
+            else:
+                which = said.answers(adu)
+                if which is not None:
+                    said = said.answer(which)
+        return said
+
+    def _contest(self, stretch: _Stretch, at: int, *, quiet: bool, final: bool) -> int:
+        """Decide from `at` on through the lattice; the position reached, `at` if more must be known."""
+        tape, n = self.tape, len(stretch.data)
+        limit = min(n, at + WINDOW)
+        ended = limit == n
+        candidates = stretch.candidates(at, limit)
+        data = stretch.data[at:limit].tobytes()
+        origin = stretch.begin + at
+        classes = tape.classes[origin : origin + (limit - at) + 1].tolist()
+        spots = places(data, classes, candidates, closed=ended and quiet)
+        unknown = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
+        candidates += unknown + damaged_answers(data, tape.base + origin, spots, candidates, self._said.pending)
+        candidates.sort(key=lambda c: (c.start, c.end, c.role))
+        lattice = Lattice(
+            data, tape.base + origin, classes, self.trust, candidates, self._said
+        )
+        events = self._events(origin, limit - at, candidates, classes, quiet=quiet and ended)
+        idle_bits = max(0.0, self.trust.evidence[Turn.REQUEST][self._idle_class])
+        steps = decide(lattice, data, events, idle_bits)
+        if not steps and final and ended:
+            lattice.advance(len(data))
+            steps = lattice.steps()
+        if not steps and limit - at == WINDOW:
+            steps = forced(lattice, len(data))
+        if not steps:
+            return at
+        self._steps(steps, origin)
+        self._said = steps[-1].said
+        return at + steps[-1].end
+
+    def _events(
+        self, origin: int, size: int, candidates: list[Candidate], classes: list[int], *, quiet: bool
+    ) -> list[Event]:
+        """Where something may be decided, in stream order."""
+        tape, options = self.tape, self.options
+        idle = set((tape.quiet(origin, origin + size + 1, options.idle_ns) - origin).tolist())
+        cut = set((tape.quiet(origin, origin + size + 1, options.cut_ns) - origin).tolist())
+        if quiet:
+            idle.add(size)
+        places = sorted({c.end for c in candidates} | idle | cut)
+        return [
+            Event(p, p in idle, p in cut, p in idle or (p < len(classes) and classes[p] > 0)) for p in places if p > 0
+        ]
+
+    def _steps(self, steps: list[Step], origin: int) -> None:
+        """Commit steps of the lattice."""
+        base = self.tape.base + origin
+        start = np.array([s.start for s in steps], np.intp)
+        end = np.array([s.end for s in steps], np.intp)
+        role = np.array([s.candidate.role if s.candidate else NOISE for s in steps], np.uint8)
+        sure = margins(steps)
+        margin = np.array([min(m, 64.0) if math.isfinite(m) else 64.0 for m, _ in sure], np.float32)
+        rival = np.full((len(steps), 3), -1, np.int64)
+        for i, (_, other) in enumerate(sure):
+            if other is not None:
+                kind = other.candidate.role if other.candidate else NOISE
+                rival[i] = (base + other.start, base + other.end, kind)
+        parts = np.array(
+            [(s.candidate.structure if s.candidate else 0.0, s.silence, s.conversation) for s in steps], np.float32
+        )
+        for step in steps:
+            if step.candidate is not None and not step.candidate.declared:
+                self._vendor.add(int(self.tape.data[origin + step.start + 1]) & 0x7F)
+        check = np.array([s.candidate is not None and not s.candidate.damaged for s in steps], np.bool_)
+        self._commit(start + origin, end + origin, role, check, margin, rival, parts)
+
+    def _commit(
+        self,
+        start: Index,
+        end: Index,
+        role: NDArray[np.uint8],
+        check: NDArray[np.bool_],
+        margin: NDArray[np.float32],
+        rival: NDArray[np.int64],
+        parts: NDArray[np.float32],
+    ) -> None:
+        """Pieces (indices of the tape) are decided: report them, learn from them."""
+        base = self.tape.base
+        low, high = int(start[0]), int(end[-1])
+        self._learn(start, end, role, low, high)
+        offsets = start.astype(np.int64) + base, end.astype(np.int64) + base
+        self._out.append(Pieces(*offsets, role, check, margin, rival, parts))
+
+
+    def _learn(self, start: Index, end: Index, role: NDArray[np.uint8], low: int, high: int) -> None:
+        """Let decided pieces teach what silences and glitches mean here."""
+        data = self.tape.data
+        frames = role != NOISE
+        asks = (role == Role.REQUEST) & (data.take(start) != 0)
+        waits = np.append(self._waiting, asks[frames][:-1])
+        turns = np.where(waits & asks[frames], Turn.AGAIN, role[frames]).astype(np.uint8)
+        if len(turns):
+            self._waiting = bool(asks[frames][-1])
+        short = np.flatnonzero(~frames & (end - start <= GLITCH_RUN))
+        glitches = [e for s, e in zip(start[short].tolist(), end[short].tolist(), strict=True)
+                    if GLITCHES.issuperset(data[s:e].tobytes())]  # fmt: skip
+        classes = self.tape.classes[low:high]
+        if len(short):
+            classes = classes.copy()  # a silence before a glitch is the silence before the frame behind it
+            for s, e in zip(start[short] - low, end[short] - low, strict=True):
+                if e < len(classes):
+                    classes[e] = max(classes[e], classes[s:e].max())
+        base = self.tape.base
+        self.trust.learn(
+            classes, start[frames] - low, end[frames] - low, turns,
+            np.array(glitches, np.intp) - low, base + low, base + high,
+        )  # fmt: skip
+
+
+@dataclass(slots=True)
+class _Stretch:
+    """What is known of the bytes being worked on."""
+
+    data: Bytes
+    begin: int
+    crc: Windows
+    found: Candidates
+
+    def candidates(self, at: int, limit: int) -> list[Candidate]:
+        """Those that lie in [at, limit), with offsets from `at`."""
+        low, high = np.searchsorted(self.found.start, (at, limit))
+        start, end = self.found.start[low:high], self.found.end[low:high]
+        fits = end <= limit
+        return [
+            Candidate(*values)
+            for values in zip(
+                (start[fits] - at).tolist(),
+                (end[fits] - at).tolist(),
+                self.found.role[low:high][fits].tolist(),
+                self.found.structure[low:high][fits].tolist(),
+                strict=True,
+            )
+        ]
+
+
+def _runs(found: Candidates, known: int) -> Runs:
+    """Intervals of candidates; those without a rival that end at or before `known`, where nothing can still appear."""
+    n = len(found)
+    new = np.ones(n, np.bool_)
+    new[1:] = (found.start[1:] != found.start[:-1]) | (found.end[1:] != found.end[:-1])
+    first = np.flatnonzero(new)
+    start, end = found.start[first], found.end[first]
+    single = np.diff(np.append(first, n)) == 1
+    reach = np.concatenate(([0], np.maximum.accumulate(end)[:-1])) if len(end) else end
+    following = np.append(start[1:], np.iinfo(np.intp).max)[: len(start)]
+    clean = single & (reach <= start) & (following >= end) & (end <= known)
+    m = len(start)
+    joined = np.zeros(m, np.bool_)
+    joined[1:] = clean[1:] & clean[:-1] & (start[1:] == end[:-1])
+    heads = np.flatnonzero(~joined)
+    lasts = np.append(heads[1:] - 1, m - 1)[: len(heads)]
+    last = np.repeat(lasts, lasts - heads + 1) if m else np.empty(0, np.intp)
+    return Runs(start, end, found.role[first], found.structure[first], clean, last)
+
+
+def _pieces(steps: list[Step], base: int) -> Pieces:
+    assert not steps
+    return Pieces(
+        np.empty(0, np.int64),
+        np.empty(0, np.int64) + base,
+        np.empty(0, np.uint8),
+        np.empty(0, np.bool_),
+        np.empty(0, np.float32),
+        np.empty((0, 3), np.int64),
+        np.empty((0, 3), np.float32),
+    )

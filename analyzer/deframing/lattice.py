@@ -1,0 +1,282 @@
+"""The most likely explanation of a contested stretch of bytes.
+
+Theory. Every byte is part of a frame or noise. An explanation is a path through positions: frames (candidates) and
+noise runs, end to end. Its score is a log-likelihood ratio in bits against "all of it is noise that nobody sent":
+
+    frame   + CRC (16) + structure (function, limits, counts) + silence before it + conversation
+    noise   - a cost to begin, - a cost a byte (less for 00, FE, FF, which drivers make when they switch)
+
+Paths are extended from left to right; at each position only a few survive (a beam), told apart by what the
+conversation would be after them: the pending requests are part of a path, for what an answer is worth depends on
+them. A frame whose payload holds whole frames inherits what those would have scored (`_inside`): chance or the
+sender put them there, and the outer frame explains them as well as they explain themselves.
+
+The lattice only looks at bytes before the position it has advanced to, so a decision taken at a position is the same
+whatever comes later. Where survivors part and meet again, the loser is remembered: the margin of every boundary, and
+what would have stood there instead, come from that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from dissectors.lengths import Role
+
+from .conversation import Expectation, expectation
+from .silence import Trust, Turn
+
+CRC_BITS = 16.0
+NOISE_BEGINS = 9.0
+NOISE_BYTE = 1.2
+GLITCH_BYTE = 0.6
+GLITCHES = frozenset((0x00, 0xFE, 0xFF))
+GLITCH_RUN = 6  # bytes
+FITS = 21.0  # an answer of the right unit, function and count: what its header proves beyond its structure
+FITS_EXCEPTION = 8.0
+LATE = -6.0  # it answers an older request
+UNASKED = -14.0  # nothing was pending
+ANSWERED_IN_NOISE = -1.0
+ASKED_IN_NOISE = -9.0  # nothing was, but what was noise may have been the request
+CONTRARY = -11.0  # something else was pending
+UNANSWERED = -4.0  # a request while another is pending
+RETRY = 15.0  # the very bytes of the pending request again: not by chance, but rarer than an answer
+IMPOSSIBLE = -1000.0
+EMBEDDED = 3.0  # a whole frame inside a payload
+AFTER_NOISE = -2.0
+_BEAM = 6
+_PENDING = 4
+_REACH = 1024  # bytes: requests further back are forgotten
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A place where a frame could stand; offsets in the stretch."""
+
+    start: int
+    end: int
+    role: int
+    structure: float
+    declared: bool = True  # its function's length is known; else the window's CRC alone speaks for it
+    damaged: bool = False  # its CRC is wrong: only an answer that fits a request is believed to be that
+
+
+@dataclass(frozen=True, slots=True)
+class Pending:
+    """A request that may still be answered."""
+
+    start: int  # offset in the stream of its port
+    adu: bytes
+    expects: Expectation
+
+    @classmethod
+    def of(cls, start: int, adu: bytes) -> Pending:
+        return cls(start, adu, expectation(adu))
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """The conversation so far: outstanding requests, the newest last, and whether the newest was answered."""
+
+    pending: tuple[Pending, ...] = ()
+    answered: bool = True
+
+    def ask(self, request: Pending) -> Said:
+        """After a request. A broadcast is never answered, but some devices do."""
+        near = tuple(p for p in self.pending[1 - _PENDING :] if p.start >= request.start - _REACH)
+        return Said((*near, request), answered=request.adu[0] == 0)
+
+    def answers(self, adu: bytes) -> int | None:
+        """Which pending request a response answers: the newest that fits."""
+        return next((i for i in range(len(self.pending) - 1, -1, -1) if self.pending[i].expects.fits(adu)), None)
+
+    def answer(self, which: int) -> Said:
+        """After an answer to pending[which]; older ones stay outstanding for a while."""
+        newest = which == len(self.pending) - 1
+        return Said(self.pending[:which] + self.pending[which + 1 :], self.answered or newest)
+
+
+@dataclass(slots=True, eq=False)
+class Step:
+    """A piece of a path: a frame or a run of noise, and the path before it."""
+
+    start: int
+    end: int
+    candidate: Candidate | None
+    before: Step | None
+    score: float  # of the path up to its end
+    said: Said  # the conversation after it
+    silence: float = 0.0
+    conversation: float = 0.0
+    losers: list[tuple[float, Step | None]] = field(default_factory=list)  # paths that it beat to its start
+
+
+@dataclass(slots=True)
+class Path:
+    """A survivor: a score, its last step, and the conversation after it."""
+
+    score: float
+    tip: Step | None
+    said: Said
+    noise_from: int  # where the run of noise that it is in began, or -1
+    glitch: bool = False  # that run is of glitch bytes alone, so far
+    since_noise: float = 0.0  # what its frames since the last noise have scored
+    losers: list[tuple[float, Step | None]] = field(default_factory=list)  # paths beaten here, and by how much
+
+
+class Lattice:
+    """Grows paths over `data` from position 0, which is known to be a boundary.
+
+    `silences` are gap classes a byte; `trust` says what they are worth on this tap.
+    """
+
+    def __init__(
+        self,
+        data: bytes,
+        offset: int,
+        silences: Sequence[int],
+        trust: Trust,
+        candidates: Sequence[Candidate],
+        said: Said,
+    ) -> None:
+        self._data = data
+        self.offset = offset
+        self._silences = silences
+        self._trust = trust.evidence
+        self._glitch_cost = trust.glitch_cost
+        self._waiting = list(reversed(candidates))
+        self._all = candidates
+        self._flight: dict[int, list[Path]] = {}
+        self.position = 0
+        self.paths = [Path(0.0, None, said, -1)]
+
+    def advance(self, position: int) -> None:
+        """Extend all paths to `position`, by candidates that end at or before it."""
+        while self.position < position:
+            ends = min((e for e in self._flight if e <= position), default=position)
+            start = self._waiting[-1].start if self._waiting else position
+            if start <= self.position:
+                self._take(self._waiting.pop())
+                continue
+            self._move(min(ends, start, position))
+
+    def _move(self, position: int) -> None:
+        """Let survivors run on as noise to `position`; let the frames that end there join them."""
+        steps = self._data[self.position : position]
+        cost = sum(GLITCH_BYTE if b in GLITCHES else NOISE_BYTE for b in steps)
+        glitch = GLITCHES.issuperset(steps)
+        for path in self.paths:
+            if path.noise_from < 0:
+                path.noise_from = self.position
+                path.glitch = True
+                path.score -= self._glitch_cost
+            if path.glitch and not (glitch and position - path.noise_from <= GLITCH_RUN):
+                path.glitch = False
+                path.score -= max(0.0, NOISE_BEGINS - self._glitch_cost)
+                if path.tip is not None:
+                    suspicion = min(row[self._silences[path.noise_from]] for row in self._trust)
+                    path.score += max(-4.0, min(0.0, 0.5 * suspicion))
+            path.score -= cost
+        self.position = position
+        landed = self._flight.pop(position, [])
+        if landed:
+            self._prune(landed + self.paths)
+
+    def _prune(self, paths: list[Path]) -> None:
+        paths.sort(key=lambda p: -p.score)
+        kept: dict[object, Path] = {}
+        for path in paths:
+            key = (path.noise_from < 0, path.tip.candidate.role if path.tip and path.tip.candidate else -1,
+                   tuple(p.start for p in path.said.pending), path.said.answered)  # fmt: skip
+            rival = kept.get(key)
+            if rival is None and len(kept) < _BEAM:
+                kept[key] = path
+            else:
+                winner = rival or paths[0]
+                if path.tip is not winner.tip:
+                    winner.losers.append((winner.score - path.score, path.tip))
+        self.paths = list(kept.values())
+
+    def _take(self, candidate: Candidate) -> None:
+        """Branch: from each survivor, the path on which this candidate is a frame."""
+        start, end = candidate.start, candidate.end
+        if start < self.position:
+            return
+        adu = self._data[start:end]
+        gain = (0.0 if candidate.damaged else CRC_BITS + self._inside(candidate)) + candidate.structure
+        for path in self.paths:
+            waiting = candidate.role == Role.REQUEST and bool(path.said.pending) and not path.said.answered
+            glitch_from = path.noise_from if path.glitch else start  # the silence is before the glitch, if any is
+            gap = max(self._silences[glitch_from : start + 1])
+            silence = self._trust[Turn.AGAIN if waiting else candidate.role][gap]
+            lost = path.noise_from >= 0 and not path.glitch and start - path.noise_from >= 4
+            bits, said = self._converse(path.said, candidate, adu, lost=lost)
+            score = path.score + gain + silence + bits
+            before = path.tip
+            since = path.since_noise + gain + silence + bits
+            if candidate.damaged:
+                since = 0.0
+            if path.noise_from >= 0:
+                score += AFTER_NOISE
+                since = 0.0 if candidate.damaged else gain + silence + bits
+                before = Step(path.noise_from, start, None, before, path.score, path.said)
+            tip = Step(start, end, candidate, before, score, said, silence, bits, list(path.losers))
+            self._flight.setdefault(end, []).append(Path(score, tip, said, -1, False, since))
+
+    def _converse(self, said: Said, candidate: Candidate, adu: bytes, *, lost: bool) -> tuple[float, Said]:
+        """What the conversation makes of a frame, in bits, and the conversation after it.
+
+        `lost`: there was noise before it, which may have been a request, or an answer.
+        """
+        if candidate.role == Role.REQUEST:
+            bits = 0.0
+            if said.pending and not said.answered:
+                again = said.pending[-1].adu == adu
+                bits = RETRY if again else ANSWERED_IN_NOISE if lost else UNANSWERED
+            return bits, said.ask(Pending.of(self.offset + candidate.start, adu))
+        which = said.answers(adu)
+        if candidate.damaged and (which != len(said.pending) - 1 or said.answered):
+            return IMPOSSIBLE, said
+        if which is None:
+            return (CONTRARY if not said.answered else ASKED_IN_NOISE if lost else UNASKED), said
+        bits = FITS_EXCEPTION if adu[1] & 0x80 else FITS
+        if said.answered or which != len(said.pending) - 1:
+            bits += LATE
+        return bits, said.answer(which)
+
+    def _inside(self, outer: Candidate) -> float:
+        """What the candidates inside one would score at best by themselves, less the price of being there."""
+        best = 0.0
+        ends: list[tuple[int, float]] = []
+        for inner in self._all:
+            if inner.start >= outer.end:
+                break
+            if inner.start > outer.start and inner.end < outer.end:
+                before = max((score for end, score in ends if end <= inner.start), default=0.0)
+                score = before + max(0.0, CRC_BITS + inner.structure - EMBEDDED)
+                ends.append((inner.end, score))
+                best = max(best, score)
+        return best
+
+    @property
+    def best(self) -> Path:
+        """The best path to the position advanced to."""
+        return max(self.paths, key=lambda p: p.score)
+
+    @property
+    def lead(self) -> float:
+        """By how much the best path leads the next one, bits."""
+        scores = sorted((p.score for p in self.paths), reverse=True)
+        return scores[0] - scores[1] if len(scores) > 1 else float("inf")
+
+    def steps(self) -> list[Step]:
+        """The best path to here, piece by piece from position 0."""
+        path = self.best
+        tip = path.tip
+        if path.noise_from >= 0:
+            tip = Step(path.noise_from, self.position, None, tip, path.score, path.said)
+        found = []
+        while tip is not None:
+            found.append(tip)
+            tip = tip.before
+        return found[::-1]

@@ -1,0 +1,142 @@
+"""The length rules of `dissectors.lengths`, compiled to tables that arrays can be put through.
+
+Protocol knowledge stays in the declarations: this file only turns `Rule` values, which speak of one PDU, into lookup
+tables by function code, which speak of every offset of a block at once. Offsets here are in the ADU (the unit is 0).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dissectors.lengths import RULES, Bound, Choice, Multiple, Role, Rule, Sized, revision
+
+Bytes = NDArray[np.uint8]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+OVERHEAD: Final = 3  # unit and CRC around the PDU
+MIN_ADU: Final = 4
+MAX_ADU: Final = 256  # [2] 2.5.1; what the rules predict may exceed it, the wire may not
+
+
+@dataclass(frozen=True, slots=True)
+class Counted:
+    """Functions whose length hangs on a count at the same place: length = base[function] + scale * field."""
+
+    offset: int
+    width: int
+    scale: int
+    base: NDArray[np.intp]  # shape 256; 0 where the function is not of this group
+
+
+@dataclass(frozen=True, slots=True)
+class Checks:
+    """What a PDU of one function and role can be held to, once its length and CRC are right."""
+
+    hard: tuple[Callable[[Bytes, Index], Mask], ...]
+    soft: tuple[Callable[[Bytes, Index], Mask], ...]
+    bits: float  # evidence of passing all of the hard ones
+    soft_bits: tuple[float, ...]  # evidence of passing each soft one
+
+
+@dataclass(frozen=True, slots=True)
+class RoleTables:
+    """Everything about one role, by function byte (exceptions have theirs, with the high bit)."""
+
+    fixed: tuple[tuple[int, Mask], ...]  # (ADU length, functions of that length)
+    counted: tuple[Counted, ...]
+    walked: tuple[tuple[int, Callable[[bytes], int | None]], ...]  # (function, PDU length by a walk)
+    checks: tuple[Checks | None, ...]  # 256
+    known: Mask  # functions with a predicted length
+    header: int  # bytes from the unit on that a count can need
+
+
+def field(data: Bytes, at: Index, width: int) -> Index:
+    """Big-endian fields of 1 or 2 bytes at many places."""
+    value = data.take(at).astype(np.intp)
+    return value if width == 1 else (value << 8) | data.take(at + 1)
+
+
+def _check(check: Bound | Choice | Multiple | Sized) -> tuple[Callable[[Bytes, Index], Mask], float]:
+    """A check as a function of (bytes, starts of ADUs), and the bits that passing it is worth."""
+    if isinstance(check, Bound):
+        span = 1 << (8 * check.width)
+        return (
+            lambda data, at: _within(field(data, at + check.offset + 1, check.width), check.low, check.high),
+            math.log2(span / (min(check.high, span - 1) - check.low + 1)),
+        )
+    if isinstance(check, Choice):
+        values = np.array(check.values)
+        return (
+            lambda data, at: np.isin(field(data, at + check.offset + 1, check.width), values),
+            8 * check.width - math.log2(len(values)),
+        )
+    if isinstance(check, Multiple):
+        return (
+            lambda data, at: field(data, at + check.offset + 1, check.width) % check.n == 0,
+            math.log2(check.n),
+        )
+
+    def sized(data: Bytes, at: Index) -> Mask:
+        quantity = field(data, at + check.quantity_offset + 1, 2)
+        return field(data, at + check.count_offset + 1, 1) == asked_bytes(quantity, check.bits)
+
+    return sized, 8.0
+
+
+def _within(value: Index, low: int, high: int) -> Mask:
+    inside: Mask = (value >= low) & (value <= high)
+    return inside
+
+
+def asked_bytes(quantity: Index, bits: bool) -> Index:
+    """The byte count that a quantity of bits or of registers takes."""
+    return (quantity + 7) >> 3 if bits else quantity * 2
+
+
+def _checks(rule: Rule) -> Checks:
+    compiled = [(_check(check), check.soft) for check in rule.checks]
+    return Checks(
+        tuple(test for (test, _), soft in compiled if not soft),
+        tuple(test for (test, _), soft in compiled if soft),
+        sum(bits for (_, bits), soft in compiled if not soft),
+        tuple(bits for (_, bits), soft in compiled if soft),
+    )
+
+
+def tables(role: Role) -> RoleTables:
+    """The tables of a role, made anew when a user has registered another function."""
+    return _tables(role, revision())
+
+
+@cache
+def _tables(role: Role, _revision: int) -> RoleTables:
+    fixed: dict[int, Mask] = {}
+    counted: dict[tuple[int, int, int], NDArray[np.intp]] = {}
+    walked: list[tuple[int, Callable[[bytes], int | None]]] = []
+    checks: list[Checks | None] = [None] * 256
+    known = np.zeros(256, np.bool_)
+    for rule in RULES.values():
+        if rule.role is not role or (rule.base is None and rule.walk is None):
+            continue
+        known[rule.function] = True
+        checks[rule.function] = _checks(rule)
+        if rule.walk is not None:
+            walked.append((rule.function, rule.walk))
+        elif rule.count is not None:
+            key = (rule.count.offset + 1, rule.count.width, rule.count.scale)
+            table = counted.setdefault(key, np.zeros(256, np.intp))
+            table[rule.function] = (rule.base or 0) + OVERHEAD
+        else:
+            table_of = fixed.setdefault((rule.base or 0) + OVERHEAD, np.zeros(256, np.bool_))
+            table_of[rule.function] = True
+    groups = tuple(Counted(*key, base) for key, base in counted.items())
+    header = max([g.offset + g.width for g in groups], default=2)
+    return RoleTables(tuple(sorted(fixed.items())), groups, tuple(walked), tuple(checks), known, header)

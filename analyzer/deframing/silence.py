@@ -1,0 +1,163 @@
+"""What silence is worth on this tap: classes of gaps, and the trust that they have earned.
+
+A tap reports when a read returned, at or after its last byte. Bytes of one read ("group": equal times) have no gap
+between them; before a group the wire was silent for about dt - n * character. Silences are sorted into classes on a
+logarithmic scale of characters, class 0 being "same group". How often each class was seen before requests, before
+responses and inside frames that the engine has committed is counted as it goes; the logarithm of the ratio is the
+evidence that a frame starts there. On a logic analyser's capture that comes to +-12 bits, behind a gateway or without
+times to nothing: trust is measured, not configured.
+
+So that results never depend on how the bytes were fed, tables change only at checkpoints, fixed offsets in the
+stream, and hold what had been committed before.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_EDGES: Final = np.array(
+    [0.25, 0.75, 1.25, 1.75, 2.5, 3.5, 5, 7, 10, 14, 20, 28, 40, 57, 80, 113, 160, 226, 320, 453, 640, 905, 1280, 2560,
+     5120]
+)  # characters  # fmt: skip
+TURNS: Final = len(_EDGES) + 2  # two more classes: the log says that the direction turned, to TX or to RX
+CLASSES: Final = TURNS + 2
+_CERTAIN: Final = 12.0  # bits: more than this no silence proves
+_TELLING: Final = 8.0  # bits: nor does it tell requests from responses better than this
+_FIRST_CHECKPOINT: Final = 256
+_LAST_STEP: Final = 1 << 16
+_MEMORY: Final = 1e6  # bytes: beyond it old counts fade, since taps are re-plugged and settings change
+
+
+def classes_of(silence_ns: NDArray[np.int64], char_ns: float) -> NDArray[np.uint8]:
+    """Classes (1 and up) of the silences before groups."""
+    return (np.digitize(silence_ns / char_ns, _EDGES) + 1).astype(np.uint8)
+
+
+def _prior(before_three_and_a_half: float, same_group: float, weight: float) -> NDArray[np.float64]:
+    counts = np.empty(CLASSES)
+    counts[0] = same_group
+    short = int(np.searchsorted(_EDGES, 3.5)) + 2
+    counts[1:short] = before_three_and_a_half / (short - 1)
+    counts[short:TURNS] = (1 - same_group - before_three_and_a_half) / (TURNS - short)
+    counts *= weight
+    return counts
+
+
+def checkpoint_before(offset: int) -> int:
+    """The last checkpoint at or before a stream offset: 256, 512, 1024 ... 65536, then every 65536."""
+    if offset < _FIRST_CHECKPOINT:
+        return 0
+    if offset >= _LAST_STEP:
+        return offset // _LAST_STEP * _LAST_STEP
+    return 1 << (offset.bit_length() - 1)
+
+
+class Turn(IntEnum):
+    """Whose turn it was: a master that waits for an answer keeps another silence than one that got it."""
+
+    REQUEST = 0
+    RESPONSE = 1
+    AGAIN = 2  # a request while another is unanswered
+
+
+class Trust:
+    """What the tap and the line have shown so far, as evidence in bits.
+
+    Silence classes are counted where frames start (by Turn) and inside them; and how often a frame is followed by
+    the 00, FE or FF that a driver makes when it switches.
+    """
+
+    def __init__(self) -> None:
+        self._starts = [_prior(0.3, 0.3, 6.0) for _ in Turn]
+        for turn in Turn:
+            self._starts[turn][TURNS:] = (0.2, 2.0) if turn is Turn.RESPONSE else (2.0, 0.2)
+        self._inside = _prior(0.15, 0.83, 60.0)
+        self._inside[TURNS:] = 0.05
+        self._frames = 64.0
+        self._glitches = 1.0
+        self.checkpoint = 0
+        self._refresh()
+
+    @property
+    def evidence(self) -> list[list[float]]:
+        """Bits, by Turn and class, that a frame starts after such a silence."""
+        return self._tables
+
+    @property
+    def glitch_cost(self) -> float:
+        """Bits that a run of switching glitches costs: what one tells of a line that seldom shows any."""
+        return self._glitch_cost
+
+    def learn(
+        self,
+        classes: NDArray[np.uint8],
+        starts: NDArray[np.intp],
+        ends: NDArray[np.intp],
+        turns: NDArray[np.uint8],
+        glitches: NDArray[np.intp],
+        offset: int,
+        upto: int,
+    ) -> None:
+        """Count committed frames: `starts` and `ends` index `classes`, whose first entry is at stream `offset`.
+
+        `glitches` are the ends of runs of glitch bytes. The stream is committed up to offset `upto`; what ends behind
+        the last checkpoint before it is counted for the next one.
+        """
+        checkpoint = checkpoint_before(upto)
+        if checkpoint > self.checkpoint:
+            cut = int(np.searchsorted(ends, checkpoint - offset, side="right"))
+            early = int(np.searchsorted(glitches, checkpoint - offset, side="right"))
+            self._count(classes, starts[:cut], ends[:cut], turns[:cut], early)
+            self.checkpoint = checkpoint
+            self._refresh()
+            starts, ends, turns, glitches = starts[cut:], ends[cut:], turns[cut:], glitches[early:]
+        self._count(classes, starts, ends, turns, len(glitches))
+
+    def _count(
+        self,
+        classes: NDArray[np.uint8],
+        starts: NDArray[np.intp],
+        ends: NDArray[np.intp],
+        turns: NDArray[np.uint8],
+        glitches: int,
+    ) -> None:
+        self._glitches += glitches
+        if not len(starts):
+            return
+        self._frames += len(starts)
+        at_start = classes.take(starts)
+        for turn in Turn:
+            self._starts[turn] += np.bincount(at_start[turns == turn], minlength=CLASSES)
+        inside = np.zeros(len(classes) + 1, np.int8)  # +1 where a frame begins, -1 where one ends
+        np.add.at(inside, starts, 1)
+        np.add.at(inside, ends, -1)
+        covered = classes[np.cumsum(inside[:-1], dtype=np.int8) > 0]
+        self._inside += np.bincount(covered, minlength=CLASSES) - np.bincount(at_start, minlength=CLASSES)
+
+    def _refresh(self) -> None:
+        either = _smooth(sum(self._starts, np.zeros(CLASSES)))
+        starts = np.clip(np.log2(either / _smooth(self._inside)), -_CERTAIN, _CERTAIN)
+        tells = [np.clip(np.log2(_smooth(counts) / either), -_TELLING, _TELLING) for counts in self._starts]
+        self._tables = [(starts + tell).tolist() for tell in tells]
+        self._glitch_cost = min(_CERTAIN, max(1.0, -math.log2(self._glitches / self._frames)))
+        if self._inside.sum() > _MEMORY:
+            self._inside *= 0.5
+            self._starts = [starts * 0.5 for starts in self._starts]
+
+
+def _smooth(counts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Shares of the classes, each lent a little from its neighbours on the scale; class 0 has none."""
+    shares = counts.copy()
+    scale = counts[1:TURNS]
+    shares[1:TURNS] = 0.7 * scale
+    shares[2:TURNS] += 0.15 * scale[:-1]
+    shares[1 : TURNS - 1] += 0.15 * scale[1:]
+    shares[1] += 0.15 * scale[0]
+    shares[TURNS - 1] += 0.15 * scale[-1]
+    result: NDArray[np.float64] = shares / shares.sum()
+    return result

@@ -1,0 +1,135 @@
+"""The undecided end of a stream: bytes, what the tap said of their times, and the silences between them.
+
+Bytes with equal times form a group, however many chunks they came in: so results depend on bytes and times alone. The
+last group is open until a later time is seen, for it may still grow.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .rules import Bytes, Index
+from .silence import TURNS, classes_of
+
+Times = NDArray[np.int64]
+_FAR: Final = -(1 << 62)
+
+
+class Tape:
+    """Columns over the undecided bytes; index 0 is at stream offset `base`."""
+
+    def __init__(self, char_ns: float) -> None:
+        self.char_ns = char_ns
+        self.base = 0
+        self.data: Bytes = np.empty(0, np.uint8)
+        self.classes: NDArray[np.uint8] = np.empty(0, np.uint8)  # of the silence before each byte; 0 inside a group
+        self.group: Index = np.empty(0, np.intp)  # first byte of each group
+        self.time: Times = np.empty(0, np.int64)  # of each group, ns
+        self._marks: NDArray[np.uint8] = np.empty(0, np.uint8)  # of each group
+        self._closed = 0  # groups whose class is known
+        self._before = (_FAR, 0)  # time and mark of the group before the first one here
+
+    def __len__(self) -> int:
+        return len(self.data)
+
+    @property
+    def ready(self) -> int:
+        """Bytes in closed groups."""
+        return int(self.group[self._closed]) if self._closed < len(self.group) else len(self.data)
+
+    @property
+    def last_time(self) -> int:
+        """Time of the newest byte, ns; far in the past when there was none."""
+        return int(self.time[-1]) if len(self.time) else self._before[0]
+
+    def append(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8]) -> None:
+        """Add chunks: their bytes end to end, and size, time and direction mark of each (none of them empty)."""
+        if not len(sizes):
+            return
+        starts = len(self.data) + np.concatenate(([0], np.cumsum(sizes[:-1])))
+        new = np.empty(len(sizes), np.bool_)
+        new[1:] = (times[1:] != times[:-1]) | (marks[1:] != marks[:-1])
+        last_mark = int(self._marks[-1]) if len(self._marks) else self._before[1]
+        open_group = self._closed < len(self.group)
+        new[0] = not (open_group and times[0] == self.last_time and marks[0] == last_mark)
+        self.data = np.concatenate((self.data, data))
+        self.classes = np.concatenate((self.classes, np.zeros(len(data), np.uint8)))
+        self.group = np.concatenate((self.group, starts[new]))
+        self.time = np.concatenate((self.time, times[new]))
+        self._marks = np.concatenate((self._marks, marks[new]))
+        self._close(len(self.group) - 1)
+
+    def close(self) -> None:
+        """Close the open group: no more bytes come with its time."""
+        self._close(len(self.group))
+
+    def _close(self, upto: int) -> None:
+        first = self._closed
+        if upto <= first:
+            return
+        ends = np.append(self.group[first + 1 : upto + 1], [len(self.data)] if upto == len(self.group) else [])
+        sizes = ends.astype(np.int64) - self.group[first:upto]
+        before, mark = self._before if not first else (int(self.time[first - 1]), int(self._marks[first - 1]))
+        times = np.concatenate(([before], self.time[first:upto]))
+        marks = np.concatenate(([mark], self._marks[first:upto]))
+        silence = np.diff(np.maximum(times, times[1:].min() - (1 << 53))) - (sizes * self.char_ns).astype(np.int64)
+        classes = classes_of(silence, self.char_ns)
+        turned = (marks[1:] != marks[:-1]) & (marks[1:] != 0) & (times[:-1] != _FAR)
+        classes[turned] = TURNS + marks[1:][turned] - 1
+        if before == _FAR:
+            classes[0] = 0  # nothing is known of the silence before a capture
+        self.classes[self.group[first:upto]] = classes
+        self._closed = upto
+
+    def quiet(self, low: int, high: int, least_ns: int) -> Index:
+        """Byte indices in (low, high) before which the times step by `least_ns` or more; `high` excluded."""
+        first, last = np.searchsorted(self.group, (low + 1, high))
+        if first >= last:
+            return np.empty(0, np.intp)
+        previous = self.time[first - 1 : last - 1] if first else np.append(self._before[0], self.time[: last - 1])
+        return self.group[first:last][self.time[first:last] - previous >= least_ns]
+
+    def spans(self, starts: Index, ends: Index) -> tuple[Times, Times]:
+        """Best estimates of first start bit and last stop bit of pieces, ns.
+
+        A read returns at or after its last byte, so every group bounds a piece's times from above.
+        """
+        head = np.searchsorted(self.group, starts, side="right") - 1
+        tail = np.searchsorted(self.group, ends - 1, side="right") - 1
+        limits = np.append(self.group[1:], len(self.data))
+        late = limits[tail] - ends  # bytes that came in the same read after it
+        t_end = self.time[tail] - np.round(late * self.char_ns).astype(np.int64)
+        first = np.minimum(limits[head], ends) - starts
+        later = np.maximum(limits[head] - ends, 0)
+        t_start = self.time[head] - np.round((first + later) * self.char_ns).astype(np.int64)
+        return np.minimum(t_start, t_end - np.round((ends - starts) * self.char_ns).astype(np.int64)), t_end
+
+    def same_read(self, ends: Index, starts: Index) -> NDArray[np.bool_]:
+        """Whether the byte before each end and the byte at each start came in one read: no time lies between."""
+        one = np.searchsorted(self.group, ends - 1, side="right")
+        other = np.searchsorted(self.group, starts, side="right")
+        same: NDArray[np.bool_] = one == other
+        return same
+
+    def drop(self, count: int) -> None:
+        """Forget the first `count` bytes: they are decided."""
+        if not count:
+            return
+        gone = int(np.searchsorted(self.group, count, side="right")) - 1  # the group that byte `count` lies in, or before
+        if count >= len(self.data):
+            gone = len(self.group)
+        keep_partial = gone < len(self.group) and int(self.group[gone]) < count
+        if gone:
+            self._before = (int(self.time[gone - 1]), int(self._marks[gone - 1]))
+        self.base += count
+        self.data = self.data[count:].copy()
+        self.classes = self.classes[count:].copy()
+        self.group = self.group[gone:] - count
+        if keep_partial:
+            self.group[0] = 0
+        self.time = self.time[gone:].copy()
+        self._marks = self._marks[gone:].copy()
+        self._closed = max(0, self._closed - gone)

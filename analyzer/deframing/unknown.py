@@ -1,0 +1,90 @@
+"""Windows that could be frames of functions whose length nobody has declared.
+
+Nothing predicts where such a frame ends, and one window in 65,536 checks by chance, so only windows between places
+where frames are known to begin or end count: a silence, another candidate, the end of the bytes. Two such frames
+back to back (a request and its answer, one unit, one function) may share an end that nothing else marks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dissectors.lengths import Role, rule
+
+from .lattice import GLITCHES, Candidate
+from .places import Places
+from .prefix import Windows
+from .rules import MAX_ADU, MIN_ADU
+
+_UNHEARD: Final = -8.0  # bits: functions that nobody declared are rare
+_HEARD: Final = 2.0  # this one was on this bus before
+_USER_BITS: Final = 3.0
+_ZERO: Final = 9.0  # bits: 1 in 256 check values ends in 00
+_USER: Final = frozenset((*range(65, 73), *range(100, 111)))  # [1] 5: user-defined function codes
+
+
+def open_length(function: int, role: Role) -> bool:
+    """Whether nothing says how long a frame of this function is."""
+    declared = rule(function, role)
+    return declared is None or declared.variable or (declared.base is None and declared.walk is None)
+
+
+def unknown_windows(
+    data: bytes,
+    crc: Windows,
+    at: int,
+    places: Places,
+    candidates: Sequence[Candidate],
+    heard: Collection[int],
+) -> list[Candidate]:
+    """Candidates of undeclared length in `data`, which begins at index `at` of the windows.
+
+    `heard` are such functions that this bus has used before.
+    """
+    n = len(data)
+    begins, ends = places.begins, places.ends
+    loose = {i for i in range(n - 1) if data[i + 1] in heard or data[i + 1] in _USER}
+    taken = {c.start for c in candidates}
+    tails = crc.tails[at : at + n + 1]
+    found: dict[tuple[int, int], None] = {}
+    for begin in sorted(begins | loose):
+        if begin + MIN_ADU > n or begin in taken:
+            continue
+        function = data[begin + 1]
+        if function & 0x80 or not function or not any(open_length(function, role) for role in Role):
+            continue
+        for end in _checking(tails, crc.heads[at + begin], begin):
+            if (end in ends and begin in begins) or function in heard:
+                found[begin, end] = None
+            elif end + MIN_ADU <= n and data[end] == data[begin] and data[end + 1] == function:
+                for second in _checking(tails, crc.heads[at + end], end):
+                    if second in ends:
+                        found[begin, end] = found[end, second] = None
+    result = []
+    for begin, end in found:
+        if GLITCHES.issuperset(data[begin:end]):
+            continue
+        function = data[begin + 1]
+        bits = (_HEARD if function in heard else _UNHEARD) + (_USER_BITS if function in _USER else 0.0)
+        bits -= _ZERO * _zeros(data, begin, end, found)
+        result += [Candidate(begin, end, role, bits, declared=False) for role in Role if open_length(function, role)]
+    return result
+
+
+def _checking(tails: NDArray[np.uint16], head: np.uint16, begin: int) -> list[int]:
+    """Ends of the windows from `begin` whose CRC is right."""
+    first = begin + MIN_ADU
+    ends: list[int] = (first + np.flatnonzero(tails[first : begin + MAX_ADU + 1] == head)).tolist()
+    return ends
+
+
+def _zeros(data: bytes, begin: int, end: int, found: Collection[tuple[int, int]]) -> int:
+    """How many of the last bytes are zeros behind a window that checks as well: likelier stray bytes than a CRC."""
+    count = 0
+    while data[end - 1 - count] == 0 and (begin, end - 1 - count) in found:
+        count += 1
+    return count

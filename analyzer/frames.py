@@ -1,0 +1,250 @@
+"""What was found on the bus, as columns.
+
+The one shape between the deframer and every view: a `Batch` holds rows (a structured array, a row a frame or a
+stretch of noise, in wire order) and the bytes that they speak of. Rows of all batches tile each port's byte stream:
+every byte once, in order. A `Frame` is a view of one row, made when somebody looks at it; nothing keeps one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dissectors.annotation import Context, Field, annotate, summary
+from dissectors.envelopes import Adu, ascii_adu, rtu
+from dissectors.functions import function_name
+from dissectors.lengths import Role
+
+
+class Kind(IntEnum):
+    """What a row is."""
+
+    NOISE = 0
+    REQUEST = 1
+    RESPONSE = 2
+
+
+class Protocol(IntEnum):
+    """The envelope of a frame."""
+
+    RTU = 0
+    ASCII = 1
+
+
+class Direction(IntEnum):
+    """The key `direction` of a frame, by kind."""
+
+    request = Kind.REQUEST
+    response = Kind.RESPONSE
+
+
+ROW = np.dtype(
+    [
+        ("index", np.int64),  # number of the frame, 0, 1, 2 ...; -1 for noise
+        ("start", np.int64),  # offset of its first byte in its port's stream
+        ("length", np.int64),  # bytes
+        ("at", np.int64),  # where its bytes begin in Batch.data
+        ("t_start", np.int64),  # ns, best estimate of the first start bit
+        ("t_end", np.int64),  # ns, best estimate of the last stop bit
+        ("request", np.int64),  # index of the request that a response answers, else -1
+        ("request_start", np.int64),  # `start` of that request, else -1
+        ("response_ns", np.int64),  # end of request to start of response; -1 where there is none or the tap can't tell
+        ("confidence", np.float32),  # 0 to 1
+        ("kind", np.uint8),  # Kind
+        ("unit", np.uint8),
+        ("function", np.uint8),  # without the exception bit
+        ("exception", np.uint8),  # exception code, 0 for none
+        ("check", np.bool_),  # CRC or LRC right
+        ("port", np.uint8),
+        ("protocol", np.uint8),  # Protocol
+    ]
+)
+
+# Why a row's boundaries stand where they do, in bits of evidence (log2 of a likelihood ratio); made when asked for.
+EVIDENCE = np.dtype(
+    [
+        ("length", np.float32),  # the length that the header predicts, and the checks that could have failed
+        ("crc", np.float32),
+        ("silence", np.float32),  # gaps before, inside and after, by the trust that this tap has earned
+        ("conversation", np.float32),  # how it fits what was said before it
+        ("margin", np.float32),  # best explanation over the best one without this row
+        ("rival_start", np.int64),  # what would stand here instead: -1 and 0 for noise
+        ("rival_length", np.int64),
+        ("rival_kind", np.uint8),
+    ]
+)
+
+Rows = NDArray[np.void]
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Rows in wire order, with their bytes.
+
+    `earlier` holds the bytes of those requests (by index) that rows here answer and that lie in a batch before.
+    """
+
+    rows: Rows
+    data: NDArray[np.uint8]
+    earlier: Mapping[int, bytes] = field(default_factory=dict)
+    evidence: Rows | None = None
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def bytes_of(self, row: int) -> bytes:
+        """The captured bytes of one row."""
+        at = int(self.rows["at"][row])
+        return self.data[at : at + int(self.rows["length"][row])].tobytes()
+
+    def frames(self) -> Iterator[Frame]:
+        """A view of each frame, noise left out."""
+        return (self.frame(int(i)) for i in np.flatnonzero(self.rows["kind"] != Kind.NOISE))
+
+    def frame(self, row: int) -> Frame:
+        """A view of one row that is a frame."""
+        values = self.rows[row]
+        request: bytes | None = None
+        if (index := int(values["request"])) >= 0:
+            request = self.earlier.get(index)
+            if request is None:
+                here = np.flatnonzero(self.rows["index"][:row] == index)
+                request = self.bytes_of(int(here[0])) if len(here) else None
+        evidence = None if self.evidence is None else self.evidence[row]
+        return Frame(values, self.bytes_of(row), request, evidence)
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One frame: a row of columns with its bytes, and its request's where it answers one."""
+
+    row: np.void
+    captured: bytes
+    request_bytes: bytes | None = None
+    evidence: np.void | None = None
+
+    @property
+    def index(self) -> int:
+        return int(self.row["index"])
+
+    @property
+    def start(self) -> int:
+        return int(self.row["start"])
+
+    @property
+    def length(self) -> int:
+        return int(self.row["length"])
+
+    @property
+    def port(self) -> int:
+        return int(self.row["port"])
+
+    @property
+    def t_start_ns(self) -> int:
+        return int(self.row["t_start"])
+
+    @property
+    def t_end_ns(self) -> int:
+        return int(self.row["t_end"])
+
+    @property
+    def protocol(self) -> str:
+        return Protocol(int(self.row["protocol"])).name.lower()
+
+    @property
+    def role(self) -> Role:
+        return Role.REQUEST if self.row["kind"] == Kind.REQUEST else Role.RESPONSE
+
+    @property
+    def direction(self) -> str:
+        return self.role.name.lower()
+
+    @property
+    def unit(self) -> int:
+        return int(self.row["unit"])
+
+    @property
+    def function(self) -> int:
+        return int(self.row["function"])
+
+    @property
+    def name(self) -> str:
+        """The function's name in the Modbus specification."""
+        return function_name(self.function)
+
+    @property
+    def exception(self) -> int | None:
+        return int(self.row["exception"]) or None
+
+    @property
+    def crc_ok(self) -> bool:
+        return bool(self.row["check"])
+
+    @property
+    def request_start(self) -> int | None:
+        start = int(self.row["request_start"])
+        return None if start < 0 else start
+
+    @property
+    def response_time_ns(self) -> int | None:
+        time = int(self.row["response_ns"])
+        return None if time < 0 else time
+
+    @property
+    def confidence(self) -> float:
+        return float(self.row["confidence"])
+
+    @property
+    def adu(self) -> Adu:
+        return _adu(self.captured, int(self.row["protocol"]))
+
+    @property
+    def context(self) -> Context:
+        """What the conversation adds to the reading of these bytes."""
+        if self.request_bytes is None:
+            return Context()
+        return Context(request=_adu(self.request_bytes, int(self.row["protocol"])).pdu)
+
+    def fields(self) -> tuple[Field, ...]:
+        """Every field, annotated; offsets are in the ADU."""
+        return annotate(self.adu, self.role, self.context)
+
+    def summary(self) -> str:
+        """The frame in words, on one line."""
+        return summary(self.adu, self.role, self.context)
+
+    def to_json(self, *, fields: bool = True) -> dict[str, Any]:
+        """The frame as the JSON line that `rtuscope export` writes."""
+        line: dict[str, Any] = {
+            "index": self.index,
+            "start": self.start,
+            "length": self.length,
+            "t_start_ns": self.t_start_ns,
+            "t_end_ns": self.t_end_ns,
+            "protocol": self.protocol,
+            "direction": self.direction,
+            "unit": self.unit,
+            "function": self.function,
+            "name": self.name,
+            "exception": self.exception,
+            "crc_ok": self.crc_ok,
+            "request_start": self.request_start,
+            "response_time_ns": self.response_time_ns,
+            "hex": self.adu.data.hex(),
+        }
+        if fields:
+            line["fields"] = [item.to_json() for item in self.fields()]
+        line["confidence"] = round(self.confidence, 6)
+        line["findings"] = []
+        if self.port:
+            line["port"] = self.port
+        return line
+
+
+def _adu(captured: bytes, protocol: int) -> Adu:
+    return ascii_adu(captured) if protocol == Protocol.ASCII else rtu(captured)
