@@ -7,7 +7,6 @@ alone: at most a window, and what one feed brought.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from dissectors.lengths import Role
 
+from ..frames import EVIDENCE, Kind, Rows
 from .candidates import Candidates, search
 from .contest import WINDOW, Event, decide, forced, margins
 from .damaged import damaged_answers
@@ -28,6 +28,8 @@ from .tape import Tape, Times
 from .unknown import unknown_windows
 
 NOISE: Final = 2  # the role of a piece that is no frame
+_KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
+_SURE: Final = 64.0  # bits: what cannot be doubted
 _SLICE: Final = 1 << 18  # bytes searched at once
 _TALK: Final = 2048  # bytes: further back than a conversation reaches
 
@@ -37,20 +39,22 @@ class Options:
     """How to deframe. Times in ns."""
 
     idle_ns: int = 50_000_000  # a quiet line: what is whole is reported [5 ms .. 5 s]
-    cut_ns: int = 1_500_000_000  # no frame has a hole like this
+    cut_ns: int = 3_000_000_000  # no frame has a hole like this
     explain: bool = False
 
 
 class Pieces(NamedTuple):
-    """Decided pieces of the stream, end to end; offsets in the stream."""
+    """Decided pieces of the stream, end to end."""
 
-    start: NDArray[np.int64]
+    start: NDArray[np.int64]  # offset in the stream
     end: NDArray[np.int64]
     role: NDArray[np.uint8]  # Role, or NOISE
     check: NDArray[np.bool_]  # CRC right
-    margin: NDArray[np.float32]  # bits over the best explanation without it
-    rival: NDArray[np.int64]  # shape (n, 3): start, end and role of what would stand there instead; -1 for noise
-    parts: NDArray[np.float32]  # shape (n, 3): structure, silence, conversation in bits
+    t_start: Times  # ns, estimates of first start bit and last stop bit
+    t_end: Times
+    head: Times  # number of the read that brought the first byte
+    tail: Times  # and of the one that brought the last
+    why: Rows  # EVIDENCE
 
 
 class Runs(NamedTuple):
@@ -76,6 +80,7 @@ class Engine:
         self._waiting = False  # the last frame was a request that wants an answer
         self._idle_class = int(classes_of(np.array([options.idle_ns]), char_ns)[0])
         self._out: list[Pieces] = []
+        self._decided: list[Bytes] = []
 
     def feed(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8]) -> None:
         """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each."""
@@ -101,12 +106,17 @@ class Engine:
         self.tape.close()
         self._work(len(self.tape), quiet=True, final=True)
 
-    def take(self) -> Pieces:
-        """What was decided since the last call."""
+    def take(self) -> tuple[Pieces, Bytes]:
+        """What was decided since the last call, and its bytes."""
         out, self._out = self._out, []
-        if not out:
-            return _pieces([], 0)
-        return Pieces(*(np.concatenate(columns) for columns in zip(*out, strict=True)))
+        decided, self._decided = self._decided, []
+        pieces = Pieces(*(np.concatenate(columns) for columns in zip(_NOTHING, *out, strict=True)))
+        return pieces, np.concatenate(decided) if decided else np.empty(0, np.uint8)
+
+    @property
+    def undecided_ns(self) -> int | None:
+        """The time of the first byte that is not decided, or None."""
+        return int(self.tape.time[0]) if len(self.tape) else None
 
     def _work(self, ready: int, *, quiet: bool, final: bool) -> None:
         """Decide as much of the first `ready` bytes of the tape as can be."""
@@ -119,7 +129,9 @@ class Engine:
             begin += done
             if last:
                 break
-        tape.drop(begin)
+        if begin:
+            self._decided.append(tape.data[:begin])
+            tape.drop(begin)
 
     def _slice(self, begin: int, upto: int, *, quiet: bool, final: bool) -> int:
         """Decide bytes [begin, upto) of the tape; how many were."""
@@ -158,12 +170,10 @@ class Engine:
         last = int(runs.last[i]) + 1
         start, end, role = runs.start[i:last], runs.end[i:last], runs.role[i:last]
         structure = runs.structure[i:last]
-        n = len(start)
-        parts = np.zeros((n, 3), np.float32)
-        parts[:, 0] = structure
-        rival = np.full((n, 3), -1, np.int64)
-        margin = structure + np.float32(CRC_BITS + NOISE_BEGINS)
-        self._commit(start + begin, end + begin, role, np.ones(n, np.bool_), margin, rival, parts)
+        why = _evidence(len(start))
+        why["length"], why["crc"] = structure, CRC_BITS
+        why["margin"] = structure + np.float32(CRC_BITS + NOISE_BEGINS)
+        self._commit(start + begin, end + begin, role, np.ones(len(start), np.bool_), why)
         self._said = self._talk(self._said, start, end, role, begin)
         return int(end[-1])
 
@@ -231,21 +241,22 @@ class Engine:
         start = np.array([s.start for s in steps], np.intp)
         end = np.array([s.end for s in steps], np.intp)
         role = np.array([s.candidate.role if s.candidate else NOISE for s in steps], np.uint8)
-        sure = margins(steps)
-        margin = np.array([min(m, 64.0) if math.isfinite(m) else 64.0 for m, _ in sure], np.float32)
-        rival = np.full((len(steps), 3), -1, np.int64)
-        for i, (_, other) in enumerate(sure):
+        why = _evidence(len(steps))
+        for row, step, (margin, other) in zip(why, steps, margins(steps), strict=True):
+            row["margin"] = min(margin, _SURE)
+            row["silence"], row["conversation"] = step.silence, step.conversation
+            if step.candidate is not None:
+                row["length"] = step.candidate.structure
+                row["crc"] = 0.0 if step.candidate.damaged else CRC_BITS
             if other is not None:
-                kind = other.candidate.role if other.candidate else NOISE
-                rival[i] = (base + other.start, base + other.end, kind)
-        parts = np.array(
-            [(s.candidate.structure if s.candidate else 0.0, s.silence, s.conversation) for s in steps], np.float32
-        )
+                kind = _KINDS[other.candidate.role if other.candidate else NOISE]
+                row["rival_start"], row["rival_length"] = base + other.start, other.end - other.start
+                row["rival_kind"] = kind
         for step in steps:
             if step.candidate is not None and not step.candidate.declared:
                 self._vendor.add(int(self.tape.data[origin + step.start + 1]) & 0x7F)
         check = np.array([s.candidate is not None and not s.candidate.damaged for s in steps], np.bool_)
-        self._commit(start + origin, end + origin, role, check, margin, rival, parts)
+        self._commit(start + origin, end + origin, role, check, why)
 
     def _commit(
         self,
@@ -253,17 +264,13 @@ class Engine:
         end: Index,
         role: NDArray[np.uint8],
         check: NDArray[np.bool_],
-        margin: NDArray[np.float32],
-        rival: NDArray[np.int64],
-        parts: NDArray[np.float32],
+        why: Rows,
     ) -> None:
         """Pieces (indices of the tape) are decided: report them, learn from them."""
-        base = self.tape.base
-        low, high = int(start[0]), int(end[-1])
-        self._learn(start, end, role, low, high)
-        offsets = start.astype(np.int64) + base, end.astype(np.int64) + base
-        self._out.append(Pieces(*offsets, role, check, margin, rival, parts))
-
+        tape = self.tape
+        self._learn(start, end, role, int(start[0]), int(end[-1]))
+        offsets = start.astype(np.int64) + tape.base, end.astype(np.int64) + tape.base
+        self._out.append(Pieces(*offsets, role, check, *tape.spans(start, end), *tape.reads(start, end), why))
 
     def _learn(self, start: Index, end: Index, role: NDArray[np.uint8], low: int, high: int) -> None:
         """Let decided pieces teach what silences and glitches mean here."""
@@ -336,14 +343,12 @@ def _runs(found: Candidates, known: int) -> Runs:
     return Runs(start, end, found.role[first], found.structure[first], clean, last)
 
 
-def _pieces(steps: list[Step], base: int) -> Pieces:
-    assert not steps
-    return Pieces(
-        np.empty(0, np.int64),
-        np.empty(0, np.int64) + base,
-        np.empty(0, np.uint8),
-        np.empty(0, np.bool_),
-        np.empty(0, np.float32),
-        np.empty((0, 3), np.int64),
-        np.empty((0, 3), np.float32),
-    )
+def _evidence(n: int) -> Rows:
+    why = np.zeros(n, EVIDENCE)
+    why["rival_start"] = -1
+    return why
+
+
+_NOTHING: Final = Pieces(
+    *(np.empty(0, t) for t in (np.int64, np.int64, np.uint8, np.bool_, np.int64, np.int64, np.int64, np.int64, EVIDENCE))
+)

@@ -38,9 +38,9 @@ LATE = -6.0  # it answers an older request
 UNASKED = -14.0  # nothing was pending
 ANSWERED_IN_NOISE = -1.0
 ASKED_IN_NOISE = -9.0  # nothing was, but what was noise may have been the request
-CONTRARY = -11.0  # something else was pending
+CONTRARY = -16.0  # something else was pending
 UNANSWERED = -4.0  # a request while another is pending
-RETRY = 15.0  # the very bytes of the pending request again: not by chance, but rarer than an answer
+RETRY = 17.0  # the very bytes of the pending request again: not by chance, but rarer than an answer
 IMPOSSIBLE = -1000.0
 EMBEDDED = 3.0  # a whole frame inside a payload
 AFTER_NOISE = -2.0
@@ -217,7 +217,7 @@ class Lattice:
             if candidate.damaged:
                 since = 0.0
             if path.noise_from >= 0:
-                score += AFTER_NOISE
+                score += 0.0 if path.glitch else AFTER_NOISE
                 since = 0.0 if candidate.damaged else gain + silence + bits
                 before = Step(path.noise_from, start, None, before, path.score, path.said)
             tip = Step(start, end, candidate, before, score, said, silence, bits, list(path.losers))
@@ -238,7 +238,9 @@ class Lattice:
         if candidate.damaged and (which != len(said.pending) - 1 or said.answered):
             return IMPOSSIBLE, said
         if which is None:
-            return (CONTRARY if not said.answered else ASKED_IN_NOISE if lost else UNASKED), said
+            if lost:
+                return ASKED_IN_NOISE, said
+            return (UNASKED if said.answered else CONTRARY), said
         bits = FITS_EXCEPTION if adu[1] & 0x80 else FITS
         if said.answered or which != len(said.pending) - 1:
             bits += LATE

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from .lattice import GLITCHES, Candidate
+from .lattice import GLITCH_RUN, GLITCHES, Candidate
 
 _SILENT: Final = 3  # the silence class from which a gap may part frames: 1 is none, 2 a character's worth of jitter
 
@@ -33,3 +33,11 @@ def places(data: bytes, classes: Sequence[int], candidates: Sequence[Candidate],
             place -= 1
             ends.add(place)
     return Places(frozenset(begins), frozenset(ends))
+
+
+def next_byte(data: bytes, place: int) -> int:
+    """The first byte from `place` on that is no glitch, within the length of a run of them; else `place`."""
+    for at in range(place, min(place + GLITCH_RUN, len(data))):
+        if data[at] not in GLITCHES:
+            return at
+    return place

@@ -16,6 +16,7 @@ from .silence import TURNS, classes_of
 
 Times = NDArray[np.int64]
 _FAR: Final = -(1 << 62)
+_LONG_READ: Final = 1 << 16  # bytes
 
 
 class Tape:
@@ -30,6 +31,7 @@ class Tape:
         self.time: Times = np.empty(0, np.int64)  # of each group, ns
         self._marks: NDArray[np.uint8] = np.empty(0, np.uint8)  # of each group
         self._closed = 0  # groups whose class is known
+        self._gone = 0  # groups dropped so far
         self._before = (_FAR, 0)  # time and mark of the group before the first one here
 
     def __len__(self) -> int:
@@ -37,8 +39,10 @@ class Tape:
 
     @property
     def ready(self) -> int:
-        """Bytes in closed groups."""
-        return int(self.group[self._closed]) if self._closed < len(self.group) else len(self.data)
+        """Bytes in closed groups; a read so long that it can't be one is not waited for."""
+        if self._closed < len(self.group) and len(self.data) - int(self.group[self._closed]) < _LONG_READ:
+            return int(self.group[self._closed])
+        return len(self.data)
 
     @property
     def last_time(self) -> int:
@@ -107,12 +111,11 @@ class Tape:
         t_start = self.time[head] - np.round((first + later) * self.char_ns).astype(np.int64)
         return np.minimum(t_start, t_end - np.round((ends - starts) * self.char_ns).astype(np.int64)), t_end
 
-    def same_read(self, ends: Index, starts: Index) -> NDArray[np.bool_]:
-        """Whether the byte before each end and the byte at each start came in one read: no time lies between."""
-        one = np.searchsorted(self.group, ends - 1, side="right")
-        other = np.searchsorted(self.group, starts, side="right")
-        same: NDArray[np.bool_] = one == other
-        return same
+    def reads(self, starts: Index, ends: Index) -> tuple[Times, Times]:
+        """The number, from the stream's beginning, of the groups that hold each piece's first and last byte."""
+        head = np.searchsorted(self.group, starts, side="right") - 1 + self._gone
+        tail = np.searchsorted(self.group, ends - 1, side="right") - 1 + self._gone
+        return head.astype(np.int64), tail.astype(np.int64)
 
     def drop(self, count: int) -> None:
         """Forget the first `count` bytes: they are decided."""
@@ -122,6 +125,7 @@ class Tape:
         if count >= len(self.data):
             gone = len(self.group)
         keep_partial = gone < len(self.group) and int(self.group[gone]) < count
+        self._gone += gone
         if gone:
             self._before = (int(self.time[gone - 1]), int(self._marks[gone - 1]))
         self.base += count

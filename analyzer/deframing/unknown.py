@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dissectors.lengths import Role, rule
 
 from .lattice import GLITCHES, Candidate
-from .places import Places
+from .places import Places, next_byte
 from .prefix import Windows
 from .rules import MAX_ADU, MIN_ADU
 
@@ -60,10 +60,12 @@ def unknown_windows(
         for end in _checking(tails, crc.heads[at + begin], begin):
             if (end in ends and begin in begins) or function in heard:
                 found[begin, end] = None
-            elif end + MIN_ADU <= n and data[end] == data[begin] and data[end + 1] == function:
-                for second in _checking(tails, crc.heads[at + end], end):
+                continue
+            follow = next_byte(data, end)
+            if follow + MIN_ADU <= n and data[follow] == data[begin] and data[follow + 1] == function:
+                for second in _checking(tails, crc.heads[at + follow], follow):
                     if second in ends:
-                        found[begin, end] = found[end, second] = None
+                        found[begin, end] = found[follow, second] = None
     result = []
     for begin, end in found:
         if GLITCHES.issuperset(data[begin:end]):

@@ -1,0 +1,164 @@
+"""The deframer as its users see it: chunks in, batches of rows out.
+
+One engine a port, for every port is a stream of bytes of its own; the rows of all ports are put in wire order, numbered
+and paired here. Nothing is kept but what is undecided and the requests that are still open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from captures.chunks import Block, Chunk
+from captures.line import LineSettings
+
+from ..frames import ROW, Batch, Kind, Rows
+from .engine import Engine, Options, Pieces
+from .pairing import Pairer
+from .rules import Bytes
+
+_KIND_OF_ROLE: Final = np.array([Kind.REQUEST, Kind.RESPONSE, Kind.NOISE], np.uint8)
+_UNKNOWN_CHARACTER_NS: Final = 1e6  # 10 bits at 9600 bit/s, about: only the scale of the silence classes hangs on it
+
+
+def character_ns(line: LineSettings) -> float:
+    """The time of one character on the line, ns; a middling one where the settings are not known."""
+    if not line.baud:
+        return _UNKNOWN_CHARACTER_NS
+    return (line.char_bits or 11) * 1e9 / line.baud
+
+
+class Deframer:
+    """Timestamped bytes in, frames and noise out, as soon as they are certain.
+
+    `feed` chunks or blocks as they come, `tick` when the line is quiet (live), `close` at the end; each gives the rows
+    that have become certain. What was given is never revised.
+    """
+
+    def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
+        self._line = line
+        self._options = options
+        self._engines: dict[int, Engine] = {}
+        self._pairer = Pairer()
+        self._frames = 0
+        self._held = _Loose.nothing()
+        self._now: int | None = None
+
+    def feed(self, chunks: Chunk | Block | Iterable[Chunk]) -> Batch:
+        """Take captured bytes; give what has become certain."""
+        if isinstance(chunks, Chunk):
+            chunks = (chunks,)
+        block = chunks if isinstance(chunks, Block) else Block.from_chunks(chunks)
+        if len(block):
+            sizes = np.diff(block.offsets).astype(np.intp)
+            self._now = int(block.t_ns[-1])
+            ports = np.flatnonzero(np.bincount(block.port)).tolist()
+            for port in ports:
+                if len(ports) == 1:
+                    self._engine(port).feed(block.data, sizes, block.t_ns, block.mark)
+                else:
+                    mine = block.port == port
+                    data = block.data[np.repeat(mine, sizes)]
+                    self._engine(port).feed(data, sizes[mine], block.t_ns[mine], block.mark[mine])
+        return self._give(last=False)
+
+    def tick(self, now_ns: int) -> Batch:
+        """The line has been silent until `now_ns` (same clock as the chunks); give what that makes certain."""
+        self._now = now_ns
+        for engine in self._engines.values():
+            engine.tick(now_ns)
+        return self._give(last=False)
+
+    def close(self) -> Batch:
+        """No more bytes come; give the rest."""
+        for engine in self._engines.values():
+            engine.close()
+        return self._give(last=True)
+
+    def _engine(self, port: int) -> Engine:
+        if port not in self._engines:
+            self._engines[port] = Engine(character_ns(self._line), self._options)
+        return self._engines[port]
+
+    def _give(self, *, last: bool) -> Batch:
+        taken = [_Loose.of(port, *engine.take()) for port, engine in sorted(self._engines.items())]
+        if len(self._engines) < 2 and not len(self._held.rows):
+            return self._batch(taken[0] if taken else _Loose.nothing())
+        loose = _Loose.joined([self._held, *taken])
+        undecided = [t for t in (e.undecided_ns for e in self._engines.values()) if t is not None]
+        until = None if last else min([*undecided, *([] if self._now is None else [self._now])], default=None)
+        ready, self._held = loose.in_wire_order(until)
+        return self._batch(ready)
+
+    def _batch(self, loose: _Loose) -> Batch:
+        rows = loose.rows
+        frames = rows["kind"] != Kind.NOISE
+        count = int(frames.sum())
+        rows["index"][frames] = np.arange(self._frames, self._frames + count)
+        self._frames += count
+        earlier = self._pairer.pair(rows, loose.data, loose.head, loose.tail)
+        return Batch(rows, loose.data, earlier, loose.why if self._options.explain else None)
+
+
+class _Loose:
+    """Rows that are not numbered yet, with what belongs to them."""
+
+    def __init__(self, rows: Rows, data: Bytes, head: NDArray[np.int64], tail: NDArray[np.int64], why: Rows) -> None:
+        self.rows, self.data, self.head, self.tail, self.why = rows, data, head, tail, why
+
+    @classmethod
+    def nothing(cls) -> _Loose:
+        engine = Engine(1.0, Options())
+        return cls.of(0, *engine.take())
+
+    @classmethod
+    def of(cls, port: int, pieces: Pieces, data: Bytes) -> _Loose:
+        rows = np.zeros(len(pieces.start), ROW)
+        at = pieces.start - pieces.start[0] if len(rows) else pieces.start
+        rows["start"], rows["length"], rows["at"] = pieces.start, pieces.end - pieces.start, at
+        rows["t_start"], rows["t_end"] = pieces.t_start, pieces.t_end
+        rows["index"] = rows["request"] = rows["request_start"] = rows["response_ns"] = -1
+        rows["kind"] = _KIND_OF_ROLE.take(pieces.role)
+        rows["check"], rows["port"] = pieces.check, port
+        rows["confidence"] = 1.0 / (1.0 + np.exp2(-np.maximum(pieces.why["margin"], 0.0)))
+        frames = np.flatnonzero(rows["kind"] != Kind.NOISE)
+        head = at.take(frames)
+        functions = data.take(np.minimum(head + 1, len(data) - 1))
+        failed = (functions & 0x80 != 0) & (rows["length"][frames] >= 3)
+        rows["unit"][frames] = data.take(head)
+        rows["function"][frames] = functions & 0x7F
+        rows["exception"][frames[failed]] = data.take(head[failed] + 2)
+        return cls(rows, data, pieces.head, pieces.tail, pieces.why)
+
+    @classmethod
+    def joined(cls, parts: list[_Loose]) -> _Loose:
+        shift = 0
+        for part in parts:
+            part.rows["at"] += shift
+            shift += len(part.data)
+        return cls(
+            np.concatenate([p.rows for p in parts]),
+            np.concatenate([p.data for p in parts]),
+            np.concatenate([p.head for p in parts]),
+            np.concatenate([p.tail for p in parts]),
+            np.concatenate([p.why for p in parts]),
+        )
+
+    def in_wire_order(self, until: int | None) -> tuple[_Loose, _Loose]:
+        """Those that began before time `until` (None: all), in wire order, and the rest."""
+        order = np.lexsort((self.rows["port"], self.rows["t_start"]))
+        early = np.ones(len(order), np.bool_) if until is None else self.rows["t_end"][order] < until
+        if not early.all():  # nothing may overtake its port's rows before it
+            early[int(np.argmin(early)) :] = False
+        return self._picked(order[early]), self._picked(order[~early])
+
+    def _picked(self, which: NDArray[np.intp]) -> _Loose:
+        rows = self.rows[which]
+        lengths = rows["length"]
+        at = np.cumsum(lengths) - lengths
+        data = self.data[np.repeat(rows["at"] - at, lengths) + np.arange(int(lengths.sum()))]
+        rows["at"] = at
+        return _Loose(rows, data, self.head[which], self.tail[which], self.why[which])
