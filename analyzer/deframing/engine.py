@@ -7,6 +7,7 @@ alone: at most a window, and what one feed brought.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -17,13 +18,14 @@ from dissectors.lengths import Role
 
 from ..frames import EVIDENCE, Kind, Rows
 from .candidates import Candidates, search
-from .contest import WINDOW, Event, decide, forced, margins
+from .contest import WINDOWS, Event, decide, forced, margins
 from .damaged import damaged_answers
 from .lattice import CRC_BITS, GLITCH_RUN, GLITCHES, NOISE_BEGINS, Candidate, Lattice, Pending, Said, Step
 from .places import places
 from .prefix import Windows, windows
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index
-from .silence import Trust, Turn, classes_of
+from .runs import Runs, Stretch, plain_roles, runs_of
+from .silence import Trust, Turn, classes_of, next_checkpoint
 from .tape import Tape, Times
 from .unknown import unknown_windows
 
@@ -31,7 +33,7 @@ NOISE: Final = 2  # the role of a piece that is no frame
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
 _SURE: Final = 64.0  # bits: what cannot be doubted
 _SLICE: Final = 1 << 18  # bytes searched at once
-_TALK: Final = 2048  # bytes: further back than a conversation reaches
+_REACH: Final = 2048  # bytes: further back than a conversation reaches
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,17 +59,6 @@ class Pieces(NamedTuple):
     why: Rows  # EVIDENCE
 
 
-class Runs(NamedTuple):
-    """Intervals (start, end) of candidates, and which of them have no rival."""
-
-    start: Index
-    end: Index
-    role: NDArray[np.uint8]
-    structure: NDArray[np.float32]
-    clean: NDArray[np.bool_]
-    last: Index  # for each clean interval: the last one of the run that it begins or continues
-
-
 class Engine:
     """Decides, in stream order, what every byte is. `feed` as bytes come, `take` what was decided."""
 
@@ -75,7 +66,8 @@ class Engine:
         self.tape = Tape(char_ns)
         self.options = options
         self.trust = Trust()
-        self._said = Said()
+        self._talk = Said()
+        self._behind: tuple[Said, _Run] | None = None  # frames that have yet to be added to it
         self._vendor: set[int] = set()
         self._waiting = False  # the last frame was a request that wants an answer
         self._idle_class = int(classes_of(np.array([options.idle_ns]), char_ns)[0])
@@ -123,7 +115,7 @@ class Engine:
         tape = self.tape
         begin = 0
         while begin < ready:
-            upto = min(ready, begin + _SLICE + WINDOW)
+            upto = min(ready, begin + _SLICE + WINDOWS[-1])
             last = upto == ready
             done = self._slice(begin, upto, quiet=quiet and last, final=final and last)
             begin += done
@@ -140,14 +132,16 @@ class Engine:
             return 0
         crc = windows(data)
         found = self._whole(search(data, crc), begin)
-        runs = _runs(found, len(data) if final else len(data) - MAX_ADU)
-        stretch = _Stretch(data, begin, crc, found)
+        runs = runs_of(found, len(data) if final else len(data) - MAX_ADU)
+        stretch = Stretch(data, begin, crc, found)
         at = 0
         while at < len(data):
             i = int(np.searchsorted(runs.start, at))
             if i < len(runs.start) and runs.start[i] == at and runs.clean[i]:
-                at = self._run(runs, i, begin)
-                continue
+                moved = self._run(stretch, runs, i)
+                if moved > at:
+                    at = moved
+                    continue
             moved = self._contest(stretch, at, quiet=quiet, final=final)
             if moved == at:
                 break
@@ -165,61 +159,105 @@ class Engine:
         whole = np.searchsorted(cuts, found.start, side="right") == np.searchsorted(cuts, found.end, side="left")
         return Candidates(found.start[whole], found.end[whole], found.role[whole], found.structure[whole])
 
-    def _run(self, runs: Runs, i: int, begin: int) -> int:
-        """Take the run of intervals from i on; the position behind it."""
-        last = int(runs.last[i]) + 1
-        start, end, role = runs.start[i:last], runs.end[i:last], runs.role[i:last]
-        structure = runs.structure[i:last]
-        why = _evidence(len(start))
+    def _run(self, stretch: Stretch, runs: Runs, i: int) -> int:
+        """Take intervals without rivals from i on, as far as their roles are plain; the position behind them.
+
+        Never beyond a checkpoint, where what silences are worth may change.
+        """
+        begin = stretch.begin
+        at = int(runs.start[i])
+        offset = self.tape.base + begin
+        limit = next_checkpoint(offset + at) - offset
+        last = min(int(runs.last[i]) + 1, max(i + 1, int(np.searchsorted(runs.end, limit, side="right"))))
+        start, end = runs.start[i:last], runs.end[i:last]
+        role = plain_roles(
+            stretch.data, start, runs.role[i:last], runs.either[i:last],
+            self.tape.classes[begin : begin + len(stretch.data)], self.trust, answered=self._answered,
+        )  # fmt: skip
+        count = len(role)
+        if not count:
+            return at
+        start, end, structure = start[:count], end[:count], runs.structure[i : i + count]
+        why = _evidence(count)
         why["length"], why["crc"] = structure, CRC_BITS
         why["margin"] = structure + np.float32(CRC_BITS + NOISE_BEGINS)
-        self._commit(start + begin, end + begin, role, np.ones(len(start), np.bool_), why)
-        self._said = self._talk(self._said, start, end, role, begin)
+        self._commit(start + begin, end + begin, role, np.ones(count, np.bool_), why)
+        first = int(np.searchsorted(start, end[-1] - _REACH))
+        said = Said() if first else self._said
+        self._behind = said, _Run(self.tape.data, self.tape.base, start[first:] + begin, end[first:] + begin, role[first:])
         return int(end[-1])
 
-    def _talk(self, said: Said, start: Index, end: Index, role: NDArray[np.uint8], begin: int) -> Said:
-        """The conversation after a run of frames: those in reach of its end."""
-        first = int(np.searchsorted(start, end[-1] - _TALK))
-        tape = self.tape
-        for s, e, r in zip(start[first:].tolist(), end[first:].tolist(), role[first:].tolist(), strict=True):
-            adu = tape.data[begin + s : begin + e].tobytes()
-            if r == Role.REQUEST:
-                said = said.ask(Pending.of(tape.base + begin + s, adu))
-            else:
-                which = said.answers(adu)
-                if which is not None:
+    @property
+    def _said(self) -> Said:
+        """The conversation so far; after a run of frames only looked up when somebody asks."""
+        if self._behind is not None:
+            said, run = self._behind
+            for adu, offset, role in run.frames():
+                if role == Role.REQUEST:
+                    said = said.ask(Pending.of(offset, adu))
+                elif (which := said.answers(adu)) is not None:
                     said = said.answer(which)
-        return said
+            self._talk, self._behind = said, None
+        return self._talk
 
-    def _contest(self, stretch: _Stretch, at: int, *, quiet: bool, final: bool) -> int:
+    @_said.setter
+    def _said(self, said: Said) -> None:
+        self._talk, self._behind = said, None
+
+    @property
+    def _answered(self) -> bool:
+        """Whether nothing is pending."""
+        return not self._waiting if self._behind is not None else self._talk.answered
+
+    def _contest(self, stretch: Stretch, at: int, *, quiet: bool, final: bool) -> int:
         """Decide from `at` on through the lattice; the position reached, `at` if more must be known."""
-        tape, n = self.tape, len(stretch.data)
-        limit = min(n, at + WINDOW)
-        ended = limit == n
-        candidates = stretch.candidates(at, limit)
-        data = stretch.data[at:limit].tobytes()
-        origin = stretch.begin + at
-        classes = tape.classes[origin : origin + (limit - at) + 1].tolist()
-        spots = places(data, classes, candidates, closed=ended and quiet)
-        unknown = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
-        candidates += unknown + damaged_answers(data, tape.base + origin, spots, candidates, self._said.pending)
-        candidates.sort(key=lambda c: (c.start, c.end, c.role))
-        lattice = Lattice(
-            data, tape.base + origin, classes, self.trust, candidates, self._said
-        )
-        events = self._events(origin, limit - at, candidates, classes, quiet=quiet and ended)
-        idle_bits = max(0.0, self.trust.evidence[Turn.REQUEST][self._idle_class])
-        steps = decide(lattice, data, events, idle_bits)
-        if not steps and final and ended:
-            lattice.advance(len(data))
-            steps = lattice.steps()
-        if not steps and limit - at == WINDOW:
-            steps = forced(lattice, len(data))
+        n = len(stretch.data)
+        for window in WINDOWS:
+            limit = min(n, at + window)
+            whole = limit == n
+            steps = self._explain(stretch, at, limit, quiet=quiet and whole, final=final and whole)
+            if steps or whole:
+                break
         if not steps:
             return at
+        origin = stretch.begin + at
         self._steps(steps, origin)
         self._said = steps[-1].said
         return at + steps[-1].end
+
+    def _explain(self, stretch: Stretch, at: int, limit: int, *, quiet: bool, final: bool) -> list[Step]:
+        """The certain steps in [at, limit): by declared candidates, and where those leave noise by all that there are.
+
+        `quiet`: the line was quiet at `limit`; `final`: nothing comes after it.
+        """
+        tape = self.tape
+        origin = stretch.begin + at
+        data = stretch.data[at:limit].tobytes()
+        classes = tape.classes[origin : origin + len(data) + 1].tolist()
+        candidates = stretch.candidates(at, limit)
+        idle_bits = max(0.0, self.trust.evidence[Turn.REQUEST][self._idle_class])
+
+        def steps_of(candidates: list[Candidate], *, force: bool) -> list[Step]:
+            lattice = Lattice(data, tape.base + origin, classes, self.trust, candidates, self._said)
+            events = self._events(origin, len(data), candidates, classes, quiet=quiet)
+            steps = decide(lattice, data, events, idle_bits)
+            if not steps and final:
+                lattice.advance(len(data))
+                return lattice.steps()
+            if not steps and force:
+                return forced(lattice, len(data))
+            return steps
+
+        steps = steps_of(candidates, force=False)
+        if steps and all(s.candidate is not None for s in steps):
+            return steps
+        spots = places(data, classes, candidates, closed=quiet)
+        more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
+        more += damaged_answers(data, tape.base + origin, spots, candidates, self._said.pending)
+        if not more and (steps or len(data) < WINDOWS[-1]):
+            return steps
+        candidates = sorted(candidates + more, key=lambda c: (c.start, c.end, c.role))
+        return steps_of(candidates, force=len(data) == WINDOWS[-1])
 
     def _events(
         self, origin: int, size: int, candidates: list[Candidate], classes: list[int], *, quiet: bool
@@ -297,50 +335,20 @@ class Engine:
         )  # fmt: skip
 
 
-@dataclass(slots=True)
-class _Stretch:
-    """What is known of the bytes being worked on."""
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """Frames (indices of `data`, whose first byte is at stream offset `base`)."""
 
     data: Bytes
-    begin: int
-    crc: Windows
-    found: Candidates
+    base: int
+    start: Index
+    end: Index
+    role: NDArray[np.uint8]
 
-    def candidates(self, at: int, limit: int) -> list[Candidate]:
-        """Those that lie in [at, limit), with offsets from `at`."""
-        low, high = np.searchsorted(self.found.start, (at, limit))
-        start, end = self.found.start[low:high], self.found.end[low:high]
-        fits = end <= limit
-        return [
-            Candidate(*values)
-            for values in zip(
-                (start[fits] - at).tolist(),
-                (end[fits] - at).tolist(),
-                self.found.role[low:high][fits].tolist(),
-                self.found.structure[low:high][fits].tolist(),
-                strict=True,
-            )
-        ]
-
-
-def _runs(found: Candidates, known: int) -> Runs:
-    """Intervals of candidates; those without a rival that end at or before `known`, where nothing can still appear."""
-    n = len(found)
-    new = np.ones(n, np.bool_)
-    new[1:] = (found.start[1:] != found.start[:-1]) | (found.end[1:] != found.end[:-1])
-    first = np.flatnonzero(new)
-    start, end = found.start[first], found.end[first]
-    single = np.diff(np.append(first, n)) == 1
-    reach = np.concatenate(([0], np.maximum.accumulate(end)[:-1])) if len(end) else end
-    following = np.append(start[1:], np.iinfo(np.intp).max)[: len(start)]
-    clean = single & (reach <= start) & (following >= end) & (end <= known)
-    m = len(start)
-    joined = np.zeros(m, np.bool_)
-    joined[1:] = clean[1:] & clean[:-1] & (start[1:] == end[:-1])
-    heads = np.flatnonzero(~joined)
-    lasts = np.append(heads[1:] - 1, m - 1)[: len(heads)]
-    last = np.repeat(lasts, lasts - heads + 1) if m else np.empty(0, np.intp)
-    return Runs(start, end, found.role[first], found.structure[first], clean, last)
+    def frames(self) -> Iterator[tuple[bytes, int, int]]:
+        """ADU, stream offset and role of each."""
+        for s, e, r in zip(self.start.tolist(), self.end.tolist(), self.role.tolist(), strict=True):
+            yield self.data[s:e].tobytes(), self.base + s, r
 
 
 def _evidence(n: int) -> Rows:

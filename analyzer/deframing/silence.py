@@ -57,6 +57,12 @@ def checkpoint_before(offset: int) -> int:
     return 1 << (offset.bit_length() - 1)
 
 
+def next_checkpoint(offset: int) -> int:
+    """The first checkpoint behind a stream offset."""
+    last = checkpoint_before(offset)
+    return _FIRST_CHECKPOINT if not last else last * 2 if last < _LAST_STEP else last + _LAST_STEP
+
+
 class Turn(IntEnum):
     """Whose turn it was: a master that waits for an answer keeps another silence than one that got it."""
 
