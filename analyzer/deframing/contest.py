@@ -60,7 +60,7 @@ def _awaited(
     """Whether a longer frame may still come that would explain the end better: an answer that a request asked for."""
     best = frames[-1].score
     position = event.position
-    for pending in frames[-1].said.pending:
+    for pending in lattice.open_after(frames):
         header = pending.expects.header
         if len(header) < 2:
             continue

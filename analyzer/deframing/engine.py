@@ -21,7 +21,7 @@ from .candidates import Candidates, search
 from .contest import WINDOWS, Event, decide, forced, margins
 from .damaged import damaged_answers
 from .lattice import CRC_BITS, GLITCH_RUN, GLITCHES, NOISE_BEGINS, Candidate, Lattice, Pending, Said, Step
-from .places import places
+from .places import SILENT, places
 from .prefix import Windows, windows
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index
 from .runs import Runs, Stretch, plain_roles, runs_of
@@ -69,6 +69,7 @@ class Engine:
         self._talk = Said()
         self._behind: tuple[Said, _Run] | None = None  # frames that have yet to be added to it
         self._vendor: set[int] = set()
+        self._stuck = -1, -1  # offsets: what could not be decided, and how far the bytes went then
         self._waiting = False  # the last frame was a request that wants an answer
         self._idle_class = int(classes_of(np.array([options.idle_ns]), char_ns)[0])
         self._out: list[Pieces] = []
@@ -142,8 +143,11 @@ class Engine:
                 if moved > at:
                     at = moved
                     continue
+            if not (quiet or final) and self._waits(stretch, at):
+                break
             moved = self._contest(stretch, at, quiet=quiet, final=final)
             if moved == at:
+                self._stuck = self.tape.base + begin + at, self.tape.base + upto
                 break
             at = moved
         return at
@@ -209,6 +213,19 @@ class Engine:
         """Whether nothing is pending."""
         return not self._waiting if self._behind is not None else self._talk.answered
 
+    def _waits(self, stretch: Stretch, at: int) -> bool:
+        """Whether nothing has come since the last look at these bytes that could decide anything."""
+        origin, known = self._stuck
+        tape = self.tape
+        if origin != tape.base + stretch.begin + at:
+            return False
+        begin, upto = known - tape.base, stretch.begin + len(stretch.data)
+        return (
+            upto - stretch.begin - at < WINDOWS[0]
+            and not (stretch.found.end + stretch.begin > begin).any()
+            and not (tape.classes[begin:upto] >= SILENT).any()
+        )
+
     def _contest(self, stretch: Stretch, at: int, *, quiet: bool, final: bool) -> int:
         """Decide from `at` on through the lattice; the position reached, `at` if more must be known."""
         n = len(stretch.data)
@@ -268,9 +285,12 @@ class Engine:
         cut = set((tape.quiet(origin, origin + size + 1, options.cut_ns) - origin).tolist())
         if quiet:
             idle.add(size)
-        places = sorted({c.end for c in candidates} | idle | cut)
+        edge = origin + size == tape.ready
+        spots = sorted({c.end for c in candidates} | idle | cut)
         return [
-            Event(p, p in idle, p in cut, p in idle or (p < len(classes) and classes[p] > 0)) for p in places if p > 0
+            Event(p, p in idle, p in cut, p in idle or (classes[p] > 0 if p < len(classes) else edge))
+            for p in spots
+            if p > 0
         ]
 
     def _steps(self, steps: list[Step], origin: int) -> None:

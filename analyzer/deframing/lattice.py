@@ -144,6 +144,7 @@ class Lattice:
         self._silences = silences
         self._trust = trust.evidence
         self._glitch_cost = trust.glitch_cost
+        self._before = said
         self._waiting = list(reversed(candidates))
         self._all = candidates
         self._flight: dict[int, list[Path]] = {}
@@ -270,6 +271,17 @@ class Lattice:
         """By how much the best path leads the next one, bits."""
         scores = sorted((p.score for p in self.paths), reverse=True)
         return scores[0] - scores[1] if len(scores) > 1 else float("inf")
+
+    def open_after(self, frames: Sequence[Step]) -> tuple[Pending, ...]:
+        """The requests that no whole frame among these has answered; a damaged answer may yet turn out not to be one."""
+        said = self._before
+        for step in frames:
+            adu = self._data[step.start : step.end]
+            if step.candidate is not None and step.candidate.role == Role.REQUEST:
+                said = said.ask(Pending.of(self.offset + step.start, adu))
+            elif (which := said.answers(adu)) is not None:
+                said = said.answer(which)
+        return said.pending
 
     def steps(self) -> list[Step]:
         """The best path to here, piece by piece from position 0."""

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from .lattice import GLITCH_RUN, GLITCHES, Candidate
 
-_SILENT: Final = 3  # the silence class from which a gap may part frames: 1 is none, 2 a character's worth of jitter
+SILENT: Final = 3  # the silence class from which a gap may part frames: 1 is none, 2 a character's worth of jitter
 
 
 class Places(NamedTuple):
@@ -19,7 +19,7 @@ class Places(NamedTuple):
 
 def places(data: bytes, classes: Sequence[int], candidates: Sequence[Candidate], *, closed: bool) -> Places:
     """Places in `data`; `closed`: its end is an end of a frame too."""
-    gaps = [i for i in range(1, len(data)) if classes[i] >= _SILENT]
+    gaps = [i for i in range(1, len(data)) if classes[i] >= SILENT]
     begins = {0, *gaps, *(c.end for c in candidates)}
     ends = {*gaps, *(c.start for c in candidates)}
     if closed:
