@@ -32,6 +32,7 @@ class Event:
     idle: bool = False
     cut: bool = False
     silent: bool = False  # some gap there, or the end of what a read gave
+    plausible: bool = True  # that gap, or the lack of one, does not speak against a frame's end
 
 
 def decide(lattice: Lattice, data: bytes, events: Sequence[Event], idle_bits: float) -> list[Step]:
@@ -42,7 +43,7 @@ def decide(lattice: Lattice, data: bytes, events: Sequence[Event], idle_bits: fl
         if event.cut:
             return steps
         frames = [s for s in steps if s.candidate is not None and not s.candidate.damaged]
-        if not frames or not (event.idle or frames[-1].end == event.position):
+        if not frames or not (event.idle or (frames[-1].end == event.position and event.plausible)):
             continue
         if not event.idle:
             path = lattice.best
@@ -74,7 +75,7 @@ def _awaited(
                 score = start.score if start is not None else 0.0
                 if found > before.start:
                     score -= NOISE_BEGINS + NOISE_BYTE * (found - before.start)
-                score += CRC_BITS + _KNOWN_BITS + FITS - (idle_bits if event.idle else 0.0)
+                score += CRC_BITS + _KNOWN_BITS + FITS + lattice.silence(found) - (idle_bits if event.idle else 0.0)
                 score += sum(max(0.0, CRC_BITS + f.candidate.structure - EMBEDDED) for f in frames if f.start > found and f.candidate)
                 if score > best:
                     return True

@@ -38,13 +38,13 @@ def damaged_answers(
     found: dict[tuple[int, int], Candidate] = {}
     for begin, request in asked:
         header = request.expects.header
-        if len(header) < _LEAST:
-            continue
         for start in range(begin, min(begin + GLITCH_RUN, len(data))):
             if start not in taken and data.startswith(header, start):
                 length = predicted(data, start, Role.RESPONSE) or MAX_ADU
                 for end in places.ends:
-                    if start + _LEAST <= end <= start + length + _SPARE:
+                    most = start + length + (_SPARE if len(header) >= _LEAST else 0)
+                    least = start + (_LEAST if len(header) >= _LEAST else length)
+                    if least <= end <= most:
                         found[start, end] = Candidate(
                             start, end, Role.RESPONSE, _bits(end - start, length), damaged=True
                         )

@@ -31,6 +31,7 @@ from .unknown import unknown_windows
 
 NOISE: Final = 2  # the role of a piece that is no frame
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
+_AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
 _SLICE: Final = 1 << 18  # bytes searched at once
 _REACH: Final = 2048  # bytes: further back than a conversation reaches
@@ -287,11 +288,13 @@ class Engine:
             idle.add(size)
         edge = origin + size == tape.ready
         spots = sorted({c.end for c in candidates} | idle | cut)
-        return [
-            Event(p, p in idle, p in cut, p in idle or (classes[p] > 0 if p < len(classes) else edge))
-            for p in spots
-            if p > 0
-        ]
+        against = [max(bits) < _AGAINST for bits in zip(*self.trust.evidence, strict=True)]  # by class
+        events = []
+        for p in spots:
+            inner = p < len(classes)
+            silent = classes[p] > 0 if inner else edge
+            events.append(Event(p, p in idle, p in cut, p in idle or silent, not (inner and against[classes[p]])))
+        return [event for event in events if event.position > 0]
 
     def _steps(self, steps: list[Step], origin: int) -> None:
         """Commit steps of the lattice."""

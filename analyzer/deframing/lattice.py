@@ -33,14 +33,16 @@ GLITCH_BYTE = 0.6
 GLITCHES = frozenset((0x00, 0xFE, 0xFF))
 GLITCH_RUN = 6  # bytes
 FITS = 21.0  # an answer of the right unit, function and count: what its header proves beyond its structure
+FITS_BARE = 13.0  # an answer of which only unit and function are known
 FITS_EXCEPTION = 8.0
-LATE = -6.0  # it answers an older request
+LATE = -10.0  # it answers an older request
 UNASKED = -14.0  # nothing was pending
 ANSWERED_IN_NOISE = -1.0
 ASKED_IN_NOISE = -9.0  # nothing was, but what was noise may have been the request
 CONTRARY = -16.0  # something else was pending
 UNANSWERED = -4.0  # a request while another is pending
 RETRY = 17.0  # the very bytes of the pending request again: not by chance, but rarer than an answer
+REPEATED = 16.0  # the very bytes of the request that was just answered
 IMPOSSIBLE = -1000.0
 EMBEDDED = 3.0  # a whole frame inside a payload
 AFTER_NOISE = -2.0
@@ -80,11 +82,12 @@ class Said:
 
     pending: tuple[Pending, ...] = ()
     answered: bool = True
+    last: bytes = b""  # the newest request
 
     def ask(self, request: Pending) -> Said:
         """After a request. A broadcast is never answered, but some devices do."""
         near = tuple(p for p in self.pending[1 - _PENDING :] if p.start >= request.start - _REACH)
-        return Said((*near, request), answered=request.adu[0] == 0)
+        return Said((*near, request), request.adu[0] == 0, request.adu)
 
     def answers(self, adu: bytes) -> int | None:
         """Which pending request a response answers: the newest that fits."""
@@ -93,7 +96,7 @@ class Said:
     def answer(self, which: int) -> Said:
         """After an answer to pending[which]; older ones stay outstanding for a while."""
         newest = which == len(self.pending) - 1
-        return Said(self.pending[:which] + self.pending[which + 1 :], self.answered or newest)
+        return Said(self.pending[:which] + self.pending[which + 1 :], self.answered or newest, self.last)
 
 
 @dataclass(slots=True, eq=False)
@@ -230,9 +233,10 @@ class Lattice:
         `lost`: there was noise before it, which may have been a request, or an answer.
         """
         if candidate.role == Role.REQUEST:
-            bits = 0.0
-            if said.pending and not said.answered:
-                again = said.pending[-1].adu == adu
+            again = said.last == adu
+            if said.answered:
+                bits = REPEATED if again else 0.0
+            else:
                 bits = RETRY if again else ANSWERED_IN_NOISE if lost else UNANSWERED
             return bits, said.ask(Pending.of(self.offset + candidate.start, adu))
         which = said.answers(adu)
@@ -242,7 +246,7 @@ class Lattice:
             if lost:
                 return ASKED_IN_NOISE, said
             return (UNASKED if said.answered else CONTRARY), said
-        bits = FITS_EXCEPTION if adu[1] & 0x80 else FITS
+        bits = FITS_EXCEPTION if adu[1] & 0x80 else FITS if said.pending[which].expects.marks else FITS_BARE
         if said.answered or which != len(said.pending) - 1:
             bits += LATE
         return bits, said.answer(which)
@@ -265,6 +269,10 @@ class Lattice:
     def best(self) -> Path:
         """The best path to the position advanced to."""
         return max(self.paths, key=lambda p: p.score)
+
+    def silence(self, position: int) -> float:
+        """Bits that the silence there gives to an answer's start."""
+        return self._trust[Turn.RESPONSE][self._silences[position]]
 
     @property
     def lead(self) -> float:

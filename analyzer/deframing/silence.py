@@ -85,7 +85,7 @@ class Trust:
         self._inside = _prior(0.15, 0.83, 60.0)
         self._inside[TURNS:] = 0.05
         self._frames = 64.0
-        self._glitches = 1.0
+        self._glitches = 0.5
         self.checkpoint = 0
         self._refresh()
 

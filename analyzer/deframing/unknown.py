@@ -23,7 +23,7 @@ from .rules import MAX_ADU, MIN_ADU
 _UNHEARD: Final = -8.0  # bits: functions that nobody declared are rare
 _HEARD: Final = 2.0  # this one was on this bus before
 _USER_BITS: Final = 3.0
-_ZERO: Final = 9.0  # bits: 1 in 256 check values ends in 00
+_ZERO: Final = 8.0  # bits: 1 in 256 check values ends in 00
 _USER: Final = frozenset((*range(65, 73), *range(100, 111)))  # [1] 5: user-defined function codes
 
 
