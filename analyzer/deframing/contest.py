@@ -39,20 +39,27 @@ def decide(lattice: Lattice, data: bytes, events: Sequence[Event], idle_bits: fl
     """The steps that are now certain, from the lattice's position 0; none if more has to be known."""
     for event in events:
         lattice.advance(event.position)
-        steps = lattice.steps()
         if event.cut:
-            return steps
-        frames = [s for s in steps if s.candidate is not None and not s.candidate.damaged]
-        if not frames or not (event.idle or (frames[-1].end == event.position and event.plausible)):
+            return lattice.steps()
+        if not event.idle and not _enough(lattice, event):
             continue
-        if not event.idle:
-            path = lattice.best
-            whole = len(frames) == len(steps) and event.silent
-            if path.since_noise < (_ALONE if whole else _AMID) or lattice.lead < _LEAD:
-                continue
+        steps = lattice.steps()
+        frames = [s for s in steps if s.candidate is not None and not s.candidate.damaged]
+        if not frames:
+            continue
         if not _awaited(data, frames, steps, event, lattice, idle_bits):
             return steps[: steps.index(frames[-1]) + 1]
     return []
+
+
+def _enough(lattice: Lattice, event: Event) -> bool:
+    """Whether the best path ends in a frame here, and has gathered what a decision needs while the line goes on."""
+    path = lattice.best
+    tip = path.tip
+    if not event.plausible or path.noise_from >= 0 or tip is None or tip.candidate is None or tip.candidate.damaged:
+        return False
+    alone = event.silent and not path.noisy
+    return path.since_noise >= (_ALONE if alone else _AMID) and lattice.lead >= _LEAD
 
 
 def _awaited(

@@ -269,7 +269,8 @@ class Engine:
         steps = steps_of(candidates, force=False)
         if steps and all(s.candidate is not None for s in steps):
             return steps
-        spots = places(data, classes, candidates, closed=quiet)
+        closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self.options.idle_ns)) > 0
+        spots = places(data, classes, candidates, closed=closed)
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
         more += damaged_answers(data, tape.base + origin, spots, candidates, self._said.pending)
         if not more and (steps or len(data) < WINDOWS[-1]):

@@ -18,6 +18,7 @@ what would have stood there instead, come from that.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -86,7 +87,8 @@ class Said:
 
     def ask(self, request: Pending) -> Said:
         """After a request. A broadcast is never answered, but some devices do."""
-        near = tuple(p for p in self.pending[1 - _PENDING :] if p.start >= request.start - _REACH)
+        adu = request.adu  # asked once more, it is open once
+        near = tuple(p for p in self.pending[1 - _PENDING :] if p.start >= request.start - _REACH and p.adu != adu)
         return Said((*near, request), request.adu[0] == 0, request.adu)
 
     def answers(self, adu: bytes) -> int | None:
@@ -122,6 +124,7 @@ class Path:
     tip: Step | None
     said: Said
     noise_from: int  # where the run of noise that it is in began, or -1
+    noisy: bool = False  # it holds noise, or a damaged frame
     glitch: bool = False  # that run is of glitch bytes alone, so far
     since_noise: float = 0.0  # what its frames since the last noise have scored
     losers: list[tuple[float, Step | None]] = field(default_factory=list)  # paths beaten here, and by how much
@@ -150,6 +153,7 @@ class Lattice:
         self._before = said
         self._waiting = list(reversed(candidates))
         self._all = candidates
+        self._starts = [c.start for c in candidates]
         self._flight: dict[int, list[Path]] = {}
         self.position = 0
         self.paths = [Path(0.0, None, said, -1)]
@@ -217,15 +221,14 @@ class Lattice:
             bits, said = self._converse(path.said, candidate, adu, lost=lost)
             score = path.score + gain + silence + bits
             before = path.tip
-            since = path.since_noise + gain + silence + bits
-            if candidate.damaged:
-                since = 0.0
+            since = 0.0 if candidate.damaged else path.since_noise + gain + silence + bits
+            noisy = path.noisy or candidate.damaged or path.noise_from >= 0
             if path.noise_from >= 0:
                 score += 0.0 if path.glitch else AFTER_NOISE
                 since = 0.0 if candidate.damaged else gain + silence + bits
                 before = Step(path.noise_from, start, None, before, path.score, path.said)
             tip = Step(start, end, candidate, before, score, said, silence, bits, list(path.losers))
-            self._flight.setdefault(end, []).append(Path(score, tip, said, -1, False, since))
+            self._flight.setdefault(end, []).append(Path(score, tip, said, -1, noisy, False, since))
 
     def _converse(self, said: Said, candidate: Candidate, adu: bytes, *, lost: bool) -> tuple[float, Said]:
         """What the conversation makes of a frame, in bits, and the conversation after it.
@@ -253,17 +256,17 @@ class Lattice:
 
     def _inside(self, outer: Candidate) -> float:
         """What the candidates inside one would score at best by themselves, less the price of being there."""
-        best = 0.0
-        ends: list[tuple[int, float]] = []
-        for inner in self._all:
-            if inner.start >= outer.end:
-                break
-            if inner.start > outer.start and inner.end < outer.end:
-                before = max((score for end, score in ends if end <= inner.start), default=0.0)
-                score = before + max(0.0, CRC_BITS + inner.structure - EMBEDDED)
-                ends.append((inner.end, score))
-                best = max(best, score)
-        return best
+        first = bisect_right(self._starts, outer.start)
+        last = bisect_left(self._starts, outer.end)
+        inner = [c for c in self._all[first:last] if c.end < outer.end and not c.damaged]
+        ends, best = [0], [0.0]  # best[i]: score of those that end at or before ends[i]
+        for candidate in sorted(inner, key=_end):
+            before = best[bisect_right(ends, candidate.start) - 1]
+            score = before + max(0.0, CRC_BITS + candidate.structure - EMBEDDED)
+            if score > best[-1]:
+                ends.append(candidate.end)
+                best.append(score)
+        return best[-1]
 
     @property
     def best(self) -> Path:
@@ -302,3 +305,7 @@ class Lattice:
             found.append(tip)
             tip = tip.before
         return found[::-1]
+
+
+def _end(candidate: Candidate) -> int:
+    return candidate.end

@@ -38,12 +38,13 @@ def classes_of(silence_ns: NDArray[np.int64], char_ns: float) -> NDArray[np.uint
     return (np.digitize(silence_ns / char_ns, _EDGES) + 1).astype(np.uint8)
 
 
-def _prior(before_three_and_a_half: float, same_group: float, weight: float) -> NDArray[np.float64]:
-    counts = np.empty(CLASSES)
+def _prior(same_group: float, short: float, middle: float, long: float, weight: float) -> NDArray[np.float64]:
+    """Counts to begin with: shares of silences within a read, under 3.5 characters, under 80, and longer."""
+    bounds = [1, int(np.searchsorted(_EDGES, 3.5)) + 2, int(np.searchsorted(_EDGES, 80)) + 2, TURNS]
+    counts = np.zeros(CLASSES)
     counts[0] = same_group
-    short = int(np.searchsorted(_EDGES, 3.5)) + 2
-    counts[1:short] = before_three_and_a_half / (short - 1)
-    counts[short:TURNS] = (1 - same_group - before_three_and_a_half) / (TURNS - short)
+    for low, high, share in zip(bounds, bounds[1:], (short, middle, long), strict=False):
+        counts[low:high] = share / (high - low)
     counts *= weight
     return counts
 
@@ -71,6 +72,15 @@ class Turn(IntEnum):
     AGAIN = 2  # a request while another is unanswered
 
 
+_FIRST: Final = [
+    _prior(0.25, 0.25, 0.25, 0.25, 6.0),
+    _prior(0.30, 0.30, 0.32, 0.08, 6.0),  # answers come soon
+    _prior(0.10, 0.10, 0.20, 0.60, 6.0),  # a second try when a timeout is over
+]
+for _turn in Turn:
+    _FIRST[_turn][TURNS:] = (0.2, 2.0) if _turn is Turn.RESPONSE else (2.0, 0.2)
+
+
 class Trust:
     """What the tap and the line have shown so far, as evidence in bits.
 
@@ -79,10 +89,8 @@ class Trust:
     """
 
     def __init__(self) -> None:
-        self._starts = [_prior(0.3, 0.3, 6.0) for _ in Turn]
-        for turn in Turn:
-            self._starts[turn][TURNS:] = (0.2, 2.0) if turn is Turn.RESPONSE else (2.0, 0.2)
-        self._inside = _prior(0.15, 0.83, 60.0)
+        self._starts = [counts.copy() for counts in _FIRST]
+        self._inside = _prior(0.83, 0.15, 0.015, 0.005, 60.0)
         self._inside[TURNS:] = 0.05
         self._frames = 64.0
         self._glitches = 0.5

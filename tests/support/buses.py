@@ -1,0 +1,142 @@
+"""Bytes, chunks and rows for tests: frames of every kind, streams of them, and what the deframer makes of a stream."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+
+from analyzer.deframing.engine import Options
+from analyzer.deframing.stream import Deframer
+from analyzer.frames import Batch, Kind, Rows
+from captures.chunks import Block, Chunk
+from captures.line import LineSettings
+from dissectors.checks import crc_bytes
+
+LINE = LineSettings(baud=19200, char_bits=11)
+CHAR_NS = 11 * 1_000_000_000 // 19200
+SHARED = Path(__file__).resolve().parents[3] / "shared"
+
+
+def shared(path: str) -> Path:
+    """A file of the shared corpus, or a skipped test."""
+    found = SHARED / path
+    if not found.exists():
+        pytest.skip(f"the shared corpus is not on this machine: no {path}")
+    return found
+
+
+def adu(text: str) -> bytes:
+    """An RTU ADU from hex without its CRC."""
+    data = bytes.fromhex(text)
+    return data + crc_bytes(data)
+
+
+@dataclass(frozen=True)
+class Found:
+    """All rows of a stream, with its bytes."""
+
+    rows: Rows
+    data: bytes
+
+    def frames(self) -> list[tuple[int, int, str, bool]]:
+        """(start, length, direction, check) of each frame."""
+        return [
+            (int(r["start"]), int(r["length"]), Kind(int(r["kind"])).name.lower(), bool(r["check"]))
+            for r in self.rows
+            if r["kind"] != Kind.NOISE
+        ]
+
+    def good(self) -> list[bytes]:
+        """The bytes of the frames with a right CRC."""
+        return [self.data[s : s + n] for s, n, _, check in self.frames() if check]
+
+
+def collect(batches: Sequence[Batch]) -> Found:
+    """Batches end to end."""
+    return Found(np.concatenate([b.rows for b in batches]), b"".join(b.data.tobytes() for b in batches))
+
+
+def deframed(feeds: Sequence[Chunk | Block], line: LineSettings = LINE, options: Options = Options()) -> Found:
+    """What the deframer finds when it is fed these, one after the other."""
+    deframer = Deframer(line, options)
+    return collect([*(deframer.feed(feed) for feed in feeds), deframer.close()])
+
+
+def spaced(pieces: Sequence[bytes], gap_ns: int = 6_000_000) -> list[Chunk]:
+    """A chunk a piece, as a UART with a FIFO would give them."""
+    chunks, now = [], 1_000_000_000
+    for piece in pieces:
+        now += gap_ns + len(piece) * CHAR_NS
+        chunks.append(Chunk(now, piece))
+    return chunks
+
+
+units = st.sampled_from([1, 2, 17, 247])
+words = st.integers(0, 0xFFFF)
+
+
+@st.composite
+def transactions(draw: st.DrawFn) -> list[bytes]:
+    """A request with its answer, of the common functions."""
+    unit, function, start = draw(units), draw(st.sampled_from([1, 2, 3, 4, 5, 6, 15, 16, 0x16, 0x17])), draw(words)
+    head = f"{unit:02x}{function:02x}{start:04x}"
+    if draw(st.integers(0, 15)) == 0 and function in (3, 4):
+        return [adu(f"{head}0001"), adu(f"{unit:02x}{function | 0x80:02x}02")]
+    if function in (1, 2):
+        quantity = draw(st.integers(1, 64))
+        count = (quantity + 7) // 8
+        return [adu(f"{head}{quantity:04x}"), adu(f"{unit:02x}{function:02x}{count:02x}" + _data(draw, count))]
+    if function in (3, 4):
+        quantity = draw(st.integers(1, 40))
+        payload = _data(draw, 2 * quantity)
+        return [adu(f"{head}{quantity:04x}"), adu(f"{unit:02x}{function:02x}{2 * quantity:02x}" + payload)]
+    if function in (15, 16):
+        quantity = draw(st.integers(1, 20))
+        count = (quantity + 7) // 8 if function == 15 else 2 * quantity
+        return [adu(f"{head}{quantity:04x}{count:02x}" + _data(draw, count)), adu(f"{head}{quantity:04x}")]
+    if function == 0x17:
+        quantity = draw(st.integers(1, 20))
+        request = adu(f"{head}{quantity:04x}000000020400010002")
+        return [request, adu(f"{unit:02x}17{2 * quantity:02x}" + _data(draw, 2 * quantity))]
+    echo = adu(head + (draw(st.sampled_from(["0000", "ff00"])) if function == 5 else _data(draw, 2 + 2 * (function == 0x16))))
+    return [echo, echo]
+
+
+def _data(draw: st.DrawFn, size: int) -> str:
+    return draw(st.binary(min_size=size, max_size=size)).hex()
+
+
+@st.composite
+def streams(draw: st.DrawFn, *, faults: bool = True) -> list[Chunk]:
+    """Chunks of a bus: transactions, noise between and inside, cut into reads with times of any worth."""
+    pieces: list[bytes] = []
+    for pair in draw(st.lists(transactions(), max_size=8)):
+        for frame in pair:
+            fault = draw(st.integers(0, 9)) if faults else 9
+            if fault == 0:
+                at = draw(st.integers(0, len(frame) - 1))
+                frame = frame[:at] + bytes([frame[at] ^ 1 << draw(st.integers(0, 7))]) + frame[at + 1 :]
+            elif fault == 1:
+                frame = frame[: draw(st.integers(0, len(frame)))]
+            elif fault == 2:
+                frame = draw(st.sampled_from([b"\0", b"\xff", b"\0\0", b"\xfe\xff"])) + frame
+            elif fault == 3:
+                frame += draw(st.binary(min_size=1, max_size=30))
+            pieces.append(frame)
+    return cut(draw, b"".join(pieces))
+
+
+def cut(draw: st.DrawFn, data: bytes) -> list[Chunk]:
+    """Reads of any size at times that never decrease."""
+    chunks, now, at = [], 0, 0
+    while at < len(data):
+        size = draw(st.sampled_from([1, 1, 2, 5, 8, 30, 62, 300]))
+        now += draw(st.sampled_from([0, 300_000, CHAR_NS, 3_000_000, 16_000_000, 60_000_000, 700_000_000, 4_000_000_000]))
+        chunks.append(Chunk(now, data[at : at + size]))
+        at += size
+    return chunks

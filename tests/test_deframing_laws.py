@@ -1,0 +1,116 @@
+"""The laws that hold for any bytes at all, and for any way of feeding them."""
+
+from __future__ import annotations
+
+import tracemalloc
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from buses import CHAR_NS, LINE, Found, adu, collect, deframed, streams
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analyzer.deframing.stream import Deframer
+from captures.chunks import Block, Chunk
+from dissectors.checks import crc16
+
+_SAME = ("start", "length", "kind", "check", "request", "index", "t_start", "t_end", "response_ns")
+
+random_streams = st.lists(
+    st.tuples(st.sampled_from([0, CHAR_NS, 5_000_000, 60_000_000, 5_000_000_000]), st.binary(min_size=1, max_size=80)),
+    max_size=12,
+).map(lambda parts: [Chunk(sum(gap for gap, _ in parts[: i + 1]), data) for i, (_, data) in enumerate(parts)])
+any_stream = st.one_of(streams(), random_streams)
+
+
+def assert_same(one: Found, other: Found) -> None:
+    assert len(one.rows) == len(other.rows)
+    for name in _SAME:
+        assert (one.rows[name] == other.rows[name]).all(), name
+
+
+@given(any_stream)
+def test_every_byte_once_in_order_and_unchanged(chunks: list[Chunk]) -> None:
+    found = deframed(chunks)
+    sent = b"".join(c.data for c in chunks)
+    ends = np.cumsum(found.rows["length"])
+    assert (found.rows["start"] == ends - found.rows["length"]).all()
+    assert int(found.rows["length"].sum()) == len(sent)
+    assert found.data == sent
+
+
+@given(any_stream)
+def test_a_frame_said_to_be_whole_is(chunks: list[Chunk]) -> None:
+    for frame in deframed(chunks).good():
+        assert 4 <= len(frame) <= 256
+        assert crc16(frame) == 0
+
+
+@given(any_stream)
+def test_a_file_at_once_and_read_by_read_give_the_same(chunks: list[Chunk]) -> None:
+    assert_same(deframed([Block.from_chunks(chunks)]), deframed(chunks))
+
+
+@given(any_stream, st.data())
+def test_how_reads_are_split_does_not_matter_where_times_are_the_same(chunks: list[Chunk], data: st.DataObject) -> None:
+    split = []
+    for chunk in chunks:
+        at = data.draw(st.integers(0, len(chunk.data)))
+        split += [Chunk(chunk.t_ns, part) for part in (chunk.data[:at], chunk.data[at:]) if part]
+    assert_same(deframed(chunks), deframed(split))
+
+
+@given(any_stream)
+def test_a_clock_that_ticks_in_the_pauses_changes_nothing(chunks: list[Chunk]) -> None:
+    deframer = Deframer(LINE)
+    batches = []
+    for chunk, after in pairwise([*chunks, Chunk(chunks[-1].t_ns if chunks else 0, b"")]):
+        batches.append(deframer.feed(chunk))
+        for pause in (CHAR_NS, 50_000_000, 3_000_000_000):
+            if after.t_ns - chunk.t_ns > pause:
+                batches.append(deframer.tick(chunk.t_ns + pause))
+    batches.append(deframer.close())
+    assert_same(deframed(chunks), collect(batches))
+
+
+@given(any_stream, st.data())
+def test_what_was_given_is_not_revised_by_what_comes_later(chunks: list[Chunk], data: st.DataObject) -> None:
+    cut = data.draw(st.integers(0, len(chunks)))
+    deframer = Deframer(LINE)
+    early = collect([Deframer(LINE).close(), *(deframer.feed(c) for c in chunks[:cut])]).rows
+    whole = deframed(chunks).rows[: len(early)]
+    for name in _SAME:
+        assert (early[name] == whole[name]).all()
+
+
+ADVERSARIAL = {
+    "zeros": b"\0",
+    "ones": b"\xff",
+    "01 03": b"\x01\x03",
+    "03 03 ff": b"\x03\x03\xff",
+    "01 83": b"\x01\x83",
+    "00 11": b"\0\x11",
+    "user functions": b"\x01\x41",
+    "frames": adu("11030001000a"),
+    "nested": adu("0103fa" + (adu("110600010002") * 31).hex() + "0000"),
+}
+
+
+@pytest.mark.parametrize("name", ADVERSARIAL)
+@pytest.mark.parametrize("timed", [False, True])
+def test_memory_is_bounded_whatever_the_bytes(name: str, timed: bool) -> None:
+    pattern = ADVERSARIAL[name]
+    piece = (pattern * (4096 // len(pattern) + 1))[:4096]
+    deframer = Deframer(LINE)
+    tracemalloc.start()
+    try:
+        peaks = []
+        for i in range(24):
+            deframer.feed(Chunk(i * 100_000_000 if timed else 0, piece))
+            if i % 8 == 7:
+                peaks.append(tracemalloc.get_traced_memory()[1])
+                tracemalloc.reset_peak()
+    finally:
+        tracemalloc.stop()
+    assert peaks[-1] < peaks[0] * 1.5 + 2_000_000
