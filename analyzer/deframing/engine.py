@@ -354,7 +354,7 @@ class Engine:
                     classes[e] = max(classes[e], classes[s:e].max())
         base = self.tape.base
         self.trust.learn(
-            classes, start[frames] - low, end[frames] - low, turns,
+            classes, start[frames] - low, end[frames] - low, turns, data.take(start[frames]),
             np.array(glitches, np.intp) - low, base + low, base + high,
         )  # fmt: skip
 

@@ -36,11 +36,11 @@ GLITCH_RUN = 6  # bytes
 FITS = 21.0  # an answer of the right unit, function and count: what its header proves beyond its structure
 FITS_BARE = 13.0  # an answer of which only unit and function are known
 FITS_EXCEPTION = 8.0
-LATE = -10.0  # it answers an older request
+LATE = -8.0  # it answers an older request
 UNASKED = -14.0  # nothing was pending
 ANSWERED_IN_NOISE = -1.0
 ASKED_IN_NOISE = -9.0  # nothing was, but what was noise may have been the request
-CONTRARY = -16.0  # something else was pending
+CONTRARY = -24.0  # something else was pending
 UNANSWERED = -4.0  # a request while another is pending
 RETRY = 17.0  # the very bytes of the pending request again: not by chance, but rarer than an answer
 REPEATED = 16.0  # the very bytes of the request that was just answered
@@ -150,6 +150,7 @@ class Lattice:
         self._silences = silences
         self._trust = trust.evidence
         self._glitch_cost = trust.glitch_cost
+        self._units = trust.unit_bits
         self._before = said
         self._waiting = list(reversed(candidates))
         self._all = candidates
@@ -236,19 +237,22 @@ class Lattice:
         `lost`: there was noise before it, which may have been a request, or an answer.
         """
         if candidate.role == Role.REQUEST:
-            again = said.last == adu
-            if said.answered:
-                bits = REPEATED if again else 0.0
+            unit = self._units[adu[0]]
+            if said.last == adu:
+                bits = REPEATED if said.answered else RETRY
+            elif said.answered:
+                bits = unit
             else:
-                bits = RETRY if again else ANSWERED_IN_NOISE if lost else UNANSWERED
+                bits = unit + (ANSWERED_IN_NOISE if lost else UNANSWERED)
             return bits, said.ask(Pending.of(self.offset + candidate.start, adu))
         which = said.answers(adu)
         if candidate.damaged and (which != len(said.pending) - 1 or said.answered):
             return IMPOSSIBLE, said
         if which is None:
+            unit = self._units[adu[0]]
             if lost:
-                return ASKED_IN_NOISE, said
-            return (UNASKED if said.answered else CONTRARY), said
+                return ASKED_IN_NOISE + unit, said
+            return (UNASKED if said.answered else CONTRARY) + unit, said
         bits = FITS_EXCEPTION if adu[1] & 0x80 else FITS if said.pending[which].expects.marks else FITS_BARE
         if said.answered or which != len(said.pending) - 1:
             bits += LATE

@@ -28,6 +28,7 @@ TURNS: Final = len(_EDGES) + 2  # two more classes: the log says that the direct
 CLASSES: Final = TURNS + 2
 _CERTAIN: Final = 12.0  # bits: more than this no silence proves
 _TELLING: Final = 8.0  # bits: nor does it tell requests from responses better than this
+_UNIT: Final = 4.0  # bits: a unit that is or isn't on this bus
 _FIRST_CHECKPOINT: Final = 256
 _LAST_STEP: Final = 1 << 16
 _MEMORY: Final = 1e6  # bytes: beyond it old counts fade, since taps are re-plugged and settings change
@@ -92,6 +93,7 @@ class Trust:
         self._starts = [counts.copy() for counts in _FIRST]
         self._inside = _prior(0.83, 0.15, 0.015, 0.005, 60.0)
         self._inside[TURNS:] = 0.05
+        self._units = np.full(256, 0.5)
         self._frames = 64.0
         self._glitches = 0.5
         self.checkpoint = 0
@@ -101,6 +103,11 @@ class Trust:
     def evidence(self) -> list[list[float]]:
         """Bits, by Turn and class, that a frame starts after such a silence."""
         return self._tables
+
+    @property
+    def unit_bits(self) -> list[float]:
+        """Bits, by unit, that a frame is from or for it: few units are on a bus, and the same ones again and again."""
+        return self._unit_bits
 
     @property
     def glitch_cost(self) -> float:
@@ -113,6 +120,7 @@ class Trust:
         starts: NDArray[np.intp],
         ends: NDArray[np.intp],
         turns: NDArray[np.uint8],
+        units: NDArray[np.uint8],
         glitches: NDArray[np.intp],
         offset: int,
         upto: int,
@@ -126,11 +134,12 @@ class Trust:
         if checkpoint > self.checkpoint:
             cut = int(np.searchsorted(ends, checkpoint - offset, side="right"))
             early = int(np.searchsorted(glitches, checkpoint - offset, side="right"))
-            self._count(classes, starts[:cut], ends[:cut], turns[:cut], early)
+            self._count(classes, starts[:cut], ends[:cut], turns[:cut], units[:cut], early)
             self.checkpoint = checkpoint
             self._refresh()
-            starts, ends, turns, glitches = starts[cut:], ends[cut:], turns[cut:], glitches[early:]
-        self._count(classes, starts, ends, turns, len(glitches))
+            starts, ends, turns, units = starts[cut:], ends[cut:], turns[cut:], units[cut:]
+            glitches = glitches[early:]
+        self._count(classes, starts, ends, turns, units, len(glitches))
 
     def _count(
         self,
@@ -138,12 +147,14 @@ class Trust:
         starts: NDArray[np.intp],
         ends: NDArray[np.intp],
         turns: NDArray[np.uint8],
+        units: NDArray[np.uint8],
         glitches: int,
     ) -> None:
         self._glitches += glitches
         if not len(starts):
             return
         self._frames += len(starts)
+        self._units += np.bincount(units, minlength=256)
         at_start = classes.take(starts)
         for turn in Turn:
             self._starts[turn] += np.bincount(at_start[turns == turn], minlength=CLASSES)
@@ -158,6 +169,8 @@ class Trust:
         starts = np.clip(np.log2(either / _smooth(self._inside)), -_CERTAIN, _CERTAIN)
         tells = [np.clip(np.log2(_smooth(counts) / either), -_TELLING, _TELLING) for counts in self._starts]
         self._tables = [(starts + tell).tolist() for tell in tells]
+        share = self._units / self._units.sum()
+        self._unit_bits = np.clip(np.log2(share * 256), -_UNIT, _UNIT).tolist()
         self._glitch_cost = min(_CERTAIN, max(1.0, -math.log2(self._glitches / self._frames)))
         if self._inside.sum() > _MEMORY:
             self._inside *= 0.5
