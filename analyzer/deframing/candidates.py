@@ -12,15 +12,15 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
-
 from dissectors.lengths import Role
+from numpy.typing import NDArray
 
 from .prefix import Windows
 from .rules import MAX_ADU, MIN_ADU, OVERHEAD, Bytes, Index, RoleTables, field, tables
 
 CRC_BITS: Final = 16.0
 KNOWN_BITS: Final = 3.0  # one of the 20-odd functions in use, of 256
+ZERO_BITS: Final = -8.0  # 1 in 256 check values ends in 00
 BROKEN_LIMIT: Final = -6.0  # a limit of the specification that real frames do break now and then
 
 
@@ -53,7 +53,24 @@ def search(data: Bytes, crc: Windows) -> Candidates:
         bits.append(structure)
     start, end, role_of = np.concatenate(starts), np.concatenate(ends), np.concatenate(roles)
     order = np.lexsort((role_of, end, start))
-    return Candidates(start[order], end[order], role_of[order], np.concatenate(bits)[order])
+    structure = np.concatenate(bits)[order]
+    start, end = start[order], end[order]
+    structure[1:] += _zeros(data, start, end)
+    return Candidates(start, end, role_of[order], structure)
+
+
+def _zeros(data: Bytes, start: Index, end: Index) -> NDArray[np.float32]:
+    """Bits that candidates, but for the first, lose to a shorter one before them, behind which they hold only zeros.
+
+    Zeros behind a right CRC leave it right, so it proves nothing that the shorter one's does not.
+    """
+    more = np.where(start[1:] == start[:-1], end[1:] - end[:-1], 0)
+    some = np.flatnonzero((more > 0) & (more <= 4))
+    lost = np.zeros(len(more), np.float32)
+    for i in some.tolist():
+        if not data[end[i] : end[i + 1]].any():
+            lost[i] = ZERO_BITS * more[i]
+    return lost
 
 
 def _checking(data: Bytes, crc: Windows, rules: RoleTables) -> tuple[Index, Index]:
@@ -89,9 +106,7 @@ def _checking(data: Bytes, crc: Windows, rules: RoleTables) -> tuple[Index, Inde
     return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
 
 
-def _weigh(
-    data: Bytes, start: Index, end: Index, rules: RoleTables
-) -> tuple[Index, Index, NDArray[np.float32]]:
+def _weigh(data: Bytes, start: Index, end: Index, rules: RoleTables) -> tuple[Index, Index, NDArray[np.float32]]:
     """Drop what breaks a hard check; give the rest its structural bits."""
     structure = np.full(len(start), KNOWN_BITS, np.float32)
     keep = np.ones(len(start), np.bool_)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from dissectors.lengths import Role
 
@@ -35,21 +35,34 @@ class Event:
     plausible: bool = True  # that gap, or the lack of one, does not speak against a frame's end
 
 
-def decide(lattice: Lattice, data: bytes, events: Sequence[Event], idle_bits: float) -> list[Step]:
-    """The steps that are now certain, from the lattice's position 0; none if more has to be known."""
+class Decision(NamedTuple):
+    """Certain steps from the lattice's position 0 on, and the paths that theirs beat where they ended."""
+
+    steps: list[Step]
+    rivals: list[tuple[float, Step | None]]  # (bits behind, last step)
+
+
+UNDECIDED: Final = Decision([], [])
+
+
+def decide(lattice: Lattice, data: bytes, events: Sequence[Event], idle_bits: float) -> Decision:
+    """What is now certain; `UNDECIDED` if more has to be known."""
     for event in events:
         lattice.advance(event.position)
         if event.cut:
-            return lattice.steps()
+            return settled(lattice)
         if not event.idle and not _enough(lattice, event):
             continue
         steps = lattice.steps()
         frames = [s for s in steps if s.candidate is not None and not s.candidate.damaged]
-        if not frames:
-            continue
-        if not _awaited(data, frames, steps, event, lattice, idle_bits):
-            return steps[: steps.index(frames[-1]) + 1]
-    return []
+        if frames and not _awaited(data, frames, steps, event, lattice, idle_bits):
+            return Decision(steps[: steps.index(frames[-1]) + 1], lattice.rivals())
+    return UNDECIDED
+
+
+def settled(lattice: Lattice) -> Decision:
+    """The best path as it stands: nothing can change it any more."""
+    return Decision(lattice.steps(), lattice.rivals())
 
 
 def _enough(lattice: Lattice, event: Event) -> bool:
@@ -83,14 +96,18 @@ def _awaited(
                 if found > before.start:
                     score -= NOISE_BEGINS + NOISE_BYTE * (found - before.start)
                 score += CRC_BITS + _KNOWN_BITS + FITS + lattice.silence(found) - (idle_bits if event.idle else 0.0)
-                score += sum(max(0.0, CRC_BITS + f.candidate.structure - EMBEDDED) for f in frames if f.start > found and f.candidate)
+                score += sum(
+                    max(0.0, CRC_BITS + f.candidate.structure - EMBEDDED)
+                    for f in frames
+                    if f.start > found and f.candidate
+                )
                 if score > best:
                     return True
             found = data.find(header, found + 1, position)
     return False
 
 
-def forced(lattice: Lattice, position: int) -> list[Step]:
+def forced(lattice: Lattice, position: int) -> Decision:
     """The best path's steps well before `position`: what waited too long is decided as it stands."""
     lattice.advance(position)
     limit = position - 2 * MAX_ADU
@@ -101,37 +118,38 @@ def forced(lattice: Lattice, position: int) -> list[Step]:
                 steps.append(Step(step.start, limit, None, step.before, step.score, step.said))
             break
         steps.append(step)
-    return steps
+    return Decision(steps, lattice.rivals())
 
 
-def margins(steps: Sequence[Step]) -> list[tuple[float, Step | None]]:
+def margins(decision: Decision) -> list[tuple[float, Step | None]]:
     """For each step, by how much its path beat the best path without it, and what that path had there.
 
-    Where two paths met, the winner's frames since they parted are as sure as the difference (soft-output Viterbi).
+    Where two paths met, the winner's steps since they parted are as sure as the difference (soft-output Viterbi).
     """
-    margin = [(float("inf"), None)] * len(steps)  # type: list[tuple[float, Step | None]]
-    index = {id(step): i for i, step in enumerate(steps)}
-    place = {(s.start, s.end, s.candidate.role if s.candidate else -1): i for i, s in enumerate(steps)}
-    for at, step in enumerate(steps):
-        for difference, loser in step.losers:
-            shared: set[int] = set()
-            pieces: list[Step] = []
-            while loser is not None:
-                i = index.get(id(loser))
-                if i is not None:
-                    shared.update(range(i + 1))
-                    break
-                key = (loser.start, loser.end, loser.candidate.role if loser.candidate else -1)
-                if key in place:
-                    shared.add(place[key])
-                else:
-                    pieces.append(loser)
-                loser = loser.before
-            for i in range(at):
-                if i not in shared and difference < margin[i][0]:
-                    mine = steps[i]
-                    rival = next((p for p in pieces if p.start < mine.end and p.end > mine.start), None)
-                    margin[i] = (difference, rival)
+    steps = decision.steps
+    margin: list[tuple[float, Step | None]] = [(float("inf"), None)] * len(steps)
+    index = {_key(step): i for i, step in enumerate(steps)}
+    beaten = [(at, *rival) for at, step in enumerate(steps) for rival in step.losers]
+    beaten += [(len(steps), *rival) for rival in decision.rivals]
+    for at, difference, loser in beaten:
+        shared: set[int] = set()
+        pieces: list[Step] = []
+        while loser is not None:
+            i = index.get(_key(loser))
+            if i is None:
+                pieces.append(loser)
+            elif steps[i] is loser:
+                shared.update(range(i + 1))
+                break
+            else:
+                shared.add(i)
+            loser = loser.before
+        for i in range(at):
+            if i not in shared and difference < margin[i][0]:
+                mine = steps[i]
+                margin[i] = (difference, next((p for p in pieces if p.start < mine.end and p.end > mine.start), None))
     return margin
 
 
+def _key(step: Step) -> tuple[int, int, int]:
+    return step.start, step.end, step.candidate.role if step.candidate else -1

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
-
 from dissectors.lengths import Asked, Echo, relations
+from numpy.typing import NDArray
 
 from .rules import Bytes, Index, Mask, asked_bytes, field
 

@@ -12,17 +12,16 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-
 from dissectors.lengths import Role
+from numpy.typing import NDArray
 
 from ..frames import EVIDENCE, Kind, Rows
 from .candidates import Candidates, search
-from .contest import WINDOWS, Event, decide, forced, margins
+from .contest import WINDOWS, Decision, Event, decide, forced, margins, settled
 from .damaged import damaged_answers
-from .lattice import CRC_BITS, GLITCH_RUN, GLITCHES, NOISE_BEGINS, Candidate, Lattice, Pending, Said, Step
+from .lattice import CRC_BITS, GLITCH_RUN, GLITCHES, NOISE_BEGINS, Candidate, Lattice, Pending, Said
 from .places import SILENT, places
-from .prefix import Windows, windows
+from .prefix import windows
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index
 from .runs import Runs, Stretch, plain_roles, runs_of
 from .silence import Trust, Turn, classes_of, next_checkpoint
@@ -189,7 +188,10 @@ class Engine:
         self._commit(start + begin, end + begin, role, np.ones(count, np.bool_), why)
         first = int(np.searchsorted(start, end[-1] - _REACH))
         said = Said() if first else self._said
-        self._behind = said, _Run(self.tape.data, self.tape.base, start[first:] + begin, end[first:] + begin, role[first:])
+        self._behind = (
+            said,
+            _Run(self.tape.data, self.tape.base, start[first:] + begin, end[first:] + begin, role[first:]),
+        )
         return int(end[-1])
 
     @property
@@ -233,17 +235,16 @@ class Engine:
         for window in WINDOWS:
             limit = min(n, at + window)
             whole = limit == n
-            steps = self._explain(stretch, at, limit, quiet=quiet and whole, final=final and whole)
-            if steps or whole:
+            decision = self._explain(stretch, at, limit, quiet=quiet and whole, final=final and whole)
+            if decision.steps or whole:
                 break
-        if not steps:
+        if not decision.steps:
             return at
-        origin = stretch.begin + at
-        self._steps(steps, origin)
-        self._said = steps[-1].said
-        return at + steps[-1].end
+        self._steps(decision, stretch.begin + at)
+        self._said = decision.steps[-1].said
+        return at + decision.steps[-1].end
 
-    def _explain(self, stretch: Stretch, at: int, limit: int, *, quiet: bool, final: bool) -> list[Step]:
+    def _explain(self, stretch: Stretch, at: int, limit: int, *, quiet: bool, final: bool) -> Decision:
         """The certain steps in [at, limit): by declared candidates, and where those leave noise by all that there are.
 
         `quiet`: the line was quiet at `limit`; `final`: nothing comes after it.
@@ -255,28 +256,29 @@ class Engine:
         candidates = stretch.candidates(at, limit)
         idle_bits = max(0.0, self.trust.evidence[Turn.REQUEST][self._idle_class])
 
-        def steps_of(candidates: list[Candidate], *, force: bool) -> list[Step]:
+        def decided(candidates: list[Candidate], *, force: bool) -> Decision:
             lattice = Lattice(data, tape.base + origin, classes, self.trust, candidates, self._said)
-            events = self._events(origin, len(data), candidates, classes, quiet=quiet)
-            steps = decide(lattice, data, events, idle_bits)
-            if not steps and final:
+            decision = decide(
+                lattice, data, self._events(origin, len(data), candidates, classes, quiet=quiet), idle_bits
+            )
+            if decision.steps:
+                return decision
+            if final:
                 lattice.advance(len(data))
-                return lattice.steps()
-            if not steps and force:
-                return forced(lattice, len(data))
-            return steps
+                return settled(lattice)
+            return forced(lattice, len(data)) if force else decision
 
-        steps = steps_of(candidates, force=False)
-        if steps and all(s.candidate is not None for s in steps):
-            return steps
+        decision = decided(candidates, force=False)
+        if decision.steps and all(s.candidate is not None for s in decision.steps):
+            return decision
         closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self.options.idle_ns)) > 0
         spots = places(data, classes, candidates, closed=closed)
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
         more += damaged_answers(data, tape.base + origin, spots, candidates, self._said.pending)
-        if not more and (steps or len(data) < WINDOWS[-1]):
-            return steps
+        if not more and (decision.steps or len(data) < WINDOWS[-1]):
+            return decision
         candidates = sorted(candidates + more, key=lambda c: (c.start, c.end, c.role))
-        return steps_of(candidates, force=len(data) == WINDOWS[-1])
+        return decided(candidates, force=len(data) == WINDOWS[-1])
 
     def _events(
         self, origin: int, size: int, candidates: list[Candidate], classes: list[int], *, quiet: bool
@@ -297,14 +299,15 @@ class Engine:
             events.append(Event(p, p in idle, p in cut, p in idle or silent, not (inner and against[classes[p]])))
         return [event for event in events if event.position > 0]
 
-    def _steps(self, steps: list[Step], origin: int) -> None:
+    def _steps(self, decision: Decision, origin: int) -> None:
         """Commit steps of the lattice."""
+        steps = decision.steps
         base = self.tape.base + origin
         start = np.array([s.start for s in steps], np.intp)
         end = np.array([s.end for s in steps], np.intp)
         role = np.array([s.candidate.role if s.candidate else NOISE for s in steps], np.uint8)
         why = _evidence(len(steps))
-        for row, step, (margin, other) in zip(why, steps, margins(steps), strict=True):
+        for row, step, (margin, other) in zip(why, steps, margins(decision), strict=True):
             row["margin"] = min(margin, _SURE)
             row["silence"], row["conversation"] = step.silence, step.conversation
             if step.candidate is not None:
@@ -382,5 +385,8 @@ def _evidence(n: int) -> Rows:
 
 
 _NOTHING: Final = Pieces(
-    *(np.empty(0, t) for t in (np.int64, np.int64, np.uint8, np.bool_, np.int64, np.int64, np.int64, np.int64, EVIDENCE))
+    *(
+        np.empty(0, t)
+        for t in (np.int64, np.int64, np.uint8, np.bool_, np.int64, np.int64, np.int64, np.int64, EVIDENCE)
+    )
 )

@@ -41,9 +41,9 @@ UNASKED = -14.0  # nothing was pending
 ANSWERED_IN_NOISE = -1.0
 ASKED_IN_NOISE = -9.0  # nothing was, but what was noise may have been the request
 CONTRARY = -24.0  # something else was pending
-UNANSWERED = -4.0  # a request while another is pending
-RETRY = 17.0  # the very bytes of the pending request again: not by chance, but rarer than an answer
-REPEATED = 16.0  # the very bytes of the request that was just answered
+HALF = 1.0  # of the requests that nobody answers, half are asked again, half are given up
+REPEATED = -5.0  # a request that was just answered, once more
+KNOWN = 3.0  # bits of a function that its structure counts already
 IMPOSSIBLE = -1000.0
 EMBEDDED = 3.0  # a whole frame inside a payload
 AFTER_NOISE = -2.0
@@ -151,6 +151,7 @@ class Lattice:
         self._trust = trust.evidence
         self._glitch_cost = trust.glitch_cost
         self._units = trust.unit_bits
+        self._unanswered = trust.unanswered_bits + HALF
         self._before = said
         self._waiting = list(reversed(candidates))
         self._all = candidates
@@ -238,12 +239,13 @@ class Lattice:
         """
         if candidate.role == Role.REQUEST:
             unit = self._units[adu[0]]
-            if said.last == adu:
-                bits = REPEATED if said.answered else RETRY
+            if said.last == adu:  # its very bytes, as many as they are: not by chance
+                same = min(FITS, 8.0 * (len(adu) - 2) - KNOWN)
+                bits = same + (REPEATED if said.answered else self._unanswered)
             elif said.answered:
                 bits = unit
             else:
-                bits = unit + (ANSWERED_IN_NOISE if lost else UNANSWERED)
+                bits = unit + (ANSWERED_IN_NOISE if lost else self._unanswered)
             return bits, said.ask(Pending.of(self.offset + candidate.start, adu))
         which = said.answers(adu)
         if candidate.damaged and (which != len(said.pending) - 1 or said.answered):
@@ -286,6 +288,11 @@ class Lattice:
         """By how much the best path leads the next one, bits."""
         scores = sorted((p.score for p in self.paths), reverse=True)
         return scores[0] - scores[1] if len(scores) > 1 else float("inf")
+
+    def rivals(self) -> list[tuple[float, Step | None]]:
+        """The paths that the best one beats here: by how many bits, and their last steps."""
+        best = self.best
+        return best.losers + [(best.score - p.score, p.tip) for p in self.paths if p is not best]
 
     def open_after(self, frames: Sequence[Step]) -> tuple[Pending, ...]:
         """The requests that no whole frame among these has answered; a damaged answer may yet turn out not to be one."""

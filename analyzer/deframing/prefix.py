@@ -88,8 +88,6 @@ def windows(data: NDArray[np.uint8]) -> Windows:
         steps ^= tables.odd.take(piece)
         steps[0] ^= tails[begin]
         np.bitwise_xor.accumulate(steps, out=tails[begin + 1 : begin + n + 1])
-        np.bitwise_xor(
-            tails[begin : begin + n], tables.initial[phase : phase + n], out=heads[begin : begin + n]
-        )
+        np.bitwise_xor(tails[begin : begin + n], tables.initial[phase : phase + n], out=heads[begin : begin + n])
     heads[-1] = tails[-1] ^ tables.initial[len(data) % PERIOD]
     return Windows(heads, tails)

@@ -13,9 +13,8 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
-
 from dissectors.lengths import RULES, Bound, Choice, Multiple, Role, Rule, Sized, revision
+from numpy.typing import NDArray
 
 Bytes = NDArray[np.uint8]
 Index = NDArray[np.intp]

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-
 from dissectors.lengths import Role
+from numpy.typing import NDArray
 
 from .candidates import Candidates
 from .conversation import fitting
@@ -103,7 +102,9 @@ def plain_roles(
         return role
     n = len(start)
     pairs = np.flatnonzero(either[:-1] | either[1:])
-    pairs = pairs[(either[pairs] | (role[pairs] == Role.REQUEST)) & (either[pairs + 1] | (role[pairs + 1] == Role.RESPONSE))]
+    pairs = pairs[
+        (either[pairs] | (role[pairs] == Role.REQUEST)) & (either[pairs + 1] | (role[pairs + 1] == Role.RESPONSE))
+    ]
     answered_next = np.zeros(n + 1, np.bool_)  # at k: frame k + 1 may answer frame k
     answered_next[pairs] = fitting(data, start[pairs], start[pairs + 1])
     first, second = answered_next[:n].copy(), np.zeros(n, np.bool_)  # of two that belong together and to no third

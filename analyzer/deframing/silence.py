@@ -28,6 +28,7 @@ TURNS: Final = len(_EDGES) + 2  # two more classes: the log says that the direct
 CLASSES: Final = TURNS + 2
 _CERTAIN: Final = 12.0  # bits: more than this no silence proves
 _TELLING: Final = 8.0  # bits: nor does it tell requests from responses better than this
+_UNANSWERED: Final = -8.0  # bits: at the most, for a request that nobody answers
 _UNIT: Final = 4.0  # bits: a unit that is or isn't on this bus
 _FIRST_CHECKPOINT: Final = 256
 _LAST_STEP: Final = 1 << 16
@@ -94,6 +95,7 @@ class Trust:
         self._inside = _prior(0.83, 0.15, 0.015, 0.005, 60.0)
         self._inside[TURNS:] = 0.05
         self._units = np.full(256, 0.5)
+        self._requests, self._again = 16.0, 0.5
         self._frames = 64.0
         self._glitches = 0.5
         self.checkpoint = 0
@@ -108,6 +110,11 @@ class Trust:
     def unit_bits(self) -> list[float]:
         """Bits, by unit, that a frame is from or for it: few units are on a bus, and the same ones again and again."""
         return self._unit_bits
+
+    @property
+    def unanswered_bits(self) -> float:
+        """Bits that a request without an answer costs: less on a bus where that is common."""
+        return self._unanswered_bits
 
     @property
     def glitch_cost(self) -> float:
@@ -154,6 +161,8 @@ class Trust:
         if not len(starts):
             return
         self._frames += len(starts)
+        self._requests += int((turns != Turn.RESPONSE).sum())
+        self._again += int((turns == Turn.AGAIN).sum())
         self._units += np.bincount(units, minlength=256)
         at_start = classes.take(starts)
         for turn in Turn:
@@ -169,6 +178,7 @@ class Trust:
         starts = np.clip(np.log2(either / _smooth(self._inside)), -_CERTAIN, _CERTAIN)
         tells = [np.clip(np.log2(_smooth(counts) / either), -_TELLING, _TELLING) for counts in self._starts]
         self._tables = [(starts + tell).tolist() for tell in tells]
+        self._unanswered_bits = min(-1.0, max(_UNANSWERED, math.log2(self._again / self._requests)))
         share = self._units / self._units.sum()
         self._unit_bits = np.clip(np.log2(share * 256), -_UNIT, _UNIT).tolist()
         self._glitch_cost = min(_CERTAIN, max(1.0, -math.log2(self._glitches / self._frames)))

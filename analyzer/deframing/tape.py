@@ -121,7 +121,9 @@ class Tape:
         """Forget the first `count` bytes: they are decided."""
         if not count:
             return
-        gone = int(np.searchsorted(self.group, count, side="right")) - 1  # the group that byte `count` lies in, or before
+        gone = (
+            int(np.searchsorted(self.group, count, side="right")) - 1
+        )  # the group that byte `count` lies in, or before
         if count >= len(self.data):
             gone = len(self.group)
         keep_partial = gone < len(self.group) and int(self.group[gone]) < count

@@ -11,10 +11,10 @@ from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
+from dissectors.lengths import Role, rule
 from numpy.typing import NDArray
 
-from dissectors.lengths import Role, rule
-
+from .candidates import ZERO_BITS
 from .lattice import GLITCHES, Candidate
 from .places import Places, next_byte
 from .prefix import Windows
@@ -23,7 +23,6 @@ from .rules import MAX_ADU, MIN_ADU
 _UNHEARD: Final = -8.0  # bits: functions that nobody declared are rare
 _HEARD: Final = 2.0  # this one was on this bus before
 _USER_BITS: Final = 3.0
-_ZERO: Final = 8.0  # bits: 1 in 256 check values ends in 00
 _USER: Final = frozenset((*range(65, 73), *range(100, 111)))  # [1] 5: user-defined function codes
 
 
@@ -72,7 +71,7 @@ def unknown_windows(
             continue
         function = data[begin + 1]
         bits = (_HEARD if function in heard else _UNHEARD) + (_USER_BITS if function in _USER else 0.0)
-        bits -= _ZERO * _zeros(data, begin, end, found)
+        bits += ZERO_BITS * _zeros(data, begin, end, found)
         result += [Candidate(begin, end, role, bits, declared=False) for role in Role if open_length(function, role)]
     return result
 
