@@ -17,7 +17,7 @@ from .candidates import predicted
 from .lattice import CRC_BITS, EMBEDDED, FITS, NOISE_BEGINS, NOISE_BYTE, Lattice, Step
 from .rules import MAX_ADU
 
-WINDOWS: Final = (384, 2048)  # bytes looked at: mostly a few frames do; the second at most waits for a decision
+WINDOWS: Final = (96, 384, 2048)  # bytes looked at: mostly a few frames do; the last at most waits for a decision
 _KNOWN_BITS: Final = 3.0
 _ALONE: Final = 15.0  # bits that frames end to end with silence behind them need
 _AMID: Final = 48.0  # bits that frames need after noise, or with more bytes right behind them

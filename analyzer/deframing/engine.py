@@ -33,7 +33,7 @@ _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE
 _AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
 _SLICE: Final = 1 << 18  # bytes searched at once
-_REACH: Final = 2048  # bytes: further back than a conversation reaches
+_REACH: Final = 1300  # bytes: further back than a conversation reaches
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,15 +77,8 @@ class Engine:
 
     def feed(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8]) -> None:
         """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each."""
-        ends = np.cumsum(sizes)
-        begin = 0
-        while begin < len(sizes):
-            limit = (ends[begin - 1] if begin else 0) + _SLICE
-            upto = max(begin + 1, int(np.searchsorted(ends, limit, side="right")))
-            low, high = (int(ends[begin - 1]) if begin else 0), int(ends[upto - 1])
-            self.tape.append(data[low:high], sizes[begin:upto], times[begin:upto], marks[begin:upto])
-            begin = upto
-            self._work(self.tape.ready, quiet=False, final=False)
+        self.tape.append(data, sizes, times, marks)
+        self._work(self.tape.ready, quiet=False, final=False)
 
     def tick(self, now_ns: int) -> None:
         """The line has been silent up to now."""
@@ -118,16 +111,16 @@ class Engine:
         while begin < ready:
             upto = min(ready, begin + _SLICE + WINDOWS[-1])
             last = upto == ready
-            done = self._slice(begin, upto, quiet=quiet and last, final=final and last)
-            begin += done
+            stop = upto if last else upto - WINDOWS[-1]  # the next slice knows more of what is behind
+            begin += self._slice(begin, upto, stop - begin, quiet=quiet and last, final=final and last)
             if last:
                 break
         if begin:
             self._decided.append(tape.data[:begin])
             tape.drop(begin)
 
-    def _slice(self, begin: int, upto: int, *, quiet: bool, final: bool) -> int:
-        """Decide bytes [begin, upto) of the tape; how many were."""
+    def _slice(self, begin: int, upto: int, stop: int, *, quiet: bool, final: bool) -> int:
+        """Decide bytes [begin, upto) of the tape, as far as `stop` bytes at least; how many were."""
         data = self.tape.data[begin:upto]
         if len(data) < MIN_ADU and not final:
             return 0
@@ -136,7 +129,7 @@ class Engine:
         runs = runs_of(found, len(data) if final else len(data) - MAX_ADU)
         stretch = Stretch(data, begin, crc, found)
         at = 0
-        while at < len(data):
+        while at < stop:
             i = int(np.searchsorted(runs.start, at))
             if i < len(runs.start) and runs.start[i] == at and runs.clean[i]:
                 moved = self._run(stretch, runs, i)
@@ -224,7 +217,7 @@ class Engine:
             return False
         begin, upto = known - tape.base, stretch.begin + len(stretch.data)
         return (
-            upto - stretch.begin - at < WINDOWS[0]
+            upto - stretch.begin - at < WINDOWS[1]
             and not (stretch.found.end + stretch.begin > begin).any()
             and not (tape.classes[begin:upto] >= SILENT).any()
         )
