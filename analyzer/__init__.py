@@ -1,0 +1,64 @@
+"""What happened on the bus: frames, transactions, exports and reports.
+
+    import analyzer
+
+    bus = analyzer.open("bus.jsonl")
+    for frame in bus.frames():
+        print(frame.t_start_ns, frame.summary())
+    rows = bus.rows()                       # the same as a numpy structured array
+    slow = bus.transactions()["response_ns"].max()
+
+Live: `analyzer.Deframer(line)` takes chunks as they come (`feed`, `tick`, `close`) and gives batches of rows.
+Names are loaded when they are first used, so that importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from .version import __version__
+
+if TYPE_CHECKING:
+    from .analysis import Analysis, open
+    from .deframing.engine import Options
+    from .deframing.stream import Deframer
+    from .frames import Batch, Frame
+    from .pipeline import deframe
+    from .transactions import Transactions
+
+_HOMES = {
+    "Analysis": "analysis",
+    "Batch": "frames",
+    "Deframer": "deframing.stream",
+    "Frame": "frames",
+    "Options": "deframing.engine",
+    "Transactions": "transactions",
+    "deframe": "pipeline",
+    "open": "analysis",
+}
+
+__all__ = [
+    "Analysis",
+    "Batch",
+    "Deframer",
+    "Frame",
+    "Options",
+    "Transactions",
+    "__version__",
+    "deframe",
+    "open",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -13,12 +13,12 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
+from dissectors.annotation import Context, Field, annotate, summary
+from dissectors.lengths import Role
 from numpy.typing import NDArray
 
-from dissectors.annotation import Context, Field, annotate, summary
-from dissectors.envelopes import Adu, ascii_adu, rtu
+from dissectors.envelopes import Adu, ascii_adu, ascii_frames, rtu
 from dissectors.functions import function_name
-from dissectors.lengths import Role
 
 
 class Kind(IntEnum):
@@ -247,4 +247,7 @@ class Frame:
 
 
 def _adu(captured: bytes, protocol: int) -> Adu:
-    return ascii_adu(captured) if protocol == Protocol.ASCII else rtu(captured)
+    if protocol != Protocol.ASCII:
+        return rtu(captured)
+    found = ascii_frames(captured)
+    return found[0] if found else ascii_adu(b"")

@@ -6,20 +6,26 @@ from collections.abc import Iterator
 
 from captures.chunks import Capture
 
+from .deframing.ascii import AsciiDeframer, looks_ascii
 from .deframing.engine import Options as Options
 from .deframing.stream import Deframer
 from .frames import Batch
 
 _BLOCK = 1 << 20  # bytes read at once
+_LOOK = 1 << 16  # bytes that tell RTU from ASCII mode
 
 
 def deframe(capture: Capture, options: Options = Options()) -> Iterator[Batch]:  # noqa: B008 - frozen
     """Rows of a whole capture, batch after batch in wire order; memory stays flat whatever its size."""
-    deframer = Deframer(capture.line, options)
+    deframer: Deframer | AsciiDeframer | None = None
     for block in capture.blocks(_BLOCK):
+        if deframer is None:
+            ascii_mode = options.protocol == "ascii" or (
+                options.protocol == "auto" and looks_ascii(block.data[:_LOOK].tobytes())
+            )
+            deframer = (AsciiDeframer if ascii_mode else Deframer)(capture.line, options)
         batch = deframer.feed(block)
         if len(batch):
             yield batch
-    batch = deframer.close()
-    if len(batch):
+    if deframer is not None and len(batch := deframer.close()):
         yield batch

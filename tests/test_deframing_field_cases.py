@@ -22,7 +22,11 @@ def test_the_example_of_the_specification() -> None:
 def test_an_answer_whose_beginning_checks_by_chance_is_one_frame() -> None:
     answer = bytes.fromhex("04031c3fe915180302000102020003180200030b06c6390701010000000000 0dee")
     request = adu("04030000000e")
-    for feed in (untimed(request, answer), spaced([request, answer]), [*spaced([request]), *_bytes(answer, 10**9 + 10**8)]):
+    for feed in (
+        untimed(request, answer),
+        spaced([request, answer]),
+        [*spaced([request]), *_bytes(answer, 10**9 + 10**8)],
+    ):
         assert deframed(feed).good() == [request, answer]
 
 
@@ -86,7 +90,14 @@ def test_payloads_that_look_like_frames_all_over() -> None:
 
 def test_an_unknown_function_is_a_frame_where_its_neighbours_leave_room() -> None:
     request, answer = adu("0141deadbeef"), adu("0141c0ffee00112233")
-    assert deframed(untimed(READ, ANSWER, request, answer, READ, ANSWER)).good() == [READ, ANSWER, request, answer, READ, ANSWER]
+    assert deframed(untimed(READ, ANSWER, request, answer, READ, ANSWER)).good() == [
+        READ,
+        ANSWER,
+        request,
+        answer,
+        READ,
+        ANSWER,
+    ]
 
 
 def test_diagnostics_with_more_than_two_data_bytes() -> None:
@@ -108,7 +119,9 @@ def test_echo_of_a_write_and_a_retry_are_told_apart_by_time() -> None:
     chunks, now = [], 10**9
     truth = []
     for i in range(60):
-        for kind, gap in [("request", 400), ("request", 300), ("response", 5)] if i % 6 == 5 else [("request", 40), ("response", 5)]:
+        for kind, gap in (
+            [("request", 400), ("request", 300), ("response", 5)] if i % 6 == 5 else [("request", 40), ("response", 5)]
+        ):
             now += gap * 1_000_000 + 8 * CHAR_NS
             chunks.append(Chunk(now, write if i % 2 else READ if kind == "request" else ANSWER))
             truth.append(kind)

@@ -12,14 +12,17 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from dissectors.lengths import Role
 from numpy.typing import NDArray
+
+from dissectors.lengths import Role
 
 from .prefix import Windows
 from .rules import MAX_ADU, MIN_ADU, OVERHEAD, Bytes, Index, RoleTables, field, tables
 
 CRC_BITS: Final = 16.0
 KNOWN_BITS: Final = 3.0  # one of the 20-odd functions in use, of 256
+STRANGE_BITS: Final = -3.0  # an exception of a function that nobody has declared
+GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))  # what RS-485 drivers leave on the line when they switch
 ZERO_BITS: Final = -8.0  # 1 in 256 check values ends in 00
 BROKEN_LIMIT: Final = -6.0  # a limit of the specification that real frames do break now and then
 
@@ -108,9 +111,12 @@ def _checking(data: Bytes, crc: Windows, rules: RoleTables) -> tuple[Index, Inde
 
 def _weigh(data: Bytes, start: Index, end: Index, rules: RoleTables) -> tuple[Index, Index, NDArray[np.float32]]:
     """Drop what breaks a hard check; give the rest its structural bits."""
-    structure = np.full(len(start), KNOWN_BITS, np.float32)
-    keep = np.ones(len(start), np.bool_)
     functions = data.take(start + 1)
+    declared = tables(Role.REQUEST).known.take(functions & 0x7F)
+    structure = np.where(declared, np.float32(KNOWN_BITS), np.float32(STRANGE_BITS))
+    keep = np.ones(len(start), np.bool_)
+    for i in np.flatnonzero(functions >= 0xFE).tolist():  # an exception of 7E or 7F, or what drivers leave behind
+        keep[i] = not GLITCHES.issuperset(data[start[i] : end[i]].tobytes())
     for function in np.flatnonzero(np.bincount(functions, minlength=256)).tolist():
         checks = rules.checks[function]
         if checks is None:

@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 
 from dissectors.lengths import Role
 
-from .candidates import predicted
-from .lattice import CRC_BITS, EMBEDDED, FITS, NOISE_BEGINS, NOISE_BYTE, Lattice, Step
+from .candidates import CRC_BITS, predicted
+from .lattice import EMBEDDED, FITS, NOISE_BEGINS, NOISE_BYTE, Lattice, Step
 from .rules import MAX_ADU
 
 WINDOWS: Final = (96, 384, 2048)  # bytes looked at: mostly a few frames do; the last at most waits for a decision

@@ -11,8 +11,8 @@ from typing import Final
 
 from dissectors.lengths import Role
 
-from .candidates import predicted
-from .lattice import GLITCH_RUN, GLITCHES, Candidate, Pending
+from .candidates import GLITCHES, predicted
+from .lattice import GLITCH_RUN, Candidate, Pending
 from .places import Places
 from .rules import MAX_ADU
 

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
-from dissectors.lengths import Role
 from numpy.typing import NDArray
 
+from dissectors.lengths import Role
+
 from ..frames import EVIDENCE, Kind, Rows
-from .candidates import Candidates, search
+from .candidates import CRC_BITS, GLITCHES, Candidates, search
 from .contest import WINDOWS, Decision, Event, decide, forced, margins, settled
 from .damaged import damaged_answers
-from .lattice import CRC_BITS, GLITCH_RUN, GLITCHES, NOISE_BEGINS, Candidate, Lattice, Pending, Said
+from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice, Pending, Said
 from .places import SILENT, places
 from .prefix import windows
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index
@@ -42,7 +43,8 @@ class Options:
 
     idle_ns: int = 50_000_000  # a quiet line: what is whole is reported [5 ms .. 5 s]
     cut_ns: int = 3_000_000_000  # no frame has a hole like this
-    explain: bool = False
+    explain: bool = False  # keep the evidence of each row
+    protocol: Literal["auto", "rtu", "ascii"] = "auto"  # what a line speaks is seen from its first bytes
 
 
 class Pieces(NamedTuple):

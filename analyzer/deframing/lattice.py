@@ -24,14 +24,13 @@ from dataclasses import dataclass, field
 
 from dissectors.lengths import Role
 
+from .candidates import CRC_BITS, GLITCHES
 from .conversation import Expectation, expectation
 from .silence import Trust, Turn
 
-CRC_BITS = 16.0
 NOISE_BEGINS = 9.0
 NOISE_BYTE = 1.2
 GLITCH_BYTE = 0.6
-GLITCHES = frozenset((0x00, 0xFE, 0xFF))
 GLITCH_RUN = 6  # bytes
 FITS = 21.0  # an answer of the right unit, function and count: what its header proves beyond its structure
 FITS_BARE = 13.0  # an answer of which only unit and function are known
@@ -295,7 +294,7 @@ class Lattice:
         return best.losers + [(best.score - p.score, p.tip) for p in self.paths if p is not best]
 
     def open_after(self, frames: Sequence[Step]) -> tuple[Pending, ...]:
-        """The requests that no whole frame among these has answered; a damaged answer may yet turn out not to be one."""
+        """The requests that no whole frame among these has answered; a damaged answer may turn out to be none."""
         said = self._before
         for step in frames:
             adu = self._data[step.start : step.end]

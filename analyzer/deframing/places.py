@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from .lattice import GLITCH_RUN, GLITCHES, Candidate
+from .candidates import GLITCHES
+from .lattice import GLITCH_RUN, Candidate
 
 SILENT: Final = 3  # the silence class from which a gap may part frames: 1 is none, 2 a character's worth of jitter
 

@@ -11,11 +11,13 @@ from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
-from dissectors.lengths import Role, rule
 from numpy.typing import NDArray
 
-from .candidates import ZERO_BITS
-from .lattice import GLITCHES, Candidate
+from dissectors.declaration import USER_DEFINED
+from dissectors.lengths import Role, rule
+
+from .candidates import GLITCHES, ZERO_BITS
+from .lattice import Candidate
 from .places import Places, next_byte
 from .prefix import Windows
 from .rules import MAX_ADU, MIN_ADU
@@ -23,7 +25,6 @@ from .rules import MAX_ADU, MIN_ADU
 _UNHEARD: Final = -8.0  # bits: functions that nobody declared are rare
 _HEARD: Final = 2.0  # this one was on this bus before
 _USER_BITS: Final = 3.0
-_USER: Final = frozenset((*range(65, 73), *range(100, 111)))  # [1] 5: user-defined function codes
 
 
 def open_length(function: int, role: Role) -> bool:
@@ -46,7 +47,7 @@ def unknown_windows(
     """
     n = len(data)
     begins, ends = places.begins, places.ends
-    loose = {i for i in range(n - 1) if data[i + 1] in heard or data[i + 1] in _USER}
+    loose = {i for i in range(n - 1) if data[i + 1] in heard or data[i + 1] in USER_DEFINED}
     taken = {c.start for c in candidates}
     tails = crc.tails[at : at + n + 1]
     found: dict[tuple[int, int], None] = {}
@@ -70,7 +71,7 @@ def unknown_windows(
         if GLITCHES.issuperset(data[begin:end]):
             continue
         function = data[begin + 1]
-        bits = (_HEARD if function in heard else _UNHEARD) + (_USER_BITS if function in _USER else 0.0)
+        bits = (_HEARD if function in heard else _UNHEARD) + (_USER_BITS if function in USER_DEFINED else 0.0)
         bits += ZERO_BITS * _zeros(data, begin, end, found)
         result += [Candidate(begin, end, role, bits, declared=False) for role in Role if open_length(function, role)]
     return result

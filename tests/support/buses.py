@@ -103,7 +103,9 @@ def transactions(draw: st.DrawFn) -> list[bytes]:
         quantity = draw(st.integers(1, 20))
         request = adu(f"{head}{quantity:04x}000000020400010002")
         return [request, adu(f"{unit:02x}17{2 * quantity:02x}" + _data(draw, 2 * quantity))]
-    echo = adu(head + (draw(st.sampled_from(["0000", "ff00"])) if function == 5 else _data(draw, 2 + 2 * (function == 0x16))))
+    echo = adu(
+        head + (draw(st.sampled_from(["0000", "ff00"])) if function == 5 else _data(draw, 2 + 2 * (function == 0x16)))
+    )
     return [echo, echo]
 
 
@@ -136,7 +138,9 @@ def cut(draw: st.DrawFn, data: bytes) -> list[Chunk]:
     chunks, now, at = [], 0, 0
     while at < len(data):
         size = draw(st.sampled_from([1, 1, 2, 5, 8, 30, 62, 300]))
-        now += draw(st.sampled_from([0, 300_000, CHAR_NS, 3_000_000, 16_000_000, 60_000_000, 700_000_000, 4_000_000_000]))
+        now += draw(
+            st.sampled_from([0, 300_000, CHAR_NS, 3_000_000, 16_000_000, 60_000_000, 700_000_000, 4_000_000_000])
+        )
         chunks.append(Chunk(now, data[at : at + size]))
         at += size
     return chunks

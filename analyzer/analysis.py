@@ -1,0 +1,60 @@
+"""The analyzer in a notebook: a capture opened, its frames, its columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from os import PathLike
+
+import numpy as np
+
+import captures
+from captures.chunks import Capture, Damage
+from captures.line import LineSettings
+
+from .frames import ROW, Batch, Frame, Rows
+from .pipeline import Options, deframe
+from .transactions import TRANSACTION, Transactions
+
+
+class Analysis:
+    """What happened on the bus of one capture. Nothing is read until it is asked for; every call reads anew.
+
+    `batches` and `frames` stream in flat memory; `rows` and `transactions` hold the whole capture as one array.
+    """
+
+    def __init__(self, capture: Capture, options: Options = Options()) -> None:  # noqa: B008 - frozen
+        self.capture = capture
+        self.options = options
+
+    @property
+    def line(self) -> LineSettings:
+        """Line settings, as far as the capture knows them."""
+        return self.capture.line
+
+    @property
+    def damage(self) -> list[Damage]:
+        """What the newest pass over the capture could not read, and where."""
+        return self.capture.damage
+
+    def batches(self) -> Iterator[Batch]:
+        """Rows with their bytes, batch after batch in wire order."""
+        return deframe(self.capture, self.options)
+
+    def frames(self) -> Iterator[Frame]:
+        """Every frame, in wire order."""
+        return (frame for batch in self.batches() for frame in batch.frames())
+
+    def rows(self) -> Rows:
+        """All frames and noise as one structured array (dtype `analyzer.frames.ROW`); `at` is of use in a batch only."""
+        return np.concatenate([np.zeros(0, ROW), *(batch.rows for batch in self.batches())])
+
+    def transactions(self) -> Rows:
+        """Requests with their answers as one structured array (dtype `analyzer.transactions.TRANSACTION`)."""
+        open_ones = Transactions()
+        parts = [open_ones.feed(batch) for batch in self.batches()]
+        return np.concatenate([np.zeros(0, TRANSACTION), *parts, open_ones.close()])
+
+
+def open(path: str | PathLike[str], options: Options = Options()) -> Analysis:  # noqa: A001, B008 - as captures.open
+    """Open a capture of any format that `captures` reads; CaptureError says in one line why it can't be."""
+    return Analysis(captures.open(path), options)

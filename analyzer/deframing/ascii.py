@@ -1,0 +1,154 @@
+"""ASCII mode: frames say themselves where they begin and end, so no lattice is needed.
+
+A frame runs from `:` to CR LF ([2] 2.5.2); whatever stands between frames is noise. Direction comes from the
+conversation, as in RTU mode.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from captures.chunks import Block, Chunk
+from captures.line import LineSettings
+from dissectors.envelopes import Adu, ascii_frames
+from dissectors.lengths import Role, pdu_length
+
+from ..frames import ROW, Batch, Kind, Protocol, Rows
+from .conversation import Expectation, expectation
+from .engine import Options
+from .pairing import Pairer
+from .rules import Bytes
+from .stream import character_ns
+from .tape import Tape
+
+_LONGEST: Final = 513 + 4  # characters of a frame ([2] 2.5.2), and some that a fault may have added
+_FRAME: Final = re.compile(rb"[:>][0-9A-Fa-f]{6,%d}(?:\r\n?|\n)" % _LONGEST)
+_ENOUGH: Final = 2  # frames with a right LRC that make a capture one of ASCII mode
+
+
+def looks_ascii(data: bytes) -> bool:
+    """Whether these bytes are ASCII mode: frames with a right LRC, and little else."""
+    good = [adu for adu in ascii_frames(data) if adu.check_ok]
+    return len(good) >= _ENOUGH and 2 * sum(adu.length for adu in good) > len(data)
+
+
+class AsciiDeframer:
+    """The same contract as `stream.Deframer`, for lines in ASCII mode."""
+
+    def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: ARG002, B008 - one contract
+        self._char_ns = character_ns(line)
+        self._tapes: dict[int, Tape] = {}
+        self._pairer = Pairer()
+        self._frames = 0
+        self._asked: Expectation | None = None
+
+    def feed(self, chunks: Chunk | Block | Iterable[Chunk]) -> Batch:
+        """Take captured bytes; give what has become certain."""
+        if isinstance(chunks, Chunk):
+            chunks = (chunks,)
+        block = chunks if isinstance(chunks, Block) else Block.from_chunks(chunks)
+        sizes = np.diff(block.offsets).astype(np.intp)
+        for port in np.flatnonzero(np.bincount(block.port)).tolist():
+            mine = block.port == port
+            tape = self._tapes.setdefault(port, Tape(self._char_ns))
+            tape.append(block.data[np.repeat(mine, sizes)], sizes[mine], block.t_ns[mine], block.mark[mine])
+        return self._take(last=False)
+
+    def tick(self, now_ns: int) -> Batch:
+        """The line has been silent until `now_ns`: nothing to gain, for frames end themselves."""
+        for tape in self._tapes.values():
+            if now_ns > tape.last_time:
+                tape.close()
+        return self._take(last=False)
+
+    def close(self) -> Batch:
+        """No more bytes come; give the rest."""
+        for tape in self._tapes.values():
+            tape.close()
+        return self._take(last=True)
+
+    def _take(self, *, last: bool) -> Batch:
+        parts = [self._rows(port, tape, last=last) for port, tape in sorted(self._tapes.items())]
+        rows = np.concatenate([rows for rows, *_ in parts]) if parts else np.zeros(0, ROW)
+        data = np.concatenate([data for _, data, *_ in parts]) if parts else np.empty(0, np.uint8)
+        decoded = [adu for *_, adus, _, _ in parts for adu in adus]
+        frames = np.flatnonzero(rows["kind"] != Kind.NOISE)
+        rows["at"] = np.cumsum(rows["length"]) - rows["length"]
+        rows["index"][frames] = np.arange(self._frames, self._frames + len(frames))
+        self._frames += len(frames)
+        head = np.concatenate([h for *_, h, _ in parts]) if parts else np.empty(0, np.int64)
+        tail = np.concatenate([t for *_, t in parts]) if parts else np.empty(0, np.int64)
+        return Batch(rows, data, self._pair(rows, frames, decoded, head, tail))
+
+    def _pair(
+        self, rows: Rows, frames: NDArray[np.intp], adus: list[Adu], head: NDArray[np.int64], tail: NDArray[np.int64]
+    ) -> dict[int, bytes]:
+        """Pair by the decoded bytes: the frames' rows as they would be without their envelope."""
+        plain = rows[frames]
+        plain["length"] = [len(adu.data) for adu in adus]
+        plain["at"] = np.cumsum(plain["length"]) - plain["length"]
+        data = np.frombuffer(b"".join(adu.data for adu in adus), np.uint8)
+        earlier = self._pairer.pair(plain, data, head[frames], tail[frames])
+        for name in ("request", "request_start", "response_ns"):
+            rows[name][frames] = plain[name]
+        return {index: b":" + request.hex().upper().encode() + b"\r\n" for index, request in earlier.items()}
+
+    def _rows(
+        self, port: int, tape: Tape, *, last: bool
+    ) -> tuple[Rows, Bytes, list[Adu], NDArray[np.int64], NDArray[np.int64]]:
+        """Rows of what is certain on one port, its bytes, the frames decoded, and the reads they came in."""
+        ready = tape.ready
+        text = (tape.data[:ready] & 0x7F).tobytes()
+        pieces: list[tuple[int, int, Adu | None]] = []
+        done = 0
+        for match in _FRAME.finditer(text):
+            begin, end = match.span()
+            if begin > done:
+                pieces.append((done, begin, None))
+            pieces.append((begin, end, ascii_frames(match[0])[0]))
+            done = end
+        rest = ready if last else max(done, ready - _LONGEST)
+        if last or text.find(b":", done) < 0:
+            rest = ready
+        elif (start := text.find(b":", done)) > done and start >= ready - _LONGEST:
+            rest = start
+        if rest > done:
+            pieces.append((done, rest, None))
+        start = np.array([p[0] for p in pieces], np.intp)
+        end = np.array([p[1] for p in pieces], np.intp)
+        rows = np.zeros(len(pieces), ROW)
+        rows["start"], rows["length"], rows["port"] = start + tape.base, end - start, port
+        rows["index"] = rows["request"] = rows["request_start"] = rows["response_ns"] = -1
+        rows["protocol"] = Protocol.ASCII
+        head = tail = np.empty(0, np.int64)
+        if pieces:
+            rows["t_start"], rows["t_end"] = tape.spans(start, end)
+            head, tail = tape.reads(start, end)
+        rows["confidence"] = 1.0
+        adus = []
+        for row, (_, _, adu) in zip(rows, pieces, strict=True):
+            if adu is not None:
+                self._describe(row, adu)
+                adus.append(adu)
+        data = tape.data[:rest].copy() if pieces else np.empty(0, np.uint8)
+        tape.drop(len(data))
+        return rows, data, adus, head, tail
+
+    def _describe(self, row: np.void, adu: Adu) -> None:
+        function = adu.pdu[0]
+        fits = [role for role in Role if pdu_length(adu.pdu, role) == len(adu.pdu)]
+        answers = self._asked is not None and self._asked.fits(adu.data)
+        role = fits[0] if len(fits) == 1 else Role.RESPONSE if answers or function & 0x80 else Role.REQUEST
+        row["kind"] = Kind.REQUEST if role is Role.REQUEST else Kind.RESPONSE
+        row["unit"], row["function"], row["check"] = adu.unit, function & 0x7F, bool(adu.check_ok)
+        if function & 0x80 and len(adu.pdu) > 1:
+            row["exception"] = adu.pdu[1]
+        if role is Role.REQUEST and adu.check_ok and len(adu.data) > len(adu.pdu):
+            self._asked = expectation(adu.data)
+        elif role is Role.RESPONSE:
+            self._asked = None
