@@ -1,0 +1,49 @@
+"""A simulated bus: plausible conversations, a faulty wire, a tap that tells the time badly, and the truth about it all.
+
+    made = simulate(Scenario(wire="noisy", tap="irq", seed=7))
+    made.chunks     # what a tap would have delivered
+    made.truth      # every frame that was sent, and what became of it
+
+One idea a file: `devices` answer, `conversation` asks them, `hostile` makes payloads that fool a CRC scan, `line` puts
+the bytes into time, `faults` spoil them as often as `wires` say, `taps` cut what is left into chunks, `truth` says what
+was where. The same scenario gives the same bytes wherever `random.Random` does.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from analyzer.simulation.bus import Simulation, simulate, write
+    from analyzer.simulation.scenario import Scenario
+    from analyzer.simulation.taps import TAPS, Tap
+    from analyzer.simulation.truth import TruthFrame
+    from analyzer.simulation.wires import WIRES, Wire
+
+_HOMES = {
+    "TAPS": "taps",
+    "WIRES": "wires",
+    "Scenario": "scenario",
+    "Simulation": "bus",
+    "Tap": "taps",
+    "TruthFrame": "truth",
+    "Wire": "wires",
+    "simulate": "bus",
+    "write": "bus",
+}
+
+__all__ = ["TAPS", "WIRES", "Scenario", "Simulation", "Tap", "TruthFrame", "Wire", "simulate", "write"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,168 @@
+"""The bus in time: exchanges become bytes on the wire, each with the end of its stop bit, and faults happen to them.
+
+Every byte is here once, in order, and a frame knows where its bytes stand. Times are ns since the capture began.
+
+    request, answer       3.5 characters of silence at least before either
+    no answer             the client waits 200 to 220 ms, then asks again or goes on
+    late answer           the answer comes while the client waits for that to its next request
+    broadcast             nobody answers; the client waits 100 to 200 ms
+    glitch                a driver is switched: 00, FF, FE about a character away from a frame
+    stray                 noise between two exchanges
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass
+from random import Random
+
+from analyzer.simulation.conversation import Client, Exchange
+from analyzer.simulation.faults import FAULTS
+from analyzer.simulation.truth import TruthFrame
+from analyzer.simulation.wires import Wire
+
+MS = 1e6  # ns
+_START_NS = 100 * MS
+_TIMEOUT_NS = 200 * MS
+_T35 = 3.5  # characters
+_LONGEST_HOLE_NS = 25 * MS
+_SHORTEST_HOLE = 1.6  # characters
+_HOLE_SHARE = 0.16  # of the places between bytes of a frame with holes
+_GLITCH_BYTES = (0x00, 0x00, 0x00, 0xFF, 0xFE)
+_GLITCH_BEFORE, _GLITCH_AFTER = (1, 1, 2), (1, 1, 2, 4)  # bytes
+_GLITCH_GAP = 0.6  # characters
+
+
+@dataclass(frozen=True, slots=True)
+class WireBytes:
+    """What passed on the wire: bytes, the end of each one's stop bit (ns), and the frames that they belong to."""
+
+    data: bytes
+    times: array[float]
+    frames: tuple[TruthFrame, ...]
+
+
+def play(client: Client, wire: Wire, random: Random, transactions: int, character_ns: float) -> WireBytes:
+    """`transactions` requests, repeated ones included, and what came of each."""
+    line = _Line(wire, random, character_ns)
+    line.run(client, transactions)
+    return WireBytes(bytes(line.data), line.times, tuple(line.frames))
+
+
+class _Line:
+    def __init__(self, wire: Wire, random: Random, character_ns: float) -> None:
+        self.data = bytearray()
+        self.times = array("d")
+        self.frames: list[TruthFrame] = []
+        self._wire = wire
+        self._random = random
+        self._character = character_ns
+        self._now = _START_NS
+        self._request_faults = ((wire.flip, "flip"), (wire.drop, "drop"))
+        self._response_faults = (*self._request_faults, (wire.truncate, "trunc"), (wire.collide, "collide"))
+
+    def run(self, client: Client, transactions: int) -> None:
+        random, wire = self._random, self._wire
+        again: Exchange | None = None
+        left = transactions
+        while left:
+            left -= 1
+            if again is None and random.random() < wire.stray:
+                self._stray()
+            exchange = again or client.exchange()
+            again = None
+            request = self._frame("request", exchange.request, None)
+            if exchange.response is None:
+                self._now += random.uniform(100, 200) * MS
+            elif not request.intact or random.random() < wire.silent:
+                self._now += _TIMEOUT_NS + random.uniform(0, 20) * MS
+                again = exchange if random.random() < 0.5 else None
+            elif left and random.random() < wire.late:
+                left -= 1
+                self._late(client, exchange.response, request.id)
+            else:
+                self._now += max(exchange.response_ns * random.uniform(0.8, 1.2), _T35 * self._character)
+                self._frame("response", exchange.response, request.id)
+                self._now += _T35 * self._character + self._pause()
+
+    def _pause(self) -> float:
+        """What a client waits beyond the silence that the specification asks for."""
+        kind = self._random.randrange(3)
+        if kind == 0:
+            return 0.5 * MS
+        return self._random.uniform(1, 9) * MS if kind == 1 else self._random.uniform(9, 100) * MS
+
+    def _late(self, client: Client, response: bytes, request: int) -> None:
+        """The answer comes after the next request, which gets none of its own."""
+        self._now += _TIMEOUT_NS
+        self._frame("request", client.exchange().request, None)
+        self._now += _T35 * self._character + self._random.uniform(1, 4) * MS
+        self._frame("response", response, request)
+        self._now += _TIMEOUT_NS
+
+    def _frame(self, direction: str, sent: bytes, pair: int | None) -> TruthFrame:
+        random, wire = self._random, self._wire
+        if wire.glitch and random.random() < wire.glitch:
+            self._glitch(random.choice(_GLITCH_BEFORE))
+            self._now += random.uniform(0, 2 * _GLITCH_GAP) * self._character
+        fault = self._fault(self._request_faults if pair is None else self._response_faults)
+        start = len(self.data)
+        if wire.slow and random.random() < wire.slow:
+            self._send_spoilt(FAULTS[fault](random, sent) if fault else sent, _HOLE_SHARE)
+        elif fault:
+            self._send_spoilt(FAULTS[fault](random, sent), 0)
+        else:
+            self._send(sent)
+        frame = TruthFrame(
+            id=len(self.frames),
+            direction=direction,
+            unit=sent[0],
+            function=sent[1] & 0x7F,
+            adu=sent,
+            pair=pair,
+            start=start,
+            length=len(self.data) - start,
+            fault=fault,
+        )
+        self.frames.append(frame)
+        if wire.glitch and random.random() < wire.glitch:
+            self._now += random.uniform(0, _GLITCH_GAP) * self._character
+            self._glitch(random.choice(_GLITCH_AFTER))
+        return frame
+
+    def _fault(self, shares: tuple[tuple[float, str], ...]) -> str | None:
+        point = self._random.random()
+        for share, name in shares:
+            point -= share
+            if point < 0:
+                return name
+        return None
+
+    def _send(self, data: bytes) -> None:
+        now, character = self._now, self._character
+        self.data += data
+        self.times.extend([now + character * i for i in range(1, len(data) + 1)])
+        self._now = now + character * len(data)
+
+    def _send_spoilt(self, data: Sequence[int | None], holes: float) -> None:
+        random = self._random
+        for i, byte in enumerate(data):
+            if i and holes and random.random() < holes:
+                self._now += random.uniform(_SHORTEST_HOLE * self._character, _LONGEST_HOLE_NS)
+            self._now += self._character
+            if byte is not None:
+                self.data.append(byte)
+                self.times.append(self._now)
+
+    def _glitch(self, length: int) -> None:
+        random = self._random
+        for i in range(length):
+            if i:
+                self._now += random.uniform(0, _GLITCH_GAP) * self._character
+            self._send(bytes((random.choice(_GLITCH_BYTES),)))
+
+    def _stray(self) -> None:
+        random = self._random
+        self._send(bytes(random.choice((0x00, 0xFF, random.getrandbits(8))) for _ in range(random.randint(1, 4))))
+        self._now += random.uniform(0, 2 * _T35) * self._character

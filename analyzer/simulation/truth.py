@@ -1,0 +1,46 @@
+"""What was really sent: one object a frame, as a line of `NAME.truth.jsonl`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class TruthFrame:
+    """A frame that a client or server sent, and what of it the tap could see.
+
+    `adu` as sent, CRC included; `function` without the exception bit; `pair` the id of the request that this response
+    answers, None in a request; `start` and `length` say where its bytes stand in the capture's stream, `length` less
+    than what was sent where bytes were lost; `fault` what the wire did to it, None where nothing; `intact`: every byte
+    stands in the capture, unchanged and contiguous.
+    """
+
+    id: int
+    direction: str
+    unit: int
+    function: int
+    adu: bytes
+    pair: int | None
+    start: int
+    length: int
+    fault: str | None = None
+
+    @property
+    def intact(self) -> bool:
+        return self.fault is None
+
+    def to_json(self) -> dict[str, Any]:
+        """The frame as an object of a truth file."""
+        line: dict[str, Any] = {
+            "id": self.id,
+            "dir": self.direction,
+            "unit": self.unit,
+            "fc": self.function,
+            "hex": self.adu.hex(),
+            "pair": self.pair,
+            "sent": len(self.adu),
+        }
+        if self.fault is not None:
+            line["fault"] = self.fault
+        return {**line, "intact": self.intact, "start": self.start, "length": self.length}
