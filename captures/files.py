@@ -1,0 +1,143 @@
+"""Files underneath every format: opening them, reading lines of bounded length, and writing without leftovers.
+
+A file is written beside its final name and takes that name only when it is whole, so that a full disk or Ctrl-C leaves
+what was there before. Every failure of the operating system becomes a `CaptureError` of one line.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from captures.errors import CaptureError, os_reason
+
+HEAD_BYTES = 1 << 16  # what formats are recognised by
+LINE_LIMIT = 64 << 20  # bytes: a longer line is no line of text
+_PIECE = 1 << 16
+
+# What people hand over by mistake: how such a file begins, what it is, what to do.
+_OTHER_KINDS = (
+    (b"\x89PNG\r\n\x1a\n", "a PNG image"),
+    (b"\xff\xd8\xff", "a JPEG image"),
+    (b"GIF8", "a GIF image"),
+    (b"PK\x03\x04", "a zip archive (or an office document, or a sigrok .sr session): unpack or export it first"),
+    (b"\x1f\x8b", "compressed with gzip: unpack it first"),
+    (b"BZh", "compressed with bzip2: unpack it first"),
+    (b"\xfd7zXZ\x00", "compressed with xz: unpack it first"),
+    (b"\x28\xb5\x2f\xfd", "compressed with zstd: unpack it first"),
+    (b"7z\xbc\xaf\x27\x1c", "a 7-zip archive: unpack it first"),
+    (b"\x7fELF", "an ELF program"),
+    (b"MZ\x90\x00", "a Windows program"),
+    (b"%PDF-", "a PDF document"),
+    (b"SQLite format 3\x00", "an SQLite database"),
+    (b"\x0a\x0d\x0d\x0a", "a pcapng network capture: convert it to a hex dump first (tshark -x)"),
+    (b"\xd4\xc3\xb2\xa1", "a pcap network capture: convert it to a hex dump first (tshark -x)"),
+    (b"\xa1\xb2\xc3\xd4", "a pcap network capture: convert it to a hex dump first (tshark -x)"),
+    (b"PAR1", "a Parquet table"),
+)
+
+
+def read_head(path: Path) -> bytes:
+    """The first 64 KiB of a regular, non-empty file; CaptureError for anything else."""
+    with opened(path) as file:
+        head = file.read(HEAD_BYTES)
+    if not head:
+        raise CaptureError(f"{path}: the file is empty")
+    return head
+
+
+def other_kind(head: bytes) -> str | None:
+    """What a file that begins like this is, when it is a well-known kind that holds no capture."""
+    return next((what for magic, what in _OTHER_KINDS if head.startswith(magic)), None)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[BinaryIO]:
+    """A regular file open for reading; failures to open or to read it raise CaptureError."""
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise CaptureError(f"{path}: is a directory: name a capture file in it")
+        if not stat.S_ISREG(mode):  # opening a pipe or a device could wait, or read, for ever
+            raise CaptureError(f"{path}: not a file but a pipe or a device: save what it gives to a file first")
+        with path.open("rb") as file:
+            yield file
+    except FileNotFoundError as error:
+        raise CaptureError(f"{path}: no such file") from error
+    except PermissionError as error:
+        raise CaptureError(f"{path}: no permission to read it") from error
+    except OSError as error:
+        raise CaptureError(f"{path}: cannot be read: {os_reason(error)}") from error
+
+
+def line_batches(file: BinaryIO, note: Callable[[str, str], None], size: int) -> Iterator[tuple[int, list[bytes]]]:
+    """Lines without their ends, in batches of about `size` bytes, each batch with the number of its first line.
+
+    Numbers start at 1 where the file stands. A line over 64 MiB is noted and skipped.
+    """
+    number, rest, skipping = 1, bytearray(), False
+    while piece := file.read(max(size, _PIECE)):
+        rest += piece
+        cut = rest.rfind(b"\n") + 1
+        if cut == 0:
+            if len(rest) > LINE_LIMIT:
+                skipping = True
+                rest.clear()
+            continue
+        lines = bytes(rest[:cut]).split(b"\n")
+        lines.pop()
+        del rest[:cut]
+        if skipping:
+            note(f"line {number}", f"longer than {LINE_LIMIT >> 20} MiB: skipped")
+            number, skipping = number + 1, False
+            lines = lines[1:]
+        yield number, lines
+        number += len(lines)
+    if skipping:
+        note(f"line {number}", f"longer than {LINE_LIMIT >> 20} MiB: skipped")
+    elif rest:
+        yield number, [bytes(rest)]
+
+
+@contextmanager
+def replacing(path: Path | str) -> Iterator[BinaryIO]:
+    """A file to write that takes its name only when the block ends well, replacing what had that name.
+
+    What is not a regular file (a pipe, /dev/null) is written directly. CaptureError says which file could not be
+    written and why; whatever ends the block early, nothing is left under the name, nor beside it.
+    """
+    path = Path(path)
+    try:
+        target = path.resolve()
+        if target.exists() and not target.is_file():
+            if target.is_dir():
+                raise CaptureError(f"{path}: is a directory: give the name of a file to write")
+            with target.open("wb") as file:
+                yield file
+            return
+        mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~_umask()
+        handle, name = tempfile.mkstemp(prefix=f".{target.name[:64]}.", suffix=".part", dir=target.parent)
+        try:
+            with os.fdopen(handle, "wb") as part:
+                yield part
+            Path(name).chmod(mode)
+            Path(name).replace(target)
+        except BaseException:
+            with suppress(OSError):
+                Path(name).unlink()
+            raise
+    except FileNotFoundError as error:
+        raise CaptureError(f"{path}: cannot be written: no such folder as {path.parent}") from error
+    except OSError as error:
+        raise CaptureError(f"{path}: cannot be written: {os_reason(error)}") from error
+
+
+def _umask() -> int:
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask
