@@ -1,0 +1,217 @@
+"""A declaration and some bytes give a tree of fields; the same in brief gives one line of words.
+
+Whatever the bytes are, there is an answer: the top-level fields cover every byte of the ADU once, what breaks the
+specification is said where it is (`Field.problem`), and bytes that nothing explains are a field of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+from .blocks import opaque
+from .declaration import EXCEPTION
+from .envelopes import MBAP, Adu
+from .fields import Field
+from .functions.exceptions import RESPONSE as EXCEPTION_RESPONSE
+from .functions.exceptions import exception_name
+from .lengths import Role, layout
+from .recorder import Recorder
+from .recording import record
+from .registry import function as declared
+from .registry import function_class, function_name
+from .words import filled
+
+__all__ = ["Context", "Field", "annotate", "summary"]
+
+_CHECK_WIDTH: Final = {"rtu": 2, "ascii": 1, "tcp": 0}
+_BROADCAST: Final = 0
+_LAST_UNIT: Final = 247
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What the conversation adds: `request` is the PDU that a response answers."""
+
+    request: bytes | None = None
+
+
+def annotate(adu: Adu, role: Role, context: Context = Context()) -> tuple[Field, ...]:  # noqa: B008 (it is frozen)
+    """Every field of a frame, in order; offsets are in `adu.data`. Never raises, whatever the bytes."""
+    data = adu.data
+    head = _header(adu)
+    at = sum(field.length for field in head)
+    width = _CHECK_WIDTH[adu.protocol] if adu.check_received is not None else 0
+    end = len(data) - width
+    if at >= end:
+        body: tuple[Field, ...] = ()
+    else:
+        body = (_function(data, at, role), *_body(data, at, end, role, context))
+    return (*head, *body, *_check(adu, end))
+
+
+def summary(adu: Adu, role: Role, context: Context = Context()) -> str:  # noqa: B008 (it is frozen)
+    """A frame in words, on one line: `read 3 holding registers from 107 (40108)`; the check value apart."""
+    data = adu.data
+    at = MBAP if adu.protocol == "tcp" else 1
+    end = at + len(adu.pdu)
+    if at >= end:
+        return "no function code"
+    code = data[at]
+    name = function_name(code)
+    if code & EXCEPTION and role is Role.RESPONSE:
+        if end - at < 2:
+            return f"exception without a code to {name}"
+        return f"exception {data[at + 1]:02X} {exception_name(data[at + 1])}"
+    function = declared(code)
+    if function is None or code & EXCEPTION:
+        return f"{name}, {_plural(end - at - 1, 'byte')} of data"
+    recorder = _recorder(data, at, end, role, context, brief=True)
+    declaration = function.request if role is Role.REQUEST else function.response
+    _, problem = record(declaration, data[at + 1 : end], recorder)
+    for template in function.words(role.name.lower()):
+        said = filled(template, recorder.fields)
+        if said is not None:
+            return said
+    return f"{name} {role.name.lower()}{': ' + problem if problem else ''}"
+
+
+def _header(adu: Adu) -> tuple[Field, ...]:
+    """What stands before the PDU."""
+    data = adu.data
+    if adu.protocol != "tcp":
+        return (_unit(data, 0, serial=True),) if data else ()
+    found = []
+    for name, at, end in (("transaction", 0, 2), ("protocol_id", 2, 4), ("length", 4, 6)):
+        piece = data[at:end]
+        if not piece:
+            return tuple(found)
+        if len(piece) < 2:
+            found.append(Field(name, at, 1, piece.hex(), piece.hex(), piece.hex(), problem="2 bytes are due, 1 is there"))
+            return tuple(found)
+        value = int.from_bytes(piece, "big")
+        problem = None
+        if name == "protocol_id" and value:
+            problem = "0 is Modbus, anything else is not"
+        elif name == "length" and value != len(data) - end:
+            problem = f"{_plural(value, 'byte')} should follow, {len(data) - end} do"
+        found.append(Field(name, at, 2, value, piece.hex(), str(value), problem=problem))
+    if len(data) >= MBAP:
+        found.append(_unit(data, MBAP - 1, serial=False))
+    return tuple(found)
+
+
+def _unit(data: bytes, at: int, *, serial: bool) -> Field:
+    unit = data[at]
+    text, problem = str(unit), None
+    if serial and unit == _BROADCAST:
+        text = "0 (broadcast)"
+    elif serial and unit > _LAST_UNIT:
+        problem = "units 248 to 255 are reserved"
+    return Field("unit", at, 1, unit, f"{unit:02x}", text, problem=problem)
+
+
+def _function(data: bytes, at: int, role: Role) -> Field:
+    code = data[at]
+    raw = f"{code:02x}"
+    kind = function_class(code)
+    text = f"{code & ~EXCEPTION:02X} {function_name(code)}"
+    if code & EXCEPTION and role is Role.RESPONSE:
+        parts = (
+            Field("exception_flag", at, 1, True, raw, "exception", 7, 1),
+            Field("function_code", at, 1, code & ~EXCEPTION, raw, text, 0, 7),
+        )
+        return Field("function", at, 1, code, raw, f"exception to {text}", fields=parts)
+    problem = None
+    if code & EXCEPTION:
+        text, problem = f"{code:02X}", "function codes of requests are 1 to 127"
+    elif kind == "invalid":
+        problem = "function codes are 1 to 127"
+    return Field("function", at, 1, code, raw, text, problem=problem)
+
+
+def _body(data: bytes, at: int, end: int, role: Role, context: Context) -> tuple[Field, ...]:
+    """The fields behind the function code at `at`; the PDU ends at `end`."""
+    code = data[at]
+    function = declared(code)
+    begin = at + 1
+    exception = bool(code & EXCEPTION)
+    recorder = _recorder(data, at, end, role, context)
+    if function is None and not (exception and role is Role.RESPONSE) or (exception and role is Role.REQUEST):
+        rest = data[begin:end]
+        return (opaque("data", 0, len(rest), rest, recorder),) if rest else ()
+    if exception or function is None:
+        declaration = EXCEPTION_RESPONSE
+    else:
+        declaration = function.request if role is Role.REQUEST else function.response
+    reached, problem = record(declaration, data[begin:end], recorder)
+    found = list(_tiled(recorder, begin, begin + reached if problem is None else end, end))
+    if problem is not None and not any(field.problem for field in found):
+        # Nothing of the failed part is there to carry the problem: the last thing that is there does.
+        found = _blamed(found, problem, begin, recorder)
+    return tuple(found)
+
+
+def _blamed(found: list[Field], problem: str, begin: int, recorder: Recorder) -> list[Field]:
+    if found:
+        return [*found[:-1], replace(found[-1], problem=f"after this, {problem}")]
+    return [Field("data", begin, 0, "", "", "", problem=problem)]
+
+
+def _recorder(data: bytes, at: int, end: int, role: Role, context: Context, *, brief: bool = False) -> Recorder:
+    code = data[at]
+    request: Mapping[str, int] = {}
+    echoes: tuple[str, ...] = ()
+    asked = context.request
+    if role is Role.RESPONSE and asked and asked[0] == code:
+        request = {
+            name: int.from_bytes(asked[offset : offset + width], "big")
+            for name, (offset, width) in layout(code, Role.REQUEST).items()
+            if offset + width <= len(asked)
+        }
+        function = declared(code)
+        echoes = function.echoes if function is not None else ()
+    return Recorder(data, at + 1, end, brief, request, echoes)
+
+
+def _tiled(recorder: Recorder, begin: int, reached: int, end: int) -> Iterator[Field]:
+    """The recorded fields with nothing between them left out: what no field covers is opaque."""
+    at = begin
+    for field in recorder.fields:
+        if field.start < at or field.start + field.length > end:
+            continue  # a look ahead or back: its bytes belong to another field
+        if field.start > at:
+            yield _gap("unnamed", at, field.start, recorder)
+        at = field.start + field.length
+        yield field
+    if at < reached:
+        yield _gap("unnamed", at, reached, recorder)
+        at = reached
+    if at < end:
+        left = _plural(end - at, "byte")
+        yield _gap("surplus", at, end, recorder, f"{left} more than the frame's fields take")
+
+
+def _gap(name: str, at: int, end: int, recorder: Recorder, problem: str | None = None) -> Field:
+    return opaque(name, at - recorder.offset, end - at, recorder.data[at:end], recorder, problem)
+
+
+def _check(adu: Adu, at: int) -> tuple[Field, ...]:
+    """The check value's field."""
+    width = _CHECK_WIDTH[adu.protocol]
+    if not width or not adu.data:
+        return ()
+    name = "crc" if adu.protocol == "rtu" else "lrc"
+    if adu.check_received is None or adu.check_computed is None:
+        return (Field(name, at, 0, None, "", "missing", problem=f"{_plural(at, 'byte')} can't hold a frame"),)
+    raw = adu.data[at:].hex()
+    if adu.check_ok:
+        return (Field(name, at, width, adu.check_received, raw, "ok"),)
+    due = adu.check_computed.to_bytes(width, "little").hex(" ").upper()
+    said = f"wrong: {due} is right, {adu.data[at:].hex(' ').upper()} is there"
+    return (Field(name, at, width, adu.check_received, raw, said, problem=f"{due} is right"),)
+
+
+def _plural(n: int, noun: str) -> str:
+    return f"{n} {noun}{'' if n == 1 else 's'}"

@@ -1,0 +1,288 @@
+"""Blocks to build declarations from: parts whose length a count before them gives, or that go on to the end.
+
+`count` is the name of the number that counts a block's bytes (times `scale`), `less` how many of those go to other fields
+in between. A block that the bytes end in is described as far as it goes.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import construct
+
+from .fields import Field, Value
+from .parts import AnyConstruct, Part, Short, register_text
+from .recorder import Recorder
+from .text import device_text, is_text
+from .values import Area, logical
+
+if TYPE_CHECKING:
+    from construct import Context
+
+    _Struct = construct.Struct
+    _Switch = construct.Switch[Any, Any]
+else:
+    _Struct = construct.Struct
+    _Switch = construct.Switch
+
+_SHOWN_REGISTERS: Final = 16  # in one line of text; the fields below it have them all
+_SHOWN_BITS: Final = 64
+_SHOWN_PIECES: Final = 8
+
+
+class Counted(Part):
+    """Bytes that a number before them counts."""
+
+    def __init__(self, count: str, *, less: int = 0, scale: int = 1) -> None:
+        super().__init__()
+        self.count = count
+        self.less = less
+        self.scale = scale
+
+    def _parse(self, stream: Any, context: Context, path: str) -> Any:  # noqa: ARG002
+        wanted = max(0, context[self.count] * self.scale - self.less)
+        data = stream.read(wanted)
+        value = self.decoded(data)
+        if len(data) < wanted:
+            raise Short(wanted, len(data), value)
+        return value
+
+    def _build(self, obj: Any, stream: Any, context: Context, path: str) -> Any:  # noqa: ARG002
+        stream.write(self.encoded(obj))
+        return obj
+
+    def decoded(self, data: bytes) -> Any:
+        """The value of these bytes."""
+        return data
+
+    def encoded(self, value: Any) -> bytes:
+        """The bytes of this value."""
+        return bytes(value)
+
+
+class Registers(Counted):
+    """Registers; `start` names the address of the first, in this PDU or in the request."""
+
+    def __init__(
+        self,
+        count: str,
+        *,
+        less: int = 0,
+        scale: int = 1,
+        start: str | None = None,
+        area: Area | None = None,
+        each: str = "register",
+    ) -> None:
+        super().__init__(count, less=less, scale=scale)
+        self.start = start
+        self.area: Area | None = area
+        self.each = each
+
+    def decoded(self, data: bytes) -> list[int]:
+        n = len(data) // 2
+        return list(struct.unpack(f">{n}H", data[: 2 * n]))
+
+    def encoded(self, value: Sequence[int]) -> bytes:
+        return struct.pack(f">{len(value)}H", *value)
+
+    def describe(self, name: str, start: int, length: int, value: Sequence[int], seen: Recorder) -> Field:
+        text = " ".join(map(str, value[:_SHOWN_REGISTERS]))
+        if len(value) > _SHOWN_REGISTERS:
+            text += f" … {len(value)} in all"
+        if seen.brief:
+            return seen.make(name, start, length, len(value), text)
+        first = seen.number(self.start)
+        at = seen.offset + start
+        raw = seen.data[at : at + length].hex()
+        children: list[Field] = []
+        for i, register in enumerate(value):
+            said = register_text(register)
+            address = None
+            if first is not None and first + i <= 0xFFFF:
+                address = first + i
+                said = f"{logical(address, self.area) if self.area else address}: {said}"
+            children.append(
+                Field(self.each, at + 2 * i, 2, register, raw[4 * i : 4 * i + 4], said, None, None, (), None, address)
+            )
+        problem = None
+        if length % 2:
+            problem = "an odd number of bytes: the last is half a register"
+            children.append(seen.make("rest", start + length - 1, 1, raw[-2:], raw[-2:], problem=problem))
+        return Field(name, at, length, None, raw, text, None, None, tuple(children), problem)
+
+
+class Bits(Counted):
+    """Coils or inputs, least significant bit first; `quantity` names how many, `start` the address of the first."""
+
+    def __init__(self, count: str, *, each: str, area: Area, start: str, quantity: str) -> None:
+        super().__init__(count)
+        self.each = each
+        self.area: Area = area
+        self.start = start
+        self.quantity = quantity
+
+    def decoded(self, data: bytes) -> list[bool]:
+        return [bool(byte >> bit & 1) for byte in data for bit in range(8)]
+
+    def encoded(self, value: Sequence[bool]) -> bytes:
+        padded = [*value, *[False] * (-len(value) % 8)]
+        return bytes(sum(padded[i + bit] << bit for bit in range(8)) for i in range(0, len(padded), 8))
+
+    def describe(self, name: str, start: int, length: int, value: Sequence[bool], seen: Recorder) -> Field:
+        quantity = seen.number(self.quantity)
+        n = len(value) if quantity is None else min(quantity, len(value))
+        digits = "".join("1" if on else "0" for on in value[: min(n, _SHOWN_BITS)])
+        text = " ".join(digits[i : i + 8] for i in range(0, len(digits), 8))
+        if n > _SHOWN_BITS:
+            text += f" … {n} in all"
+        if seen.brief:
+            return seen.make(name, start, length, n, text)
+        first = seen.number(self.start)
+        at = seen.offset + start
+        raw = seen.data[at : at + length].hex()
+        children: list[Field] = []
+        for i in range(n):
+            on = value[i]
+            said = "on" if on else "off"
+            address = None
+            if first is not None and first + i <= 0xFFFF:
+                address = first + i
+                said = f"{logical(address, self.area)}: {said}"
+            byte = i >> 3
+            byte_raw = raw[2 * byte : 2 * byte + 2]
+            children.append(Field(self.each, at + byte, 1, on, byte_raw, said, i & 7, 1, (), None, address))
+        if n < len(value):
+            children.append(self._padding(at, raw, value, n))
+        return Field(name, at, length, None, raw, text, None, None, tuple(children))
+
+    @staticmethod
+    def _padding(at: int, raw: str, value: Sequence[bool], n: int) -> Field:
+        """What the last bytes hold beyond the quantity: zeros ([1] 6.1)."""
+        byte, bit = n >> 3, n & 7
+        spare = len(value) - n
+        number = sum(on << i for i, on in enumerate(value[n:]))
+        problem = "unused bits are not zero" if number else None
+        if spare < 8:
+            return Field("padding", at + byte, 1, number, raw[2 * byte :], f"{number:0{spare}b}", bit, spare, (), problem)
+        first = byte + (1 if bit else 0)
+        return Field("padding", at + first, len(value) // 8 - first, raw[2 * first :], raw[2 * first :], raw[2 * first :],
+                     None, None, (), problem)
+
+
+class Octets(Counted):
+    """Bytes whose meaning the declaration does not know; printable ones are shown as text too."""
+
+    def describe(self, name: str, start: int, length: int, value: bytes, seen: Recorder) -> Field:
+        return opaque(name, start, length, value, seen)
+
+
+class Text(Counted):
+    """A string of the device's own."""
+
+    def describe(self, name: str, start: int, length: int, value: bytes, seen: Recorder) -> Field:
+        text = device_text(value)
+        return seen.make(name, start, length, text, text)
+
+
+class Split(Counted):
+    """Counted bytes that a function takes apart: it is given them and returns (name, length, value, text) in order.
+
+    A value of None stands for the bytes' hex.
+    """
+
+    def __init__(
+        self, count: str, pieces: Callable[[bytes], Sequence[tuple[str, int, Value, str]]], *, less: int = 0
+    ) -> None:
+        super().__init__(count, less=less)
+        self.pieces = pieces
+
+    def describe(self, name: str, start: int, length: int, value: bytes, seen: Recorder) -> Field:
+        children = []
+        at = start
+        for piece, size, said, text in self.pieces(value):
+            shown = value[at - start : at - start + size].hex() if said is None else said
+            children.append(seen.make(piece, at, size, shown, text))
+            at += size
+        text = ", ".join(child.text for child in children[:_SHOWN_PIECES])
+        if len(children) > _SHOWN_PIECES:
+            text += f" … {len(children)} in all"
+        return seen.make(name, start, length, None, text, tuple(children))
+
+
+class Rest(Part):
+    """Everything to the end of the PDU; `usual` bytes by the specification, but any number is seen."""
+
+    def __init__(self, usual: int = 0) -> None:
+        super().__init__()
+        self.usual = usual
+
+    def _parse(self, stream: Any, context: Context, path: str) -> bytes:  # noqa: ARG002
+        data: bytes = stream.read()
+        if len(data) < self.usual:
+            raise Short(self.usual, len(data), data)
+        return data
+
+    def _build(self, obj: bytes, stream: Any, context: Context, path: str) -> bytes:  # noqa: ARG002
+        stream.write(obj)
+        return obj
+
+    def describe(self, name: str, start: int, length: int, value: bytes, seen: Recorder) -> Field:
+        return opaque(name, start, length, value, seen)
+
+
+class Items(Part):
+    """Elements one after another: as many bytes as `octets` counts, or as many elements as `number` counts."""
+
+    def __init__(self, element: AnyConstruct, *, octets: str | None = None, number: str | None = None) -> None:
+        super().__init__()
+        self.subcon = element
+        self.octets = octets
+        self.number = number
+
+    def _parse(self, stream: Any, context: Context, path: str) -> list[Any]:
+        found: list[Any] = []
+        if self.number is not None:
+            for _ in range(context[self.number]):
+                found.append(self.subcon._parsereport(stream, context, path))
+        elif self.octets is not None:
+            end = stream.tell() + context[self.octets]
+            while (at := stream.tell()) < end:
+                found.append(self.subcon._parsereport(stream, context, path))
+                if stream.tell() == at:  # an element of no bytes would go on for ever
+                    break
+        return found
+
+    def _build(self, obj: Sequence[Any], stream: Any, context: Context, path: str) -> Sequence[Any]:
+        for item in obj:
+            self.subcon._build(item, stream, context, path)
+        return obj
+
+    def problem(self, value: Any, length: int, seen: Recorder) -> str | None:  # noqa: ARG002
+        counted = seen.number(self.octets)
+        if counted is not None and counted != length:
+            return f"the byte count says {counted}, what is in it takes {length}"
+        return None
+
+
+class Record(_Struct):
+    """A Struct inside a declaration, with a template of its text: `{object_id}: {object_value}`."""
+
+    def __init__(self, words: str, *subcons: AnyConstruct) -> None:
+        super().__init__(*subcons)
+        self.words = words
+
+
+class Variant(_Switch):
+    """A Switch that holds the rest of a PDU: its fields stand beside those before it, not below a field of its own."""
+
+
+def opaque(
+    name: str, start: int, length: int, data: bytes, seen: Recorder, problem: str | None = None
+) -> Field:
+    """Bytes that mean nothing known."""
+    text = data.hex(" ")
+    if is_text(data) and length > 1:
+        text = f"{text} ({device_text(data)})"
+    return seen.make(name, start, length, data.hex(), text, problem=problem)

@@ -1,0 +1,109 @@
+"""What can be known of a PDU's length and what it is held to, as plain data.
+
+A check speaks of a field by its offset in the PDU (0 is the function code; in a declaration, before it has a place,
+0 is the field itself), so that one frame and an array of frames can be put through it alike. `soft` marks a limit of
+the specification that real frames do break (a quantity of 126, a coil value of 1); what contradicts a frame's own
+structure is hard. Numbers are big-endian.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+_LISTED: Final = 6  # values that a message names
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """The counted part of a PDU: `scale` more bytes for each one that the field counts."""
+
+    offset: int
+    width: int
+    scale: int
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """A field in `low` to `high`, both allowed."""
+
+    offset: int
+    width: int
+    low: int
+    high: int
+    soft: bool = True
+
+    def broken(self, value: int) -> str | None:
+        """What is wrong with this value, or None."""
+        return None if self.low <= value <= self.high else f"{value} is outside {self.low} to {self.high}"
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A field that is one of `values`."""
+
+    offset: int
+    width: int
+    values: tuple[int, ...]
+    soft: bool = True
+
+    def broken(self, value: int) -> str | None:
+        """What is wrong with this value, or None."""
+        if value in self.values:
+            return None
+        digits = 2 * self.width
+        if len(self.values) > _LISTED:
+            return f"{value:0{digits}X} is not defined"
+        known = " or ".join(f"{v:0{digits}X}" for v in self.values)
+        return f"{value:0{digits}X} should be {known}"
+
+
+@dataclass(frozen=True, slots=True)
+class Multiple:
+    """A field that is a multiple of `n`."""
+
+    offset: int
+    width: int
+    n: int
+    soft: bool = False
+
+    def broken(self, value: int) -> str | None:
+        """What is wrong with this value, or None."""
+        return f"{value} is no multiple of {self.n}" if value % self.n else None
+
+
+@dataclass(frozen=True, slots=True)
+class Sized:
+    """A byte count (1 byte) that is what a quantity (2 bytes) in the same PDU takes: see `taken`."""
+
+    count_offset: int
+    quantity_offset: int
+    bits: bool
+    soft: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Echo:
+    """A field that a response repeats from its request."""
+
+    request_offset: int
+    response_offset: int
+    width: int
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A byte count (1 byte) in a response that is what a quantity (2 bytes) in its request takes: see `taken`."""
+
+    count_offset: int
+    quantity_offset: int
+    bits: bool
+
+
+Check = Bound | Choice | Multiple
+Relation = Echo | Asked
+
+
+def taken(quantity: int, bits: bool) -> int:
+    """The bytes that a quantity of bits or of registers takes."""
+    return (quantity + 7) // 8 if bits else 2 * quantity

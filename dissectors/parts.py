@@ -1,0 +1,223 @@
+"""Numbers to build declarations from: each is a construct that knows its limits and how people call its values.
+
+A declaration is a construct Struct of named parts. The length rules walk it for sizes, counts and checks; the
+annotation reads through it and asks each part to describe what it read. Any other construct works beside these; it
+just has less to say. Numbers are big-endian and unsigned, as the specification's are ([1] 4.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import construct
+
+from .fields import Field
+from .limits import Bound, Check, Choice, Multiple, taken
+from .recorder import Recorder
+from .values import Area, hexadecimal, logical, signed
+from .values import bits as bit_text
+
+if TYPE_CHECKING:
+    from construct import Context
+
+    AnyConstruct = construct.Construct[Any, Any]
+    AnySubconstruct = construct.Subconstruct[Any, Any, Any, Any]
+else:
+    AnyConstruct = construct.Construct
+    AnySubconstruct = construct.Subconstruct
+
+Width = Literal[1, 2]
+
+
+class Short(construct.StreamError):
+    """A part that the bytes end in; `value` is what there was of it."""
+
+    def __init__(self, wanted: int, there: int, value: object = None) -> None:
+        super().__init__(f"{wanted} bytes are due, {there} {'is' if there == 1 else 'are'} there")
+        self.value = value
+
+
+class Part(AnyConstruct):
+    """A construct that describes what it read."""
+
+    def describe(self, name: str, start: int, length: int, value: Any, seen: Recorder) -> Field:
+        """The field of a value that was read from `length` bytes at `start` of the declared part."""
+        return seen.make(name, start, length, value, str(value))
+
+    def problem(self, value: Any, length: int, seen: Recorder) -> str | None:  # noqa: ARG002
+        """What breaks the specification here, or None."""
+        return None
+
+
+class Number(Part):
+    """A number of 1 or 2 bytes; `noun` follows it in words (`12 bus messages`)."""
+
+    def __init__(self, width: Width = 2, *checks: Check, noun: str = "") -> None:
+        super().__init__()
+        self.width: int = width
+        self.checks = tuple(replace(check, width=width) for check in checks)
+        self.noun = noun
+
+    def _parse(self, stream: Any, context: Context, path: str) -> int:  # noqa: ARG002
+        data = stream.read(self.width)
+        if len(data) < self.width:
+            raise Short(self.width, len(data))
+        return int.from_bytes(data, "big")
+
+    def _build(self, obj: int, stream: Any, context: Context, path: str) -> int:  # noqa: ARG002
+        try:
+            stream.write(obj.to_bytes(self.width, "big"))
+        except (AttributeError, OverflowError) as error:
+            raise construct.IntegerError(f"{obj!r} does not fit {self.width} bytes", path=path) from error
+        return obj
+
+    def _sizeof(self, context: Context, path: str) -> int:  # noqa: ARG002
+        return self.width
+
+    def describe(self, name: str, start: int, length: int, value: int, seen: Recorder) -> Field:
+        at = seen.offset + start
+        raw = seen.data[at : at + length].hex()
+        text = self.brief(value) if seen.brief else self.text(value)
+        return Field(name, at, length, value, raw, text, None, None, (), self.problem(value, length, seen))
+
+    def problem(self, value: int, length: int, seen: Recorder) -> str | None:  # noqa: ARG002
+        for check in self.checks:
+            if (broken := check.broken(value)) is not None:
+                return broken
+        return None
+
+    def text(self, value: int) -> str:
+        """The value for people."""
+        return f"{value} {self.noun}" if self.noun else str(value)
+
+    def brief(self, value: int) -> str:
+        """The value in a summary."""
+        return self.text(value)
+
+
+class Quantity(Number):
+    """How many bits or registers: the specification's limits, which real frames do break."""
+
+    def __init__(self, low: int, high: int) -> None:
+        super().__init__(2, Bound(0, 2, low, high))
+
+
+class Address(Number):
+    """A physical address; with an area, it has a logical number too."""
+
+    def __init__(self, area: Area | None = None) -> None:
+        super().__init__(2)
+        self.area = area
+
+    def text(self, value: int) -> str:
+        if self.area is None:
+            return f"{value} (0x{value:04X})"
+        return f"{value} (0x{value:04X}, {logical(value, self.area)})"
+
+    def brief(self, value: int) -> str:
+        return str(value) if self.area is None else f"{value} ({logical(value, self.area)})"
+
+
+class ByteCount(Number):
+    """How many bytes follow; `of` names the quantity, in this PDU or in the request, that they are for."""
+
+    def __init__(
+        self,
+        low: int,
+        high: int,
+        *,
+        width: Width = 1,
+        multiple: int = 1,
+        of: str | None = None,
+        bits: bool = False,
+    ) -> None:
+        even = (Multiple(0, width, multiple),) if multiple > 1 else ()
+        super().__init__(width, *even, Bound(0, width, low, high))
+        self.of = of
+        self.bits = bits
+
+    def problem(self, value: int, length: int, seen: Recorder) -> str | None:
+        quantity = seen.number(self.of)
+        if quantity is not None and value != taken(quantity, self.bits):
+            where = "" if self.of in seen.values else " of the request"
+            return f"the quantity{where}, {quantity}, takes {taken(quantity, self.bits)} bytes, not {value}"
+        return super().problem(value, length, seen)
+
+
+class Register(Number):
+    """A register's value."""
+
+    def text(self, value: int) -> str:
+        return register_text(value)
+
+    def brief(self, value: int) -> str:
+        return str(value)
+
+
+class Mask(Number):
+    """A 16-bit mask or device-specific register: its bits are what counts."""
+
+    def text(self, value: int) -> str:
+        return f"{hexadecimal(value)} ({bit_text(value)})"
+
+    def brief(self, value: int) -> str:
+        return hexadecimal(value)
+
+
+class Code(Number):
+    """A number that stands for something; `known` False lets other values pass without a remark."""
+
+    def __init__(
+        self, width: Width, words: Mapping[int, str], *, soft: bool = True, known: bool = True, checks: tuple[Check, ...] = ()
+    ) -> None:
+        choice = (Choice(0, width, tuple(words), soft),) if known else ()
+        super().__init__(width, *choice, *checks)
+        self.words = words
+
+    def text(self, value: int) -> str:
+        word = self.words.get(value)
+        digits = f"{value:0{2 * self.width}X}"
+        return f"{digits} {word}" if word else digits
+
+    def brief(self, value: int) -> str:
+        return self.words.get(value) or self.text(value)
+
+
+class State(Code):
+    """A number that stands for a state, which alone is worth showing (`on`)."""
+
+    def text(self, value: int) -> str:
+        return self.words.get(value) or f"0x{value:0{2 * self.width}X}"
+
+
+class Flags(Number):
+    """A byte of single bits, each with a name."""
+
+    def __init__(self, names: Mapping[int, str]) -> None:
+        super().__init__(1)
+        self.names = names
+
+    def describe(self, name: str, start: int, length: int, value: int, seen: Recorder) -> Field:
+        field = super().describe(name, start, length, value, seen)
+        return field if seen.brief else replace(field, fields=flag_fields(field, value, self.names))
+
+    def text(self, value: int) -> str:
+        return f"0x{value:02X} ({value:08b})"
+
+
+def flag_fields(parent: Field, value: int, names: Mapping[int, str]) -> tuple[Field, ...]:
+    """A field for each named bit of a byte."""
+    found = []
+    for bit, name in names.items():
+        on = bool(value >> bit & 1)
+        found.append(Field(name, parent.start, 1, on, parent.raw, "yes" if on else "no", bit, 1))
+    return tuple(found)
+
+
+def register_text(value: int) -> str:
+    """A register as unsigned, signed where that differs, and hexadecimal."""
+    if value & 0x8000:
+        return f"{value} ({signed(value)}, {hexadecimal(value)})"
+    return f"{value} ({hexadecimal(value)})"

@@ -1,0 +1,266 @@
+"""The shape of a declaration: what its size hangs on, walked from the construct itself.
+
+The walk follows named parts from the start and keeps their place as long as all before them has a fixed size. A block
+that a number before it counts gives a `Count`; checks get their place in the PDU. Where the size hangs on more than one
+count (lists of counted things, alternatives of different sizes), `stepped` says so, and only reading the bytes tells.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import construct
+
+from .blocks import Counted, Items, Rest
+from .limits import Bound, Check, Count, Sized
+from .parts import AnyConstruct, AnySubconstruct, ByteCount, Number
+
+_GREEDY: Final = (construct.GreedyRange, type(construct.GreedyBytes))
+# What these read passes through another coding: they are leaves, for places inside them mean nothing outside.
+_RECODED: Final = tuple(
+    getattr(construct, name) for name in ("Transformed", "Restreamed", "Compressed", "ProcessXor", "ProcessRotateLeft")
+)
+_INNER: Final = ("subcon", "thensubcon", "elsesubcon", "default", "lengthfield", "countfield")
+
+
+@dataclass(slots=True)
+class Shape:
+    """`size` is the bytes that are always there, the function code included. `layout` places the named numbers."""
+
+    size: int = 1
+    count: Count | None = None
+    checks: list[Check | Sized] = field(default_factory=list)
+    layout: dict[str, tuple[int, int]] = field(default_factory=dict)
+    asks: list[tuple[int, str, bool]] = field(default_factory=list)  # byte count for a quantity not in this PDU
+    open_ended: bool = False  # more bytes are legal
+    bare: bool = False  # nothing says how many bytes are usual
+    stepped: bool = False
+
+
+def shape(declaration: AnyConstruct) -> Shape:
+    """The shape of a PDU: function code, then what the declaration says."""
+    found = Shape()
+    _walk(declaration, None, found, 1)
+    return found
+
+
+def _walk(con: AnyConstruct, name: str | None, found: Shape, at: int | None) -> int | None:
+    """Adds a construct at PDU offset `at` (None: not fixed) and returns the offset behind it."""
+    while isinstance(con, construct.Renamed):
+        name, con = con.name, con.subcon
+    if isinstance(con, Number):
+        _number(con, name, found, at)
+        return _fixed(con.width, found, at)
+    if isinstance(con, construct.Struct | construct.Sequence):
+        for part in con.subcons:
+            at = _walk(part, None, found, at)
+        return at
+    if isinstance(con, Counted):
+        found.size -= con.less
+        place = found.layout.get(con.count)
+        if con.less and place is not None:  # fewer than what it counts besides cannot be
+            found.checks.append(Bound(*place, con.less, 0x100 ** place[1] - 1, soft=False))
+        return _counted(con.count, con.scale, found)
+    if isinstance(con, Items):
+        return _items(con, found, at)
+    if isinstance(con, Rest):
+        found.open_ended = True
+        found.bare = found.bare or not con.usual
+        found.size += con.usual
+        return None
+    if isinstance(con, _GREEDY):
+        found.open_ended = found.bare = True
+        return None
+    if isinstance(con, construct.Switch):
+        return _switch(con, found, at)
+    return _foreign(con, name, found, at)
+
+
+def _fixed(size: int, found: Shape, at: int | None) -> int | None:
+    found.size += size
+    return None if at is None else at + size
+
+
+def _counted(name: object, scale: int, found: Shape) -> None:
+    """Bytes that the number `name` counts."""
+    place = found.layout.get(name) if isinstance(name, str) else None
+    if place is None or found.count is not None:
+        found.stepped = True
+    else:
+        found.count = Count(*place, scale)
+
+
+def _number(con: Number, name: str | None, found: Shape, at: int | None) -> None:
+    if at is None:
+        return
+    found.checks += [replace(check, offset=at) for check in con.checks]
+    if isinstance(con, ByteCount) and con.of is not None and con.width == 1:
+        quantity = found.layout.get(con.of)
+        if quantity is None:
+            found.asks.append((at, con.of, con.bits))
+        else:
+            found.checks.append(Sized(at, quantity[0], con.bits))
+    if name is not None:
+        found.layout[name] = (at, con.width)
+
+
+def _items(con: Items, found: Shape, at: int | None) -> None:
+    """Elements; of the first, whose place is known, the leading number is held to its checks."""
+    if con.octets is None:
+        found.stepped = True
+        return
+    _counted(con.octets, 1, found)
+    element = con.subcon
+    while isinstance(element, construct.Renamed):
+        element = element.subcon
+    if isinstance(element, construct.Struct) and element.subcons and at is not None:
+        first: Any = element.subcons[0]
+        while isinstance(first, construct.Renamed):
+            first = first.subcon
+        if isinstance(first, Number):
+            found.checks += [replace(check, offset=at) for check in first.checks]
+
+
+def _switch(con: Any, found: Shape, at: int | None) -> int | None:
+    """Alternatives: of one size they have it, else only the bytes tell."""
+    shapes = []
+    for case in (*con.cases.values(), con.default):
+        if case is construct.Pass:
+            continue
+        inner = Shape(size=0)
+        _walk(case, None, inner, None)
+        shapes.append(inner)
+    found.open_ended = found.open_ended or any(s.open_ended for s in shapes)
+    if shapes and len({s.size for s in shapes}) == 1 and not any(s.count or s.stepped or s.bare for s in shapes):
+        return _fixed(shapes[0].size, found, at)
+    found.stepped = True
+    return None
+
+
+def _foreign(con: Any, name: str | None, found: Shape, at: int | None) -> int | None:
+    """A construct from elsewhere: of fixed size, counted in one of the common ways, or read to know."""
+    try:
+        size = con.sizeof()
+    except Exception:  # whatever keeps it from having a size
+        size = None
+    if size is not None:
+        if at is not None and name is not None and size in (1, 2) and _is_big_endian(con):
+            found.layout[name] = (at, size)
+        return _fixed(size, found, at)
+    if isinstance(con, construct.Bytes):
+        return _counted(_path_name(con.length), 1, found)
+    if isinstance(con, construct.Array):
+        try:
+            return _counted(_path_name(con.count), con.subcon.sizeof(), found)
+        except construct.ConstructError:
+            found.stepped = True
+            return None
+    if isinstance(con, construct.Prefixed) and not con.includelength and at is not None:
+        width = _size(con.lengthfield)
+        if width in (1, 2) and found.count is None and _is_big_endian(con.lengthfield):
+            found.count = Count(at, width, 1)
+            found.size += width
+            return None
+    found.stepped = True
+    inner = getattr(con, "subcon", None)
+    if isinstance(inner, construct.Construct):
+        found.open_ended = found.open_ended or _greedy_inside(inner)
+    return None
+
+
+def _greedy_inside(con: AnyConstruct) -> bool:
+    inner = Shape()
+    _walk(con, None, inner, None)
+    return inner.bare
+
+
+def _size(con: Any) -> int | None:
+    try:
+        size: int = con.sizeof()
+    except construct.ConstructError:
+        return None
+    return size
+
+
+def _is_big_endian(con: Any) -> bool:
+    """Whether a number is one that array code may read as unsigned and big-endian."""
+    while isinstance(con, construct.Renamed | construct.Enum):
+        con = con.subcon
+    if isinstance(con, construct.FormatField):
+        return con.fmtstr in (">B", ">H")
+    return isinstance(con, construct.BytesInteger) and not con.signed and not con.swapped
+
+
+def _path_name(path: object) -> str | None:
+    """`byte_count` of `this.byte_count`; None for anything more involved."""
+    parts = repr(path)
+    if parts.startswith("this['") and parts.endswith("']") and parts.count("[") == 1:
+        return parts[len("this['") : -2]
+    return None
+
+
+def rebuilt(con: AnyConstruct, hook: Callable[[AnyConstruct], AnyConstruct | None]) -> AnyConstruct:
+    """A copy of a declaration with some of its parts replaced by what `hook` returns for them (None: keep and go in)."""
+    new = hook(con)
+    if new is not None:
+        return new
+    if isinstance(con, _RECODED):
+        return con
+    changed: dict[str, Any] = {}
+    held = vars(con)
+    for name in _INNER:
+        inner = held.get(name)
+        if isinstance(inner, construct.Construct):
+            other = rebuilt(inner, hook)
+            if other is not inner:
+                changed[name] = other
+    if isinstance(held.get("subcons"), list):
+        changed["subcons"] = [rebuilt(part, hook) for part in held["subcons"]]
+    if isinstance(held.get("cases"), dict):
+        changed["cases"] = {key: rebuilt(case, hook) for key, case in held["cases"].items()}
+    if not changed:
+        return con
+    twin = copy.copy(con)
+    vars(twin).update(changed)
+    return twin
+
+
+class Unknowable(construct.ConstructError):
+    """A part that goes on to the end: the bytes do not say where that is."""
+
+
+class Impossible(construct.ConstructError):
+    """A number that breaks a hard check: these bytes are no such PDU."""
+
+
+class _Open(AnyConstruct):
+    def _parse(self, stream: Any, context: Any, path: str) -> Any:  # noqa: ARG002
+        raise Unknowable("no end in sight")
+
+
+class _Held(AnySubconstruct):
+    def __init__(self, number: Number) -> None:
+        super().__init__(number)
+        self.checks = tuple(check for check in number.checks if not check.soft)
+
+    def _parse(self, stream: Any, context: Any, path: str) -> int:
+        value: int = self.subcon._parsereport(stream, context, path)
+        if any(check.broken(value) for check in self.checks):
+            raise Impossible("a hard check is broken")
+        return value
+
+
+def measuring(declaration: AnyConstruct) -> AnyConstruct:
+    """The declaration made strict: it stops at what has no end (`Unknowable`) and at what cannot be (`Impossible`)."""
+
+    def hook(con: AnyConstruct) -> AnyConstruct | None:
+        if isinstance(con, (Rest, *_GREEDY)):
+            return _Open()
+        if isinstance(con, Number) and any(not check.soft for check in con.checks):
+            return _Held(con)
+        return None
+
+    return rebuilt(declaration, hook)
