@@ -1,0 +1,138 @@
+"""From arguments to an exit status, with every trouble told in one line.
+
+0: done. 1: the input holds no frame. 2: unusable arguments or input. 130: ended by Ctrl-C, what was done kept.
+Exceptions of this project's own packages carry a message for the user; those of the operating system get one here.
+Any other is a defect: it is told in one line as well, and RTUSCOPE_DEBUG=1 shows where it came from.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Container, Sequence
+from contextlib import suppress
+from typing import IO, Final, NoReturn
+
+from analyzer.version import __version__
+
+from .commands import COMMANDS, load
+
+DONE: Final = 0
+NO_FRAME: Final = 1
+UNUSABLE: Final = 2
+INTERRUPTED: Final = 130
+
+_OURS: Final = frozenset({"analyzer", "captures", "dissectors"})
+
+
+class UsageError(Exception):
+    """Arguments that cannot be used; the message says which and what to do."""
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse, but an error is one line."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message} (see {self.prog} --help)")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit status."""
+    _tolerant(sys.stdout)
+    _tolerant(sys.stderr)
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        status = _run(arguments)
+        sys.stdout.flush()
+    except SystemExit as stop:  # --help and --version
+        return stop.code if isinstance(stop.code, int) else DONE
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader, such as head, has had enough
+        _settle_stdout()
+        return DONE
+    except Exception as error:
+        if os.environ.get("RTUSCOPE_DEBUG"):
+            raise
+        _say(_words(error))
+        _settle_stdout()
+        return UNUSABLE
+    return status
+
+
+def _run(arguments: list[str]) -> int:
+    completing = "_ARGCOMPLETE" in os.environ
+    chosen = next((word for word in arguments if not word.startswith("-")), None)
+    parser = _parser(COMMANDS if completing else {chosen})
+    if completing:
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
+    options = parser.parse_args(arguments)
+    if options.command is None:
+        parser.print_help()
+        return DONE
+    return load(options.command).run(options)
+
+
+def _parser(known: Container[str | None]) -> argparse.ArgumentParser:
+    """All commands by name; those in `known` with their arguments too."""
+    parser = Parser(
+        prog="rtuscope",
+        description="Frame parser and serial-capture analyzer for Modbus RTU buses.",
+        epilog="example:\n  rtuscope parse 11 03 00 6B 00 03 76 87\n\n"
+        "`rtuscope COMMAND --help` tells the rest, each with an example.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"rtuscope {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    for name, words in COMMANDS.items():
+        if name in known:
+            module = load(name)
+            command = commands.add_parser(
+                name,
+                help=words,
+                description=words[0].upper() + words[1:] + ".",
+                epilog="example:\n" + "".join(f"  {line}\n" for line in module.EXAMPLE.splitlines()),
+                formatter_class=argparse.RawDescriptionHelpFormatter,
+            )
+            module.configure(command)
+        else:
+            commands.add_parser(name, help=words)
+    return parser
+
+
+def _words(error: Exception) -> str:
+    """An exception in one line: what, where, what to do."""
+    if type(error).__module__.partition(".")[0] in _OURS:
+        text = str(error)
+    elif isinstance(error, OSError):
+        where = "standard output" if error.filename is None else error.filename
+        text = f"{where}: {(error.strerror or str(error)).lower()}"
+    elif isinstance(error, MemoryError):
+        text = "not enough memory for this input"
+    else:
+        text = f"defect: {type(error).__name__}: {error}; please report it (RTUSCOPE_DEBUG=1 shows where)"
+    return " ".join(text.split())
+
+
+def _say(text: str) -> None:
+    with suppress(OSError):  # nobody listens on standard error: the status still tells
+        print(f"rtuscope: {text}", file=sys.stderr, flush=True)
+
+
+def _tolerant(stream: IO[str]) -> None:
+    """Characters that the terminal's encoding lacks are escaped, not fatal."""
+    reconfigure = getattr(stream, "reconfigure", None)
+    if reconfigure is not None:
+        reconfigure(errors="backslashreplace")
+
+
+def _settle_stdout() -> None:
+    """What standard output does not take goes nowhere, so that Python's own flush at exit stays quiet."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with suppress(OSError, ValueError, AttributeError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,35 @@
+"""The commands that there are, as a table: a new one is a line here and a module of its name beside this file.
+
+A command's module holds EXAMPLE (lines that work when copied), `configure(parser)` and `run(arguments) -> status`.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Final, Protocol, cast
+
+COMMANDS: Final[dict[str, str]] = {
+    "parse": "annotate pasted bytes: one frame, a request with its answer, or a stretch of a log",
+    "export": "write a capture's frames as JSON lines, CSV or MCAP",
+    "report": "the bus in one page: units, functions, response times, load, errors",
+    "simulate": "make a capture of a plausible bus, with faults if asked, and its ground truth",
+    "demo": "report on the bundled sample capture",
+    "completion": "print the completion script of a shell",
+}
+
+
+class Command(Protocol):
+    """What a command's module offers."""
+
+    EXAMPLE: str
+
+    def configure(self, parser: argparse.ArgumentParser) -> None: ...
+
+    def run(self, arguments: argparse.Namespace) -> int: ...
+
+
+def load(name: str) -> Command:
+    """The module of one command of the table."""
+    from importlib import import_module
+
+    return cast(Command, import_module(f"{__package__}.{name}"))

@@ -1,0 +1,49 @@
+"""What several commands take in: a capture file, and declarations of vendor functions."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from captures import Capture
+
+_TOLD: Final = 5  # complaints printed; the rest are counted
+
+
+def add_capture_arguments(parser: argparse.ArgumentParser) -> None:
+    """CAPTURE and --functions."""
+    parser.add_argument("capture", metavar="CAPTURE", help="a capture: .jsonl, .mcap, .bin, .txt, .log ...")
+    add_functions_argument(parser)
+
+
+def add_functions_argument(parser: argparse.ArgumentParser) -> None:
+    """--functions."""
+    parser.add_argument(
+        "--functions", metavar="FILE", action="append", default=[], help="a Python file that declares vendor functions"
+    )
+
+
+def load_functions(arguments: argparse.Namespace) -> None:
+    """Declare what the files and the installed plug-ins declare."""
+    from dissectors.functions import load_entry_points, load_file
+
+    load_entry_points()
+    for path in arguments.functions:
+        load_file(path)
+
+
+def open_capture(arguments: argparse.Namespace) -> Capture:
+    """The capture that was named."""
+    import captures
+
+    return captures.open(arguments.capture)
+
+
+def tell_damage(name: str, capture: Capture) -> None:
+    """Say what of the capture could not be read."""
+    for loss in capture.damage[:_TOLD]:
+        print(f"rtuscope: {name}: {loss}", file=sys.stderr)
+    if capture.damage_count > _TOLD:
+        print(f"rtuscope: {name}: and {capture.damage_count - _TOLD:,} more such places", file=sys.stderr)

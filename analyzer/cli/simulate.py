@@ -1,0 +1,45 @@
+"""`rtuscope simulate`: a capture of a bus that never was, with the truth about it."""
+
+from __future__ import annotations
+
+import argparse
+
+from .app import DONE, UsageError
+
+EXAMPLE = """\
+rtuscope simulate bus.jsonl --wire noisy --tap ftdi16 --seed 7
+rtuscope report bus.jsonl"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    from analyzer.simulation import TAPS, WIRES
+
+    parser.add_argument("output", metavar="OUT", help="capture to write, .jsonl or .mcap; its truth goes beside it, .truth.jsonl")
+    parser.add_argument("--wire", choices=tuple(WIRES), default="clean", help="what the wire does to the frames")
+    parser.add_argument("--tap", choices=tuple(TAPS), default="precise", help="how the tap tells times")
+    parser.add_argument("--transactions", type=int, default=400, metavar="N", help="requests to make (400)")
+    parser.add_argument("--baud", type=int, help="bit/s; drawn by chance if not given")
+    parser.add_argument("--char-bits", type=int, default=11, help="start, data, parity and stop bits together (11)")
+    parser.add_argument("--units", type=int, help="servers on the bus; drawn by chance if not given")
+    parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same bus (0)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write it."""
+    from analyzer.simulation import Scenario, write
+
+    scenario = Scenario(
+        arguments.wire,
+        arguments.tap,
+        transactions=arguments.transactions,
+        seed=arguments.seed,
+        baud=arguments.baud,
+        char_bits=arguments.char_bits,
+        units=arguments.units,
+    )
+    try:
+        write(scenario, arguments.output)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    return DONE

@@ -1,0 +1,83 @@
+"""What a terminal adds: progress, colour, and Ctrl-C that keeps what was done.
+
+Nothing of this shows on a pipe. Colour follows the terminal and NO_COLOR.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import IO
+
+_PERIOD_S = 0.2
+
+
+class Progress:
+    """A line on a terminal's standard error that tells how far long work has come; silent elsewhere."""
+
+    def __init__(self, label: str) -> None:
+        self._label = label
+        self._shown = False
+        self._next = time.monotonic() + 2 * _PERIOD_S if sys.stderr.isatty() else float("inf")
+
+    def __call__(self, frames: int, octets: int) -> None:
+        """Say it, if the last time is long enough ago."""
+        now = time.monotonic()
+        if now < self._next:
+            return
+        self._next = now + _PERIOD_S
+        self._shown = True
+        sys.stderr.write(f"\r\x1b[K{self._label}: {frames:,} frames, {octets / 1e6:,.1f} MB of the line")
+        sys.stderr.flush()
+
+    def clear(self) -> None:
+        """Take the line away."""
+        if self._shown:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+            self._shown = False
+
+
+class Stop:
+    """Whether Ctrl-C was pressed."""
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    def __call__(self) -> bool:
+        return self.asked
+
+
+@contextmanager
+def interruptible() -> Iterator[Stop]:
+    """The first Ctrl-C asks the work to end at its next step; a second one ends it where it is."""
+    stop = Stop()
+
+    def handler(_number: int, _frame: FrameType | None) -> None:
+        if stop.asked:
+            raise KeyboardInterrupt
+        stop.asked = True
+
+    try:
+        before = signal.signal(signal.SIGINT, handler)
+    except ValueError:  # not the main thread: Ctrl-C is another's business
+        yield stop
+        return
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def coloured(stream: IO[str]) -> bool:
+    """Whether escape sequences are welcome there."""
+    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+        return False
+    if os.name == "nt" and not (os.environ.get("WT_SESSION") or os.environ.get("TERM")):
+        return False  # the old console shows them as text
+    return stream.isatty()

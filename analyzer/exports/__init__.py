@@ -1,0 +1,31 @@
+"""Frames written for other programs: a file a target in `targets`, named by its suffix.
+
+`export` streams a capture through the deframer into a target; memory stays flat and a file appears whole or not at all.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .output import ExportError
+    from .running import Exported, export
+    from .sink import ExportOptions, formats
+
+__all__ = ["ExportError", "ExportOptions", "Exported", "export", "formats"]
+
+_HOME = {
+    "ExportError": "output",
+    "ExportOptions": "sink",
+    "Exported": "running",
+    "export": "running",
+    "formats": "sink",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

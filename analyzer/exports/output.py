@@ -1,0 +1,69 @@
+"""Where an export goes: a file that appears whole or not at all (`captures.replacing`), or standard output."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+import captures
+
+
+class ExportError(Exception):
+    """An export that cannot be made: what, where, what to do."""
+
+
+class Output:
+    """A binary stream that only goes forward and knows how far it is, which a pipe could not say."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self._at = 0
+
+    def write(self, data: bytes) -> int:
+        """Write all of it."""
+        self._stream.write(data)
+        self._at += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        """Bytes written so far."""
+        return self._at
+
+    def flush(self) -> None:
+        """Hand what is buffered to the operating system."""
+        self._stream.flush()
+
+
+@contextmanager
+def output(path: str | Path, *, source: Path | None = None) -> Iterator[Output]:
+    """Somewhere to write to; `-` is standard output.
+
+    Leaving the block by an exception leaves no file. `source` is the file that is being read: writing onto it is
+    refused. Raises ExportError or captures.CaptureError with what the operating system says; BrokenPipeError passes.
+    """
+    if str(path) == "-":
+        try:
+            target = Output(sys.stdout.buffer)
+            yield target
+            target.flush()
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise ExportError(f"standard output: cannot be written: {(error.strerror or str(error)).lower()}") from error
+        return
+    if source is not None and _same(Path(path), source):
+        raise ExportError(f"{path}: is the capture that is being read; give another name")
+    with captures.replacing(path) as stream:
+        target = Output(stream)
+        yield target
+        target.flush()
+
+
+def _same(one: Path, other: Path) -> bool:
+    try:
+        return one.samefile(other)
+    except (OSError, ValueError):
+        return False

@@ -1,0 +1,66 @@
+"""What a target is, and the registry of them: a module of `targets`, named by the suffix that it writes.
+
+A new target is one new file there with `open_sink(out, capture, options) -> Sink`; nothing else has to know it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Protocol, cast
+
+from . import targets
+from .output import ExportError, Output
+
+if TYPE_CHECKING:
+    from analyzer.frames import Batch
+    from captures import Block, Capture
+
+
+@dataclass(frozen=True, slots=True)
+class ExportOptions:
+    """What is written beside the frames."""
+
+    explain: bool = False  # why each boundary stands where it does
+    noise: bool = False  # the bytes between frames, so that lines tile the stream
+
+
+class Sink(Protocol):
+    """A target being written. Blocks and batches come as the capture is read; a block before the batches it gave."""
+
+    def block(self, block: Block) -> None:
+        """Raw chunks."""
+
+    def batch(self, batch: Batch) -> None:
+        """Rows in wire order."""
+
+    def close(self) -> None:
+        """Write what is left."""
+
+
+class Target(Protocol):
+    """A module of `targets`."""
+
+    def open_sink(self, out: Output, capture: Capture, options: ExportOptions) -> Sink: ...
+
+
+def formats() -> tuple[str, ...]:
+    """The names of all targets, which are the suffixes too."""
+    import pkgutil
+
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(targets.__path__)))
+
+
+def target(path: str | PurePath, name: str | None = None) -> Target:
+    """The target for a path, by name or else by suffix; standard output is jsonl.
+
+    Raises ExportError where there is none.
+    """
+    from importlib import import_module
+
+    if name is None:
+        name = "jsonl" if str(path) == "-" else PurePath(path).suffix.removeprefix(".").lower()
+    if name not in formats():
+        which = f"no format {name!r}" if name else f"{path}: no suffix to tell the format by"
+        raise ExportError(f"{which}; formats are {', '.join(formats())} (by suffix or --format)")
+    return cast(Target, import_module(f"{targets.__name__}.{name}"))

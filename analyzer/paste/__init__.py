@@ -1,0 +1,26 @@
+"""Pasted bytes, read: `read(text) -> Paste`, then `Paste.to_json()` or `tree(paste)`.
+
+What people paste is small, has no times and comes in every shape; it is read in plain Python where one frame, or frames
+end to end, explain all of it, and by the deframer where they don't. Arrays are not imported before that.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .model import Found, Noise, Paste
+    from .reading import PasteError, read
+    from .trees import tree
+
+__all__ = ["Found", "Noise", "Paste", "PasteError", "read", "tree"]
+
+_HOME = {"Found": "model", "Noise": "model", "Paste": "model", "PasteError": "reading", "read": "reading", "tree": "trees"}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

@@ -1,0 +1,143 @@
+"""What a paste holds: frames and what is none, in order, tiling its bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from dissectors.annotation import Context, Field, annotate, summary
+from dissectors.envelopes import Adu
+from dissectors.functions import function_name
+from dissectors.lengths import Role
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A frame: whole, damaged (its check value is wrong) or cut (bytes of it are missing)."""
+
+    adu: Adu
+    role: Role
+    start: int  # offset in the pasted bytes
+    length: int  # pasted bytes that it takes
+    request: bytes | None = None  # PDU of the request that it answers
+    request_start: int | None = None
+    also: Role | None = None  # its bytes read as this too
+    missing: int = 0  # bytes still to come, at least
+    confidence: float = 1.0
+    t_start_ns: int | None = None
+    t_end_ns: int | None = None
+    response_time_ns: int | None = None
+
+    @property
+    def function(self) -> int | None:
+        """The function code without the exception bit; None where it is missing."""
+        return self.adu.pdu[0] & 0x7F if self.adu.pdu else None
+
+    @property
+    def exception(self) -> int | None:
+        """The exception code of an exception answer."""
+        pdu = self.adu.pdu
+        return pdu[1] if len(pdu) > 1 and pdu[0] & 0x80 and self.role is Role.RESPONSE else None
+
+    @property
+    def check_ok(self) -> bool | None:
+        """Check value right; None where the envelope has none. A cut frame's is not."""
+        return False if self.missing else self.adu.check_ok
+
+    def fields(self, role: Role | None = None) -> tuple[Field, ...]:
+        """Every field, read as the frame's own role or as another."""
+        role = self.role if role is None else role
+        return annotate(self.adu, role, self._context(role))
+
+    def summary(self, role: Role | None = None) -> str:
+        """The frame in words, on one line."""
+        role = self.role if role is None else role
+        return summary(self.adu, role, self._context(role))
+
+    def _context(self, role: Role) -> Context:
+        return Context(request=self.request) if role is Role.RESPONSE and self.request is not None else Context()
+
+    def to_json(self, index: int) -> dict[str, Any]:
+        """The keys of a frame's JSON line; `also` and `missing` only where there is something to say."""
+        function = self.function
+        line: dict[str, Any] = {
+            "index": index,
+            "start": self.start,
+            "length": self.length,
+            "t_start_ns": self.t_start_ns,
+            "t_end_ns": self.t_end_ns,
+            "protocol": self.adu.protocol,
+            "direction": self.role.name.lower(),
+            "unit": self.adu.unit,
+            "function": function,
+            "name": None if function is None else function_name(function),
+            "exception": self.exception,
+            "crc_ok": self.check_ok,
+            "request_start": self.request_start,
+            "response_time_ns": self.response_time_ns,
+            "hex": self.adu.data.hex(),
+            "fields": [field.to_json() for field in self.fields()],
+            "confidence": round(self.confidence, 6),
+            "findings": [],
+        }
+        if self.missing:
+            line["missing"] = self.missing
+        if self.also is not None:
+            other = [field.to_json() for field in self.fields(self.also)]
+            line["also"] = {"direction": self.also.name.lower(), "fields": other}
+        return line
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Bytes that no frame explains."""
+
+    start: int
+    data: bytes
+
+    @property
+    def length(self) -> int:
+        return len(self.data)
+
+    def to_json(self) -> dict[str, Any]:
+        """The keys of a noise line."""
+        return {
+            "kind": "noise",
+            "start": self.start,
+            "length": self.length,
+            "t_start_ns": None,
+            "t_end_ns": None,
+            "hex": self.data.hex(),
+        }
+
+
+Piece = Found | Noise
+
+
+@dataclass(frozen=True, slots=True)
+class Paste:
+    """A paste with its reading: the envelope that was taken, why, and the pieces."""
+
+    protocol: str  # rtu, ascii or tcp
+    why: str
+    pieces: tuple[Piece, ...]
+
+    def frames(self) -> Iterator[Found]:
+        """The frames, cut ones among them."""
+        return (piece for piece in self.pieces if isinstance(piece, Found))
+
+    @property
+    def holds_a_frame(self) -> bool:
+        """Whether a frame, right or damaged, is there whole."""
+        return any(not frame.missing for frame in self.frames())
+
+    def to_json(self, *, noise: bool = False) -> Iterator[dict[str, Any]]:
+        """A JSON object a frame, and a piece of noise if asked."""
+        index = 0
+        for piece in self.pieces:
+            if isinstance(piece, Found):
+                yield piece.to_json(index)
+                index += 1
+            elif noise:
+                yield piece.to_json()

@@ -1,0 +1,80 @@
+"""Frames of RTU, end to end, in a small paste: plain Python, no arrays.
+
+A window is a frame if its CRC is right and its length is the one that its header predicts, or the one that the paste
+itself delimits (a line of a log) where the function has none. If the windows tile the paste in exactly one way, that is
+its reading and nothing else need be asked; if not, the deframer has to weigh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Final, NamedTuple
+
+from dissectors.checks import crc_ok
+from dissectors.lengths import Role, pdu_length, rule
+
+OVERHEAD: Final = 3  # unit and CRC around the PDU
+LEAST: Final = 4
+MOST: Final = 256
+LIMIT: Final = 1024  # bytes; a longer paste is the deframer's
+
+
+class Window(NamedTuple):
+    """Bytes [start, end) whose CRC is right, and the roles that they can have."""
+
+    start: int
+    end: int
+    roles: tuple[Role, ...]
+
+
+def predicted(data: bytes, role: Role) -> int | None:
+    """Length of the ADU that begins with `data`: None while the header is not whole, -1 where there is none to tell."""
+    declared = rule(data[1], role) if len(data) > 1 else None
+    if len(data) > 1 and declared is None:
+        return -1
+    length = pdu_length(data[1:], role) if len(data) > 1 else None
+    if length is None:
+        return None
+    return length + OVERHEAD if length >= 0 else -1
+
+
+def windows(data: bytes, cuts: Iterable[int], roles: Sequence[Role]) -> list[Window]:
+    """All windows that can be frames; `cuts` are the offsets at which the paste itself is divided."""
+    found: dict[tuple[int, int], list[Role]] = {}
+    for start in range(len(data) - LEAST + 1):
+        head = data[start : start + MOST]
+        for role in roles:
+            length = predicted(head, role)
+            if length is not None and LEAST <= length <= len(data) - start and crc_ok(data[start : start + length]):
+                found.setdefault((start, start + length), []).append(role)
+    edges = sorted({0, len(data), *cuts})
+    for start, end in zip(edges, edges[1:], strict=False):
+        if (start, end) not in found and LEAST <= end - start <= MOST and crc_ok(data[start:end]):
+            unknown = [role for role in roles if data[start + 1] & 0x80 == 0 and _open(data[start:end], role)]
+            if unknown:
+                found[start, end] = unknown
+    return [Window(start, end, tuple(roles)) for (start, end), roles in sorted(found.items())]
+
+
+def _open(adu: bytes, role: Role) -> bool:
+    """Whether the header leaves the length open."""
+    declared = rule(adu[1], role)
+    return declared is None or declared.variable or (declared.base is None and declared.walk is None)
+
+
+def tiling(windows: Sequence[Window], length: int) -> list[Window] | None:
+    """The one way to tile [0, length) with windows; None where there is none, or several."""
+    ways = {length: 1}
+    following: dict[int, Window] = {}
+    for window in sorted(windows, reverse=True):
+        if onward := ways.get(window.end, 0):
+            ways[window.start] = ways.get(window.start, 0) + onward
+            following[window.start] = window
+    if ways.get(0, 0) != 1 or not length:
+        return None
+    path = []
+    at = 0
+    while at < length:
+        path.append(following[at])
+        at = following[at].end
+    return path

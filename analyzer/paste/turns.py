@@ -1,0 +1,119 @@
+"""Whose turn was it? Directions of frames in a row, and which request an answer belongs to.
+
+By what the bytes can be, then by the open request that they answer, then by the log's marks, then by likelihood; in the
+last case alone the other direction stays possible and is shown beside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from dissectors.envelopes import Adu
+from dissectors.lengths import Asked, Role, pdu_length, plausibility, relations
+
+from .model import Found
+
+BOTH: Final = (Role.REQUEST, Role.RESPONSE)
+TX, RX = 1, 2  # the marks of a log, as `captures` numbers them
+_SURE: Final = 0.9999
+_EITHER: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """A frame whose direction is to be found; `roles` are those that it can have, at least one."""
+
+    adu: Adu
+    start: int
+    roles: Sequence[Role]
+    missing: int = 0
+    mark: int = 0
+
+
+def turns(frames: Sequence[Turn]) -> list[Found]:
+    """The frames with directions, answers tied to their requests."""
+    sent = _senders(frames)
+    found: list[Found] = []
+    waiting: list[Found] = []
+    for frame in frames:
+        adu, roles = frame.adu, frame.roles
+        request = next((asked for asked in reversed(waiting) if _answers(asked.adu, adu)), None)
+        marked = sent.get(frame.mark)
+        also = None
+        if len(roles) == 1:
+            role = roles[0]
+        elif request is not None:
+            role = Role.RESPONSE
+        elif marked in roles:
+            role = marked
+        else:
+            role = max(roles, key=lambda r, pdu=adu.pdu: (plausibility(pdu, r), -r))
+            also = other(role)
+        if role is Role.REQUEST:
+            request = None
+        sure = _EITHER if also is not None else _SURE
+        found.append(
+            Found(
+                adu,
+                role,
+                frame.start,
+                adu.length,
+                request=request.adu.pdu if request else None,
+                request_start=request.start if request else None,
+                also=also,
+                missing=frame.missing,
+                confidence=sure if adu.check_ok is not False and not frame.missing else _EITHER,
+            )
+        )
+        if role is Role.REQUEST:
+            waiting = [*waiting, found[-1]] if adu.protocol == "tcp" else [found[-1]]
+        elif request is not None:
+            waiting.remove(request)
+    return found
+
+
+def possible(pdu: bytes, roles: Sequence[Role]) -> Sequence[Role]:
+    """The roles whose predicted length is that of the PDU; all of them if none is."""
+    return [role for role in roles if pdu and pdu_length(pdu, role) == len(pdu)] or roles
+
+
+def other(role: Role) -> Role:
+    """The other direction."""
+    return Role.RESPONSE if role is Role.REQUEST else Role.REQUEST
+
+
+def _senders(frames: Sequence[Turn]) -> dict[int, Role]:
+    """Which direction a mark means: a server's log has them the other way round, which frames of one kind only tell."""
+    for frame in frames:
+        if frame.mark and len(frame.roles) == 1:
+            return {frame.mark: frame.roles[0], TX + RX - frame.mark: other(frame.roles[0])}
+    return {TX: Role.REQUEST, RX: Role.RESPONSE}
+
+
+def _answers(request: Adu, response: Adu) -> bool:
+    """Whether one frame can be the answer to another: unit, transaction (TCP), and what the function echoes."""
+    if request.unit != response.unit or not response.pdu:
+        return False
+    if request.protocol == "tcp" and request.data[:2] != response.data[:2]:
+        return False
+    return _fits(request.pdu, response.pdu)
+
+
+def _fits(request: bytes, response: bytes) -> bool:
+    if response[0] == request[0] | 0x80:
+        return True
+    if response[0] != request[0]:
+        return False
+    for relation in relations(request[0]):
+        if isinstance(relation, Asked):
+            quantity = int.from_bytes(request[relation.quantity_offset :][:2], "big")
+            count = ((quantity + 7) // 8 if relation.bits else quantity * 2) & 0xFF
+            if response[relation.count_offset :][:1] != bytes([count]):
+                return False
+        else:
+            asked = request[relation.request_offset :][: relation.width]
+            if response[relation.response_offset :][: relation.width] != asked:
+                return False
+    return True

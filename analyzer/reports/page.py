@@ -1,0 +1,220 @@
+"""The report as one page of text, 80 columns, for reading at a cabinet.
+
+Facts first, trouble marked by its own lines; what this capture cannot tell is said, never shown as zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from typing import Final
+
+from .model import Counts, Report, UnitRow
+
+_ROWS: Final = 24  # units on the page; --json has all
+_EXCEPTIONS: Final = 10
+_LOSSES: Final = 3
+_EPOCH_NS: Final = 10**17  # times after 1973 are taken for a clock's, others count from the start of the capture
+_COLUMNS: Final = (  # head, width, which of Counts
+    ("requests", 9, "requests"),
+    ("ok", 7, "answered"),
+    ("exc", 6, "exceptions"),
+    ("none", 6, "unanswered"),
+    ("bad", 6, "damaged"),
+    ("retry", 6, "retries"),
+    ("late", 6, "late"),
+)
+
+
+def text(report: Report) -> str:
+    """The page, newline at the end."""
+    return "\n".join(line.rstrip() for line in _lines(report)) + "\n"
+
+
+def _lines(report: Report) -> Iterator[str]:
+    yield _head("capture", ", ".join(part for part in (report.source, report.format) if part) or "unnamed")
+    yield _head("line", _line(report))
+    yield _head("span", _span(report))
+    for loss in report.damage[:_LOSSES]:
+        yield _head("damaged", loss)
+    if report.damage_count > _LOSSES:
+        yield _head("", f"and {report.damage_count - _LOSSES:,} more such places")
+    if report.partial:
+        yield _head("partial", "ended before the capture did; what follows covers the part read")
+    yield _head("bytes", _bytes(report))
+    if not report.frames:
+        yield ""
+        yield "No Modbus frame was found."
+        return
+    frames = f"{report.frames:,}: {report.requests:,} requests, {report.responses:,} responses"
+    if report.damaged_frames:
+        frames += f"; {report.damaged_frames:,} with a wrong check value"
+    yield _head("frames", frames)
+    if report.doubtful_frames:
+        yield _head("", f"{report.doubtful_frames:,} of them doubtful (confidence under 0.5)")
+    yield from _transactions(report.transactions)
+    yield _head("load", _load(report))
+    yield _head("response", _response(report))
+    if report.units:
+        yield ""
+        yield from _units(report)
+        yield ""
+        yield from _functions(report)
+        yield ""
+        yield "requests = ok + exc (exceptions) + none (unanswered) + bad (damaged answers) + broadcasts"
+    if report.exceptions:
+        yield ""
+        yield from _exceptions(report)
+
+
+def _head(label: str, words: str) -> str:
+    return f"{label:<9} {words}"
+
+
+def _line(report: Report) -> str:
+    if report.baud is None:
+        return "baud not known"
+    parts = [f"{report.baud} bit/s"]
+    if report.char_bits is not None:
+        parts.append(f"{report.char_bits:g}-bit characters")
+    if report.tap:
+        parts.append(f"tap {report.tap}")
+    return ", ".join(parts)
+
+
+def _span(report: Report) -> str:
+    if report.span_ns is None:
+        return "unknown: " + ("no times in this capture" if not report.timed else "nothing captured")
+    words = duration(report.span_ns)
+    if report.t_start_ns is not None and report.t_start_ns > _EPOCH_NS:
+        first = datetime.fromtimestamp(report.t_start_ns / 1e9, UTC)
+        words += f", from {first:%Y-%m-%d %H:%M:%S} UTC"
+    return words
+
+
+def _bytes(report: Report) -> str:
+    words = f"{report.bytes:,}"
+    if report.noise_bytes:
+        words += f", {report.noise_bytes:,} of them in no frame ({plural(report.noise_stretches, 'stretch', 'stretches')})"
+    return words
+
+
+def _transactions(counts: Counts) -> Iterator[str]:
+    parts = [f"{counts.answered:,} answered"]
+    for number, words in (
+        (counts.exceptions, "by exception"),
+        (counts.unanswered, "unanswered"),
+        (counts.damaged, "answered by a damaged frame"),
+        (counts.broadcasts, "broadcast"),
+    ):
+        if number:
+            parts.append(f"{number:,} {words}")
+    yield _head("requests", f"{counts.requests:,}: {', '.join(parts)}")
+    if counts.retries or counts.late:
+        yield _head("", f"{plural(counts.retries, 'retry', 'retries')}, {plural(counts.late, 'late answer', 'late answers')}")
+
+
+def _load(report: Report) -> str:
+    if report.load.mean is None:
+        why = "no times in this capture" if not report.timed else "it needs the baud and a span"
+        return f"unknown: {why}"
+    words = f"{report.load.mean:.1%} of the line's capacity"
+    if report.load.busiest_second is not None:
+        words += f", {report.load.busiest_second:.1%} in the busiest second"
+    return words
+
+
+def _response(report: Report) -> str:
+    times = report.times
+    if not times.count:
+        return "unknown: " + ("no times in this capture" if not report.timed else "this tap's times cannot tell them")
+    words = ", ".join(
+        f"{label} {duration(value)}"
+        for label, value in (("p50", times.p50_ns), ("p95", times.p95_ns), ("p99", times.p99_ns), ("max", times.max_ns))
+        if value is not None
+    )
+    answers = report.transactions.answered + report.transactions.exceptions + report.transactions.damaged
+    return words + (f" ({times.count:,} of {answers:,} measured)" if times.count < answers else "")
+
+
+def _units(report: Report) -> Iterator[str]:
+    shown: Sequence[UnitRow] = report.units
+    if len(shown) > _ROWS:
+        shown = sorted(sorted(shown, key=_trouble)[:_ROWS], key=lambda row: row.unit)
+    rows = [(f"{row.unit:>4}", row.counts, (row.times.p50_ns, row.times.p95_ns, row.times.max_ns)) for row in shown]
+    yield from _table("unit", 10, _COLUMNS, ("p50", "p95", "max"), rows)
+    if len(shown) < len(report.units):
+        yield f"and {len(report.units) - len(shown)} units with less trouble (--json has all)"
+
+
+def _trouble(row: UnitRow) -> tuple[int, int]:
+    counts = row.counts
+    return -(counts.unanswered + counts.exceptions + counts.damaged + counts.late), row.unit
+
+
+def _functions(report: Report) -> Iterator[str]:
+    rows = [
+        (f"{row.function:02X} {row.name}", row.counts, (row.times.p50_ns, row.times.p95_ns)) for row in report.functions
+    ]
+    yield from _table("function", 30, _COLUMNS[:5], ("p50", "p95"), rows)
+
+
+def _table(
+    title: str,
+    width: int,
+    columns: Sequence[tuple[str, int, str]],
+    percentiles: Sequence[str],
+    rows: Sequence[tuple[str, Counts, Sequence[int | None]]],
+) -> Iterator[str]:
+    yield f"{title:<{width}}" + "".join(f"{head:>{w}}" for head, w, _ in columns) + "".join(f"{p:>8}" for p in percentiles)
+    for name, counts, times in rows:
+        short = name if len(name) <= width else name[: width - 1] + "…"
+        numbers = "".join(f"{compact(getattr(counts, key)) if getattr(counts, key) else '-':>{w}}" for _, w, key in columns)
+        yield f"{short:<{width}}{numbers}" + "".join(f"{_cell(t):>8}" for t in times)
+
+
+def _exceptions(report: Report) -> Iterator[str]:
+    yield "exceptions"
+    for row in report.exceptions[:_EXCEPTIONS]:
+        yield f"{row.count:>9,} x unit {row.unit}, function {row.function:02X}: {row.exception:02X} {row.name}"
+    if len(report.exceptions) > _EXCEPTIONS:
+        yield f"{'':>9}   and {len(report.exceptions) - _EXCEPTIONS} other kinds (--json has all)"
+
+
+def duration(ns: int) -> str:
+    """A time in its natural unit, three or four digits: `870 us`, `12.3 ms`, `4.2 s`, `3 h 12 min`."""
+    if ns < 999_500:
+        return f"{ns / 1e3:.0f} us"
+    if ns < 999_500_000:
+        return f"{ns / 1e6:.3g} ms"
+    seconds = ns / 1e9
+    if seconds < 99.95:
+        return f"{seconds:.3g} s"
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    days, hours = divmod(hours, 24)
+    if days:
+        return f"{days} d {hours} h"
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds} s"
+
+
+def compact(number: int) -> str:
+    """A count in at most five characters: `9999`, `12.3k`, `1.2M`."""
+    if number < 10_000:
+        return str(number)
+    for scale, letter in ((1e3, "k"), (1e6, "M"), (1e9, "G"), (1e12, "T")):
+        if number < 999.5 * scale:
+            return f"{number / scale:.{2 if number < 9.995 * scale else 1 if number < 99.95 * scale else 0}f}{letter}"
+    return ">999T"
+
+
+def _cell(ns: int | None) -> str:
+    """A time in at most seven characters."""
+    if ns is None:
+        return "?"
+    return duration(ns) if ns < 99_950_000_000 else f"{ns / 1e9:.3g} s"
+
+
+def plural(number: int, one: str, many: str) -> str:
+    """`1 retry`, `2 retries`."""
+    return f"{number:,} {one if number == 1 else many}"

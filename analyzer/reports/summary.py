@@ -1,0 +1,220 @@
+"""From batches of rows to a report, in flat memory: counters by unit and function, histograms, no object a frame.
+
+`Summary.feed` takes batches as they come, `Summary.report` says what they come to; `summarize` does both for a capture.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analyzer.frames import Batch, Kind, Rows
+from analyzer.transactions import Status, Transactions
+from dissectors.functions import exception_name, function_name
+
+from .model import Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
+from .percentiles import Histogram
+
+if TYPE_CHECKING:
+    from captures import Capture
+
+_SECOND: Final = 1_000_000_000
+_DOUBTFUL: Final = 0.5
+# Counters a transaction adds to, in the order of `Counts`.
+_COUNTERS: Final = ("requests", "answered", "exceptions", "unanswered", "broadcasts", "damaged", "retries", "late")
+_BY_STATUS: Final = {
+    Status.ANSWERED: "answered",
+    Status.EXCEPTION: "exceptions",
+    Status.UNANSWERED: "unanswered",
+    Status.BROADCAST: "broadcasts",
+    Status.DAMAGED: "damaged",
+}
+
+
+class Summary:
+    """Facts of a bus, growing as batches are fed."""
+
+    def __init__(self, char_ns: float | None = None) -> None:
+        """`char_ns`: time of one character on the line, for the load."""
+        self._char_ns = char_ns
+        self._transactions = Transactions()
+        self._counts = {name: np.zeros((256, 256), np.int64) for name in _COUNTERS}  # by unit and function
+        self._exceptions: Counter[tuple[int, int, int]] = Counter()
+        self._by_unit: dict[int, Histogram] = {}
+        self._by_function: dict[int, Histogram] = {}
+        self._all = Histogram()
+        self._bytes = self._frames = self._requests = self._damaged = self._doubtful = 0
+        self._noise_bytes = self._noise_stretches = 0
+        self._first: int | None = None
+        self._last: int | None = None
+        self._busy = _Busiest()
+
+    @property
+    def frames(self) -> int:
+        return self._frames
+
+    @property
+    def bytes(self) -> int:
+        return self._bytes
+
+    def feed(self, batch: Batch) -> None:
+        """Count a batch in."""
+        rows = batch.rows
+        if not len(rows):
+            return
+        noise = rows["kind"] == Kind.NOISE
+        lengths = rows["length"]
+        self._bytes += int(lengths.sum())
+        self._noise_bytes += int(lengths[noise].sum())
+        self._noise_stretches += int(noise.sum())
+        frames = rows[~noise]
+        self._frames += len(frames)
+        self._requests += int((frames["kind"] == Kind.REQUEST).sum())
+        self._damaged += int((~frames["check"]).sum())
+        self._doubtful += int((frames["confidence"] < _DOUBTFUL).sum())
+        self._count_exceptions(frames)
+        start, end = int(rows["t_start"].min()), int(rows["t_end"].max())
+        self._first = start if self._first is None else min(start, self._first)
+        self._last = end if self._last is None else max(end, self._last)
+        self._busy.add(rows["t_end"], lengths)
+        self._settle(self._transactions.feed(batch))
+
+    def report(self, capture: Capture, *, source: str = "", partial: bool = False) -> Report:
+        """What it comes to; the transactions still open are closed by this."""
+        self._settle(self._transactions.close())
+        return Report(
+            source=source,
+            format=capture.format,
+            baud=capture.line.baud,
+            char_bits=capture.line.char_bits,
+            tap=capture.line.tap,
+            timed=capture.timed,
+            damage=tuple(str(item) for item in capture.damage),
+            damage_count=capture.damage_count,
+            partial=partial,
+            t_start_ns=self._first if capture.timed else None,
+            t_end_ns=self._last if capture.timed else None,
+            bytes=self._bytes,
+            frames=self._frames,
+            requests=self._requests,
+            responses=self._frames - self._requests,
+            damaged_frames=self._damaged,
+            noise_bytes=self._noise_bytes,
+            noise_stretches=self._noise_stretches,
+            doubtful_frames=self._doubtful,
+            transactions=self._counted(lambda table: table.sum()),
+            times=self._all.times(),
+            load=self._load() if capture.timed else Load(),
+            units=tuple(
+                UnitRow(unit, self._counted(lambda table, u=unit: table[u].sum()), _times(self._by_unit, unit))
+                for unit in np.flatnonzero(self._counts["requests"].sum(axis=1)).tolist()
+            ),
+            functions=tuple(
+                FunctionRow(
+                    function,
+                    function_name(function),
+                    self._counted(lambda table, f=function: table[:, f].sum()),
+                    _times(self._by_function, function),
+                )
+                for function in np.flatnonzero(self._counts["requests"].sum(axis=0)).tolist()
+            ),
+            exceptions=tuple(
+                ExceptionRow(unit, function, code, exception_name(code), count)
+                for (unit, function, code), count in sorted(self._exceptions.items(), key=lambda item: -item[1])
+            ),
+        )
+
+    def _count_exceptions(self, frames: Rows) -> None:
+        raised = frames[(frames["exception"] > 0) & frames["check"]]
+        if not len(raised):
+            return
+        kinds, counts = np.unique(raised[["unit", "function", "exception"]], return_counts=True)
+        for (unit, function, code), count in zip(kinds.tolist(), counts.tolist(), strict=True):
+            self._exceptions[unit, function, code] += count
+
+    def _settle(self, settled: Rows) -> None:
+        if not len(settled):
+            return
+        place = (settled["unit"], settled["function"])
+        np.add.at(self._counts["requests"], place, 1)
+        np.add.at(self._counts["retries"], place, settled["retry"])
+        np.add.at(self._counts["late"], place, settled["late"])
+        for status, name in _BY_STATUS.items():
+            np.add.at(self._counts[name], place, settled["status"] == status)
+        measured = settled[settled["response_ns"] >= 0]
+        if len(measured):
+            self._all.add(measured["response_ns"])
+            for column, histograms in (("unit", self._by_unit), ("function", self._by_function)):
+                for value in np.unique(measured[column]).tolist():
+                    times = measured["response_ns"][measured[column] == value]
+                    histograms.setdefault(value, Histogram()).add(times)
+
+    def _counted(self, pick: Callable[[NDArray[np.int64]], np.int64]) -> Counts:
+        return Counts(*(int(pick(self._counts[name])) for name in _COUNTERS))
+
+    def _load(self) -> Load:
+        if not self._char_ns or self._first is None or self._last is None or self._last <= self._first:
+            return Load()
+        mean = self._bytes * self._char_ns / (self._last - self._first)
+        busiest = self._busy.most() * self._char_ns / _SECOND if self._last - self._first >= _SECOND else None
+        return Load(min(mean, 1.0), None if busiest is None else min(busiest, 1.0))
+
+
+class _Busiest:
+    """The most bytes in one second of the clock; bytes count where their row ends. Rows come nearly in time order."""
+
+    def __init__(self) -> None:
+        self._second: int | None = None
+        self._in_it = 0
+        self._most = 0
+
+    def add(self, t_end: NDArray[np.int64], lengths: NDArray[np.int64]) -> None:
+        seconds, where = np.unique(t_end // _SECOND, return_inverse=True)
+        sums = np.bincount(where, weights=lengths)
+        for second, octets in ((int(seconds[0]), int(sums[0])), (int(seconds[-1]), int(sums[-1]))):
+            if second != self._second:
+                self._second, self._in_it = second, 0
+            self._in_it += octets
+            self._most = max(self._most, self._in_it)
+            if len(seconds) == 1:
+                return
+        self._most = max(self._most, int(sums.max()))
+
+    def most(self) -> int:
+        return self._most
+
+
+def _times(histograms: dict[int, Histogram], key: int) -> Times:
+    found = histograms.get(key)
+    return Times() if found is None else found.times()
+
+
+def summarize(
+    capture: Capture,
+    *,
+    source: str = "",
+    progress: Callable[[int, int], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> Report:
+    """Deframe a capture and report on it.
+
+    `progress` is told (frames, bytes) after each batch; once `stop` says True the report is made of what came so far.
+    """
+    from analyzer.pipeline import deframe
+
+    line = capture.line
+    char_ns = line.char_bits * 1e9 / line.baud if line.baud and line.char_bits else None
+    summary = Summary(char_ns)
+    partial = False
+    for batch in deframe(capture):
+        summary.feed(batch)
+        if progress is not None:
+            progress(summary.frames, summary.bytes)
+        if stop is not None and stop():
+            partial = True
+            break
+    return summary.report(capture, source=source, partial=partial)

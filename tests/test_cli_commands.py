@@ -1,0 +1,167 @@
+"""The command line as a whole: help, usage errors, completion, start-up, Ctrl-C and closed pipes."""
+
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from running import START, environment, ran, refused, spawned
+
+from analyzer.cli.commands import COMMANDS, load
+from analyzer.version import __version__
+
+
+def test_the_version(capsys):
+    assert ran(capsys, "--version").out == f"rtuscope {__version__}\n"
+
+
+def test_no_arguments_show_the_help(capsys):
+    done = ran(capsys)
+    assert done.status == 0
+    assert all(name in done.out for name in COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_tells_the_example(capsys, command):
+    done = ran(capsys, command, "--help")
+    assert done.status == 0
+    for line in load(command).EXAMPLE.splitlines():
+        assert f"  {line}\n" in done.out
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_example_works(capsys, command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for line in load(command).EXAMPLE.splitlines():
+        program, *arguments = shlex.split(line)
+        assert program == "rtuscope"
+        done = ran(capsys, *arguments)
+        assert done.status == 0, (line, done)
+        assert done.err == ""
+
+
+def test_the_example_of_the_first_help_works(capsys):
+    line = next(line for line in ran(capsys).out.splitlines() if line.startswith("  rtuscope "))
+    assert ran(capsys, *shlex.split(line)[1:]).status == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["frobnicate"], "invalid choice: 'frobnicate'"),
+        (["--frobnicate"], "unrecognized arguments"),
+        (["export"], "required: CAPTURE"),
+        (["parse", "--as", "canbus", "11"], "invalid choice: 'canbus'"),
+        (["report", "no-such-file.jsonl"], "no-such-file.jsonl: no such file"),
+        (["export", "."], "is a directory"),
+        (["simulate", "x.jsonl", "--baud", "-1"], "-1"),
+        (["simulate", "x.jsonl", "--transactions", "none"], "none"),
+        (["simulate", "x.weird"], "suffix"),
+    ],
+)
+def test_unusable_arguments_are_one_line(capsys, arguments, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert words in refused(capsys, *arguments)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
+def test_completion_scripts(capsys, shell):
+    done = ran(capsys, "completion", shell)
+    assert done.status == 0
+    assert "rtuscope" in done.out
+    assert "ARGCOMPLETE" in done.out
+
+
+@pytest.mark.skipif(os.name == "nt", reason="completion hands over by a descriptor")
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [("rtuscope ex", {"export"}), ("rtuscope parse --as r", {"rtu"}), ("rtuscope export --fo", {"--format"})],
+)
+def test_completion_completes(tmp_path, line, offered):
+    answers = tmp_path / "answers"
+    done = subprocess.run(
+        [sys.executable, "-c", START],
+        capture_output=True,
+        timeout=60,
+        env=environment(
+            _ARGCOMPLETE="1",
+            _ARGCOMPLETE_IFS="\n",
+            _ARGCOMPLETE_STDOUT_FILENAME=str(answers),
+            _ARGCOMPLETE_COMP_WORDBREAKS=" ",
+            COMP_LINE=line,
+            COMP_POINT=str(len(line)),
+        ),
+    )
+    assert done.stderr == b""
+    assert {word.strip() for word in answers.read_text().split("\n") if word.strip()} == offered
+
+
+def test_parse_imports_nothing_heavy():
+    code = (
+        "import sys; from analyzer.cli import main; status = main(['parse', '11 03 00 6B 00 03 76 87']);"
+        "heavy = {'numpy', 'textual', 'mcap', 'orjson', 'argcomplete', 'json', 'asyncio'} & set(sys.modules);"
+        "sys.exit(f'{status} {heavy}' if status or heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, env=environment(), timeout=60, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_reader_that_has_had_enough_ends_it_quietly(tmp_path, capsys):
+    bus = tmp_path / "bus.jsonl"
+    assert ran(capsys, "simulate", bus, "--transactions", "2000").status == 0
+    command = [sys.executable, "-c", START, "export", str(bus)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment())
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.readline()
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    assert process.wait(timeout=60) == 0
+    process.stderr.close()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
+def test_ctrl_c_keeps_what_was_done(tmp_path, capsys):
+    bus, out = tmp_path / "bus.jsonl", tmp_path / "frames.jsonl"
+    assert ran(capsys, "simulate", bus, "--tap", "untimed", "--transactions", "300").status == 0
+    lines = bus.read_text().splitlines(keepends=True)
+    with bus.open("w") as file:
+        file.write(lines[0])
+        for _ in range(400):
+            file.writelines(lines[1:])
+    command = [sys.executable, "-c", START, "export", str(bus), "-o", str(out)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment())
+    deadline = time.monotonic() + 30
+    while time.monotonic() < deadline and not any(
+        part.stat().st_size > 1_000_000 for part in tmp_path.glob(".frames*")
+    ):
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert err == b"rtuscope: stopped by Ctrl-C; what was done is kept, and partial\n"
+    kept = out.read_text().splitlines()
+    assert kept
+    assert kept[-1].endswith("}")
+    assert not list(tmp_path.glob(".frames*"))
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")  # noqa: PTH110
+@pytest.mark.parametrize("arguments", [["parse", "11 03 00 6B 00 03 76 87"], ["demo"], ["completion", "bash"]])
+def test_a_full_disk_behind_standard_output_is_one_line(arguments):
+    with open("/dev/full", "wb") as full:  # noqa: PTH123
+        done = subprocess.run(
+            [sys.executable, "-c", START, *arguments], stdout=full, stderr=subprocess.PIPE, env=environment(), timeout=60
+        )
+    assert done.returncode == 2
+    assert done.stderr == b"rtuscope: standard output: no space left on device\n"
+
+
+def test_a_terminal_without_our_characters_gets_escapes():
+    done = spawned("parse", "11 03 10" + " 00" * 16 + " 00 00", PYTHONIOENCODING="ascii")
+    assert "defect" not in done.err
+    assert done.out.isascii()

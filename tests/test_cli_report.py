@@ -1,0 +1,91 @@
+"""`rtuscope report` and `demo`."""
+
+import json
+
+import pytest
+from buses import CHAR_NS, LINE, adu, spaced
+from running import ran, refused
+
+import captures
+from captures import Chunk
+
+REQUEST = adu("1103006b0003")
+ANSWER = bytes.fromhex("110306ae415652434049ad")
+EXCEPTION = adu("118302")
+
+
+def written(tmp_path, chunks, name="bus.jsonl", **settings):
+    path = tmp_path / name
+    captures.write(path, chunks, line=LINE, **settings)
+    return path
+
+
+@pytest.fixture
+def bus(tmp_path):
+    frames = [REQUEST, ANSWER] * 6 + [REQUEST, EXCEPTION] + [REQUEST, REQUEST, ANSWER]
+    return written(tmp_path, spaced(frames, gap_ns=10_000_000))
+
+
+def test_the_page(capsys, bus):
+    done = ran(capsys, "report", bus)
+    assert done.status == 0
+    assert done.err == ""
+    assert "17: 9 requests, 8 responses" in done.out
+    assert "9: 7 answered, 1 by exception, 1 unanswered" in done.out
+    assert "1 retry" in done.out
+    assert "1 x unit 17, function 03: 02" in done.out
+    assert "p50 10 ms" in done.out
+
+
+def test_the_same_as_json(capsys, bus):
+    done = ran(capsys, "report", bus, "--json")
+    report = json.loads(done.out)
+    assert done.status == 0
+    assert (report["frames"], report["requests"], report["responses"], report["bytes"]) == (17, 9, 8, 9 * 8 + 7 * 11 + 5)
+    assert report["transactions"] == {
+        "requests": 9, "answered": 7, "exceptions": 1, "unanswered": 1, "broadcasts": 0, "damaged": 0, "retries": 1, "late": 0,
+    }  # fmt: skip
+    assert [(row["unit"], row["counts"]["requests"]) for row in report["units"]] == [(17, 9)]
+    assert [(row["function"], row["times"]["count"]) for row in report["functions"]] == [(3, 8)]
+    assert report["times"]["p50_ns"] == pytest.approx(10_000_000, rel=0.02)
+    assert report["load"]["mean"] == pytest.approx(report["bytes"] * CHAR_NS / report["span_ns"], rel=0.01)
+    assert report["source"] == str(bus)
+    assert report["baud"] == 19200
+
+
+def test_without_times_it_says_so(capsys, tmp_path):
+    path = tmp_path / "log.txt"
+    path.write_text("".join(frame.hex(" ") + "\n" for frame in [REQUEST, ANSWER] * 3))
+    done = ran(capsys, "report", path)
+    assert done.status == 0
+    assert done.out.count("no times in this capture") >= 3
+    assert json.loads(ran(capsys, "report", path, "--json").out)["times"]["count"] == 0
+
+
+def test_no_frame_is_said_with_status_1(capsys, tmp_path):
+    path = written(tmp_path, [Chunk(10**9, b"$GPGGA,123519,4807.038,N*47\r\n")])
+    done = ran(capsys, "report", path)
+    assert done.status == 1
+    assert "No Modbus frame was found." in done.out
+
+
+def test_a_damaged_capture_says_what_was_lost(capsys, bus):
+    lines = bus.read_text().splitlines(keepends=True)
+    bus.write_text("".join([*lines[:4], "not json\n", *lines[4:]]))
+    done = ran(capsys, "report", bus)
+    assert done.status == 0
+    assert "damaged   line 5" in done.out
+    assert json.loads(ran(capsys, "report", bus, "--json").out)["damage_count"] == 1
+
+
+def test_an_empty_file_is_one_line(capsys, tmp_path):
+    path = tmp_path / "empty.jsonl"
+    path.touch()
+    assert "empty" in refused(capsys, "report", path)
+
+
+def test_the_demo_reports_on_the_bundled_sample(capsys):
+    done = ran(capsys, "demo")
+    assert done.status == 0
+    assert "requests" in done.out
+    assert json.loads(ran(capsys, "demo", "--json").out)["frames"] > 20

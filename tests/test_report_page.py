@@ -1,0 +1,137 @@
+"""The page: what it says, and that it fits."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from analyzer.reports.model import Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
+from analyzer.reports.page import compact, duration, text
+
+MS = 1_000_000
+TIMES = Times(380, 2 * MS, 12_345_678, 15 * MS, 20 * MS, 103 * MS)
+COUNTS = Counts(400, 380, 8, 7, 2, 3, 5, 1)
+REPORT = Report(
+    source="bus.jsonl",
+    format="serial-chunks",
+    baud=19200,
+    char_bits=11,
+    tap="irq",
+    timed=True,
+    damage=(),
+    damage_count=0,
+    partial=False,
+    t_start_ns=0,
+    t_end_ns=63 * 1000 * MS,
+    bytes=12_000,
+    frames=780,
+    requests=400,
+    responses=380,
+    damaged_frames=3,
+    noise_bytes=17,
+    noise_stretches=4,
+    doubtful_frames=0,
+    transactions=COUNTS,
+    times=TIMES,
+    load=Load(0.109, 0.37),
+    units=(UnitRow(17, COUNTS, TIMES), UnitRow(247, Counts(1, 1), Times())),
+    functions=(FunctionRow(3, "Read Holding Registers", COUNTS, TIMES),),
+    exceptions=(ExceptionRow(17, 3, 2, "Illegal Data Address", 8),),
+)
+
+
+def test_the_page_has_the_facts():
+    page = text(REPORT)
+    for fact in (
+        "19200 bit/s, 11-bit characters, tap irq",
+        "63 s",
+        "12,000, 17 of them in no frame (4 stretches)",
+        "780: 400 requests, 380 responses; 3 with a wrong check value",
+        "400: 380 answered, 8 by exception, 7 unanswered, 3 answered by a damaged frame, 2 broadcast",
+        "5 retries, 1 late answer",
+        "10.9% of the line's capacity, 37.0% in the busiest second",
+        "p50 12.3 ms, p95 15 ms, p99 20 ms, max 103 ms (380 of 391 measured)",
+        "8 x unit 17, function 03: 02 Illegal Data Address",
+        "03 Read Holding Registers",
+    ):
+        assert fact in page, fact
+
+
+def test_the_page_fits_80_columns_whatever_the_numbers():
+    huge = Counts(*(10**12 + i for i in range(8)))
+    slow = Times(10**12, 1, 10**17, 10**17, 10**17, 10**18)
+    report = replace(
+        REPORT,
+        bytes=10**15,
+        transactions=huge,
+        units=(UnitRow(255, huge, slow),),
+        functions=(FunctionRow(255, "A function with a very long name indeed", huge, slow),),
+    )
+    table = [line for line in text(report).splitlines() if line.startswith(("unit", " 255", "function", "FF"))]
+    assert len(table) == 4
+    assert all(len(line) <= 80 for line in table), table
+
+
+def test_what_the_tap_cannot_tell_is_said_and_not_shown_as_zero():
+    page = text(replace(REPORT, times=Times(), load=Load()))
+    assert "this tap's times cannot tell them" in page
+    assert "load      unknown: it needs the baud and a span" in page
+    untimed = text(replace(REPORT, timed=False, times=Times(), load=Load(), t_start_ns=None, t_end_ns=None))
+    assert untimed.count("no times in this capture") == 3
+
+
+def test_no_frame_is_said():
+    page = text(replace(REPORT, frames=0))
+    assert "No Modbus frame was found." in page
+    assert "unit " not in page
+
+
+def test_damage_and_partial_are_said():
+    page = text(replace(REPORT, damage=("line 7: not JSON",) * 5, damage_count=12, partial=True))
+    assert "damaged   line 7: not JSON" in page
+    assert "and 9 more such places" in page
+    assert "partial   ended before the capture did" in page
+
+
+def test_many_units_keep_one_page_and_the_troubled_ones():
+    units = tuple(UnitRow(n, Counts(10, 10 - n % 2, 0, n % 2), TIMES) for n in range(1, 101))
+    page = text(replace(REPORT, units=units))
+    assert "and 76 units with less trouble" in page
+    shown = [int(line[:4]) for line in page.splitlines() if line[:4].strip().isdigit()]
+    assert len(shown) == 24
+    assert all(unit % 2 for unit in shown)
+
+
+def test_a_clock_time_is_shown():
+    page = text(replace(REPORT, t_start_ns=1_795_248_000 * 10**9, t_end_ns=1_795_248_060 * 10**9))
+    assert "60 s, from 2026-11-21 08:00:00 UTC" in page
+
+
+def test_the_report_as_json_is_plain():
+    line = json.loads(json.dumps(REPORT.to_json()))
+    assert line["span_ns"] == 63 * 1000 * MS
+    assert line["units"][0]["counts"]["unanswered"] == 7
+    assert line["times"]["p95_ns"] == 15 * MS
+
+
+@pytest.mark.parametrize(
+    ("ns", "words"),
+    [
+        (0, "0 us"),
+        (870_400, "870 us"),
+        (999_600, "1 ms"),
+        (12_345_678, "12.3 ms"),
+        (999_600_000, "1 s"),
+        (4_200_000_000, "4.2 s"),
+        (99_960_000_000, "1 min 40 s"),
+        (3_600_000_000_000, "1 h 0 min"),
+        (90_000_000_000_000, "1 d 1 h"),
+    ],
+)
+def test_durations(ns, words):
+    assert duration(ns) == words
+
+
+@pytest.mark.parametrize("number", [0, 99_999, 100_000, 12_345_678, 10**9, 10**13, 10**18])
+def test_counts_stay_short(number):
+    assert len(compact(number)) <= 5
