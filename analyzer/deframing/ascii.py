@@ -119,16 +119,16 @@ class AsciiDeframer:
             rest = start
         if rest > done:
             pieces.append((done, rest, None))
-        start = np.array([p[0] for p in pieces], np.intp)
-        end = np.array([p[1] for p in pieces], np.intp)
+        starts = np.array([p[0] for p in pieces], np.intp)
+        ends = np.array([p[1] for p in pieces], np.intp)
         rows = np.zeros(len(pieces), ROW)
-        rows["start"], rows["length"], rows["port"] = start + tape.base, end - start, port
+        rows["start"], rows["length"], rows["port"] = starts + tape.base, ends - starts, port
         rows["index"] = rows["request"] = rows["request_start"] = rows["response_ns"] = -1
         rows["protocol"] = Protocol.ASCII
         head = tail = np.empty(0, np.int64)
         if pieces:
-            rows["t_start"], rows["t_end"] = tape.spans(start, end)
-            head, tail = tape.reads(start, end)
+            rows["t_start"], rows["t_end"] = tape.spans(starts, ends)
+            head, tail = tape.reads(starts, ends)
         rows["confidence"] = 1.0
         adus = []
         for row, (_, _, adu) in zip(rows, pieces, strict=True):
@@ -145,7 +145,7 @@ class AsciiDeframer:
         answers = self._asked is not None and self._asked.fits(adu.data)
         role = fits[0] if len(fits) == 1 else Role.RESPONSE if answers or function & 0x80 else Role.REQUEST
         row["kind"] = Kind.REQUEST if role is Role.REQUEST else Kind.RESPONSE
-        row["unit"], row["function"], row["check"] = adu.unit, function & 0x7F, bool(adu.check_ok)
+        row["unit"], row["function"], row["check"] = adu.data[0], function & 0x7F, bool(adu.check_ok)
         if function & 0x80 and len(adu.pdu) > 1:
             row["exception"] = adu.pdu[1]
         if role is Role.REQUEST and adu.check_ok and len(adu.data) > len(adu.pdu):

@@ -85,7 +85,8 @@ def _check(check: Bound | Choice | Multiple | Sized) -> tuple[Callable[[Bytes, I
 
     def sized(data: Bytes, at: Index) -> Mask:
         quantity = field(data, at + check.quantity_offset + 1, 2)
-        return field(data, at + check.count_offset + 1, 1) == asked_bytes(quantity, check.bits)
+        fits: Mask = field(data, at + check.count_offset + 1, 1) == asked_bytes(quantity, check.bits)
+        return fits
 
     return sized, 8.0
 

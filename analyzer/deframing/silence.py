@@ -91,6 +91,8 @@ class Trust:
     """
 
     def __init__(self) -> None:
+        self._tables: list[list[float]] = []
+        self._unit_bits: list[float] = []
         self._starts = [counts.copy() for counts in _FIRST]
         self._inside = _prior(0.83, 0.15, 0.015, 0.005, 60.0)
         self._inside[TURNS:] = 0.05

@@ -1,0 +1,57 @@
+"""ASCII mode on the line: frames between `:` and CR LF, paired like any others."""
+
+from __future__ import annotations
+
+from buses import LINE, collect
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analyzer.deframing.ascii import AsciiDeframer, looks_ascii
+from analyzer.pipeline import deframe
+from captures.chunks import Capture, Chunk
+from dissectors.checks import lrc
+
+
+def frame(text: str) -> bytes:
+    data = bytes.fromhex(text)
+    return b":" + (data + bytes([lrc(data)])).hex().upper().encode() + b"\r\n"
+
+
+READ, ANSWER = frame("1103006b0003"), frame("110306ae4156524340")
+
+
+def test_a_capture_in_ascii_mode_is_seen_as_one_and_paired() -> None:
+    chunks = [Chunk(10**9 + i * 10**8, READ if i % 2 == 0 else ANSWER) for i in range(8)]
+    frames = [f for batch in deframe(Capture.of(LINE, chunks)) for f in batch.frames()]
+    assert [f.direction for f in frames] == ["request", "response"] * 4
+    assert [f.protocol for f in frames] == ["ascii"] * 8
+    assert frames[1].request_start == 0
+    assert all(f.crc_ok for f in frames)
+    assert frames[1].to_json()["hex"] == "110306ae4156524340cc"
+    assert "40108" in frames[0].summary() and "44609" in frames[1].summary()
+
+
+def test_a_wrong_lrc_is_a_damaged_frame_and_text_around_is_noise() -> None:
+    broken = READ[:-4] + b"00\r\n"
+    deframer = AsciiDeframer(LINE)
+    found = collect([deframer.feed(Chunk(1, b"boot ok\r\n" + READ + broken)), deframer.close()])
+    assert found.rows["kind"].tolist() == [0, 1, 1]
+    assert found.rows["check"].tolist() == [False, True, False]
+
+
+def test_rtu_bytes_are_not_taken_for_ascii() -> None:
+    assert not looks_ascii(bytes.fromhex("1103006b00037687") * 20)
+    assert looks_ascii(READ + ANSWER)
+
+
+@given(
+    st.lists(st.one_of(st.sampled_from([READ, ANSWER, b":", b"\r\n"]), st.binary(max_size=40)), max_size=12),
+    st.integers(1, 50),
+)
+def test_every_byte_once_whatever_comes(pieces: list[bytes], size: int) -> None:
+    data = b"".join(pieces)
+    deframer = AsciiDeframer(LINE)
+    batches = [deframer.feed(Chunk(i * 10**6, data[i : i + size])) for i in range(0, len(data), size)]
+    found = collect([*batches, deframer.close()])
+    assert found.data == data
+    assert (found.rows["start"] + found.rows["length"])[:-1].tolist() == found.rows["start"][1:].tolist()

@@ -1,0 +1,69 @@
+"""Requests with their answers: statuses, retries, late answers; the same however the rows come in batches."""
+
+from __future__ import annotations
+
+import numpy as np
+from buses import LINE, adu, spaced, streams
+from hypothesis import given
+
+from analyzer.deframing.stream import Deframer
+from analyzer.transactions import TRANSACTION, Status, Transactions
+from captures.chunks import Block, Chunk
+
+READ, ANSWER = adu("110300000002"), adu("110304000a0014")
+
+
+def transactions(feeds: list[Chunk | Block]) -> np.ndarray:
+    deframer, found = Deframer(LINE), Transactions()
+    batches = [*(deframer.feed(feed) for feed in feeds), deframer.close()]
+    return np.concatenate([np.zeros(0, TRANSACTION), *(found.feed(b) for b in batches), found.close()])
+
+
+def statuses(pieces: list[bytes]) -> list[str]:
+    return [Status(s).name for s in transactions(spaced(pieces))["status"]]
+
+
+def test_answered_exception_and_unanswered() -> None:
+    assert statuses([READ, ANSWER, READ, adu("118302"), READ]) == ["ANSWERED", "EXCEPTION", "UNANSWERED"]
+
+
+def test_a_broadcast_waits_for_nobody() -> None:
+    assert statuses([READ, ANSWER, adu("000600010002"), READ, ANSWER]) == ["ANSWERED", "BROADCAST", "ANSWERED"]
+
+
+def test_a_damaged_answer_is_an_answer() -> None:
+    broken = ANSWER[:4] + bytes([ANSWER[4] ^ 1]) + ANSWER[5:]
+    assert statuses([READ, broken, READ, ANSWER]) == ["DAMAGED", "ANSWERED"]
+
+
+def test_the_same_bytes_after_no_answer_are_a_retry_and_a_poll_is_not() -> None:
+    other = adu("110300100002")
+    found = transactions(spaced([READ, ANSWER, READ, READ, ANSWER, other, ANSWER, READ, ANSWER]))
+    assert found["retry"].tolist() == [False, False, True, False, False]
+
+
+def test_a_late_answer_belongs_to_the_older_request() -> None:
+    other, its_answer = adu("050400000001"), adu("0504020007")
+    found = transactions(spaced([READ, other, ANSWER, READ, ANSWER, other, its_answer]))
+    assert found["response"].tolist() == [2, -1, 4, 6]
+    assert found["late"].tolist() == [True, False, False, False]
+
+
+def test_response_time_is_unknown_where_request_and_answer_came_in_one_read() -> None:
+    found = transactions([Chunk(10**9, READ + ANSWER), Chunk(2 * 10**9, READ), Chunk(2 * 10**9 + 10**7, ANSWER)])
+    assert found["response_ns"][0] == -1
+    assert 0 < found["response_ns"][1] < 10**7
+
+
+@given(streams())
+def test_batches_do_not_matter(chunks: list[Chunk]) -> None:
+    whole, pieces = transactions([Block.from_chunks(chunks)]), transactions(list(chunks))
+    assert whole.tolist() == pieces.tolist()
+
+
+@given(streams())
+def test_every_request_has_one_transaction_in_order(chunks: list[Chunk]) -> None:
+    found = transactions(list(chunks))
+    assert (np.diff(found["request"]) > 0).all()
+    answers = found["response"][found["response"] >= 0]
+    assert len(set(answers.tolist())) == len(answers)
