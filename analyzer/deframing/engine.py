@@ -24,7 +24,7 @@ from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice, Pending, Said
 from .places import SILENT, places
 from .prefix import windows
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index
-from .runs import Runs, Stretch, plain_roles, runs_of
+from .runs import Runs, Stretch, plain_evidence, plain_roles, runs_of
 from .silence import Trust, Turn, classes_of, next_checkpoint
 from .tape import Tape, Times
 from .unknown import unknown_windows
@@ -180,6 +180,11 @@ class Engine:
         why = _evidence(count)
         why["length"], why["crc"] = structure, CRC_BITS
         why["margin"] = structure + np.float32(CRC_BITS + NOISE_BEGINS)
+        if self.options.explain:
+            classes = self.tape.classes.take(start + begin)
+            why["silence"], why["conversation"] = plain_evidence(
+                stretch.data, start, end, role, classes, self.trust, self._said
+            )
         self._commit(start + begin, end + begin, role, np.ones(count, np.bool_), why)
         first = int(np.searchsorted(start, end[-1] - _REACH))
         said = Said() if first else self._said

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .candidates import Candidates
 from .conversation import fitting
-from .lattice import Candidate
+from .lattice import CONTRARY, FITS, FITS_EXCEPTION, UNASKED, Candidate, Said
 from .prefix import Windows
 from .rules import Bytes, Index, Mask
 from .silence import Trust, Turn
@@ -126,3 +126,30 @@ def plain_roles(
     plain &= ~(first & either & pending)
     doubt = np.flatnonzero(~plain)
     return roles[: int(doubt[0])] if len(doubt) else roles
+
+
+def plain_evidence(
+    data: Bytes,
+    start: Index,
+    end: Index,
+    role: NDArray[np.uint8],
+    classes: NDArray[np.uint8],
+    trust: Trust,
+    said: Said,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What silence and conversation say for frames of a run, in bits, as the lattice would weigh them.
+
+    `classes` are those of the silences before the frames; `said` is the conversation before the first.
+    """
+    asks = (role == Role.REQUEST) & (data.take(start) != 0)
+    pending = np.append(not said.answered, asks[:-1])
+    turns = np.where(asks & pending, Turn.AGAIN, role)
+    conversation = np.where(asks & pending, trust.unanswered_bits, 0.0)
+    answers = np.flatnonzero((role[1:] == Role.RESPONSE) & (role[:-1] == Role.REQUEST)) + 1
+    fits = fitting(data, start[answers - 1], start[answers])
+    failed = data.take(start[answers] + 1) & 0x80 != 0
+    conversation[answers] = np.where(fits, np.where(failed, FITS_EXCEPTION, FITS), CONTRARY)
+    if role[0] == Role.RESPONSE:
+        known = said.answers(data[start[0] : end[0]].tobytes()) is not None
+        conversation[0] = FITS if known else UNASKED if said.answered else CONTRARY
+    return np.array(trust.evidence)[turns, classes], conversation
