@@ -57,7 +57,7 @@ class Transactions:
     def feed(self, batch: Batch) -> NDArray[np.void]:
         """Transactions that are settled after this batch, in the order of their requests."""
         rows = batch.rows
-        requests = np.flatnonzero(rows["kind"] == Kind.REQUEST)
+        requests = np.flatnonzero((rows["kind"] == Kind.REQUEST) & rows["check"])  # nobody answers a damaged one
         responses = np.flatnonzero((rows["kind"] == Kind.RESPONSE) & (rows["request"] >= 0))
         if len(rows):
             self._frames = max(self._frames, int(rows["index"].max()) + 1)

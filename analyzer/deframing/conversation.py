@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from dissectors.lengths import Asked, Echo, relations
 from numpy.typing import NDArray
+
+from dissectors.lengths import Asked, Echo, relations
 
 from .rules import Bytes, Index, Mask, asked_bytes, field
 

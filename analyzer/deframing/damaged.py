@@ -1,7 +1,9 @@
-"""Answers that came damaged: the CRC is wrong, but the header is the one that a request asked for.
+"""Frames that came damaged: the CRC is wrong, but the rest speaks for itself.
 
-Unit, function and byte count are 24 bits that chance does not give, so such a stretch competes in the lattice with
-whatever a chance CRC inside it would make of it. It ends where something else begins.
+An answer whose header is the one that a request asked for: unit, function and byte count are 24 bits that chance does
+not give, so such a stretch competes in the lattice with whatever a chance CRC inside it would make of it. A request
+that stands alone between two silences and has the length that its header predicts, or nearly. Both end where something
+else begins.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ _LENGTH: Final = -3.0  # and not of the length that they should be
 _LONGER: Final = -2.0  # a byte too many
 _BYTE: Final = -0.6  # a byte that nothing vouches for
 _SPARE: Final = 4  # bytes that a fault may have added
+_NEARLY: Final = -3.0  # a request that is a byte short or long: less sure to be one at all
 _LEAST: Final = 3
 
 
@@ -59,3 +62,19 @@ def _bits(length: int, predicted: int) -> float:
     if length != predicted:
         bits += _LENGTH + _LONGER * max(0, length - predicted)
     return bits
+
+
+def damaged_requests(data: bytes, places: Places, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates for damaged requests in `data`."""
+    taken = {c.start for c in candidates}
+    found = []
+    for start in sorted(places.begins - taken):
+        length = predicted(data, start, Role.REQUEST) if start + _LEAST < len(data) else None
+        if length is None:
+            continue
+        for end in (start + length, start + length - 1, start + length + 1):
+            if end in places.ends:
+                bits = _bits(end - start, length) + (0.0 if end == start + length else _NEARLY)
+                found.append(Candidate(start, end, Role.REQUEST, bits, damaged=True))
+                break
+    return found

@@ -19,7 +19,7 @@ from dissectors.lengths import Role
 from ..frames import EVIDENCE, Kind, Rows
 from .candidates import CRC_BITS, GLITCHES, Candidates, search
 from .contest import WINDOWS, Decision, Event, decide, forced, margins, settled
-from .damaged import damaged_answers
+from .damaged import damaged_answers, damaged_requests
 from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice, Pending, Said
 from .places import SILENT, places
 from .prefix import windows
@@ -274,6 +274,7 @@ class Engine:
         closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self.options.idle_ns)) > 0
         spots = places(data, classes, candidates, closed=closed)
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
+        more += damaged_requests(data, spots, candidates)
         more += damaged_answers(data, tape.base + origin, spots, candidates, self._said.pending)
         if not more and (decision.steps or len(data) < WINDOWS[-1]):
             return decision

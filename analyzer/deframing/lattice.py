@@ -114,6 +114,10 @@ class Step:
     conversation: float = 0.0
     losers: list[tuple[float, Step | None]] = field(default_factory=list)  # paths that it beat to its start
 
+    @property
+    def damaged_request(self) -> bool:
+        return self.candidate is not None and self.candidate.damaged and self.candidate.role == Role.REQUEST
+
 
 @dataclass(slots=True)
 class Path:
@@ -214,14 +218,15 @@ class Lattice:
         adu = self._data[start:end]
         gain = (0.0 if candidate.damaged else CRC_BITS + self._inside(candidate)) + candidate.structure
         for path in self.paths:
+            before = path.tip
             waiting = candidate.role == Role.REQUEST and bool(path.said.pending) and not path.said.answered
             glitch_from = path.noise_from if path.glitch else start  # the silence is before the glitch, if any is
             gap = max(self._silences[glitch_from : start + 1])
             silence = self._trust[Turn.AGAIN if waiting else candidate.role][gap]
             lost = path.noise_from >= 0 and not path.glitch and start - path.noise_from >= 4
+            lost = lost or (path.noise_from < 0 and before is not None and before.damaged_request)
             bits, said = self._converse(path.said, candidate, adu, lost=lost)
             score = path.score + gain + silence + bits
-            before = path.tip
             since = 0.0 if candidate.damaged else path.since_noise + gain + silence + bits
             noisy = path.noisy or candidate.damaged or path.noise_from >= 0
             if path.noise_from >= 0:
@@ -238,6 +243,8 @@ class Lattice:
         """
         if candidate.role == Role.REQUEST:
             unit = self._units[adu[0]]
+            if candidate.damaged:
+                return unit, said  # nobody will answer it
             if said.last == adu:  # its very bytes, as many as they are: not by chance
                 same = min(FITS, 8.0 * (len(adu) - 2) - KNOWN)
                 bits = same + (REPEATED if said.answered else self._unanswered)

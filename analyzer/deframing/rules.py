@@ -13,8 +13,9 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from dissectors.lengths import RULES, Bound, Choice, Multiple, Role, Rule, Sized, revision
 from numpy.typing import NDArray
+
+from dissectors.lengths import RULES, Bound, Choice, Multiple, Role, Rule, Sized, revision
 
 Bytes = NDArray[np.uint8]
 Index = NDArray[np.intp]

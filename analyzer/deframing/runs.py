@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from dissectors.lengths import Role
 from numpy.typing import NDArray
+
+from dissectors.lengths import Role
 
 from .candidates import Candidates
 from .conversation import fitting
