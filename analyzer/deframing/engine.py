@@ -235,6 +235,8 @@ class Engine:
         for window in WINDOWS:
             limit = min(n, at + window)
             whole = limit == n
+            if not whole and window < WINDOWS[-1] and not stretch.any(at, limit):
+                continue
             decision = self._explain(stretch, at, limit, quiet=quiet and whole, final=final and whole)
             if decision.steps or whole:
                 break
@@ -252,7 +254,8 @@ class Engine:
         tape = self.tape
         origin = stretch.begin + at
         data = stretch.data[at:limit].tobytes()
-        classes = tape.classes[origin : origin + len(data) + 1].tolist()
+        silences = tape.classes[origin : origin + len(data) + 1]
+        classes = silences.tolist()
         candidates = stretch.candidates(at, limit)
         idle_bits = max(0.0, self.trust.evidence[Turn.REQUEST][self._idle_class])
 
@@ -272,7 +275,7 @@ class Engine:
         if decision.steps and all(s.candidate is not None for s in decision.steps):
             return decision
         closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self.options.idle_ns)) > 0
-        spots = places(data, classes, candidates, closed=closed)
+        spots = places(data, silences, candidates, closed=closed)
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
         more += damaged_requests(data, spots, candidates)
         more += damaged_answers(data, tape.base + origin, spots, candidates, self._said.pending)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .candidates import GLITCHES
 from .lattice import GLITCH_RUN, Candidate
 
@@ -18,21 +21,23 @@ class Places(NamedTuple):
     ends: frozenset[int]
 
 
-def places(data: bytes, classes: Sequence[int], candidates: Sequence[Candidate], *, closed: bool) -> Places:
+def places(data: bytes, classes: NDArray[np.uint8], candidates: Sequence[Candidate], *, closed: bool) -> Places:
     """Places in `data`; `closed`: its end is an end of a frame too."""
-    gaps = [i for i in range(1, len(data)) if classes[i] >= SILENT]
+    gaps = (1 + np.flatnonzero(classes[1 : len(data)] >= SILENT)).tolist()
     begins = {0, *gaps, *(c.end for c in candidates)}
     ends = {*gaps, *(c.start for c in candidates)}
     if closed:
         ends.add(len(data))
     for place in list(begins):
-        while place < len(data) and data[place] in GLITCHES:
-            place += 1
-            begins.add(place)
+        for at in range(place, min(place + GLITCH_RUN, len(data))):
+            if data[at] not in GLITCHES:
+                break
+            begins.add(at + 1)
     for place in list(ends):
-        while place > 0 and data[place - 1] in GLITCHES:
-            place -= 1
-            ends.add(place)
+        for at in range(place - 1, max(place - 1 - GLITCH_RUN, -1), -1):
+            if data[at] not in GLITCHES:
+                break
+            ends.add(at)
     return Places(frozenset(begins), frozenset(ends))
 
 

@@ -46,6 +46,11 @@ class Stretch:
     crc: Windows
     found: Candidates
 
+    def any(self, at: int, limit: int) -> bool:
+        """Whether a candidate begins in [at, limit)."""
+        low, high = np.searchsorted(self.found.start, (at, limit))
+        return bool(low < high)
+
     def candidates(self, at: int, limit: int) -> list[Candidate]:
         """Those that lie in [at, limit), with offsets from `at`."""
         low, high = np.searchsorted(self.found.start, (at, limit))

@@ -7,7 +7,8 @@ back to back (a request and its answer, one unit, one function) may share an end
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import re
+from collections.abc import Collection, Sequence, Set
 from typing import Final
 
 import numpy as np
@@ -24,6 +25,7 @@ from .rules import MAX_ADU, MIN_ADU
 
 _UNHEARD: Final = -8.0  # bits: functions that nobody declared are rare
 _HEARD: Final = 2.0  # this one was on this bus before
+_USER: Final = re.compile(b"[%s]" % re.escape(bytes(sorted(USER_DEFINED))), re.DOTALL)
 _USER_BITS: Final = 3.0
 
 
@@ -39,7 +41,7 @@ def unknown_windows(
     at: int,
     places: Places,
     candidates: Sequence[Candidate],
-    heard: Collection[int],
+    heard: Set[int],
 ) -> list[Candidate]:
     """Candidates of undeclared length in `data`, which begins at index `at` of the windows.
 
@@ -47,7 +49,9 @@ def unknown_windows(
     """
     n = len(data)
     begins, ends = places.begins, places.ends
-    loose = {i for i in range(n - 1) if data[i + 1] in heard or data[i + 1] in USER_DEFINED}
+    loose = {i - 1 for i in map(re.Match.start, _USER.finditer(data, 1))}
+    for function in heard - USER_DEFINED:
+        loose.update(i for i in range(n - 1) if data[i + 1] == function)
     taken = {c.start for c in candidates}
     tails = crc.tails[at : at + n + 1]
     found: dict[tuple[int, int], None] = {}
