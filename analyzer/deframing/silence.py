@@ -30,8 +30,7 @@ _CERTAIN: Final = 12.0  # bits: more than this no silence proves
 _TELLING: Final = 8.0  # bits: nor does it tell requests from responses better than this
 _UNANSWERED: Final = -8.0  # bits: at the most, for a request that nobody answers
 _UNIT: Final = 4.0  # bits: a unit that is or isn't on this bus
-_FIRST_CHECKPOINT: Final = 256
-_LAST_STEP: Final = 1 << 16
+_STEPS: Final = ((1 << 12, 1 << 7), (1 << 16, 1 << 12), (math.inf, 1 << 16))  # (upto, every), bytes
 _MEMORY: Final = 1e6  # bytes: beyond it old counts fade, since taps are re-plugged and settings change
 
 
@@ -52,18 +51,17 @@ def _prior(same_group: float, short: float, middle: float, long: float, weight: 
 
 
 def checkpoint_before(offset: int) -> int:
-    """The last checkpoint at or before a stream offset: 256, 512, 1024 ... 65536, then every 65536."""
-    if offset < _FIRST_CHECKPOINT:
-        return 0
-    if offset >= _LAST_STEP:
-        return offset // _LAST_STEP * _LAST_STEP
-    return 1 << (offset.bit_length() - 1)
+    """The last checkpoint at or before a stream offset: close together at first, when each frame teaches much."""
+    return offset - offset % _step(offset)
 
 
 def next_checkpoint(offset: int) -> int:
     """The first checkpoint behind a stream offset."""
-    last = checkpoint_before(offset)
-    return _FIRST_CHECKPOINT if not last else last * 2 if last < _LAST_STEP else last + _LAST_STEP
+    return checkpoint_before(offset) + _step(offset)
+
+
+def _step(offset: int) -> int:
+    return next(step for upto, step in _STEPS if offset < upto)
 
 
 class Turn(IntEnum):
