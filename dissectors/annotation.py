@@ -17,6 +17,7 @@ from .fields import Field
 from .functions.exceptions import RESPONSE as EXCEPTION_RESPONSE
 from .functions.exceptions import exception_name
 from .lengths import Role, layout
+from .parts import AnyConstruct
 from .recorder import Recorder
 from .recording import record
 from .registry import function as declared
@@ -37,21 +38,18 @@ class Context:
     request: bytes | None = None
 
 
-def annotate(adu: Adu, role: Role, context: Context = Context()) -> tuple[Field, ...]:  # noqa: B008 (it is frozen)
+def annotate(adu: Adu, role: Role, context: Context = Context()) -> tuple[Field, ...]:
     """Every field of a frame, in order; offsets are in `adu.data`. Never raises, whatever the bytes."""
     data = adu.data
     head = _header(adu)
     at = sum(field.length for field in head)
     width = _CHECK_WIDTH[adu.protocol] if adu.check_received is not None else 0
     end = len(data) - width
-    if at >= end:
-        body: tuple[Field, ...] = ()
-    else:
-        body = (_function(data, at, role), *_body(data, at, end, role, context))
+    body = _pdu(data, at, end, role, context) if at < end else ()
     return (*head, *body, *_check(adu, end))
 
 
-def summary(adu: Adu, role: Role, context: Context = Context()) -> str:  # noqa: B008 (it is frozen)
+def summary(adu: Adu, role: Role, context: Context = Context()) -> str:
     """A frame in words, on one line: `read 3 holding registers from 107 (40108)`; the check value apart."""
     data = adu.data
     at = MBAP if adu.protocol == "tcp" else 1
@@ -82,13 +80,15 @@ def _header(adu: Adu) -> tuple[Field, ...]:
     data = adu.data
     if adu.protocol != "tcp":
         return (_unit(data, 0, serial=True),) if data else ()
-    found = []
+    found: list[Field] = []
     for name, at, end in (("transaction", 0, 2), ("protocol_id", 2, 4), ("length", 4, 6)):
         piece = data[at:end]
         if not piece:
             return tuple(found)
         if len(piece) < 2:
-            found.append(Field(name, at, 1, piece.hex(), piece.hex(), piece.hex(), problem="2 bytes are due, 1 is there"))
+            found.append(
+                Field(name, at, 1, piece.hex(), piece.hex(), piece.hex(), problem="2 bytes are due, 1 is there")
+            )
             return tuple(found)
         value = int.from_bytes(piece, "big")
         problem = None
@@ -131,32 +131,27 @@ def _function(data: bytes, at: int, role: Role) -> Field:
     return Field("function", at, 1, code, raw, text, problem=problem)
 
 
-def _body(data: bytes, at: int, end: int, role: Role, context: Context) -> tuple[Field, ...]:
-    """The fields behind the function code at `at`; the PDU ends at `end`."""
+def _pdu(data: bytes, at: int, end: int, role: Role, context: Context) -> tuple[Field, ...]:
+    """The fields of the PDU from `at` to `end`."""
+    head = _function(data, at, role)
     code = data[at]
     function = declared(code)
     begin = at + 1
     exception = bool(code & EXCEPTION)
     recorder = _recorder(data, at, end, role, context)
-    if function is None and not (exception and role is Role.RESPONSE) or (exception and role is Role.REQUEST):
+    if (role is Role.REQUEST) if exception else (function is None):
         rest = data[begin:end]
-        return (opaque("data", 0, len(rest), rest, recorder),) if rest else ()
+        return (head, opaque("data", 0, len(rest), rest, recorder)) if rest else (head,)
     if exception or function is None:
-        declaration = EXCEPTION_RESPONSE
+        declaration: AnyConstruct = EXCEPTION_RESPONSE
     else:
         declaration = function.request if role is Role.REQUEST else function.response
     reached, problem = record(declaration, data[begin:end], recorder)
-    found = list(_tiled(recorder, begin, begin + reached if problem is None else end, end))
+    found = [head, *_tiled(recorder, begin, begin + reached if problem is None else end, end)]
     if problem is not None and not any(field.problem for field in found):
-        # Nothing of the failed part is there to carry the problem: the last thing that is there does.
-        found = _blamed(found, problem, begin, recorder)
+        # Nothing of the part that failed is there to carry the problem: the last field that is there does.
+        found[-1] = replace(found[-1], problem=f"after this, {problem}")
     return tuple(found)
-
-
-def _blamed(found: list[Field], problem: str, begin: int, recorder: Recorder) -> list[Field]:
-    if found:
-        return [*found[:-1], replace(found[-1], problem=f"after this, {problem}")]
-    return [Field("data", begin, 0, "", "", "", problem=problem)]
 
 
 def _recorder(data: bytes, at: int, end: int, role: Role, context: Context, *, brief: bool = False) -> Recorder:

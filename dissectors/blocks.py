@@ -1,7 +1,7 @@
 """Blocks to build declarations from: parts whose length a count before them gives, or that go on to the end.
 
-`count` is the name of the number that counts a block's bytes (times `scale`), `less` how many of those go to other fields
-in between. A block that the bytes end in is described as far as it goes.
+`count` is the name of the number that counts a block's bytes (times `scale`), `less` how many of those go to other
+fields in between. A block that the bytes end in is described as far as it goes.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ from .text import device_text, is_text
 from .values import Area, logical
 
 if TYPE_CHECKING:
-    from construct import Context
-
     _Struct = construct.Struct
     _Switch = construct.Switch[Any, Any]
 else:
@@ -41,7 +39,7 @@ class Counted(Part):
         self.less = less
         self.scale = scale
 
-    def _parse(self, stream: Any, context: Context, path: str) -> Any:  # noqa: ARG002
+    def _parse(self, stream: Any, context: Any, path: str) -> Any:  # noqa: ARG002
         wanted = max(0, context[self.count] * self.scale - self.less)
         data = stream.read(wanted)
         value = self.decoded(data)
@@ -49,7 +47,7 @@ class Counted(Part):
             raise Short(wanted, len(data), value)
         return value
 
-    def _build(self, obj: Any, stream: Any, context: Context, path: str) -> Any:  # noqa: ARG002
+    def _build(self, obj: Any, stream: Any, context: Any, path: str) -> Any:  # noqa: ARG002
         stream.write(self.encoded(obj))
         return obj
 
@@ -165,10 +163,22 @@ class Bits(Counted):
         number = sum(on << i for i, on in enumerate(value[n:]))
         problem = "unused bits are not zero" if number else None
         if spare < 8:
-            return Field("padding", at + byte, 1, number, raw[2 * byte :], f"{number:0{spare}b}", bit, spare, (), problem)
+            return Field(
+                "padding", at + byte, 1, number, raw[2 * byte :], f"{number:0{spare}b}", bit, spare, (), problem
+            )
         first = byte + (1 if bit else 0)
-        return Field("padding", at + first, len(value) // 8 - first, raw[2 * first :], raw[2 * first :], raw[2 * first :],
-                     None, None, (), problem)
+        return Field(
+            "padding",
+            at + first,
+            len(value) // 8 - first,
+            raw[2 * first :],
+            raw[2 * first :],
+            raw[2 * first :],
+            None,
+            None,
+            (),
+            problem,
+        )
 
 
 class Octets(Counted):
@@ -218,13 +228,13 @@ class Rest(Part):
         super().__init__()
         self.usual = usual
 
-    def _parse(self, stream: Any, context: Context, path: str) -> bytes:  # noqa: ARG002
+    def _parse(self, stream: Any, context: Any, path: str) -> bytes:  # noqa: ARG002
         data: bytes = stream.read()
         if len(data) < self.usual:
             raise Short(self.usual, len(data), data)
         return data
 
-    def _build(self, obj: bytes, stream: Any, context: Context, path: str) -> bytes:  # noqa: ARG002
+    def _build(self, obj: Any, stream: Any, context: Any, path: str) -> Any:  # noqa: ARG002
         stream.write(obj)
         return obj
 
@@ -241,7 +251,7 @@ class Items(Part):
         self.octets = octets
         self.number = number
 
-    def _parse(self, stream: Any, context: Context, path: str) -> list[Any]:
+    def _parse(self, stream: Any, context: Any, path: str) -> list[Any]:
         found: list[Any] = []
         if self.number is not None:
             for _ in range(context[self.number]):
@@ -254,7 +264,7 @@ class Items(Part):
                     break
         return found
 
-    def _build(self, obj: Sequence[Any], stream: Any, context: Context, path: str) -> Sequence[Any]:
+    def _build(self, obj: Any, stream: Any, context: Any, path: str) -> Any:
         for item in obj:
             self.subcon._build(item, stream, context, path)
         return obj
@@ -278,9 +288,7 @@ class Variant(_Switch):
     """A Switch that holds the rest of a PDU: its fields stand beside those before it, not below a field of its own."""
 
 
-def opaque(
-    name: str, start: int, length: int, data: bytes, seen: Recorder, problem: str | None = None
-) -> Field:
+def opaque(name: str, start: int, length: int, data: bytes, seen: Recorder, problem: str | None = None) -> Field:
     """Bytes that mean nothing known."""
     text = data.hex(" ")
     if is_text(data) and length > 1:

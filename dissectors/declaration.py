@@ -6,9 +6,12 @@ Everything else follows from it: predicted lengths, plausibility, what a respons
 way, in a file or a package of the user's own:
 
     from construct import Float32b, Struct
-    from dissectors import ByteCount, Function, Number, Registers
+    from dissectors import Function, Number
 
-    Function(0x41, "Read Trend", Struct("channel" / Number(1)), Struct("level" / Float32b), request_words="trend of {channel}")
+    TREND = Function(
+        0x41, "Read Trend", request=Struct("channel" / Number(1)), response=Struct("level" / Float32b),
+        request_words="read the trend of channel {channel}",
+    )
 """
 
 from __future__ import annotations

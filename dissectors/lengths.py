@@ -1,7 +1,7 @@
 """How long a PDU is and what holds for it, from its first bytes: rules as plain data, compiled from the declarations.
 
-Nothing is stated here: `dissectors.structure` walks each declaration, and this file turns what it found into a `Rule` by
-(function, role). Offsets are in the PDU: 0 is the function code. An exception is a response whose function has 80 set.
+Nothing is stated here: `dissectors.structure` walks each declaration, and this file turns what it found into a `Rule`
+by (function, role). Offsets are in the PDU: 0 is the function code. An exception is a response with 80 in its function.
 """
 
 from __future__ import annotations
@@ -70,15 +70,15 @@ class Rule:
     variable: bool
 
 
-@dataclass(frozen=True, slots=True)
 class _Walk:
     """PDU length by reading the declared part."""
 
-    declared: AnyConstruct
-    checks: tuple[Bound | Choice | Multiple | Sized, ...]
+    def __init__(self, declared: AnyConstruct, checks: tuple[Bound | Choice | Multiple | Sized, ...]) -> None:
+        self.declared = declared
+        self.checks = tuple(check for check in checks if not check.soft)
 
     def __call__(self, pdu: bytes) -> int | None:
-        if any(_value_broken(check, pdu) for check in self.checks if not check.soft):
+        if any(_value_broken(check, pdu) for check in self.checks):
             return -1
         stream = io.BytesIO(pdu[1:])
         try:
@@ -95,12 +95,14 @@ class _Walk:
         return length if length <= MAX_PDU else -1
 
 
-@dataclass(frozen=True, slots=True)
 class _Compiled:
-    revision: int
-    rules: dict[tuple[int, Role], Rule]
-    shapes: dict[tuple[int, Role], Shape]
-    relations: dict[int, tuple[Echo | Asked, ...]]
+    """Everything compiled from the declarations of one revision."""
+
+    def __init__(self, of_revision: int) -> None:
+        self.revision = of_revision
+        self.rules: dict[tuple[int, Role], Rule] = {}
+        self.shapes: dict[tuple[int, Role], Shape] = {}
+        self.relations: dict[int, tuple[Echo | Asked, ...]] = {}
 
 
 _cache: list[_Compiled] = []
@@ -112,7 +114,7 @@ def _all() -> _Compiled:
     from .functions.exceptions import RESPONSE
 
     declared = functions()
-    made = _Compiled(revision(), {}, {}, {})
+    made = _Compiled(revision())
     for function in declared.values():
         for role in Role:
             made.rules[function.code, role], made.shapes[function.code, role] = compiled(function, role)
@@ -120,7 +122,7 @@ def _all() -> _Compiled:
             function, made.shapes[function.code, Role.REQUEST], made.shapes[function.code, Role.RESPONSE]
         )
     exception = shape(RESPONSE)
-    for code in range(EXCEPTION, 0x100):
+    for code in range(EXCEPTION, 0x100):  # with 80 itself: real servers answer function 0 so
         made.rules[code, Role.RESPONSE] = Rule(
             code, Role.RESPONSE, "Exception", exception.size, None, tuple(exception.checks), None, False
         )

@@ -20,8 +20,6 @@ from .values import Area, hexadecimal, logical, signed
 from .values import bits as bit_text
 
 if TYPE_CHECKING:
-    from construct import Context
-
     AnyConstruct = construct.Construct[Any, Any]
     AnySubconstruct = construct.Subconstruct[Any, Any, Any, Any]
 else:
@@ -60,20 +58,20 @@ class Number(Part):
         self.checks = tuple(replace(check, width=width) for check in checks)
         self.noun = noun
 
-    def _parse(self, stream: Any, context: Context, path: str) -> int:  # noqa: ARG002
+    def _parse(self, stream: Any, context: Any, path: str) -> int:  # noqa: ARG002
         data = stream.read(self.width)
         if len(data) < self.width:
             raise Short(self.width, len(data))
         return int.from_bytes(data, "big")
 
-    def _build(self, obj: int, stream: Any, context: Context, path: str) -> int:  # noqa: ARG002
+    def _build(self, obj: Any, stream: Any, context: Any, path: str) -> Any:  # noqa: ARG002
         try:
             stream.write(obj.to_bytes(self.width, "big"))
         except (AttributeError, OverflowError) as error:
             raise construct.IntegerError(f"{obj!r} does not fit {self.width} bytes", path=path) from error
         return obj
 
-    def _sizeof(self, context: Context, path: str) -> int:  # noqa: ARG002
+    def _sizeof(self, context: Any, path: str) -> int:  # noqa: ARG002
         return self.width
 
     def describe(self, name: str, start: int, length: int, value: int, seen: Recorder) -> Field:
@@ -170,7 +168,13 @@ class Code(Number):
     """A number that stands for something; `known` False lets other values pass without a remark."""
 
     def __init__(
-        self, width: Width, words: Mapping[int, str], *, soft: bool = True, known: bool = True, checks: tuple[Check, ...] = ()
+        self,
+        width: Width,
+        words: Mapping[int, str],
+        *,
+        soft: bool = True,
+        known: bool = True,
+        checks: tuple[Check, ...] = (),
     ) -> None:
         choice = (Choice(0, width, tuple(words), soft),) if known else ()
         super().__init__(width, *choice, *checks)

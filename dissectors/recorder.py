@@ -12,9 +12,9 @@ from .fields import Field, Value
 class Recorder:
     """The state of one reading.
 
-    `data` is the ADU, `offset` and `end` where in it the declared part begins and ends. `brief` asks for the short texts of a summary
-    and no children of long blocks. `request` holds the numbers of the request that is answered, by name; `echoes`
-    names those that the response must repeat.
+    `data` is the ADU, `offset` and `end` where in it the declared part begins and ends. `brief` asks for the
+    short texts of a summary and no children of long blocks. `request` holds the numbers of the request that is
+    answered, by name; `echoes` names those that the response must repeat.
     """
 
     data: bytes

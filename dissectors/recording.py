@@ -23,7 +23,6 @@ from .structure import rebuilt
 from .text import harmless
 from .words import filled
 
-_ALTERNATIVES: Final = (construct.Switch, construct.IfThenElse)
 _TRIALS: Final = (construct.GreedyRange, construct.Select, construct.Peek)
 _RECORDER: Final = "recorder"
 
@@ -60,13 +59,10 @@ def _hook(con: AnyConstruct) -> AnyConstruct | None:
 def _named(name: str, inner: AnyConstruct) -> AnyConstruct:
     if isinstance(inner, Variant):
         return construct.Renamed(rebuilt(inner, _hook), name)
-    if isinstance(inner, _ALTERNATIVES):
-        held = vars(inner)
+    if isinstance(inner, construct.Switch | construct.IfThenElse):
         chosen = rebuilt(inner, lambda con: None if con is inner else _hook_case(name, con))
-        return construct.Renamed(chosen, name) if held else inner
+        return construct.Renamed(chosen, name)
     told = rebuilt(inner, _hook)
-    if isinstance(inner, _TRIALS):
-        told = _tried(inner)
     return _Leaf(name, inner) if told is inner else _Level(name, told)
 
 
@@ -76,7 +72,12 @@ def _hook_case(name: str, case: AnyConstruct) -> AnyConstruct:
 
 def _tried(con: Any) -> AnyConstruct:
     """A construct that tries and takes back: fields of what it took back go too."""
-    return rebuilt(con, lambda part: None if part is con else _Trial(rebuilt(part, _hook)))
+    return rebuilt(con, lambda part: None if part is con else _trial(part))
+
+
+def _trial(part: AnyConstruct) -> AnyConstruct:
+    told = rebuilt(part, _hook)
+    return part if told is part else _Trial(told)
 
 
 class _Trial(AnySubconstruct):
@@ -95,8 +96,8 @@ class _Leaf(AnySubconstruct):
 
     def __init__(self, name: str, subcon: AnyConstruct) -> None:
         super().__init__(subcon)
-        self.name = name
-        self.known = isinstance(subcon, Part)
+        self.name = self.label = name
+        self.part = subcon if isinstance(subcon, Part) else None
 
     def _parse(self, stream: Any, context: Any, path: str) -> Any:
         seen: Recorder = context["_params"][_RECORDER]
@@ -108,12 +109,12 @@ class _Leaf(AnySubconstruct):
         except Exception as error:
             self._broken(start, error, seen)
             raise
-        name = self.name
-        field = (
-            self.subcon.describe(name, start, stream.tell() - start, value, seen)
-            if self.known
-            else foreign(self.subcon, name, start, stream.tell() - start, value, seen)
-        )
+        name = self.label
+        length = stream.tell() - start
+        if self.part is not None:
+            field = self.part.describe(name, start, length, value, seen)
+        else:
+            field = foreign(self.subcon, name, start, length, value, seen)
         seen.values[name] = value
         if name in seen.echoes and field.problem is None:
             asked = seen.request.get(name)
@@ -129,11 +130,11 @@ class _Leaf(AnySubconstruct):
         if not data:
             return
         problem = _message(error)
-        if isinstance(error, Short) and error.value is not None and self.known:
-            field = self.subcon.describe(self.name, start, len(data), error.value, seen)
+        if isinstance(error, Short) and error.value is not None and self.part is not None:
+            field = self.part.describe(self.label, start, len(data), error.value, seen)
             seen.fields.append(replace(field, problem=problem))
         else:
-            seen.fields.append(opaque(self.name, start, len(data), data, seen, problem))
+            seen.fields.append(opaque(self.label, start, len(data), data, seen, problem))
 
 
 class _Level(AnySubconstruct):
@@ -141,7 +142,7 @@ class _Level(AnySubconstruct):
 
     def __init__(self, name: str, subcon: AnyConstruct) -> None:
         super().__init__(subcon)
-        self.name = name
+        self.name = self.label = name
 
     def _parse(self, stream: Any, context: Any, path: str) -> Any:
         seen: Recorder = context["_params"][_RECORDER]
@@ -166,17 +167,18 @@ class _Level(AnySubconstruct):
                     problem = "incomplete"
                 elif isinstance(self.subcon, Part):
                     problem = self.subcon.problem(value, end - start, seen)
-                seen.fields.append(seen.make(self.name, start, end - start, None, words, inner, problem))
+                seen.fields.append(seen.make(self.label, start, end - start, None, words, inner, problem))
         return value
 
 
 def foreign(con: Any, name: str, start: int, length: int, value: Any, seen: Recorder) -> Field:
     """The field of a construct from elsewhere: its value as it is, lists by element, bit structures by bits."""
     raw = seen.data[seen.offset + start : seen.offset + start + length]
-    if isinstance(value, list) and value and isinstance(con, construct.Array) and length % len(value) == 0:
+    element = getattr(con, "subcon", None)
+    if isinstance(value, list) and value and isinstance(element, construct.Construct) and length % len(value) == 0:
         each = length // len(value)
         children = [
-            foreign(con.subcon, f"{name}[{i}]", start + i * each, each, item, seen) for i, item in enumerate(value)
+            foreign(element, f"{name}[{i}]", start + i * each, each, item, seen) for i, item in enumerate(value)
         ]
         return seen.make(name, start, length, None, " ".join(c.text for c in children), tuple(children))
     if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""The one collection of declared functions: the specification's, found by walking `dissectors.functions`, and the user's.
+"""The one collection of declared functions: the specification's, found in `dissectors.functions`, and the user's.
 
 A module of that package that holds `Function` values declares them; nothing lists the modules. Users add theirs by a
 Python file (`load_file`) or an entry point of the group `rtuscope.functions` (`load_entry_points`), and may replace the
@@ -11,7 +11,6 @@ import os
 import pkgutil
 from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
-from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
@@ -67,6 +66,8 @@ def load_file(path: str | os.PathLike[str]) -> list[Function]:
 
     A DeclarationError says what is wrong with the file and in which line.
     """
+    from pathlib import Path
+
     name = os.fspath(path)
     try:
         source = Path(name).read_bytes()
@@ -104,7 +105,9 @@ def load_entry_points() -> list[Function]:
             offered = point.load()
         except Exception as error:
             raise DeclarationError(f"entry point {point.name} ({point.value}): {_words(error)}") from error
-        values = vars(offered).values() if hasattr(offered, "__dict__") and not isinstance(offered, Function) else [offered]
+        values = (
+            vars(offered).values() if hasattr(offered, "__dict__") and not isinstance(offered, Function) else [offered]
+        )
         found = list(_functions_in(values))
         if not found:
             raise DeclarationError(f"entry point {point.name} ({point.value}): holds no Function")
@@ -160,4 +163,10 @@ def _line_of(error: BaseException, name: str) -> int:
 def _words(error: BaseException) -> str:
     """An error on one line."""
     text = " ".join(str(error).split())
-    return text if isinstance(error, DeclarationError) else f"{type(error).__name__}: {text}" if text else type(error).__name__
+    return (
+        text
+        if isinstance(error, DeclarationError)
+        else f"{type(error).__name__}: {text}"
+        if text
+        else type(error).__name__
+    )

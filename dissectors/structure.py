@@ -20,8 +20,12 @@ from .parts import AnyConstruct, AnySubconstruct, ByteCount, Number
 
 _GREEDY: Final = (construct.GreedyRange, type(construct.GreedyBytes))
 # What these read passes through another coding: they are leaves, for places inside them mean nothing outside.
-_RECODED: Final = tuple(
+_RECODED: Final[tuple[type[AnyConstruct], ...]] = tuple(
     getattr(construct, name) for name in ("Transformed", "Restreamed", "Compressed", "ProcessXor", "ProcessRotateLeft")
+)
+# What these read of a stream does not hang on what they hold: nothing inside goes on to the end of the PDU.
+_BOUNDED: Final[tuple[type[AnyConstruct], ...]] = tuple(
+    getattr(construct, name) for name in ("Prefixed", "FixedSized", "NullTerminated")
 )
 _INNER: Final = ("subcon", "thensubcon", "elsesubcon", "default", "lengthfield", "countfield")
 
@@ -63,9 +67,11 @@ def _walk(con: AnyConstruct, name: str | None, found: Shape, at: int | None) -> 
         place = found.layout.get(con.count)
         if con.less and place is not None:  # fewer than what it counts besides cannot be
             found.checks.append(Bound(*place, con.less, 0x100 ** place[1] - 1, soft=False))
-        return _counted(con.count, con.scale, found)
+        _counted(con.count, con.scale, found)
+        return None
     if isinstance(con, Items):
-        return _items(con, found, at)
+        _items(con, found, at)
+        return None
     if isinstance(con, Rest):
         found.open_ended = True
         found.bare = found.bare or not con.usual
@@ -142,21 +148,18 @@ def _switch(con: Any, found: Shape, at: int | None) -> int | None:
 
 def _foreign(con: Any, name: str | None, found: Shape, at: int | None) -> int | None:
     """A construct from elsewhere: of fixed size, counted in one of the common ways, or read to know."""
-    try:
-        size = con.sizeof()
-    except Exception:  # whatever keeps it from having a size
-        size = None
+    size = _size(con)
     if size is not None:
         if at is not None and name is not None and size in (1, 2) and _is_big_endian(con):
             found.layout[name] = (at, size)
         return _fixed(size, found, at)
     if isinstance(con, construct.Bytes):
-        return _counted(_path_name(con.length), 1, found)
+        _counted(_path_name(con.length), 1, found)
+        return None
     if isinstance(con, construct.Array):
-        try:
-            return _counted(_path_name(con.count), con.subcon.sizeof(), found)
-        except construct.ConstructError:
-            found.stepped = True
+        each = _size(con.subcon)
+        if each is not None:
+            _counted(_path_name(con.count), each, found)
             return None
     if isinstance(con, construct.Prefixed) and not con.includelength and at is not None:
         width = _size(con.lengthfield)
@@ -166,7 +169,7 @@ def _foreign(con: Any, name: str | None, found: Shape, at: int | None) -> int | 
             return None
     found.stepped = True
     inner = getattr(con, "subcon", None)
-    if isinstance(inner, construct.Construct):
+    if isinstance(inner, construct.Construct) and not isinstance(con, _BOUNDED):
         found.open_ended = found.open_ended or _greedy_inside(inner)
     return None
 
@@ -180,9 +183,9 @@ def _greedy_inside(con: AnyConstruct) -> bool:
 def _size(con: Any) -> int | None:
     try:
         size: int = con.sizeof()
-    except construct.ConstructError:
+    except Exception:  # a user's construct may fail in any way when asked without bytes
         return None
-    return size
+    return size if size >= 0 else None
 
 
 def _is_big_endian(con: Any) -> bool:
@@ -203,7 +206,7 @@ def _path_name(path: object) -> str | None:
 
 
 def rebuilt(con: AnyConstruct, hook: Callable[[AnyConstruct], AnyConstruct | None]) -> AnyConstruct:
-    """A copy of a declaration with some of its parts replaced by what `hook` returns for them (None: keep and go in)."""
+    """A copy of a declaration, parts replaced by what `hook` returns for them (None: kept, and looked into)."""
     new = hook(con)
     if new is not None:
         return new
@@ -217,13 +220,17 @@ def rebuilt(con: AnyConstruct, hook: Callable[[AnyConstruct], AnyConstruct | Non
             other = rebuilt(inner, hook)
             if other is not inner:
                 changed[name] = other
-    if isinstance(held.get("subcons"), list):
-        changed["subcons"] = [rebuilt(part, hook) for part in held["subcons"]]
-    if isinstance(held.get("cases"), dict):
-        changed["cases"] = {key: rebuilt(case, hook) for key, case in held["cases"].items()}
+    if isinstance(parts := held.get("subcons"), list):
+        others = [rebuilt(part, hook) for part in parts]
+        if any(other is not part for other, part in zip(others, parts, strict=True)):
+            changed["subcons"] = others
+    if isinstance(cases := held.get("cases"), dict):
+        chosen = {key: rebuilt(case, hook) for key, case in cases.items()}
+        if any(chosen[key] is not cases[key] for key in cases):
+            changed["cases"] = chosen
     if not changed:
         return con
-    twin = copy.copy(con)
+    twin: AnyConstruct = copy.copy(con)
     vars(twin).update(changed)
     return twin
 
@@ -257,6 +264,8 @@ def measuring(declaration: AnyConstruct) -> AnyConstruct:
     """The declaration made strict: it stops at what has no end (`Unknowable`) and at what cannot be (`Impossible`)."""
 
     def hook(con: AnyConstruct) -> AnyConstruct | None:
+        if isinstance(con, _BOUNDED):
+            return con
         if isinstance(con, (Rest, *_GREEDY)):
             return _Open()
         if isinstance(con, Number) and any(not check.soft for check in con.checks):

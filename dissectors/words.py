@@ -6,14 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from .fields import Field
 
 
-@dataclass(frozen=True, slots=True)
 class _Word:
-    field: Field
+    def __init__(self, field: Field) -> None:
+        self.field = field
 
     def __format__(self, noun: str) -> str:
         if not noun:

@@ -110,6 +110,18 @@ def test_parse_imports_nothing_heavy():
     assert done.returncode == 0, done.stderr
 
 
+def test_parse_starts_in_less_than_three_times_the_import_of_construct():
+    def best(*arguments):
+        times = []
+        for _ in range(9):
+            begun = time.perf_counter()
+            subprocess.run([sys.executable, *arguments], capture_output=True, env=environment(), check=True, timeout=60)
+            times.append(time.perf_counter() - begun)
+        return min(times)
+
+    assert best("-c", START, "parse", "11 03 00 6B 00 03 76 87") < 3 * best("-c", "import construct")
+
+
 def test_a_reader_that_has_had_enough_ends_it_quietly(tmp_path, capsys):
     bus = tmp_path / "bus.jsonl"
     assert ran(capsys, "simulate", bus, "--transactions", "2000").status == 0
@@ -155,7 +167,11 @@ def test_ctrl_c_keeps_what_was_done(tmp_path, capsys):
 def test_a_full_disk_behind_standard_output_is_one_line(arguments):
     with open("/dev/full", "wb") as full:  # noqa: PTH123
         done = subprocess.run(
-            [sys.executable, "-c", START, *arguments], stdout=full, stderr=subprocess.PIPE, env=environment(), timeout=60
+            [sys.executable, "-c", START, *arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            env=environment(),
+            timeout=60,
         )
     assert done.returncode == 2
     assert done.stderr == b"rtuscope: standard output: no space left on device\n"

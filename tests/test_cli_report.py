@@ -41,9 +41,15 @@ def test_the_same_as_json(capsys, bus):
     done = ran(capsys, "report", bus, "--json")
     report = json.loads(done.out)
     assert done.status == 0
-    assert (report["frames"], report["requests"], report["responses"], report["bytes"]) == (17, 9, 8, 9 * 8 + 7 * 11 + 5)
+    assert (report["frames"], report["requests"], report["responses"], report["bytes"]) == (
+        17,
+        9,
+        8,
+        9 * 8 + 7 * 11 + 5,
+    )
     assert report["transactions"] == {
-        "requests": 9, "answered": 7, "exceptions": 1, "unanswered": 1, "broadcasts": 0, "damaged": 0, "retries": 1, "late": 0,
+        "requests": 9, "answered": 7, "exceptions": 1, "unanswered": 1,
+        "broadcasts": 0, "damaged": 0, "retries": 1, "late": 0,
     }  # fmt: skip
     assert [(row["unit"], row["counts"]["requests"]) for row in report["units"]] == [(17, 9)]
     assert [(row["function"], row["times"]["count"]) for row in report["functions"]] == [(3, 8)]
@@ -67,6 +73,13 @@ def test_no_frame_is_said_with_status_1(capsys, tmp_path):
     done = ran(capsys, "report", path)
     assert done.status == 1
     assert "No Modbus frame was found." in done.out
+
+
+def test_noise_that_goes_on_is_one_stretch(capsys, tmp_path):
+    path = tmp_path / "zeros.bin"
+    path.write_bytes(bytes(300_000) + REQUEST + ANSWER + b"\xff\xff\xff" + REQUEST + ANSWER)
+    report = json.loads(ran(capsys, "report", path, "--json").out)
+    assert (report["frames"], report["noise_bytes"], report["noise_stretches"]) == (4, 300_003, 2)
 
 
 def test_a_damaged_capture_says_what_was_lost(capsys, bus):

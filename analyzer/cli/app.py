@@ -10,13 +10,13 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Container, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from typing import IO, Final, NoReturn
+from typing import IO, Any, Final, NoReturn
 
 from analyzer.version import __version__
 
-from .commands import COMMANDS, load
+from .commands import COMMANDS, Command, load
 
 DONE: Final = 0
 NO_FRAME: Final = 1
@@ -62,22 +62,23 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: list[str]) -> int:
-    completing = "_ARGCOMPLETE" in os.environ
-    chosen = next((word for word in arguments if not word.startswith("-")), None)
-    parser = _parser(COMMANDS if completing else {chosen})
-    if completing:
+    if "_ARGCOMPLETE" in os.environ:
         import argcomplete
 
-        argcomplete.autocomplete(parser)
-    options = parser.parse_args(arguments)
-    if options.command is None:
-        parser.print_help()
-        return DONE
-    return load(options.command).run(options)
+        argcomplete.autocomplete(_parser(COMMANDS))
+    if arguments and arguments[0] in COMMANDS:  # the usual way: nothing of other commands is built
+        command = load(arguments[0])
+        parser = Parser(prog=f"rtuscope {arguments[0]}", **_look(arguments[0], command))
+        command.configure(parser)
+        return command.run(parser.parse_args(arguments[1:]))
+    parser = _parser(())
+    parser.parse_args(arguments)
+    parser.print_help()
+    return DONE
 
 
-def _parser(known: Container[str | None]) -> argparse.ArgumentParser:
-    """All commands by name; those in `known` with their arguments too."""
+def _parser(filled: Iterable[str]) -> Parser:
+    """All commands by name; those in `filled` with their arguments too."""
     parser = Parser(
         prog="rtuscope",
         description="Frame parser and serial-capture analyzer for Modbus RTU buses.",
@@ -86,21 +87,24 @@ def _parser(known: Container[str | None]) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"rtuscope {__version__}")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    commands = parser.add_subparsers(metavar="COMMAND", title="commands")
     for name, words in COMMANDS.items():
-        if name in known:
-            module = load(name)
-            command = commands.add_parser(
-                name,
-                help=words,
-                description=words[0].upper() + words[1:] + ".",
-                epilog="example:\n" + "".join(f"  {line}\n" for line in module.EXAMPLE.splitlines()),
-                formatter_class=argparse.RawDescriptionHelpFormatter,
-            )
-            module.configure(command)
+        if name in filled:
+            command = load(name)
+            command.configure(commands.add_parser(name, help=words, **_look(name, command)))
         else:
             commands.add_parser(name, help=words)
     return parser
+
+
+def _look(name: str, command: Command) -> dict[str, Any]:
+    """How a command's help looks."""
+    words = COMMANDS[name]
+    return {
+        "description": f"{words[0].upper()}{words[1:]}.",
+        "epilog": "example:\n" + "".join(f"  {line}\n" for line in command.EXAMPLE.splitlines()),
+        "formatter_class": argparse.RawDescriptionHelpFormatter,
+    }
 
 
 def _words(error: Exception) -> str:

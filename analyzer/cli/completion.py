@@ -17,7 +17,9 @@ powershell  rtuscope completion powershell >> $PROFILE
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    parser.description = f"{parser.description}\n\nwhere it goes:\n" + "".join(f"  {line}\n" for line in WHERE.splitlines())
+    parser.description = f"{parser.description}\n\nwhere it goes:\n" + "".join(
+        f"  {line}\n" for line in WHERE.splitlines()
+    )
     parser.add_argument("shell", choices=("bash", "zsh", "fish", "powershell"), help="the shell")
 
 

@@ -18,9 +18,13 @@ rtuscope export bus.jsonl --noise --explain"""
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_capture_arguments(parser)
-    parser.add_argument("-o", "--output", metavar="OUT", default="-", help="file to write; - is standard output (default)")
+    parser.add_argument(
+        "-o", "--output", metavar="OUT", default="-", help="file to write; - is standard output (default)"
+    )
     parser.add_argument("--format", metavar="F", help="jsonl, csv or mcap; by default OUT's suffix tells, else jsonl")
-    parser.add_argument("--noise", action="store_true", help="write the bytes between frames too, so that all bytes are there")
+    parser.add_argument(
+        "--noise", action="store_true", help="write the bytes between frames too, so that all bytes are there"
+    )
     parser.add_argument("--explain", action="store_true", help="tell why each frame's boundaries stand where they do")
 
 

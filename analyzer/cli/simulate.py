@@ -15,7 +15,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     from analyzer.simulation import TAPS, WIRES
 
-    parser.add_argument("output", metavar="OUT", help="capture to write, .jsonl or .mcap; its truth goes beside it, .truth.jsonl")
+    parser.add_argument(
+        "output", metavar="OUT", help="capture to write, .jsonl or .mcap; its truth goes beside it, .truth.jsonl"
+    )
     parser.add_argument("--wire", choices=tuple(WIRES), default="clean", help="what the wire does to the frames")
     parser.add_argument("--tap", choices=tuple(TAPS), default="precise", help="how the tap tells times")
     parser.add_argument("--transactions", type=int, default=400, metavar="N", help="requests to make (400)")

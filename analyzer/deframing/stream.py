@@ -46,12 +46,14 @@ class Deframer:
         self._frames = 0
         self._held = _Loose.nothing()
         self._now: int | None = None
+        self._timed = True
 
     def feed(self, chunks: Chunk | Block | Iterable[Chunk]) -> Batch:
         """Take captured bytes; give what has become certain."""
         if isinstance(chunks, Chunk):
             chunks = (chunks,)
         block = chunks if isinstance(chunks, Block) else Block.from_chunks(chunks)
+        self._timed = self._timed and block.timed
         if len(block):
             sizes = np.diff(block.offsets).astype(np.intp)
             self._now = int(block.t_ns[-1])
@@ -95,6 +97,8 @@ class Deframer:
 
     def _batch(self, loose: _Loose) -> Batch:
         rows = loose.rows
+        if not self._timed:  # a source without a clock: better no times than made-up ones
+            rows["t_start"] = rows["t_end"] = 0
         frames = rows["kind"] != Kind.NOISE
         count = int(frames.sum())
         rows["index"][frames] = np.arange(self._frames, self._frames + count)

@@ -52,7 +52,9 @@ def output(path: str | Path, *, source: Path | None = None) -> Iterator[Output]:
         except BrokenPipeError:
             raise
         except OSError as error:
-            raise ExportError(f"standard output: cannot be written: {(error.strerror or str(error)).lower()}") from error
+            raise ExportError(
+                f"standard output: cannot be written: {(error.strerror or str(error)).lower()}"
+            ) from error
         return
     if source is not None and _same(Path(path), source):
         raise ExportError(f"{path}: is the capture that is being read; give another name")

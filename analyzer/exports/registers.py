@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from analyzer.frames import Frame
-from dissectors.fields import Field
+from dissectors.annotation import Field, annotate
 from dissectors.functions import function
 from dissectors.lengths import Role
 
@@ -38,15 +38,20 @@ def values_of(frame: Frame, fields: Iterable[Field]) -> Values | None:
     if frame.role is not Role.RESPONSE or not frame.crc_ok or frame.exception is not None:
         return None
     area, letter = _AREAS[declared.area]
-    numbers: dict[str, int] = {}
-    for field in (*frame.request_fields(), *fields):
-        numbers.update((f"{letter}{address}", value) for address, value in _leaves(field))
+    asked = annotate(Frame(frame.row, frame.request_bytes).adu, Role.REQUEST)
+    numbers = {f"{letter}{address}": value for address, value in (*_placed(asked), *_placed(fields))}
     return Values(area, numbers) if numbers else None
 
 
-def _leaves(field: Field) -> Iterator[tuple[int, int]]:
-    """(address, value) of each field that has both."""
-    if field.address is not None and isinstance(field.value, int):
-        yield field.address, int(field.value)
-    for child in field.fields:
-        yield from _leaves(child)
+def _placed(fields: Iterable[Field]) -> Iterator[tuple[int, int]]:
+    """(address, value) of each field that has both; a single write has them in two fields, one after the other."""
+    before: int | None = None
+    for field in fields:
+        if isinstance(field.value, int) and field.address is not None:
+            yield field.address, int(field.value)
+        elif isinstance(field.value, int) and field.name == "register_value" and before is not None:
+            yield before, field.value
+        elif isinstance(field.value, int) and field.name == "output_value" and before is not None:
+            yield before, int(field.value != 0)
+        before = field.value if isinstance(field.value, int) and field.name.endswith("_address") else None
+        yield from _placed(field.fields)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from analyzer.frames import Kind
-from captures import Block, Capture, LineSettings
+from analyzer.passing import passing
+from captures import Capture
 
 from .output import output
-from .sink import ExportOptions, Sink, target
+from .sink import ExportOptions, target
 
 _PLAIN = ExportOptions()
+_ROWS = 2048  # written at once: how long Ctrl-C and progress wait
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,47 +39,30 @@ def export(
 ) -> Exported:
     """Write a capture's frames to a file (`-` is standard output), by suffix or by format `name`.
 
-    The capture's own file is never written over. `progress` is told (frames, bytes) after each
-    batch; once `stop` says True the file is completed with what came so far. Raises ExportError.
+    The capture's own file is never written over. `progress` is told (frames, bytes) now and
+    then; once `stop` says True the file is completed with what came so far. Raises ExportError.
     """
     from analyzer.pipeline import Options, deframe
 
     module = target(out, name)
     frames = octets = 0
-    partial = False
+
+    def stopped() -> bool:
+        return stop is not None and stop()
+
     with output(out, source=capture.path) as stream:
         sink = module.open_sink(stream, capture, options)
-        passing = Capture(_Passing(capture, sink), path=capture.path, format=capture.format)
-        for batch in deframe(passing, Options(explain=options.explain)):
-            sink.batch(batch)
-            frames += int(np.count_nonzero(batch.rows["kind"] != Kind.NOISE))
-            octets += int(batch.rows["length"].sum())
-            if progress is not None:
-                progress(frames, octets)
-            if stop is not None and stop():
-                partial = True
-                break
+        for batch in deframe(passing(capture, look=sink.block, stop=stopped), Options(explain=options.explain)):
+            for first in range(0, len(batch), _ROWS):
+                if stopped():
+                    break
+                rows = batch.rows[first : first + _ROWS]
+                sink.rows(batch, first, first + len(rows))
+                frames += int(np.count_nonzero(rows["kind"] != Kind.NOISE))
+                octets += int(rows["length"].sum())
+                if progress is not None:
+                    progress(frames, octets)
+            else:
+                sink.batch(batch)
         sink.close()
-    return Exported(frames, octets, partial)
-
-
-@dataclass(frozen=True, slots=True)
-class _Passing:
-    """A source whose blocks pass by a sink on their way to the deframer."""
-
-    capture: Capture
-    sink: Sink
-
-    @property
-    def line(self) -> LineSettings:
-        return self.capture.line
-
-    @property
-    def timed(self) -> bool:
-        return self.capture.timed
-
-    def blocks(self, max_bytes: int, note: Callable[[str, str], None]) -> Iterator[Block]:  # noqa: ARG002
-        """The capture's blocks; it keeps its damage itself."""
-        for block in self.capture.blocks(max_bytes):
-            self.sink.block(block)
-            yield block
+    return Exported(frames, octets, stopped())

@@ -47,7 +47,7 @@ FRAME: Final[dict[str, Any]] = {
 
 TRANSACTION: Final[dict[str, Any]] = {
     "title": "rtuscope.Transaction",
-    "description": "A request with what became of it; log_time is the end of the answer, or of the request",
+    "description": "A request and what became of it; log_time is the start of the answer, else the end of the request",
     "type": "object",
     "properties": {
         "request": {**_INTEGER, "description": "index of the request's frame"},
@@ -113,6 +113,6 @@ def values(unit: int, area: str, names: Iterable[str]) -> dict[str, Any]:
         "title": "rtuscope.Values",
         "description": f"{area} values of unit {unit} as one transaction carried them, by address",
         "type": "object",
-        "properties": {name: _NUMBER for name in names},
+        "properties": dict.fromkeys(names, _NUMBER),
         "additionalProperties": _NUMBER,
     }

@@ -31,8 +31,11 @@ class Sink(Protocol):
     def block(self, block: Block) -> None:
         """Raw chunks."""
 
+    def rows(self, batch: Batch, first: int, last: int) -> None:
+        """Rows `first` to `last` (excluded) of a batch, in wire order."""
+
     def batch(self, batch: Batch) -> None:
-        """Rows in wire order."""
+        """A batch all of whose rows have come."""
 
     def close(self) -> None:
         """Write what is left."""

@@ -15,7 +15,14 @@ if TYPE_CHECKING:
 
 __all__ = ["Found", "Noise", "Paste", "PasteError", "read", "tree"]
 
-_HOME = {"Found": "model", "Noise": "model", "Paste": "model", "PasteError": "reading", "read": "reading", "tree": "trees"}
+_HOME = {
+    "Found": "model",
+    "Noise": "model",
+    "Paste": "model",
+    "PasteError": "reading",
+    "read": "reading",
+    "tree": "trees",
+}
 
 
 def __getattr__(name: str) -> object:

@@ -4,12 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from dissectors.annotation import Context, Field, annotate, summary
 from dissectors.envelopes import Adu
 from dissectors.functions import function_name
 from dissectors.lengths import Role
+
+
+class Part(NamedTuple):
+    """Bytes of a paste that stand together; `mark` is 0, or 1 and 2 for what the text calls sent and received.
+
+    `t_ns` is their time in ns; `ascii` says that the text shows them as an ASCII-mode frame.
+    """
+
+    data: bytes
+    mark: int = 0
+    t_ns: int | None = None
+    ascii: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +35,8 @@ class Found:
     request: bytes | None = None  # PDU of the request that it answers
     request_start: int | None = None
     also: Role | None = None  # its bytes read as this too
-    missing: int = 0  # bytes still to come, at least
+    missing: int = 0  # bytes still to come
+    length_known: bool = True  # if not, `missing` is the least
     confidence: float = 1.0
     t_start_ns: int | None = None
     t_end_ns: int | None = None
@@ -48,7 +61,8 @@ class Found:
     def fields(self, role: Role | None = None) -> tuple[Field, ...]:
         """Every field, read as the frame's own role or as another."""
         role = self.role if role is None else role
-        return annotate(self.adu, role, self._context(role))
+        fields = annotate(self.adu, role, self._context(role))
+        return tuple(field for field in fields if field.length or not self.missing)
 
     def summary(self, role: Role | None = None) -> str:
         """The frame in words, on one line."""

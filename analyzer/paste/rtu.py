@@ -4,42 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from itertools import accumulate
+from typing import Final
 
+from dissectors.checks import crc_ok
+from dissectors.declaration import EXCEPTION
 from dissectors.envelopes import Adu, rtu
+from dissectors.functions import function
 from dissectors.lengths import Role, plausibility
 
-from .model import Found, Noise, Piece
+from .model import Found, Noise, Part, Piece
 from .tiling import LEAST, LIMIT, MOST, predicted, tiling, windows
 from .turns import Turn, other, turns
 
-if TYPE_CHECKING:
-    from captures.hexwords import Words
+_BEGINNING: Final = 3  # bytes, from which on a rest is a beginning rather than a glitch
 
 
-def exact(data: bytes, parts: Sequence[Words], roles: Sequence[Role]) -> list[Found] | None:
+def exact(data: bytes, parts: Sequence[Part], roles: Sequence[Role]) -> list[Found] | None:
     """The frames of a paste that whole frames tile in one way; None for any other."""
     if not LEAST <= len(data) <= LIMIT:
         return None
-    cuts = [0]
-    for part in parts:
-        cuts.append(cuts[-1] + len(part.data))
+    cuts = _edges(parts)
     tiles = tiling(windows(data, cuts, roles), len(data))
     if tiles is None:
         return None
     marks = {at: part.mark for at, part in zip(cuts, parts, strict=False)}
     return turns(
-        [
-            Turn(_placed(data[start:end], start), start, can_be, mark=marks.get(start, 0))
-            for start, end, can_be in tiles
-        ]
+        [Turn(_placed(data[start:end], start), start, can_be, mark=marks.get(start, 0)) for start, end, can_be in tiles]
     )
 
 
-def lone(data: bytes, parts: Sequence[Words], roles: Sequence[Role]) -> list[Piece] | None:
-    """A paste without any right CRC in it, as the one damaged or cut frame that it reads like; None where it doesn't."""
+def lone(data: bytes, parts: Sequence[Part], roles: Sequence[Role]) -> list[Piece] | None:
+    """A paste without a frame of a predicted length, as the one damaged or cut frame that it reads like.
+
+    None where it reads like none, and where more than one frame must be looked for.
+    """
     if len(parts) > 1 or not 0 < len(data) <= LIMIT or windows(data, [0], roles):
         return None
+    edged = _mended(Noise(0, data), _edges(parts))
+    if any(isinstance(piece, Found) for piece in edged):
+        return edged
     readings = []
     for role in roles:
         length = predicted(data, role)
@@ -47,10 +51,10 @@ def lone(data: bytes, parts: Sequence[Words], roles: Sequence[Role]) -> list[Pie
             continue
         missing = max(LEAST - len(data), 1) if length is None else max(length - len(data), 0)
         spare = 0 if length is None else max(len(data) - length, 0)
-        weight = plausibility(data[1 : len(data) - spare - (0 if missing else 2)], role)
-        if weight < 0 or (spare and weight <= 0):
-            continue
-        readings.append(((bool(missing or spare), -weight, missing + spare, role), role, missing, spare))
+        broken = len(plausibility(data[1 : len(data) - spare - (0 if missing else 2)], role))
+        if broken and (missing or spare or data[1] & 0x80):
+            continue  # neither CRC nor length nor content speak for it
+        readings.append(((bool(missing or spare), bool(spare), broken, missing + spare, role), role, missing, spare))
     if not readings:
         return None
     readings.sort()
@@ -61,24 +65,61 @@ def lone(data: bytes, parts: Sequence[Words], roles: Sequence[Role]) -> list[Pie
     return pieces if not spare else [*pieces, Noise(frame.length, data[frame.length :])]
 
 
-def with_cut_end(pieces: Sequence[Piece], roles: Sequence[Role]) -> list[Piece]:
-    """The pieces, the last noise read as the frame that it begins, where it begins one."""
-    if not pieces or not isinstance(pieces[-1], Noise):
-        return list(pieces)
-    last = pieces[-1]
-    missing = {role: (predicted(last.data, role) or 0) - last.length for role in roles}
-    starts = [role for role in roles if 0 < missing[role] and plausibility(last.data[1:], role) > 0]
-    if not starts:
-        return list(pieces)
-    role = max(starts, key=lambda r: plausibility(last.data[1:], r))
-    return [*pieces[:-1], _frame(last.data, last.start, role, missing[role])]
+def mended(pieces: Sequence[Piece], parts: Sequence[Part], roles: Sequence[Role]) -> list[Piece]:
+    """The deframer's pieces, with frames in their noise that only a paste's own edges show.
+
+    A right CRC from one edge to the next is a frame of whatever length: where the noise begins or ends, or a line does.
+    A rest that begins like a frame is one that was cut.
+    """
+    edges = _edges(parts)
+    done: list[Piece] = []
+    for piece in pieces:
+        done.extend(_mended(piece, edges) if isinstance(piece, Noise) else [piece])
+    if done and isinstance(done[-1], Noise) and done[-1].length >= _BEGINNING:
+        last = done[-1]
+        for role in roles:
+            missing = (predicted(last.data, role) or 0) - last.length
+            if missing > 0 and not plausibility(last.data[1:], role) and function(last.data[1]) is not None:
+                return [*done[:-1], _frame(last.data, last.start, role, missing)]
+    return done
+
+
+def _mended(noise: Noise, edges: Sequence[int]) -> list[Piece]:
+    data, at = noise.data, 0
+    found: list[Piece] = []
+    inner = [edge - noise.start for edge in edges if 0 < edge - noise.start < noise.length]
+    while len(data) - at >= LEAST:
+        ends = [*(edge for edge in inner if edge > at), len(data)]
+        if function(data[at + 1]) is not None:  # an end that nothing shows needs a function that is in use
+            ends += range(at + LEAST, min(len(data), at + MOST) + 1)
+        end = next((end for end in ends if LEAST <= end - at <= MOST and crc_ok(data[at:end])), None)
+        if end is None:
+            following = next((edge for edge in inner if edge > at), None)
+            if following is None:
+                break
+            found.append(Noise(noise.start + at, data[at:following]))
+            at = following
+            continue
+        adu = data[at:end]
+        role = Role.RESPONSE if adu[1] & EXCEPTION else Role.REQUEST
+        found.append(
+            replace(_frame(adu, noise.start + at, role, 0), also=None if adu[1] & EXCEPTION else Role.RESPONSE)
+        )
+        at = end
+    return [*found, Noise(noise.start + at, data[at:])] if at < len(data) else found
 
 
 def _frame(data: bytes, start: int, role: Role, missing: int) -> Found:
     adu = _placed(data, start)
     if missing:  # its last two bytes are no check value yet
         adu = replace(adu, pdu=data[1:], check_ok=False, check_received=None, check_computed=None)
-    return Found(adu, role, start, len(data), missing=missing, confidence=0.5)
+    known = predicted(data, role) is not None
+    return Found(adu, role, start, len(data), missing=missing, length_known=known, confidence=0.5)
+
+
+def _edges(parts: Sequence[Part]) -> list[int]:
+    """Where parts begin, and the end of the last."""
+    return [0, *accumulate(len(part.data) for part in parts)]
 
 
 def _placed(data: bytes, start: int) -> Adu:

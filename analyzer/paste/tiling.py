@@ -8,9 +8,11 @@ its reading and nothing else need be asked; if not, the deframer has to weigh.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 from dissectors.checks import crc_ok
+from dissectors.declaration import EXCEPTION
 from dissectors.lengths import Role, pdu_length, rule
 
 OVERHEAD: Final = 3  # unit and CRC around the PDU
@@ -48,18 +50,14 @@ def windows(data: bytes, cuts: Iterable[int], roles: Sequence[Role]) -> list[Win
             if length is not None and LEAST <= length <= len(data) - start and crc_ok(data[start : start + length]):
                 found.setdefault((start, start + length), []).append(role)
     edges = sorted({0, len(data), *cuts})
-    for start, end in zip(edges, edges[1:], strict=False):
-        if (start, end) not in found and LEAST <= end - start <= MOST and crc_ok(data[start:end]):
-            unknown = [role for role in roles if data[start + 1] & 0x80 == 0 and _open(data[start:end], role)]
-            if unknown:
-                found[start, end] = unknown
+    for start, end in pairwise(edges):
+        if (
+            LEAST <= end - start <= MOST
+            and crc_ok(data[start:end])
+            and not any(start <= w[0] and w[1] <= end for w in found)
+        ):
+            found[start, end] = [role for role in roles if role is Role.RESPONSE or data[start + 1] < EXCEPTION]
     return [Window(start, end, tuple(roles)) for (start, end), roles in sorted(found.items())]
-
-
-def _open(adu: bytes, role: Role) -> bool:
-    """Whether the header leaves the length open."""
-    declared = rule(adu[1], role)
-    return declared is None or declared.variable or (declared.base is None and declared.walk is None)
 
 
 def tiling(windows: Sequence[Window], length: int) -> list[Window] | None:

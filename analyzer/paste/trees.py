@@ -1,104 +1,159 @@
 """A paste as text: what was taken and why, then each frame as one line in words and a line a field.
 
-Columns are offset in the frame, bytes, name, meaning. What is wrong stands on the line that it concerns, marked `!`.
+Columns are offset in the frame, bytes, name, meaning. What is wrong stands on a line of its own below, marked `!`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from dissectors.annotation import Field
+from dissectors.checks import crc_bytes
 from dissectors.lengths import Role
 
 from .model import Found, Noise, Paste
+from .numbers import every_reading, likely_floats
 
-_HEX_BYTES: Final = 8  # of a field that are shown; the frame's are all in --json
-_BOLD, _DIM, _RED, _PLAIN = "\x1b[1m", "\x1b[2m", "\x1b[31m", "\x1b[0m"
-_NONE: Final = ("", "", "", "")
+_HEX_BYTES: Final = 8  # of a field that are shown; --json has all
+_NOISE_BYTES: Final = 16
+_NAME: Final = 24  # columns
+_CHECKS: Final = ("crc", "lrc")  # their trouble is told once, above the fields
 
 
-def tree(paste: Paste, *, colour: bool = False) -> str:
-    """The paste as lines, newline at the end."""
-    bold, dim, red, plain = (_BOLD, _DIM, _RED, _PLAIN) if colour else _NONE
-    lines = [f"{dim}{paste.why}{plain}"]
+class Style(NamedTuple):
+    """Escape sequences, empty without colour."""
+
+    bold: str = ""
+    dim: str = ""
+    red: str = ""
+    plain: str = ""
+
+
+COLOURED: Final = Style("\x1b[1m", "\x1b[2m", "\x1b[31m", "\x1b[0m")
+
+
+class _Row(NamedTuple):
+    at: str
+    octets: str
+    name: str
+    text: str
+    problem: str | None = None
+
+
+def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> str:
+    """The paste as lines, newline at the end; `values` adds registers as 32- and 64-bit numbers in every order."""
+    style = COLOURED if colour else Style()
+    lines = [f"{style.dim}{paste.why}{style.plain}"]
     for piece in paste.pieces:
         lines.append("")
         if isinstance(piece, Noise):
-            lines.append(f"{bold}in no frame{plain}  {count(piece.length)} at {piece.start}: {shown(piece.data, 16)}")
-            continue
-        lines.append(f"{bold}{heading(piece)}{plain}")
-        problem = trouble(piece)
-        if problem:
-            lines.append(f"{red}! {problem}{plain}")
-        fields = piece.fields()
-        lines.extend(_rows(fields, red, dim, plain))
-        if piece.also is not None:
-            lines.extend(_other(piece, piece.also, fields, (bold, red, dim, plain)))
+            octets = shown(piece.data, _NOISE_BYTES)
+            lines.append(f"{style.bold}in no frame{style.plain}  {count(piece.length)} at {piece.start}: {octets}")
+        else:
+            lines.extend(_frame(piece, style, values))
     return "\n".join(lines) + "\n"
 
 
+def _frame(frame: Found, style: Style, values: bool) -> Iterator[str]:
+    yield f"{style.bold}{heading(frame)}{style.plain}"
+    problem = trouble(frame)
+    if problem:
+        yield f"{style.red}! {problem}{style.plain}"
+    fields = frame.fields()
+    yield from _table(fields, style)
+    if values:
+        for field in fields:
+            yield from every_reading(field)
+    if frame.also is None:
+        return
+    others = frame.fields(frame.also)
+    yield ""
+    if others == fields:
+        name = frame.also.name.lower()
+        yield f"{style.bold}or {name}{style.plain}  its request and its response look alike: field by field the same"
+        return
+    yield f"{style.bold}or {heading(frame, frame.also)}{style.plain}"
+    yield from _table(others, style)
+
+
 def heading(frame: Found, role: Role | None = None) -> str:
-    """A frame in one line: direction, then its summary."""
-    return f"{(frame.role if role is None else role).name.lower():<8}  {frame.summary(role)}"
+    """A frame in one line: direction, unit, and what it says."""
+    direction = (frame.role if role is None else role).name.lower()
+    unit = "unit ?" if frame.adu.unit is None else f"unit {frame.adu.unit}"
+    return f"{direction:<8}  {unit}: {frame.summary(role)}"
 
 
 def trouble(frame: Found) -> str | None:
     """What is wrong with the frame as a whole, and what can still be read."""
     adu = frame.adu
     if frame.missing:
-        least = "" if _length_known(frame) else "at least "
-        return f"cut: needs {least}{frame.missing} more {'byte' if frame.missing == 1 else 'bytes'}; what is there is read"
+        least = "" if frame.length_known else "at least "
+        words = f"cut: needs {least}{frame.missing} more {'byte' if frame.missing == 1 else 'bytes'}"
+        if adu.protocol == "rtu" and frame.missing == 2 and frame.length_known:
+            words += f", the CRC: {crc_bytes(adu.data).hex(' ').upper()} would be right"
+        return words
     if adu.check_ok is False and adu.check_computed is not None and adu.check_received is not None:
-        name, order = ("LRC", 1) if adu.protocol == "ascii" else ("CRC", 2)
-        received = adu.check_received.to_bytes(order, "little").hex(" ").upper()
-        computed = adu.check_computed.to_bytes(order, "little").hex(" ").upper()
-        return f"{name} wrong: {received} received, {computed} computed; the fields are as received and may be damaged"
+        name, width = ("LRC", 1) if adu.protocol == "ascii" else ("CRC", 2)
+        received = adu.check_received.to_bytes(width, "little").hex(" ").upper()
+        computed = adu.check_computed.to_bytes(width, "little").hex(" ").upper()
+        return f"{name} wrong: received {received}, computed {computed}; the fields below are as received"
     return None
 
 
-def _length_known(frame: Found) -> bool:
-    from .tiling import predicted
-
-    if frame.adu.protocol == "tcp":
-        return len(frame.adu.data) > 6
-    return predicted(frame.adu.data, frame.role) is not None
-
-
-def _other(frame: Found, role: Role, fields: Sequence[Field], style: tuple[str, str, str, str]) -> Iterator[str]:
-    """The same bytes as the other direction."""
-    bold, red, dim, plain = style
-    others = frame.fields(role)
-    yield ""
-    if others == fields:
-        yield f"{bold}or {role.name.lower()}{plain}  the same bytes, field by field: requests and answers of this function look alike"
-        return
-    yield f"{bold}or {heading(frame, role)}{plain}"
-    yield from _rows(others, red, dim, plain)
+def _table(fields: Sequence[Field], style: Style) -> Iterator[str]:
+    rows = list(_rows(fields, 0))
+    wide = max((len(row.octets) for row in rows), default=0)
+    long = min(max((len(row.name) for row in rows), default=0), _NAME)
+    for row in rows:
+        yield f"{style.dim}{row.at:>4}  {row.octets:<{wide}}{style.plain}  {row.name:<{long}}  {row.text}".rstrip()
+        if row.problem:
+            yield f"{style.red}{'':>{6 + wide}}  ! {row.problem}{style.plain}"
 
 
-def _rows(fields: Sequence[Field], red: str, dim: str, plain: str) -> Iterator[str]:
-    flat = list(_flat(fields, 0))
-    hexes = [_bytes(field, depth) for depth, field in flat]
-    names = ["  " * depth + field.name for depth, field in flat]
-    wide = min(max((len(text) for text in hexes), default=0), 3 * _HEX_BYTES + 2)
-    long = min(max((len(text) for text in names), default=0), 30)
-    for (_, field), octets, name in zip(flat, hexes, names, strict=True):
-        yield f"{dim}{field.start:>4}  {octets:<{wide}}{plain}  {name:<{long}}  {field.text}".rstrip()
-        if field.problem:
-            yield f"{red}{'':>4}  {'':<{wide}}  ! {field.problem}{plain}"
+def _rows(fields: Sequence[Field], depth: int) -> Iterator[_Row]:
+    indent = "  " * depth
+    floats = likely_floats(fields)
+    i = 0
+    while i < len(fields):
+        field = fields[i]
+        bits = _bits_in_a_row(fields, i)
+        if len(bits) > 1:
+            yield _bit_row(bits, indent)
+            i += len(bits)
+            continue
+        text = field.text + (f"   {floats[i]}" if i in floats else "")
+        problem = None if field.name in _CHECKS else field.problem
+        yield _Row(str(field.start), _octets(field), indent + field.name, text, problem)
+        yield from _rows(field.fields, depth + 1)
+        i += 1
 
 
-def _flat(fields: Sequence[Field], depth: int) -> Iterator[tuple[int, Field]]:
-    for field in fields:
-        yield depth, field
-        yield from _flat(field.fields, depth + 1)
+def _bits_in_a_row(fields: Sequence[Field], first: int) -> Sequence[Field]:
+    """The coils or inputs of one byte, from `first` on."""
+    last = first
+    while last < len(fields):
+        field = fields[last]
+        if field.bits != 1 or field.name != fields[first].name or field.start != fields[first].start:
+            break
+        last += 1
+    return fields[first:last]
 
 
-def _bytes(field: Field, depth: int) -> str:
+def _bit_row(bits: Sequence[Field], indent: str) -> _Row:
+    """A byte of coils on one line, the lowest address first as in the summary."""
+    first, last = (bit.text.partition(":")[0] for bit in (bits[0], bits[-1]))
+    states = "".join("1" if bit.value else "0" for bit in bits)
+    where = f"{first} to {last}: " if bits[0].address is not None else ""
+    return _Row(
+        str(bits[0].start), bits[0].raw.upper(), f"{indent}{bits[0].name}s", f"{where}{states[:4]} {states[4:]}"
+    )
+
+
+def _octets(field: Field) -> str:
     if field.bit is not None:
         return f"bit {field.bit}" if field.bits == 1 else f"bits {field.bit}-{field.bit + (field.bits or 1) - 1}"
-    return "" if field.fields and depth else shown(bytes.fromhex(field.raw), _HEX_BYTES)
+    return shown(bytes.fromhex(field.raw), _HEX_BYTES)
 
 
 def shown(data: bytes, most: int) -> str:

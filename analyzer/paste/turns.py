@@ -7,7 +7,7 @@ last case alone the other direction stays possible and is shown beside.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from dissectors.envelopes import Adu
@@ -19,6 +19,7 @@ BOTH: Final = (Role.REQUEST, Role.RESPONSE)
 TX, RX = 1, 2  # the marks of a log, as `captures` numbers them
 _SURE: Final = 0.9999
 _EITHER: Final = 0.5
+_MBAP_LENGTH: Final = 6  # bytes of an MBAP header that end with the length
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,10 +47,10 @@ def turns(frames: Sequence[Turn]) -> list[Found]:
             role = roles[0]
         elif request is not None:
             role = Role.RESPONSE
-        elif marked in roles:
+        elif marked is not None and marked in roles:
             role = marked
         else:
-            role = max(roles, key=lambda r, pdu=adu.pdu: (plausibility(pdu, r), -r))
+            role = _likelier(adu.pdu, roles)
             also = other(role)
         if role is Role.REQUEST:
             request = None
@@ -64,6 +65,7 @@ def turns(frames: Sequence[Turn]) -> list[Found]:
                 request_start=request.start if request else None,
                 also=also,
                 missing=frame.missing,
+                length_known=not frame.missing or len(adu.data) >= _MBAP_LENGTH,
                 confidence=sure if adu.check_ok is not False and not frame.missing else _EITHER,
             )
         )
@@ -71,6 +73,8 @@ def turns(frames: Sequence[Turn]) -> list[Found]:
             waiting = [*waiting, found[-1]] if adu.protocol == "tcp" else [found[-1]]
         elif request is not None:
             waiting.remove(request)
+            asked = found.index(request)
+            found[asked] = replace(request, also=None, confidence=found[-1].confidence)  # its answer settles it
     return found
 
 
@@ -82,6 +86,11 @@ def possible(pdu: bytes, roles: Sequence[Role]) -> Sequence[Role]:
 def other(role: Role) -> Role:
     """The other direction."""
     return Role.RESPONSE if role is Role.REQUEST else Role.REQUEST
+
+
+def _likelier(pdu: bytes, roles: Sequence[Role]) -> Role:
+    """The role of which the PDU breaks fewer rules, the request if neither."""
+    return min(roles, key=lambda role: (len(plausibility(pdu, role)), role))
 
 
 def _senders(frames: Sequence[Turn]) -> dict[int, Role]:

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from analyzer.deframing.stream import Deframer
 from analyzer.frames import Batch, Kind
-from captures import Block, Chunk, LineSettings, Mark
+from analyzer.pipeline import Options, deframe
+from captures import Capture, Chunk, LineSettings, Mark
 
-from .model import Found, Noise, Piece
-
-if TYPE_CHECKING:
-    from captures.hexwords import Words
+from .model import Found, Noise, Part, Piece
 
 
-def weighed(parts: Sequence[Words]) -> list[Piece]:
+def weighed(parts: Sequence[Part]) -> list[Piece]:
     """Frames and noise of the parts' bytes, with times where every part has one."""
     timed = all(part.t_ns is not None for part in parts)
     chunks = [Chunk(part.t_ns or 0 if timed else 0, part.data, mark=Mark(part.mark)) for part in parts]
-    deframer = Deframer(LineSettings())
     pieces: list[Piece] = []
     pdus: dict[int, bytes] = {}
-    for batch in (deframer.feed(Block.from_chunks(chunks, timed=timed)), deframer.close()):
+    for batch in deframe(Capture.of(LineSettings(), chunks, timed=timed), Options(protocol="rtu")):
         pieces.extend(_pieces(batch, pdus, timed))
     return pieces
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .model import Report
-    from .summary import Summary, summarize
     from .page import text
+    from .summary import Summary, summarize
 
 __all__ = ["Report", "Summary", "summarize", "text"]
 

@@ -95,7 +95,9 @@ def _span(report: Report) -> str:
 def _bytes(report: Report) -> str:
     words = f"{report.bytes:,}"
     if report.noise_bytes:
-        words += f", {report.noise_bytes:,} of them in no frame ({plural(report.noise_stretches, 'stretch', 'stretches')})"
+        words += (
+            f", {report.noise_bytes:,} of them in no frame ({plural(report.noise_stretches, 'stretch', 'stretches')})"
+        )
     return words
 
 
@@ -111,7 +113,9 @@ def _transactions(counts: Counts) -> Iterator[str]:
             parts.append(f"{number:,} {words}")
     yield _head("requests", f"{counts.requests:,}: {', '.join(parts)}")
     if counts.retries or counts.late:
-        yield _head("", f"{plural(counts.retries, 'retry', 'retries')}, {plural(counts.late, 'late answer', 'late answers')}")
+        yield _head(
+            "", f"{plural(counts.retries, 'retry', 'retries')}, {plural(counts.late, 'late answer', 'late answers')}"
+        )
 
 
 def _load(report: Report) -> str:
@@ -166,10 +170,16 @@ def _table(
     percentiles: Sequence[str],
     rows: Sequence[tuple[str, Counts, Sequence[int | None]]],
 ) -> Iterator[str]:
-    yield f"{title:<{width}}" + "".join(f"{head:>{w}}" for head, w, _ in columns) + "".join(f"{p:>8}" for p in percentiles)
+    yield (
+        f"{title:<{width}}"
+        + "".join(f"{head:>{w}}" for head, w, _ in columns)
+        + "".join(f"{p:>8}" for p in percentiles)
+    )
     for name, counts, times in rows:
         short = name if len(name) <= width else name[: width - 1] + "…"
-        numbers = "".join(f"{compact(getattr(counts, key)) if getattr(counts, key) else '-':>{w}}" for _, w, key in columns)
+        numbers = "".join(
+            f"{compact(getattr(counts, key)) if getattr(counts, key) else '-':>{w}}" for _, w, key in columns
+        )
         yield f"{short:<{width}}{numbers}" + "".join(f"{_cell(t):>8}" for t in times)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analyzer.frames import Batch, Kind, Rows
+from analyzer.passing import passing
 from analyzer.transactions import Status, Transactions
 from dissectors.functions import exception_name, function_name
 
@@ -49,6 +50,7 @@ class Summary:
         self._all = Histogram()
         self._bytes = self._frames = self._requests = self._damaged = self._doubtful = 0
         self._noise_bytes = self._noise_stretches = 0
+        self._noise_end = (0, -1)  # port and end of the noise that the last row was, -1 if it was none
         self._first: int | None = None
         self._last: int | None = None
         self._busy = _Busiest()
@@ -70,7 +72,7 @@ class Summary:
         lengths = rows["length"]
         self._bytes += int(lengths.sum())
         self._noise_bytes += int(lengths[noise].sum())
-        self._noise_stretches += int(noise.sum())
+        self._noise_stretches += self._stretches(rows, noise)
         frames = rows[~noise]
         self._frames += len(frames)
         self._requests += int((frames["kind"] == Kind.REQUEST).sum())
@@ -109,24 +111,24 @@ class Summary:
             transactions=self._counted(lambda table: table.sum()),
             times=self._all.times(),
             load=self._load() if capture.timed else Load(),
-            units=tuple(
-                UnitRow(unit, self._counted(lambda table, u=unit: table[u].sum()), _times(self._by_unit, unit))
-                for unit in np.flatnonzero(self._counts["requests"].sum(axis=1)).tolist()
-            ),
+            units=tuple(self._unit(unit) for unit in np.flatnonzero(self._counts["requests"].sum(axis=1)).tolist()),
             functions=tuple(
-                FunctionRow(
-                    function,
-                    function_name(function),
-                    self._counted(lambda table, f=function: table[:, f].sum()),
-                    _times(self._by_function, function),
-                )
-                for function in np.flatnonzero(self._counts["requests"].sum(axis=0)).tolist()
+                self._function(function) for function in np.flatnonzero(self._counts["requests"].sum(axis=0)).tolist()
             ),
             exceptions=tuple(
                 ExceptionRow(unit, function, code, exception_name(code), count)
                 for (unit, function, code), count in sorted(self._exceptions.items(), key=lambda item: -item[1])
             ),
         )
+
+    def _stretches(self, rows: Rows, noise: NDArray[np.bool_]) -> int:
+        """How many stretches of noise begin here; one that goes on from the row before is not a new one."""
+        begins = rows["start"]
+        ends = np.append(self._noise_end[1], begins + rows["length"])
+        ports = np.append(self._noise_end[0], rows["port"].astype(np.int64))
+        follows = np.append(self._noise_end[1] >= 0, noise)[:-1] & (ends[:-1] == begins) & (ports[:-1] == ports[1:])
+        self._noise_end = (int(ports[-1]), int(ends[-1]) if noise[-1] else -1)
+        return int((noise & ~follows).sum())
 
     def _count_exceptions(self, frames: Rows) -> None:
         raised = frames[(frames["exception"] > 0) & frames["check"]]
@@ -152,6 +154,13 @@ class Summary:
                 for value in np.unique(measured[column]).tolist():
                     times = measured["response_ns"][measured[column] == value]
                     histograms.setdefault(value, Histogram()).add(times)
+
+    def _unit(self, unit: int) -> UnitRow:
+        return UnitRow(unit, self._counted(lambda table: table[unit].sum()), _times(self._by_unit, unit))
+
+    def _function(self, function: int) -> FunctionRow:
+        counts = self._counted(lambda table: table[:, function].sum())
+        return FunctionRow(function, function_name(function), counts, _times(self._by_function, function))
 
     def _counted(self, pick: Callable[[NDArray[np.int64]], np.int64]) -> Counts:
         return Counts(*(int(pick(self._counts[name])) for name in _COUNTERS))
@@ -209,12 +218,8 @@ def summarize(
     line = capture.line
     char_ns = line.char_bits * 1e9 / line.baud if line.baud and line.char_bits else None
     summary = Summary(char_ns)
-    partial = False
-    for batch in deframe(capture):
+    for batch in deframe(passing(capture, stop=stop)):
         summary.feed(batch)
         if progress is not None:
             progress(summary.frames, summary.bytes)
-        if stop is not None and stop():
-            partial = True
-            break
-    return summary.report(capture, source=source, partial=partial)
+    return summary.report(capture, source=source, partial=stop is not None and stop())

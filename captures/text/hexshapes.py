@@ -31,6 +31,7 @@ class Found:
 _H = "[0-9A-Fa-f]"
 _EDGE = r"(?<![0-9A-Za-z_])"
 _END = r"(?![0-9A-Za-z_])"
+_PLAIN = re.compile(rf"\s*{_H}{{2}}(?:[ \t]+{_H}{{2}})*\s*", re.ASCII)
 _ASCII = re.compile(rf"(?<![0-9A-Za-z_]):((?:{_H}{{2}}){{3,300}}){_END}")
 _SQUARE = re.compile(rf"\[{_H}{{2}}\](?:\s*\[{_H}{{2}}\])+")
 _ANGLE = re.compile(rf"<{_H}{{2}}>(?:\s*<{_H}{{2}}>)+")
@@ -60,9 +61,13 @@ _ESCAPE = re.compile(r"\\(?:x([0-9A-Fa-f]{1,2})|([0-7]{1,3})|(.))|([^\\])", re.D
 
 def find(text: str) -> list[Found]:
     """All bytes in a text without times and marks; empty where there are none. Raises HexError for halves of bytes."""
-    for pattern, decode in _EXPLICIT:
-        if found := [item for match in pattern.finditer(text) if (item := decode(match)) is not None]:
-            return found
+    if _PLAIN.fullmatch(text):
+        return [Found(bytes.fromhex(text))]
+    for sign, pattern, decode in _EXPLICIT:
+        if sign in text:
+            read = map(decode, pattern.finditer(text))
+            if found := [item for item in read if item is not None]:
+                return found
     tail = _tail(text)
     return [tail] if tail is not None else _in_prose(text)
 
@@ -142,16 +147,19 @@ def _prefixed(match: re.Match[str]) -> Found | None:
     return Found(bytes.fromhex("".join(word.zfill(2) for word in words)))
 
 
-_EXPLICIT: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], Found | None]], ...] = (
-    (_NODE, _node),
-    (_NODE_JSON, _node_json),
-    (_SQUARE, _pairs),
-    (_ANGLE, _pairs),
-    (_QUOTED, _quoted),
-    (_ESCAPED, _escaped),
-    (_PREFIXED, _prefixed),
-    (_SUFFIXED, _pairs),
-    (_ASCII, _ascii_frame),
+# A character that such a text must have, how it looks, and its bytes.
+_EXPLICIT: tuple[tuple[str, re.Pattern[str], Callable[[re.Match[str]], Found | None]], ...] = (
+    ("<", _NODE, _node),
+    ("{", _NODE_JSON, _node_json),
+    ("[", _SQUARE, _pairs),
+    ("<", _ANGLE, _pairs),
+    ("\\", _QUOTED, _quoted),
+    ("\\", _ESCAPED, _escaped),
+    ("x", _PREFIXED, _prefixed),
+    ("X", _PREFIXED, _prefixed),
+    ("h", _SUFFIXED, _pairs),
+    ("H", _SUFFIXED, _pairs),
+    (":", _ASCII, _ascii_frame),
 )
 
 

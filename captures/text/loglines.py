@@ -21,6 +21,7 @@ from captures.text.tools import MARK_WORDS, SHAPES, Role, Shape
 LONG_LINE = 1 << 20  # characters: beyond it a line is only looked at as bare hex digits
 _ANSI = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 _COMMENT = re.compile(r"(?:^\s*(?:#|//|;|--$)|\s(?:#|//)\s).*$")
+_WORD = re.compile(r"\w")
 _BARE_HEX = re.compile(r"[0-9A-Fa-f\s]+")
 
 
@@ -162,31 +163,31 @@ class LineReader:
 
     def _any_line(self, text: str, number: int) -> Reading:
         stamp, rest = stamps.find(text)
-        bare = _COMMENT.sub("", rest)
+        bare = _COMMENT.sub("", rest) if "#" in rest or "//" in rest or rest.lstrip()[:1] in (";", "-") else rest
         pieces: list[Piece] = []
+        t_ns = self._time(stamp)
         problem, mark = None, NONE
         for segment in segments(bare):
             mark = NONE if segment.arrow and pieces else segment.mark or (NONE if pieces else mark)
-            for found in find(segment.text):
-                pieces.append(Piece(found.data, number, text, found.ascii, mark))
+            for found in find(segment.text) if _WORD.search(segment.text) else ():
+                pieces.append(Piece(found.data, number, text, found.ascii, mark, t_ns))
                 problem = f"the text shows the first {len(found.data)} bytes only" if found.cut else problem
         if not pieces:
-            return self._no_bytes(text, stamp, bare, mark)
+            return self._no_bytes(text, t_ns, bare, mark)
         if stamp is None and mark == NONE and self._header is not None:
             first = self._piece(Found(pieces[0].data, pieces[0].ascii), number, text)
             return Reading((first, *(replace(piece, t_ns=first.t_ns) for piece in pieces[1:])), problem)
         self._header = None
-        t_ns = self._time(stamp)
-        return Reading(tuple(replace(piece, t_ns=t_ns) for piece in pieces), problem)
+        return Reading(tuple(pieces), problem)
 
-    def _no_bytes(self, text: str, stamp: stamps.Stamp | None, bare: str, mark: int) -> Reading:
-        if not bare.strip() and stamp is None:
+    def _no_bytes(self, text: str, t_ns: int | None, bare: str, mark: int) -> Reading:
+        if not bare.strip() and t_ns is None:
             return Reading()  # a comment
         if (match := _JPNEVULATOR.match(text)) is not None:
-            self._header = _Header(mark, self._time(stamp), match["label"], None)
+            self._header = _Header(mark, t_ns, match["label"], None)
             return Reading()
-        if (stamp is not None or mark) and not re.search(r"\w", segments(bare)[-1].text):
-            self._header = _Header(mark, self._time(stamp), "", None)
+        if (t_ns is not None or mark) and not _WORD.search(segments(bare)[-1].text):
+            self._header = _Header(mark, t_ns, "", None)
             return Reading()
         return Reading(problem=f"no bytes found in {_short(text.strip())!r}")
 
@@ -221,7 +222,7 @@ def joined(pieces: Iterator[Piece], limit: int | None = None) -> Iterator[Piece]
             size += len(piece.data)
             continue
         if held is not None:
-            yield replace(held, data=b"".join(parts))
+            yield held if len(parts) == 1 else replace(held, data=b"".join(parts))
         held, parts, size = piece, [piece.data], len(piece.data)
     if held is not None:
         yield replace(held, data=b"".join(parts))

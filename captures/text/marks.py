@@ -1,7 +1,8 @@
 """Direction marks in a line of text: what tools and people write for "sent" and "received".
 
 A word (`TX`, `Sent`, `Request`) is a mark wherever it stands, an arrow only before the line's first bytes: between two
-runs of bytes it joins a request with its answer. What sent and received mean for the bus is not decided here.
+runs of bytes it joins a request with its answer. A colon right after a word is the word's, not the start of an ASCII
+frame. What sent and received mean for the bus is not decided here.
 """
 
 from __future__ import annotations
@@ -12,17 +13,16 @@ from dataclasses import dataclass
 NONE, TX, RX = 0, 1, 2
 
 _WORDS = {
-    TX: "txd?|send|sending|sent|transmit|transmitted|transmitting|request|req|query|outgoing|tosend",
-    RX: "rxd?|recv|receive|receiving|received|response|resp|reply|answer|incoming|rcvd",
+    TX: "tx txd send sending sent transmit transmitted transmitting request req query outgoing",
+    RX: "rx rxd recv rcvd receive receiving received response resp reply answer incoming",
 }
-_ARROWS = {TX: r"-{1,3}>|=+>|>{2,3}|→|⇒|▶", RX: r"<-{1,3}|<=+|<{2,3}|←|⇐|◀"}
-_MARK = re.compile(
-    rf"(?P<tx>(?<![A-Za-z0-9_])(?:{_WORDS[TX]})(?![A-Za-z])|(?<![A-Za-z])(?-i:OUT)(?=\s*[:\]>|]))|"
-    rf"(?P<rx>(?<![A-Za-z0-9_])(?:{_WORDS[RX]})(?![A-Za-z])|(?<![A-Za-z])(?-i:IN)(?=\s*[:\]>|]))|"
-    rf"(?P<out>{_ARROWS[TX]}|^\s*>(?=\s))|(?P<back>{_ARROWS[RX]}|^\s*<(?=\s))",
-    re.IGNORECASE,
+_MARK_OF = {word: mark for mark, words in _WORDS.items() for word in words.split()}
+_SHOUTED = {"OUT": TX, "IN": RX}  # too common as words: marks only in capitals and with a sign behind
+_ARROW_OF = {">": TX, "→": TX, "⇒": TX, "▶": TX, "<": RX, "←": RX, "⇐": RX, "◀": RX}
+_CANDIDATE = re.compile(
+    r"(?<![A-Za-z0-9_])(?P<word>[A-Za-z]{2,12})(?![A-Za-z])(?P<sign>\s*[:\]>|])?|"
+    r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*[<>](?=\s))"
 )
-_KIND = {"tx": (TX, False), "rx": (RX, False), "out": (TX, True), "back": (RX, True)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +36,24 @@ class Segment:
 
 def segments(text: str) -> list[Segment]:
     """A line cut at its marks."""
-    cuts = [(match.start(), match.end(), *_KIND[str(match.lastgroup)]) for match in _MARK.finditer(text)]
-    stops = [cut[0] for cut in cuts] + [len(text)]
-    out = [Segment(text[: stops[0]], NONE, False)]
-    for (_, end, mark, arrow), stop in zip(cuts, stops[1:], strict=True):
-        out.append(Segment(" " * end + text[end:stop], mark, arrow))
+    out, start, mark, arrow = [], 0, NONE, False
+    for match in _CANDIDATE.finditer(text):
+        found, end = _mark(match)
+        if found:
+            out.append(Segment(" " * start + text[start : match.start()], mark, arrow))
+            start, mark, arrow = end, found, match["word"] is None
+    out.append(Segment(" " * start + text[start:], mark, arrow))
     return out
+
+
+def _mark(match: re.Match[str]) -> tuple[int, int]:
+    """The mark that a word or arrow is, and where it ends."""
+    word = match["word"]
+    if word is None:
+        arrow = match["arrow"].strip()
+        return _ARROW_OF[arrow[0] if arrow[0] in _ARROW_OF else arrow[-1]], match.end()
+    end = match.end("word")
+    found = _MARK_OF.get(word.lower(), NONE)
+    if not found and match["sign"]:
+        found = _SHOUTED.get(word, NONE)
+    return found, end + match.string.startswith(":", end)

@@ -23,6 +23,7 @@ _CLOCK = re.compile(
     r"(?:\ ?(?P<half>[AaPp])[Mm])?(?P<zone>Z|[+-]\d\d:?\d\d)?(?!\w|:\w|\.\d)"
 )
 _BARE_DATE = re.compile(r"(?<![\w.:-])(?:\d{4}[-/]\d\d[-/]\d\d|\d\d[./]\d\d[./]\d{4})(?![\w:]|[-/.]\w)")
+_DATE_SIGN = re.compile(r"[-/.]")
 _SECONDS = re.compile(r"^[\s\[(]*(\d{1,10})\.(\d{3,9})(?: ?s)?(?=[\s\]):,;>|]|-\D)")
 _EPOCH = re.compile(r"^[\s\[(]*(1[2-9]\d{11}(?:\d{3}){0,2})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
 _UNIT = re.compile(r"^[\s\[(]*(\d+)(?:\.(\d{1,9}))? ?(ms|us|µs|ns|s)(?=[\s\]):,;>|])")
@@ -45,11 +46,11 @@ def find(text: str) -> tuple[Stamp | None, str]:
             stamp = Stamp(value(match), of_day=False)
             text = _blanked(text, match)
             break
-    for match in _CLOCK.finditer(text):
+    for match in _CLOCK.finditer(text) if ":" in text else ():
         if (clock := _of_clock(match)) is not None:
             stamp = stamp or clock
             text = _blanked(text, match)
-    for match in _BARE_DATE.finditer(text):
+    for match in _BARE_DATE.finditer(text) if _DATE_SIGN.search(text) else ():
         text = _blanked(text, match)
     if stamp is not None and abs(stamp.t_ns) >= LIMIT_NS:
         stamp = None

@@ -1,4 +1,4 @@
-"""08 Diagnostics ([1] 6.8): a sub-function and its data, by the specification two bytes; more are seen on real lines."""
+"""08 Diagnostics ([1] 6.8): a sub-function and its data, two bytes by the specification; more are seen."""
 
 from __future__ import annotations
 
@@ -47,11 +47,13 @@ DIAGNOSTICS: Final = Function(
     "Diagnostics",
     request=Struct(
         "sub_function" / _SUB_FUNCTION,
-        "data" / Switch(this.sub_function, {code: data for code, (_, data, _) in SUB_FUNCTIONS.items()}, default=_QUERY),
+        "data"
+        / Switch(this.sub_function, {code: data for code, (_, data, _) in SUB_FUNCTIONS.items()}, default=_QUERY),
     ),
     response=Struct(
         "sub_function" / _SUB_FUNCTION,
-        "data" / Switch(this.sub_function, {code: data for code, (_, _, data) in SUB_FUNCTIONS.items()}, default=_QUERY),
+        "data"
+        / Switch(this.sub_function, {code: data for code, (_, _, data) in SUB_FUNCTIONS.items()}, default=_QUERY),
     ),
     clause="6.8",
     echoes=("sub_function",),

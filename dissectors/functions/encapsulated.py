@@ -1,4 +1,4 @@
-"""2B Encapsulated Interface Transport ([1] 6.19 to 6.21): 0D CANopen General Reference, 0E Read Device Identification."""
+"""2B Encapsulated Interface Transport ([1] 6.19 to 6.21): 0D CANopen reference, 0E Read Device Identification."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _OBJECTS: Final = {
     0x04: "ProductName",
     0x05: "ModelName",
     0x06: "UserApplicationName",
-    **{code: "reserved" for code in range(0x07, 0x80)},
-    **{code: "private" for code in range(0x80, 0x100)},
+    **dict.fromkeys(range(0x07, 0x80), "reserved"),
+    **dict.fromkeys(range(0x80, 0x100), "private"),
 }
 
 _MEI: Final = Code(

@@ -23,6 +23,7 @@ class Ran:
     status: int
     out: str
     err: str
+    raw: bytes = b""
 
 
 def ran(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Ran:
@@ -53,4 +54,4 @@ def spawned(*arguments: str | Path, stdin: bytes = b"", cwd: Path | None = None,
     """A command in a process of its own."""
     command = [sys.executable, "-c", START, *map(str, arguments)]
     done = subprocess.run(command, input=stdin, capture_output=True, cwd=cwd, env=environment(**more), timeout=60)
-    return Ran(done.returncode, done.stdout.decode(), done.stderr.decode())
+    return Ran(done.returncode, done.stdout.decode(errors="replace"), done.stderr.decode(), done.stdout)

@@ -10,8 +10,6 @@ import csv
 import io
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
 from analyzer.exports.encoding import explain_json
 from analyzer.exports.output import Output
 from analyzer.exports.sink import ExportOptions
@@ -70,18 +68,19 @@ class _Table:
     def block(self, block: Block) -> None:
         """Raw chunks are not in this format."""
 
-    def batch(self, batch: Batch) -> None:
+    def rows(self, batch: Batch, first: int, last: int) -> None:
         """A line a row."""
-        if len(batch) and self._zero is None:
-            self._zero = int(batch.rows["t_start"][0])
-        noise = batch.rows["kind"] == Kind.NOISE
-        rows = range(len(batch)) if self._options.noise else np.flatnonzero(~noise).tolist()
-        for row in rows:
-            cells = self._place(batch, row)
-            if not noise[row]:
-                cells |= self._frame(batch.frame(row))
-            self._rows.writerow(cells)
+        if self._zero is None:
+            self._zero = int(batch.rows["t_start"][first])
+        for row, kind in enumerate(batch.rows["kind"][first:last].tolist(), first):
+            if kind != Kind.NOISE:
+                self._rows.writerow(self._place(batch, row) | self._frame(batch.frame(row)))
+            elif self._options.noise:
+                self._rows.writerow(self._place(batch, row))
         self._flush()
+
+    def batch(self, batch: Batch) -> None:
+        """Nothing here hangs on a whole batch."""
 
     def close(self) -> None:
         """Nothing is left: rows are written as they come."""

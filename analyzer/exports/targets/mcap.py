@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from typing import IO, TYPE_CHECKING, Any, Final, cast
 
-import numpy as np
 import orjson
 from mcap.writer import CompressionType, Writer
 
 from analyzer.exports import schemas
-from analyzer.exports.encoding import explain_json, frame_json, noise_json
+from analyzer.exports.encoding import Encoder, explain_json, noise_json
 from analyzer.exports.output import Output
-from analyzer.exports.registers import Values, values_of
 from analyzer.exports.sink import ExportOptions
 from analyzer.frames import Batch, Frame, Kind, Rows
 from analyzer.transactions import Status, Transactions
@@ -32,6 +30,7 @@ _CHUNK: Final = 1 << 20
 class _Recording:
     def __init__(self, out: Output, capture: Capture, options: ExportOptions) -> None:
         self._options = options
+        self._encoder = Encoder(values=True)
         self._writer = Writer(cast(IO[Any], out), chunk_size=_CHUNK, compression=CompressionType.ZSTD)
         self._writer.start(library=f"rtuscope {__version__}")
         self._chunks = ChunkChannel(self._writer, capture.line, timed=capture.timed, about=_about(capture))
@@ -46,32 +45,35 @@ class _Recording:
         """Raw chunks."""
         self._chunks.write(block)
 
-    def batch(self, batch: Batch) -> None:
-        """Frames, and what follows from them."""
-        noise = batch.rows["kind"] == Kind.NOISE
-        for row in range(len(batch)) if self._options.noise else np.flatnonzero(~noise).tolist():
-            if noise[row]:
+    def rows(self, batch: Batch, first: int, last: int) -> None:
+        """Frames and their values; noise if asked."""
+        for row, kind in enumerate(batch.rows["kind"][first:last].tolist(), first):
+            if kind != Kind.NOISE:
+                self._frame(batch.frame(row))
+            elif self._options.noise:
                 line = noise_json(batch, row)
                 self._add(self._noise, line["t_end_ns"], line)
-            else:
-                self._frame(batch.frame(row))
+
+    def batch(self, batch: Batch) -> None:
+        """Transactions that are settled by then."""
         self._settle(self._settling.feed(batch))
 
     def close(self) -> None:
         """Transactions still open, and the index."""
         self._settle(self._settling.close())
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
 
     def _frame(self, frame: Frame) -> None:
-        line = frame_json(frame)
+        line = self._encoder.line(frame)
         line["summary"] = frame.summary()
         if self._options.explain:
             line["explain"] = explain_json(frame)
         self._add(self._frames, frame.t_end_ns, line)
         for finding in line["findings"]:
             self._finding(frame.t_end_ns, finding)
-        for values in values_of(frame):
-            self._add(self._value_channel(frame.unit, values), frame.t_end_ns, values.numbers)
+        encoded = self._encoder.encoded(frame)
+        if encoded.area is not None:
+            self._write(self._value_channel(frame.unit, encoded.area, encoded.values), frame.t_end_ns, encoded.values)
 
     def _finding(self, t_ns: int, finding: dict[str, Any]) -> None:
         seconds, nanoseconds = divmod(max(t_ns, 0), 1_000_000_000)
@@ -101,11 +103,11 @@ class _Recording:
             }
             self._add(self._transactions, int(row["t_response"] if answered else row["t_request"]), message)
 
-    def _value_channel(self, unit: int, values: Values) -> int:
-        topic = f"/unit/{unit}/{values.area}"
+    def _value_channel(self, unit: int, area: str, first: bytes) -> int:
+        topic = f"/unit/{unit}/{area}"
         channel = self._values.get(topic)
         if channel is None:
-            channel = self._values[topic] = self._channel(topic, schemas.values(unit, values.area, values.numbers))
+            channel = self._values[topic] = self._channel(topic, schemas.values(unit, area, orjson.loads(first)))
         return channel
 
     def _channel(self, topic: str, schema: dict[str, Any]) -> int:
@@ -113,8 +115,11 @@ class _Recording:
         return self._writer.register_channel(topic, "json", schema_id)
 
     def _add(self, channel: int, t_ns: int, message: object) -> None:
-        at = max(t_ns, 0)
-        self._writer.add_message(channel, at, orjson.dumps(message), at)
+        self._write(channel, t_ns, orjson.dumps(message))
+
+    def _write(self, channel: int, t_ns: int, message: bytes) -> None:
+        at = max(t_ns, 0)  # the format has no times before its epoch
+        self._writer.add_message(channel, at, message, at)
 
 
 def _about(capture: Capture) -> dict[str, str]:

@@ -1,0 +1,194 @@
+"""Unusable files are told in one line; what is written appears whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import captures
+from captures import CaptureError, Chunk, LineSettings
+
+READS = [Chunk(1000, b"\x11\x03"), Chunk(2000, b"\x00\x6b")]
+
+
+def refused(path: Path, format: str | None = None) -> str:
+    with pytest.raises(CaptureError) as caught:
+        list(captures.open(path, format=format).blocks())
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "empty"),
+        (b"\x89PNG\r\n\x1a\n....", "PNG image"),
+        (b"PK\x03\x04....", "zip archive"),
+        (b"\x7fELF\x02\x01", "ELF program"),
+        (b"%PDF-1.7", "PDF document"),
+        (b"\x1f\x8b\x08\x00", "gzip"),
+        (b"\xd4\xc3\xb2\xa1", "pcap"),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".jsonl", ".bin", ".mcap", ".txt", ""])
+def test_files_of_another_kind_are_named(tmp_path: Path, content: bytes, said: str, suffix: str) -> None:
+    path = tmp_path / f"file{suffix}"
+    path.write_bytes(content)
+    text = refused(path)
+    assert said in text
+    assert str(path) in text
+
+
+def test_missing_files_and_folders(tmp_path: Path) -> None:
+    assert "no such file" in refused(tmp_path / "absent.jsonl")
+    assert "directory" in refused(tmp_path)
+    assert "no such file" in refused(tmp_path / "absent.bin", format="bin")
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="every file is readable for this user")
+def test_no_permission(tmp_path: Path) -> None:
+    path = tmp_path / "secret.jsonl"
+    path.write_text("{}")
+    path.chmod(0)
+    assert "permission" in refused(path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names here")
+def test_pipes_and_devices_are_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.jsonl")
+    assert "pipe or a device" in refused(tmp_path / "pipe.jsonl")
+    assert "pipe or a device" in refused(Path("/dev/zero"))
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ('{"format": "serial-chunks", "version": 2}\n', "version '2'"),
+        ('{"format": "other", "version": 1}\n', "'other'"),
+        ('{"index": 0, "function": 3, "hex": "1103"}\n', "frames, exported"),
+        ("[1, 2]\n", "not a JSON object"),
+        ("{nothing\n", "not JSON"),
+    ],
+)
+def test_other_json_lines_are_told_apart(tmp_path: Path, content: str, said: str) -> None:
+    path = tmp_path / "file.jsonl"
+    path.write_text(content)
+    text = refused(path)
+    assert said in text
+    assert "line 1" in text
+
+
+def test_an_unknown_suffix_with_unknown_content_lists_the_formats(tmp_path: Path) -> None:
+    path = tmp_path / "notes.xyz"
+    path.write_text("nothing to see here\n" * 20)
+    text = refused(path)
+    assert "mcap" in text
+    assert "serial-chunks" in text
+    assert "no capture format named 'nonsense'" in refused(path, format="nonsense")
+
+
+def test_content_outweighs_the_suffix(tmp_path: Path) -> None:
+    source = io.BytesIO()
+    captures.write(source, READS, line=LineSettings(baud=9600))
+    path = tmp_path / "wrong.bin"
+    path.write_bytes(source.getvalue())
+    assert captures.open(path).format == "serial-chunks"
+    path.write_bytes(b"11 03 00 6B\n")
+    assert captures.open(path).format == "bin", "text in a raw file may be an ASCII-mode bus"
+
+
+def test_bad_lines_are_noted_with_their_numbers_and_the_rest_is_given(tmp_path: Path) -> None:
+    path = tmp_path / "bad.jsonl"
+    path.write_text(
+        '{"format": "serial-chunks", "version": 1, "baud": -3}\n'
+        '{"t_ns": 1, "hex": "11"}\n'
+        '{"t_ns": 2, "hex": "110"}\n'
+        "\n"
+        '{"t_ns": 3.5, "hex": "11"}\n'
+        '{"t_ns": 4, "hex": "zz"}\n'
+        '{"hex": "11"}\n'
+        '{"t_ns": 5, "hex": "11", "port": 300}\n'
+        '{"t_ns": 6, "hex": "11", "errors": [1]}\n'
+        '{"t_ns": 7, "hex": "12", "colour": "red"}\n'
+        '{"t_ns": 8, "hex": "1'
+    )
+    capture = captures.open(path)
+    assert [chunk.data.hex() for chunk in capture.chunks()] == ["11", "12"]
+    assert [damage.where for damage in capture.damage] == [f"line {n}" for n in (1, 3, 5, 6, 7, 8, 9, 11)]
+    assert "odd" in capture.damage[1].what
+    assert "cut short" in capture.damage[-1].what
+
+
+def test_reads_without_their_header_are_taken_and_said(tmp_path: Path) -> None:
+    path = tmp_path / "tail.jsonl"
+    path.write_text('{"t_ns": 1, "hex": "11"}\n{"t_ns": 2, "hex": "03"}\n')
+    capture = captures.open(path)
+    assert len(list(capture.chunks())) == 2
+    assert "no header" in capture.damage[0].what
+    path.write_text('{"format": "seri\n{"t_ns": 1, "hex": "11"}\n')
+    assert len(list(capture.chunks())) == 1
+
+
+def test_a_written_file_takes_its_name_only_when_whole(tmp_path: Path) -> None:
+    path = tmp_path / "out.jsonl"
+    captures.write(path, READS)
+    before = path.read_bytes()
+    with pytest.raises(KeyboardInterrupt), captures.replacing(path) as file:
+        file.write(b"half")
+        raise KeyboardInterrupt
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_full_disk_leaves_nothing_behind(tmp_path: Path) -> None:
+    path = tmp_path / "out.mcap"
+    with pytest.raises(CaptureError, match="no space left"), captures.replacing(path):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_where_nothing_can_be_written_is_said(tmp_path: Path) -> None:
+    for path, said in (
+        (tmp_path / "absent" / "out.jsonl", "no such folder"),
+        (tmp_path / "out.nothing", "no format to write"),
+        (tmp_path / "out.csv", "no format to write"),
+    ):
+        with pytest.raises(CaptureError, match=said):
+            captures.write(path, READS)
+    (tmp_path / "folder.jsonl").mkdir()
+    with pytest.raises(CaptureError, match="directory"):
+        captures.write(tmp_path / "folder.jsonl", READS)
+    with pytest.raises(CaptureError, match="read, but not written"):
+        captures.write(tmp_path / "out.txt", READS, format="text")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="modes are POSIX")
+def test_a_new_file_has_the_usual_mode_and_a_replaced_one_keeps_its_own(tmp_path: Path) -> None:
+    path, plain = tmp_path / "out.jsonl", tmp_path / "plain"
+    plain.write_text("")
+    captures.write(path, READS)
+    assert path.stat().st_mode == plain.stat().st_mode
+    path.chmod(0o640)
+    captures.write(path, READS)
+    assert path.stat().st_mode & 0o777 == 0o640
+
+
+def test_a_capture_can_replace_its_own_file(tmp_path: Path) -> None:
+    path = tmp_path / "own.jsonl"
+    captures.write(path, READS)
+    captures.write(path, captures.open(path))
+    assert list(captures.open(path).chunks()) == READS
+
+
+def test_importing_the_package_and_pasted_text_load_no_arrays() -> None:
+    code = "import sys, captures.hexwords; print([m for m in ('numpy', 'orjson', 'mcap') if m in sys.modules])"
+    environment = {**os.environ, "PYTHONPATH": str(Path(captures.__file__).parents[1])}
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
+    assert run.stdout.strip() == "[]"

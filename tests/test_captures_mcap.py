@@ -1,0 +1,163 @@
+"""MCAP: what other programs find in our files, damage that costs only what it hit, and files that are not ours."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+import captures
+from captures import Block, Capture, CaptureError, Chunk, LineSettings
+from captures.formats.mcap import METADATA, TOPIC, ChunkChannel
+
+LINE = LineSettings(baud=19200, char_bits=11, tap="irq", notes={"source": "test"})
+SECOND = 1_000_000_000
+
+
+def shared_file(blocks: list[Block], *, chunk_size: int = 1 << 20, metadata: bool = True) -> bytes:
+    """A file as an exporter makes it: our channel beside another one."""
+    file = io.BytesIO()
+    writer = Writer(file, chunk_size=chunk_size)
+    writer.start(library="test")
+    ours = ChunkChannel(writer, LINE, about={"tool": "rtuscope 9"}) if metadata else None
+    other = writer.register_channel("/other", "json", 0)
+    for i, block in enumerate(blocks):
+        writer.add_message(other, i, b'{"n": %d}' % i, i)
+        if ours is not None:
+            ours.write(block)
+    writer.finish()  # type: ignore[no-untyped-call]
+    return file.getvalue()
+
+
+def some_blocks(count: int = 6) -> list[Block]:
+    return [
+        Block.from_chunks([Chunk(i * SECOND + k, bytes((i, k)) * 200, port=1) for k in range(50)]) for i in range(count)
+    ]
+
+
+def opened(path: Path, content: bytes) -> Capture:
+    path.write_bytes(content)
+    return captures.open(path)
+
+
+def test_any_reader_finds_schema_messages_times_and_metadata() -> None:
+    reader = make_reader(io.BytesIO(shared_file(some_blocks(1))))
+    metadata = {record.name: record.metadata for record in reader.iter_metadata()}[METADATA]
+    assert metadata["baud"] == "19200"
+    assert metadata["tool"] == "rtuscope 9"
+    found = list(reader.iter_messages(topics=[TOPIC]))
+    schema, channel, message = found[0]
+    assert schema is not None
+    assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+    content = json.loads(message.data)
+    required = json.loads(schema.data)["required"]
+    assert set(required) <= set(content) <= set(json.loads(schema.data)["properties"])
+    assert message.log_time == content["t_ns"]
+    assert content["after_ns"][:3] == [0, 1, 2]
+    assert len(base64.b64decode(content["data"])) == sum(content["sizes"])
+
+
+def test_messages_hold_at_most_a_second_and_64_kib() -> None:
+    chunks = [Chunk(i * SECOND // 3, bytes(9000)) for i in range(30)]
+    messages = make_reader(io.BytesIO(shared_file([Block.from_chunks(chunks)]))).iter_messages(topics=[TOPIC])
+    contents = [json.loads(message.data) for _, _, message in messages]
+    assert len(contents) > 5
+    assert all(sum(content["sizes"]) <= 1 << 16 and content["after_ns"][-1] < SECOND for content in contents)
+    assert sum(len(content["sizes"]) for content in contents) == 30
+
+
+def test_a_file_shared_with_other_channels_gives_the_same_capture(tmp_path: Path) -> None:
+    blocks = some_blocks()
+    capture = opened(tmp_path / "shared.mcap", shared_file(blocks))
+    assert capture.line == LINE
+    assert list(capture.chunks()) == [block.chunk(i) for block in blocks for i in range(len(block))]
+    assert not capture.damage
+
+
+def test_a_damaged_chunk_costs_only_itself(tmp_path: Path) -> None:
+    content = bytearray(shared_file(some_blocks(), chunk_size=4000))
+    whole = list(opened(tmp_path / "whole.mcap", bytes(content)).chunks())
+    summary = make_reader(io.BytesIO(content)).get_summary()
+    assert summary is not None
+    second = summary.chunk_indexes[1]
+    content[second.chunk_start_offset + second.chunk_length // 2] ^= 0xFF
+    capture = opened(tmp_path / "damaged.mcap", bytes(content))
+    given = list(capture.chunks())
+    assert 0 < len(given) < len(whole)
+    assert [chunk for chunk in whole if chunk in given] == given
+    assert [damage.where for damage in capture.damage] == [f"byte {second.chunk_start_offset}"]
+
+
+def test_a_file_cut_between_chunks_says_that_it_has_no_end(tmp_path: Path) -> None:
+    content = shared_file(some_blocks(), chunk_size=4000)
+    summary = make_reader(io.BytesIO(content)).get_summary()
+    assert summary is not None
+    start = summary.chunk_indexes[2].chunk_start_offset
+    capture = opened(tmp_path / "cut.mcap", content[:start])
+    assert 0 < len(list(capture.chunks())) < 300
+    assert f"file ends at byte {start} without a footer" in capture.damage[0].what
+
+
+def test_settings_survive_the_loss_of_the_metadata_record(tmp_path: Path) -> None:
+    """Other tools copy channels without metadata records; the channel has the settings too."""
+    source = make_reader(io.BytesIO(shared_file(some_blocks(1))))
+    file = io.BytesIO()
+    writer = Writer(file)
+    writer.start(library="copy")
+    ids: dict[int, int] = {}
+    for schema, channel, message in source.iter_messages():
+        if channel.id not in ids:
+            schema_id = writer.register_schema(schema.name, schema.encoding, schema.data) if schema else 0
+            encoding = channel.message_encoding
+            ids[channel.id] = writer.register_channel(channel.topic, encoding, schema_id, dict(channel.metadata))
+        writer.add_message(ids[channel.id], message.log_time, message.data, message.publish_time)
+    writer.finish()  # type: ignore[no-untyped-call]
+    capture = opened(tmp_path / "copy.mcap", file.getvalue())
+    assert capture.line == LINE
+    assert len(list(capture.chunks())) == 50
+
+
+@pytest.mark.parametrize("cut", [0, 40])
+def test_an_mcap_of_another_origin_is_refused_in_a_line(tmp_path: Path, cut: int) -> None:
+    content = shared_file(some_blocks(1), metadata=False)
+    with pytest.raises(CaptureError, match="without raw chunks"):
+        opened(tmp_path / "foreign.mcap", content[: len(content) - cut])
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"t_ns": 0, "after_ns": [0], "sizes": [2], "data": "EQ=="},
+        {"t_ns": 0, "after_ns": [0, 1], "sizes": [1], "data": "EQ=="},
+        {"t_ns": 0, "after_ns": [0], "sizes": [1], "data": "!!"},
+        {"t_ns": 1 << 62, "after_ns": [0], "sizes": [1], "data": "EQ=="},
+        {"t_ns": 0, "after_ns": [0], "sizes": [1], "data": "EQ==", "errors": [1]},
+        {"t_ns": 0, "after_ns": [0], "sizes": [1], "data": "EQ==", "mark": [3]},
+        {"t_ns": 0, "after_ns": [[0]], "sizes": [1], "data": "EQ=="},
+        {"t_ns": "soon"},
+        [],
+        None,
+    ],
+)
+def test_a_message_that_is_not_as_its_schema_says_is_left_out(tmp_path: Path, message: object) -> None:
+    file = io.BytesIO()
+    writer = Writer(file)
+    writer.start(library="test")
+    ours = ChunkChannel(writer, LINE)
+    writer.add_message(1, 0, json.dumps(message).encode(), 0)
+    ours.write(Block.from_chunks([Chunk(5, b"a")]))
+    writer.finish()  # type: ignore[no-untyped-call]
+    capture = opened(tmp_path / "odd.mcap", file.getvalue())
+    assert list(capture.chunks()) == [Chunk(5, b"a")]
+    assert capture.damage_count == 1
+
+
+def test_negative_times_are_kept(tmp_path: Path) -> None:
+    chunks = [Chunk(-5, b"a"), Chunk(7, b"b")]
+    captures.write(tmp_path / "negative.mcap", chunks)
+    assert list(captures.open(tmp_path / "negative.mcap").chunks()) == chunks

@@ -1,0 +1,238 @@
+"""Logs of tools as captures: bytes, times, marks and ports, and a note for each line that is none of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import captures
+from captures import Capture, CaptureError, Chunk, Mark
+
+MS = 1_000_000
+DAY = 86_400_000 * MS
+REQUEST = bytes.fromhex("1103006b00037687")
+ANSWER = bytes.fromhex("110306022b00000064c8ba")
+SPACED = REQUEST.hex(" ")
+ANSWERED = ANSWER.hex(" ")
+
+# What each tool writes for the same two reads, 17 ms apart.
+LOGS = {
+    "plain": f"{SPACED}\n{ANSWERED}\n",
+    "brackets": f"[12:00:01.123] {SPACED}\n[12:00:01.140] {ANSWERED}\n",
+    "socat": (
+        f"> 2026/11/21 08:01:58.000287290  length=8 from=0 to=7\n {SPACED}                          ...k..v.\n--\n"
+        f"< 2026/11/21 08:01:58.000304290  length=11 from=0 to=10\n {ANSWERED}                 ....+....\n--\n"
+    ),
+    "jpnevulator": (
+        f"2026-11-21 05:09:50.794009: master\n{SPACED}\n2026-11-21 05:09:50.811009: slave\n{ANSWERED}\n"
+    ),
+    "strace": (
+        '04:59:10.118521 write(3, "'
+        + "".join(f"\\x{b:02x}" for b in REQUEST)
+        + '", 8) = 8\n04:59:10.119000 select(4, [3], NULL, NULL, {tv_sec=0}) = 1 (in [3])\n'
+        + '04:59:10.135521 read(3, "'
+        + "".join(f"\\x{b:02x}" for b in ANSWER)
+        + '", 64) = 11\n04:59:10.136000 read(3, 0x7ffc, 64) = -1 EAGAIN (Resource temporarily unavailable)\n'
+        + "04:59:10.140000 +++ exited with 0 +++\n"
+    ),
+    "Modbus Poll": f"Tx:000001-{SPACED.upper()}\nRx:000002-{ANSWERED.upper()}\n",
+    "Modbus Poll, older": f"000001-Tx:{SPACED.upper()}\n000002-Rx:{ANSWERED.upper()}\n",
+    "QModMaster": (
+        f"[RTU]>Tx > 18:10:41:123 : {REQUEST.hex(' ').upper().replace(' ', '  ')}\n"
+        f"[RTU]>Rx > 18:10:41:140 : {ANSWER.hex(' ').upper().replace(' ', '  ')}\n"
+    ),
+    "pymodbus": (
+        "2026-11-21 04:58:09,123 DEBUG logging:103 Current transaction state - SENDING\n"
+        f"2026-11-21 04:58:09,123 DEBUG logging:103 send: {' '.join(map(hex, REQUEST))}\n"
+        f"2026-11-21 04:58:09,140 DEBUG logging:103 recv: {' '.join(map(hex, ANSWER))} extra data: \n"
+        f"2026-11-21 04:58:09,140 DEBUG logging:103 Processing: {' '.join(map(hex, ANSWER))}\n"
+    ),
+    "libmodbus": (
+        "Opening /dev/ttyUSB0 at 19200 bauds (N, 8, 1)\n"
+        + "".join(f"[{b:02X}]" for b in REQUEST)
+        + "\nWaiting for a confirmation...\n"
+        + "".join(f"<{b:02X}>" for b in ANSWER)
+        + "\n[107]: \t555\n"
+    ),
+    "ESPHome": (
+        f"[18:10:41.123][D][uart_debug:113]: >>> {REQUEST.hex(':').upper()}\n"
+        "[18:10:41.130][D][sensor:094]: 'Power': Sending state 11.00000 W with 2 decimals of accuracy\n"
+        f"\x1b[0;36m[18:10:41.140][D][uart_debug:113]: <<< {ANSWER.hex(':').upper()}\x1b[0m\n"
+    ),
+    "Node.js": f"<Buffer {SPACED}>\n" + '{"type":"Buffer","data":' + str(list(ANSWER)) + "}\n",
+    "PortMon": (
+        f"184\t11:26:50.123\tApp\tIRP_MJ_WRITE\tSerial0\tSUCCESS\tLength 8: {SPACED.upper()} \n"
+        "185\t11:26:50.130\tApp\tIOCTL_SERIAL_WAIT_ON_MASK\tSerial0\tSUCCESS\t\n"
+        f"186\t11:26:50.140\tApp\tIRP_MJ_READ\tSerial0\tSUCCESS\tLength 11: {ANSWERED.upper()} \n"
+    ),
+    "Docklight": (
+        f"21.11.2026 10:15:31.123 [TX] - {SPACED.upper()}\n21.11.2026 10:15:31.140 [RX] - {ANSWERED.upper()}\n"
+    ),
+    "RealTerm": f"1226390000.123,{SPACED}\n1226390000.140,{ANSWERED}\n",
+}
+UNTIMED = {"plain", "Modbus Poll", "Modbus Poll, older", "libmodbus", "Node.js"}
+UNMARKED = {"plain", "brackets", "jpnevulator", "Node.js", "RealTerm"}
+
+
+def log(folder: Path, text: str | bytes, name: str = "bus.log") -> Capture:
+    path = folder / name
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return captures.open(path)
+
+
+@pytest.mark.parametrize("tool", LOGS)
+@pytest.mark.parametrize("name", ["bus.log", "bus.unknown"])
+def test_logs_of_tools(tmp_path: Path, tool: str, name: str) -> None:
+    capture = log(tmp_path, LOGS[tool], name)
+    request, answer = capture.chunks()
+    assert (request.data, answer.data) == (REQUEST, ANSWER)
+    assert capture.timed is (tool not in UNTIMED)
+    assert answer.t_ns - request.t_ns == (0 if tool in UNTIMED else 17 * MS)
+    marks = (Mark.NONE, Mark.NONE) if tool in UNMARKED else (Mark.TX, Mark.RX)
+    assert (request.mark, answer.mark) == marks
+    assert (request.port, answer.port) == ((0, 1) if tool == "jpnevulator" else (0, 0))
+    assert not capture.damage
+
+
+def test_bytewise_logs(tmp_path: Path) -> None:
+    capture = log(tmp_path, "".join(f"> \t0x{byte:02x}\n" for byte in REQUEST))
+    assert [chunk.data for chunk in capture.chunks()] == [bytes((byte,)) for byte in REQUEST]
+    assert {chunk.mark for chunk in capture.chunks()} == {Mark.TX}
+    sigrok = "".join(f"{n}-{n + 400} uart-1: {byte:02X}\n" for n, byte in enumerate(REQUEST))
+    assert b"".join(chunk.data for chunk in log(tmp_path, sigrok).chunks()) == REQUEST
+
+
+def test_every_line_that_is_no_bytes_is_noted(tmp_path: Path) -> None:
+    capture = log(tmp_path, f"{SPACED}\n\n# a comment\nhello there\n11 03 0\n{SPACED}\n")
+    assert [chunk.data for chunk in capture.chunks()] == [REQUEST, REQUEST]
+    assert [damage.where for damage in capture.damage] == ["line 4", "line 5"]
+    assert "no bytes found in 'hello there'" in capture.damage[0].what
+    assert "odd number" in capture.damage[1].what
+
+
+def test_what_a_tool_left_out_is_noted(tmp_path: Path) -> None:
+    assert "8 of 64 bytes" in only_damage(log(tmp_path, _strace_cut()))
+    socat = f"> 2026/11/21 08:01:58.000287290  length=12 from=0 to=11\n {SPACED}\n--\n"
+    assert "4 bytes that the line above announces" in only_damage(log(tmp_path, socat))
+    assert "first 8 bytes only" in only_damage(log(tmp_path, f"<Buffer {SPACED} ... 14 more bytes>\n"))
+
+
+def _strace_cut() -> str:
+    return 'read(3, "' + "".join(f"\\x{b:02x}" for b in REQUEST) + '"..., 64) = 64\n'
+
+
+def only_damage(capture: Capture) -> str:
+    assert [chunk.data for chunk in capture.chunks()] == [REQUEST]
+    assert len(capture.damage) == 1
+    return capture.damage[0].what
+
+
+def test_times_of_day_go_on_past_midnight(tmp_path: Path) -> None:
+    capture = log(tmp_path, "23:59:59.900 TX 11 03\n00:00:00.100 RX 11 03\n23:00:00 TX 11 03\n01:00:00 RX 11 03\n")
+    times = [chunk.t_ns for chunk in capture.chunks()]
+    assert times == [DAY - 100 * MS, DAY + 100 * MS, 2 * DAY - 3_600_000 * MS, 2 * DAY + 3_600_000 * MS]
+    assert not capture.damage
+
+
+def test_a_line_without_its_time_gets_the_time_before_and_a_note(tmp_path: Path) -> None:
+    capture = log(tmp_path, "12:00:01 TX 11 03\nRX 11 03 06\n12:00:02 TX 11 03\n12:00:03 RX 11 03\n")
+    assert [chunk.t_ns // (1000 * MS) for chunk in capture.chunks()] == [43_201, 43_201, 43_202, 43_203]
+    assert [damage.where for damage in capture.damage] == ["line 2"]
+
+
+def test_a_time_above_the_bytes(tmp_path: Path) -> None:
+    capture = log(tmp_path, f"12:00:01.123 TX:\n{SPACED[:11]}\n{SPACED[12:]}\n12:00:01.140 RX:\n{ANSWERED}\n")
+    chunks = list(capture.chunks())
+    assert [chunk.data for chunk in chunks] == [REQUEST, ANSWER], "the lines below one time are one read"
+    assert [chunk.mark for chunk in chunks] == [Mark.TX, Mark.RX]
+    assert chunks[1].t_ns - chunks[0].t_ns == 17 * MS
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_text_as_windows_writes_it(tmp_path: Path, encoding: str) -> None:
+    capture = log(tmp_path, LOGS["brackets"].replace("\n", "\r\n").encode(encoding))
+    assert [chunk.data for chunk in capture.chunks()] == [REQUEST, ANSWER]
+    assert not capture.damage
+
+
+def test_ascii_mode_frames_keep_their_characters(tmp_path: Path) -> None:
+    capture = log(tmp_path, "12:00:01 :1103006B00037E\n12:00:02 :110306022B000000645A\n")
+    assert [chunk.data for chunk in capture.chunks()] == [b":1103006B00037E\r\n", b":110306022B000000645A\r\n"]
+
+
+def test_a_long_dump_comes_in_pieces(tmp_path: Path) -> None:
+    data = bytes(range(256)) * 1024
+    lines = (f"{at:08x}  {data[at : at + 16].hex(' ')}" for at in range(0, len(data), 16))
+    capture = log(tmp_path, "\n".join(lines), "dump.txt")
+    sizes = [len(chunk.data) for chunk in capture.chunks()]
+    assert b"".join(chunk.data for chunk in capture.chunks()) == data
+    assert max(sizes) < 70_000
+    assert not capture.damage
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("just words\nand more\n", "line 1"), ("\n\n# comment\n", "only empty lines"), ("\x00\x01\x02" * 9, "not text")],
+)
+def test_text_without_bytes_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(CaptureError, match=said):
+        log(tmp_path, text)
+
+
+def test_prose_with_a_number_in_it_is_no_capture(tmp_path: Path) -> None:
+    words = "The quick brown fox\n" * 40
+    with pytest.raises(CaptureError):
+        log(tmp_path, words + "11 03 00 6B\n" + words, "readme.md")
+
+
+LOGIC2 = """name,type,start_time,duration,data,error
+"Async Serial","data",0.0006025,2.375e-05,0xC8,
+"Async Serial","data",0.00063,2.375e-05,0x01,"framing"
+"Other","data",0.0007,2.375e-05,17,
+"Async Serial","idle",0.001,2.375e-05,,
+"Async Serial","data",soon,2.375e-05,0x01,
+"Async Serial","data",0.002,2.375e-05,0x1FF,
+"""
+LOGIC1 = "Time [s],Value,Parity Error,Framing Error\n0.000602500000000,0xC8,,\n0.00063,0x01,Error,\n"
+
+
+def test_tables_of_a_logic_analyser(tmp_path: Path) -> None:
+    capture = log(tmp_path, LOGIC2, "logic.csv")
+    assert capture.format == "saleae"
+    assert list(capture.chunks()) == [
+        Chunk(626_250, b"\xc8"),
+        Chunk(653_750, b"\x01", errors=(0,)),
+        Chunk(723_750, b"\x11", port=1),
+    ]
+    assert [damage.where for damage in capture.damage] == ["line 6", "line 7"]
+    older = log(tmp_path, LOGIC1, "logic.txt")
+    assert list(older.chunks()) == [Chunk(602_500, b"\xc8"), Chunk(630_000, b"\x01", errors=(0,))]
+
+
+def test_other_tables_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(CaptureError):
+        log(tmp_path, "a,b\nhello,there\n", "table.csv")
+
+
+def test_other_formats_can_be_added(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from captures import formats
+    from captures.formats import Format, binary
+
+    class Entry:
+        @staticmethod
+        def load() -> Format:
+            return Format("vendor", (".vnd",), lambda head: float(head.startswith(b"VENDOR")), binary.FORMAT.read)
+
+    class Broken:
+        @staticmethod
+        def load() -> Format:
+            raise ImportError("missing")
+
+    monkeypatch.setattr(formats, "entry_points", lambda group: [Broken, Entry] if group == "rtuscope.captures" else [])
+    formats.foreign_formats.cache_clear()
+    try:
+        assert log(tmp_path, "VENDOR\x00", "capture.vnd").format == "vendor"
+        assert captures.open(tmp_path / "capture.vnd", format="vendor").format == "vendor"
+    finally:
+        formats.foreign_formats.cache_clear()

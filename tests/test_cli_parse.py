@@ -1,0 +1,161 @@
+"""`rtuscope parse` as a user meets it."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from buses import adu
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from running import START, environment, ran, refused, spawned
+
+REQUEST = "11 03 00 6B 00 03 76 87"
+ANSWER = "11 03 06 AE 41 56 52 43 40 49 AD"
+
+
+def test_a_frame_as_arguments(capsys):
+    done = ran(capsys, "parse", *REQUEST.split())
+    assert (done.status, done.err) == (0, "")
+    lines = done.out.splitlines()
+    assert lines[0] == "RTU: right CRC at the predicted length, 1 frame over all 8 bytes"
+    assert lines[2] == "request   unit 17: read 3 holding registers from 107 (40108)"
+    assert lines[3:] == [
+        "   0  11     unit              17",
+        "   1  03     function          03 Read Holding Registers",
+        "   2  00 6B  starting_address  107 (0x006B, 40108)",
+        "   4  00 03  quantity          3",
+        "   6  76 87  crc               ok",
+    ]
+
+
+def test_lines_as_arguments_are_lines(capsys):
+    done = ran(capsys, "parse", f"TX: {REQUEST}", f"RX: {ANSWER}")
+    assert done.status == 0
+    assert "register  40108: 44609 (-20927, 0xAE41)" in done.out
+
+
+@pytest.mark.parametrize("through", ["file", "stdin", "dash"])
+def test_from_a_file_and_from_standard_input(tmp_path, through):
+    log = tmp_path / "log.txt"
+    log.write_text(f"master  {REQUEST}\nslave   {ANSWER}\n")
+    arguments = {"file": ["-f", str(log)], "stdin": [], "dash": ["-f", "-"]}[through]
+    done = spawned("parse", "--json", *arguments, stdin=b"" if through == "file" else log.read_bytes())
+    assert (done.status, done.err) == (0, "")
+    assert [json.loads(line)["hex"] for line in done.out.splitlines()] == [
+        REQUEST.replace(" ", "").lower(),
+        ANSWER.replace(" ", "").lower(),
+    ]
+
+
+def test_json_has_noise_only_when_asked(capsys):
+    text = f"FF {REQUEST} 00"
+    assert len(ran(capsys, "parse", "--json", text).out.splitlines()) == 1
+    lines = [json.loads(line) for line in ran(capsys, "parse", "--json", "--noise", text).out.splitlines()]
+    assert [line.get("kind") for line in lines] == ["noise", None, "noise"]
+    assert sum(line["length"] for line in lines) == 10
+
+
+@pytest.mark.parametrize(
+    ("text", "status"),
+    [
+        (REQUEST, 0),
+        ("11 03 00 6B 00 03 76 88", 0),  # damaged, but a frame
+        ("11 03 00 6B", 1),  # cut
+        ("48 65 6C 6C 6F", 1),
+        ("00 01 00 00 00 06 11 03 00 6B 00 03", 0),
+        (":1103006B00037E", 0),
+    ],
+)
+def test_the_status_says_whether_there_is_a_frame(capsys, text, status):
+    assert ran(capsys, "parse", text).status == status
+    assert ran(capsys, "parse", "--json", text).status == status
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["hello"], "no hex bytes found in 'hello'"),
+        (["11", "03", "0"], "odd number of hex digits"),
+        ([REQUEST, "-f", "x"], "not from both"),
+        (["-f", "no-such-file"], "no-such-file: no such file"),
+        (["-f", "."], "directory"),
+        (["--functions", "no-such.py", REQUEST], "no-such.py"),
+    ],
+)
+def test_unusable_input_is_one_line(capsys, arguments, words):
+    assert words in refused(capsys, "parse", *arguments)
+
+
+def test_where_in_a_file_it_is_wrong(capsys, tmp_path):
+    log = tmp_path / "log.txt"
+    log.write_text(f"{REQUEST}\n11 03 00 6\n")
+    assert refused(capsys, "parse", "-f", log).startswith(f"{log}: line 2: ")
+
+
+def test_a_binary_file_is_one_line(capsys, tmp_path):
+    binary = tmp_path / "capture.bin"
+    binary.write_bytes(bytes(range(256)) * 4)
+    assert str(binary) in refused(capsys, "parse", "-f", binary)
+
+
+def test_nothing_on_standard_input_is_one_line():
+    done = spawned("parse", stdin=b"")
+    assert (done.status, done.err) == (2, "rtuscope: standard input: no hex bytes: the text is empty\n")
+
+
+def test_a_vendors_function_is_declared_in_a_file(tmp_path):
+    file = tmp_path / "vendor.py"
+    file.write_text(
+        "from construct import Struct\n"
+        "from dissectors import Function, Number\n"
+        'TREND = Function(0x41, "Read Trend", Struct("channel" / Number(1)), Struct("level" / Number(2)))\n'
+    )
+    done = spawned("parse", "--functions", file, adu("114105").hex(" "))
+    assert done.status == 0
+    assert "Read Trend" in done.out
+    assert "channel" in done.out
+    file.write_text("1/0\n")
+    wrong = spawned("parse", "--functions", file, REQUEST)
+    assert wrong.status == 2
+    assert wrong.err.startswith(f"rtuscope: {file}:1: ")
+    assert wrong.err.count("\n") == 1
+
+
+def test_no_colour_on_a_pipe_nor_against_the_users_wish(capsys, monkeypatch):
+    assert "\x1b" not in ran(capsys, "parse", REQUEST).out
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert "\x1b" not in ran(capsys, "parse", REQUEST).out
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a pty")
+def test_colour_on_a_terminal():
+    import pty
+
+    ours, theirs = pty.openpty()
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", START, "parse", REQUEST],
+            stdout=theirs,
+            env={key: value for key, value in environment(TERM="xterm").items() if key != "NO_COLOR"},
+            timeout=60,
+        )
+        assert done.returncode == 0
+        assert b"\x1b[1m" in os.read(ours, 4096)
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+@settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    words=st.lists(st.text(st.characters(codec="utf-8"), max_size=30), max_size=5),
+    options=st.sets(st.sampled_from(["--json", "--values"])),
+)
+def test_no_text_makes_a_traceback(capsys, words, options):
+    done = ran(capsys, "parse", *options, "--", *words) if words else ran(capsys, "parse", *options, "--", "")
+    assert done.status in (0, 1, 2)
+    assert "defect" not in done.err
+    assert done.err.count("\n") == (done.status == 2)

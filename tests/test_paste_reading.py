@@ -1,0 +1,296 @@
+"""Pasted bytes: every way of writing them, every envelope, whole, damaged and cut."""
+
+from itertools import pairwise
+
+import pytest
+from buses import adu
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analyzer.paste import Found, Noise, PasteError, read, tree
+from captures.hexwords import HexError
+from dissectors.lengths import Role
+
+REQUEST = "11 03 00 6B 00 03 76 87"
+ANSWER = "11 03 06 AE 41 56 52 43 40 49 AD"
+MBAP = "00 01 00 00 00 06 11 03 00 6B 00 03"
+
+
+def kinds(paste):
+    """Pieces in short: direction, whether the check value is right, pasted bytes."""
+    return [
+        (piece.role.name.lower(), piece.check_ok, piece.length)
+        if isinstance(piece, Found)
+        else ("noise", None, piece.length)
+        for piece in paste.pieces
+    ]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        REQUEST,
+        "1103006B00037687",
+        "1103006b00037687",
+        "0x11,0x03,0x00,0x6B,0x00,0x03,0x76,0x87",
+        r"\x11\x03\x00\x6B\x00\x03\x76\x87",
+        "[11][03][00][6B][00][03][76][87]",
+        "11-03-00-6B-00-03-76-87",
+        "11:03:00:6B:00:03:76:87",
+        "b'\\x11\\x03\\x00k\\x00\\x03v\\x87'",
+        "[12:00:01.123] TX 11 03 00 6B 00 03 76 87",
+        "2026-11-21 10:15:31.234 INFO sent: 11 03 00 6B 00 03 76 87",
+        "  11 03 00 6B\n  00 03 76 87\n",
+    ],
+)
+def test_one_request_however_it_is_written(text):
+    paste = read(text)
+    assert paste.protocol == "rtu"
+    assert kinds(paste) == [("request", True, 8)]
+
+
+def test_ascii_mode():
+    paste = read(":1103006B00037E")
+    assert paste.protocol == "ascii"
+    assert paste.why == "ASCII: 1 frame between colon and line end, LRC right"
+    assert [frame.adu.data.hex() for frame in paste.frames()] == ["1103006b00037e"]
+    assert not paste.pieces[0].also
+
+
+def test_ascii_mode_with_a_wrong_lrc_says_what_was_computed():
+    paste = read(":1103006B00037F")
+    assert kinds(paste) == [("request", False, 17)]
+    assert "LRC wrong: received 7F, computed 7E" in tree(paste)
+    assert paste.holds_a_frame
+
+
+def test_ascii_mode_given_as_hex_of_its_characters():
+    paste = read(b":1103006B00037E\r\n".hex(" "))
+    assert (paste.protocol, kinds(paste)) == ("ascii", [("request", True, 17)])
+
+
+def test_mbap():
+    paste = read(MBAP)
+    assert paste.protocol == "tcp"
+    assert kinds(paste) == [("request", None, 12)]
+    assert "MBAP" in paste.why
+
+
+def test_mbap_request_and_answer_are_paired_by_transaction():
+    paste = read(f"{MBAP} 00 02 00 00 00 06 11 03 00 00 00 01 00 01 00 00 00 09 11 03 06 AE 41 56 52 43 40")
+    assert kinds(paste) == [("request", None, 12), ("request", None, 12), ("response", None, 15)]
+    assert [frame.request_start for frame in paste.frames()] == [None, None, 0]
+
+
+def test_request_with_its_answer():
+    paste = read(f"{REQUEST} {ANSWER}")
+    request, answer = paste.frames()
+    assert kinds(paste) == [("request", True, 8), ("response", True, 11)]
+    assert (answer.request, answer.request_start) == (request.adu.pdu, 0)
+    assert [field.address for field in answer.fields()[3].fields] == [107, 108, 109]
+
+
+def test_a_stream_with_noise_is_split():
+    paste = read(f"00 {REQUEST} {ANSWER} FF FE {REQUEST}")
+    assert kinds(paste) == [
+        ("noise", None, 1), ("request", True, 8), ("response", True, 11), ("noise", None, 2), ("request", True, 8),
+    ]  # fmt: skip
+
+
+def test_an_echo_can_be_either_and_both_are_shown():
+    paste = read("11 05 00 AC FF 00 4E 8B")
+    (frame,) = paste.frames()
+    assert (frame.role, frame.also) == (Role.REQUEST, Role.RESPONSE)
+    assert frame.confidence == 0.5
+    line = next(paste.to_json())
+    assert line["also"]["direction"] == "response"
+    assert line["also"]["fields"]
+    assert "or response" in tree(paste)
+
+
+def test_two_of_them_are_a_request_and_its_answer():
+    paste = read("11 05 00 AC FF 00 4E 8B 11 05 00 AC FF 00 4E 8B")
+    assert kinds(paste) == [("request", True, 8), ("response", True, 8)]
+    assert all(frame.also is None for frame in paste.frames())
+
+
+def test_bytes_that_differ_as_request_and_as_answer_show_both_trees():
+    paste = read(adu("110103000010").hex(" "))  # 16 coils from 768 asked for, or 3 bytes of coils
+    (frame,) = paste.frames()
+    assert (frame.role, frame.also) == (Role.REQUEST, Role.RESPONSE)
+    text = tree(paste)
+    assert "request   unit 17: read 16 coils from 768 (00769)" in text
+    assert "or response  unit 17: 24 coils" in text
+    asked = read(f"{adu('110100000018').hex(' ')} {adu('110103000010').hex(' ')}")
+    assert [(frame.role, frame.also) for frame in asked.frames()] == [(Role.REQUEST, None), (Role.RESPONSE, None)]
+
+
+@pytest.mark.parametrize(("role", "direction"), [("request", "request"), ("response", "response"), ("auto", "request")])
+def test_a_role_that_the_user_knows(role, direction):
+    (frame,) = read("11 06 00 01 00 03 9A 9B", role=role).frames()
+    assert frame.role.name.lower() == direction
+    assert (frame.also is None) == (role != "auto")
+
+
+def test_marks_of_a_log_tell_the_direction():
+    (frame,) = read("RX: 11 06 00 01 00 03 9A 9B").frames()
+    assert (frame.role, frame.also) == (Role.RESPONSE, None)
+    server = read(f"RX: {REQUEST}\nTX: {ANSWER}\nRX: 11 06 00 01 00 03 9A 9B")
+    assert [frame.role.name for frame in server.frames()] == ["REQUEST", "RESPONSE", "REQUEST"]
+
+
+def test_a_wrong_crc_is_told_and_the_fields_are_read():
+    paste = read("11 03 00 6B 00 03 76 88")
+    assert kinds(paste) == [("request", False, 8)]
+    text = tree(paste)
+    assert "CRC wrong: received 76 88, computed 76 87" in text
+    assert "107 (0x006B, 40108)" in text
+    assert paste.holds_a_frame
+
+
+@pytest.mark.parametrize(
+    ("text", "missing", "known"),
+    [
+        ("11", 3, False),
+        ("11 03", 2, False),
+        ("11 03 00 6B 00 03", 2, True),
+        ("11 03 00 6B 00 03 76", 1, True),
+        ("11 03 06 AE 41 56", 5, True),
+        ("00 01 00 00 00 06 11 03", 4, True),
+    ],
+)
+def test_a_cut_frame_says_what_is_missing(text, missing, known):
+    paste = read(text)
+    (frame,) = paste.frames()
+    assert (frame.missing, frame.length_known, frame.check_ok) == (missing, known, False)
+    assert not paste.holds_a_frame
+    assert next(paste.to_json())["missing"] == missing
+    assert f"cut: needs {'' if known else 'at least '}{missing} more byte" in tree(paste)
+
+
+def test_a_frame_that_only_lacks_its_crc_is_told_it():
+    assert "the CRC: 76 87 would be right" in tree(read("11 03 00 6B 00 03"))
+
+
+def test_a_cut_frame_after_whole_ones():
+    paste = read(f"{REQUEST} {ANSWER} 11 03 00 6B")
+    assert kinds(paste)[:2] == [("request", True, 8), ("response", True, 11)]
+    assert list(paste.frames())[-1].missing == 4
+    assert paste.holds_a_frame
+
+
+def test_a_chance_prefix_with_a_right_crc_is_not_taken():
+    answer = "04 03 1C 3F E9 15 18 03 02 00 01 02 02 00 03 18 02 00 03 0B 06 C6 39 07 01 01 00 00 00 00 00 0D EE"
+    assert kinds(read(answer)) == [("response", True, 33)]
+
+
+def test_a_vendors_function_and_an_unusual_length():
+    assert kinds(read("01 41 05 01 45 DD 9E")) == [("request", True, 7)]
+    lines = read("01 41 05 01 45 DD 9E\n01 41 05 0A 45 00 00 07 4E F6 FF FF FF FF D8 3E".replace("05 0A", "05 0a"))
+    assert [frame.length for frame in lines.frames()] == [7, 16]
+
+
+@pytest.mark.parametrize("text", ["48 65 6C 6C 6F", "DE AD BE EF", "7E 80 33 00 FE 0D", "00 00 00 00 00 00"])
+def test_what_is_no_frame(text):
+    paste = read(text)
+    assert not paste.holds_a_frame
+    assert all(isinstance(piece, Noise) for piece in paste.pieces)
+    assert paste.why.startswith("no frame")
+
+
+@pytest.mark.parametrize("text", ["", "   \n", "hello world", "zz", "11 03 00 6"])
+def test_what_holds_no_bytes_is_one_line(text):
+    with pytest.raises(HexError) as caught:
+        read(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_paste_beyond_reason_is_refused():
+    with pytest.raises(PasteError, match="rtuscope export"):
+        read("00" * (1 << 20) + "11")
+
+
+def test_long_pastes_are_split():
+    paste = read(" ".join([REQUEST, ANSWER] * 400))
+    assert len(paste.pieces) == 800
+    assert [frame.request_start for frame in paste.frames()][-1] == paste.pieces[-2].start
+
+
+def test_times_of_a_log_are_kept():
+    text = f"[12:00:01.100] TX {REQUEST}\n[12:00:01.120] RX {ANSWER}\n[12:00:01.200] TX 99 98"
+    request, answer = list(read(text).frames())[:2]
+    assert request.t_end_ns is not None
+    assert answer.t_end_ns - request.t_end_ns == 20_000_000
+    assert next(read(REQUEST).to_json())["t_end_ns"] is None
+
+
+def test_the_json_keys_are_those_of_export():
+    line = next(read(REQUEST).to_json())
+    assert list(line) == [
+        "index", "start", "length", "t_start_ns", "t_end_ns", "protocol", "direction", "unit", "function", "name",
+        "exception", "crc_ok", "request_start", "response_time_ns", "hex", "fields", "confidence", "findings",
+    ]  # fmt: skip
+    assert line["hex"] == "1103006b00037687"
+    assert (line["unit"], line["function"], line["name"]) == (17, 3, "Read Holding Registers")
+
+
+def test_floats_are_hinted_and_every_order_is_there_when_asked():
+    paste = read("01 04 00 00 00 02 71 CB " + adu("010404" + "43663333").hex(" "))
+    assert "with the next as float: ABCD 230.2" in tree(paste)
+    values = tree(paste, values=True)
+    assert "1130771251" in values
+    assert all(f" {order} " in values for order in ("ABCD", "CDAB", "BADC", "DCBA"))
+
+
+def test_colour_is_only_there_when_asked():
+    assert "\x1b" not in tree(read(REQUEST))
+    assert "\x1b[1m" in tree(read(REQUEST), colour=True)
+
+
+def test_a_devices_string_cannot_move_the_cursor():
+    name = b"\x1b[2J\x9bevil\r\n"
+    text = tree(read(adu("0111" + f"{len(name):02x}" + name.hex()).hex(" ")))
+    assert not any((ord(c) < 32 and c != "\n") or 0x7F <= ord(c) < 0xA0 for c in text)
+
+
+@settings(deadline=None)
+@given(
+    st.binary(min_size=1, max_size=400),
+    st.sampled_from(["auto", "rtu", "ascii", "tcp"]),
+    st.sampled_from(["auto", "request", "response"]),
+)
+def test_any_bytes_are_read_and_tiled(data, envelope, role):
+    paste = read(data.hex(" "), envelope, role)
+    check_tiling(paste, len(data))
+
+
+@settings(deadline=None)
+@given(
+    st.lists(
+        st.sampled_from(["00", "01", "03", "83", "11", "FF", "\n", REQUEST, ANSWER, MBAP, "3A 30 31 0D 0A"]),
+        min_size=1,
+        max_size=40,
+    )
+)
+def test_plausible_bytes_are_read_and_tiled(words):
+    text = " ".join(words)
+    if text.strip():
+        paste = read(text)
+        check_tiling(paste, len(bytes.fromhex(text)))
+
+
+def check_tiling(paste, size):
+    assert paste.pieces[0].start == 0
+    assert all(one.start + one.length == two.start for one, two in pairwise(paste.pieces))
+    assert paste.pieces[-1].start + paste.pieces[-1].length == size
+    assert tree(paste, values=True)
+    assert list(paste.to_json(noise=True))
+
+
+@settings(deadline=None)
+@given(st.text(max_size=120))
+def test_any_text_is_read_or_refused_in_one_line(text):
+    try:
+        read(text)
+    except HexError as error:
+        assert "\n" not in str(error)
