@@ -45,7 +45,7 @@ class Analysis:
         return (frame for batch in self.batches() for frame in batch.frames())
 
     def rows(self) -> Rows:
-        """All frames and noise as one structured array (dtype `analyzer.frames.ROW`); `at` is of use in a batch only."""
+        """All frames and noise as one structured array (dtype `analyzer.frames.ROW`); `at` is for batches only."""
         return np.concatenate([np.zeros(0, ROW), *(batch.rows for batch in self.batches())])
 
     def transactions(self) -> Rows:
@@ -55,6 +55,6 @@ class Analysis:
         return np.concatenate([np.zeros(0, TRANSACTION), *parts, open_ones.close()])
 
 
-def open(path: str | PathLike[str], options: Options = Options()) -> Analysis:  # noqa: A001, B008 - as captures.open
+def open(path: str | PathLike[str], options: Options = Options()) -> Analysis:  # noqa: B008 - frozen
     """Open a capture of any format that `captures` reads; CaptureError says in one line why it can't be."""
     return Analysis(captures.open(path), options)

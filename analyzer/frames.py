@@ -13,12 +13,12 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from dissectors.annotation import Context, Field, annotate, summary
-from dissectors.lengths import Role
 from numpy.typing import NDArray
 
+from dissectors.annotation import Context, Field, annotate, summary
 from dissectors.envelopes import Adu, ascii_adu, ascii_frames, rtu
 from dissectors.functions import function_name
+from dissectors.lengths import Role
 
 
 class Kind(IntEnum):

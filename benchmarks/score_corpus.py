@@ -95,7 +95,8 @@ def captures_to_score(arguments: list[str]) -> Iterator[Path]:
 
 def main(arguments: list[str]) -> int:
     scores = []
-    print(f"{'capture':<44} {'frames':>6} {'missed':>6} {'false':>6} {'F1':>8} {'direction':>9} {'pairing':>8} {'s':>6}")
+    titles = f"{'frames':>6} {'missed':>6} {'false':>6} {'F1':>8} {'direction':>9} {'pairing':>9} {'s':>6}"
+    print(f"{'capture':<44} {titles}")
     for path in captures_to_score(arguments):
         begin = time.perf_counter()
         found = predictions(path)
@@ -103,7 +104,8 @@ def main(arguments: list[str]) -> int:
         result = score(load(path.with_suffix(".truth.jsonl")), found)
         scores.append(result)
         rates = " ".join(f"{'-' if v is None else format(v, '.4f'):>9}" for v in (result.direction, result.pairing))
-        print(f"{path.stem:<44} {result.frames:6} {result.missed:6} {result.false:6} {result.f1:8.5f} {rates} {seconds:6.2f}")
+        counts = f"{result.frames:6} {result.missed:6} {result.false:6}"
+        print(f"{path.stem:<44} {counts} {result.f1:8.5f} {rates} {seconds:6.2f}")
     if scores:
         print(f"{len(scores)} captures, lowest F1 {min(s.f1 for s in scores):.5f}")
     return 0

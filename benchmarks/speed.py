@@ -91,10 +91,9 @@ def measure(frames: int) -> None:
         size += len(block.data)
     paired += int((transactions.close()["response"] >= 0).sum())
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(
-        f"{frames:>10,} frames {size / frames:5.1f} B each: {spent:7.2f} s CPU, {spent / frames * 1e6:5.2f} s a million, "
-        f"{size / spent / 1e6:6.1f} MB/s, peak {peak:.0f} MiB; found {found:,}, paired {paired:,}"
-    )
+    rate = f"{spent / frames * 1e6:5.2f} s a million, {size / spent / 1e6:6.1f} MB/s"
+    print(f"{frames:>10,} frames, {size / frames:.1f} B each: {spent:7.2f} s CPU, {rate}, peak {peak:.0f} MiB")
+    print(f"{'':>10} {found:,} found, {paired:,} paired")
 
 
 def main(arguments: list[str]) -> int:

@@ -87,7 +87,7 @@ def _inexact(data: bytes, parts: Sequence[Part], envelope: Envelope, roles: Sequ
         right = sum(1 for piece in pieces if isinstance(piece, Found) and piece.check_ok)
         if right:
             rest = sum(piece.length for piece in pieces if not isinstance(piece, Found) or not piece.check_ok)
-            around = f"; {rest} of {len(data)} bytes in none" if rest else f", over all {len(data)} bytes"
+            around = f", which leaves {rest} of {len(data)} bytes" if rest else f", over all {len(data)} bytes"
             return Paste("rtu", f"RTU: right CRC in {_frames(right)}{around}", tuple(pieces))
         alone = pieces
     if any(isinstance(piece, Found) and piece.check_ok for piece in alone):

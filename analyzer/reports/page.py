@@ -112,10 +112,10 @@ def _transactions(counts: Counts) -> Iterator[str]:
         if number:
             parts.append(f"{number:,} {words}")
     yield _head("requests", f"{counts.requests:,}: {', '.join(parts)}")
-    if counts.retries or counts.late:
-        yield _head(
-            "", f"{plural(counts.retries, 'retry', 'retries')}, {plural(counts.late, 'late answer', 'late answers')}"
-        )
+    again = [plural(counts.retries, "retry", "retries")] if counts.retries else []
+    again += [plural(counts.late, "late answer", "late answers")] if counts.late else []
+    if again:
+        yield _head("", ", ".join(again))
 
 
 def _load(report: Report) -> str:

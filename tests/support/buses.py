@@ -61,9 +61,9 @@ def collect(batches: Sequence[Batch]) -> Found:
     return Found(np.concatenate([b.rows for b in batches]), b"".join(b.data.tobytes() for b in batches))
 
 
-def deframed(feeds: Sequence[Chunk | Block], line: LineSettings = LINE, options: Options = Options()) -> Found:
+def deframed(feeds: Sequence[Chunk | Block], line: LineSettings = LINE, options: Options | None = None) -> Found:
     """What the deframer finds when it is fed these, one after the other."""
-    deframer = Deframer(line, options)
+    deframer = Deframer(line, options or Options())
     return collect([*(deframer.feed(feed) for feed in feeds), deframer.close()])
 
 
