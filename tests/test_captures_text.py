@@ -24,9 +24,7 @@ LOGS = {
         f"> 2026/11/21 08:01:58.000287290  length=8 from=0 to=7\n {SPACED}                          ...k..v.\n--\n"
         f"< 2026/11/21 08:01:58.000304290  length=11 from=0 to=10\n {ANSWERED}                 ....+....\n--\n"
     ),
-    "jpnevulator": (
-        f"2026-11-21 05:09:50.794009: master\n{SPACED}\n2026-11-21 05:09:50.811009: slave\n{ANSWERED}\n"
-    ),
+    "jpnevulator": (f"2026-11-21 05:09:50.794009: master\n{SPACED}\n2026-11-21 05:09:50.811009: slave\n{ANSWERED}\n"),
     "strace": (
         '04:59:10.118521 write(3, "'
         + "".join(f"\\x{b:02x}" for b in REQUEST)

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from captures.chunks import Block, Chunk
 from captures.line import LineSettings
+from dissectors.answers import Expectation, expectation
 from dissectors.envelopes import Adu, ascii_frames
 from dissectors.lengths import Role, pdu_length
 
 from ..frames import ROW, Batch, Kind, Protocol, Rows
-from .conversation import Expectation, expectation
 from .engine import Options
 from .pairing import Pairer
 from .rules import Bytes

@@ -22,10 +22,10 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from dissectors.answers import Expectation, expectation
 from dissectors.lengths import Role
 
 from .candidates import CRC_BITS, GLITCHES
-from .conversation import Expectation, expectation
 from .silence import Trust, Turn
 
 NOISE_BEGINS = 9.0

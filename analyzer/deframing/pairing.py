@@ -12,8 +12,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.answers import expectation
+
 from ..frames import Kind, Rows
-from .conversation import expectation, fitting
+from .conversation import fitting
 from .rules import Bytes
 
 _REACH: Final = 4096  # bytes back

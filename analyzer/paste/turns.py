@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from dissectors.answers import expectation
 from dissectors.envelopes import Adu
-from dissectors.lengths import Asked, Role, pdu_length, plausibility, relations
+from dissectors.lengths import Role, pdu_length, plausibility
 
 from .model import Found
 
@@ -103,26 +104,8 @@ def _senders(frames: Sequence[Turn]) -> dict[int, Role]:
 
 def _answers(request: Adu, response: Adu) -> bool:
     """Whether one frame can be the answer to another: unit, transaction (TCP), and what the function echoes."""
-    if request.unit != response.unit or not response.pdu:
-        return False
     if request.protocol == "tcp" and request.data[:2] != response.data[:2]:
         return False
-    return _fits(request.pdu, response.pdu)
-
-
-def _fits(request: bytes, response: bytes) -> bool:
-    if response[0] == request[0] | 0x80:
-        return True
-    if response[0] != request[0]:
+    if request.unit is None or response.unit is None or not request.pdu:
         return False
-    for relation in relations(request[0]):
-        if isinstance(relation, Asked):
-            quantity = int.from_bytes(request[relation.quantity_offset :][:2], "big")
-            count = ((quantity + 7) // 8 if relation.bits else quantity * 2) & 0xFF
-            if response[relation.count_offset :][:1] != bytes([count]):
-                return False
-        else:
-            asked = request[relation.request_offset :][: relation.width]
-            if response[relation.response_offset :][: relation.width] != asked:
-                return False
-    return True
+    return expectation(bytes([request.unit]) + request.pdu).fits(bytes([response.unit]) + response.pdu)

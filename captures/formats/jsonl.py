@@ -109,7 +109,7 @@ def _what_else(header: dict[str, Any]) -> str:
         return "these are frames, exported from a capture, not a capture: open the capture itself"
     if "format" in header:
         return f"format {str(header['format'])[:40]!r} is not {NAME!r}"
-    return f"no capture: it lacks the header {{\"format\": \"{NAME}\", \"version\": {VERSION}, ...}}"
+    return f'no capture: it lacks the header {{"format": "{NAME}", "version": {VERSION}, ...}}'
 
 
 def _fast(lines: list[bytes], timed: bool) -> Block | None:
@@ -157,7 +157,7 @@ def _options(row: dict[str, Any], size: int) -> tuple[int, Mark, list[int]]:
     if type(port) is not int or not 0 <= port <= 255:
         raise ValueError(f"port {_short(port)} is not a number from 0 to 255")
     if mark is not None and (not isinstance(mark, str) or mark not in _MARKS):
-        raise ValueError(f"mark {_short(mark)} is neither \"tx\" nor \"rx\"")
+        raise ValueError(f'mark {_short(mark)} is neither "tx" nor "rx"')
     if not isinstance(errors, list) or any(type(error) is not int or not 0 <= error < size for error in errors):
         raise ValueError(f"errors {_short(errors)} are not offsets in a read of {size} bytes")
     return port, _MARKS[mark] if mark else Mark.NONE, sorted(set(errors))

@@ -14,9 +14,7 @@ from datetime import UTC, datetime, timedelta, timezone
 DAY_NS = 86_400_000_000_000
 LIMIT_NS = 1 << 62  # the year 2116: nothing later is a time
 
-_DATE = (
-    r"(?:(?P<y>\d{4})[-/.](?P<mo>\d{1,2})[-/.](?P<d>\d{1,2})|(?P<d2>\d{1,2})[./](?P<mo2>\d{1,2})[./](?P<y2>\d{4}))"
-)
+_DATE = r"(?:(?P<y>\d{4})[-/.](?P<mo>\d{1,2})[-/.](?P<d>\d{1,2})|(?P<d2>\d{1,2})[./](?P<mo2>\d{1,2})[./](?P<y2>\d{4}))"
 _CLOCK = re.compile(
     rf"(?<![\w:.])(?:{_DATE}[T _,]{{1,2}})?(?P<h>\d{{1,2}}):(?P<mi>\d\d):(?P<s>\d\d)"
     r"(?:\.(?P<f>\d{1,9})|,(?P<fc>\d{3}(?:\d{3}){0,2})(?!\d)|:(?P<fm>\d{3})(?!\d))?"
