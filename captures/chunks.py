@@ -131,6 +131,23 @@ class Block:
             timed=self.timed,
         )
 
+    @classmethod
+    def joined(cls, blocks: Sequence[Block]) -> Block:
+        """Blocks end to end, at least one."""
+        if len(blocks) == 1:
+            return blocks[0]
+        shifts = np.cumsum([0, *(len(block.data) for block in blocks)])
+        ends = [block.offsets[1:] + shift for block, shift in zip(blocks, shifts, strict=False)]
+        return cls(
+            data=np.concatenate([block.data for block in blocks]),
+            offsets=np.concatenate([blocks[0].offsets[:1], *ends]),
+            t_ns=np.concatenate([block.t_ns for block in blocks]),
+            port=np.concatenate([block.port for block in blocks]),
+            mark=np.concatenate([block.mark for block in blocks]),
+            errors=np.concatenate([block.errors + shift for block, shift in zip(blocks, shifts, strict=False)]),
+            timed=all(block.timed for block in blocks),
+        )
+
     def split(self, max_bytes: int) -> Iterator[Block]:
         """This block in slices of whole chunks, each of at most `max_bytes` or of one chunk."""
         first = 0

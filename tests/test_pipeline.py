@@ -1,0 +1,65 @@
+"""A capture reads alike however its source cuts it into blocks, and from any format that holds it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from buses import LINE, spaced, streams
+from hypothesis import given
+
+import analyzer
+import captures
+import captures.samples
+from analyzer.analysis import Analysis
+from analyzer.simulation import Scenario, simulate
+from captures.chunks import Block, Capture, Chunk
+
+
+@given(streams())
+def test_joined_blocks_are_the_blocks_of_all_chunks(chunks: list[Chunk]) -> None:
+    if chunks:
+        joined = Block.joined([Block.from_chunks([chunk]) for chunk in chunks])
+        whole = Block.from_chunks(chunks)
+        for name in ("data", "offsets", "t_ns", "port", "mark", "errors"):
+            assert (getattr(joined, name) == getattr(whole, name)).all()
+
+
+def test_mcap_and_json_lines_of_one_capture_give_the_same_rows(tmp_path: Path) -> None:
+    made = simulate(Scenario("brutal", "ftdi16", transactions=200, seed=7))
+    capture = Capture.of(made.line, made.chunks)
+    rows = []
+    for name in ("bus.jsonl", "bus.mcap"):
+        captures.write(tmp_path / name, capture)
+        rows.append(analyzer.open(tmp_path / name).rows())
+    assert rows[0].tobytes() == rows[1].tobytes() == Analysis(capture).rows().tobytes()
+
+
+def test_the_public_calls(tmp_path: Path) -> None:
+    read, answer = bytes.fromhex("1103006b00037687"), bytes.fromhex("110306ae415652434049ad")
+    captures.write(tmp_path / "bus.jsonl", Capture.of(LINE, spaced([read, answer] * 3)))
+    bus = analyzer.open(tmp_path / "bus.jsonl")
+    assert [frame.direction for frame in bus.frames()] == ["request", "response"] * 3
+    assert next(iter(bus.frames())).summary() == "read 3 holding registers from 107 (40108)"
+    assert bus.rows()["length"].tolist() == [8, 11] * 3
+    assert (bus.transactions()["response_ns"] > 0).all()
+    assert bus.line.baud == LINE.baud
+    assert bus.damage == []
+    with pytest.raises(captures.CaptureError):
+        analyzer.open(tmp_path / "nothing.jsonl")
+
+
+@pytest.mark.parametrize("name", captures.samples.names())
+def test_the_samples_read_as_when_they_were_bundled(name: str) -> None:
+    """Frames, directions and pairs of a healthy bus are whole; the troubled one has its troubles."""
+    rows = analyzer.open(captures.samples.path(name)).rows()
+    frames = rows[rows["kind"] > 0]
+    if "troubled" in name:
+        assert (~frames["check"]).sum() > 5
+        assert (rows["kind"] == 0).any()
+    else:
+        assert frames["check"].all()
+        assert len(frames) == len(rows)
+        assert (frames["request"][frames["kind"] == 2] >= 0).all()
+        assert np.bincount(frames["kind"])[1] == np.bincount(frames["kind"])[2]
