@@ -63,3 +63,16 @@ def test_the_samples_read_as_when_they_were_bundled(name: str) -> None:
         assert len(frames) == len(rows)
         assert (frames["request"][frames["kind"] == 2] >= 0).all()
         assert np.bincount(frames["kind"])[1] == np.bincount(frames["kind"])[2]
+
+
+def test_no_times_are_made_up(tmp_path: Path) -> None:
+    """Without a baud rate a frame has the time of its read; without a clock it has none."""
+    log = tmp_path / "log.txt"
+    log.write_text("[12:00:01.100] TX 11 03 00 6B 00 03 76 87\n[12:00:01.150] RX 11 03 06 AE 41 56 52 43 40 49 AD\n")
+    rows = analyzer.open(log).rows()
+    assert (rows["t_start"] == rows["t_end"]).all()
+    assert rows["response_ns"].tolist() == [-1, 50_000_000]
+    for name, data in (("rtu.bin", bytes.fromhex("1103006b00037687")), ("ascii.bin", b":1103006B00037E\r\n" * 3)):
+        (tmp_path / name).write_bytes(data)
+        untimed = analyzer.open(tmp_path / name).rows()
+        assert len(untimed) and not untimed["t_start"].any() and not untimed["t_end"].any()

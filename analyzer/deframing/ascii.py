@@ -23,7 +23,7 @@ from ..frames import ROW, Batch, Kind, Protocol, Rows
 from .engine import Options
 from .pairing import Pairer
 from .rules import Bytes
-from .stream import character_ns
+from .stream import character
 from .tape import Tape
 
 _LONGEST: Final = 513 + 4  # characters of a frame ([2] 2.5.2), and some that a fault may have added
@@ -41,21 +41,23 @@ class AsciiDeframer:
     """The same contract as `stream.Deframer`, for lines in ASCII mode."""
 
     def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: ARG002, B008 - one contract
-        self._char_ns = character_ns(line)
+        self._character = character(line)
         self._tapes: dict[int, Tape] = {}
         self._pairer = Pairer()
         self._frames = 0
         self._asked: Expectation | None = None
+        self._timed = True
 
     def feed(self, chunks: Chunk | Block | Iterable[Chunk]) -> Batch:
         """Take captured bytes; give what has become certain."""
         if isinstance(chunks, Chunk):
             chunks = (chunks,)
         block = chunks if isinstance(chunks, Block) else Block.from_chunks(chunks)
+        self._timed = self._timed and block.timed
         sizes = np.diff(block.offsets).astype(np.intp)
         for port in np.flatnonzero(np.bincount(block.port)).tolist():
             mine = block.port == port
-            tape = self._tapes.setdefault(port, Tape(self._char_ns))
+            tape = self._tapes.setdefault(port, Tape(self._character))
             tape.append(block.data[np.repeat(mine, sizes)], sizes[mine], block.t_ns[mine], block.mark[mine])
         return self._take(last=False)
 
@@ -78,6 +80,8 @@ class AsciiDeframer:
         data = np.concatenate([data for _, data, *_ in parts]) if parts else np.empty(0, np.uint8)
         decoded = [adu for *_, adus, _, _ in parts for adu in adus]
         frames = np.flatnonzero(rows["kind"] != Kind.NOISE)
+        if not self._timed:
+            rows["t_start"] = rows["t_end"] = 0
         rows["at"] = np.cumsum(rows["length"]) - rows["length"]
         rows["index"][frames] = np.arange(self._frames, self._frames + len(frames))
         self._frames += len(frames)

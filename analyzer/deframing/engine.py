@@ -26,7 +26,7 @@ from .prefix import windows
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index
 from .runs import Runs, Stretch, plain_evidence, plain_roles, runs_of
 from .silence import Trust, Turn, classes_of, next_checkpoint
-from .tape import Tape, Times
+from .tape import Character, Tape, Times
 from .unknown import unknown_windows
 
 NOISE: Final = 2  # the role of a piece that is no frame
@@ -64,8 +64,8 @@ class Pieces(NamedTuple):
 class Engine:
     """Decides, in stream order, what every byte is. `feed` as bytes come, `take` what was decided."""
 
-    def __init__(self, char_ns: float, options: Options) -> None:
-        self.tape = Tape(char_ns)
+    def __init__(self, character: Character, options: Options) -> None:
+        self.tape = Tape(character)
         self.options = options
         self.trust = Trust()
         self._talk = Said()
@@ -73,7 +73,7 @@ class Engine:
         self._vendor: set[int] = set()
         self._stuck = -1, -1  # offsets: what could not be decided, and how far the bytes went then
         self._waiting = False  # the last frame was a request that wants an answer
-        self._idle_class = int(classes_of(np.array([options.idle_ns]), char_ns)[0])
+        self._idle_class = int(classes_of(np.array([options.idle_ns]), character.ns)[0])
         self._out: list[Pieces] = []
         self._decided: list[Bytes] = []
 

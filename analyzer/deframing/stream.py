@@ -19,16 +19,17 @@ from ..frames import ROW, Batch, Kind, Rows
 from .engine import Engine, Options, Pieces
 from .pairing import Pairer
 from .rules import Bytes
+from .tape import Character
 
 _KIND_OF_ROLE: Final = np.array([Kind.REQUEST, Kind.RESPONSE, Kind.NOISE], np.uint8)
 _UNKNOWN_CHARACTER_NS: Final = 1e6  # 10 bits at 9600 bit/s, about: only the scale of the silence classes hangs on it
 
 
-def character_ns(line: LineSettings) -> float:
-    """The time of one character on the line, ns; a middling one where the settings are not known."""
+def character(line: LineSettings) -> Character:
+    """The time of one character by a line's settings."""
     if not line.baud:
-        return _UNKNOWN_CHARACTER_NS
-    return (line.char_bits or 11) * 1e9 / line.baud
+        return Character(_UNKNOWN_CHARACTER_NS, known=False)
+    return Character((line.char_bits or 11) * 1e9 / line.baud, known=True)
 
 
 class Deframer:
@@ -82,7 +83,7 @@ class Deframer:
 
     def _engine(self, port: int) -> Engine:
         if port not in self._engines:
-            self._engines[port] = Engine(character_ns(self._line), self._options)
+            self._engines[port] = Engine(character(self._line), self._options)
         return self._engines[port]
 
     def _give(self, *, last: bool) -> Batch:
@@ -115,7 +116,7 @@ class _Loose:
 
     @classmethod
     def nothing(cls) -> _Loose:
-        engine = Engine(1.0, Options())
+        engine = Engine(Character(1.0, known=False), Options())
         return cls.of(0, *engine.take())
 
     @classmethod

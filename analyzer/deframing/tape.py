@@ -6,7 +6,7 @@ last group is open until a later time is seen, for it may still grow.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,19 @@ _FAR: Final = -(1 << 62)
 _LONG_READ: Final = 1 << 16  # bytes
 
 
+class Character(NamedTuple):
+    """The time of one character on the line, ns; where it is not known, a middling one to scale silences by."""
+
+    ns: float
+    known: bool
+
+
 class Tape:
     """Columns over the undecided bytes; index 0 is at stream offset `base`."""
 
-    def __init__(self, char_ns: float) -> None:
-        self.char_ns = char_ns
+    def __init__(self, character: Character) -> None:
+        self.char_ns = character.ns
+        self._wire_ns = character.ns if character.known else 0.0
         self.base = 0
         self.data: Bytes = np.empty(0, np.uint8)
         self.classes: NDArray[np.uint8] = np.empty(0, np.uint8)  # of the silence before each byte; 0 inside a group
@@ -99,17 +107,18 @@ class Tape:
     def spans(self, starts: Index, ends: Index) -> tuple[Times, Times]:
         """Best estimates of first start bit and last stop bit of pieces, ns.
 
-        A read returns at or after its last byte, so every group bounds a piece's times from above.
+        A read returns at or after its last byte, so every group bounds a piece's times from above. Where the line's
+        speed is not known, nothing is made up: both are the times of the reads.
         """
         head = np.searchsorted(self.group, starts, side="right") - 1
         tail = np.searchsorted(self.group, ends - 1, side="right") - 1
         limits = np.append(self.group[1:], len(self.data))
         late = limits[tail] - ends  # bytes that came in the same read after it
-        t_end = self.time[tail] - np.round(late * self.char_ns).astype(np.int64)
+        t_end = self.time[tail] - np.round(late * self._wire_ns).astype(np.int64)
         first = np.minimum(limits[head], ends) - starts
         later = np.maximum(limits[head] - ends, 0)
-        t_start = self.time[head] - np.round((first + later) * self.char_ns).astype(np.int64)
-        return np.minimum(t_start, t_end - np.round((ends - starts) * self.char_ns).astype(np.int64)), t_end
+        t_start = self.time[head] - np.round((first + later) * self._wire_ns).astype(np.int64)
+        return np.minimum(t_start, t_end - np.round((ends - starts) * self._wire_ns).astype(np.int64)), t_end
 
     def reads(self, starts: Index, ends: Index) -> tuple[Times, Times]:
         """The number, from the stream's beginning, of the groups that hold each piece's first and last byte."""
