@@ -20,7 +20,7 @@ from .version import __version__
 
 if TYPE_CHECKING:
     from .analysis import Analysis, open
-    from .deframing.engine import Options
+    from .deframing.options import Options
     from .deframing.stream import Deframer
     from .frames import Batch, Frame
     from .pipeline import deframe
@@ -31,7 +31,7 @@ _HOMES = {
     "Batch": "frames",
     "Deframer": "deframing.stream",
     "Frame": "frames",
-    "Options": "deframing.engine",
+    "Options": "deframing.options",
     "Transactions": "transactions",
     "deframe": "pipeline",
     "open": "analysis",

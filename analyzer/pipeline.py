@@ -9,7 +9,7 @@ import numpy as np
 from captures.chunks import Block, Capture
 
 from .deframing.ascii import AsciiDeframer, looks_ascii
-from .deframing.engine import Options as Options
+from .deframing.options import Options as Options
 from .deframing.stream import Deframer
 from .frames import Batch
 

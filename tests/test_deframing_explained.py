@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from buses import LINE, adu, spaced
 
-from analyzer.deframing.engine import Options
+from analyzer.deframing.options import Options
 from analyzer.frames import Batch, Kind
 from analyzer.pipeline import deframe
 from captures.chunks import Capture, Chunk

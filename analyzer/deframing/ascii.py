@@ -20,7 +20,7 @@ from dissectors.envelopes import Adu, ascii_frames
 from dissectors.lengths import Role, pdu_length
 
 from ..frames import ROW, Batch, Kind, Protocol, Rows
-from .engine import Options
+from .options import Options
 from .pairing import Pairer
 from .rules import Bytes
 from .stream import character

@@ -1,64 +1,40 @@
 """Bytes in, pieces out: the deframer of one port's stream.
 
 Where candidates tile the bytes end to end with no rival, the path is forced and whole runs are taken as arrays
-(`_runs`); only what is left goes through the lattice (`contest`). The engine is sans-IO and holds the undecided bytes
+(`runs`); only what is left goes through the lattice (`contest`). The engine is sans-IO and holds the undecided bytes
 alone: at most a window, and what one feed brought.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.lengths import Role
 
-from ..frames import EVIDENCE, Kind, Rows
+from ..frames import Kind, Rows
 from .candidates import CRC_BITS, GLITCHES, Candidates, search
 from .contest import WINDOWS, Decision, Event, decide, forced, margins, settled
 from .damaged import damaged_answers, damaged_requests
-from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice, Pending, Said
+from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice
+from .options import Options
+from .pieces import NOISE, NOTHING, Pieces, evidence
 from .places import SILENT, places
 from .prefix import windows
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index
-from .runs import Runs, Stretch, plain_evidence, plain_roles, runs_of
+from .runs import Runs, Stretch, plain_roles, runs_of
 from .silence import Trust, Turn, classes_of, next_checkpoint
+from .talk import Run, Talk
 from .tape import Character, Tape, Times
 from .unknown import unknown_windows
 
-NOISE: Final = 2  # the role of a piece that is no frame
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
 _AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
 _SLICE: Final = 1 << 18  # bytes searched at once
 _REACH: Final = 1300  # bytes: further back than a conversation reaches
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """How to deframe. Times in ns."""
-
-    idle_ns: int = 50_000_000  # a quiet line: what is whole is reported [5 ms .. 5 s]
-    cut_ns: int = 3_000_000_000  # no frame has a hole like this
-    explain: bool = False  # keep the evidence of each row
-    protocol: Literal["auto", "rtu", "ascii"] = "auto"  # what a line speaks is seen from its first bytes
-
-
-class Pieces(NamedTuple):
-    """Decided pieces of the stream, end to end."""
-
-    start: NDArray[np.int64]  # offset in the stream
-    end: NDArray[np.int64]
-    role: NDArray[np.uint8]  # Role, or NOISE
-    check: NDArray[np.bool_]  # CRC right
-    t_start: Times  # ns, estimates of first start bit and last stop bit
-    t_end: Times
-    head: Times  # number of the read that brought the first byte
-    tail: Times  # and of the one that brought the last
-    why: Rows  # EVIDENCE
 
 
 class Engine:
@@ -68,8 +44,7 @@ class Engine:
         self.tape = Tape(character)
         self.options = options
         self.trust = Trust()
-        self._talk = Said()
-        self._behind: tuple[Said, _Run] | None = None  # frames that have yet to be added to it
+        self._talk = Talk()
         self._vendor: set[int] = set()
         self._stuck = -1, -1  # offsets: what could not be decided, and how far the bytes went then
         self._waiting = False  # the last frame was a request that wants an answer
@@ -98,7 +73,7 @@ class Engine:
         """What was decided since the last call, and its bytes."""
         out, self._out = self._out, []
         decided, self._decided = self._decided, []
-        pieces = Pieces(*(np.concatenate(columns) for columns in zip(_NOTHING, *out, strict=True)))
+        pieces = Pieces(*(np.concatenate(columns) for columns in zip(NOTHING, *out, strict=True)))
         return pieces, np.concatenate(decided) if decided else np.empty(0, np.uint8)
 
     @property
@@ -171,50 +146,25 @@ class Engine:
         start, end = runs.start[i:last], runs.end[i:last]
         role = plain_roles(
             stretch.data, start, runs.role[i:last], runs.either[i:last],
-            self.tape.classes[begin : begin + len(stretch.data)], self.trust, answered=self._answered,
+            self.tape.classes[begin : begin + len(stretch.data)], self.trust, answered=not self._waiting,
         )  # fmt: skip
         count = len(role)
         if not count:
             return at
         start, end, structure = start[:count], end[:count], runs.structure[i : i + count]
-        why = _evidence(count)
+        why = evidence(count)
         why["length"], why["crc"] = structure, CRC_BITS
         why["margin"] = structure + np.float32(CRC_BITS + NOISE_BEGINS)
         if self.options.explain:
             classes = self.tape.classes.take(start + begin)
             why["silence"], why["conversation"] = plain_evidence(
-                stretch.data, start, end, role, classes, self.trust, self._said
+                stretch.data, start, end, role, classes, self.trust, self._talk.said
             )
         self._commit(start + begin, end + begin, role, np.ones(count, np.bool_), why)
         first = int(np.searchsorted(start, end[-1] - _REACH))
-        said = Said() if first else self._said
-        self._behind = (
-            said,
-            _Run(self.tape.data, self.tape.base, start[first:] + begin, end[first:] + begin, role[first:]),
-        )
+        places = start[first:] + begin, end[first:] + begin
+        self._talk.go_on(Run(self.tape.data, self.tape.base, *places, role[first:]), alone=first > 0)
         return int(end[-1])
-
-    @property
-    def _said(self) -> Said:
-        """The conversation so far; after a run of frames only looked up when somebody asks."""
-        if self._behind is not None:
-            said, run = self._behind
-            for adu, offset, role in run.frames():
-                if role == Role.REQUEST:
-                    said = said.ask(Pending.of(offset, adu))
-                elif (which := said.answers(adu)) is not None:
-                    said = said.answer(which)
-            self._talk, self._behind = said, None
-        return self._talk
-
-    @_said.setter
-    def _said(self, said: Said) -> None:
-        self._talk, self._behind = said, None
-
-    @property
-    def _answered(self) -> bool:
-        """Whether nothing is pending."""
-        return not self._waiting if self._behind is not None else self._talk.answered
 
     def _waits(self, stretch: Stretch, at: int) -> bool:
         """Whether nothing has come since the last look at these bytes that could decide anything."""
@@ -243,7 +193,7 @@ class Engine:
         if not decision.steps:
             return at
         self._steps(decision, stretch.begin + at)
-        self._said = decision.steps[-1].said
+        self._talk.settle(decision.steps[-1].said)
         return at + decision.steps[-1].end
 
     def _explain(self, stretch: Stretch, at: int, limit: int, *, quiet: bool, final: bool) -> Decision:
@@ -260,7 +210,7 @@ class Engine:
         idle_bits = max(0.0, self.trust.evidence[Turn.REQUEST][self._idle_class])
 
         def decided(candidates: list[Candidate], *, force: bool) -> Decision:
-            lattice = Lattice(data, tape.base + origin, classes, self.trust, candidates, self._said)
+            lattice = Lattice(data, tape.base + origin, classes, self.trust, candidates, self._talk.said)
             decision = decide(
                 lattice, data, self._events(origin, len(data), candidates, classes, quiet=quiet), idle_bits
             )
@@ -278,7 +228,7 @@ class Engine:
         spots = places(data, silences, candidates, closed=closed)
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
         more += damaged_requests(data, spots, candidates)
-        more += damaged_answers(data, tape.base + origin, spots, candidates, self._said.pending)
+        more += damaged_answers(data, tape.base + origin, spots, candidates, self._talk.said.pending)
         if not more and (decision.steps or len(data) < WINDOWS[-1]):
             return decision
         candidates = sorted(candidates + more, key=lambda c: (c.start, c.end, c.role))
@@ -310,7 +260,7 @@ class Engine:
         start = np.array([s.start for s in steps], np.intp)
         end = np.array([s.end for s in steps], np.intp)
         role = np.array([s.candidate.role if s.candidate else NOISE for s in steps], np.uint8)
-        why = _evidence(len(steps))
+        why = evidence(len(steps))
         for row, step, (margin, other) in zip(why, steps, margins(decision), strict=True):
             row["margin"] = min(margin, _SURE)
             row["silence"], row["conversation"] = step.silence, step.conversation
@@ -364,33 +314,3 @@ class Engine:
             classes, start[frames] - low, end[frames] - low, turns, data.take(start[frames]),
             np.array(glitches, np.intp) - low, base + low, base + high,
         )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class _Run:
-    """Frames (indices of `data`, whose first byte is at stream offset `base`)."""
-
-    data: Bytes
-    base: int
-    start: Index
-    end: Index
-    role: NDArray[np.uint8]
-
-    def frames(self) -> Iterator[tuple[bytes, int, int]]:
-        """ADU, stream offset and role of each."""
-        for s, e, r in zip(self.start.tolist(), self.end.tolist(), self.role.tolist(), strict=True):
-            yield self.data[s:e].tobytes(), self.base + s, r
-
-
-def _evidence(n: int) -> Rows:
-    why = np.zeros(n, EVIDENCE)
-    why["rival_start"] = -1
-    return why
-
-
-_NOTHING: Final = Pieces(
-    *(
-        np.empty(0, t)
-        for t in (np.int64, np.int64, np.uint8, np.bool_, np.int64, np.int64, np.int64, np.int64, EVIDENCE)
-    )
-)

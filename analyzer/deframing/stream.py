@@ -16,8 +16,10 @@ from captures.chunks import Block, Chunk
 from captures.line import LineSettings
 
 from ..frames import ROW, Batch, Kind, Rows
-from .engine import Engine, Options, Pieces
+from .engine import Engine
+from .options import Options
 from .pairing import Pairer
+from .pieces import Pieces
 from .rules import Bytes
 from .tape import Character
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from analyzer.deframing.engine import Options
+from analyzer.deframing.options import Options
 from analyzer.deframing.stream import Deframer
 from analyzer.frames import Batch, Kind, Rows
 from captures.chunks import Block, Chunk

@@ -1,0 +1,16 @@
+"""What a user may set about deframing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to deframe. Times in ns."""
+
+    idle_ns: int = 50_000_000  # a quiet line: what is whole is reported [5 ms .. 5 s]
+    cut_ns: int = 3_000_000_000  # no frame has a hole like this
+    explain: bool = False  # keep the evidence of each row
+    protocol: Literal["auto", "rtu", "ascii"] = "auto"  # what a line speaks is seen from its first bytes
