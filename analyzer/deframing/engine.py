@@ -24,7 +24,7 @@ from .pieces import NOISE, NOTHING, Pieces, evidence
 from .places import SILENT, places
 from .prefix import windows
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index
-from .runs import Runs, Stretch, plain_roles, runs_of
+from .runs import Runs, Stretch, plain_evidence, plain_roles, runs_of
 from .silence import Trust, Turn, classes_of, next_checkpoint
 from .talk import Run, Talk
 from .tape import Character, Tape, Times
