@@ -98,8 +98,14 @@ def _checking(data: Bytes, crc: Windows, rules: RoleTables) -> tuple[Index, Inde
             start, end = start[right], end[right]
             short = end - start <= MAX_ADU
             found.append((start[short], end[short]))
-    for function, walk in rules.walked:
-        walks = [(i, walk(data[i + 1 : i + MAX_ADU].tobytes())) for i in np.flatnonzero(data[1:] == function).tolist()]
+    for function, walk, reach in rules.walked:
+        start = np.flatnonzero(
+            data[1 : max(1, n - reach + 1)] == function
+        )  # a walk is slow: first what arrays can rule out
+        checks = rules.checks[function]
+        for test in checks.hard if checks is not None else ():
+            start = start[test(data, start)]
+        walks = [(i, walk(data[i + 1 : i + MAX_ADU].tobytes())) for i in start.tolist()]
         pairs = [(i, i + k + OVERHEAD) for i, k in walks if k is not None and k > 0 and i + k + OVERHEAD <= n]
         start, end = np.array(pairs, np.intp).reshape(-1, 2).T
         right = heads.take(start) == tails.take(end)

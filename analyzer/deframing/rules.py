@@ -52,7 +52,7 @@ class RoleTables:
 
     fixed: tuple[tuple[int, Mask], ...]  # (ADU length, functions of that length)
     counted: tuple[Counted, ...]
-    walked: tuple[tuple[int, Callable[[bytes], int | None]], ...]  # (function, PDU length by a walk)
+    walked: tuple[tuple[int, Callable[[bytes], int | None], int], ...]  # function, PDU length by a walk, bytes checked
     checks: tuple[Checks | None, ...]  # 256
     known: Mask  # functions with a predicted length
     header: int  # bytes from the unit on that a count can need
@@ -102,6 +102,13 @@ def asked_bytes(quantity: Index, bits: bool) -> Index:
     return (quantity + 7) >> 3 if bits else quantity * 2
 
 
+def _reach(check: Bound | Choice | Multiple | Sized) -> int:
+    """How many bytes of an ADU a check looks at."""
+    if isinstance(check, Sized):
+        return max(check.count_offset + 2, check.quantity_offset + 3)
+    return check.offset + check.width + 1
+
+
 def _checks(rule: Rule) -> Checks:
     compiled = [(_check(check), check.soft) for check in rule.checks]
     return Checks(
@@ -121,7 +128,7 @@ def tables(role: Role) -> RoleTables:
 def _tables(role: Role, _revision: int) -> RoleTables:
     fixed: dict[int, Mask] = {}
     counted: dict[tuple[int, int, int], NDArray[np.intp]] = {}
-    walked: list[tuple[int, Callable[[bytes], int | None]]] = []
+    walked: list[tuple[int, Callable[[bytes], int | None], int]] = []
     checks: list[Checks | None] = [None] * 256
     known = np.zeros(256, np.bool_)
     for rule in RULES.values():
@@ -130,7 +137,7 @@ def _tables(role: Role, _revision: int) -> RoleTables:
         known[rule.function] = True
         checks[rule.function] = _checks(rule)
         if rule.walk is not None:
-            walked.append((rule.function, rule.walk))
+            walked.append((rule.function, rule.walk, max((_reach(check) for check in rule.checks), default=MIN_ADU)))
         elif rule.count is not None:
             key = (rule.count.offset + 1, rule.count.width, rule.count.scale)
             table = counted.setdefault(key, np.zeros(256, np.intp))

@@ -168,8 +168,8 @@ class Trust:
         for turn in Turn:
             self._starts[turn] += np.bincount(at_start[turns == turn], minlength=CLASSES)
         inside = np.zeros(len(classes) + 1, np.int8)  # +1 where a frame begins, -1 where one ends
-        np.add.at(inside, starts, 1)
-        np.add.at(inside, ends, -1)
+        inside[starts] += 1
+        inside[ends] -= 1
         covered = classes[np.cumsum(inside[:-1], dtype=np.int8) > 0]
         self._inside += np.bincount(covered, minlength=CLASSES) - np.bincount(at_start, minlength=CLASSES)
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dissectors.lengths import Role
 
+from .conversation import fitting
 from .lattice import Pending, Said
 from .rules import Bytes, Index
 
@@ -33,6 +34,20 @@ class Run:
         for s, e, r in zip(self.start.tolist(), self.end.tolist(), self.role.tolist(), strict=True):
             yield self.data[s:e].tobytes(), self.base + s, r
 
+    def in_turns(self) -> Said | None:
+        """The conversation after a run in which each request was answered by the next frame; None where it was not."""
+        first = int(self.role[0] == Role.RESPONSE)  # that one answers what is before the run
+        start, role = self.start[first:], self.role[first:]
+        asked, answers = start[0::2], start[1::2]
+        if not len(asked) or (role[0::2] != Role.REQUEST).any() or (role[1::2] != Role.RESPONSE).any():
+            return None
+        if not self.data.take(asked).all() or not fitting(self.data, asked[: len(answers)], answers).all():
+            return None  # a broadcast, or an answer to something else
+        begin, end = int(asked[-1]), int(self.end[first:][0::2][-1])
+        last = Pending.of(self.base + begin, self.data[begin:end].tobytes())
+        open_one = len(asked) > len(answers)
+        return Said((last,) if open_one else (), not open_one, last.adu)
+
 
 class Talk:
     """What was said so far, and a run of frames that has yet to be added to it."""
@@ -46,6 +61,9 @@ class Talk:
         """The conversation up to now."""
         if self._run is not None:
             said = self._said
+            if not said.pending and (short := self._run.in_turns()) is not None:
+                self.settle(short)
+                return short
             for adu, offset, role in self._run.frames():
                 if role == Role.REQUEST:
                     said = said.ask(Pending.of(offset, adu))
