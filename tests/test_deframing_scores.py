@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
 
 import pytest
 from buses import SHARED, shared
+from scripts import script
 
 from analyzer.simulation import Scenario, write
 
-_spec = importlib.util.spec_from_file_location(
-    "score_corpus", Path(__file__).resolve().parents[1] / "benchmarks" / "score_corpus.py"
-)
-assert _spec is not None and _spec.loader is not None
-bench = importlib.util.module_from_spec(_spec)
-sys.modules["score_corpus"] = bench
-_spec.loader.exec_module(bench)
+bench = script("score_corpus")
 
 # wire: (F1, direction, pairing) that a capture must reach
 FLOORS = {
