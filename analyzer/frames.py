@@ -65,6 +65,30 @@ ROW = np.dtype(
     ]
 )
 
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """The values of one row of `ROW`, as Python's own."""
+
+    index: int
+    start: int
+    length: int
+    at: int
+    t_start: int
+    t_end: int
+    request: int
+    request_start: int
+    response_ns: int
+    confidence: float
+    kind: int
+    unit: int
+    function: int
+    exception: int
+    check: bool
+    port: int
+    protocol: int
+
+
 # Why a row's boundaries stand where they do, in bits of evidence (log2 of a likelihood ratio); made when asked for.
 EVIDENCE = np.dtype(
     [
@@ -80,6 +104,7 @@ EVIDENCE = np.dtype(
 )
 
 Rows = NDArray[np.void]
+_NEAR = 16  # rows back: where nearly all requests stand
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,57 +133,63 @@ class Batch:
 
     def frame(self, row: int) -> Frame:
         """A view of one row that is a frame."""
-        values = self.rows[row]
-        request: bytes | None = None
-        if (index := int(values["request"])) >= 0:
-            request = self.earlier.get(index)
-            if request is None:
-                here = np.flatnonzero(self.rows["index"][:row] == index)
-                request = self.bytes_of(int(here[0])) if len(here) else None
-        evidence = None if self.evidence is None else self.evidence[row]
-        return Frame(values, self.bytes_of(row), request, evidence)
+        values = Row(*self.rows[row].item())
+        captured = self.data[values.at : values.at + values.length].tobytes()
+        request = self._request(row, values.request) if values.request >= 0 else None
+        return Frame(values, captured, request, None if self.evidence is None else self.evidence[row])
+
+    def _request(self, row: int, index: int) -> bytes | None:
+        """The bytes of the request with this index, which the frame at `row` answers."""
+        if index in self.earlier:
+            return self.earlier[index]
+        indices = self.rows["index"]
+        for before in range(row - 1, max(row - _NEAR, 0) - 1, -1):
+            if indices[before] == index:
+                return self.bytes_of(before)
+        here = np.flatnonzero(indices[:row] == index)
+        return self.bytes_of(int(here[0])) if len(here) else None
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
     """One frame: a row of columns with its bytes, and its request's where it answers one."""
 
-    row: np.void
+    row: Row
     captured: bytes
     request_bytes: bytes | None = None
     evidence: np.void | None = None
 
     @property
     def index(self) -> int:
-        return int(self.row["index"])
+        return self.row.index
 
     @property
     def start(self) -> int:
-        return int(self.row["start"])
+        return self.row.start
 
     @property
     def length(self) -> int:
-        return int(self.row["length"])
+        return self.row.length
 
     @property
     def port(self) -> int:
-        return int(self.row["port"])
+        return self.row.port
 
     @property
     def t_start_ns(self) -> int:
-        return int(self.row["t_start"])
+        return self.row.t_start
 
     @property
     def t_end_ns(self) -> int:
-        return int(self.row["t_end"])
+        return self.row.t_end
 
     @property
     def protocol(self) -> str:
-        return Protocol(int(self.row["protocol"])).name.lower()
+        return Protocol(self.row.protocol).name.lower()
 
     @property
     def role(self) -> Role:
-        return Role.REQUEST if self.row["kind"] == Kind.REQUEST else Role.RESPONSE
+        return Role.REQUEST if self.row.kind == Kind.REQUEST else Role.RESPONSE
 
     @property
     def direction(self) -> str:
@@ -166,11 +197,11 @@ class Frame:
 
     @property
     def unit(self) -> int:
-        return int(self.row["unit"])
+        return self.row.unit
 
     @property
     def function(self) -> int:
-        return int(self.row["function"])
+        return self.row.function
 
     @property
     def name(self) -> str:
@@ -179,36 +210,36 @@ class Frame:
 
     @property
     def exception(self) -> int | None:
-        return int(self.row["exception"]) or None
+        return self.row.exception or None
 
     @property
     def crc_ok(self) -> bool:
-        return bool(self.row["check"])
+        return self.row.check
 
     @property
     def request_start(self) -> int | None:
-        start = int(self.row["request_start"])
+        start = self.row.request_start
         return None if start < 0 else start
 
     @property
     def response_time_ns(self) -> int | None:
-        time = int(self.row["response_ns"])
+        time = self.row.response_ns
         return None if time < 0 else time
 
     @property
     def confidence(self) -> float:
-        return float(self.row["confidence"])
+        return self.row.confidence
 
     @property
     def adu(self) -> Adu:
-        return _adu(self.captured, int(self.row["protocol"]))
+        return _adu(self.captured, self.row.protocol)
 
     @property
     def context(self) -> Context:
         """What the conversation adds to the reading of these bytes."""
         if self.request_bytes is None:
             return Context()
-        return Context(request=_adu(self.request_bytes, int(self.row["protocol"])).pdu)
+        return Context(request=_adu(self.request_bytes, self.row.protocol).pdu)
 
     def fields(self) -> tuple[Field, ...]:
         """Every field, annotated; offsets are in the ADU."""

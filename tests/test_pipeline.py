@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ import analyzer
 import captures
 import captures.samples
 from analyzer.analysis import Analysis
+from analyzer.frames import ROW, Row
 from analyzer.simulation import Scenario, simulate
 from captures.chunks import Block, Capture, Chunk
 
@@ -75,3 +77,7 @@ def test_no_times_are_made_up(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(data)
         untimed = analyzer.open(tmp_path / name).rows()
         assert len(untimed) and not untimed["t_start"].any() and not untimed["t_end"].any()
+
+
+def test_a_row_has_the_columns_of_the_rows() -> None:
+    assert tuple(field.name for field in dataclasses.fields(Row)) == ROW.names

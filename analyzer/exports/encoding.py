@@ -45,7 +45,7 @@ class Encoder:
 
     def encoded(self, frame: Frame) -> Encoded:
         """Fields and values, encoded."""
-        key = (frame.captured, frame.request_bytes, int(frame.row["kind"]), int(frame.row["protocol"]))
+        key = (frame.captured, frame.request_bytes, frame.row.kind, frame.row.protocol)
         found = self._known.get(key)
         if found is None:
             found = self._encode(frame)

@@ -38,7 +38,7 @@ def _pieces(batch: Batch, pdus: dict[int, bytes], timed: bool) -> list[Piece]:
                 frame.role,
                 frame.start,
                 frame.length,
-                request=pdus.get(int(frame.row["request"])),
+                request=pdus.get(frame.row.request),
                 request_start=frame.request_start,
                 confidence=frame.confidence,
                 t_start_ns=frame.t_start_ns if timed else None,
