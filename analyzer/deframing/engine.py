@@ -27,7 +27,7 @@ from .prefix import windows
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index
 from .runs import Runs, Stretch, plain_evidence, reach, runs_of
 from .silence import Trust, Turn, classes_of, next_checkpoint
-from .talk import Run, Talk
+from .talk import REACH, Run, Talk
 from .tape import Character, Tape, Times
 from .unknown import unknown_windows
 
@@ -36,7 +36,6 @@ _AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
 _SLICE: Final = 1 << 18  # bytes searched at once
 _NOWHERE: Final = (-1, -1)
-_REACH: Final = 1300  # bytes: further back than a conversation reaches
 
 
 class Engine:
@@ -193,9 +192,9 @@ class Engine:
     def _take(self, stretch: Stretch, start: Index, end: Index, decided: Decided) -> None:
         """Frames (`start` and `end` in the stretch) are decided without the lattice."""
         offset, role = self.tape.base + stretch.begin, decided.role
-        first = int(np.searchsorted(start, end[-1] - _REACH))
+        first = max(0, int(np.searchsorted(start, end[-1] - REACH)) - 1)
         run = Run(self.tape.data, self.tape.base, decided.start[first:], decided.end[first:], role[first:])
-        self._talk.go_on(run, alone=first > 0)
+        self._talk.go_on(run)
         self._decide(decided)
         asks = role[-1] == Role.REQUEST
         self._waiting = bool(asks and stretch.data[start[-1]])

@@ -115,8 +115,9 @@ class _Plain:
             return
         asks, answers = either | (role == Role.REQUEST), either | (role == Role.RESPONSE)
         # Whatever follows the intervals of interest, joined or not; two at the most begin at one place.
-        known = np.unique(np.concatenate((some - 1, some, some + 1)))
-        known = known[(known >= 0) & (known < m)]
+        near = np.zeros(m + 1, np.bool_)
+        near[some] = near[some + 1] = near[some - 1] = True  # (-1 is the spare place at the end)
+        known = np.flatnonzero(near[:m])
         after = np.searchsorted(start, end[known])
         after = np.concatenate((after, after + 1))
         before = np.concatenate((known, known))
