@@ -335,9 +335,7 @@ class Engine:
         self._fresh.clear()
         tape = self.tape
         self._learn(start, end, role)
-        self._out.append(
-            Pieces(start + tape.base, end + tape.base, role, check, *tape.spans(start, end), margin, why)
-        )
+        self._out.append(Pieces(start + tape.base, end + tape.base, role, check, *tape.spans(start, end), margin, why))
 
     def _learn(self, start: Index, end: Index, role: NDArray[np.uint8]) -> None:
         """Let decided pieces teach what silences and glitches mean here."""
