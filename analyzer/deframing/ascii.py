@@ -131,8 +131,7 @@ class AsciiDeframer:
         rows["protocol"] = Protocol.ASCII
         head = tail = np.empty(0, np.int64)
         if pieces:
-            rows["t_start"], rows["t_end"] = tape.spans(starts, ends)
-            head, tail = tape.reads(starts, ends)
+            rows["t_start"], rows["t_end"], head, tail = tape.spans(starts, ends)
         rows["confidence"] = 1.0
         adus = []
         for row, (_, _, adu) in zip(rows, pieces, strict=True):

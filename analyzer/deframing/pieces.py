@@ -8,9 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..frames import EVIDENCE, Rows
+from .rules import Index
 from .tape import Times
 
 NOISE: Final = 2  # the role of a piece that is no frame
+
+
+class Decided(NamedTuple):
+    """Pieces of the tape, end to end, just decided."""
+
+    start: Index  # index in the tape
+    end: Index
+    role: NDArray[np.uint8]  # Role, or NOISE
+    check: NDArray[np.bool_]  # CRC right
+    margin: NDArray[np.float32]  # bits over the next best explanation
+    why: Rows | None = None  # EVIDENCE, where it is wanted
 
 
 class Pieces(NamedTuple):
@@ -24,7 +36,8 @@ class Pieces(NamedTuple):
     t_end: Times
     head: Times  # number of the read that brought the first byte
     tail: Times  # and of the one that brought the last
-    why: Rows  # EVIDENCE
+    margin: NDArray[np.float32]  # bits over the next best explanation
+    why: Rows  # EVIDENCE; none where it is not wanted
 
 
 def evidence(n: int) -> Rows:
@@ -34,5 +47,5 @@ def evidence(n: int) -> Rows:
     return why
 
 
-_TYPES: Final = (np.int64, np.int64, np.uint8, np.bool_, np.int64, np.int64, np.int64, np.int64, EVIDENCE)
+_TYPES: Final = (np.int64, np.int64, np.uint8, np.bool_, *[np.int64] * 4, np.float32, EVIDENCE)
 NOTHING: Final = Pieces(*(np.empty(0, t) for t in _TYPES))

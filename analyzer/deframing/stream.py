@@ -130,7 +130,7 @@ class _Loose:
         rows["index"] = rows["request"] = rows["request_start"] = rows["response_ns"] = -1
         rows["kind"] = _KIND_OF_ROLE.take(pieces.role)
         rows["check"], rows["port"] = pieces.check, port
-        rows["confidence"] = 1.0 / (1.0 + np.exp2(-np.maximum(pieces.why["margin"], 0.0)))
+        rows["confidence"] = 1.0 / (1.0 + np.exp2(-np.maximum(pieces.margin, 0.0)))
         frames = np.flatnonzero(rows["kind"] != Kind.NOISE)
         head = at.take(frames)
         functions = data.take(np.minimum(head + 1, len(data) - 1))
