@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import binascii
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -52,7 +53,7 @@ def encoded(block: Block, cuts: Sequence[int]) -> Iterator[bytes]:
         for name, column in (("port", block.port), ("mark", block.mark))
         if column.any()
     ]
-    for i, (first, last) in enumerate(zip(cuts, cuts[1:], strict=False)):
+    for i, (first, last) in enumerate(pairwise(cuts)):
         parts = [
             _TIME,
             int(starts[i]).to_bytes(8, "little", signed=True),
@@ -75,7 +76,7 @@ def decoded(payload: bytes | memoryview, encoding: str, timed: bool) -> Block:
     errors = found.get("errors", np.zeros(0, np.int64))
     if sizes.ndim != 1 or any(column.shape != sizes.shape for column in (after, *extras.values())):
         raise ValueError("its columns do not fit together")
-    if len(sizes) and int(sizes.min()) <= 0 or int(sizes.sum(dtype=np.int64)) != len(data):
+    if (len(sizes) and int(sizes.min()) <= 0) or int(sizes.sum(dtype=np.int64)) != len(data):
         raise ValueError("its columns do not fit together")
     if len(errors) and (errors.ndim != 1 or errors.min() < 0 or errors.max() >= len(data)):
         raise ValueError("error positions outside its data")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -49,7 +50,7 @@ class Part:
     """Messages of a lot that have a head of one width: their numbers in the lot (all for None) and their heads."""
 
     which: Ints | None
-    heads: NDArray[np.void]  # a dtype that begins with the fields of HEAD
+    heads: NDArray[np.void]  # a dtype that begins with `record`, of type HEAD
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,12 +71,13 @@ class Lot:
         log_times = np.maximum(times, 0).astype(np.uint64)
         for part in parts:
             heads, pick = part.heads, slice(None) if part.which is None else part.which
-            heads["opcode"] = Opcode.MESSAGE
-            heads["length"] = heads.dtype.itemsize - _RECORD
+            record = heads["record"]
+            record["opcode"] = Opcode.MESSAGE
+            record["length"] = heads.dtype.itemsize - _RECORD
             if tails is not None:
-                heads["length"] += tails.sizes[pick].astype(np.uint64)
-            heads["channel"] = channel[pick]
-            heads["log_time"] = heads["publish_time"] = log_times[pick]
+                record["length"] += tails.sizes[pick].astype(np.uint64)
+            record["channel"] = channel[pick]
+            record["log_time"] = record["publish_time"] = log_times[pick]
         return cls(rows, channel, log_times, parts, tails)
 
     def sizes(self) -> Ints:
@@ -99,10 +101,12 @@ class Packed:
 def packed(lots: Sequence[Lot], count: int) -> Packed:
     """The records of these lots, which belong to `count` rows."""
     sizes = [lot.sizes() for lot in lots]
-    within = [np.concatenate(([0], np.cumsum(size))) for size in sizes]  # of a lot: bytes before each message
-    firsts = [np.searchsorted(lot.rows, np.arange(count + 1)) for lot in lots]
+    within = [_sums(size) for size in sizes]  # of a lot: bytes before each message
+    firsts = [_sums(np.bincount(lot.rows, minlength=count)) for lot in lots]
     before = [ends[first] for ends, first in zip(within, firsts, strict=True)]  # of a lot: bytes before each row
-    row_offsets = np.sum(before, axis=0, dtype=np.int64) if lots else np.zeros(count + 1, np.int64)
+    row_offsets = np.zeros(count + 1, np.int64)
+    for ahead in before:
+        row_offsets += ahead
     data = np.empty(int(row_offsets[-1]), np.uint8)
     start = row_offsets[:-1].copy()
     offsets = []
@@ -153,10 +157,17 @@ def copy_pieces(out: NDArray[np.uint8], at: Ints, data: NDArray[np.uint8], begin
     order = np.argsort(keys, kind="stable")
     at, begins, ordered = at[order], begins[order], sizes[order]
     cuts = np.append(np.flatnonzero(np.append(True, ordered[1:] != ordered[:-1])), len(order)).tolist()
-    for first, last in zip(cuts, cuts[1:], strict=False):
+    for first, last in pairwise(cuts):
         width = int(ordered[first])
         if width:
             _windows(out, width)[at[first:last]] = _windows(data, width)[begins[first:last]]
+
+
+def _sums(counts: Ints) -> Ints:
+    """What comes before each, and all at the end."""
+    sums = np.zeros(len(counts) + 1, np.int64)
+    np.cumsum(counts, out=sums[1:])
+    return sums
 
 
 def _place(data: NDArray[np.uint8], lot: Lot, at: Ints) -> None:

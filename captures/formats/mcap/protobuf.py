@@ -14,14 +14,14 @@ ones padded, which readers accept too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import ArrayLike, NDArray
 
 ENCODING: Final = "protobuf"
 SPARE: Final = (15, 2047)  # numbers of no field, with a tag of one and of two bytes
@@ -99,35 +99,39 @@ class Message:
             parts.append(_part(2, self._field(field, choices)))
             choices += field.optional
         for field in self.fields:
-            if field.names is not None:
+            if field.names is not None and self._enum_of(field) is field:
                 parts.append(_part(4, _enum(_type_name(field), field.names)))
         parts += [_part(8, _text(1, f"_{field.name}")) for field in self.fields if field.optional]
         parts += [_part(9, _number(1, spare) + _number(2, spare + 1)) for spare in SPARE]
         return b"".join(parts)
 
     def _field(self, field: Field, choice: int) -> bytes:
-        parts = [
-            _text(1, field.name),
-            _number(3, self.numbers[field.name]),
-            _number(4, _REPEATED if field.repeated else _OPTIONAL),
-            _number(5, field.type),
-            _text(10, field.name),  # the name in JSON, which would else be in camel case
-        ]
+        name = field.name.encode()
+        parts = [delimited(1, name), _kind(self.numbers[field.name], field.repeated, field.type)]
+        if b"_" in name:
+            parts.append(delimited(10, name))  # the name in JSON, which would else be in camel case
         if field.names is not None:
-            parts.append(_text(6, f".{self.name}.{_type_name(field)}"))
+            parts.append(_text(6, f".{self.name}.{_type_name(self._enum_of(field))}"))
         if field.optional:
             parts += [_number(9, choice), _number(17, 1)]
         return b"".join(parts)
 
-    def layout(self, head: DTypeLike = ()) -> NDArray[np.void]:
-        """One row with all tags set and all values 0, behind the fields of `head`; `np.repeat` makes many of it."""
-        dtype = np.dtype(head)
-        parts: list[tuple[str, Any]] = [(name, dtype[name]) for name in dtype.names or ()]
-        for field in self.fields:
+    def _enum_of(self, field: Field) -> Field:
+        """The first field with the same enum, which gives it its name: a message can't have a value's name twice."""
+        return next(other for other in self.fields if other.names == field.names)
+
+    def layout(self, head: np.dtype[np.void] | None = None, without: Collection[str] = ()) -> NDArray[np.void]:
+        """One row with all tags set and all values 0, behind a field `record` of type `head`; `np.repeat` makes many.
+
+        Fields named in `without` are left out, which reads as 0, or as absent where they are optional.
+        """
+        parts: list[tuple[str, Any]] = [] if head is None else [("record", head)]
+        fields = [field for field in self.fields if field.name not in without]
+        for field in fields:
             width = len(_varint(self._tag(field)))
             parts += [(tag_of(field.name), f"<u{width}"), (field.name, _WIRE[field.type][1])]
         row = np.zeros(1, parts)
-        for field in self.fields:
+        for field in fields:
             row[tag_of(field.name)] = tag_bytes(self._tag(field))
         return row
 
@@ -156,16 +160,17 @@ def packed_length(sizes: ArrayLike) -> NDArray[np.uint32]:
     """Lengths under 2^28 as varints of four bytes each, in little-endian numbers."""
     n = np.asarray(sizes, np.uint32)
     low, high = n & 0x7F | (n << 1 & 0x7F00), n << 2 & 0x7F0000 | (n << 3 & 0x7F000000)
-    found: NDArray[np.uint32] = low | high | 0x808080
-    return found
+    return (low | high | 0x808080).astype(np.uint32, copy=False)
 
 
 def delimited(number: int, content: bytes | memoryview) -> bytes:
     """A field of text, bytes, packed numbers or a message."""
-    return b"".join((_varint(number << 3 | 2), _varint(len(content)), content))
+    size = len(content)
+    head = bytes((number << 3 | 2, size)) if number < 16 and size < 0x80 else _varint(number << 3 | 2) + _varint(size)
+    return head + content
 
 
-def fields_in(message: bytes) -> Iterable[tuple[int, int | bytes | memoryview]]:
+def fields_in(message: bytes | memoryview) -> Iterable[tuple[int, int | bytes | memoryview]]:
     """(number, value) of each field of a serialised message; ValueError where it is none.
 
     Fixed widths come as unsigned numbers, what has a length as a view of the message.
@@ -201,6 +206,12 @@ def _read_varint(view: memoryview, at: int) -> tuple[int, int]:
             return value, at
         shift += 7
     raise ValueError("a number is cut short")
+
+
+@cache
+def _kind(number: int, repeated: bool, type: Type) -> bytes:
+    """What a descriptor says of a field beside its name; thousands of schemas say the same."""
+    return _number(3, number) + _number(4, _REPEATED if repeated else _OPTIONAL) + _number(5, type)
 
 
 def _enum(name: str, names: Mapping[str, int]) -> bytes:

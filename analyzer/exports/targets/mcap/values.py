@@ -1,0 +1,173 @@
+"""Register and bit values as lots of messages: a channel a poll group, a field an address, for plots without a script.
+
+A poll group is what one request asks for: unit, area, starting address and quantity. An answer to a read carries
+values; an answer to a write confirms those of its request. Messages of one quantity have one layout, whatever their
+addresses, so that they are packed together; only the schema knows addresses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from analyzer.columns import AreaCode, Decoded, decode
+from analyzer.exports.targets.mcap import schemas
+from analyzer.frames import ROW, Batch, Kind
+from captures.formats.mcap.packing import HEAD, Ints, Lot, Part
+from captures.formats.mcap.protobuf import ENCODING, SPARE, tag_bytes
+from captures.formats.mcap.writer import ArrayWriter
+
+MAX_GROUPS: Final = 4096  # topics that a viewer can still be asked to list; a bus has some dozens
+
+# Area: its name in topics and the letter before an address.
+_AREAS: Final = {
+    AreaCode.COILS: ("coils", "b"),
+    AreaCode.DISCRETE_INPUTS: ("discrete", "b"),
+    AreaCode.INPUT_REGISTERS: ("input", "r"),
+    AreaCode.HOLDING_REGISTERS: ("holding", "r"),
+}
+MAX_COUNT: Final = 255 * 8  # values of a frame: its byte count is a byte
+_ADDRESSES: Final = 1 << 16
+_SHORT: Final = SPARE[0] - 1  # fields whose tag is one byte
+_COUNT_BITS, _ADDRESS_BITS, _UNIT_BITS = 16, 16, 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Told:
+    """Values that some rows tell: of each the area, the first address, and where they lie in `values`."""
+
+    rows: Ints
+    area: NDArray[np.uint8]
+    address: Ints
+    begins: Ints
+    counts: Ints
+    values: NDArray[np.uint16]
+
+    def taken(self, which: Any) -> _Told:
+        return _Told(
+            self.rows[which], self.area[which], self.address[which], self.begins[which], self.counts[which], self.values
+        )
+
+
+class PollGroups:
+    """The channels of an MCAP file that hold values, made as groups are met."""
+
+    def __init__(self, writer: ArrayWriter) -> None:
+        self._writer = writer
+        self._channels: dict[int, int] = {}  # by key
+        self._schemas: dict[str, int] = {}
+        self.left_out = 0  # messages without a channel, since there are too many groups
+
+    def lots(self, batch: Batch, decoded: Decoded) -> list[Lot]:
+        """The values that the rows of a batch tell."""
+        return [self._lot(batch, told) for told in _told(batch, decoded) if len(told.rows)]
+
+    def _lot(self, batch: Batch, told: _Told) -> Lot:
+        keys = told.area.astype(np.int64) << _UNIT_BITS | batch.rows["unit"][told.rows]
+        keys = (keys << _ADDRESS_BITS | told.address) << _COUNT_BITS | told.counts
+        groups, inverse = np.unique(keys, return_inverse=True)
+        channels = np.array([self._channel(key) for key in groups.tolist()], np.uint16)[inverse]
+        if not channels.all():
+            kept = channels > 0
+            self.left_out += int(np.count_nonzero(~kept))
+            told, channels = told.taken(kept), channels[kept]
+        bits = told.area <= AreaCode.DISCRETE_INPUTS
+        layouts = told.counts << 1 | bits
+        parts = []
+        for layout in np.flatnonzero(np.bincount(layouts)).tolist():
+            which = np.flatnonzero(layouts == layout)
+            parts.append(Part(which, _heads(told.values, told.begins[which], layout >> 1, bits=bool(layout & 1))))
+        return Lot.of(told.rows, channels, batch.rows["t_end"][told.rows], parts)
+
+    def _channel(self, key: int) -> int:
+        found = self._channels.get(key)
+        if found is not None:
+            return found
+        if len(self._channels) >= MAX_GROUPS:
+            return 0
+        count, rest = key & (1 << _COUNT_BITS) - 1, key >> _COUNT_BITS
+        start, rest = rest & (1 << _ADDRESS_BITS) - 1, rest >> _ADDRESS_BITS
+        unit, code = rest & (1 << _UNIT_BITS) - 1, AreaCode(rest >> _UNIT_BITS)
+        area, letter = _AREAS[code]
+        message = schemas.values(area, letter, start, count, bits=letter == "b")
+        schema = self._schemas.get(message.name)
+        if schema is None:
+            schema = self._writer.register_schema(message.name, ENCODING, message.schema())
+            self._schemas[message.name] = schema
+        topic = f"/unit/{unit}/{area}/{schemas.span(start, count)}"
+        self._channels[key] = self._writer.register_channel(topic, ENCODING, schema)
+        return self._channels[key]
+
+
+def _told(batch: Batch, decoded: Decoded) -> list[_Told]:
+    """What good answers carry, and what they confirm of their requests."""
+    rows = batch.rows
+    good = (rows["kind"] == Kind.RESPONSE) & rows["check"] & (rows["exception"] == 0) & (rows["request"] >= 0)
+    good &= decoded.area > AreaCode.NONE
+    answers = np.flatnonzero(good)
+    own = _of(decoded, answers, answers)
+    frames = np.flatnonzero(rows["kind"] != Kind.NOISE)
+    asked = rows["request"][answers]
+    place = np.minimum(np.searchsorted(rows["index"][frames], asked), len(frames) - 1)
+    here = rows["index"][frames[place]] == asked
+    confirmed = [_of(decoded, answers[here], frames[place[here]]), *_earlier(batch, answers[~here])]
+    return [own, *(told.taken(~_echoed(decoded, told)) for told in confirmed)]
+
+
+def _of(decoded: Decoded, rows: Ints, sources: Ints) -> _Told:
+    """The values of the rows `sources`, told by `rows`; those that have none or no address left out."""
+    begins, ends = decoded.offsets[sources], decoded.offsets[sources + 1]
+    address = decoded.value_address[sources].astype(np.int64)
+    counts = np.minimum(ends - begins, _ADDRESSES - address)
+    told = _Told(rows, decoded.area[sources], address, begins, counts, decoded.values)
+    return told.taken((counts > 0) & (counts <= MAX_COUNT) & (address >= 0))
+
+
+def _earlier(batch: Batch, answers: Ints) -> list[_Told]:
+    """The values of requests that lie in the batch before."""
+    asked = batch.rows["request"][answers].tolist()
+    answers = answers[[index in batch.earlier for index in asked]]
+    if not len(answers):
+        return []
+    captured = [batch.earlier[index] for index in asked if index in batch.earlier]
+    requests = np.zeros(len(captured), ROW)
+    for name in ("unit", "function", "protocol"):
+        requests[name] = batch.rows[name][answers]
+    requests["kind"], requests["check"], requests["request"] = Kind.REQUEST, True, -1
+    requests["length"] = [len(adu) for adu in captured]
+    requests["at"] = np.cumsum(requests["length"]) - requests["length"]
+    decoded = decode(Batch(requests, np.frombuffer(b"".join(captured), np.uint8)))
+    return [_of(decoded, answers, np.arange(len(answers)))]
+
+
+def _echoed(decoded: Decoded, told: _Told) -> NDArray[np.bool_]:
+    """Whether a row's own values are at the same addresses: the answer to a single write repeats it."""
+    own = decoded.offsets[told.rows + 1] - decoded.offsets[told.rows]
+    same: NDArray[np.bool_] = (decoded.value_address[told.rows] == told.address) & (own == told.counts)
+    return same
+
+
+@cache
+def _layout(count: int, *, bits: bool) -> NDArray[np.void]:
+    """One message of this many values, with the field numbers that `Message` gives: an array for each size of a tag."""
+    value = "u1" if bits else "<u4"
+    short = min(count, _SHORT)
+    wire = 0 if bits else 5
+    fields = [("tag", "u1"), ("value", value)], [("tag", "<u2"), ("value", value)]
+    row = np.zeros(1, [("record", HEAD), ("short", fields[0], (short,)), ("long", fields[1], (count - short,))])
+    row["short"]["tag"] = [number << 3 | wire for number in range(1, short + 1)]
+    row["long"]["tag"] = [tag_bytes(number << 3 | wire) for number in range(SPARE[0] + 1, SPARE[0] + 1 + count - short)]
+    return row
+
+
+def _heads(values: NDArray[np.uint16], begins: Ints, count: int, *, bits: bool) -> NDArray[np.void]:
+    """Messages of `count` values each."""
+    heads = np.repeat(_layout(count, bits=bits), len(begins))
+    found = sliding_window_view(values, count)[begins]
+    heads["short"]["value"], heads["long"]["value"] = found[:, :_SHORT], found[:, _SHORT:]
+    return heads
