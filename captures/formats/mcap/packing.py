@@ -155,12 +155,19 @@ def copy_pieces(out: NDArray[np.uint8], at: Ints, data: NDArray[np.uint8], begin
         return
     keys = sizes.astype(np.uint16) if int(sizes.max()) < _WIDE else sizes  # short keys sort in linear time
     order = np.argsort(keys, kind="stable")
-    at, begins, ordered = at[order], begins[order], sizes[order]
-    cuts = np.append(np.flatnonzero(np.append(True, ordered[1:] != ordered[:-1])), len(order)).tolist()
-    for first, last in pairwise(cuts):
-        width = int(ordered[first])
+    at, begins = at[order], begins[order]
+    widths, counts = np.unique(keys, return_counts=True) if keys is sizes else _counted(keys)
+    cuts = _sums(counts).tolist()
+    for width, (first, last) in zip(widths.tolist(), pairwise(cuts), strict=True):
         if width:
             _windows(out, width)[at[first:last]] = _windows(data, width)[begins[first:last]]
+
+
+def _counted(keys: NDArray[np.uint16]) -> tuple[Ints, Ints]:
+    """The keys that there are, ascending, and how often."""
+    counts = np.bincount(keys)
+    there = np.flatnonzero(counts)
+    return there, counts[there]
 
 
 def _sums(counts: Ints) -> Ints:

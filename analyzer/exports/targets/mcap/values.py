@@ -48,7 +48,10 @@ class _Told:
     counts: Ints
     values: NDArray[np.uint16]
 
-    def taken(self, which: Any) -> _Told:
+    def taken(self, which: NDArray[np.bool_]) -> _Told:
+        """Those of some rows."""
+        if which.all():
+            return self
         return _Told(
             self.rows[which], self.area[which], self.address[which], self.begins[which], self.counts[which], self.values
         )
@@ -59,7 +62,8 @@ class PollGroups:
 
     def __init__(self, writer: ArrayWriter) -> None:
         self._writer = writer
-        self._channels: dict[int, int] = {}  # by key
+        self._keys = np.zeros(0, np.int64)  # of the groups that are known, ascending
+        self._channels = np.zeros(0, np.uint16)  # of each
         self._schemas: dict[str, int] = {}
         self.left_out = 0  # messages without a channel, since there are too many groups
 
@@ -70,26 +74,42 @@ class PollGroups:
     def _lot(self, batch: Batch, told: _Told) -> Lot:
         keys = told.area.astype(np.int64) << _UNIT_BITS | batch.rows["unit"][told.rows]
         keys = (keys << _ADDRESS_BITS | told.address) << _COUNT_BITS | told.counts
-        groups, inverse = np.unique(keys, return_inverse=True)
-        channels = np.array([self._channel(key) for key in groups.tolist()], np.uint16)[inverse]
+        channels = self._channels_of(keys)
         if not channels.all():
             kept = channels > 0
             self.left_out += int(np.count_nonzero(~kept))
             told, channels = told.taken(kept), channels[kept]
-        bits = told.area <= AreaCode.DISCRETE_INPUTS
-        layouts = told.counts << 1 | bits
-        parts = []
-        for layout in np.flatnonzero(np.bincount(layouts)).tolist():
-            which = np.flatnonzero(layouts == layout)
-            parts.append(Part(which, _heads(told.values, told.begins[which], layout >> 1, bits=bool(layout & 1))))
+        layouts = (told.counts << 1 | (told.area <= AreaCode.DISCRETE_INPUTS)).astype(np.uint16)
+        order = np.argsort(layouts, kind="stable")
+        parts, first = [], 0
+        for layout, count in enumerate(np.bincount(layouts).tolist()):
+            if count:
+                which = order[first : first + count]
+                heads = _heads(told.values, told.begins[which], layout >> 1, bits=bool(layout & 1))
+                parts.append(Part(which, heads))
+                first += count
         return Lot.of(told.rows, channels, batch.rows["t_end"][told.rows], parts)
 
+    def _channels_of(self, keys: Ints) -> NDArray[np.uint16]:
+        """The channel of each key's group, made where it is new; 0 for groups that are too many."""
+        place = np.searchsorted(self._keys, keys)
+        known = place < len(self._keys)
+        known[known] = self._keys[place[known]] == keys[known]
+        if not known.all() and len(self._keys) < MAX_GROUPS:
+            new = np.unique(keys[~known])[: MAX_GROUPS - len(self._keys)]
+            self._add(new, np.array([self._channel(key) for key in new.tolist()], np.uint16))
+            return self._channels_of(keys)
+        channels = np.zeros(len(keys), np.uint16)
+        channels[known] = self._channels[place[known]]
+        return channels
+
+    def _add(self, keys: Ints, channels: NDArray[np.uint16]) -> None:
+        keys, channels = np.append(self._keys, keys), np.append(self._channels, channels)
+        order = np.argsort(keys)
+        self._keys, self._channels = keys[order], channels[order]
+
     def _channel(self, key: int) -> int:
-        found = self._channels.get(key)
-        if found is not None:
-            return found
-        if len(self._channels) >= MAX_GROUPS:
-            return 0
+        """A new group's channel."""
         count, rest = key & (1 << _COUNT_BITS) - 1, key >> _COUNT_BITS
         start, rest = rest & (1 << _ADDRESS_BITS) - 1, rest >> _ADDRESS_BITS
         unit, code = rest & (1 << _UNIT_BITS) - 1, AreaCode(rest >> _UNIT_BITS)
@@ -100,41 +120,43 @@ class PollGroups:
             schema = self._writer.register_schema(message.name, ENCODING, message.schema())
             self._schemas[message.name] = schema
         topic = f"/unit/{unit}/{area}/{schemas.span(start, count)}"
-        self._channels[key] = self._writer.register_channel(topic, ENCODING, schema)
-        return self._channels[key]
+        return self._writer.register_channel(topic, ENCODING, schema)
 
 
 def _told(batch: Batch, decoded: Decoded) -> list[_Told]:
     """What good answers carry, and what they confirm of their requests."""
-    rows = batch.rows
-    good = (rows["kind"] == Kind.RESPONSE) & rows["check"] & (rows["exception"] == 0) & (rows["request"] >= 0)
-    good &= decoded.area > AreaCode.NONE
-    answers = np.flatnonzero(good)
-    own = _of(decoded, answers, answers)
-    frames = np.flatnonzero(rows["kind"] != Kind.NOISE)
-    asked = rows["request"][answers]
-    place = np.minimum(np.searchsorted(rows["index"][frames], asked), len(frames) - 1)
-    here = rows["index"][frames[place]] == asked
-    confirmed = [_of(decoded, answers[here], frames[place[here]]), *_earlier(batch, answers[~here])]
-    return [own, *(told.taken(~_echoed(decoded, told)) for told in confirmed)]
+    rows, request = batch.rows, batch.rows["request"]
+    good = (rows["kind"] == Kind.RESPONSE) & rows["check"] & (rows["exception"] == 0) & (request >= 0)
+    has = decoded.offsets[1:] > decoded.offsets[:-1]
+    own = np.flatnonzero(good & has)
+    writes = np.flatnonzero(has & (rows["kind"] == Kind.REQUEST))
+    indices, answers = rows["index"][writes], np.flatnonzero(good)
+    asked = request[answers]
+    place = np.searchsorted(indices, asked)
+    here = place < len(writes)
+    here[here] = indices[place[here]] == asked[here]
+    confirmed = [
+        _of(decoded, answers[here], writes[place[here]]),
+        *_earlier(batch, answers[np.isin(asked, list(batch.earlier))] if batch.earlier else answers[:0]),
+    ]
+    return [_of(decoded, own, own), *(told.taken(~_echoed(decoded, told)) for told in confirmed)]
 
 
 def _of(decoded: Decoded, rows: Ints, sources: Ints) -> _Told:
-    """The values of the rows `sources`, told by `rows`; those that have none or no address left out."""
-    begins, ends = decoded.offsets[sources], decoded.offsets[sources + 1]
+    """The values of the rows `sources`, told by `rows`; those that have no area or address left out."""
+    begins, ends = decoded.offsets[sources], decoded.offsets[1:][sources]
     address = decoded.value_address[sources].astype(np.int64)
+    area = decoded.area[sources]
     counts = np.minimum(ends - begins, _ADDRESSES - address)
-    told = _Told(rows, decoded.area[sources], address, begins, counts, decoded.values)
-    return told.taken((counts > 0) & (counts <= MAX_COUNT) & (address >= 0))
+    told = _Told(rows, area, address, begins, counts, decoded.values)
+    return told.taken((area > AreaCode.NONE) & (counts > 0) & (counts <= MAX_COUNT) & (address >= 0))
 
 
 def _earlier(batch: Batch, answers: Ints) -> list[_Told]:
     """The values of requests that lie in the batch before."""
-    asked = batch.rows["request"][answers].tolist()
-    answers = answers[[index in batch.earlier for index in asked]]
     if not len(answers):
         return []
-    captured = [batch.earlier[index] for index in asked if index in batch.earlier]
+    captured = [batch.earlier[index] for index in batch.rows["request"][answers].tolist()]
     requests = np.zeros(len(captured), ROW)
     for name in ("unit", "function", "protocol"):
         requests[name] = batch.rows[name][answers]
