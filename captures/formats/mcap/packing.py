@@ -10,16 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-Ints = NDArray[np.int64]
+from captures.ragged import Ints, copy_pieces, scatter, sums
+
 _RECORD: Final = 9  # bytes of an opcode and a length
-_WIDE: Final = 1 << 16
 
 # What every message record begins with. The log time is the publish time too.
 HEAD: Final = np.dtype(
@@ -101,8 +100,8 @@ class Packed:
 def packed(lots: Sequence[Lot], count: int) -> Packed:
     """The records of these lots, which belong to `count` rows."""
     sizes = [lot.sizes() for lot in lots]
-    within = [_sums(size) for size in sizes]  # of a lot: bytes before each message
-    firsts = [_sums(np.bincount(lot.rows, minlength=count)) for lot in lots]
+    within = [sums(size) for size in sizes]  # of a lot: bytes before each message
+    firsts = [sums(np.bincount(lot.rows, minlength=count)) for lot in lots]
     before = [ends[first] for ends, first in zip(within, firsts, strict=True)]  # of a lot: bytes before each row
     row_offsets = np.zeros(count + 1, np.int64)
     for ahead in before:
@@ -142,41 +141,6 @@ def index_records(channels: NDArray[np.uint16], log_times: NDArray[np.uint64], o
     return out.tobytes(), places
 
 
-def scatter(out: NDArray[np.uint8], at: Ints, items: NDArray[np.void]) -> None:
-    """Each item's bytes to its place."""
-    if len(items):
-        width = items.dtype.itemsize
-        _windows(out, width)[at] = np.ascontiguousarray(items).view(f"V{width}")
-
-
-def copy_pieces(out: NDArray[np.uint8], at: Ints, data: NDArray[np.uint8], begins: Ints, sizes: Ints) -> None:
-    """Pieces of `data` to their places in `out`, all those of one size at once."""
-    if not len(sizes):
-        return
-    keys = sizes.astype(np.uint16) if int(sizes.max()) < _WIDE else sizes  # short keys sort in linear time
-    order = np.argsort(keys, kind="stable")
-    at, begins = at[order], begins[order]
-    widths, counts = np.unique(keys, return_counts=True) if keys is sizes else _counted(keys)
-    cuts = _sums(counts).tolist()
-    for width, (first, last) in zip(widths.tolist(), pairwise(cuts), strict=True):
-        if width:
-            _windows(out, width)[at[first:last]] = _windows(data, width)[begins[first:last]]
-
-
-def _counted(keys: NDArray[np.uint16]) -> tuple[Ints, Ints]:
-    """The keys that there are, ascending, and how often."""
-    counts = np.bincount(keys)
-    there = np.flatnonzero(counts)
-    return there, counts[there]
-
-
-def _sums(counts: Ints) -> Ints:
-    """What comes before each, and all at the end."""
-    sums = np.zeros(len(counts) + 1, np.int64)
-    np.cumsum(counts, out=sums[1:])
-    return sums
-
-
 def _place(data: NDArray[np.uint8], lot: Lot, at: Ints) -> None:
     for part in lot.parts:
         here = at if part.which is None else at[part.which]
@@ -185,8 +149,3 @@ def _place(data: NDArray[np.uint8], lot: Lot, at: Ints) -> None:
             pick = slice(None) if part.which is None else part.which
             tails = lot.tails
             copy_pieces(data, here + part.heads.dtype.itemsize, tails.data, tails.begins[pick], tails.sizes[pick])
-
-
-def _windows(data: NDArray[np.uint8], width: int) -> NDArray[np.void]:
-    """All stretches of this many bytes, each as one item, in the same memory."""
-    return np.ndarray((len(data) - width + 1,), f"V{width}", data, 0, (1,))

@@ -35,7 +35,8 @@ from mcap.records import (
 from numpy.typing import NDArray
 
 from captures.formats.mcap import MAGIC
-from captures.formats.mcap.packing import HEAD, Ints, Packed, index_records
+from captures.formats.mcap.packing import HEAD, Packed, index_records
+from captures.ragged import Ints
 
 CHUNK_SIZE: Final = 1 << 20  # bytes of a chunk before compression, about
 COMPRESSIONS: Final = ("zstd", "lz4", "")

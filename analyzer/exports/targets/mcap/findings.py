@@ -10,7 +10,8 @@ import orjson
 from analyzer.exports.targets.mcap.schemas import LEVELS
 from analyzer.findings.model import Findings, describe
 from analyzer.frames import Batch, Kind
-from captures.formats.mcap.packing import HEAD, Ints, Lot, Part, Tails
+from captures.formats.mcap.packing import HEAD, Lot, Part, Tails
+from captures.ragged import Ints
 
 MAX_OF_A_KIND: Final = 20_000  # further ones are counted on their frames, not told
 

@@ -9,8 +9,9 @@ import numpy as np
 from analyzer.columns import Decoded
 from analyzer.exports.targets.mcap import schemas
 from analyzer.frames import Batch, Kind, Protocol, Rows, adu_of
-from captures.formats.mcap.packing import HEAD, Ints, Lot, Part, Tails
+from captures.formats.mcap.packing import HEAD, Lot, Part, Tails
 from captures.formats.mcap.protobuf import Message, packed_length
+from captures.ragged import Ints
 
 _RENAMED: Final = {"t_start_ns": "t_start", "direction": "kind", "crc_ok": "check"}
 _PLAIN: Final = (

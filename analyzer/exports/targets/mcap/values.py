@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from analyzer.columns import AreaCode, Decoded, decode
 from analyzer.exports.targets.mcap import schemas
 from analyzer.frames import ROW, Batch, Kind
-from captures.formats.mcap.packing import HEAD, Ints, Lot, Part
+from captures.formats.mcap.packing import HEAD, Lot, Part
 from captures.formats.mcap.protobuf import ENCODING, SPARE, tag_bytes
 from captures.formats.mcap.writer import ArrayWriter
+from captures.ragged import Ints
 
 MAX_GROUPS: Final = 4096  # topics that a viewer can still be asked to list; a bus has some dozens
 
