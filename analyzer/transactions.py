@@ -57,19 +57,22 @@ class Transactions:
     def feed(self, batch: Batch) -> NDArray[np.void]:
         """Transactions that are settled after this batch, in the order of their requests."""
         rows = batch.rows
-        requests = np.flatnonzero((rows["kind"] == Kind.REQUEST) & rows["check"])  # nobody answers a damaged one
-        responses = np.flatnonzero((rows["kind"] == Kind.RESPONSE) & (rows["request"] >= 0))
-        if len(rows):
-            self._frames = max(self._frames, int(rows["index"].max()) + 1)
+        kind = rows["kind"].copy()
+        requests = np.flatnonzero((kind == Kind.REQUEST) & rows["check"])  # nobody answers a damaged one
+        responses = np.flatnonzero(kind == Kind.RESPONSE)
+        responses = responses[rows["request"][responses] >= 0]
+        frames = np.flatnonzero(kind)
+        if len(frames):
+            self._frames = int(rows["index"][frames[-1]]) + 1
         known = len(self._open)
-        self._open = np.concatenate((self._open, _opened(rows[requests])))
-        self._answer(rows[responses])
+        opened = _opened(rows, requests)
+        self._open = np.concatenate((self._open, opened)) if known else opened
+        self._answer(rows, responses)
         self._mark_retries(batch, requests, known)
         status = self._open["status"]
-        waiting = (status == Status.UNANSWERED) | (status == Status.BROADCAST)
-        waiting &= self._open["request"] >= self._frames - _PATIENCE
-        count = int(np.argmax(waiting)) if waiting.any() else len(waiting)
-        return self._settle(count)
+        late = int(np.searchsorted(self._open["request"], self._frames - _PATIENCE))
+        waiting = (status[late:] == Status.UNANSWERED) | (status[late:] == Status.BROADCAST)
+        return self._settle(late + int(np.argmax(waiting)) if waiting.any() else len(status))
 
     def close(self) -> NDArray[np.void]:
         """The rest: no answer comes any more."""
@@ -79,45 +82,49 @@ class Transactions:
         settled, self._open = self._open[:count], self._open[count:].copy()
         return settled
 
-    def _answer(self, responses: Rows) -> None:
-        asked = self._open["request"]
-        place = np.searchsorted(asked, responses["request"])
+    def _answer(self, rows: Rows, responses: NDArray[np.intp]) -> None:
+        asked = self._open["request"].copy()
+        request = rows["request"][responses]
+        place = np.searchsorted(asked, request)
         found = place < len(asked)
-        found[found] = asked[place[found]] == responses["request"][found]
-        place, responses = place[found], responses[found]
-        self._open["response"][place] = responses["index"]
-        self._open["t_response"][place] = responses["t_start"]
-        self._open["response_ns"][place] = responses["response_ns"]
-        self._open["exception"][place] = responses["exception"]
-        self._open["status"][place] = np.where(
-            ~responses["check"], Status.DAMAGED, np.where(responses["exception"] > 0, Status.EXCEPTION, Status.ANSWERED)
-        )
-        newest = np.searchsorted(asked, responses["index"]) - 1
-        self._open["late"][place] = newest != place
+        found[found] = asked[place[found]] == request[found]
+        if not found.all():
+            place, responses = place[found], responses[found]
+        opened, index = self._open, rows["index"][responses]
+        opened["response"][place] = index
+        opened["t_response"][place] = rows["t_start"][responses]
+        opened["response_ns"][place] = rows["response_ns"][responses]
+        exception = rows["exception"][responses]
+        opened["exception"][place] = exception
+        status = np.where(exception > 0, np.uint8(Status.EXCEPTION), np.uint8(Status.ANSWERED))
+        status[~rows["check"][responses]] = Status.DAMAGED
+        opened["status"][place] = status
+        following = np.append(asked[1:], np.iinfo(np.int64).max)
+        opened["late"][place] = following[place] < index
 
     def _mark_retries(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
-        """Of the new requests, which repeat the one before? Few look alike, so only those are compared."""
+        """Of the new requests, which repeat the one before? Few went without a good answer, so those are compared."""
         if not len(requests):
             return
-        opened, rows = self._open, batch.rows[requests]
-        places = known + np.arange(len(requests))
-        same = np.ones(len(requests), np.bool_)
-        for name in ("length", "unit", "function"):
-            same[1:] &= rows[name][1:] == rows[name][:-1]
-        good = np.isin(opened["status"], (Status.ANSWERED, Status.EXCEPTION)) & ~opened["late"]
-        same &= ~np.append(not known or good[known - 1], good[places[:-1]])
-        for i in np.flatnonzero(same).tolist():
-            before = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
-            opened["retry"][places[i]] = batch.bytes_of(int(requests[i])) == before
+        opened, rows = self._open, batch.rows
+        status = opened["status"]
+        bad = (status != Status.ANSWERED) & (status != Status.EXCEPTION) | opened["late"]
+        before = np.arange(known - 1, len(opened) - 1)  # the transaction before each of the new ones
+        some = np.flatnonzero(bad[before]) if known else 1 + np.flatnonzero(bad[before[1:]])
+        for i in some.tolist():
+            last = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
+            row = int(requests[i])
+            if last is not None and len(last) == rows["length"][row]:
+                opened["retry"][known + i] = batch.bytes_of(row) == last
         self._last_request = batch.bytes_of(int(requests[-1]))
 
 
-def _opened(requests: Rows) -> Rows:
+def _opened(rows: Rows, requests: NDArray[np.intp]) -> Rows:
     """Transactions of requests that nobody has answered yet."""
     opened = np.zeros(len(requests), TRANSACTION)
     for name in ("unit", "function", "port"):
-        opened[name] = requests[name]
-    opened["request"], opened["t_request"] = requests["index"], requests["t_end"]
+        opened[name] = rows[name][requests]
+    opened["request"], opened["t_request"] = rows["index"][requests], rows["t_end"][requests]
     opened["response"] = opened["t_response"] = opened["response_ns"] = -1
-    opened["status"] = np.where(requests["unit"] == 0, Status.BROADCAST, Status.UNANSWERED)
+    opened["status"] = np.where(opened["unit"] == 0, np.uint8(Status.BROADCAST), np.uint8(Status.UNANSWERED))
     return opened

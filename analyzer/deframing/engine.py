@@ -27,16 +27,16 @@ from .prefix import windows
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index
 from .runs import Runs, Stretch, plain_evidence, reach, runs_of
 from .silence import Trust, Turn, classes_of, next_checkpoint
-from .talk import Run, Talk
+from .talk import REACH, Run, Talk
 from .tape import Character, Tape, Times
 from .unknown import unknown_windows
 
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
 _AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
-_SLICE: Final = 1 << 18  # bytes searched at once
+_SLICE: Final = 1 << 20  # bytes searched at once
+_MUCH: Final = 1 << 16  # bytes: fed at once, more will follow, or a quiet line
 _NOWHERE: Final = (-1, -1)
-_REACH: Final = 1300  # bytes: further back than a conversation reaches
 
 
 class Engine:
@@ -93,7 +93,8 @@ class Engine:
         while begin < ready:
             upto = min(ready, begin + _SLICE + WINDOWS[-1])
             last = upto == ready
-            stop = upto if last else upto - WINDOWS[-1]  # the next slice knows more of what is behind
+            more = not last or (upto - begin >= _MUCH and not quiet and not final)
+            stop = upto - WINDOWS[-1] if more else upto  # the next slice, or feed, knows more of what is behind
             begin += self._slice(begin, upto, stop - begin, quiet=quiet and last, final=final and last)
             if last:
                 break
@@ -193,9 +194,9 @@ class Engine:
     def _take(self, stretch: Stretch, start: Index, end: Index, decided: Decided) -> None:
         """Frames (`start` and `end` in the stretch) are decided without the lattice."""
         offset, role = self.tape.base + stretch.begin, decided.role
-        first = int(np.searchsorted(start, end[-1] - _REACH))
+        first = max(0, int(np.searchsorted(start, end[-1] - REACH)) - 1)
         run = Run(self.tape.data, self.tape.base, decided.start[first:], decided.end[first:], role[first:])
-        self._talk.go_on(run, alone=first > 0)
+        self._talk.go_on(run)
         self._decide(decided)
         asks = role[-1] == Role.REQUEST
         self._waiting = bool(asks and stretch.data[start[-1]])
@@ -336,9 +337,7 @@ class Engine:
         self._fresh.clear()
         tape = self.tape
         self._learn(start, end, role)
-        self._out.append(
-            Pieces(start + tape.base, end + tape.base, role, check, *tape.spans(start, end), margin, why)
-        )
+        self._out.append(Pieces(start + tape.base, end + tape.base, role, check, *tape.spans(start, end), margin, why))
 
     def _learn(self, start: Index, end: Index, role: NDArray[np.uint8]) -> None:
         """Let decided pieces teach what silences and glitches mean here."""
