@@ -179,6 +179,28 @@ def test_too_many_poll_groups_are_left_out_and_told(tmp_path, monkeypatch):
     assert metadata["rtuscope/left out"] == {"values": "2 messages: too many poll groups"}
 
 
+def test_findings_as_a_log(tmp_path):
+    model = pytest.importorskip("analyzer.findings.model")
+    from analyzer.findings.registry import codes
+
+    out = tmp_path / "found.mcap"
+    export(Capture.of(LINE, spaced(FRAMES)), out)
+    found = messages(out)
+    frames = [message for _, message in found["/frames"]]
+    on_frames = [frame for frame in frames if frame.findings]
+    assert found["/findings"]
+    assert sum(frame.findings for frame in frames) <= len(found["/findings"])
+    ends = {time for time, _ in found["/frames"]}
+    for time, log in found["/findings"]:
+        assert time in ends
+        assert log["timestamp"]["sec"] * 10**9 + log["timestamp"]["nsec"] == time
+        assert log["name"] in codes()
+        assert log["level"] in (2, 3, 4)
+        assert log["message"]
+    assert any(frame.HasField("exception") for frame in on_frames)
+    assert model.Severity.WARNING
+
+
 def test_several_taps_exceptions_noise_and_evidence(capsys, tmp_path):
     chunks = spaced([*FRAMES, b"\xff\x00\x13", *FRAMES])
     second = [captures.Chunk(chunk.t_ns + 2_000_000_000, chunk.data, port=1) for chunk in spaced(FRAMES)]

@@ -1,7 +1,7 @@
 """This tool's own MCAP: raw chunks without loss, in a file that any MCAP viewer opens.
 
 One channel, `/rtuscope/chunks`, whose messages are protobuf with their schema in the file. A message holds many chunks
-as columns (up to 64 KiB or one second of the bus), since a message each would be mostly overhead, and packed numbers of
+as columns (some 64 KiB or one second of the bus), since a message each would be mostly overhead, and packed numbers of
 a fixed width, since those are arrays as they stand:
 
     t_ns      time of the first chunk, ns; the message's log_time is the same (0 where it is negative)

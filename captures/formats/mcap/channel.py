@@ -58,15 +58,11 @@ class ChunkChannel:
 
 
 def _cuts(block: Block) -> list[int]:
-    """Where messages begin among the chunks, and where the last one ends."""
+    """Where messages begin among the chunks, and where the last ends: each at so many bytes or at a second."""
     newest = np.maximum.accumulate(block.t_ns)
-    cuts = [0]
-    while cuts[-1] < len(block):
-        first = cuts[-1]
-        by_size = int(block.offsets.searchsorted(block.offsets[first] + BATCH_BYTES, side="right")) - 1
-        by_time = int(newest.searchsorted(newest[first] + BATCH_NS))
-        cuts.append(max(min(by_size, by_time), first + 1))
-    return cuts
+    seconds, pieces = (newest - newest[0]) // BATCH_NS, block.offsets[:-1] // BATCH_BYTES
+    new = np.flatnonzero((seconds[1:] != seconds[:-1]) | (pieces[1:] != pieces[:-1])) + 1
+    return [0, *new.tolist(), len(block)]
 
 
 def _settings_record(line: LineSettings, timed: bool) -> dict[str, str]:

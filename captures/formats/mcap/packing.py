@@ -49,7 +49,7 @@ class Part:
     """Messages of a lot that have a head of one width: their numbers in the lot (all for None) and their heads."""
 
     which: Ints | None
-    heads: NDArray[np.void]  # a dtype that begins with `record`, of type HEAD
+    heads: NDArray[np.void]  # as `heads` makes them
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,12 +69,10 @@ class Lot:
         channel = np.broadcast_to(np.asarray(channels, np.uint16), count)
         log_times = np.maximum(times, 0).astype(np.uint64)
         for part in parts:
-            heads, pick = part.heads, slice(None) if part.which is None else part.which
-            record = heads["record"]
-            record["opcode"] = Opcode.MESSAGE
-            record["length"] = heads.dtype.itemsize - _RECORD
+            pick = slice(None) if part.which is None else part.which
+            record = part.heads["record"]
             if tails is not None:
-                record["length"] += tails.sizes[pick].astype(np.uint64)
+                record["length"] = part.heads.dtype.itemsize - _RECORD + tails.sizes[pick]
             record["channel"] = channel[pick]
             record["log_time"] = record["publish_time"] = log_times[pick]
         return cls(rows, channel, log_times, parts, tails)
@@ -95,6 +93,13 @@ class Packed:
     row_offsets: Ints
     lots: Sequence[Lot]
     offsets: Sequence[Ints]  # of each lot's messages, in data
+
+
+def heads(layout: NDArray[np.void], count: int) -> NDArray[np.void]:
+    """So many copies of a one-row layout that begins with `record`, of type HEAD, as heads of messages."""
+    row = layout.copy()
+    row["record"]["opcode"], row["record"]["length"] = Opcode.MESSAGE, row.dtype.itemsize - _RECORD
+    return np.repeat(row, count)
 
 
 def packed(lots: Sequence[Lot], count: int) -> Packed:

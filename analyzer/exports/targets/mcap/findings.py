@@ -8,8 +8,8 @@ import numpy as np
 import orjson
 
 from analyzer.exports.targets.mcap.schemas import LEVELS
-from analyzer.findings.model import Findings, describe
-from analyzer.frames import Batch, Kind
+from analyzer.frames import Batch, Kind, Rows
+from captures.formats.mcap import packing
 from captures.formats.mcap.packing import HEAD, Lot, Part, Tails
 from captures.ragged import Ints
 
@@ -22,22 +22,26 @@ class Log:
     def __init__(self, channel: int) -> None:
         self._channel = channel
         self._told: dict[int, int] = {}  # by rule
+        self._end = 0  # ns, of the rows so far
         self.left_out = 0
 
-    def lot(self, findings: Findings, batch: Batch) -> Lot:
-        """What was found about the rows of a batch, or about the bus as a whole."""
-        findings = findings[self._room(findings)]
+    def lot(self, findings: Rows, batch: Batch) -> Lot:
+        """What was found about the rows of a batch, or about the bus as a whole, which comes at the end."""
+        findings = findings.take(self._room(findings))
         rows, times = rows_of(findings, batch), findings["t"].copy()
-        framed = findings["index"] >= 0
-        times[framed] = batch.rows["t_end"][rows[framed]]
+        if len(batch):
+            self._end = max(self._end, int(batch.rows["t_end"].max()))
+            framed = findings["index"] >= 0
+            times[framed] = batch.rows["t_end"][rows[framed]]
+        times[findings["start"] < 0] = self._end
         order = np.argsort(rows, kind="stable")
         texts = [_message(findings[i], int(times[i])) for i in order.tolist()]
         sizes = np.array([len(text) for text in texts], np.int64)
         tails = Tails(np.frombuffer(b"".join(texts), np.uint8), np.cumsum(sizes) - sizes, sizes)
-        heads = np.zeros(len(texts), [("record", HEAD)])
+        heads = packing.heads(np.zeros(1, [("record", HEAD)]), len(texts))
         return Lot.of(rows[order], self._channel, times[order], [Part(None, heads)], tails)
 
-    def _room(self, findings: Findings) -> Ints:
+    def _room(self, findings: Rows) -> Ints:
         """Which of these are told."""
         kept = np.ones(len(findings), np.bool_)
         for rule in np.unique(findings["rule"]).tolist():
@@ -49,7 +53,7 @@ class Log:
         return np.flatnonzero(kept)
 
 
-def rows_of(findings: Findings, batch: Batch) -> Ints:
+def rows_of(findings: Rows, batch: Batch) -> Ints:
     """The row that each stands on: its frame's, else the one at its time."""
     frames = np.flatnonzero(batch.rows["kind"] != Kind.NOISE)
     last = max(len(batch) - 1, 0)
@@ -59,7 +63,17 @@ def rows_of(findings: Findings, batch: Batch) -> Ints:
     return found
 
 
+def on_frames(findings: Rows | None, batch: Batch) -> Ints | None:
+    """How many findings stand on each row that is a frame; None where there are none."""
+    if findings is None or not len(batch):
+        return None
+    framed = findings.take(np.flatnonzero(findings["index"] >= 0))
+    return np.bincount(rows_of(framed, batch), minlength=len(batch)) if len(framed) else None
+
+
 def _message(row: np.void, t_ns: int) -> bytes:
+    from analyzer.findings.model import describe
+
     finding = describe(row)
     seconds, nanoseconds = divmod(max(t_ns, 0), 1_000_000_000)
     return orjson.dumps(

@@ -9,6 +9,7 @@ import numpy as np
 from analyzer.columns import Decoded
 from analyzer.exports.targets.mcap import schemas
 from analyzer.frames import Batch, Kind, Protocol, Rows, adu_of
+from captures.formats.mcap import packing
 from captures.formats.mcap.packing import HEAD, Lot, Part, Tails
 from captures.formats.mcap.protobuf import Message, packed_length
 from captures.ragged import Ints
@@ -28,7 +29,7 @@ def frame_lot(batch: Batch, decoded: Decoded, message: Message, channel: int, fi
     without = {"exception"} if not exceptions.any() else set()
     without |= {"port"} if not ports.any() else set()
     without |= {"findings"} if findings is None else set()
-    heads = np.repeat(message.layout(HEAD, without), len(rows))
+    heads = packing.heads(message.layout(HEAD, without), len(rows))
     for name in _PLAIN:
         heads[name] = rows[_RENAMED.get(name, name)]
     optional = {
@@ -56,7 +57,7 @@ def noise_lot(batch: Batch, channel: int) -> Lot:
     """All noise of a batch."""
     which = np.flatnonzero(batch.rows["kind"] == Kind.NOISE)
     rows = batch.rows.take(which)
-    heads = np.repeat(schemas.NOISE.layout(HEAD), len(rows))
+    heads = packing.heads(schemas.NOISE.layout(HEAD), len(rows))
     for name in ("start", "length", "t_start_ns", "port"):
         heads[name] = rows[_RENAMED.get(name, name)]
     tails = Tails(batch.data, rows["at"], rows["length"])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import orjson
@@ -11,6 +13,7 @@ from analyzer.columns import decode
 from analyzer.exports.output import Output
 from analyzer.exports.sink import ExportOptions
 from analyzer.exports.targets.mcap import schemas
+from analyzer.exports.targets.mcap.findings import Log, on_frames
 from analyzer.exports.targets.mcap.frames import frame_lot, noise_lot
 from analyzer.exports.targets.mcap.transactions import transaction_lot
 from analyzer.exports.targets.mcap.values import PollGroups
@@ -40,7 +43,7 @@ class Recording:
         self._frame, self._transaction = schemas.frame(explain=options.explain), schemas.transaction()
         self._frames = self._channel("/frames", self._frame)
         self._transactions = self._channel("/transactions", self._transaction)
-        self._findings = self._log("/findings")
+        self._log = Log(self._json_channel("/findings", schemas.LOG))
         self._noise = self._channel("/noise", schemas.NOISE) if options.noise else None
         self._values = PollGroups(self._writer)
         self._settling = Transactions()
@@ -63,30 +66,36 @@ class Recording:
         """What is left, and the index."""
         if self._held is not None:
             batch, last = self._held
-            self._write(Batch(batch.rows[:last], batch.data, batch.earlier, batch.evidence), self._settling.close())
+            self._write(replace(batch, rows=batch.rows[:last]), self._settling.close())
         else:
             self._write(_NOTHING, self._settling.close())
-        if self._values.left_out:
-            self._writer.add_metadata(LEFT_OUT, {"values": f"{self._values.left_out} messages: too many poll groups"})
+        left_out = {
+            "values": f"{self._values.left_out} messages: too many poll groups" if self._values.left_out else "",
+            "findings": f"{self._log.left_out} messages: too many of a kind" if self._log.left_out else "",
+        }
+        if any(left_out.values()):
+            self._writer.add_metadata(LEFT_OUT, {key: what for key, what in left_out.items() if what})
         self._writer.finish()
 
     def _write(self, batch: Batch, settled: Rows) -> None:
-        decoded = decode(batch)
+        decoded, findings = decode(batch), getattr(batch, "findings", None)
         lots: list[Lot] = [
             transaction_lot(settled, batch, self._transaction, self._transactions),
-            frame_lot(batch, decoded, self._frame, self._frames, None),
+            frame_lot(batch, decoded, self._frame, self._frames, on_frames(findings, batch)),
             *self._values.lots(batch, decoded),
         ]
         if self._noise is not None:
             lots.append(noise_lot(batch, self._noise))
+        if findings is not None:
+            lots.append(self._log.lot(findings, batch))
         self._writer.add(packed(lots, max(len(batch), 1)))
 
     def _channel(self, topic: str, message: Message) -> int:
         schema = self._writer.register_schema(message.name, ENCODING, message.schema())
         return self._writer.register_channel(topic, ENCODING, schema)
 
-    def _log(self, topic: str) -> int:
-        schema = self._writer.register_schema(schemas.LOG["title"], "jsonschema", orjson.dumps(schemas.LOG))
+    def _json_channel(self, topic: str, content: Mapping[str, Any]) -> int:
+        schema = self._writer.register_schema(content["title"], "jsonschema", orjson.dumps(content))
         return self._writer.register_channel(topic, "json", schema)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analyzer.frames import Batch, Kind, Rows
+from captures.formats.mcap import packing
 from captures.formats.mcap.packing import HEAD, Lot, Part
 from captures.formats.mcap.protobuf import Message
 
@@ -23,7 +24,7 @@ def transaction_lot(settled: Rows, batch: Batch, message: Message, channel: int)
     if np.any(rows[1:] < rows[:-1]):
         order = np.argsort(rows, kind="stable")
         settled, rows, times = settled.take(order), rows[order], times[order]
-    heads = np.repeat(message.layout(HEAD), len(settled))
+    heads = packing.heads(message.layout(HEAD), len(settled))
     for name in ("request", "unit", "function", "status", "retry", "late"):
         heads[name] = settled[name]
     message.put(heads, "response", settled["response"], present=settled["response"] >= 0)

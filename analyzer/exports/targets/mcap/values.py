@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from analyzer.columns import AreaCode, Decoded, decode
 from analyzer.exports.targets.mcap import schemas
 from analyzer.frames import ROW, Batch, Kind
+from captures.formats.mcap import packing
 from captures.formats.mcap.packing import HEAD, Lot, Part
 from captures.formats.mcap.protobuf import ENCODING, SPARE, tag_bytes
 from captures.formats.mcap.writer import ArrayWriter
@@ -190,7 +191,7 @@ def _layout(count: int, *, bits: bool) -> NDArray[np.void]:
 
 def _heads(values: NDArray[np.uint16], begins: Ints, count: int, *, bits: bool) -> NDArray[np.void]:
     """Messages of `count` values each."""
-    heads = np.repeat(_layout(count, bits=bits), len(begins))
+    heads = packing.heads(_layout(count, bits=bits), len(begins))
     found = sliding_window_view(values, count)[begins]
     heads["short"]["value"], heads["long"]["value"] = found[:, :_SHORT], found[:, _SHORT:]
     return heads
