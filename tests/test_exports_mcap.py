@@ -118,14 +118,15 @@ def test_transactions(exported):
 
 
 def test_register_values_by_address(exported):
-    found = {topic: [plain(content) for _, content in contents] for topic, contents in messages(exported).items()}
+    units = {topic: found for topic, found in messages(exported).items() if topic.startswith("/unit/")}
+    found = {topic: [plain(content) for _, content in contents] for topic, contents in units.items()}
     assert found["/unit/17/holding/107-109"] == [{"r107": 44609, "r108": 22098, "r109": 17216}]
     assert found["/unit/17/holding/1-2"] == [{"r1": 10, "r2": 258}]
     (first,) = found["/unit/17/coils/19-55"]
     assert set(first) == {f"b{address}" for address in range(19, 56)}
     assert (first["b19"], first["b20"], first["b55"]) == (True, False, True)
     assert found["/unit/17/coils/172"] == [{"b172": True}]
-    assert not any(topic.startswith("/unit/17/input") for topic in found)
+    assert not any("input" in topic for topic in found)
 
 
 def told(path):
