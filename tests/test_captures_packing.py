@@ -129,6 +129,7 @@ EVERY = Message(
 )
 
 
+@settings(deadline=None)
 @given(data=st.data(), present=st.lists(st.booleans(), min_size=20, max_size=20))
 def test_rows_are_messages_that_protobuf_s_own_library_reads(data: st.DataObject, present: list[bool]) -> None:
     pool = DescriptorPool()
@@ -156,6 +157,7 @@ def test_rows_are_messages_that_protobuf_s_own_library_reads(data: st.DataObject
             assert getattr(message, field.name) == expected[field.name], field.name
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(0, (1 << 28) - 1), min_size=1))
 def test_padded_lengths_are_varints(sizes: list[int]) -> None:
     found = packed_length(sizes).astype("<u4").tobytes()
@@ -165,6 +167,7 @@ def test_padded_lengths_are_varints(sizes: list[int]) -> None:
         assert [byte >> 7 for byte in piece] == [1, 1, 1, 0]
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=60))
 def test_any_bytes_are_fields_or_refused(content: bytes) -> None:
     try:
@@ -174,6 +177,7 @@ def test_any_bytes_are_fields_or_refused(content: bytes) -> None:
     assert all(isinstance(value, int) or len(value) <= len(content) for _, value in found)
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(0, 90), max_size=40), st.randoms(use_true_random=False))
 def test_pieces_go_to_their_places(sizes: list[int], random: Any) -> None:
     data = np.frombuffer(random.randbytes(100), np.uint8)
