@@ -108,8 +108,8 @@ def bytes_repeated(stage: Stage) -> None:
     """A slice of an answer comes twice in a row."""
 
     def damage(random: Random, sent: bytes) -> tuple[bytes, dict[str, Any]]:
-        size = min(random.choice(_SLICES), len(sent) - _HEADER)
-        at = random.randint(_HEADER, len(sent) - size)
+        size = min(random.choice(_SLICES), len(sent) - _HEADER - 1)
+        at = random.randint(_HEADER, len(sent) - size - 1)
         return sent[: at + size] + sent[at:], {"byte": at, "size": size}
 
     _put(stage, damage, "bytes-repeated", answers=1.0, long=True)
