@@ -109,9 +109,9 @@ def exception(stage: Stage) -> None:
 @defect("broadcast-answered")
 def broadcast_answered(stage: Stage) -> None:
     """A device answers a write to unit 0."""
-    pdu = stage.made(6).request[1:-2]
+    pdu = stage.made(16).request[1:-2]
     request = stage.ask(adu(0, pdu))
-    stage.found("broadcast-answered", stage.answer(adu(0, pdu), request))
+    stage.found("broadcast-answered", stage.answer(adu(0, pdu[:5]), request))
     stage.now += BROADCAST_NS
 
 

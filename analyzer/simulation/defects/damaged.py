@@ -192,6 +192,9 @@ def crc_variant(stage: Stage, exchanges: int) -> None:
 @defect("flow-control-loss", whole=True)
 def flow_control_loss(stage: Stage, exchanges: int) -> None:
     """The capturing port has XON/XOFF on: no 11 and no 13 ever arrives."""
+    for poll in [poll for poll in stage.polls if poll.request[1] in _LONG][::3]:  # those hold one always
+        high = stage.random.choice(_FLOW) << 8
+        stage.device(poll.request[0]).words[int.from_bytes(poll.request[2:4], "big")] = high | 0x80
     stage.healthy(exchanges)
     kept = [at for at, byte in enumerate(stage.data) if byte not in _FLOW]
     frames, shift = [], 0
