@@ -78,8 +78,8 @@ def duplicate_response(stage: Stage) -> None:
 
 @defect("response-mismatch")
 def response_mismatch(stage: Stage) -> None:
-    """A unit answers with other registers than it was asked for, or echoes another value."""
-    exchange = stage.next((3, 4, 6, 16))
+    """A unit answers with other registers than it was asked for, or confirms to have written others."""
+    exchange = stage.next((3, 4, 16))
     unit, pdu = exchange.request[0], exchange.request[1:-2]
     if pdu[0] in (3, 4):
         count = _answered(exchange)[2]
