@@ -25,8 +25,9 @@ from analyzer.simulation.defects import defects
 from captures.chunks import Capture
 from dissectors.crc_variants import VARIANTS
 
-# What is true of a tap, or of the polls that a healthy master happens to make, whatever else is wrong on the bus.
-_ALWAYS = {"timing-blind", "poll-waste"}
+# What is true of a tap, of the polls that a healthy master happens to make, or of one window in 65,536, whatever else is
+# wrong on the bus.
+_ALWAYS = {"timing-blind", "poll-waste", "crc-collision"}
 
 
 @dataclass(slots=True)
