@@ -25,8 +25,7 @@ from analyzer.simulation.defects import defects
 from captures.chunks import Capture
 from dissectors.crc_variants import VARIANTS
 
-# What is true of a tap, of the polls that a healthy master happens to make, or of one window in 65,536, whatever else is
-# wrong on the bus.
+# True of a tap, of the polls that a healthy master happens to make, or of one window in 65,536, whatever else is wrong.
 _ALWAYS = {"timing-blind", "poll-waste", "crc-collision"}
 
 
@@ -80,8 +79,6 @@ def agrees(due: TruthFinding, said: Finding) -> bool:
         case "bit-flip":
             return (numbers["byte"], numbers["bit"]) == (detail["byte"], detail["bit"])
         case "byte-missing" | "byte-extra":
-            if numbers["places"] > 2:  # that it names but does not number
-                return True
             spans = [(numbers.get(f"{which}first"), numbers.get(f"{which}last")) for which in ("", "second_")]
             return any(a is not None and b is not None and a <= detail["byte"] <= b for a, b in spans)
         case "crc-variant":
