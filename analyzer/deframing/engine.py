@@ -34,7 +34,8 @@ from .unknown import unknown_windows
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
 _AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
-_SLICE: Final = 1 << 18  # bytes searched at once
+_SLICE: Final = 1 << 20  # bytes searched at once
+_MUCH: Final = 1 << 16  # bytes: fed at once, more will follow, or a quiet line
 _NOWHERE: Final = (-1, -1)
 
 
@@ -92,7 +93,8 @@ class Engine:
         while begin < ready:
             upto = min(ready, begin + _SLICE + WINDOWS[-1])
             last = upto == ready
-            stop = upto if last else upto - WINDOWS[-1]  # the next slice knows more of what is behind
+            more = not last or (upto - begin >= _MUCH and not quiet and not final)
+            stop = upto - WINDOWS[-1] if more else upto  # the next slice, or feed, knows more of what is behind
             begin += self._slice(begin, upto, stop - begin, quiet=quiet and last, final=final and last)
             if last:
                 break

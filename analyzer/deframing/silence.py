@@ -30,7 +30,7 @@ _CERTAIN: Final = 12.0  # bits: more than this no silence proves
 _TELLING: Final = 8.0  # bits: nor does it tell requests from responses better than this
 _UNANSWERED: Final = -8.0  # bits: at the most, for a request that nobody answers
 _UNIT: Final = 4.0  # bits: a unit that is or isn't on this bus
-_STEPS: Final = ((1 << 12, 1 << 7), (1 << 16, 1 << 12), (math.inf, 1 << 16))  # (upto, every), bytes
+_STEPS: Final = ((1 << 12, 1 << 7), (1 << 16, 1 << 12), (1 << 20, 1 << 16), (math.inf, 1 << 18))  # (upto, every), bytes
 _MEMORY: Final = 1e6  # bytes: beyond it old counts fade, since taps are re-plugged and settings change
 
 
