@@ -129,7 +129,7 @@ def test_the_same_rows_as_jsonl(capsys, tmp_path):
 
 
 def test_frames_of_ascii_mode_are_bytes_with_a_direction(capsys, tmp_path):
-    frames = [b":1103006B00037E\r\n", b":110306AE415652434055\r\n"]
+    frames = [b":1103006B00037E\r\n", b":110306AE4156524340CC\r\n"]
     bus, out = tmp_path / "bus.jsonl", tmp_path / "bus.pcapng"
     captures.write(bus, spaced(frames, 100_000_000), line=LINE)
     assert ran(capsys, "export", bus, "-o", out).status == 0
@@ -138,7 +138,7 @@ def test_frames_of_ascii_mode_are_bytes_with_a_direction(capsys, tmp_path):
 
 
 def test_an_interface_a_port(capsys, tmp_path):
-    requests = [chunk for chunk in spaced([READ, WRITE] * 3, 50_000_000)]
+    requests = spaced([READ, WRITE] * 3, 50_000_000)
     answers = [Chunk(c.t_ns + 20_000_000, c.data, port=1) for c in spaced([VALUES, WRITE] * 3, 50_000_000)]
     chunks = sorted([*requests, *answers], key=lambda chunk: chunk.t_ns)
     interfaces, packets = exported(capsys, tmp_path, chunks)
