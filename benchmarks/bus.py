@@ -116,9 +116,8 @@ class _Plan:
         width = frames[0].body.shape[1]
         body = np.stack([frame.body for frame in frames], axis=1).reshape(2 * n, width)
         size = np.stack([frame.size for frame in frames], axis=1).reshape(2 * n)
-        pause = np.stack(
-            [random.uniform(2.5e6, 5e6, n) + 20e6 * np.roll(silent, 1), self.delay[unit] + random.exponential(4e5, n)], 1
-        ).reshape(2 * n)
+        before = random.uniform(2.5e6, 5e6, n) + 20e6 * np.roll(silent, 1)  # what is not answered is waited for
+        pause = np.stack([before, self.delay[unit] + random.exponential(4e5, n)], axis=1).reshape(2 * n)
         there = np.ones(2 * n, np.bool_)
         there[1::2] = ~silent
         body, size, pause = body[there], size[there], pause[there]

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from bus import CHAR_NS, LINE, Slice, slices
 
 import captures
-from bus import CHAR_NS, LINE, Slice, slices
 from captures import Block, Capture, LineSettings
 
 FIFO = 16  # bytes a read of `fifo.mcap`
@@ -84,7 +84,7 @@ def write(folder: Path, frames: int, seed: int, *, only_mcap: bool) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     whole = Capture(_Bus(frames, seed, a_read_a_frame))
     captures.write(folder / "bus.mcap", whole)
-    about = {"frames": frames, "seed": seed}
+    about: dict[str, object] = {"frames": frames, "seed": seed}
     if not only_mcap:
         captures.write(folder / "bus.jsonl", whole)
         captures.write(folder / "fifo.mcap", Capture(_Bus(frames, seed, reads_of_a_fifo)))
@@ -94,22 +94,24 @@ def write(folder: Path, frames: int, seed: int, *, only_mcap: bool) -> None:
 
 def _peers(folder: Path, frames: int, seed: int) -> dict[str, object]:
     """Frames as peers want them, the truth, and what the corpus is like."""
-    seen: set[bytes] = set()
+    seen: tuple[set[bytes], set[bytes]] = set(), set()
     made = []
     with (folder / "frames.pcap").open("wb") as pcap, (folder / "frames.marshal").open("wb") as lists:
         pcap.write(struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 1 << 18, _UPPER_PDU))
         for part in slices(frames, seed):
             split = _split(part)
-            seen.update(split)
+            for frame, is_response in zip(split, part.response.tolist(), strict=True):
+                seen[is_response].add(frame)
             pcap.write(b"".join(map(_packet, part.t_ns.tolist(), split)))
             marshal.dump(list(zip(split, part.response.tolist(), strict=True)), lists)
-            made.append((part.sizes, part.t_ns, part.response, part.pair, np.array([frame[1] & 0x7F for frame in split])))
+            made.append((part.sizes, part.t_ns, part.response, part.pair, np.array([f[1] & 0x7F for f in split])))
     size, t_ns, response, pair, function = map(np.concatenate, zip(*made, strict=True))
     np.savez(folder / "truth.npz", size=size, t_ns=t_ns, response=response, pair=pair)
     counts = np.bincount(function)
     return {
         "bytes_per_frame": round(float(size.mean()), 1),
-        "repeated": round(1 - len(seen) / len(size), 3),
+        "requests_repeated": round(1 - len(seen[False]) / int((~response).sum()), 3),
+        "responses_repeated": round(1 - len(seen[True]) / int(response.sum()), 3),
         "functions": {f"{code:02X}": int(counts[code]) for code in np.flatnonzero(counts).tolist()},
     }
 

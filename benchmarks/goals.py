@@ -50,7 +50,7 @@ def goals(results: list[Result], hard: dict[str, float], starts: tuple[Used, Use
     if hard:
         worst = max(hard, key=lambda name: hard[name])
         ratio = hard[worst] / hard["clean bus"]
-        found.append(Goal("adversarial bytes", "at most 4 times a clean byte", f"{ratio:.1f} times: {worst}", ratio <= 4))
+        found.append(Goal("an adversarial byte", "at most 4 clean ones", f"{ratio:.1f} times: {worst}", ratio <= 4))
     bare, parse = (used.wall for used in starts)
     told = f"{parse / bare:.1f} times: {1000 * parse:.0f} ms, Python {1000 * bare:.0f} ms"
     found.append(Goal("`rtuscope parse`, cold", f"under {BARE:.1f} times bare Python", told, parse < BARE * bare))

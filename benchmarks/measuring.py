@@ -12,8 +12,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).resolve().parent
 RTUSCOPE = (sys.executable, "-c", "import sys; from analyzer.cli import main; sys.exit(main())")
@@ -73,6 +74,13 @@ class Result:
         """CPU seconds a million frames, start-up left out."""
         return (self.used.cpu - self.start.cpu) / (self.frames - self.few) * 1e6
 
+    def to_json(self) -> dict[str, Any]:
+        """The figures for a program."""
+        line: dict[str, Any] = {"section": self.job.section, "tool": self.job.tool, "frames": self.frames}
+        if self.failed:
+            return {**line, "failed": self.failed}
+        return {**line, "cpu_s_per_million": self.per_million, **asdict(self.used), "start": asdict(self.start)}
+
 
 def _least(rounds: Iterable[Used]) -> Used:
     seen = list(rounds)
@@ -100,9 +108,10 @@ def python(module: str, *arguments: str | Path) -> Command:
 
 
 def environment() -> dict[str, str]:
-    """Modules of this folder and of the source tree are found."""
+    """Modules of this folder and of the source tree are found, and compiled once as those of installed tools are."""
     folders = (str(HERE), str(HERE.parent), os.environ.get("PYTHONPATH", ""))
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, folders))}
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    return {**kept, "PYTHONPATH": os.pathsep.join(filter(None, folders))}
 
 
 def in_turn(

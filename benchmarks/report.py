@@ -13,11 +13,12 @@ from table import figure, share, table
 if TYPE_CHECKING:
     from compare import Comparison
 
+_ENOUGH = 50_000  # frames
 _MARKS = {True: "reached", False: "missed", None: "-"}
 _METHOD = (
-    "CPU is user and system time of the whole process a million frames, the least of {rounds}; start-up (the same job on "
-    "{few} frames) is left out of it and shown beside it. All jobs ran in turn on the same frames, each in a process of "
-    "its own. Peers get frames already split; only rtuscope reads the bytes of a tap."
+    "CPU is user and system time of the whole process a million frames, the least of {rounds}; start-up (the same job "
+    "on {few} frames) is left out of it and shown beside it. All jobs ran in turn on the same frames, each in a "
+    "process of its own. Peers get frames already split; only rtuscope reads the bytes of a tap."
 )
 
 
@@ -30,8 +31,9 @@ def _parts(found: Comparison) -> Iterator[str]:
     about, corpus = found.machine, found.corpus
     yield f"Measured {about['date']} on {about['processor']}, {about['system']}, Python {about['python']}."
     yield (
-        f"Corpus: {corpus['frames']:,} frames of {corpus['bytes_per_frame']} bytes, seed {corpus['seed']}; values drift: "
-        f"{corpus['repeated']:.0%} of frames repeat an earlier one, nearly all of them requests."
+        f"Corpus: {corpus['frames']:,} frames of {corpus['bytes_per_frame']} bytes, seed {corpus['seed']}. Values "
+        f"drift: {corpus['requests_repeated']:.0%} of requests and {corpus['responses_repeated']:.0%} of responses "
+        "repeat an earlier frame."
     )
     yield _jobs(found)
     if found.results:
@@ -51,7 +53,9 @@ def _parts(found: Comparison) -> Iterator[str]:
             for one in found.grown
         ]
         yield table(("growth", "frames", "CPU s a million", "wall s", "peak MiB"), rows)
-    if found.accuracy:
+    if corpus["frames"] < _ENOUGH:
+        yield f"So few frames show that everything runs, and nothing of speed: goals need {_ENOUGH:,}."
+    elif found.accuracy:
         rows = [[goal.what, goal.wanted, goal.found, _MARKS[goal.reached]] for goal in found.goals]
         yield table(("goal", "wanted", "found", ""), rows, words=4)
     yield f"Versions: {about['versions']}."

@@ -1,6 +1,6 @@
 """The construct library alone: a request and a response of the register reads, declared as its documentation would.
 
-    python -m peers.construct CORPUS [compiled]
+python -m peers.construct CORPUS [compiled]
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ def version() -> str:
 
 
 JOBS = [
-    Job("columns", "construct, 03 and 04 only", lambda corpus, _: python("peers.construct", corpus)),
-    Job("columns", "construct compiled, 03 and 04 only", lambda corpus, _: python("peers.construct", corpus, "compiled")),
+    Job("columns", "construct, 03, 04 only", lambda corpus, _: python("peers.construct", corpus)),
+    Job("columns", "construct compiled, 03, 04 only", lambda corpus, _: python("peers.construct", corpus, "compiled")),
 ]
 ACCURACY: list[Any] = []
 
@@ -42,9 +42,7 @@ def main(corpus: Path, compiled: str = "") -> int:
         "unit" / c.Byte, "function" / c.Byte, "count" / c.Byte, "registers" / c.Array(c.this.count // 2, c.Int16ub),
         "crc" / c.Int16ul,
     )  # fmt: skip
-    if compiled:
-        request, response = request.compile(), response.compile()
-    readers = request.parse, response.parse
+    readers = [declared.compile().parse if compiled else declared.parse for declared in (request, response)]
     for some in frames(corpus):
         for frame, is_response in some:
             if frame[1] in _READS:

@@ -1,6 +1,6 @@
 """The mcap library alone: a message a frame, the frame's bytes as they are.
 
-    python -m peers.mcap CORPUS OUT
+python -m peers.mcap CORPUS OUT
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def main(corpus: Path, out: Path) -> int:
             for frame, _ in some:
                 writer.add_message(channel, number, frame, number, number)
                 number += 1
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     return 0
 
 

@@ -1,7 +1,7 @@
 """pymodbus's RTU framer and decoders, told the direction of each frame; then as a sniffer would have to use them.
 
-    python -m peers.pymodbus CORPUS            decodes all frames
-    python -m peers.pymodbus CORPUS stream     accuracy on the bytes of the first 20,000 frames in reads of 16 ms
+python -m peers.pymodbus CORPUS            decodes all frames
+python -m peers.pymodbus CORPUS stream     accuracy on the bytes of the first 20,000 frames in reads of 16 ms
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ACCURACY = [
     Accuracy(
         "pymodbus",
         lambda corpus, _: python("peers.pymodbus", corpus, "stream"),
-        f"the first {_LOOK:,} frames in reads of 16 ms, each read put to a framer for requests and to one for responses; "
+        f"the first {_LOOK:,} frames in reads of 16 ms, each put to a framer for requests and to one for responses; "
         "a frame counts where the framer of its direction decodes it whole",
     )
 ]
@@ -54,8 +54,8 @@ def main(corpus: Path, stream: str = "") -> int:
 
     told = next(frames(corpus))[:_LOOK]
     reads: dict[int, list[tuple[bytes, bool]]] = {}
-    for frame, t_ns in zip(told, np.load(corpus / "truth.npz")["t_ns"].tolist(), strict=False):
-        reads.setdefault(t_ns // _READ_NS, []).append(frame)
+    for both, t_ns in zip(told, np.load(corpus / "truth.npz")["t_ns"].tolist(), strict=False):
+        reads.setdefault(t_ns // _READ_NS, []).append(both)
     found = 0
     for side, framer in enumerate(framers):
         held = b""

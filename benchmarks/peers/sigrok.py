@@ -1,6 +1,6 @@
 """sigrok-cli's UART and Modbus decoders, which start from the line's level.
 
-    python -m peers.sigrok CORPUS          samples that line from the frames: `line.bin`
+python -m peers.sigrok CORPUS          samples that line from the frames: `line.bin`
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def _command(corpus: Path, _: Path) -> Command:
     )  # fmt: skip
 
 
-JOBS = [Job("columns", "sigrok-cli", _command, 2_000, lambda corpus: python("peers.sigrok", corpus))]
+JOBS = [Job("columns", "sigrok-cli", _command, 1_000, lambda corpus: python("peers.sigrok", corpus))]
 ACCURACY: list[Any] = []
 
 

@@ -1,6 +1,6 @@
 """tshark on frames already split, since its RTU dissector does not look for them; it is not told any direction.
 
-    python -m peers.tshark CORPUS          accuracy on the first 20,000 frames
+python -m peers.tshark CORPUS          accuracy on the first 20,000 frames
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def main(corpus: Path) -> int:
 
     truth = np.load(corpus / "truth.npz")
     fields = _fields("modbus.request_frame", "_ws.col.Info")
-    command = ["tshark", "-r", corpus / "frames.pcap", "-c", str(_LOOK), *fields]
+    command: list[str | Path] = ["tshark", "-r", corpus / "frames.pcap", "-c", str(_LOOK), *fields]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
     right = pairs = 0
     for line, response, pair in zip(said, truth["response"].tolist(), truth["pair"].tolist(), strict=False):

@@ -1,6 +1,6 @@
 """Our reading of a corpus against its truth, as JSON: shares of frames, directions and pairs that are right.
 
-    python -m workers.accuracy CORPUS CAPTURE
+python -m workers.accuracy CORPUS CAPTURE
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What bytes made to be hard cost, against a clean bus: microseconds of CPU a byte, as JSON by name.
 
-    python -m workers.hard BYTES
+python -m workers.hard BYTES
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ import time
 from collections.abc import Iterable
 
 import numpy as np
+from bus import CHAR_NS, LINE, slices
 
 from analyzer import Analysis
-from bus import CHAR_NS, LINE, slices
 from captures import Block, Capture, Chunk
 from dissectors.checks import crc_bytes
 
