@@ -107,8 +107,9 @@ class _Decoding:
     def decoded(self) -> Decoded:
         """The columns."""
         rows, known = self.batch.rows, contents()
-        keys = rows["kind"].astype(np.uint16) << 8 | rows["function"]
-        keys[(rows["exception"] > 0) & (rows["kind"] == Kind.RESPONSE)] |= EXCEPTION
+        kind = rows["kind"].astype(np.uint16)
+        keys = kind << 8 | rows["function"]
+        keys[(rows["exception"] > 0) & (kind == Kind.RESPONSE)] |= EXCEPTION
         for key in np.flatnonzero(np.bincount(keys)).tolist():
             code, role = key & 0xFF, _ROLES[key >> 8]
             found = None if role is None else known.get((code & ~EXCEPTION, role))
@@ -192,15 +193,20 @@ class _Decoding:
         """Where the PDU of each row's request begins and ends in the bytes; -1 and -1 for none."""
         rows = self.batch.rows
         begins, ends = np.full(len(rows), -1, np.int64), np.full(len(rows), -1, np.int64)
-        answers = np.flatnonzero(rows["request"] >= 0)
-        frames = np.flatnonzero(rows["index"] >= 0)
+        asked = rows["request"].copy()
+        answers = np.flatnonzero(asked >= 0)
         if not len(answers):
             return begins, ends
-        asked = rows["request"][answers]
-        at = np.searchsorted(rows["index"][frames], asked)
-        request = frames[np.minimum(at, len(frames) - 1)]
-        here = rows["index"][request] == asked
-        begins[answers[here]], ends[answers[here]] = self.begins[request[here]], self.ends[request[here]]
+        index = rows["index"].copy()
+        frames = np.flatnonzero(index >= 0)  # numbered one after the other
+        asked = asked[answers]
+        at = asked - index[frames[0]]
+        here = (at >= 0) & (at < len(frames))
+        request = frames[np.where(here, at, 0)]
+        if not here.all():
+            begins[answers[here]], ends[answers[here]] = self.begins[request[here]], self.ends[request[here]]
+        else:
+            begins[answers], ends[answers] = self.begins[request], self.ends[request]
         for row, index in zip(answers[~here].tolist(), asked[~here].tolist(), strict=True):
             if (captured := self.batch.earlier.get(index)) is not None:
                 adu = adu_of(captured, int(rows["protocol"][row]))

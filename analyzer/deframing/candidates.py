@@ -23,6 +23,7 @@ from .rules import MAX_ADU, MIN_ADU, OVERHEAD, Bytes, Checks, Counted, Index, Ma
 CRC_BITS: Final = 16.0
 KNOWN_BITS: Final = 3.0  # one of the 20-odd functions in use, of 256
 STRANGE_BITS: Final = -3.0  # an exception of a function that nobody has declared
+_NONE: Final = np.empty(0, np.intp)
 GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))  # what RS-485 drivers leave on the line when they switch
 ZERO_BITS: Final = -8.0  # 1 in 256 check values ends in 00
 BROKEN_LIMIT: Final = -6.0  # a limit of the specification that real frames do break now and then
@@ -45,24 +46,15 @@ def search(data: Bytes, crc: Windows) -> Candidates:
     """All candidates that lie whole in `data`."""
     rules = tables()
     found = [*_fixed(data, crc, rules), *_marked(data, crc, rules)]
-    starts: list[Index] = []
-    ends: list[Index] = []
-    roles: list[NDArray[np.uint8]] = []
-    bits: list[NDArray[np.float32]] = []
+    columns = []
     for role in Role:
-        mine = [place for place in found if place.role is role]
-        if not mine:
-            continue
-        start = np.concatenate([place.start for place in mine])
-        end = np.concatenate([place.end for place in mine])
+        start = np.concatenate([_NONE, *(place.start for place in found if place.role is role)])
+        end = np.concatenate([_NONE, *(place.end for place in found if place.role is role)])
         start, end, structure = _weigh(data, start, end, rules.checks[role], rules.known)
-        starts.append(start)
-        ends.append(end)
-        roles.append(np.full(len(start), role, np.uint8))
-        bits.append(structure)
-    start, end, role_of = np.concatenate(starts), np.concatenate(ends), np.concatenate(roles)
+        columns.append((start, end, np.full(len(start), role, np.uint8), structure))
+    start, end, role_of, structure = (np.concatenate(column) for column in zip(*columns, strict=True))
     order = np.argsort((start << 16) + ((end - start) << 1) + role_of, kind="stable")
-    structure = np.concatenate(bits)[order]
+    structure = structure[order]
     start, end = start[order], end[order]
     structure[1:] += _zeros(data, start, end)
     return Candidates(start, end, role_of[order], structure)

@@ -90,7 +90,7 @@ def runs_of(found: Candidates, data: Bytes, known: int) -> Runs:
     heads = np.flatnonzero(~joined[:m])
     lasts = np.append(heads[1:] - 1, m - 1)[: len(heads)]
     last = np.repeat(lasts, lasts - heads + 1) if m else np.empty(0, np.intp)
-    plain = _Plain(data, start, end, role, either, joined)
+    plain = _Plain(data, start, end, role, either, joined, known)
     return Runs(
         start, end, plain.role, either, found.structure[first], clean, last, plain.second, plain.asked, plain.doubt
     )
@@ -104,7 +104,7 @@ class _Plain:
     """
 
     def __init__(
-        self, data: Bytes, start: Index, end: Index, role: NDArray[np.uint8], either: Mask, joined: Mask
+        self, data: Bytes, start: Index, end: Index, role: NDArray[np.uint8], either: Mask, joined: Mask, known: int
     ) -> None:
         m = len(start)
         self.role = role
@@ -117,10 +117,11 @@ class _Plain:
         # Whatever follows the intervals of interest, joined or not; two at the most begin at one place.
         near = np.zeros(m + 1, np.bool_)
         near[some] = near[some + 1] = near[some - 1] = True  # (-1 is the spare place at the end)
-        known = np.flatnonzero(near[:m])
-        after = np.searchsorted(start, end[known])
+        near[:m] &= end <= known  # else more may follow than is known
+        before = np.flatnonzero(near[:m])
+        after = np.searchsorted(start, end[before])
         after = np.concatenate((after, after + 1))
-        before = np.concatenate((known, known))
+        before = np.concatenate((before, before))
         meets = after < m
         meets[meets] = start[after[meets]] == end[before[meets]]
         before, after = before[meets], after[meets]
