@@ -5,7 +5,7 @@
 `bus.mcap` and `bus.jsonl` hold a read a frame, `fifo.mcap` the same bytes in reads of 16 as a UART's FIFO gives them;
 `frames.pcap` holds frames already split, with no word of their direction (a tap has none either); `frames.marshal`
 lists of (bytes of a frame, whether it is a response); `truth.npz` what is right; `about.json` what the corpus is like.
-A folder that is complete is left as it is.
+A folder that this version has completed is left as it is.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import json
 import marshal
 import struct
 import sys
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,12 +80,14 @@ def _packet(t_ns: int, frame: bytes) -> bytes:
 def write(folder: Path, frames: int, seed: int, *, only_mcap: bool) -> None:
     """All files of the corpus."""
     done = folder / "about.json"
-    if done.exists():
+    here = Path(__file__)
+    made_by = zlib.crc32(here.read_bytes() + here.with_name("bus.py").read_bytes())
+    if done.exists() and json.loads(done.read_text()).get("made_by") == made_by:
         return
     folder.mkdir(parents=True, exist_ok=True)
     whole = Capture(_Bus(frames, seed, a_read_a_frame))
     captures.write(folder / "bus.mcap", whole)
-    about: dict[str, object] = {"frames": frames, "seed": seed}
+    about: dict[str, object] = {"frames": frames, "seed": seed, "made_by": made_by}
     if not only_mcap:
         captures.write(folder / "bus.jsonl", whole)
         captures.write(folder / "fifo.mcap", Capture(_Bus(frames, seed, reads_of_a_fifo)))
