@@ -30,13 +30,20 @@ def _export(suffix: str) -> Callable[[Path, Path], Command]:
     return lambda corpus, out: (*RTUSCOPE, "export", corpus / "bus.mcap", "-o", out / f"frames.{suffix}")
 
 
+def _there(module: str) -> bool:
+    try:
+        return find_spec(module) is not None
+    except ModuleNotFoundError:  # of a package that it would be in
+        return False
+
+
 def why_not(section: str) -> str | None:
     """What a section of ours lacks here, if anything."""
-    if section == "findings" and find_spec("analyzer.findings") is None:
+    if section == "findings" and not _there("analyzer.findings.diagnosis"):
         return "this version has no findings"
-    if section in EXPORTS and find_spec(f"analyzer.exports.targets.{section}") is None:
+    if section in EXPORTS and not _there(f"analyzer.exports.targets.{section}"):
         return f"this version has no export to {section}"
-    if section == "parquet" and find_spec("pyarrow") is None:
+    if section == "parquet" and not _there("pyarrow"):
         return "the package pyarrow is not installed"
     return None
 

@@ -39,6 +39,8 @@ def _parts(found: Comparison) -> Iterator[str]:
     if found.results:
         rounds = f"{found.rounds} rounds" if found.rounds > 1 else "1 round"
         yield _METHOD.format(rounds=rounds, few=found.results[0].few)
+    if failed := [f"{r.job.section}, {r.job.tool}: {r.failed}" for r in found.results if r.failed]:
+        yield "Failed: " + "; ".join(failed) + "."
     if found.absent:
         yield "Not here: " + "; ".join(f"{name} ({why})" for name, why in found.absent.items()) + "."
     if found.accuracy:
@@ -80,7 +82,7 @@ def _jobs(found: Comparison) -> str:
 def _row(result: Result, own: Result | None) -> list[str]:
     name = result.job.tool
     if result.failed:
-        return [name, f"failed: {result.failed[:60]}", *["-"] * 5]
+        return [name, "failed", *["-"] * 5]
     used, start = result.used, result.start
     ratio = result.per_million / own.per_million if own is not None and own.per_million > 0 else None
     return [
