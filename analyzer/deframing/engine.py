@@ -14,16 +14,15 @@ from numpy.typing import NDArray
 
 from dissectors.lengths import Role
 
-from ..frames import Kind
 from .candidates import CRC_BITS, GLITCHES, Candidates, search
-from .contest import WINDOWS, Decision, Event, decide, forced, margins, settled
+from .contest import WINDOWS, Decision, Event, decide, explained, forced, margins, settled
 from .damaged import damaged_answers, damaged_requests
-from .endings import plain_one
 from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice
 from .options import Options
 from .pieces import NOISE, NOTHING, Decided, Pieces, evidence
 from .places import SILENT, places
 from .prefix import windows
+from .readings import plain_one, plain_request
 from .repeats import Repeats, copied, relative, shifted
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index, Mask
 from .runs import Runs, Stretch, plain_evidence, reach, runs_of
@@ -32,7 +31,6 @@ from .talk import REACH, Run, Talk
 from .tape import Character, Tape, Times
 from .unknown import unknown_windows
 
-_KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
 _AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
 _SLICE: Final = 1 << 20  # bytes searched at once
@@ -118,7 +116,8 @@ class Engine:
         while at < stop:
             i = int(np.searchsorted(runs.start, at))
             if i < len(runs.start) and runs.start[i] == at:
-                moved = self._run(stretch, runs, i) if runs.clean[i] else self._ending(stretch, runs, i)
+                moved = self._run(stretch, runs, i) if runs.clean[i] else at
+                moved = moved if moved > at else self._plain(stretch, runs, i)
                 if moved > at:
                     at = moved
                     continue
@@ -178,22 +177,29 @@ class Engine:
         self._take(stretch, start, end, runs.fits[i:last], decided)
         return int(end[-1])
 
-    def _ending(self, stretch: Stretch, runs: Runs, i: int) -> int:
-        """Take one of two intervals that begin alike, where it is plain which; the position behind it."""
+    def _plain(self, stretch: Stretch, runs: Runs, i: int) -> int:
+        """Take one frame at a place of two readings, where it is plain which; the position behind it."""
         at = int(runs.start[i])
         offset = self.tape.base + stretch.begin
-        if self.options.explain or (self._waiting and self._asked[1] != offset + at):
-            return at
-        asked = self._asked[0] - offset if self._waiting else None
-        if asked is not None and asked < 0:
+        if self.options.explain or (self._waiting and not offset <= self._asked[0] < self._asked[1] == offset + at):
             return at
         classes = self.tape.classes[stretch.begin : stretch.begin + len(stretch.data)]
-        found = plain_one(runs, i, stretch.data, classes, self.trust, asked)
-        if found is None:
-            return at
-        one = slice(found[0], found[0] + 1)
-        start, end, role = runs.start[one], runs.end[one], runs.role[one]
-        margin = np.array([found[1]], np.float32)
+        one, role = i, runs.role[i : i + 1]
+        if not runs.clean[i]:
+            asked = self._asked[0] - offset if self._waiting else None
+            found = plain_one(runs, i, stretch.data, classes, self.trust, asked)
+            if found is None:
+                return at
+            one, bits = found
+            role = runs.role[one : one + 1]
+        else:
+            alone = runs.either[i] and not self._waiting and not self._talk.said.pending
+            least = plain_request(runs, i, stretch.data, classes, self.trust) if alone else None
+            if least is None:
+                return at
+            bits, role = least, np.array([Role.REQUEST], np.uint8)
+        start, end = runs.start[one : one + 1], runs.end[one : one + 1]
+        margin = np.array([bits], np.float32)
         taped = start + stretch.begin, end + stretch.begin
         self._take(stretch, start, end, margin < 0, Decided(*taped, role, margin > 0, margin))
         return int(end[0])
@@ -325,16 +331,7 @@ class Engine:
         role = np.array([s.candidate.role if s.candidate else NOISE for s in steps], np.uint8)
         found = margins(decision)
         margin = np.array([min(bits, _SURE) for bits, _ in found], np.float32)
-        why = evidence(len(steps)) if self.options.explain else None
-        for row, step, (_, other) in zip(() if why is None else why, steps, found, strict=False):
-            row["silence"], row["conversation"] = step.silence, step.conversation
-            if step.candidate is not None:
-                row["length"] = step.candidate.structure
-                row["crc"] = 0.0 if step.candidate.damaged else CRC_BITS
-            if other is not None:
-                kind = _KINDS[other.candidate.role if other.candidate else NOISE]
-                row["rival_start"], row["rival_length"] = base + other.start, other.end - other.start
-                row["rival_kind"] = kind
+        why = explained(steps, found, base) if self.options.explain else None
         for step in steps:
             if step.candidate is not None:
                 first = int(self.tape.data[origin + step.start])
