@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .frames import Batch, Kind, Rows
 
 _PATIENCE: Final = 16  # frames after a request, beyond which no answer is waited for
+_REACH: Final = 1 << 16  # and bytes, noise included
 
 
 class Status(IntEnum):
@@ -32,6 +33,9 @@ TRANSACTION = np.dtype(
     [
         ("request", np.int64),  # index of the request's frame
         ("response", np.int64),  # index of the answer's, -1 for none
+        ("start", np.int64),  # offset of the request's first byte in its port's stream
+        ("length", np.int64),  # bytes of the request
+        ("t_start", np.int64),  # ns, start of the request
         ("t_request", np.int64),  # ns, end of the request
         ("t_response", np.int64),  # ns, start of the answer; -1 for none
         ("response_ns", np.int64),  # -1 for none, or where the tap can't tell
@@ -53,6 +57,8 @@ class Transactions:
         self._open: Rows = np.zeros(0, TRANSACTION)
         self._last_request: bytes | None = None
         self._frames = 0
+        self._octets = 0  # on the bus so far, all ports together
+        self._places = np.zeros(0, np.int64)  # of the open requests: octets on the bus up to their ends
 
     def feed(self, batch: Batch) -> NDArray[np.void]:
         """Transactions that are settled after this batch, in the order of their requests."""
@@ -63,13 +69,22 @@ class Transactions:
             self._frames = max(self._frames, int(rows["index"].max()) + 1)
         known = len(self._open)
         self._open = np.concatenate((self._open, _opened(rows[requests])))
+        ends = self._octets + np.cumsum(rows["length"])
+        self._places = np.concatenate((self._places, ends[requests]))
+        self._octets = int(ends[-1]) if len(ends) else self._octets
         self._answer(rows[responses])
         self._mark_retries(batch, requests, known)
         status = self._open["status"]
         waiting = (status == Status.UNANSWERED) | (status == Status.BROADCAST)
         waiting &= self._open["request"] >= self._frames - _PATIENCE
+        waiting &= self._places >= self._octets - _REACH
         count = int(np.argmax(waiting)) if waiting.any() else len(waiting)
         return self._settle(count)
+
+    @property
+    def open_from(self) -> int | None:
+        """Index of the first request that is not settled."""
+        return int(self._open["request"][0]) if len(self._open) else None
 
     def close(self) -> NDArray[np.void]:
         """The rest: no answer comes any more."""
@@ -77,6 +92,7 @@ class Transactions:
 
     def _settle(self, count: int) -> NDArray[np.void]:
         settled, self._open = self._open[:count], self._open[count:].copy()
+        self._places = self._places[count:].copy()
         return settled
 
     def _answer(self, responses: Rows) -> None:
@@ -115,7 +131,7 @@ class Transactions:
 def _opened(requests: Rows) -> Rows:
     """Transactions of requests that nobody has answered yet."""
     opened = np.zeros(len(requests), TRANSACTION)
-    for name in ("unit", "function", "port"):
+    for name in ("unit", "function", "port", "start", "length", "t_start"):
         opened[name] = requests[name]
     opened["request"], opened["t_request"] = requests["index"], requests["t_end"]
     opened["response"] = opened["t_response"] = opened["response_ns"] = -1

@@ -52,9 +52,9 @@ class Engine:
         self._out: list[Pieces] = []
         self._decided: list[Bytes] = []
 
-    def feed(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8]) -> None:
-        """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each."""
-        self.tape.append(data, sizes, times, marks)
+    def feed(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8], errors: Index) -> None:
+        """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each, bytes that came marked."""
+        self.tape.append(data, sizes, times, marks, errors)
         self._work(self.tape.ready, quiet=False, final=False)
 
     def tick(self, now_ns: int) -> None:
@@ -289,7 +289,8 @@ class Engine:
         tape = self.tape
         self._learn(start, end, role, int(start[0]), int(end[-1]))
         offsets = start.astype(np.int64) + tape.base, end.astype(np.int64) + tape.base
-        self._out.append(Pieces(*offsets, role, check, *tape.spans(start, end), *tape.reads(start, end), why))
+        times = (*tape.spans(start, end), *tape.reads(start, end))
+        self._out.append(Pieces(*offsets, role, check, *times, why, tape.gaps(start, end)))
 
     def _learn(self, start: Index, end: Index, role: NDArray[np.uint8], low: int, high: int) -> None:
         """Let decided pieces teach what silences and glitches mean here."""

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..frames import EVIDENCE, Rows
+from ..frames import EVIDENCE, GAPS, Rows
 from .tape import Times
 
 NOISE: Final = 2  # the role of a piece that is no frame
@@ -25,6 +25,7 @@ class Pieces(NamedTuple):
     head: Times  # number of the read that brought the first byte
     tail: Times  # and of the one that brought the last
     why: Rows  # EVIDENCE
+    gaps: Rows  # GAPS
 
 
 def evidence(n: int) -> Rows:
@@ -34,5 +35,5 @@ def evidence(n: int) -> Rows:
     return why
 
 
-_TYPES: Final = (np.int64, np.int64, np.uint8, np.bool_, np.int64, np.int64, np.int64, np.int64, EVIDENCE)
+_TYPES: Final = (np.int64, np.int64, np.uint8, np.bool_, np.int64, np.int64, np.int64, np.int64, EVIDENCE, GAPS)
 NOTHING: Final = Pieces(*(np.empty(0, t) for t in _TYPES))
