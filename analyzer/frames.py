@@ -281,14 +281,14 @@ class Frame:
 
     @property
     def adu(self) -> Adu:
-        return _adu(self.captured, self.row.protocol)
+        return adu_of(self.captured, self.row.protocol)
 
     @property
     def context(self) -> Context:
         """What the conversation adds to the reading of these bytes."""
         if self.request_bytes is None:
             return Context()
-        return Context(request=_adu(self.request_bytes, self.row.protocol).pdu)
+        return Context(request=adu_of(self.request_bytes, self.row.protocol).pdu)
 
     def fields(self) -> tuple[Field, ...]:
         """Every field, annotated; offsets are in the ADU."""
@@ -326,7 +326,8 @@ class Frame:
         return line
 
 
-def _adu(captured: bytes, protocol: int) -> Adu:
+def adu_of(captured: bytes, protocol: int) -> Adu:
+    """The ADU that these captured bytes are; of ASCII mode, what their digits stand for."""
     if protocol != Protocol.ASCII:
         return rtu(captured)
     found = ascii_frames(captured)

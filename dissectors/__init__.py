@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .envelopes import Adu, ascii_adu, ascii_frames, rtu, tcp, tcp_frames
     from .fields import Field
     from .lengths import Role, pdu_length, plausibility, relations, rule
-    from .parts import Address, ByteCount, Code, Flags, Mask, Number, Quantity, Register, State
+    from .parts import Address, ByteCount, Code, Flags, Mask, Number, Output, Quantity, Register, State
     from .registry import function_name, load_entry_points, load_file, register
     from .text import harmless
     from .values import floating, integer, logical, physical, readings, signed
@@ -45,6 +45,7 @@ __all__ = [
     "Mask",
     "Number",
     "Octets",
+    "Output",
     "Quantity",
     "Record",
     "Register",
@@ -89,7 +90,7 @@ _HOME: Final = {
     "envelopes": ("Adu", "ascii_adu", "ascii_frames", "rtu", "tcp", "tcp_frames"),
     "fields": ("Field",),
     "lengths": ("Role", "pdu_length", "plausibility", "relations", "rule"),
-    "parts": ("Address", "ByteCount", "Code", "Flags", "Mask", "Number", "Quantity", "Register", "State"),
+    "parts": ("Address", "ByteCount", "Code", "Flags", "Mask", "Number", "Output", "Quantity", "Register", "State"),
     "registry": ("function_name", "load_entry_points", "load_file", "register"),
     "text": ("harmless",),
     "values": ("floating", "integer", "logical", "physical", "readings", "signed"),

@@ -196,6 +196,13 @@ class State(Code):
         return self.words.get(value) or f"0x{value:0{2 * self.width}X}"
 
 
+class Output(State):
+    """What a coil is set to."""
+
+    def __init__(self) -> None:
+        super().__init__(2, {0xFF00: "on", 0x0000: "off"})
+
+
 class Flags(Number):
     """A byte of single bits, each with a name."""
 

@@ -38,6 +38,8 @@ class Shape:
     count: Count | None = None
     checks: list[Check | Sized] = field(default_factory=list)
     layout: dict[str, tuple[int, int]] = field(default_factory=dict)
+    numbers: dict[str, Number] = field(default_factory=dict)  # the parts behind `layout`
+    blocks: list[tuple[int, Counted]] = field(default_factory=list)  # counted blocks whose place is fixed
     asks: list[tuple[int, str, bool]] = field(default_factory=list)  # byte count for a quantity not in this PDU
     open_ended: bool = False  # more bytes are legal
     bare: bool = False  # nothing says how many bytes are usual
@@ -63,6 +65,8 @@ def _walk(con: AnyConstruct, name: str | None, found: Shape, at: int | None) -> 
             at = _walk(part, None, found, at)
         return at
     if isinstance(con, Counted):
+        if at is not None:
+            found.blocks.append((at, con))
         found.size -= con.less
         place = found.layout.get(con.count)
         if con.less and place is not None:  # fewer than what it counts besides cannot be
@@ -111,6 +115,7 @@ def _number(con: Number, name: str | None, found: Shape, at: int | None) -> None
             found.checks.append(Sized(at, quantity[0], con.bits))
     if name is not None:
         found.layout[name] = (at, con.width)
+        found.numbers[name] = con
 
 
 def _items(con: Items, found: Shape, at: int | None) -> None:

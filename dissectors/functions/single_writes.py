@@ -7,9 +7,9 @@ from typing import Final
 from construct import Struct
 
 from dissectors.declaration import Function
-from dissectors.parts import Address, Register, State
+from dissectors.parts import Address, Output, Register
 
-_COIL: Final = Struct("output_address" / Address("0x"), "output_value" / State(2, {0xFF00: "on", 0x0000: "off"}))
+_COIL: Final = Struct("output_address" / Address("0x"), "output_value" / Output())
 _REGISTER: Final = Struct("register_address" / Address("4x"), "register_value" / Register())
 
 WRITE_SINGLE_COIL: Final = Function(

@@ -1,0 +1,232 @@
+"""What the frames of a batch say, as columns: addresses, quantities and values, decoded without an object a frame.
+
+Where things stand in a frame comes from the declarations (`dissectors.contents`), so that a vendor's function is
+decoded like a public one; annotation of a single frame gives the same answer. A number that a cut frame does not reach
+is -1, and of a cut block the whole values that are there are given, as annotation does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dissectors.contents import Contents, Held, Place, contents, values_listed
+from dissectors.declaration import EXCEPTION
+from dissectors.lengths import Role
+
+from .frames import Batch, Kind, Protocol, adu_of
+
+_Ints = NDArray[np.int64]
+_CHECK: Final = 2  # bytes of the CRC
+_WORD: Final = 2  # bytes of a register
+_NONE: Final = np.zeros(1, np.int64)
+_ROLES: Final = {int(Kind.NOISE): None, int(Kind.REQUEST): Role.REQUEST, int(Kind.RESPONSE): Role.RESPONSE}
+
+
+class AreaCode(IntEnum):
+    """The data model's tables, as numbers."""
+
+    NONE = 0
+    COILS = 1
+    DISCRETE_INPUTS = 2
+    INPUT_REGISTERS = 3
+    HOLDING_REGISTERS = 4
+
+
+_AREA_CODES: Final = {
+    None: AreaCode.NONE,
+    "0x": AreaCode.COILS,
+    "1x": AreaCode.DISCRETE_INPUTS,
+    "3x": AreaCode.INPUT_REGISTERS,
+    "4x": AreaCode.HOLDING_REGISTERS,
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decoded:
+    """What each row of a batch speaks of; n rows, noise among them (-1 and no values).
+
+    `address` (n) the physical starting address, of a response what it answers; `quantity` (n) how many; -1 for none.
+    `area` (n) an `AreaCode`. Values are ragged: those of row i are `values[offsets[i] : offsets[i + 1]]`, registers as
+    unsigned numbers, coils and inputs as 0 or 1; `value_address` (n) is the address of the first, -1 where unknown.
+    An exception has the address and quantity of its request.
+    """
+
+    address: NDArray[np.int32]
+    quantity: NDArray[np.int32]
+    area: NDArray[np.uint8]
+    value_address: NDArray[np.int32]
+    offsets: NDArray[np.int64]
+    values: NDArray[np.uint16]
+
+    def values_of(self, row: int) -> NDArray[np.uint16]:
+        """The values of one row."""
+        return self.values[int(self.offsets[row]) : int(self.offsets[row + 1])]
+
+
+def decode(batch: Batch) -> Decoded:
+    """The columns of a batch."""
+    return _Decoding(batch).decoded()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Block:
+    """The values of some rows: where the first of each row's begins in the bytes, and how many there are."""
+
+    rows: _Ints
+    begins: _Ints
+    counts: _Ints
+    read: Callable[[NDArray[np.uint8], _Ints, _Ints], _Ints]  # (bytes, begins, number of the value) to values
+
+
+class _Decoding:
+    """One batch on its way to columns."""
+
+    def __init__(self, batch: Batch) -> None:
+        rows = batch.rows
+        n = len(rows)
+        self.batch = batch
+        self.data = batch.data
+        self.begins = rows["at"] + 1  # the PDU of each row: behind the unit
+        self.ends = rows["at"] + rows["length"] - _CHECK
+        if rows["protocol"].any():
+            self._plain()
+        self.asked_begins, self.asked_ends = self._requests()
+        self.address = np.full(n, -1, np.int32)
+        self.quantity = np.full(n, -1, np.int32)
+        self.area = np.zeros(n, np.uint8)
+        self.value_address = np.full(n, -1, np.int32)
+        self.counts = np.zeros(n, np.int64)
+        self.blocks: list[_Block] = []
+
+    def decoded(self) -> Decoded:
+        """The columns."""
+        rows, known = self.batch.rows, contents()
+        keys = rows["kind"].astype(np.uint16) << 8 | rows["function"]
+        keys[(rows["exception"] > 0) & (rows["kind"] == Kind.RESPONSE)] |= EXCEPTION
+        for key in np.flatnonzero(np.bincount(keys)).tolist():
+            code, role = key & 0xFF, _ROLES[key >> 8]
+            found = None if role is None else known.get((code & ~EXCEPTION, role))
+            if role is None or found is None:
+                continue
+            here = np.flatnonzero(keys == key)
+            self.area[here] = _AREA_CODES[found.area]
+            if code & EXCEPTION:
+                self._exceptions(known[code & ~EXCEPTION, Role.REQUEST], here)
+            else:
+                self._frames(found, here)
+        offsets = np.concatenate(([0], np.cumsum(self.counts)))
+        return Decoded(self.address, self.quantity, self.area, self.value_address, offsets, self._joined(offsets))
+
+    def _exceptions(self, request: Contents, here: _Ints) -> None:
+        """What their requests spoke of."""
+        for place, column in ((request.address, self.address), (request.quantity, self.quantity)):
+            if place is not None:
+                column[here] = self._number(Place(place.offset, asked=True), here)
+
+    def _frames(self, found: Contents, here: _Ints) -> None:
+        if found.address is not None:
+            self.address[here] = self._number(found.address, here)
+        if found.held is not None:
+            self._values(found.held, here)
+        elif found.listed:
+            self._annotated(found.listed, here)
+        if found.quantity is not None:
+            self.quantity[here] = self._number(found.quantity, here)
+        elif found.held is not None or found.listed:
+            self.quantity[here] = self.counts[here]
+
+    def _values(self, held: Held, here: _Ints) -> None:
+        begins = self.begins[here] + held.offset
+        room = np.maximum(self.ends[here] - begins, 0)
+        if held.count is None:
+            counts, read = (room >= _WORD).astype(np.int64), _outputs if held.bits else _registers
+        else:
+            taken = self._number(Place(held.count.offset), here, held.count.width) * held.count.scale - held.less
+            octets = np.minimum(np.maximum(taken, 0), room)
+            counts, read = (octets * 8, _bits) if held.bits else (octets // _WORD, _registers)
+        if held.quantity is not None:
+            wanted = self._number(held.quantity, here)
+            counts = np.where(wanted >= 0, np.minimum(counts, wanted), counts)
+        self.counts[here] = counts
+        self.blocks.append(_Block(here, begins, counts, read))
+        if held.start is not None:
+            self.value_address[here] = self._number(held.start, here)
+
+    def _annotated(self, names: frozenset[str], here: _Ints) -> None:
+        """Values that have no fixed place, frame by frame: functions that do this are rare on a bus."""
+        found = [list(values_listed(self.batch.frame(row).fields(), names)) for row in here.tolist()]
+        counts = np.array([len(values) for values in found], np.int64)
+        flat = np.array([value for values in found for value in values], np.int64)
+        self.counts[here] = counts
+        self.blocks.append(_Block(here, np.cumsum(counts) - counts, counts, lambda _, begins, i: flat[begins + i]))
+
+    def _number(self, place: Place, here: _Ints, width: int = _WORD) -> _Ints:
+        """A number of each row, -1 where the bytes do not reach so far or no request is known."""
+        begins, ends = (self.asked_begins, self.asked_ends) if place.asked else (self.begins, self.ends)
+        at = begins[here] + place.offset
+        there = at + width <= ends[here]
+        at = np.where(there, at, 0)
+        if width == 1:
+            return np.where(there, self.data[at].astype(np.int64), -1)
+        return np.where(there, _registers(self.data, at, _NONE), -1)
+
+    def _joined(self, offsets: _Ints) -> NDArray[np.uint16]:
+        values = np.empty(int(offsets[-1]), np.uint16)
+        for block in self.blocks:
+            total = int(block.counts.sum())
+            within = np.arange(total) - np.repeat(np.cumsum(block.counts) - block.counts, block.counts)
+            begins = np.repeat(block.begins, block.counts)
+            values[np.repeat(offsets[block.rows], block.counts) + within] = block.read(self.data, begins, within)
+        return values
+
+    def _requests(self) -> tuple[_Ints, _Ints]:
+        """Where the PDU of each row's request begins and ends in the bytes; -1 and -1 for none."""
+        rows = self.batch.rows
+        begins, ends = np.full(len(rows), -1, np.int64), np.full(len(rows), -1, np.int64)
+        answers = np.flatnonzero(rows["request"] >= 0)
+        frames = np.flatnonzero(rows["index"] >= 0)
+        if not len(answers):
+            return begins, ends
+        asked = rows["request"][answers]
+        at = np.searchsorted(rows["index"][frames], asked)
+        request = frames[np.minimum(at, len(frames) - 1)]
+        here = rows["index"][request] == asked
+        begins[answers[here]], ends[answers[here]] = self.begins[request[here]], self.ends[request[here]]
+        for row, index in zip(answers[~here].tolist(), asked[~here].tolist(), strict=True):
+            if (captured := self.batch.earlier.get(index)) is not None:
+                adu = adu_of(captured, int(rows["protocol"][row]))
+                begins[row], ends[row] = self._more(adu.pdu)
+        return begins, ends
+
+    def _plain(self) -> None:
+        """ASCII frames as the bytes that their digits stand for."""
+        for row in np.flatnonzero(self.batch.rows["protocol"] == Protocol.ASCII).tolist():
+            if self.batch.rows["kind"][row] != Kind.NOISE:
+                adu = adu_of(self.batch.bytes_of(row), Protocol.ASCII)
+                self.begins[row], self.ends[row] = self._more(adu.pdu)
+
+    def _more(self, pdu: bytes) -> tuple[int, int]:
+        """A PDU put behind the batch's bytes: where it begins and ends."""
+        begin = len(self.data)
+        self.data = np.concatenate((self.data, np.frombuffer(pdu, np.uint8)))
+        return begin, begin + len(pdu)
+
+
+def _registers(data: NDArray[np.uint8], begins: _Ints, i: _Ints) -> _Ints:
+    at = begins + _WORD * i
+    found: _Ints = data[at].astype(np.int64) << 8 | data[at + 1]
+    return found
+
+
+def _bits(data: NDArray[np.uint8], begins: _Ints, i: _Ints) -> _Ints:
+    return (data[begins + (i >> 3)] >> (i & 7).astype(np.uint8) & 1).astype(np.int64)
+
+
+def _outputs(data: NDArray[np.uint8], begins: _Ints, i: _Ints) -> _Ints:
+    return (_registers(data, begins, i) > 0).astype(np.int64)
