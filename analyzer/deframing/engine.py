@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dissectors.lengths import Role
 
 from ..frames import Kind, Rows
+from .broken import broken_windows
 from .candidates import CRC_BITS, GLITCHES, Candidates, search
 from .contest import WINDOWS, Decision, Event, decide, forced, margins, settled
 from .damaged import damaged_answers, damaged_requests
@@ -227,6 +228,7 @@ class Engine:
         closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self.options.idle_ns)) > 0
         spots = places(data, silences, candidates, closed=closed)
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
+        more += broken_windows(data, stretch.crc, at, spots, candidates + more)
         more += damaged_requests(data, spots, candidates)
         more += damaged_answers(data, tape.base + origin, spots, candidates, self._talk.said.pending)
         if not more and (decision.steps or len(data) < WINDOWS[-1]):
