@@ -13,7 +13,7 @@ import numpy as np
 from captures.line import LineSettings
 
 from ..deframing.options import Options
-from ..frames import ROW, Batch, Rows
+from ..frames import Batch, Rows
 from ..transactions import TRANSACTION
 from .model import FINDING, Findings
 from .registry import fresh_looks
@@ -27,6 +27,7 @@ class Diagnosis:
         self._line = line
         self._options = options
         self._looks = fresh_looks()
+        self._timed = False
 
     @property
     def open_from(self) -> int | None:
@@ -36,15 +37,14 @@ class Diagnosis:
 
     def feed(self, batch: Batch, transactions: Rows) -> Findings:
         """What this batch, and the transactions that it settles, bring to light."""
-        view = View(batch, transactions, self._line, self._options)
+        self._timed = self._timed or bool(batch.rows["t_end"].any())
+        view = View(batch, transactions, self._line, self._options, self._timed)
         return _ordered(found for look in self._looks for found in look(view))
 
     def close(self, transactions: Rows | None = None) -> Findings:
         """What the end brings to light: the last transactions, and what concerns the bus as a whole."""
-        nothing = Batch(np.zeros(0, ROW), np.zeros(0, np.uint8))
-        view = View(
-            nothing, np.zeros(0, TRANSACTION) if transactions is None else transactions, self._line, self._options
-        )
+        settled = np.zeros(0, TRANSACTION) if transactions is None else transactions
+        view = View(Batch.empty(), settled, self._line, self._options, self._timed)
         last = [found for look in self._looks for found in look(view)]
         last += [found for look in self._looks if hasattr(look, "close") for found in look.close(view)]
         return _ordered(last)

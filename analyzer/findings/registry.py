@@ -63,10 +63,13 @@ class Rule:
 
     def on(self, rows: Rows, *numbers: Any) -> Findings:
         """A finding on each of these rows (ROW); `numbers` are arrays of their length, or one figure for all."""
-        found = np.zeros(len(rows), FINDING)
-        for name in ("index", "start", "length", "port"):
-            found[name] = rows[name]
-        found["t"] = rows["t_start"]
+        return self.at(rows["index"], rows["start"], rows["length"], rows["port"], rows["t_start"], *numbers)
+
+    def at(self, index: Any, start: Any, length: Any, port: Any, t_ns: Any, *numbers: Any) -> Findings:
+        """The same by the columns of FINDING."""
+        found = np.zeros(len(start), FINDING)
+        for name, column in (("index", index), ("start", start), ("length", length), ("port", port), ("t", t_ns)):
+            found[name] = column
         return self._filled(found, numbers)
 
     def of_bus(self, t_ns: int, *numbers: float) -> Findings:

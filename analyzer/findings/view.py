@@ -48,6 +48,7 @@ class View:
     transactions: Rows  # TRANSACTION, settled by this batch
     line: LineSettings
     options: Options
+    timed: bool  # whether the capture has times
 
     @property
     def rows(self) -> Rows:

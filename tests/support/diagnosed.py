@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from buses import CHAR_NS, LINE
 
 from analyzer.deframing.options import Options
-from analyzer.findings.model import Finding
+from analyzer.findings.model import Finding, describe
 from analyzer.pipeline import analyse
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
@@ -67,10 +67,8 @@ class Wire:
 def diagnosed(wire: Wire, line: LineSettings = LINE, options: Options | None = None) -> list[Finding]:
     """All findings on a wire."""
     capture = Capture.of(line, wire.chunks)
-    found = [batch for batch in analyse(capture, options or Options())]
-    from analyzer.findings.model import describe
-
-    return [describe(row) for analysed in found for row in analysed.findings]
+    analysed = analyse(capture, options or Options())
+    return [describe(row) for batch in analysed for row in batch.findings]
 
 
 def said(findings: Sequence[Finding]) -> list[tuple[str, int]]:
