@@ -15,6 +15,7 @@ from captures.line import LineSettings
 from ..deframing.options import Options
 from ..frames import Batch, Rows
 from ..transactions import TRANSACTION
+from .clock import Clock
 from .model import FINDING, Findings
 from .registry import fresh_looks
 from .view import View
@@ -27,6 +28,7 @@ class Diagnosis:
         self._line = line
         self._options = options
         self._looks = fresh_looks()
+        self._clock = Clock(line)
         self._timed = False
 
     @property
@@ -38,13 +40,15 @@ class Diagnosis:
     def feed(self, batch: Batch, transactions: Rows) -> Findings:
         """What this batch, and the transactions that it settles, bring to light."""
         self._timed = self._timed or bool(batch.rows["t_end"].any())
-        view = View(batch, transactions, self._line, self._options, self._timed)
+        view = View(batch, transactions, self._line, self._options, self._timed, self._clock)
+        self._clock.feed(batch.rows[view.frames])
         return _ordered(found for look in self._looks for found in look(view))
 
     def close(self, transactions: Rows | None = None) -> Findings:
         """What the end brings to light: the last transactions, and what concerns the bus as a whole."""
         settled = np.zeros(0, TRANSACTION) if transactions is None else transactions
-        view = View(Batch.empty(), settled, self._line, self._options, self._timed)
+        self._clock.close()
+        view = View(Batch.empty(), settled, self._line, self._options, self._timed, self._clock)
         last = [found for look in self._looks for found in look(view)]
         last += [found for look in self._looks if hasattr(look, "close") for found in look.close(view)]
         return _ordered(last)

@@ -13,6 +13,7 @@ from captures.line import LineSettings
 from ..deframing.options import Options
 from ..deframing.rules import field
 from ..frames import Batch, Kind, Rows, adu_of
+from .clock import Clock
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +50,7 @@ class View:
     line: LineSettings
     options: Options
     timed: bool  # whether the capture has times
+    clock: Clock
 
     @property
     def rows(self) -> Rows:
