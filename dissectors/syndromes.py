@@ -14,9 +14,7 @@ from .checks import CRC_TABLE
 
 INIT: Final = 0xFFFF
 _LONGEST: Final = 0x7FFF // 8  # bytes: from there on two bits share a residue
-_BYTE_OF: Final = {
-    entry >> 8: byte for byte, entry in enumerate(CRC_TABLE)
-}  # all upper halves differ
+_BYTE_OF: Final = {entry >> 8: byte for byte, entry in enumerate(CRC_TABLE)}  # all upper halves differ
 _syndromes: Final[dict[int, int]] = {}  # residue: distance of the bit from the end, in bits; grown as frames need it
 
 

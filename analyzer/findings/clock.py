@@ -136,10 +136,15 @@ class Clock:
         self._reads += float(frames["reads"].sum())
         self._octets += float(frames["length"].sum())
         self._shared += float((frames["gap_before"] == NO_GAP).sum())
-        several = frames[frames["gap_least"] != NO_GAP]
-        if len(several):
-            self._late += _binned(np.maximum(-several["gap_least"], 0))
-            self._astray += _binned(np.maximum(np.abs(several["gap_most"]), np.abs(several["gap_least"])))
+        several = frames["gap_least"] != NO_GAP
+        early = np.where(frames["gap_before"] == NO_GAP, 0, np.maximum(-frames["gap_before"], 0))
+        if several.any():
+            inside = frames[several]
+            self._late += _binned(np.maximum(np.maximum(-inside["gap_least"], early[several]), 0))
+            farthest = np.maximum(np.abs(inside["gap_most"]), np.abs(inside["gap_least"]))
+            self._astray += _binned(np.maximum(farthest, early[several]))
+        if (early[~several] > 0).any():
+            self._astray += _binned(early[~several])
 
     def _now(self) -> Verdict:
         if not self._octets:

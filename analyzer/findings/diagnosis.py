@@ -16,6 +16,7 @@ from ..deframing.options import Options
 from ..frames import Batch, Rows
 from ..transactions import TRANSACTION
 from .clock import Clock
+from .examiner import Examiner
 from .model import FINDING, Findings
 from .registry import fresh_looks
 from .view import View
@@ -29,6 +30,7 @@ class Diagnosis:
         self._options = options
         self._looks = fresh_looks()
         self._clock = Clock(line)
+        self._examiner = Examiner()
         self._timed = False
 
     @property
@@ -40,7 +42,7 @@ class Diagnosis:
     def feed(self, batch: Batch, transactions: Rows) -> Findings:
         """What this batch, and the transactions that it settles, bring to light."""
         self._timed = self._timed or bool(batch.rows["t_end"].any())
-        view = View(batch, transactions, self._line, self._options, self._timed, self._clock)
+        view = self._view(batch, transactions)
         self._clock.feed(batch.rows[view.frames])
         return _ordered(found for look in self._looks for found in look(view))
 
@@ -48,10 +50,14 @@ class Diagnosis:
         """What the end brings to light: the last transactions, and what concerns the bus as a whole."""
         settled = np.zeros(0, TRANSACTION) if transactions is None else transactions
         self._clock.close()
-        view = View(Batch.empty(), settled, self._line, self._options, self._timed, self._clock)
+        view = self._view(Batch.empty(), settled)
         last = [found for look in self._looks for found in look(view)]
         last += [found for look in self._looks if hasattr(look, "close") for found in look.close(view)]
         return _ordered(last)
+
+    def _view(self, batch: Batch, transactions: Rows) -> View:
+        verdicts = self._examiner.examine(batch)
+        return View(batch, transactions, self._line, self._options, self._timed, self._clock, verdicts)
 
 
 def _ordered(parts: Iterable[Findings]) -> Findings:

@@ -48,7 +48,7 @@ class About(Enum):
 class Rule:
     """The declaration of a finding.
 
-    `numbers` names its evidence, at most four figures; `clause` is where the specification has it ([1] application
+    `numbers` names its evidence, at most eight figures; `clause` is where the specification has it ([1] application
     protocol V1.1b3, [2] serial line V1.02). Words are templates over the evidence (`{unit:.0f}`), or functions of it.
     """
 

@@ -1,4 +1,4 @@
-"""The rows before a row, across views: what a rule looks back on when something is odd."""
+"""The rows before a row, across batches: what a rule looks back on when something is odd."""
 
 from __future__ import annotations
 
@@ -6,17 +6,21 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
-from ..frames import Kind, Row
-from .view import View
+from ..frames import Batch, Kind, Row
 
-_KEPT: Final = 32  # rows of earlier views
+_KEPT: Final = 32  # rows
 
 
 class Seen(NamedTuple):
-    """A row that has passed, with its bytes."""
+    """A row with its bytes."""
 
     row: Row
     captured: bytes
+
+    @classmethod
+    def of(cls, batch: Batch, place: int) -> Seen:
+        """A row of a batch."""
+        return cls(Row(*batch.rows[place].item()), batch.bytes_of(place))
 
     @property
     def is_frame(self) -> bool:
@@ -24,28 +28,21 @@ class Seen(NamedTuple):
 
 
 class Trail:
-    """Looks back from any row of a view, at most some rows into the views before."""
+    """Looks back from any row of a batch, at most some rows into the batches before."""
 
     def __init__(self) -> None:
         self._earlier: deque[Seen] = deque(maxlen=_KEPT)
 
-    def back(self, view: View, place: int) -> Iterator[Seen]:
-        """The rows before row number `place`, the nearest first, as many as are kept of earlier views."""
+    def back(self, batch: Batch, place: int) -> Iterator[Seen]:
+        """The last rows before row number `place`, the nearest first."""
         for before in range(place - 1, max(place - 1 - _KEPT, -1), -1):
-            yield seen(view, before)
-        wanted = _KEPT - place
+            yield Seen.of(batch, before)
         for i, earlier in enumerate(reversed(self._earlier)):
-            if i >= wanted:
+            if i >= _KEPT - place:
                 return
             yield earlier
 
-    def go_on(self, view: View) -> None:
-        """This view is done."""
-        n = len(view.rows)
-        for place in range(max(0, n - _KEPT), n):
-            self._earlier.append(seen(view, place))
-
-
-def seen(view: View, place: int) -> Seen:
-    """A row of the view."""
-    return Seen(Row(*view.rows[place].item()), view.bytes_of(place))
+    def go_on(self, batch: Batch) -> None:
+        """This batch is done."""
+        for place in range(max(0, len(batch) - _KEPT), len(batch)):
+            self._earlier.append(Seen.of(batch, place))

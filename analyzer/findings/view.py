@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,6 +14,7 @@ from captures.line import LineSettings
 from ..deframing.options import Options
 from ..deframing.rules import field
 from ..frames import Batch, Kind, Rows, adu_of
+from .autopsy import Verdict
 from .clock import Clock
 
 
@@ -51,6 +53,7 @@ class View:
     options: Options
     timed: bool  # whether the capture has times
     clock: Clock
+    verdicts: Mapping[int, Verdict]  # what happened to damaged rows, by row
 
     @property
     def rows(self) -> Rows:

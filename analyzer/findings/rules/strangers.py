@@ -14,7 +14,7 @@ from dissectors.registry import function_class
 from ...frames import Kind
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
-from ..trail import Seen, Trail, seen
+from ..trail import Seen, Trail
 from ..view import View
 
 _GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
@@ -107,14 +107,14 @@ class Strangers:
             if self._asked or place > first:
                 yield from self._judge(view, place)
         self._asked = self._asked or len(asks) > 0
-        self._trail.go_on(view)
+        self._trail.go_on(view.batch)
 
     def _plain_zeros(self, view: View, answers: np.ndarray) -> Iterator[Findings]:
         if len(answers):
             yield BROADCAST_ANSWERED.on(view.rows[answers], 0, view.rows["function"][answers])
 
     def _judge(self, view: View, place: int) -> Iterator[Findings]:
-        answer = seen(view, place)
+        answer = Seen.of(view.batch, place)
         request, answered, clean = self._request_before(view, place)
         here = view.rows[place : place + 1]
         unit, function = answer.row.unit, answer.row.function
@@ -123,7 +123,7 @@ class Strangers:
                 yield UNEXPECTED.on(here, unit, function)
         elif request.row.unit == 0 and request.row.function == function:
             yield BROADCAST_ANSWERED.on(here, unit, function)
-        elif request.row.unit != unit or request.row.function != function:
+        elif request.row.unit != unit or (answered is not None and request.row.function != function):
             yield UNEXPECTED.on(here, unit, function)
         elif answered is not None:
             waited = (answer.row.t_start - answered.row.t_end) / 1e6
@@ -136,7 +136,7 @@ class Strangers:
     def _request_before(self, view: View, place: int) -> tuple[Seen | None, Seen | None, bool]:
         """The newest request before a row, the answer that it got, and whether nothing damaged stands between."""
         answered = None
-        for before in self._trail.back(view, place):
+        for before in self._trail.back(view.batch, place):
             if not before.is_frame:
                 if not _GLITCHES.issuperset(before.captured):
                     return None, None, False
