@@ -21,6 +21,7 @@ from .trail import Seen, Trail
 
 _LEAST: Final = 4  # bytes of noise that may be a damaged frame
 _MOST: Final = 400
+_NEAR: Final = 6.0  # bits
 _SURE: Final = 0.5  # certainty from which noise is explained
 _GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
 _FLOW: Final = (0x11, 0x13)  # XON and XOFF
@@ -69,7 +70,7 @@ class Examiner:
             return None
         first_flow = self._flow_at.get(row.row.port)
         free = row.row.start if first_flow is None or first_flow >= row.row.start else 0
-        verdict = _autopsy(row.captured, role, request, known, units, free, revision())
+        verdict = _told(_autopsy(row.captured, role, request, known, units, free, revision()))
         if not row.is_frame and (verdict.code == "crc-error" or verdict.certainty < _SURE):
             return None
         return verdict
@@ -103,7 +104,16 @@ def _begins(data: bytes, request: bytes | None, units: frozenset[int]) -> bool:
     """Whether noise may be a damaged frame: it begins like one, or stands where an answer was due."""
     if _GLITCHES.issuperset(data):
         return False
-    return request is not None or (data[0] in units and rule(data[1] & 0x7F, Role.REQUEST) is not None)
+    known = data[0] in units and rule(data[1] & 0x7F, Role.REQUEST) is not None
+    return known or request is not None or len(data) > _LEAST
+
+
+def _told(verdict: Verdict) -> Verdict:
+    """The verdict, where it is that nothing explains the frame: that it is cut short, if that comes near."""
+    if verdict.code != "crc-error":
+        return verdict
+    cut = (rival for rival in verdict.rivals if rival.code == "truncated" and verdict.bits - rival.bits < _NEAR)
+    return next(cut, verdict)
 
 
 @lru_cache(maxsize=2048)
