@@ -32,7 +32,7 @@ class Damaged:
         if self.code == "crc-variant":
             return verdict.variant == self.detail
         if self.code == "truncated":
-            return verdict.length == len(self.sent)
+            return verdict.length == len(self.sent) or (verdict.at_least and (verdict.length or 0) < len(self.sent))
         if self.code in ("bytes-repeated", "flow-control-loss"):
             return verdict.repaired == self.sent
         return True
@@ -61,11 +61,11 @@ def _repeat(random: Random, sent: bytes) -> tuple[bytes, int, int]:
 
 
 def _cut(random: Random, sent: bytes) -> tuple[bytes, int, int]:
-    length = random.randint(3, len(sent) - 2) if len(sent) > 5 else 3
+    length = random.randint(min(3, len(sent) - 2), len(sent) - 2)
     return sent[:length], length, len(sent)
 
 
-def _eat(random: Random, sent: bytes) -> tuple[bytes, int, int]:
+def _eat(_: Random, sent: bytes) -> tuple[bytes, int, int]:
     return sent.translate(None, b"\x11\x13"), -1, -1
 
 

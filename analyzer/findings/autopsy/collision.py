@@ -15,6 +15,7 @@ from .verdict import Verdict
 
 _PRIOR = -2.0
 _LONGER = -2.0  # the answer's own start survived
+_SHORTER = -6.0  # two that overlap don't shorten each other
 _SHORTEST = 3  # bytes: less is a glitch
 
 
@@ -25,8 +26,9 @@ def collided(case: Case) -> Iterator[Verdict]:
         return
     bits = 0.0
     pairs = list(zip(header, data, strict=False))
-    if all(got & ~due == 0 for due, got in pairs):
+    if data[: len(header)] != header[: len(data)] and all(got & ~due == 0 for due, got in pairs):
         bits = BYTE * len(pairs) - sum(due.bit_count() for due, _ in pairs)
+        bits += _SHORTER if case.due is not None and len(data) < case.due else 0.0
     if case.due is not None and len(data) > case.due + 1 and data.startswith(case.header[:2]):
         bits = max(bits, BYTE * sum(due == got for due, got in pairs) + _LONGER)
     yield Verdict("collision", _PRIOR + bits, length=case.due)

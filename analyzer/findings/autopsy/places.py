@@ -7,7 +7,7 @@ from math import log2
 
 from .verdict import Place, Verdict
 
-_EQUAL = 4.0  # bits below the likeliest, within which a place is still named
+_EQUAL = 6.0  # bits below the likeliest, within which a place is still named
 
 
 def gathered(code: str, fits: Sequence[tuple[float, Place, bytes]]) -> Iterator[Verdict]:

@@ -17,24 +17,23 @@ from dissectors.functions.exceptions import EXCEPTIONS
 from dissectors.lengths import Role, pdu_length, plausibility, revision, rule
 from dissectors.limits import Bound, Choice, Multiple, Sized
 
-from .case import MIN_ADU, OVERHEAD, Case
+from .case import MIN_ADU, Case
 
 BYTE: Final = 8.0
-WRONG_LENGTH: Final = -6.0  # damage seldom changes how long a frame is
 _FITS: Final = -0.2  # nearly every answer is the one that was asked for
-_EXCEPTION: Final = -5.0  # or an exception
-_UNASKED: Final = -10.0
-_NO_REQUEST: Final = -1.0
-_INTERRUPTS: Final = -2.0  # a request while an answer is due
-_OTHER_ROLE: Final = -6.0  # than the deframer took it for
-_RECURS: Final = -1.0  # half of the requests
+REFUSED: Final = -5.0  # or an exception
+UNASKED: Final = -10.0
+NO_REQUEST: Final = -1.0
+INTERRUPTS: Final = -2.0  # a request while an answer is due
+OTHER_ROLE: Final = -6.0  # than the deframer took it for
+RECURS: Final = -1.0  # half of the requests
 _UNIT_STRANGE: Final = -4.0
 _UNIT_RESERVED: Final = -6.0
 _UNIT_BROADCAST: Final = -2.0
 _DECLARED: Final = 3.3  # one of the 20-odd functions in use, of 256
 _USER: Final = -2.0
 _UNDECLARED: Final = -4.0
-_LENGTH_TOLD: Final = 3.0  # a count that agrees with the length, less what choosing the length takes
+LENGTH_TOLD: Final = 3.0  # a count that agrees with the length, less what choosing the length takes
 _BROKEN: Final = -6.0  # a limit of the specification that real frames do break
 
 
@@ -42,13 +41,8 @@ def likelihood(frame: bytes, case: Case) -> float:
     """log2 of how likely this frame, CRC right, was sent, over bytes that nothing predicts; -inf where it can't be."""
     if len(frame) < MIN_ADU:
         return -inf
-    best = BYTE * (len(frame) - 2) - log2(len(case.known)) + _RECURS if frame in case.known else -inf
-    for role in Role:
-        bits = _of_role(frame, role, case)
-        if case.role is not None and role is not case.role:
-            bits += _OTHER_ROLE
-        best = max(best, bits)
-    return best
+    best = BYTE * (len(frame) - 2) - log2(len(case.known)) + RECURS if frame in case.known else -inf
+    return max(best, *(_of_role(frame, role, case) for role in Role))
 
 
 def _of_role(frame: bytes, role: Role, case: Case) -> float:
@@ -56,25 +50,31 @@ def _of_role(frame: bytes, role: Role, case: Case) -> float:
     length = pdu_length(pdu, role)
     if length is not None and length != len(pdu):
         return -inf
-    bits = 0.0
-    if case.expected is not None:
-        if role is Role.REQUEST:
-            bits = _INTERRUPTS
-        elif case.expected.fits(frame):
-            return _answering(frame, case, told=length is not None)
-        else:
-            bits = _UNASKED
-    elif role is Role.RESPONSE:
-        bits = _NO_REQUEST
-    return bits + header(frame, case) + _structure(pdu, role, told=length is not None)
+    if case.expected is not None and role is Role.RESPONSE and case.expected.fits(frame):
+        return _answering(frame, case, told=length is not None) + (OTHER_ROLE if case.role is Role.REQUEST else 0.0)
+    return opening(frame, role, case) + _structure(pdu, role, told=length is not None)
 
 
 def _answering(frame: bytes, case: Case, *, told: bool) -> float:
     assert case.expected is not None
     if frame[1] & EXCEPTION:
-        return 2 * BYTE + _EXCEPTION + (4.0 if frame[2] in EXCEPTIONS else -4.0)
+        return 2 * BYTE + REFUSED + (4.0 if frame[2] in EXCEPTIONS else -4.0)
     marked = sum(len(mark) for _, mark in case.expected.marks)
-    return _FITS + BYTE * (2 + marked) + (_LENGTH_TOLD if told and case.due is None else 0.0)
+    return _FITS + BYTE * (2 + marked) + (LENGTH_TOLD if told and case.due is None else 0.0)
+
+
+def opening(data: bytes, role: Role, case: Case) -> float:
+    """log2 of how likely a frame of this role was sent here that begins so; its length left aside."""
+    bits = 0.0 if case.role in (None, role) else OTHER_ROLE
+    if case.expected is not None and role is Role.RESPONSE:
+        if case.expected.fits(data):
+            return bits + 2 * BYTE + (REFUSED if data[1] & EXCEPTION else 0.0)
+        bits += UNASKED
+    elif case.expected is not None:
+        bits += INTERRUPTS
+    elif role is Role.RESPONSE:
+        bits += NO_REQUEST
+    return bits + header(data, case)
 
 
 def header(data: bytes, case: Case) -> float:
@@ -101,11 +101,11 @@ def _unit(unit: int, case: Case) -> float:
 def _structure(pdu: bytes, role: Role, *, told: bool) -> float:
     if broken := plausibility(pdu, role):
         return _BROKEN * len(broken)
-    return _checked(pdu[0], role, revision()) + (_LENGTH_TOLD if told and _counts(pdu[0], role, revision()) else 0.0)
+    return _checked(pdu[0], role, revision()) + (LENGTH_TOLD if told and counted(pdu[0], role) else 0.0)
 
 
-@lru_cache(maxsize=1024)
-def _counts(function: int, role: Role, _revision: int) -> bool:
+def counted(function: int, role: Role) -> bool:
+    """Whether a frame's length hangs on what it holds."""
     known = rule(function, role)
     return known is not None and (known.count is not None or known.walk is not None)
 
@@ -124,17 +124,3 @@ def _worth(check: Bound | Choice | Multiple | Sized) -> float:
     if isinstance(check, Choice):
         return BYTE * check.width - log2(len(check.values))
     return log2(check.n) if isinstance(check, Multiple) else BYTE
-
-
-def as_captured(data: bytes, case: Case) -> float:
-    """log2 of how likely a frame that was sent here begins and is as long as these damaged bytes, by their header."""
-    best = -inf
-    for role in Role:
-        bits = 0.0 if case.role in (None, role) else _OTHER_ROLE
-        if case.expected is not None:
-            bits += _UNASKED if role is Role.RESPONSE else _INTERRUPTS
-        length = pdu_length(data[1:], role) if len(data) > 1 else None
-        fits = length is None or (length >= 0 and length + OVERHEAD == len(data))
-        told = length is not None and fits and _counts(data[1], role, revision())
-        best = max(best, bits + (0.0 if fits else WRONG_LENGTH) + (_LENGTH_TOLD if told else 0.0))
-    return best + header(data, case)

@@ -33,7 +33,7 @@ class Verdict:
     byte-extra          `places`, as above
     bytes-repeated      `byte` where the doubled slice begins, `length` of the slice
     flow-control-loss   `lost` bytes, as many `places` as could be solved
-    truncated           `length` that the frame should have
+    truncated           `length` that the frame should have (`at_least` where it ends before it tells)
     crc-variant         `variant`, the convention's name
     collision           `length` of the answer that was due, where that is known
     """
@@ -46,6 +46,7 @@ class Verdict:
     bit: int | None = None
     places: tuple[Place, ...] = ()
     length: int | None = None
+    at_least: bool = False
     lost: int | None = None
     variant: str | None = None
     rivals: tuple[Verdict, ...] = ()
