@@ -61,6 +61,16 @@ TRANSACTION = np.dtype(
 )
 
 
+_OF_ANSWER: Final = {
+    "response": "index",
+    "response_start": "start",
+    "response_length": "length",
+    "t_response": "t_start",
+    "response_ns": "response_ns",
+    "exception": "exception",
+}
+
+
 class Transactions:
     """Turns batches into transactions; holds only those that are open."""
 
@@ -81,12 +91,12 @@ class Transactions:
         responses = np.flatnonzero((rows["kind"] == Kind.RESPONSE) & (rows["request"] >= 0))
         self._frames = max(self._frames, int(rows["index"].max()) + 1)
         known = len(self._open)
-        self._open = np.concatenate((self._open, _opened(rows[requests])))
+        self._open = np.concatenate((self._open, _opened(rows, requests)))
         ends = self._octets + np.cumsum(rows["length"])
         self._places = np.concatenate((self._places, ends[requests]))
         self._octets = int(ends[-1])
         self._count_garbage(batch, requests, known)
-        self._answer(rows[responses])
+        self._answer(rows, responses)
         self._mark_retries(batch, requests, known)
         status = self._open["status"]
         waiting = (status == Status.UNANSWERED) | (status == Status.BROADCAST)
@@ -114,7 +124,7 @@ class Transactions:
     def _count_garbage(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
         """What lies between each request and the next, and when that next one began."""
         rows = batch.rows
-        bad = np.flatnonzero((rows["kind"] == Kind.NOISE) | ((rows["kind"] == Kind.RESPONSE) & (rows["request"] < 0)))
+        bad = np.flatnonzero((rows["kind"] != Kind.REQUEST) & (rows["request"] < 0))
         lost = np.zeros(len(rows) + 1, np.int64)
         for row in bad.tolist():
             at = int(rows["at"][row])
@@ -131,22 +141,18 @@ class Transactions:
         elif len(requests):
             self._open["t_next"][:-1] = starts[1:]
 
-    def _answer(self, responses: Rows) -> None:
-        asked = self._open["request"]
-        place = np.searchsorted(asked, responses["request"])
+    def _answer(self, rows: Rows, responses: NDArray[np.intp]) -> None:
+        asked = np.ascontiguousarray(self._open["request"])
+        wanted = rows["request"][responses]
+        place = np.searchsorted(asked, wanted)
         found = place < len(asked)
-        found[found] = asked[place[found]] == responses["request"][found]
+        found[found] = asked[place[found]] == wanted[found]
         place, responses = place[found], responses[found]
-        self._open["response"][place] = responses["index"]
-        self._open["response_start"][place] = responses["start"]
-        self._open["response_length"][place] = responses["length"]
-        self._open["t_response"][place] = responses["t_start"]
-        self._open["response_ns"][place] = responses["response_ns"]
-        self._open["exception"][place] = responses["exception"]
-        self._open["status"][place] = np.where(
-            ~responses["check"], Status.DAMAGED, np.where(responses["exception"] > 0, Status.EXCEPTION, Status.ANSWERED)
-        )
-        newest = np.searchsorted(asked, responses["index"]) - 1
+        for name, column in _OF_ANSWER.items():
+            self._open[name][place] = rows[column][responses]
+        good = np.where(rows["exception"][responses] > 0, Status.EXCEPTION, Status.ANSWERED)
+        self._open["status"][place] = np.where(rows["check"][responses], good, Status.DAMAGED)
+        newest = np.searchsorted(asked, rows["index"][responses]) - 1
         self._open["late"][place] = newest != place
         for at in place[newest != place].tolist():
             self._put_in_order(at)
@@ -179,11 +185,12 @@ class Transactions:
     def _mark_retries(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
         """Of the new requests, which repeat the one before? Few look alike, so only those are compared."""
         if len(requests):
-            opened, rows = self._open, batch.rows[requests]
+            opened = self._open
             places = known + np.arange(len(requests))
             same = np.ones(len(requests), np.bool_)
             for name in ("length", "unit", "function"):
-                same[1:] &= rows[name][1:] == rows[name][:-1]
+                column = opened[name][known:]
+                same[1:] &= column[1:] == column[:-1]
             good = np.isin(opened["status"], (Status.ANSWERED, Status.EXCEPTION)) & ~opened["late"]
             same &= ~np.append(not known or good[known - 1], good[places[:-1]])
             for i in np.flatnonzero(same).tolist():
@@ -213,13 +220,13 @@ def _shared(one: bytes, two: bytes) -> int:
     return head + tail
 
 
-def _opened(requests: Rows) -> Rows:
+def _opened(rows: Rows, requests: NDArray[np.intp]) -> Rows:
     """Transactions of requests that nobody has answered yet."""
     opened = np.zeros(len(requests), TRANSACTION)
     for name in ("unit", "function", "port", "start", "length", "t_start"):
-        opened[name] = requests[name]
-    opened["request"], opened["t_request"] = requests["index"], requests["t_end"]
+        opened[name] = rows[name][requests]
+    opened["request"], opened["t_request"] = rows["index"][requests], rows["t_end"][requests]
     for name in ("response", "response_start", "response_length", "t_response", "response_ns", "t_next"):
         opened[name] = -1
-    opened["status"] = np.where(requests["unit"] == 0, Status.BROADCAST, Status.UNANSWERED)
+    opened["status"] = np.where(opened["unit"] == 0, Status.BROADCAST, Status.UNANSWERED)
     return opened

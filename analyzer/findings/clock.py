@@ -15,10 +15,9 @@ first frames themselves and so is known only when they have passed.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 
 from ..deframing.options import Options
-from ..frames import NO_GAP, Protocol, Rows
+from ..frames import NO_GAP, Rows
 
 FIRST: Final = 32  # frames of the first verdict
 _EVERY: Final = 1024
@@ -34,6 +33,7 @@ _MEMORY: Final = 8192  # frames, beyond which old ones fade
 _BYTE_BY_BYTE: Final = 0.9  # reads a byte
 _QUANTILE: Final = 0.995
 _MARGIN: Final = 1.2
+_COLUMNS: Final = ("protocol", "reads", "length", "gap_before", "gap_most", "gap_least")
 _KEPT: Final = 512  # verdicts
 _STEPS: Final = 8  # bins an octave
 _BINS: Final = 48 * _STEPS
@@ -80,12 +80,15 @@ class Clock:
         self._astray = np.zeros(_BINS)  # frames of several reads by their silence that is farthest from none
         self._verdicts: deque[tuple[int, Verdict]] = deque(maxlen=_KEPT)
 
-    def feed(self, frames: Rows) -> None:
-        """Learn from rows that are frames with a right check value or without."""
-        while len(frames):
-            part, frames = frames[: self._next - self._frames], frames[self._next - self._frames :]
-            self._learn(part)
-            self._frames += len(part)
+    def feed(self, rows: Rows, frames: NDArray[np.intp]) -> None:
+        """Learn from those rows that are frames."""
+        columns = {name: rows[name][frames] for name in _COLUMNS}
+        low, count = 0, len(frames)
+        while low < count:
+            high = min(count, low + self._next - self._frames)
+            self._learn({name: column[low:high] for name, column in columns.items()})
+            self._frames += high - low
+            low = high
             if self._frames == self._next:
                 self._conclude()
                 self._next += self._next if self._next < _EVERY else _EVERY
@@ -95,28 +98,21 @@ class Clock:
         if not self._verdicts:
             self._conclude()
 
-    def verdict(self, index: int) -> Verdict | None:
-        """What was known at a frame; None where that is still to come."""
+    def verdict(self, index: int) -> Verdict:
+        """What was known at a frame; nothing, as long as the first verdict is to come."""
         for first, verdict in reversed(self._verdicts):
             if index >= first:
                 return verdict
-        return self._verdicts[0][1] if self._verdicts else None
+        return self._verdicts[0][1] if self._verdicts else Verdict()
+
+    def best(self) -> Verdict:
+        """The verdict by which most may be said, of those that are kept."""
+        return max((verdict for _, verdict in self._verdicts), key=lambda v: (v.fine, -v.wait_ns), default=Verdict())
 
     @property
     def known(self) -> bool:
         """Whether the first verdict is made."""
         return bool(self._verdicts)
-
-    def spans(self, index: int, count: int) -> Iterator[tuple[int, int, Verdict]]:
-        """Stretches (first, last) of `count` frames from number `index` on that have one verdict each."""
-        changes = [first - index for first, _ in self._verdicts if 0 < first - index < count]
-        for low, high in pairwise([0, *changes, count]):
-            if (verdict := self.verdict(index + low)) is not None:
-                yield low, high, verdict
-
-    def changes_after(self, index: int) -> int:
-        """The first frame after this one at which another verdict begins."""
-        return min((first for first, _ in self._verdicts if first > index), default=1 << 62)
 
     def newest(self) -> Verdict:
         """The verdict of now."""
@@ -130,18 +126,19 @@ class Clock:
             self._late /= 2
             self._astray /= 2
 
-    def _learn(self, frames: Rows) -> None:
-        frames = frames[frames["protocol"] == Protocol.RTU]
-        self._counted += len(frames)
+    def _learn(self, frames: Mapping[str, NDArray[Any]]) -> None:
+        if frames["protocol"].any():
+            return  # ASCII mode has other silences
+        self._counted += len(frames["reads"])
         self._reads += float(frames["reads"].sum())
         self._octets += float(frames["length"].sum())
         self._shared += float((frames["gap_before"] == NO_GAP).sum())
         several = frames["gap_least"] != NO_GAP
         early = np.where(frames["gap_before"] == NO_GAP, 0, np.maximum(-frames["gap_before"], 0))
         if several.any():
-            inside = frames[several]
-            self._late += _binned(np.maximum(np.maximum(-inside["gap_least"], early[several]), 0))
-            farthest = np.maximum(np.abs(inside["gap_most"]), np.abs(inside["gap_least"]))
+            most, least = frames["gap_most"][several], frames["gap_least"][several]
+            self._late += _binned(np.maximum(np.maximum(-least, early[several]), 0))
+            farthest = np.maximum(np.abs(most), np.abs(least))
             self._astray += _binned(np.maximum(farthest, early[several]))
         if (early[~several] > 0).any():
             self._astray += _binned(early[~several])

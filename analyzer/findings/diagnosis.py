@@ -43,7 +43,7 @@ class Diagnosis:
         """What this batch, and the transactions that it settles, bring to light."""
         self._timed = self._timed or bool(batch.rows["t_end"].any())
         view = self._view(batch, transactions)
-        self._clock.feed(batch.rows[view.frames])
+        self._clock.feed(batch.rows, view.frames)
         return _ordered(found for look in self._looks for found in look(view))
 
     def close(self, transactions: Rows | None = None) -> Findings:
@@ -57,7 +57,8 @@ class Diagnosis:
 
     def _view(self, batch: Batch, transactions: Rows) -> View:
         verdicts = self._examiner.examine(batch)
-        return View(batch, transactions, self._line, self._options, self._timed, self._clock, verdicts)
+        explained = self._examiner.explained
+        return View(batch, transactions, self._line, self._options, self._timed, self._clock, verdicts, explained)
 
 
 def _ordered(parts: Iterable[Findings]) -> Findings:

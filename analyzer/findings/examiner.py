@@ -6,6 +6,7 @@ has a good explanation. One cause, one finding: such a stretch is no noise any m
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Final
@@ -13,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.answers import expectation
 from dissectors.lengths import Role, revision, rule
 
 from ..frames import Batch, Kind, Protocol, Rows
@@ -21,7 +23,9 @@ from .trail import Seen, Trail
 
 _LEAST: Final = 4  # bytes of noise that may be a damaged frame
 _MOST: Final = 400
-_NEAR: Final = 6.0  # bits
+_KEPT: Final = 4096  # requests
+_NEAR: Final = 2.0  # bits by which an explanation may lose to "nothing explains it"
+_CUT_NEAR: Final = 6.0  # the same for that the frame is cut short: its length alone says so
 _SURE: Final = 0.5  # certainty from which noise is explained
 _GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
 _FLOW: Final = (0x11, 0x13)  # XON and XOFF
@@ -33,6 +37,12 @@ class Examiner:
     def __init__(self) -> None:
         self._trail = Trail()
         self._flow_at: dict[int, int] = {}  # port: where its first 11 or 13 came
+        self._explained: deque[int] = deque(maxlen=_KEPT)
+
+    @property
+    def explained(self) -> frozenset[int]:
+        """Requests of late, by index, whose answer came damaged."""
+        return frozenset(self._explained)
 
     def examine(self, batch: Batch) -> Mapping[int, Verdict]:
         """What happened to the damaged ones among the rows of a batch, by row."""
@@ -58,7 +68,8 @@ class Examiner:
     def _verdict(self, batch: Batch, place: int) -> Verdict | None:
         """What happened to a row; None where it is noise that nothing ties to a frame."""
         row = Seen.of(batch, place)
-        request, known, units = self._said_before(batch, place)
+        pending, known, units = self._said_before(batch, place)
+        request = None if pending is None else pending.captured
         role = None
         if row.is_frame:
             role = Role.REQUEST if row.row.kind == Kind.REQUEST else Role.RESPONSE
@@ -66,18 +77,27 @@ class Examiner:
                 request = batch.request_of(place, row.row.request) or request
             if role is Role.REQUEST:
                 request = None
-        elif not _begins(row.captured, request, units):
+        elif request is not None and _starts(row.captured, request):
+            verdict = Verdict("truncated", 0.0, 1.0, length=Case(row.captured, request=request).due)
+            return self._explains(pending, verdict)
+        elif len(row.captured) < _LEAST or not _begins(row.captured, request, units):
             return None
         first_flow = self._flow_at.get(row.row.port)
         free = row.row.start if first_flow is None or first_flow >= row.row.start else 0
         verdict = _told(_autopsy(row.captured, role, request, known, units, free, revision()))
         if not row.is_frame and (verdict.code == "crc-error" or verdict.certainty < _SURE):
             return None
+        return verdict if role is Role.REQUEST else self._explains(pending, verdict)
+
+    def _explains(self, pending: Seen | None, verdict: Verdict) -> Verdict:
+        """The verdict on what is, or was, the answer to a request."""
+        if pending is not None:
+            self._explained.append(pending.row.index)
         return verdict
 
-    def _said_before(self, batch: Batch, place: int) -> tuple[bytes | None, frozenset[bytes], frozenset[int]]:
+    def _said_before(self, batch: Batch, place: int) -> tuple[Seen | None, frozenset[bytes], frozenset[int]]:
         """The request that waits for its answer, if one does, and requests and units of late."""
-        pending: bytes | None = None
+        pending: Seen | None = None
         newest = True
         known: set[bytes] = set()
         units: set[int] = set()
@@ -88,16 +108,22 @@ class Examiner:
             if before.row.kind == Kind.REQUEST:
                 known.add(before.captured)
                 if newest and before.row.unit:
-                    pending = before.captured
+                    pending = before
             newest = False
         return pending, frozenset(known), frozenset(units)
 
 
 def _suspects(rows: Rows) -> NDArray[np.intp]:
     """Rows that need an autopsy: damaged frames in RTU mode, and noise that is long enough."""
-    noise = (rows["kind"] == Kind.NOISE) & (rows["length"] >= _LEAST) & (rows["length"] <= _MOST)
+    noise = (rows["kind"] == Kind.NOISE) & (rows["length"] <= _MOST)
     wrong = (rows["kind"] != Kind.NOISE) & ~rows["check"]
     return np.flatnonzero((noise | wrong) & (rows["errors"] == 0) & (rows["protocol"] == Protocol.RTU))
+
+
+def _starts(data: bytes, request: bytes) -> bool:
+    """Whether a byte or two are just the beginning of the answer that is due."""
+    header = expectation(request).header
+    return len(data) < _LEAST and header.startswith(data) and not _GLITCHES.issuperset(data)
 
 
 def _begins(data: bytes, request: bytes | None, units: frozenset[int]) -> bool:
@@ -109,11 +135,13 @@ def _begins(data: bytes, request: bytes | None, units: frozenset[int]) -> bool:
 
 
 def _told(verdict: Verdict) -> Verdict:
-    """The verdict, where it is that nothing explains the frame: that it is cut short, if that comes near."""
+    """The verdict; that nothing explains the frame only where nothing comes near to it."""
     if verdict.code != "crc-error":
         return verdict
-    cut = (rival for rival in verdict.rivals if rival.code == "truncated" and verdict.bits - rival.bits < _NEAR)
-    return next(cut, verdict)
+    for rival in verdict.rivals:
+        if verdict.bits - rival.bits < (_CUT_NEAR if rival.code == "truncated" else _NEAR):
+            return rival
+    return verdict
 
 
 @lru_cache(maxsize=2048)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -54,6 +54,7 @@ class View:
     timed: bool  # whether the capture has times
     clock: Clock
     verdicts: Mapping[int, Verdict]  # what happened to damaged rows, by row
+    explained: Collection[int]  # requests (by index) whose answer came damaged
 
     @property
     def rows(self) -> Rows:
@@ -70,14 +71,36 @@ class View:
         return self.plain.data
 
     @cached_property
+    def kind(self) -> NDArray[np.uint8]:
+        """Kind of each row."""
+        return np.ascontiguousarray(self.rows["kind"])
+
+    @cached_property
     def frames(self) -> NDArray[np.intp]:
         """Rows that are frames."""
-        return np.flatnonzero(self.rows["kind"] != Kind.NOISE)
+        return np.flatnonzero(self.kind != Kind.NOISE)
 
     @cached_property
     def good(self) -> NDArray[np.intp]:
         """Rows that are frames with a right check value."""
-        return np.flatnonzero((self.rows["kind"] != Kind.NOISE) & self.rows["check"])
+        return np.flatnonzero((self.kind != Kind.NOISE) & self.rows["check"])
+
+    @cached_property
+    def requests(self) -> NDArray[np.intp]:
+        """Of those the requests."""
+        asks: NDArray[np.intp] = self.good[self.kind[self.good] == Kind.REQUEST]
+        return asks
+
+    @cached_property
+    def requested(self) -> NDArray[np.uint8]:
+        """Their function codes as they were sent."""
+        return self.function_bytes(self.requests)
+
+    @cached_property
+    def responses(self) -> NDArray[np.intp]:
+        """And the responses."""
+        answers: NDArray[np.intp] = self.good[self.kind[self.good] == Kind.RESPONSE]
+        return answers
 
     def bytes_of(self, row: int) -> bytes:
         """The captured bytes of a row."""

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dissectors.lengths import Echo, relations
 
@@ -106,74 +107,61 @@ class Outcomes:
     def _go_on(self, view: View, upto: int) -> Iterator[Findings]:
         """Judge those held, up to one, and keep the newest of them beside what is left."""
         known, first = self._held, self._judged
-        asked = known["request"]
-        at = first
-        while at < upto:
-            verdict = view.clock.verdict(int(asked[at]))
-            last = min(upto, max(at + 1, int(np.searchsorted(asked, view.clock.changes_after(int(asked[at]))))))
-            quick = view.timed and verdict is not None and verdict.wait_ns < _HASTE_NS / 2
-            yield from self._judge(known, at, last, timed=view.timed, quick=quick)
-            at = last
         if upto > first:
+            yield from self._judge(view, known, first, upto)
             self._held, self._judged = known[upto - 1 :].copy(), 1
 
-    def _judge(self, known: Rows, first: int, last: int, *, timed: bool, quick: bool) -> Iterator[Findings]:
-        """Say what is to be said of transactions first to last (excluded); their neighbours are looked at, too.
-
-        `quick`: times are good enough to tell haste.
-        """
-        unanswered = known["status"] == Status.UNANSWERED
+    def _judge(self, view: View, known: Rows, first: int, last: int) -> Iterator[Findings]:
+        """Say what is to be said of transactions first to last (excluded); their neighbours are looked at, too."""
         late = np.flatnonzero(known["late"][first:last] & (known["response"][first:last] >= 0)) + first
         if len(late):
-            yield _late(known, late, timed=timed)
-        odd = np.flatnonzero(unanswered[first:last] | known["retry"][first:last]) + first
-        silent, retried, echoed, wrong, shouted = [], [], [], [], []
+            yield _late(known, late, timed=view.timed)
+        silent_ones = known["status"][first:last] == Status.UNANSWERED
+        odd = np.flatnonzero(silent_ones | known["retry"][first:last]) + first
+        found: dict[Rule, list[int]] = {rule: [] for rule in (NO_RESPONSE, RETRY, MISMATCH, BROADCAST_ANSWERED, ECHO)}
         for i in odd.tolist():
-            if self._echoed(known, i, quick=quick):
-                echoed.append(i)
-                continue
-            if unanswered[i] and _answers_broadcast(known, i, quick=quick):
-                shouted.append(i)
-                continue
+            self._requests += 1
+            quick = view.timed and view.clock.verdict(int(known["request"][i])).wait_ns < _HASTE_NS / 2
+            rule = self._outcome(view, known, i, quick=quick)
+            if rule is not None:
+                found[rule].append(i)
+                self._echoes += rule is ECHO
             hasty = _hasty(known, i - 1, i, quick=quick)
             if known["retry"][i] and not hasty:
-                retried.append(i)
-            if not unanswered[i]:
-                continue
-            if hasty and not known["retry"][i] and unanswered[i - 1] and _echoes(int(known["function"][i])):
-                wrong.append(i)
-            elif not self._excused(known, i, quick=quick):
-                silent.append(i)
-        self._requests += last - first
-        self._echoes += len(echoed)
-        waited = np.where(timed, (known["t_next"] - known["t_request"]) / 1e6, np.nan)
-        since = np.full(len(known), np.nan)
-        if timed:
-            failed = np.isin(known["status"][:-1], (Status.UNANSWERED, Status.DAMAGED))
-            since[1:] = np.where(failed, np.diff(known["t_start"]) / 1e6, np.nan)
-        if silent:
-            yield _on(NO_RESPONSE, known[silent], known["unit"][silent], waited[silent], known["function"][silent])
-        if retried:
-            yield _on(RETRY, known[retried], known["unit"][retried], since[retried])
-        if wrong:
-            yield _on(MISMATCH, known[wrong], known["unit"][wrong], known["function"][wrong])
-        if shouted:
-            yield _on(BROADCAST_ANSWERED, known[shouted], known["unit"][shouted], known["function"][shouted])
-        if echoed:
-            apart = known["t_start"][echoed] - known["t_request"][np.array(echoed) - 1]
-            yield _on(ECHO, known[echoed], np.maximum(apart, 0) / 1e6)
+                found[RETRY].append(i)
+        for rule, which in found.items():
+            if which:
+                yield _on(rule, known[which], *self._evidence(rule, known, np.array(which), timed=view.timed))
 
-    def _echoed(self, known: Rows, i: int, *, quick: bool) -> bool:
-        """Whether this request is the one before, shown again."""
-        if not known["retry"][i] or i == 0:
-            return False
-        if _hasty(known, i - 1, i, quick=quick):
-            return bool(known["status"][i - 1] == Status.UNANSWERED)
-        return False
+    def _outcome(self, view: View, known: Rows, i: int, *, quick: bool) -> Rule | None:
+        """What became of a request without an answer, or of one that repeats the one before."""
+        hasty = _hasty(known, i - 1, i, quick=quick)
+        if known["retry"][i] and hasty:
+            return ECHO
+        if known["status"][i] != Status.UNANSWERED:
+            return None
+        if _answers_broadcast(known, i, quick=quick):
+            return BROADCAST_ANSWERED
+        if hasty and _echoes(int(known["function"][i])):
+            return MISMATCH
+        return None if self._excused(view, known, i, quick=quick) else NO_RESPONSE
 
-    def _excused(self, known: Rows, i: int, *, quick: bool) -> bool:
+    def _evidence(self, rule: Rule, known: Rows, which: NDArray[np.intp], *, timed: bool) -> tuple[object, ...]:
+        """The figures of a rule for some transactions."""
+        these, before = known[which], known[np.maximum(which - 1, 0)]
+        if rule is NO_RESPONSE:
+            waited = (these["t_next"] - these["t_request"]) / 1e6
+            return these["unit"], waited if timed else np.nan, these["function"]
+        if rule is RETRY:
+            failed = (which > 0) & np.isin(before["status"], (Status.UNANSWERED, Status.DAMAGED)) & timed
+            return these["unit"], np.where(failed, (these["t_start"] - before["t_start"]) / 1e6, np.nan)
+        if rule is ECHO:
+            return (np.maximum(these["t_start"] - before["t_request"], 0) / 1e6,)
+        return these["unit"], these["function"]
+
+    def _excused(self, view: View, known: Rows, i: int, *, quick: bool) -> bool:
         """Whether something else explains that this request has no answer."""
-        if known["t_next"][i] < 0 or known["garbage"][i] >= _STRAY:
+        if known["t_next"][i] < 0 or known["garbage"][i] >= _STRAY or int(known["request"][i]) in view.explained:
             return True
         if i + 1 < len(known) and _hasty(known, i, i + 1, quick=quick):
             following = known[i + 1]
@@ -223,7 +211,7 @@ def _on(rule: Rule, transactions: Rows, *numbers: object) -> Findings:
     return rule.at(*columns, *numbers)
 
 
-def _late(known: Rows, late: np.ndarray, *, timed: bool) -> Findings:
+def _late(known: Rows, late: NDArray[np.intp], *, timed: bool) -> Findings:
     which = known[late]
     behind = (which["t_response"] - which["t_request"]) / 1e6 if timed else np.full(len(which), np.nan)
     columns = (which[name] for name in ("response", "response_start", "response_length", "port", "t_response"))

@@ -76,7 +76,7 @@ BROADCAST_READ: Final = Rule(
 def broadcast_reads(view: View) -> Iterator[Findings]:
     """Requests to unit 0 of functions that read."""
     rows = view.rows
-    sent = view.good[(rows["kind"][view.good] == Kind.REQUEST) & (rows["unit"][view.good] == 0)]
+    sent = view.requests[rows["unit"][view.requests] == 0]
     reads = [row for row in sent.tolist() if _reads(int(rows["function"][row]))]
     if reads:
         yield BROADCAST_READ.on(rows[reads], rows["function"][reads])
@@ -97,12 +97,11 @@ class Strangers:
 
     def __call__(self, view: View) -> Iterator[Findings]:
         rows = view.rows
-        good = view.good
-        answers = good[rows["kind"][good] == Kind.RESPONSE]
-        asks = good[rows["kind"][good] == Kind.REQUEST]
+        answers, asks = view.responses, view.requests
         first = int(asks[0]) if len(asks) else len(rows)
         yield from self._plain_zeros(view, answers[rows["unit"][answers] == 0])
-        strange = answers[(rows["request"][answers] < 0) & (rows["unit"][answers] != 0)]
+        strange = answers[rows["request"][answers] < 0]
+        strange = strange[rows["unit"][strange] != 0]
         for place in strange.tolist():
             if self._asked or place > first:
                 yield from self._judge(view, place)

@@ -121,9 +121,7 @@ TOO_LONG: Final = Rule(
 @looks_for(QUANTITY, BYTE_COUNT, COIL_VALUE)
 def limits(view: View) -> Iterator[Findings]:
     """Requests that break a check of their declaration."""
-    rows = view.rows
-    requests = view.good[rows["kind"][view.good] == Kind.REQUEST]
-    functions = view.function_bytes(requests)
+    requests, functions = view.requests, view.requested
     for code in np.flatnonzero(np.bincount(functions, minlength=256)).tolist():
         known = rule(code, Role.REQUEST)
         if known is None or not known.checks:
@@ -166,13 +164,13 @@ def _valued(view: View, here: NDArray[np.intp], check: Bound | Choice, code: int
 def padding(view: View) -> Iterator[Findings]:
     """Answers whose last byte holds more bits than the request asked for, and not as zeros."""
     rows = view.rows
-    answers = view.good[(rows["kind"][view.good] == Kind.RESPONSE) & (rows["request"][view.good] >= 0)]
-    functions = view.function_bytes(answers)
+    functions = rows["function"][view.responses]
     for code in np.flatnonzero(np.bincount(functions, minlength=256)).tolist():
         for relation in relations(code):
             if not isinstance(relation, Asked) or not relation.bits:
                 continue
-            here = answers[functions == code]
+            here = view.responses[functions == code]
+            here = here[(rows["request"][here] >= 0) & (view.function_bytes(here) == code)]
             quantity = view.asked(here, relation.quantity_offset)
             last = view.data.take(view.last_byte(here))
             used = quantity & 7
@@ -185,19 +183,18 @@ def padding(view: View) -> Iterator[Findings]:
 def codes(view: View) -> Iterator[Findings]:
     """Units, function codes and lengths that the specification does not know."""
     rows = view.rows
-    first = view.good[(rows["kind"][view.good] == Kind.REQUEST) | (rows["request"][view.good] < 0)]
-    reserved = first[rows["unit"][first] > _LAST_UNIT]
+    stray = view.responses[rows["request"][view.responses] < 0]
+    reserved = np.flatnonzero((rows["unit"] > _LAST_UNIT) & rows["check"])
+    reserved = reserved[(view.kind[reserved] == Kind.REQUEST) | np.isin(reserved, stray)]
     if len(reserved):
         yield RESERVED_UNIT.on(rows[reserved], rows["unit"][reserved])
-    functions = view.function_bytes(first)
-    for code in np.flatnonzero(np.bincount(functions, minlength=256)).tolist():
-        here = rows[first[functions == code]]
-        asks = here["kind"] == Kind.REQUEST
-        if (code & _EXCEPTION or not code) and asks.any():
-            yield INVALID_FUNCTION.on(here[asks], code)
-        elif not code & _EXCEPTION and function_class(code) in ("reserved", "unassigned"):
-            yield RESERVED_FUNCTION.on(here, code)
-    long = view.good[rows["length"][view.good] > MAX_ADU]
-    long = long[rows["protocol"][long] == 0]
+    for frames, functions in ((view.requests, view.requested), (stray, view.function_bytes(stray))):
+        for code in np.flatnonzero(np.bincount(functions, minlength=256)).tolist():
+            if code & _EXCEPTION or not code:
+                if frames is view.requests:
+                    yield INVALID_FUNCTION.on(rows[frames[functions == code]], code)
+            elif function_class(code) in ("reserved", "unassigned"):
+                yield RESERVED_FUNCTION.on(rows[frames[functions == code]], code)
+    long = np.flatnonzero((rows["length"] > MAX_ADU) & rows["check"] & (rows["protocol"] == 0))
     if len(long):
         yield TOO_LONG.on(rows[long], rows["length"][long])

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...frames import NO_GAP, ROW, Kind, Rows
-from ..clock import UNKNOWN, Verdict, silences
+from ..clock import UNKNOWN, silences
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
 from ..view import View
@@ -119,14 +119,15 @@ class Timing:
         rows = view.rows
         if not len(rows):
             return
-        before = np.concatenate((self._before, rows[:-1]))
+        places = _worth_a_look(view, self._before)
+        before = rows[np.maximum(places - 1, 0)]
+        if len(places) and places[0] == 0:
+            before[0] = self._before[0]
         self._before = rows[-1:].copy()
         self._t = int(rows["t_end"][-1])
-        frames = view.frames
-        self._frames += len(frames)
-        if not view.timed or not len(frames):
-            return
-        self._waiting.append((rows[frames], before[frames]))
+        self._frames += len(view.frames)
+        if len(places):
+            self._waiting.append((rows[places], before))
         if view.clock.known:
             yield from self._judge(view)
 
@@ -141,45 +142,53 @@ class Timing:
     def _judge(self, view: View) -> Iterator[Findings]:
         waiting, self._waiting = self._waiting, []
         for rows, before in waiting:
-            for low, high, verdict in view.clock.spans(int(rows["index"][0]), len(rows)):
-                yield from _silences(view, rows[low:high], before[low:high], verdict)
+            verdicts = [view.clock.verdict(index) for index in rows["index"].tolist()]
+            fine = np.array([v.fine for v in verdicts])
+            if fine.any():
+                jitter = np.array([v.jitter_ns for v in verdicts])[fine]
+                yield from _silences(view, rows[fine], before[fine], jitter)
+            yield from _turnarounds(view, rows, before, np.array([v.wait_ns for v in verdicts]))
 
 
-def _silences(view: View, rows: Rows, before: Rows, verdict: Verdict) -> Iterator[Findings]:
+def _worth_a_look(view: View, newest: Rows) -> NDArray[np.intp]:
+    """Rows whose silences break a limit at first sight, or that follow a broadcast."""
+    rows = view.rows
+    if not view.timed:
+        return np.zeros(0, np.intp)
     t15, t35 = silences(view.line, view.options)
-    whole = rows["check"] & (rows["protocol"] == 0)
-    if verdict.fine and t15 < UNKNOWN:
-        character = (view.line.char_bits or 11) * 1e9 / (view.line.baud or 1)
-        off = np.maximum(-rows["gap_least"], verdict.jitter_ns) + _TOLERANCE * t15
-        inside = np.flatnonzero(whole & (rows["gap_most"] != NO_GAP) & (rows["gap_most"] - off > t15))
-        if len(inside):
-            gaps = rows["gap_most"][inside]
-            yield GAP_INSIDE.on(rows[inside], gaps / 1e6, gaps / character, rows["gap_at"][inside], t35 / 1e6)
-        off = verdict.jitter_ns + _TOLERANCE * t35
-        short = whole & before["check"] & (before["kind"] != Kind.NOISE) & (before["port"] == rows["port"])
-        short &= (rows["gap_before"] != NO_GAP) & (rows["gap_before"] + off < t35)
-        found = np.flatnonzero(short)
-        if len(found):
-            gaps = rows["gap_before"][found]
-            response = rows["kind"][found] == Kind.RESPONSE
-            yield GAP_SHORT.on(rows[found], gaps / 1e6, gaps / character, t35 / 1e6, response)
-    if verdict.wait_ns < _TIMER_NS:
-        yield from _turnarounds(view, rows, before, verdict, whole)
+    look = np.zeros(len(rows), np.bool_)
+    if t15 < UNKNOWN and (view.clock.best().fine or not view.clock.known):
+        before = rows["gap_before"]
+        look |= (rows["gap_most"] > t15) | ((before < t35) & (before != NO_GAP))
+    broadcasts = np.flatnonzero((view.kind == Kind.REQUEST) & (rows["unit"] == 0)) + 1
+    look[broadcasts[broadcasts < len(rows)]] = True
+    look[0] |= newest["kind"][0] == Kind.REQUEST and newest["unit"][0] == 0
+    return np.flatnonzero(look & (view.kind != Kind.NOISE) & rows["check"] & (rows["protocol"] == 0))
 
 
-def _turnarounds(
-    view: View, rows: Rows, before: Rows, verdict: Verdict, whole: NDArray[np.bool_]
-) -> Iterator[Findings]:
+def _silences(view: View, rows: Rows, before: Rows, jitter: NDArray[np.float64]) -> Iterator[Findings]:
+    t15, t35 = silences(view.line, view.options)
+    character = (view.line.char_bits or 11) * 1e9 / (view.line.baud or 1)
+    off = np.maximum(-rows["gap_least"], jitter) + _TOLERANCE * t15
+    inside = np.flatnonzero((rows["gap_most"] != NO_GAP) & (rows["gap_most"] - off > t15))
+    if len(inside):
+        gaps = rows["gap_most"][inside]
+        yield GAP_INSIDE.on(rows[inside], gaps / 1e6, gaps / character, rows["gap_at"][inside], t35 / 1e6)
+    short = before["check"] & (before["kind"] != Kind.NOISE) & (before["port"] == rows["port"])
+    short &= (rows["gap_before"] != NO_GAP) & (rows["gap_before"] + jitter + _TOLERANCE * t35 < t35)
+    found = np.flatnonzero(short)
+    if len(found):
+        gaps = rows["gap_before"][found]
+        response = rows["kind"][found] == Kind.RESPONSE
+        yield GAP_SHORT.on(rows[found], gaps / 1e6, gaps / character, t35 / 1e6, response)
+
+
+def _turnarounds(view: View, rows: Rows, before: Rows, off: NDArray[np.float64]) -> Iterator[Findings]:
     due = view.options.turnaround_ns
-    after = whole & (rows["kind"] == Kind.REQUEST) & before["check"] & (before["kind"] == Kind.REQUEST)
-    after &= (before["unit"] == 0) & (before["port"] == rows["port"])
+    after = (rows["kind"] == Kind.REQUEST) & before["check"] & (before["kind"] == Kind.REQUEST)
+    after &= (before["unit"] == 0) & (before["port"] == rows["port"]) & (off < _TIMER_NS)
+    after &= (rows["function"] != before["function"]) | (rows["length"] != before["length"])  # no echo of it
     pause = rows["t_start"] - before["t_end"]
-    found = np.flatnonzero(after & (pause + verdict.wait_ns < due) & ~_may_answer(rows, before))
+    found = np.flatnonzero(after & (pause + np.where(after, off, 0) < due))
     if len(found):
         yield TURNAROUND.on(rows[found], pause[found] / 1e6, due / 1e6)
-
-
-def _may_answer(rows: Rows, before: Rows) -> NDArray[np.bool_]:
-    """Frames that read like an answer to the broadcast before: an echo of its shape."""
-    may: NDArray[np.bool_] = (rows["function"] == before["function"]) & (rows["length"] == before["length"])
-    return may
