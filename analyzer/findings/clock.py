@@ -26,6 +26,7 @@ from captures.line import LineSettings
 
 from ..deframing.options import Options
 from ..frames import NO_GAP, Rows
+from .spread import Spread
 
 FIRST: Final = 32  # frames of the first verdict
 _EVERY: Final = 1024
@@ -35,8 +36,6 @@ _QUANTILE: Final = 0.995
 _MARGIN: Final = 1.2
 _COLUMNS: Final = ("protocol", "reads", "length", "gap_before", "gap_most", "gap_least")
 _KEPT: Final = 512  # verdicts
-_STEPS: Final = 8  # bins an octave
-_BINS: Final = 48 * _STEPS
 _USUAL_NS: Final = 5_000_000  # a read from user space, where nothing tells more
 _FAST_BAUD: Final = 19200  # [2] 2.5.1.1: above it, both times are fixed
 _T15_FIXED_NS, _T35_FIXED_NS = 750_000, 1_750_000
@@ -76,8 +75,8 @@ class Clock:
         self._frames = 0
         self._next = FIRST
         self._reads = self._octets = self._shared = self._counted = 0.0
-        self._late = np.zeros(_BINS)  # frames by their least silence, if negative
-        self._astray = np.zeros(_BINS)  # frames of several reads by their silence that is farthest from none
+        self._late = Spread()  # frames by their least silence, if negative
+        self._astray = Spread()  # frames of several reads by their silence that is farthest from none
         self._verdicts: deque[tuple[int, Verdict]] = deque(maxlen=_KEPT)
 
     def feed(self, rows: Rows, frames: NDArray[np.intp]) -> None:
@@ -123,8 +122,8 @@ class Clock:
         if self._counted > _MEMORY:
             for name in ("_reads", "_octets", "_shared", "_counted"):
                 setattr(self, name, getattr(self, name) / 2)
-            self._late /= 2
-            self._astray /= 2
+            self._late.fade()
+            self._astray.fade()
 
     def _learn(self, frames: Mapping[str, NDArray[Any]]) -> None:
         if frames["protocol"].any():
@@ -137,36 +136,22 @@ class Clock:
         early = np.where(frames["gap_before"] == NO_GAP, 0, np.maximum(-frames["gap_before"], 0))
         if several.any():
             most, least = frames["gap_most"][several], frames["gap_least"][several]
-            self._late += _binned(np.maximum(np.maximum(-least, early[several]), 0))
+            self._late.add(np.maximum(-least, early[several]))
             farthest = np.maximum(np.abs(most), np.abs(least))
-            self._astray += _binned(np.maximum(farthest, early[several]))
+            self._astray.add(np.maximum(farthest, early[several]))
         if (early[~several] > 0).any():
-            self._astray += _binned(early[~several])
+            self._astray.add(early[~several])
 
     def _now(self) -> Verdict:
         if not self._octets:
             return Verdict()
         each = self._octets / max(self._reads, 1.0)
-        jitter = _quantile(self._late)
+        jitter = self._late.quantile(_QUANTILE)
         fine = self._known_speed and self._reads >= _BYTE_BY_BYTE * self._octets and jitter is not None
         if fine and jitter is not None:
             return Verdict(True, jitter, jitter, each)
-        astray = _quantile(self._astray) if self._known_speed else None
-        if astray is not None and self._astray.sum() >= 0.05 * self._counted:
+        astray = self._astray.quantile(_QUANTILE) if self._known_speed else None
+        if astray is not None and self._astray.weight >= 0.05 * self._counted:
             return Verdict(False, UNKNOWN, astray * _MARGIN, each)
         alone = self._shared <= 1 + 0.01 * self._counted  # each frame came in a read of its own
         return Verdict(False, UNKNOWN, _USUAL_NS if alone else UNKNOWN, each)
-
-
-def _binned(values: NDArray[np.int64]) -> NDArray[np.float64]:
-    bins = np.log2(values.astype(np.float64) + 1.0) * _STEPS
-    return np.bincount(np.minimum(bins, _BINS - 1).astype(np.intp), minlength=_BINS).astype(np.float64)
-
-
-def _quantile(counts: NDArray[np.float64]) -> float | None:
-    """The upper edge of the bin where the quantile lies, ns; None without values."""
-    total = counts.sum()
-    if not total:
-        return None
-    place = int(np.searchsorted(np.cumsum(counts), _QUANTILE * total))
-    return float(2 ** ((min(place, _BINS - 1) + 1) / _STEPS) - 1)

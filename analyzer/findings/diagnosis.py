@@ -32,6 +32,7 @@ class Diagnosis:
         self._clock = Clock(line)
         self._examiner = Examiner()
         self._timed = False
+        self._now = 0
 
     @property
     def open_from(self) -> int | None:
@@ -58,7 +59,11 @@ class Diagnosis:
     def _view(self, batch: Batch, transactions: Rows) -> View:
         verdicts = self._examiner.examine(batch)
         explained = self._examiner.explained
-        return View(batch, transactions, self._line, self._options, self._timed, self._clock, verdicts, explained)
+        if len(batch):
+            self._now = int(batch.rows["t_end"][-1])
+        return View(
+            batch, transactions, self._line, self._options, self._timed, self._clock, verdicts, explained, self._now
+        )
 
 
 def _ordered(parts: Iterable[Findings]) -> Findings:

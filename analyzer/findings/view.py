@@ -55,6 +55,7 @@ class View:
     clock: Clock
     verdicts: Mapping[int, Verdict]  # what happened to damaged rows, by row
     explained: Collection[int]  # requests (by index) whose answer came damaged
+    now: int  # ns, end of the newest row
 
     @property
     def rows(self) -> Rows:

@@ -17,7 +17,6 @@ from dissectors.lengths import Asked, Role, Sized, layout, relations, rule
 from dissectors.limits import Bound, Choice
 
 from ...deframing.rules import MAX_ADU, asked_bytes, field
-from ...frames import Kind
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
 from ..view import View
@@ -185,7 +184,6 @@ def codes(view: View) -> Iterator[Findings]:
     rows = view.rows
     stray = view.responses[rows["request"][view.responses] < 0]
     reserved = np.flatnonzero((rows["unit"] > _LAST_UNIT) & rows["check"])
-    reserved = reserved[(view.kind[reserved] == Kind.REQUEST) | np.isin(reserved, stray)]
     if len(reserved):
         yield RESERVED_UNIT.on(rows[reserved], rows["unit"][reserved])
     for frames, functions in ((view.requests, view.requested), (stray, view.function_bytes(stray))):

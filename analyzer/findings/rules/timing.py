@@ -109,7 +109,6 @@ class Timing:
         self._before: Rows = np.zeros(1, ROW)  # the newest row
         self._waiting: list[tuple[Rows, Rows]] = []
         self._frames = 0
-        self._t = 0
 
     @property
     def open_from(self) -> int | None:
@@ -124,7 +123,6 @@ class Timing:
         if len(places) and places[0] == 0:
             before[0] = self._before[0]
         self._before = rows[-1:].copy()
-        self._t = int(rows["t_end"][-1])
         self._frames += len(view.frames)
         if len(places):
             self._waiting.append((rows[places], before))
@@ -137,7 +135,7 @@ class Timing:
         verdict = view.clock.newest()
         if self._frames and not verdict.fine:
             known = view.timed and verdict.wait_ns < UNKNOWN
-            yield BLIND.of_bus(self._t, verdict.wait_ns / 1e6 if known else np.nan, verdict.bytes_a_read)
+            yield BLIND.of_bus(view.now, verdict.wait_ns / 1e6 if known else np.nan, verdict.bytes_a_read)
 
     def _judge(self, view: View) -> Iterator[Findings]:
         waiting, self._waiting = self._waiting, []
