@@ -17,12 +17,12 @@ from dissectors.lengths import Echo, relations
 
 from ...frames import Rows
 from ...transactions import TRANSACTION, Status
+from ..examiner import HASTE_NS
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
 from ..view import View
 from .strangers import BROADCAST_ANSWERED, MISMATCH
 
-_HASTE_NS: Final = 50_000_000  # sooner than any master gives up waiting
 _STRAY: Final = 4  # bytes that may have been an answer
 _SURE_ECHOES: Final = 3
 
@@ -121,7 +121,7 @@ class Outcomes:
         found: dict[Rule, list[int]] = {rule: [] for rule in (NO_RESPONSE, RETRY, MISMATCH, BROADCAST_ANSWERED, ECHO)}
         for i in odd.tolist():
             self._requests += 1
-            quick = view.timed and view.clock.verdict(int(known["request"][i])).wait_ns < _HASTE_NS / 2
+            quick = view.timed and view.clock.verdict(int(known["request"][i])).wait_ns < HASTE_NS / 2
             rule = self._outcome(view, known, i, quick=quick)
             if rule is not None:
                 found[rule].append(i)
@@ -188,7 +188,7 @@ def _hasty(known: Rows, i: int, after: int, *, quick: bool) -> bool:
         return False
     if any(one[name] != two[name] for name in ("unit", "function", "length", "port")):
         return False
-    return bool(two["t_start"] - one["t_request"] < _HASTE_NS)
+    return bool(two["t_start"] - one["t_request"] < HASTE_NS)
 
 
 def _answers_broadcast(known: Rows, i: int, *, quick: bool) -> bool:
@@ -197,7 +197,7 @@ def _answers_broadcast(known: Rows, i: int, *, quick: bool) -> bool:
         return False
     before, this = known[i - 1], known[i]
     same = all(before[name] == this[name] for name in ("function", "length", "port"))
-    soon = this["t_start"] - before["t_request"] < _HASTE_NS
+    soon = this["t_start"] - before["t_request"] < HASTE_NS
     follows = before["unit"] == 0 and this["request"] == before["request"] + 1
     return bool(same and soon and follows and _echoes(int(this["function"])))
 

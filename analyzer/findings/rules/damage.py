@@ -14,6 +14,7 @@ import numpy as np
 from dissectors.checks import crc16
 from dissectors.crc_variants import VARIANTS
 
+from ...frames import Rows
 from ..autopsy import Verdict
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
@@ -161,12 +162,24 @@ def damage(view: View) -> Iterator[Findings]:
         yield PARITY.on(rows[marked], rows["errors"][marked], rows["length"][marked])
     for place, verdict in view.verdicts.items():
         here, data = rows[place : place + 1], view.bytes_of(place)
+        if verdict.code == REPEATED.code and verdict.repaired and not here["kind"][0]:
+            here = _with_the_frame_before(here, len(verdict.repaired), view, place)
         known = _RULES.get(verdict.code)
         if known is not None:
             yield known.on(here, *_numbers(verdict, data))
         else:
             computed = crc16(data[:-2]) if len(data) > 2 else 0
             yield CRC_ERROR.on(here, int.from_bytes(data[-2:], "little"), computed)
+
+
+def _with_the_frame_before(noise: Rows, length: int, view: View, place: int) -> Rows:
+    """A frame and the noise behind it as one row."""
+    whole = noise.copy()
+    whole["start"] -= length
+    whole["length"] += length
+    behind = view.frames[view.frames > place]
+    whole["index"] = view.rows["index"][behind[0]] - 1 if len(behind) else view.rows["index"].max()
+    return whole
 
 
 def _numbers(verdict: Verdict, data: bytes) -> tuple[float, ...]:

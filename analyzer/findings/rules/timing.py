@@ -173,6 +173,8 @@ def _silences(view: View, rows: Rows, before: Rows, jitter: NDArray[np.float64])
         gaps = rows["gap_most"][inside]
         yield GAP_INSIDE.on(rows[inside], gaps / 1e6, gaps / character, rows["gap_at"][inside], t35 / 1e6)
     short = before["check"] & (before["kind"] != Kind.NOISE) & (before["port"] == rows["port"])
+    alike = np.logical_and.reduce([rows[name] == before[name] for name in ("kind", "unit", "function", "length")])
+    short &= ~alike  # the tap shows it twice: no master and no unit sends so soon
     short &= (rows["gap_before"] != NO_GAP) & (rows["gap_before"] + jitter + _TOLERANCE * t35 < t35)
     found = np.flatnonzero(short)
     if len(found):
