@@ -36,17 +36,5 @@ def evidence(n: int) -> Rows:
     return why
 
 
-_TYPES: Final = (
-    np.int64,
-    np.int64,
-    np.uint8,
-    np.bool_,
-    np.int64,
-    np.int64,
-    np.int64,
-    np.int64,
-    EVIDENCE,
-    GAPS,
-    np.bool_,
-)
+_TYPES: Final = (np.int64, np.int64, np.uint8, np.bool_, *[np.int64] * 4, EVIDENCE, GAPS, np.bool_)
 NOTHING: Final = Pieces(*(np.empty(0, t) for t in _TYPES))

@@ -162,7 +162,7 @@ def damage(view: View) -> Iterator[Findings]:
         yield PARITY.on(rows[marked], rows["errors"][marked], rows["length"][marked])
     for place, verdict in view.verdicts.items():
         here, data = rows[place : place + 1], view.bytes_of(place)
-        if verdict.code == REPEATED.code and verdict.repaired and not here["kind"][0]:
+        if verdict.code == REPEATED.code and verdict.repaired and verdict.length == len(data):
             here = _with_the_frame_before(here, len(verdict.repaired), view, place)
         known = _RULES.get(verdict.code)
         if known is not None:

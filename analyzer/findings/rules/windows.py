@@ -23,7 +23,7 @@ COLLISION: Final = Rule(
     About.FRAME,
     clause="[2] 2.5.1.2",
     numbers=("window_start", "window_length", "windows"),
-    text="{window_length:.0f} bytes from byte {window_start:.0f} on have a right CRC of their own, but are part of this frame",
+    text="{window_length:.0f} bytes from byte {window_start:.0f} on have a right CRC, but are part of this frame",
     cause="chance, 1 window in 65,536, or registers that hold a whole frame",
     remedy="nothing: it only misleads tools that look for right CRCs alone",
 )
