@@ -125,7 +125,7 @@ class Pace:
 
 
 def _slower(own: float, usual: float, off: float) -> bool:
-    return own > _TIMES_SLOWER * usual and own - usual > _SLOWER_NS and own - usual > 2 * off
+    return own > _TIMES_SLOWER * usual and own - usual > _SLOWER_NS and own - usual > 4 * off
 
 
 @looks_for(WASTE)
