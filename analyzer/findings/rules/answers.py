@@ -163,21 +163,18 @@ class Outcomes:
     def _outcome(self, view: View, known: Rows, i: int, *, quick: bool) -> Rule | None:
         """What became of a request without an answer, or of one that repeats the one before."""
         hasty = _hasty(known, i - 1, i, quick=quick)
-        if known["retry"][i] and (
-            (hasty and self._at_once(view, known, i)) or (self._echoing and not quick and _again(known, i - 1, i))
-        ):
-            return ECHO
-        if known["retry"][i] and i and known["unit"][i] == 0 and not quick and _again(known, i - 1, i):
-            return BROADCAST_ANSWERED
+        if known["retry"][i]:
+            twice = not quick and _again(known, i - 1, i)
+            if (hasty and self._at_once(view, known, i)) or (twice and self._echoing):
+                return ECHO
+            if twice and known["unit"][i] == 0:
+                return BROADCAST_ANSWERED
         if known["status"][i] != Status.UNANSWERED:
             return None
         if _answers_broadcast(known, i, quick=quick):
             return BROADCAST_ANSWERED
-        if (
-            not known["retry"][i]
-            and (hasty or (not quick and self._differs(known, i - 1, i)))
-            and _echoes(int(known["function"][i]))
-        ):
+        differs = hasty if quick else self._differs(known, i - 1, i)
+        if differs and not known["retry"][i] and _echoes(int(known["function"][i])):
             return MISMATCH
         return None if self._excused(view, known, i, quick=quick) else NO_RESPONSE
 

@@ -79,7 +79,11 @@ TRUNCATED: Final = Rule(
     clause="[2] 2.5.1.1",
     numbers=("bytes", "due", "certainty"),
     loses=True,
-    text="the frame begins like one of {due:.0f} bytes and ends after {bytes:.0f}",
+    text=lambda numbers: (
+        "the frame begins like one"
+        + (f" of {numbers['due']:.0f} bytes" if "due" in numbers else "")
+        + f" and ends after {_bytes(numbers['bytes'])}"
+    ),
     cause="the sender's driver is switched off too early, or its buffer is too short; or the tap lost the end",
     remedy="check the sender's driver-enable timing; ask for fewer registers and see whether it helps",
 )
@@ -110,7 +114,7 @@ FLOW: Final = Rule(
     About.FRAME,
     numbers=("lost", "certainty"),
     loses=True,
-    text="{lost:.0f} bytes of 11 or 13 (XON, XOFF) are missing; with them the CRC is right",
+    text=lambda numbers: f"{_bytes(numbers['lost'])} of 11 or 13 (XON, XOFF) missing; put back, the CRC is right",
     cause="the capturing port has software flow control on and swallows these bytes",
     remedy="switch XON/XOFF off on the port (stty -ixon -ixoff)",
 )
@@ -154,6 +158,10 @@ PARITY: Final = Rule(
     cause="the line is disturbed; where it is most frames, another baud rate or parity than the sender's",
     remedy="compare baud rate, parity and stop bits of tap and devices; then check the line",
 )
+
+
+def _bytes(count: float) -> str:
+    return "1 byte" if count == 1 else f"{count:.0f} bytes"
 
 
 def _crc(numbers: Mapping[str, float], name: str) -> str:
