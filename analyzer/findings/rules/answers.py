@@ -164,11 +164,12 @@ class Outcomes:
         """What became of a request without an answer, or of one that repeats the one before."""
         hasty = _hasty(known, i - 1, i, quick=quick)
         if known["retry"][i]:
-            twice = not quick and _again(known, i - 1, i)
-            if (hasty and self._at_once(view, known, i)) or (twice and self._echoing):
-                return ECHO
-            if twice and known["unit"][i] == 0:
+            again = _again(known, i - 1, i)
+            soon = not quick or known["t_start"][i] - known["t_request"][i - 1] < HASTE_NS
+            if again and soon and known["unit"][i] == 0:
                 return BROADCAST_ANSWERED
+            if (hasty and self._at_once(view, known, i)) or (again and not quick and self._echoing):
+                return ECHO
         if known["status"][i] != Status.UNANSWERED:
             return None
         if _answers_broadcast(known, i, quick=quick):
