@@ -145,6 +145,7 @@ class Polls:
             }:
                 continue
             here = view.requests[view.requested == code]
+            here = here[view.reaches(here, places["quantity"][0] + 2)]
             address = field(view.data, view.pdu(here) + places["starting_address"][0], 2)
             quantity = field(view.data, view.pdu(here) + places["quantity"][0], 2)
             keys = (rows["unit"][here].astype(np.int64) << 32) | (address << 16) | quantity
