@@ -180,12 +180,17 @@ class Batch:
 
     @cached_property
     def _places(self) -> dict[tuple[int, int], list[int]]:
-        """Findings by port and start of the rows that they speak of."""
+        """Findings by port and start of the rows that they speak of, or of a part of which they do."""
         places: dict[tuple[int, int], list[int]] = {}
-        if self.findings is not None:
-            spots = zip(self.findings["port"].tolist(), self.findings["start"].tolist(), strict=True)
-            for place, spot in enumerate(spots):
-                places.setdefault(spot, []).append(place)
+        if self.findings is None:
+            return places
+        for port in np.flatnonzero(np.bincount(self.findings["port"])).tolist():
+            starts = np.sort(self.rows["start"][self.rows["port"] == port])
+            mine = np.flatnonzero((self.findings["port"] == port) & (self.findings["start"] >= 0))
+            holders = np.searchsorted(starts, self.findings["start"][mine], side="right") - 1
+            for place, holder in zip(mine.tolist(), holders.tolist(), strict=True):
+                if holder >= 0:
+                    places.setdefault((port, int(starts[holder])), []).append(place)
         return places
 
     def request_of(self, row: int, index: int) -> bytes | None:

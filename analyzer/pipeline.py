@@ -111,8 +111,9 @@ def _about(findings: Findings, batch: Batch) -> NDArray[np.bool_]:
     mine = np.zeros(len(findings), np.bool_)
     rows = batch.rows
     for port in np.flatnonzero(np.bincount(rows["port"])).tolist():
-        here = rows["start"][rows["port"] == port]
-        mine |= (findings["port"] == port) & (findings["start"] >= here.min()) & (findings["start"] <= here.max())
+        here = rows[rows["port"] == port]
+        first, last = int(here["start"].min()), int((here["start"] + here["length"]).max())
+        mine |= (findings["port"] == port) & (findings["start"] >= first) & (findings["start"] < last)
     return mine
 
 

@@ -71,7 +71,8 @@ def test_a_finding_stands_on_a_row_of_its_batch_or_on_the_bus(tap: str) -> None:
             elif finding.index is not None:
                 assert starts[finding.start] == finding.index
             else:
-                assert finding.start in starts
+                at = finding.start - rows["start"]
+                assert ((at >= 0) & (at < rows["length"])).any()
         told = [f for i in range(len(part.batch)) for f in part.batch.findings_of(i)]
         assert len(told) == sum(f["start"] >= 0 for f in part.findings)
 

@@ -25,6 +25,7 @@ _MUCH_LONGER: Final = -0.5  # and more, where a slice came twice, or another sen
 _OTHER_COUNT: Final = -4.0  # as long as it should be, but its header says otherwise
 _BYTE: Final = -0.6  # a byte that nothing vouches for
 _SPARE: Final = 4  # bytes that a fault may have added
+_MORE: Final = 48  # and another sender, beyond twice the length
 _NEARLY: Final = -3.0  # a request that is a byte short or long: less sure to be one at all
 _LEAST: Final = 3
 
@@ -47,7 +48,7 @@ def damaged_answers(
             if start not in taken and data.startswith(header, start):
                 length = predicted(data, start, Role.RESPONSE) or MAX_ADU
                 for end in places.ends:
-                    most = start + (2 * length + _SPARE if len(header) >= _LEAST else length)
+                    most = start + (2 * length + _MORE if len(header) >= _LEAST else length)
                     least = start + (_LEAST if len(header) >= _LEAST else length)
                     if least <= end <= most and not places.parted(start, end):
                         found[start, end] = Candidate(

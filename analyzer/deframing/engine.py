@@ -34,7 +34,7 @@ from .tape import Character, Tape, Times
 from .unknown import unknown_windows
 
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
-_PARTS_NOISE: Final = 3.0  # bits of a silence at which noise is cut in two
+_PARTS_NOISE: Final = 6.0  # bits of a silence at which noise is cut in two
 _AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
 _SLICE: Final = 1 << 20  # bytes searched at once

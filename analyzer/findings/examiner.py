@@ -7,7 +7,7 @@ has a good explanation. One cause, one finding: such a stretch is no noise any m
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from functools import lru_cache
 from typing import Final
 
@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 from dissectors.lengths import Role, pdu_length, revision, rule
 
 from ..frames import Batch, Kind, Protocol, Rows
-from .autopsy import Case, Verdict, autopsy
+from .autopsy import Case, Part, Verdict, autopsy, divided
 from .autopsy.case import OVERHEAD
 from .trail import Seen, Trail
 
 HASTE_NS: Final = 50_000_000  # sooner than any master gives up waiting
 _HARD_NS: Final = 1_500_000  # what comes sooner belongs to the frame before
 _TWICE: Final = 2  # bytes
+_VAGUE: Final = ("collision", "crc-error", "truncated")  # what frames that ran together are easily taken for
 _LEAST: Final = 4  # bytes of noise that may be a damaged frame
 _MOST: Final = 400
 _KEPT: Final = 4096  # requests
@@ -47,17 +48,19 @@ class Examiner:
         """Requests of late, by index, whose answer came damaged."""
         return frozenset(self._explained)
 
-    def examine(self, batch: Batch) -> Mapping[int, Verdict]:
-        """What happened to the damaged ones among the rows of a batch, by row."""
+    def examine(self, batch: Batch) -> Mapping[int, Sequence[Part]]:
+        """What happened to the damaged rows of a batch, by row: one part, or several frames that ran together."""
         rows = batch.rows
         for port in np.flatnonzero(np.bincount(rows["port"])).tolist():
             if port not in self._flow_at:
                 self._watch_flow(batch, port)
         found = {}
         for place in _suspects(rows).tolist():
-            verdict = self._verdict(batch, place)
-            if verdict is not None:
-                found[place] = verdict
+            row = Seen.of(batch, place)
+            verdict = self._verdict(batch, place, row)
+            parts = self._divided(batch, place, row) if verdict is None or verdict.code in _VAGUE else []
+            if verdict is not None or parts:
+                found[place] = parts or [Part(0, row.row.length, verdict or Verdict("crc-error", 0.0))]
         self._trail.go_on(batch)
         return found
 
@@ -68,9 +71,22 @@ class Examiner:
                 self._flow_at[port] = int(batch.rows["start"][row] + hit - batch.rows["at"][row])
                 return
 
-    def _verdict(self, batch: Batch, place: int) -> Verdict | None:
+    def _divided(self, batch: Batch, place: int, row: Seen) -> list[Part]:
+        """The frames that a stretch was before flow control ran them together, on a port that gives no 11 and 13."""
+        free = self._flow_free(row)
+        if not free or len(row.captured) <= 2 * _LEAST or row.row.errors:
+            return []
+        pending, known, units = self._said_before(batch, place)
+        request = None if pending is None else pending.captured
+        return divided(Case(row.captured, None, request, known, units, flow_free=free))
+
+    def _flow_free(self, row: Seen) -> int:
+        """How many bytes the port had given without any 11 or 13; 0 where there were some."""
+        first = self._flow_at.get(row.row.port)
+        return row.row.start if first is None or first >= row.row.start else 0
+
+    def _verdict(self, batch: Batch, place: int, row: Seen) -> Verdict | None:
         """What happened to a row; None where it is noise that nothing ties to a frame."""
-        row = Seen.of(batch, place)
         pending, known, units = self._said_before(batch, place)
         request = None if pending is None else pending.captured
         role = None
@@ -90,9 +106,7 @@ class Examiner:
             return None
         if row.row.errors:
             return self._explains(pending, None)
-        first_flow = self._flow_at.get(row.row.port)
-        free = row.row.start if first_flow is None or first_flow >= row.row.start else 0
-        verdict = _told(_autopsy(row.captured, role, request, known, units, free, revision()))
+        verdict = _told(_autopsy(row.captured, role, request, known, units, self._flow_free(row), revision()))
         if not row.is_frame and (verdict.code == "crc-error" or verdict.certainty < _SURE):
             like = _request_like(row.captured, known) if request is None else row.captured[:2] == request[:2]
             return self._explains(pending, Verdict("crc-error", 0.0, 1.0)) if like else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +14,7 @@ from captures.line import LineSettings
 from ..deframing.options import Options
 from ..deframing.rules import field
 from ..frames import Batch, Kind, Rows, adu_of
-from .autopsy import Verdict
+from .autopsy import Part
 from .clock import Clock
 
 
@@ -53,7 +53,7 @@ class View:
     options: Options
     timed: bool  # whether the capture has times
     clock: Clock
-    verdicts: Mapping[int, Verdict]  # what happened to damaged rows, by row
+    verdicts: Mapping[int, Sequence[Part]]  # what happened to damaged rows, by row
     explained: Collection[int]  # requests (by index) whose answer came damaged
     now: int  # ns, end of the newest row
 

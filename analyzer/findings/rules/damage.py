@@ -15,7 +15,7 @@ from dissectors.checks import crc16
 from dissectors.crc_variants import VARIANTS
 
 from ...frames import Rows
-from ..autopsy import Verdict
+from ..autopsy import Part, Verdict
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
 from ..view import View
@@ -178,16 +178,27 @@ def damage(view: View) -> Iterator[Findings]:
     marked = np.flatnonzero(rows["errors"] > 0)
     if len(marked):
         yield PARITY.on(rows[marked], rows["errors"][marked], rows["length"][marked])
-    for place, verdict in view.verdicts.items():
-        here, data = rows[place : place + 1], view.bytes_of(place)
-        if verdict.code == REPEATED.code and verdict.repaired and verdict.length == len(data):
-            here = _with_the_frame_before(here, len(verdict.repaired), view, place)
-        known = _RULES.get(verdict.code)
-        if known is not None:
-            yield known.on(here, *_numbers(verdict, data))
-        else:
-            computed = crc16(data[:-2]) if len(data) > 2 else 0
-            yield CRC_ERROR.on(here, int.from_bytes(data[-2:], "little"), computed)
+    for place, parts in view.verdicts.items():
+        for part in parts:
+            yield from _told(view, place, part)
+
+
+def _told(view: View, place: int, part: Part) -> Iterator[Findings]:
+    """The finding of one part of a row."""
+    here, verdict = view.rows[place : place + 1].copy(), part.verdict
+    if here["errors"][0]:
+        return
+    data = view.bytes_of(place)[part.start : part.start + part.length]
+    here["start"] += part.start
+    here["length"] = part.length
+    if verdict.code == REPEATED.code and verdict.repaired and verdict.length == len(data):
+        here = _with_the_frame_before(here, len(verdict.repaired), view, place)
+    known = _RULES.get(verdict.code)
+    if known is not None:
+        yield known.on(here, *_numbers(verdict, data))
+    else:
+        computed = crc16(data[:-2]) if len(data) > 2 else 0
+        yield CRC_ERROR.on(here, int.from_bytes(data[-2:], "little"), computed)
 
 
 def _with_the_frame_before(noise: Rows, length: int, view: View, place: int) -> Rows:
