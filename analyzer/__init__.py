@@ -22,29 +22,41 @@ if TYPE_CHECKING:
     from .analysis import Analysis, open
     from .deframing.options import Options
     from .deframing.stream import Deframer
+    from .findings.diagnosis import Diagnosis
+    from .findings.model import Finding, Severity
     from .frames import Batch, Frame
-    from .pipeline import deframe
+    from .pipeline import Analysed, analyse, deframe
     from .transactions import Transactions
 
 _HOMES = {
+    "Analysed": "pipeline",
     "Analysis": "analysis",
     "Batch": "frames",
     "Deframer": "deframing.stream",
+    "Diagnosis": "findings.diagnosis",
+    "Finding": "findings.model",
     "Frame": "frames",
     "Options": "deframing.options",
+    "Severity": "findings.model",
     "Transactions": "transactions",
+    "analyse": "pipeline",
     "deframe": "pipeline",
     "open": "analysis",
 }
 
 __all__ = [
+    "Analysed",
     "Analysis",
     "Batch",
     "Deframer",
+    "Diagnosis",
+    "Finding",
     "Frame",
     "Options",
+    "Severity",
     "Transactions",
     "__version__",
+    "analyse",
     "deframe",
     "open",
 ]

@@ -11,8 +11,9 @@ import captures
 from captures.chunks import Capture, Damage
 from captures.line import LineSettings
 
+from .findings.model import Finding, describe
 from .frames import ROW, Batch, Frame, Rows
-from .pipeline import Options, deframe
+from .pipeline import Analysed, Options, analyse, deframe
 from .transactions import TRANSACTION, Transactions
 
 
@@ -40,9 +41,17 @@ class Analysis:
         """Rows with their bytes, batch after batch in wire order."""
         return deframe(self.capture, self.options)
 
+    def analysed(self) -> Iterator[Analysed]:
+        """The same batches, diagnosed, with the transactions and findings that belong to them."""
+        return analyse(self.capture, self.options)
+
     def frames(self) -> Iterator[Frame]:
-        """Every frame, in wire order."""
-        return (frame for batch in self.batches() for frame in batch.frames())
+        """Every frame, in wire order, with its findings."""
+        return (frame for analysed in self.analysed() for frame in analysed.batch.frames())
+
+    def findings(self) -> Iterator[Finding]:
+        """What is wrong, in wire order batch by batch; what concerns the bus as a whole comes last."""
+        return (describe(row) for analysed in self.analysed() for row in analysed.findings)
 
     def rows(self) -> Rows:
         """All frames and noise as one structured array (dtype `analyzer.frames.ROW`); `at` is for batches only."""

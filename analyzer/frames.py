@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from dissectors.annotation import Context, Field, annotate, summary
 from dissectors.envelopes import Adu, ascii_adu, ascii_frames, rtu
 from dissectors.functions import function_name
 from dissectors.lengths import Role
+
+from .findings.model import Finding, describe
 
 
 class Kind(IntEnum):
@@ -43,6 +46,16 @@ class Direction(IntEnum):
     response = Kind.RESPONSE
 
 
+NO_GAP = -(1 << 62)  # a silence of which nothing is known
+_GAPS = [
+    ("gap_before", np.int64),  # ns, silence before it by the reads' times; NO_GAP where one read brought both
+    ("gap_most", np.int64),  # longest and least silence between the reads that brought it; NO_GAP in one read
+    ("gap_least", np.int64),  # negative where a read came late and the next one did not
+    ("gap_at", np.int32),  # byte before which the longest silence stands
+    ("reads", np.int32),  # how many reads brought it
+    ("errors", np.uint16),  # bytes that the UART marked, for parity or framing
+]
+GAPS = np.dtype(_GAPS)  # what the reads say of a row
 ROW = np.dtype(
     [
         ("index", np.int64),  # number of the frame, 0, 1, 2 ...; -1 for noise
@@ -62,6 +75,8 @@ ROW = np.dtype(
         ("check", np.bool_),  # CRC or LRC right
         ("port", np.uint8),
         ("protocol", np.uint8),  # Protocol
+        ("contested", np.bool_),  # other explanations of its bytes were weighed
+        *_GAPS,
     ]
 )
 
@@ -87,6 +102,13 @@ class Row:
     check: bool
     port: int
     protocol: int
+    contested: bool
+    gap_before: int
+    gap_most: int
+    gap_least: int
+    gap_at: int
+    reads: int
+    errors: int
 
 
 # Why a row's boundaries stand where they do, in bits of evidence (log2 of a likelihood ratio); made when asked for.
@@ -107,17 +129,24 @@ Rows = NDArray[np.void]
 _NEAR = 16  # rows back: where nearly all requests stand
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Batch:
     """Rows in wire order, with their bytes.
 
     `earlier` holds the bytes of those requests (by index) that rows here answer and that lie in a batch before.
+    `findings` (FINDING) are what a diagnosis said of these rows; None where there was none.
     """
 
     rows: Rows
     data: NDArray[np.uint8]
     earlier: Mapping[int, bytes] = field(default_factory=dict)
     evidence: Rows | None = None
+    findings: Rows | None = None
+
+    @classmethod
+    def empty(cls) -> Batch:
+        """No rows."""
+        return cls(np.zeros(0, ROW), np.zeros(0, np.uint8))
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -135,10 +164,36 @@ class Batch:
         """A view of one row that is a frame."""
         values = Row(*self.rows[row].item())
         captured = self.data[values.at : values.at + values.length].tobytes()
-        request = self._request(row, values.request) if values.request >= 0 else None
-        return Frame(values, captured, request, None if self.evidence is None else self.evidence[row])
+        request = self.request_of(row, values.request) if values.request >= 0 else None
+        evidence = None if self.evidence is None else self.evidence[row]
+        return Frame(values, captured, request, evidence, self._said_of(values.port, values.start))
 
-    def _request(self, row: int, index: int) -> bytes | None:
+    def findings_of(self, row: int) -> tuple[Finding, ...]:
+        """What the diagnosis said of one row, frame or noise."""
+        return self._said_of(int(self.rows["port"][row]), int(self.rows["start"][row]))
+
+    def _said_of(self, port: int, start: int) -> tuple[Finding, ...]:
+        if self.findings is None or not len(self.findings):
+            return ()
+        places = self._places.get((port, start), ())
+        return tuple(describe(self.findings[place]) for place in places)
+
+    @cached_property
+    def _places(self) -> dict[tuple[int, int], list[int]]:
+        """Findings by port and start of the rows that they speak of, or of a part of which they do."""
+        places: dict[tuple[int, int], list[int]] = {}
+        if self.findings is None:
+            return places
+        for port in np.flatnonzero(np.bincount(self.findings["port"])).tolist():
+            starts = np.sort(self.rows["start"][self.rows["port"] == port])
+            mine = np.flatnonzero((self.findings["port"] == port) & (self.findings["start"] >= 0))
+            holders = np.searchsorted(starts, self.findings["start"][mine], side="right") - 1
+            for place, holder in zip(mine.tolist(), holders.tolist(), strict=True):
+                if holder >= 0:
+                    places.setdefault((port, int(starts[holder])), []).append(place)
+        return places
+
+    def request_of(self, row: int, index: int) -> bytes | None:
         """The bytes of the request with this index, which the frame at `row` answers."""
         if index in self.earlier:
             return self.earlier[index]
@@ -158,6 +213,7 @@ class Frame:
     captured: bytes
     request_bytes: bytes | None = None
     evidence: np.void | None = None
+    findings: tuple[Finding, ...] = ()
 
     @property
     def index(self) -> int:
@@ -271,7 +327,7 @@ class Frame:
         if fields:
             line["fields"] = [item.to_json() for item in self.fields()]
         line["confidence"] = round(self.confidence, 6)
-        line["findings"] = []
+        line["findings"] = [finding.to_json() for finding in self.findings]
         if self.port:
             line["port"] = self.port
         return line

@@ -1,17 +1,22 @@
-"""From a capture to batches of rows."""
+"""From a capture to batches of rows, and to what was found about them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from captures.chunks import Block, Capture
 
 from .deframing.ascii import AsciiDeframer, looks_ascii
 from .deframing.options import Options as Options
 from .deframing.stream import Deframer
-from .frames import Batch
+from .findings.diagnosis import Diagnosis
+from .findings.model import FINDING, Findings
+from .frames import Batch, Rows
+from .transactions import TRANSACTION, Transactions
 
 _BLOCK = 1 << 20  # bytes read at once
 _LOOK = 1 << 16  # bytes that tell RTU from ASCII mode
@@ -31,6 +36,85 @@ def deframe(capture: Capture, options: Options = Options()) -> Iterator[Batch]: 
             yield batch
     if deframer is not None and len(batch := deframer.close()):
         yield batch
+
+
+@dataclass(frozen=True, slots=True)
+class Analysed:
+    """Rows of which all is said: `batch` with the findings on its rows, and the transactions settled by then.
+
+    `findings` are those of the batch and, in the last one, those about the bus as a whole.
+    """
+
+    batch: Batch
+    transactions: Rows
+    findings: Findings
+
+
+def analyse(capture: Capture, options: Options = Options()) -> Iterator[Analysed]:  # noqa: B008 - frozen
+    """A whole capture, diagnosed, batch after batch in wire order; the last one may hold no rows.
+
+    A batch is held back until nothing more can be said of its rows, which the next ones decide.
+    """
+    transactions, diagnosis = Transactions(), Diagnosis(capture.line, options)
+    held = _Held()
+    for batch in deframe(capture, options):
+        settled = transactions.feed(batch)
+        held.add(batch, settled, diagnosis.feed(batch, settled))
+        bounds = (transactions.open_from, diagnosis.open_from)
+        yield from held.ready(min((bound for bound in bounds if bound is not None), default=None))
+    settled = transactions.close()
+    held.end(settled, diagnosis.close(settled))
+    yield from held.ready(None)
+
+
+class _Held:
+    """Batches that wait for their findings."""
+
+    def __init__(self) -> None:
+        self._batches: list[tuple[Batch, Rows]] = []
+        self._findings: Findings = np.zeros(0, FINDING)
+        self._last = False
+
+    def add(self, batch: Batch, transactions: Rows, findings: Findings) -> None:
+        self._batches.append((batch, transactions))
+        self._findings = np.concatenate((self._findings, findings))
+
+    def end(self, transactions: Rows, findings: Findings) -> None:
+        if self._batches:
+            batch, settled = self._batches[-1]
+            self._batches[-1] = batch, np.concatenate((settled, transactions))
+        self._findings = np.concatenate((self._findings, findings))
+        self._last = True
+
+    def ready(self, open_from: int | None) -> Iterator[Analysed]:
+        """Batches whose frames all come before the first one of which more may be said."""
+        while self._batches and (open_from is None or _behind(self._batches[0][0]) <= open_from):
+            batch, settled = self._batches.pop(0)
+            if self._last and not self._batches:
+                mine = np.ones(len(self._findings), np.bool_)
+            else:
+                mine = _about(self._findings, batch)
+            found, self._findings = self._findings[mine], self._findings[~mine]
+            yield Analysed(replace(batch, findings=found), settled, found)
+        if self._last and not self._batches and len(self._findings):
+            found, self._findings = self._findings, self._findings[:0]
+            yield Analysed(Batch.empty(), np.zeros(0, TRANSACTION), found)
+
+
+def _behind(batch: Batch) -> int:
+    """The index that the first frame behind a batch has, at least."""
+    return int(batch.rows["index"].max()) + 1
+
+
+def _about(findings: Findings, batch: Batch) -> NDArray[np.bool_]:
+    """Which findings speak of rows of this batch."""
+    mine = np.zeros(len(findings), np.bool_)
+    rows = batch.rows
+    for port in np.flatnonzero(np.bincount(rows["port"])).tolist():
+        here = rows[rows["port"] == port]
+        first, last = int(here["start"].min()), int((here["start"] + here["length"]).max())
+        mine |= (findings["port"] == port) & (findings["start"] >= first) & (findings["start"] < last)
+    return mine
 
 
 def _evenly(blocks: Iterable[Block]) -> Iterator[Block]:

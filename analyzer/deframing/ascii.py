@@ -19,12 +19,12 @@ from dissectors.answers import Expectation, expectation
 from dissectors.envelopes import Adu, ascii_frames
 from dissectors.lengths import Role, pdu_length
 
-from ..frames import ROW, Batch, Kind, Protocol, Rows
+from ..frames import GAPS, ROW, Batch, Kind, Protocol, Rows
 from .options import Options
 from .pairing import Pairer
 from .rules import Bytes
 from .stream import character
-from .tape import Tape
+from .tape import Tape, among
 
 _LONGEST: Final = 513 + 4  # characters of a frame ([2] 2.5.2), and some that a fault may have added
 _FRAME: Final = re.compile(rb"[:>][0-9A-Fa-f]{6,%d}(?:\r\n?|\n)" % _LONGEST)
@@ -57,8 +57,10 @@ class AsciiDeframer:
         sizes = np.diff(block.offsets).astype(np.intp)
         for port in np.flatnonzero(np.bincount(block.port)).tolist():
             mine = block.port == port
+            octets = np.repeat(mine, sizes)
             tape = self._tapes.setdefault(port, Tape(self._character))
-            tape.append(block.data[np.repeat(mine, sizes)], sizes[mine], block.t_ns[mine], block.mark[mine])
+            errors = among(block.errors, octets)
+            tape.append(block.data[octets], sizes[mine], block.t_ns[mine], block.mark[mine], errors)
         return self._take(last=False)
 
     def tick(self, now_ns: int) -> Batch:
@@ -132,6 +134,9 @@ class AsciiDeframer:
         head = tail = np.empty(0, np.int64)
         if pieces:
             rows["t_start"], rows["t_end"], head, tail = tape.spans(starts, ends)
+            gaps = tape.gaps(starts, ends)
+            for name in GAPS.names or ():
+                rows[name] = gaps[name]
         rows["confidence"] = 1.0
         adus = []
         for row, (_, _, adu) in zip(rows, pieces, strict=True):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dissectors.lengths import Role
 
+from .broken import broken_windows
 from .candidates import CRC_BITS, GLITCHES, Candidates, search
 from .contest import WINDOWS, Decision, Event, decide, explained, forced, margins, settled
 from .damaged import damaged_answers, damaged_requests
@@ -31,6 +32,7 @@ from .talk import REACH, Run, Talk
 from .tape import Character, Tape, Times
 from .unknown import unknown_windows
 
+_PARTS_NOISE: Final = 6.0  # bits of a silence at which noise is cut in two
 _AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
 _SLICE: Final = 1 << 20  # bytes searched at once
@@ -57,9 +59,9 @@ class Engine:
         self._out: list[Pieces] = []
         self._decided: list[Bytes] = []
 
-    def feed(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8]) -> None:
-        """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each."""
-        self.tape.append(data, sizes, times, marks)
+    def feed(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8], errors: Index) -> None:
+        """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each, bytes that came marked."""
+        self.tape.append(data, sizes, times, marks, errors)
         self._work(self.tape.ready, quiet=False, final=False)
 
     def tick(self, now_ns: int) -> None:
@@ -173,7 +175,7 @@ class Engine:
                 data, start, end, role, classes.take(start), self.trust, self._talk.said
             )
         margin = structure + np.float32(CRC_BITS + NOISE_BEGINS)
-        decided = Decided(start + begin, end + begin, role, margin > 0, margin, why)
+        decided = Decided(start + begin, end + begin, role, margin > 0, margin, margin < 0, why)
         self._take(stretch, start, end, runs.fits[i:last], decided)
         return int(end[-1])
 
@@ -201,7 +203,7 @@ class Engine:
         start, end = runs.start[one : one + 1], runs.end[one : one + 1]
         margin = np.array([bits], np.float32)
         taped = start + stretch.begin, end + stretch.begin
-        self._take(stretch, start, end, margin < 0, Decided(*taped, role, margin > 0, margin))
+        self._take(stretch, start, end, margin < 0, Decided(*taped, role, margin > 0, margin, margin < 0))
         return int(end[0])
 
     def _take(self, stretch: Stretch, start: Index, end: Index, fits: Mask, decided: Decided) -> None:
@@ -294,8 +296,9 @@ class Engine:
         if decision.steps and all(s.candidate is not None for s in decision.steps):
             return decision
         closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self.options.idle_ns)) > 0
-        spots = places(data, silences, candidates, closed=closed)
+        spots = places(data, silences, candidates, closed=closed, parts=self.trust.parts())
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
+        more += broken_windows(data, stretch.crc, at, spots, candidates + more)
         more += damaged_requests(data, spots, candidates)
         more += damaged_answers(data, tape.base + origin, spots, candidates, self._talk.said.pending)
         if not more and (decision.steps or len(data) < WINDOWS[-1]):
@@ -339,7 +342,8 @@ class Engine:
                 if not step.candidate.declared:
                     self._vendor.add(int(self.tape.data[origin + step.start + 1]) & 0x7F)
         check = np.array([s.candidate is not None and not s.candidate.damaged for s in steps], np.bool_)
-        self._decide(Decided(start + origin, end + origin, role, check, margin, why))
+        weighed = np.ones(len(start), np.bool_)
+        self._decide(Decided(start + origin, end + origin, role, check, margin, weighed, why))
 
     def _decide(self, decided: Decided) -> None:
         """Pieces are decided; they are reported and learnt from at the next checkpoint, or when work is done."""
@@ -351,8 +355,8 @@ class Engine:
         """Report fresh pieces, learn from them."""
         if not self._fresh:
             return
-        start, end, role, check, margin = (
-            np.concatenate([decided[i] for decided in self._fresh]) for i in range(5)
+        start, end, role, check, margin, contested = (
+            np.concatenate([decided[i] for decided in self._fresh]) for i in range(6)
         )  # fmt: skip
         whys = [decided.why for decided in self._fresh if decided.why is not None]
         why = np.concatenate(whys) if whys else NOTHING.why
@@ -360,9 +364,29 @@ class Engine:
             why["margin"] = margin
         self._fresh.clear()
         self._repeats.clear()
-        tape = self.tape
+        tape, parts = self.tape, self.trust.parts(_PARTS_NOISE)
         self._learn(start, end, role)
-        self._out.append(Pieces(start + tape.base, end + tape.base, role, check, *tape.spans(start, end), margin, why))
+        start, end, piece = self._parted(start, end, role, parts)
+        why = why[piece] if len(why) else why
+        role, check, margin, contested = role[piece], check[piece], margin[piece], contested[piece]
+        offsets = start + tape.base, end + tape.base
+        times = tape.spans(start, end)
+        self._out.append(Pieces(*offsets, role, check, *times, margin, contested, tape.gaps(start, end), why))
+
+    def _parted(
+        self, start: Index, end: Index, role: NDArray[np.uint8], parts: NDArray[np.bool_]
+    ) -> tuple[Index, Index, Index | slice]:
+        """Pieces with noise cut where a silence surely parts it, and which of the given pieces each is of."""
+        noise = np.flatnonzero(role == NOISE)
+        classes = self.tape.classes
+        cuts = [
+            low + 1 + np.flatnonzero(parts[classes[low + 1 : high]])
+            for low, high in zip(start[noise].tolist(), end[noise].tolist(), strict=True)
+        ]
+        if not any(map(len, cuts)):
+            return start, end, slice(None)
+        starts = np.sort(np.concatenate((start, *cuts)))
+        return starts, np.append(starts[1:], end[-1]), np.searchsorted(start, starts, side="right") - 1
 
     def _learn(self, start: Index, end: Index, role: NDArray[np.uint8]) -> None:
         """Let decided pieces teach what silences and glitches mean here."""

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..frames import EVIDENCE, Rows
+from ..frames import EVIDENCE, GAPS, Rows
 from .rules import Index
 from .tape import Times
 
@@ -22,6 +22,7 @@ class Decided(NamedTuple):
     role: NDArray[np.uint8]  # Role, or NOISE
     check: NDArray[np.bool_]  # CRC right
     margin: NDArray[np.float32]  # bits over the next best explanation
+    contested: NDArray[np.bool_]  # decided by the lattice
     why: Rows | None = None  # EVIDENCE, where it is wanted
 
 
@@ -37,6 +38,8 @@ class Pieces(NamedTuple):
     head: Times  # number of the read that brought the first byte
     tail: Times  # and of the one that brought the last
     margin: NDArray[np.float32]  # bits over the next best explanation
+    contested: NDArray[np.bool_]  # decided by the lattice
+    gaps: Rows  # GAPS
     why: Rows  # EVIDENCE; none where it is not wanted
 
 
@@ -47,5 +50,5 @@ def evidence(n: int) -> Rows:
     return why
 
 
-_TYPES: Final = (np.int64, np.int64, np.uint8, np.bool_, *[np.int64] * 4, np.float32, EVIDENCE)
+_TYPES: Final = (np.int64, np.int64, np.uint8, np.bool_, *[np.int64] * 4, np.float32, np.bool_, GAPS, EVIDENCE)
 NOTHING: Final = Pieces(*(np.empty(0, t) for t in _TYPES))

@@ -90,16 +90,16 @@ def _alike(values: Bytes, at: int, period: int) -> int:
 
 def copied(pieces: Sequence[Decided], repeat: Repeat) -> Decided:
     """The pieces of one period, again and again."""
-    one = [np.concatenate([piece[i] for piece in pieces]) for i in range(5)]
+    one = [np.concatenate([piece[i] for piece in pieces]) for i in range(6)]
     n = len(one[0])
     shift = np.repeat(np.arange(1, repeat.count + 1) * repeat.period, n)
-    start, end, role, check, margin = (np.tile(column, repeat.count) for column in one)
+    start, end, role, check, margin, weighed = (np.tile(column, repeat.count) for column in one)
     why = None
     if pieces[0].why is not None:
         whys = [piece.why for piece in pieces if piece.why is not None]
         why = np.tile(np.concatenate(whys), repeat.count)
         why["rival_start"] += np.where(why["rival_start"] >= 0, shift, 0)
-    return Decided(start + shift, end + shift, role, check, margin, why)
+    return Decided(start + shift, end + shift, role, check, margin, weighed, why)
 
 
 def relative(said: Said, offset: int) -> object:

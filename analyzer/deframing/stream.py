@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from captures.chunks import Block, Chunk
 from captures.line import LineSettings
 
-from ..frames import ROW, Batch, Kind, Rows
+from ..frames import GAPS, ROW, Batch, Kind, Rows
 from .engine import Engine
 from .options import Options
 from .pairing import Pairer
 from .pieces import Pieces
 from .rules import Bytes
-from .tape import Character
+from .tape import Character, among
 
 _KIND_OF_ROLE: Final = np.array([Kind.REQUEST, Kind.RESPONSE, Kind.NOISE], np.uint8)
 _UNKNOWN_CHARACTER_NS: Final = 1e6  # 10 bits at 9600 bit/s, about: only the scale of the silence classes hangs on it
@@ -63,11 +63,12 @@ class Deframer:
             ports = np.flatnonzero(np.bincount(block.port)).tolist()
             for port in ports:
                 if len(ports) == 1:
-                    self._engine(port).feed(block.data, sizes, block.t_ns, block.mark)
+                    self._engine(port).feed(block.data, sizes, block.t_ns, block.mark, block.errors)
                 else:
                     mine = block.port == port
-                    data = block.data[np.repeat(mine, sizes)]
-                    self._engine(port).feed(data, sizes[mine], block.t_ns[mine], block.mark[mine])
+                    octets = np.repeat(mine, sizes)
+                    errors = among(block.errors, octets)
+                    self._engine(port).feed(block.data[octets], sizes[mine], block.t_ns[mine], block.mark[mine], errors)
         return self._give(last=False)
 
     def tick(self, now_ns: int) -> Batch:
@@ -129,7 +130,9 @@ class _Loose:
         rows["t_start"], rows["t_end"] = pieces.t_start, pieces.t_end
         rows["index"] = rows["request"] = rows["request_start"] = rows["response_ns"] = -1
         rows["kind"] = _KIND_OF_ROLE.take(pieces.role)
-        rows["check"], rows["port"] = pieces.check, port
+        rows["check"], rows["port"], rows["contested"] = pieces.check, port, pieces.contested
+        for name in GAPS.names or ():
+            rows[name] = pieces.gaps[name]
         rows["confidence"] = 1.0 / (1.0 + np.exp2(-np.maximum(pieces.margin, 0.0)))
         frames = np.flatnonzero(rows["kind"] != Kind.NOISE)
         head = at.take(frames)

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..frames import GAPS, NO_GAP, Rows
 from .rules import Bytes, Index
 from .silence import TURNS, classes_of
 
@@ -19,11 +20,20 @@ _FAR: Final = -(1 << 62)
 _LONG_READ: Final = 1 << 16  # bytes
 
 
+_NONE_MARKED: Final[Index] = np.empty(0, np.intp)
+
+
 class Character(NamedTuple):
     """The time of one character on the line, ns; where it is not known, a middling one to scale silences by."""
 
     ns: float
     known: bool
+
+
+def among(errors: NDArray[np.int64], chosen: NDArray[np.bool_]) -> Index:
+    """Marked bytes (positions) that are chosen, by their positions among the chosen."""
+    positions: Index = (np.cumsum(chosen) - 1)[errors[chosen[errors]]]
+    return positions
 
 
 class Tape:
@@ -37,9 +47,12 @@ class Tape:
         self.classes: NDArray[np.uint8] = np.empty(0, np.uint8)  # of the silence before each byte; 0 inside a group
         self.group: Index = np.empty(0, np.intp)  # first byte of each group
         self.time: Times = np.empty(0, np.int64)  # of each group, ns
+        self._silence: Times = np.empty(0, np.int64)  # before each closed group, ns; NO_GAP where nothing is known
+        self._errors: Index = np.empty(0, np.intp)  # bytes that the UART marked
         self._marks: NDArray[np.uint8] = np.empty(0, np.uint8)  # of each group
         self._closed = 0  # groups whose class is known
         self._gone = 0  # groups dropped so far
+        self._partial = False  # the first group began before the first byte here
         self._before = (_FAR, 0)  # time and mark of the group before the first one here
 
     def __len__(self) -> int:
@@ -57,10 +70,17 @@ class Tape:
         """Time of the newest byte, ns; far in the past when there was none."""
         return int(self.time[-1]) if len(self.time) else self._before[0]
 
-    def append(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8]) -> None:
-        """Add chunks: their bytes end to end, and size, time and direction mark of each (none of them empty)."""
+    def append(
+        self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8], errors: Index = _NONE_MARKED
+    ) -> None:
+        """Add chunks: their bytes end to end, and size, time and direction mark of each (none of them empty).
+
+        `errors`: which of these bytes the UART marked.
+        """
         if not len(sizes):
             return
+        if len(errors):
+            self._errors = np.concatenate((self._errors, errors + len(self.data)))
         starts = len(self.data) + np.concatenate(([0], np.cumsum(sizes[:-1])))
         new = np.empty(len(sizes), np.bool_)
         new[1:] = (times[1:] != times[:-1]) | (marks[1:] != marks[:-1])
@@ -87,7 +107,12 @@ class Tape:
         before, mark = self._before if not first else (int(self.time[first - 1]), int(self._marks[first - 1]))
         times = np.concatenate(([before], self.time[first:upto]))
         marks = np.concatenate(([mark], self._marks[first:upto]))
-        silence = np.diff(np.maximum(times, times[1:].min() - (1 << 53))) - (sizes * self.char_ns).astype(np.int64)
+        steps = np.diff(np.maximum(times, times[1:].min() - (1 << 53)))
+        silence = steps - (sizes * self.char_ns).astype(np.int64)
+        heard = steps - np.round(sizes * self._wire_ns).astype(np.int64)
+        if before == _FAR:
+            heard[0] = NO_GAP
+        self._silence = np.concatenate((self._silence[:first], heard))
         classes = classes_of(silence, self.char_ns)
         turned = (marks[1:] != marks[:-1]) & (marks[1:] != 0) & (times[:-1] != _FAR)
         classes[turned] = TURNS + marks[1:][turned] - 1
@@ -126,6 +151,37 @@ class Tape:
         taken: Times = np.rint(count * self._wire_ns).astype(np.int64)
         return taken
 
+    def gaps(self, starts: Index, ends: Index) -> Rows:
+        """What the reads say of pieces (GAPS): silences before and inside them, bytes that the UART marked."""
+        gaps = np.zeros(len(starts), GAPS)
+        head = np.searchsorted(self.group, starts, side="right") - 1
+        tail = np.searchsorted(self.group, ends - 1, side="right") - 1
+        known = np.append(self._silence, np.full(len(self.group) - len(self._silence) + 1, NO_GAP))
+        begins = (self.group[head] == starts) & ((starts > 0) | (not self._partial))
+        gaps["gap_before"] = np.where(begins, known[head], NO_GAP)
+        gaps["gap_most"] = gaps["gap_least"] = NO_GAP
+        gaps["reads"] = tail - head + 1
+        several = np.flatnonzero(tail > head)
+        if len(several):
+            bounds = np.ravel(np.column_stack((head[several] + 1, tail[several] + 1)))
+            most = np.maximum.reduceat(known, bounds)[::2]
+            gaps["gap_most"][several] = most
+            gaps["gap_least"][several] = np.minimum.reduceat(known, bounds)[::2]
+            gaps["gap_at"][several] = self._places(known, head[several], tail[several], most) - starts[several]
+        if len(self._errors):
+            gaps["errors"] = np.diff(np.searchsorted(self._errors, np.column_stack((starts, ends))), axis=1)[:, 0]
+        return gaps
+
+    def _places(self, silence: Times, head: Index, tail: Index, most: Times) -> Index:
+        """The byte before which each piece's longest silence stands; pieces are of groups head to tail."""
+        owner = np.repeat(np.arange(len(head)), tail - head)
+        within = np.arange(len(owner)) - np.repeat(np.cumsum(tail - head) - (tail - head), tail - head)
+        groups = head[owner] + 1 + within
+        hits = np.flatnonzero(silence[groups] == most[owner])
+        _, first = np.unique(owner[hits], return_index=True)
+        places: Index = self.group[groups[hits[first]]]
+        return places
+
     def drop(self, count: int) -> None:
         """Forget the first `count` bytes: they are decided."""
         if not count:
@@ -137,6 +193,7 @@ class Tape:
             gone = len(self.group)
         keep_partial = gone < len(self.group) and int(self.group[gone]) < count
         self._gone += gone
+        self._partial = keep_partial
         if gone:
             self._before = (int(self.time[gone - 1]), int(self._marks[gone - 1]))
         self.base += count
@@ -146,5 +203,8 @@ class Tape:
         if keep_partial:
             self.group[0] = 0
         self.time = self.time[gone:].copy()
+        self._silence = self._silence[gone:].copy()
+        if len(self._errors):
+            self._errors = self._errors[np.searchsorted(self._errors, count) :] - count
         self._marks = self._marks[gone:].copy()
         self._closed = max(0, self._closed - gone)

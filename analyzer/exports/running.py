@@ -42,7 +42,7 @@ def export(
     The capture's own file is never written over. `progress` is told (frames, bytes) now and
     then; once `stop` says True the file is completed with what came so far. Raises ExportError.
     """
-    from analyzer.pipeline import Options, deframe
+    from analyzer.pipeline import Options, analyse
 
     module = target(out, name)
     frames = octets = 0
@@ -52,7 +52,8 @@ def export(
 
     with output(out, source=capture.path) as stream:
         sink = module.open_sink(stream, capture, options)
-        for batch in deframe(passing(capture, look=sink.block, stop=stopped), Options(explain=options.explain)):
+        for analysed in analyse(passing(capture, look=sink.block, stop=stopped), Options(explain=options.explain)):
+            batch = analysed.batch
             for first in range(0, len(batch), _ROWS):
                 if stopped():
                     break

@@ -1,0 +1,72 @@
+"""Runs the rules over rows as they come: the same on files and live, in bounded memory.
+
+What is found does not hang on how the rows were cut into batches. A finding may speak of a row before the batch that
+brought it to light; `open_from` says from which frame on more may still be said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from captures.line import LineSettings
+
+from ..deframing.options import Options
+from ..frames import Batch, Rows
+from ..transactions import TRANSACTION
+from .clock import Clock
+from .examiner import Examiner
+from .model import FINDING, Findings
+from .registry import fresh_looks
+from .view import View
+
+
+class Diagnosis:
+    """Rows and settled transactions in, findings out."""
+
+    def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
+        self._line = line
+        self._options = options
+        self._looks = fresh_looks()
+        self._clock = Clock(line)
+        self._examiner = Examiner()
+        self._timed = False
+        self._now = 0
+
+    @property
+    def open_from(self) -> int | None:
+        """Index of the first frame of which more may be said by what comes; None if there is none."""
+        bounds = [look.open_from for look in self._looks if hasattr(look, "open_from")]
+        return min((bound for bound in bounds if bound is not None), default=None)
+
+    def feed(self, batch: Batch, transactions: Rows) -> Findings:
+        """What this batch, and the transactions that it settles, bring to light."""
+        self._timed = self._timed or bool(batch.rows["t_end"].any())
+        view = self._view(batch, transactions)
+        self._clock.feed(batch.rows, view.frames)
+        return _ordered(found for look in self._looks for found in look(view))
+
+    def close(self, transactions: Rows | None = None) -> Findings:
+        """What the end brings to light: the last transactions, and what concerns the bus as a whole."""
+        settled = np.zeros(0, TRANSACTION) if transactions is None else transactions
+        self._clock.close()
+        view = self._view(Batch.empty(), settled)
+        last = [found for look in self._looks for found in look(view)]
+        last += [found for look in self._looks if hasattr(look, "close") for found in look.close(view)]
+        return _ordered(last)
+
+    def _view(self, batch: Batch, transactions: Rows) -> View:
+        verdicts = self._examiner.examine(batch)
+        explained = self._examiner.explained
+        if len(batch):
+            self._now = int(batch.rows["t_end"][-1])
+        return View(
+            batch, transactions, self._line, self._options, self._timed, self._clock, verdicts, explained, self._now
+        )
+
+
+def _ordered(parts: Iterable[Findings]) -> Findings:
+    """Findings in wire order, those about the whole bus last."""
+    found = np.concatenate([np.zeros(0, FINDING), *parts])
+    return found[np.lexsort((found["rule"], found["start"], found["t"], found["start"] < 0))]
