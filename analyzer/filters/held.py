@@ -18,7 +18,7 @@ from ..frames import Protocol as Envelope
 from .tree import Octets, Part, Span, Spans, Text, Wanted
 
 Mask = NDArray[np.bool_]
-_FEW: Final = 3  # spans: beyond, single numbers are looked up together
+_FEW: Final = 8  # spans: beyond, single numbers are looked up together
 
 
 class Held(Protocol):
