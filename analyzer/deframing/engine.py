@@ -32,6 +32,7 @@ from .tape import Character, Tape, Times
 from .unknown import unknown_windows
 
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
+_PARTS_NOISE: Final = 3.0  # bits of a silence at which noise is cut in two
 _AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
 _SLICE: Final = 1 << 18  # bytes searched at once
@@ -161,7 +162,7 @@ class Engine:
             why["silence"], why["conversation"] = plain_evidence(
                 stretch.data, start, end, role, classes, self.trust, self._talk.said
             )
-        self._commit(start + begin, end + begin, role, np.ones(count, np.bool_), why)
+        self._commit(start + begin, end + begin, role, np.ones(count, np.bool_), why, contested=False)
         first = int(np.searchsorted(start, end[-1] - _REACH))
         places = start[first:] + begin, end[first:] + begin
         self._talk.go_on(Run(self.tape.data, self.tape.base, *places, role[first:]), alone=first > 0)
@@ -226,7 +227,7 @@ class Engine:
         if decision.steps and all(s.candidate is not None for s in decision.steps):
             return decision
         closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self.options.idle_ns)) > 0
-        spots = places(data, silences, candidates, closed=closed, parts=self.trust.parts)
+        spots = places(data, silences, candidates, closed=closed, parts=self.trust.parts())
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
         more += broken_windows(data, stretch.crc, at, spots, candidates + more)
         more += damaged_requests(data, spots, candidates)
@@ -277,7 +278,7 @@ class Engine:
             if step.candidate is not None and not step.candidate.declared:
                 self._vendor.add(int(self.tape.data[origin + step.start + 1]) & 0x7F)
         check = np.array([s.candidate is not None and not s.candidate.damaged for s in steps], np.bool_)
-        self._commit(start + origin, end + origin, role, check, why)
+        self._commit(start + origin, end + origin, role, check, why, contested=True)
 
     def _commit(
         self,
@@ -286,17 +287,20 @@ class Engine:
         role: NDArray[np.uint8],
         check: NDArray[np.bool_],
         why: Rows,
+        *,
+        contested: bool,
     ) -> None:
         """Pieces (indices of the tape) are decided: report them, learn from them."""
         tape = self.tape
-        parts = self.trust.parts
+        parts = self.trust.parts(_PARTS_NOISE)
         self._learn(start, end, role, int(start[0]), int(end[-1]))
         if (role == NOISE).any():
             start, end, piece = self._parted(start, end, role, parts)
             role, check, why = role[piece], check[piece], why[piece]
         offsets = start.astype(np.int64) + tape.base, end.astype(np.int64) + tape.base
         times = (*tape.spans(start, end), *tape.reads(start, end))
-        self._out.append(Pieces(*offsets, role, check, *times, why, tape.gaps(start, end)))
+        weighed = np.full(len(start), contested)
+        self._out.append(Pieces(*offsets, role, check, *times, why, tape.gaps(start, end), weighed))
 
     def _parted(
         self, start: Index, end: Index, role: NDArray[np.uint8], parts: NDArray[np.bool_]
