@@ -2,42 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
 from functools import cache
+from pathlib import Path
 
+import batches
 import numpy as np
 import pytest
+from batches import joined
 from buses import LINE, adu, spaced
 
 import captures
 from analyzer.filters import BatchTable, FilterError, check, compile_filter, complete, narrowed
 from analyzer.filters.fields import FIELDS
+from analyzer.filters.reference import markdown
 from analyzer.filters.table import OUTCOMES, PLAIN
 from analyzer.frames import Batch, Frame, Kind
-from analyzer.pipeline import Options, analyse, deframe
+from analyzer.pipeline import Options, deframe
 from captures import samples
 from captures.chunks import Capture
 from captures.line import LineSettings
 
 
-def joined(batches: Iterable[Batch]) -> Batch:
-    """All rows of a capture as one batch."""
-    parts = list(batches)
-    shifts = np.cumsum([0, *(len(part.data) for part in parts)])
-    rows = np.concatenate([part.rows for part in parts])
-    rows["at"] += np.repeat(shifts[:-1], [len(part) for part in parts])
-    found = [part.findings for part in parts if part.findings is not None]
-    data = np.concatenate([part.data for part in parts])
-    return Batch(rows, data, findings=np.concatenate(found) if found else None)
-
-
 @cache
 def troubled() -> BatchTable:
     """The sample capture with troubles."""
-    capture = captures.open(samples.path("troubled.jsonl"))
-    analysed = list(analyse(capture))
-    settled = np.concatenate([each.transactions for each in analysed])
-    return BatchTable(joined(each.batch for each in analysed), capture.line, transactions=settled)
+    return batches.table(captures.open(samples.path("troubled.jsonl")))
 
 
 def table(*frames: str, line: LineSettings = LINE) -> BatchTable:
@@ -350,3 +340,14 @@ def test_what_is_dear_is_asked_only_of_rows_that_the_rest_leaves() -> None:
     rows = Counting(whole.whole, LINE)
     assert not compile_filter('text contains "x" and value > 3 and hex contains "11" and finding').mask(rows).any()
     assert rows.rows == 0
+
+
+def test_the_reference_is_of_this_table() -> None:
+    page = Path(__file__).resolve().parents[1] / "docs" / "filters.md"
+    made = markdown()
+    assert page.read_text(encoding="utf-8") == made, "write it anew: python -m analyzer.filters.reference"
+    for block in made.split("```text\n")[1:]:
+        for line in block.split("```")[0].splitlines():
+            assert check(line) is None, line
+    for quoted in re.findall(r"`([a-z_]+ (?:==|!=|in|>|<) [^`]+)`", made):
+        assert check(quoted) is None, quoted

@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from batches import whole
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,7 +20,6 @@ from analyzer.filters import BatchTable, Filter, FilterError, check, compile_fil
 from analyzer.filters.fields import FIELDS
 from analyzer.findings.model import Severity
 from analyzer.frames import NO_GAP, Batch, Direction, Kind, Protocol
-from analyzer.pipeline import analyse
 from analyzer.simulation import Scenario, write
 from captures import samples
 from dissectors.functions import exception_name, function_name
@@ -46,18 +46,13 @@ class Seen:
     rows: list[One]
 
 
-def seen(analysed: Sequence[Any], line: captures.LineSettings) -> Seen:
-    parts = [each.batch for each in analysed]
-    shifts = np.cumsum([0, *(len(part.data) for part in parts)])
-    rows = np.concatenate([part.rows for part in parts])
-    rows["at"] += np.repeat(shifts[:-1], [len(part) for part in parts])
-    findings = np.concatenate([each.findings for each in analysed])
-    batch = Batch(rows, np.concatenate([part.data for part in parts]), findings=findings)
-    settled = np.concatenate([each.transactions for each in analysed])
+def seen(capture: captures.Capture) -> Seen:
+    analysed = whole(capture)
+    batch, settled = analysed.batch, analysed.transactions
     told = {int(each["request"]): each for each in settled}
     late = {int(each["response"]) for each in settled if each["late"]}
     decoded = decode(batch)
-    table = BatchTable(batch, line, transactions=settled)
+    table = BatchTable(batch, capture.line, transactions=settled)
     return Seen(table, [one(batch, decoded, row, told, late) for row in range(len(batch))])
 
 
@@ -129,19 +124,14 @@ def signed(values: list[int], area: int) -> list[int]:
 
 @cache
 def captured() -> list[Seen]:
-    """Rows of all kinds: troubles, health, noise, ASCII mode, two-sided logs."""
-    found = []
-    for name in ("troubled.jsonl", "healthy.jsonl"):
-        capture = captures.open(samples.path(name))
-        found.append(seen(list(analyse(capture)), capture.line))
-    return found
+    """A bus with troubles and a healthy one."""
+    return [seen(captures.open(samples.path(name))) for name in ("troubled.jsonl", "healthy.jsonl")]
 
 
 def noisy(folder: Any) -> Seen:
     path = folder / "noisy.jsonl"
-    write(Scenario("noisy", "irq", transactions=150, seed=5), path)
-    capture = captures.open(path)
-    return seen(list(analyse(capture)), capture.line)
+    write(Scenario("noisy", "irq", transactions=150, seed=5, char_bits=10), path)
+    return seen(captures.open(path))
 
 
 @dataclass(frozen=True)
@@ -363,16 +353,16 @@ def test_every_single_field_against_the_reference() -> None:
 @given(TREES, st.lists(st.integers(0, 160), max_size=3))
 def test_rows_pass_alike_however_the_table_is_cut(tree: Tree, cuts: list[int]) -> None:
     """Blocks and slices are a matter of speed: pieces of a table, each with the requests before it, say the same."""
-    whole = captured()[0].table
+    table = captured()[0].table
     compiled = compile_filter(written(tree, str))
     if compiled.settled:
         return
-    bounds = sorted({0, len(whole), *(min(cut, len(whole)) for cut in cuts)})
+    bounds = sorted({0, len(table), *(min(cut, len(table)) for cut in cuts)})
     pieces = [
-        compiled.mask(BatchTable(whole.batch(first, last), whole.line, origin_ns=whole.origin_ns))
+        compiled.mask(BatchTable(table.batch(first, last), table.line, origin_ns=table.origin_ns))
         for first, last in pairwise(bounds)
     ]
-    assert np.concatenate(pieces).tolist() == compiled.mask(whole).tolist()
+    assert np.concatenate(pieces).tolist() == compiled.mask(table).tolist()
 
 
 WORDS = st.sampled_from(

@@ -24,6 +24,7 @@ from captures.formats.mcap import ChunkChannel
 if TYPE_CHECKING:
     from captures import Block, Capture
 
+WHOLE: Final = "an MCAP file holds the whole capture, raw bytes included; write jsonl or csv, or filter what is read"
 _CHUNK: Final = 1 << 20
 
 
