@@ -16,6 +16,7 @@ from captures.chunks import Capture
 
 # Where damaged frames come without a silence between them, nothing says where one ends and the other begins.
 HARD = {("flow-control-loss", tap): 0.1 for tap in ("irq", "ftdi16", "gateway", "untimed")}
+HARD |= {("collision", tap): 0.8 for tap in ("irq", "gateway", "untimed")}
 NEVER_MIND = {"timing-blind", "poll-waste", "crc-collision"}  # true by chance anywhere
 
 Place = tuple[str, int, int]

@@ -168,6 +168,8 @@ def _begins(data: bytes, request: bytes | None, units: frozenset[int]) -> bool:
     """Whether noise may be a damaged frame: it begins like one, or stands where an answer was due."""
     if _GLITCHES.issuperset(data):
         return False
+    if not units:
+        return False  # no frame so far: this may be no Modbus at all
     known = data[0] in units and rule(data[1] & 0x7F, Role.REQUEST) is not None
     return known or request is not None or len(data) > _LEAST
 

@@ -150,10 +150,14 @@ class Outcomes:
 
     def _count(self, known: Rows, first: int, last: int) -> None:
         """Count requests, and those that were answered when they came a second time; the first frames only once."""
-        these = known[first:last][known["request"][first:last] >= (FIRST if self._requests else 0)]
-        self._requests += len(these)
-        self._echoes += int((these["retry"] & (these["status"] != Status.UNANSWERED)).sum())
-        self._answering |= set(np.unique(these["unit"][these["status"] == Status.ANSWERED]).tolist())
+        if self._requests:
+            first = max(first, int(np.searchsorted(known["request"][:last], FIRST)))
+        if first < last:
+            status = known["status"][first:last]
+            self._requests += last - first
+            self._echoes += int((known["retry"][first:last] & (status != Status.UNANSWERED)).sum())
+            units = known["unit"][first:last][status == Status.ANSWERED]
+            self._answering.update(np.flatnonzero(np.bincount(units)).tolist())
 
     @property
     def _echoing(self) -> bool:
