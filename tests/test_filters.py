@@ -130,6 +130,7 @@ def test_fields_ask_only_for_the_columns_that_tables_promise() -> None:
         ("index in (0, 4..5)", [0, 4, 5]),
         ("unit not in 2..17", [4, 5]),
         ("UNIT = 17 AND NOT function IN [3]", [2, 3]),
+        ("crc-ok and response-time > 1 h", []),
         ("protocol == rtu and crc_ok and not exception and not broadcast", [0, 1, 2, 3, 4, 5]),
         ("exception != 2", []),
         ("time < 20 ms", [0, 1]),
@@ -201,6 +202,8 @@ def test_ascii_mode_is_read_by_what_its_digits_stand_for() -> None:
     [
         ("unti == 3", 0, "no field 'unti'; did you mean unit?"),
         ("exception and zzz", 14, "no field 'zzz'"),
+        ("noise or crc-error", 9, "no field 'crc-error'; write finding == crc-error"),
+        ("rtu", 0, "write protocol == rtu"),
         ("unit == 300", 8, "300 is outside 0 to 255"),
         ("unit == 3.5", 8, "a whole number"),
         ("unit == 3 ms", 8, "without a unit"),

@@ -90,7 +90,8 @@ def _line(report: Report) -> str:
 
 def _span(report: Report) -> str:
     if report.span_ns is None:
-        return "unknown: " + ("no times in this capture" if not report.timed else "nothing captured")
+        nothing = "nothing passes" if report.filter else "nothing captured"
+        return "unknown: " + ("no times in this capture" if not report.timed else nothing)
     words = duration(report.span_ns)
     if report.t_start_ns is not None and report.t_start_ns > _EPOCH_NS:
         first = datetime.fromtimestamp(report.t_start_ns / 1e9, UTC)
