@@ -37,7 +37,7 @@ class AreaCode(IntEnum):
     HOLDING_REGISTERS = 4
 
 
-_AREA_CODES: Final = {
+AREA_CODES: Final[dict[str | None, AreaCode]] = {
     None: AreaCode.NONE,
     "0x": AreaCode.COILS,
     "1x": AreaCode.DISCRETE_INPUTS,
@@ -91,11 +91,15 @@ class _Decoding:
         n = len(rows)
         self.batch = batch
         self.data = batch.data
+        self.more: list[bytes] = []  # PDUs to stand behind them
+        self.size = len(batch.data)
         self.begins = rows["at"] + 1  # the PDU of each row: behind the unit
         self.ends = rows["at"] + rows["length"] - _CHECK
         if rows["protocol"].any():
             self._plain()
         self.asked_begins, self.asked_ends = self._requests()
+        if self.more:
+            self.data = np.concatenate((batch.data, np.frombuffer(b"".join(self.more), np.uint8)))
         self.words = _words(self.data)
         self.address = np.full(n, -1, np.int32)
         self.quantity = np.full(n, -1, np.int32)
@@ -116,7 +120,7 @@ class _Decoding:
             if role is None or found is None:
                 continue
             here = np.flatnonzero(keys == key)
-            self.area[here] = _AREA_CODES[found.area]
+            self.area[here] = AREA_CODES[found.area]
             if code & EXCEPTION:
                 self._exceptions(known[code & ~EXCEPTION, Role.REQUEST], here)
             else:
@@ -198,10 +202,15 @@ class _Decoding:
         if not len(answers):
             return begins, ends
         index = rows["index"].copy()
-        frames = np.flatnonzero(index >= 0)  # numbered one after the other
+        frames = np.flatnonzero(index >= 0)
         asked = asked[answers]
-        at = asked - index[frames[0]]
-        here = (at >= 0) & (at < len(frames))
+        numbers = index[frames]
+        if numbers[-1] - numbers[0] == len(frames) - 1:  # one after the other, as long as nobody took some away
+            at = asked - numbers[0]
+            here = (at >= 0) & (at < len(frames))
+        else:
+            at = np.searchsorted(numbers, asked)
+            here = numbers[np.minimum(at, len(frames) - 1)] == asked
         request = frames[np.where(here, at, 0)]
         if not here.all():
             begins[answers[here]], ends[answers[here]] = self.begins[request[here]], self.ends[request[here]]
@@ -222,9 +231,10 @@ class _Decoding:
 
     def _more(self, pdu: bytes) -> tuple[int, int]:
         """A PDU put behind the batch's bytes: where it begins and ends."""
-        begin = len(self.data)
-        self.data = np.concatenate((self.data, np.frombuffer(pdu, np.uint8)))
-        return begin, begin + len(pdu)
+        begin = self.size
+        self.more.append(pdu)
+        self.size += len(pdu)
+        return begin, self.size
 
 
 def _words(data: NDArray[np.uint8]) -> NDArray[np.uint16]:

@@ -9,13 +9,15 @@ the cut.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from analyzer.exports.output import Output
     from analyzer.exports.sink import ExportOptions
     from analyzer.exports.targets.mcap.recording import Recording
     from captures import Capture
+
+WHOLE: Final = "an MCAP file holds the whole capture, raw bytes included; write jsonl or csv, or filter what is read"
 
 
 def open_sink(out: Output, capture: Capture, options: ExportOptions) -> Recording:
