@@ -15,7 +15,7 @@ Blocks are packed by arrays: all of them are whole 32-bit words, so each field i
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,13 +160,12 @@ def _copy(data: NDArray[np.uint8], at: _Ints, out: NDArray[np.uint8], to: _Ints,
 def _comments(batch: Batch, kept: NDArray[np.intp], explain: bool) -> dict[int, bytes]:
     """Packet comments as options, by a row's place in `kept`: findings, and why the boundaries stand where they do."""
     said: dict[int, list[str]] = {}
-    diagnosed: Any = batch  # findings are on a batch once a diagnosis has seen it
-    found = getattr(diagnosed, "findings", None)
+    found = batch.findings
     if found is not None and len(found):
         rows = batch.rows[kept]
         marked = np.isin(rows["start"], found["start"])
         for place in np.flatnonzero(marked).tolist():
-            said[place] = [finding.text for finding in diagnosed.findings_of(int(kept[place]))]
+            said[place] = [finding.text for finding in batch.findings_of(int(kept[place]))]
     if explain and batch.evidence is not None:
         for place in np.flatnonzero(batch.rows["kind"][kept] != Kind.NOISE).tolist():
             if (why := explain_json(batch.frame(int(kept[place])))) is not None:

@@ -78,7 +78,7 @@ class Recording:
         self._writer.finish()
 
     def _write(self, batch: Batch, settled: Rows) -> None:
-        decoded, findings = decode(batch), getattr(batch, "findings", None)
+        decoded, findings = decode(batch), batch.findings
         lots: list[Lot] = [
             transaction_lot(settled, batch, self._transaction, self._transactions),
             frame_lot(batch, decoded, self._frame, self._frames, on_frames(findings, batch)),
