@@ -1,4 +1,4 @@
-"""Frames as JSON values, fast enough for millions: orjson, and the fields kept of what the bus says over and over.
+"""Frames annotated whole, one by one, and what is kept of that.
 
 Polls repeat: the same request, and often the same answer, comes again and again, so the fields of frames
 seen are kept encoded, up to some 32 MB.
@@ -11,9 +11,8 @@ from typing import Any, Final
 
 import orjson
 
+from analyzer.exports.registers import values_of
 from analyzer.frames import Batch, Direction, Frame, Kind
-
-from .registers import values_of
 
 _KEPT: Final = 32 << 20  # bytes of encoded fields
 
