@@ -94,9 +94,13 @@ class Registers(Counted):
         text = " ".join(map(str, value[: self.shown]))
         return f"{text} … {len(value)} in all" if len(value) > self.shown else text
 
+    def words(self, register: int) -> str:
+        """One register, its address apart."""
+        return register_text(register)
+
     def child(self, at: int, register: int, raw: str, address: int | None) -> Field:
         """The field of one register, at `at` in the ADU."""
-        said = register_text(register)
+        said = self.words(register)
         if address is not None:
             said = f"{logical(address, self.area) if self.area else address}: {said}"
         return Field(self.each, at, 2, register, raw, said, None, None, (), None, address)

@@ -72,9 +72,8 @@ class Block:
     def described(self, data: bytes) -> Field:
         """The field of these bytes where nothing is known of addresses and quantity."""
         at = 1 + self.offset
-        return self.part.describe(
-            self.name, at - _BODY, len(data), self.part.decoded(data), _recorder(bytes(at) + data)
-        )
+        part: Counted = self.part
+        return part.describe(self.name, at - _BODY, len(data), part.decoded(data), _recorder(bytes(at) + data))
 
 
 @dataclass(frozen=True, slots=True)

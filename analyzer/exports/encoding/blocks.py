@@ -7,6 +7,7 @@ an address stands before the value in such a text, which is held to be so when t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -14,10 +15,12 @@ import numpy as np
 from dissectors.blocks import Bits, Registers
 from dissectors.slots import Block
 
-from .pieces import Cursor, Ints, Store, encoded, inside, parted, within
+from .pieces import Cursor, Ints, Store, encoded, inside, middle, parted, within
 from .source import Source
 
 _LAST: Final = 0xFFFF  # the last address
+_WORDS, _FIRST, _LATER = 1, 2, 3  # places of a register's pieces behind the first of them
+_AFTER: Final = 1
 _FIELDS: Final = b'","fields":['
 
 
@@ -48,12 +51,10 @@ class RegisterPieces:
         at = 1 + block.offset
         self._head = store.table(lambda octets: _head(block, octets))
         self._more = store.table(lambda n: _more(part.text([0] * n), part.text([0] * part.shown)))
-        self._said = store.table(self._digits)
         self._place = store.table(lambda i: (b"," if i else _FIELDS) + parted(part.child(at + 2 * i, 0, "", None))[0])
-        self._value = store.table(lambda value: parted(part.child(0, value, f"{value:04x}", None))[1])
-        self._words = store.table(lambda value: inside(part.child(0, value, "", None).text))
-        self._before = store.table(self._addressed)
-        self._after = store.table(lambda key: parted(part.child(0, 0, "", key - 1 if key else None))[3])
+        self._between = _more(part.text([0, 0]), part.text([0]))[:-1]
+        self._value = store.table(self._valued, (Registers, "value"))
+        self._address = store.table(self._addressed, (Registers, part.area))
 
     def fits(self, octets: Ints, quantity: Ints | None) -> Ints:  # noqa: ARG002
         """How many registers these bytes are; 0 where only annotation can tell."""
@@ -66,31 +67,27 @@ class RegisterPieces:
     def put(self, held: Held, source: Source, cursor: Cursor) -> None:
         """The pieces of these blocks."""
         cursor.put(self._head.take(held.octets))
-        cursor.put(source.hex(held.begins, held.octets))
+        cursor.put_texts(source.hex(held.begins, held.octets))
         cursor.put(b'","text":"')
         i = within(held.counts)
         values = source.words(np.repeat(held.begins, held.counts) + 2 * i)
+        value, address = self._value.take(values), self._address.take(held.addresses(i))
         shown = i < self._part.shown
-        cursor.spread(np.minimum(held.counts, self._part.shown), self._said.take(values[shown] | (i[shown] > 0) << 16))
+        cursor.spread(np.minimum(held.counts, self._part.shown), value[shown] + np.where(i[shown], _LATER, _FIRST))
         cursor.put(self._more.take(np.where(held.counts > self._part.shown, held.counts, self._part.shown)))
-        addresses = held.addresses(i)
-        cursor.spread(
-            held.counts,
-            self._place.take(i),
-            self._value.take(values),
-            self._before.take(addresses),
-            self._words.take(values),
-            self._after.take(addresses),
-        )
+        cursor.spread(held.counts, self._place.take(i), value, address, value + _WORDS, address + _AFTER)
         cursor.put(b"]}")
 
-    def _digits(self, key: int) -> bytes:
-        before = [0] * (key >> 16)
-        return _more(self._part.text([*before, key & 0xFFFF]), self._part.text(before))
+    def _valued(self, value: int) -> tuple[bytes, ...]:
+        """What hangs on a value: what stands before its text, its text, and itself in the line of all: first, later."""
+        said = inside(self._part.text([value]))
+        return middle(value, f"{value:04x}"), inside(self._part.words(value)), said, self._between + said
 
-    def _addressed(self, key: int) -> bytes:
-        """What stands before the value in a register's text."""
-        return _before(self._part.child(0, 0, "", key - 1 if key else None).text, self._part.child(0, 0, "", None).text)
+    def _addressed(self, key: int) -> tuple[bytes, ...]:
+        """What hangs on a register's address: what stands before its value in words, and what behind them."""
+        _, _, known, _ = parted(self._part.child(0, 0, "", None))
+        _, _, words, behind = parted(self._part.child(0, 0, "", key - 1 if key else None))
+        return _before(words, known), behind
 
 
 class BitPieces:
@@ -101,9 +98,9 @@ class BitPieces:
         self._at = 1 + block.offset
         self._head = store.table(lambda octets: _head(block, octets))
         self._more = store.table(lambda n: _more(part.text([False] * n), part.text([False] * part.shown)))
-        self._said = store.table(self._digits)
+        self._said = store.table(self._digits, (Bits, "said"))
         self._place = store.table(self._placed)
-        self._rest = store.table(self._addressed)
+        self._rest = store.table(self._addressed, (Bits, part.area))
         self._padding = store.table(self._padded)
 
     def fits(self, octets: Ints, quantity: Ints | None) -> Ints:
@@ -122,7 +119,7 @@ class BitPieces:
     def put(self, held: Held, source: Source, cursor: Cursor) -> None:
         """The pieces of these blocks."""
         cursor.put(self._head.take(held.octets))
-        cursor.put(source.hex(held.begins, held.octets))
+        cursor.put_texts(source.hex(held.begins, held.octets))
         cursor.put(b'","text":"')
         self._put_text(held, source, cursor)
         i = within(held.counts)
@@ -151,8 +148,11 @@ class BitPieces:
 
     def _placed(self, key: int) -> bytes:
         octet, byte, bit = key >> 12, key >> 4 & 0xFF, key >> 1 & 7
-        child = self._part.child(self._at + octet, bool(byte >> bit & 1), f"{byte:02x}", bit, None)
-        return (b"," if key & 1 else _FIELDS) + b"".join(parted(child)[:2])
+        return (b"," if key & 1 else _FIELDS) + self._heads(octet) + middle(bool(byte >> bit & 1), f"{byte:02x}")
+
+    @cache  # noqa: B019 - as long as the table
+    def _heads(self, octet: int) -> bytes:
+        return parted(self._part.child(self._at + octet, False, "", 0, None))[0]
 
     def _addressed(self, key: int) -> bytes:
         address, bit, on = (key >> 4) - 1, key >> 1 & 7, bool(key & 1)
@@ -184,11 +184,11 @@ def _more(text: str, known: str) -> bytes:
     return inside(text[len(known) :])
 
 
-def _before(text: str, known: str) -> bytes:
+def _before(words: bytes, known: bytes) -> bytes:
     """What a text has before one that it ends with."""
-    if not text.endswith(known):
-        raise AssertionError(f"{text!r} does not end with {known!r}")
-    return inside(text[: len(text) - len(known)])
+    if not words.endswith(known):
+        raise AssertionError(f"{words!r} does not end with {known!r}")
+    return words[: len(words) - len(known)]
 
 
 def _bits(byte: int) -> list[bool]:

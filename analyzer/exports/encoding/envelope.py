@@ -9,7 +9,7 @@ import orjson
 
 from analyzer.frames import Batch, Frame, Kind, Protocol, Row, Rows, adu_of
 
-from .pieces import Cursor, Ints, Objects, Store
+from .pieces import Cursor, Ints, Sheet, Store
 from .source import Source
 from .whole import explain_json
 
@@ -35,32 +35,33 @@ class Envelope:
 
     def put_head(self, rows: Rows, here: Ints, source: Source, cursor: Cursor) -> None:
         """`HEAD` pieces of each of these rows of a batch, `"hex"` the last of them, its quote not closed."""
-        cursor.put([_PLACE % row for row in zip(*(rows[name].tolist() for name in _COLUMNS), strict=True)])
+        cursor.put_texts([_PLACE % row for row in zip(*(rows[name].tolist() for name in _COLUMNS), strict=True)])
         kind, protocol, unit = (rows[name].astype(np.int64) for name in ("kind", "protocol", "unit"))
         cursor.put(self._unit.take(kind << 9 | protocol << 8 | unit))
         function, exception, check = (rows[name].astype(np.int64) for name in ("function", "exception", "check"))
         cursor.put(self._function.take(function << 9 | exception << 1 | check))
-        cursor.put(_pairing(rows))
-        text = np.empty(len(rows), object)
+        cursor.put(_pairing(rows, cursor.sheet))
         plain = rows["protocol"] == Protocol.RTU
-        text[plain] = source.hex(rows["at"][plain], rows["length"][plain])
-        for i in np.flatnonzero(~plain).tolist():
-            batch = source.pdus.batch
-            captured = batch.bytes_of(int(here[i]))
-            text[i] = adu_of(captured, int(rows["protocol"][i])).data.hex().encode()
-        cursor.put(text)
+        texts = np.empty(len(rows), np.int64)
+        texts[plain] = cursor.sheet.texts(source.hex(rows["at"][plain], rows["length"][plain]))
+        captured = ((source.pdus.batch.bytes_of(int(row)), Protocol.ASCII) for row in here[~plain])
+        texts[~plain] = cursor.sheet.texts([adu_of(*each).data.hex().encode() for each in captured])
+        cursor.put(texts)
 
     def put_tail(self, rows: Rows, here: Ints, batch: Batch, cursor: Cursor) -> None:
         """`TAIL` pieces of each row: the line's end is the last of them."""
         cursor.put(self._confidence.take(rows["confidence"].view(np.uint32).astype(np.int64)))
-        ends = self._end.take(rows["port"].astype(np.int64))
-        for i in range(len(rows)) if self._explain else _told(batch, rows):
-            frame = batch.frame(int(here[i]))
-            line = frame.to_json(fields=False)
-            if self._explain:
-                line["explain"] = explain_json(frame)
-            ends[i] = _end(line)
+        ends = self._end.take(rows["port"].astype(np.int64)).astype(np.int64)
+        special = np.arange(len(rows)) if self._explain else _told(batch, rows)
+        if len(special):
+            ends[special] = cursor.sheet.texts([self._special(batch.frame(int(row))) for row in here[special]])
         cursor.put(ends)
+
+    def _special(self, frame: Frame) -> bytes:
+        line = frame.to_json(fields=False)
+        if self._explain:
+            line["explain"] = explain_json(frame)
+        return _end(line)
 
     @staticmethod
     def _units(key: int) -> bytes:
@@ -78,23 +79,25 @@ class Envelope:
         return line[line.index(b',"confidence":') : line.index(b"[]")]
 
 
-def _pairing(rows: Rows) -> Objects:
+def _pairing(rows: Rows, sheet: Sheet) -> Ints:
     """What each row answers, and how long that took."""
-    found = np.full(len(rows), _UNPAIRED, object)
+    found = np.full(len(rows), sheet.store.fixed(_UNPAIRED))
     asked, took = rows["request_start"], rows["response_ns"]
     timed = (asked >= 0) & (took >= 0)
-    found[timed] = [_TIMED % pair for pair in zip(asked[timed].tolist(), took[timed].tolist(), strict=True)]
+    found[timed] = sheet.texts(
+        [_TIMED % pair for pair in zip(asked[timed].tolist(), took[timed].tolist(), strict=True)]
+    )
     untimed = (asked >= 0) & (took < 0)
-    found[untimed] = [_UNTIMED % start for start in asked[untimed].tolist()]
+    found[untimed] = sheet.texts([_UNTIMED % start for start in asked[untimed].tolist()])
     return found
 
 
-def _told(batch: Batch, rows: Rows) -> list[int]:
+def _told(batch: Batch, rows: Rows) -> Ints:
     """The rows of which there are findings."""
     findings: Any = getattr(batch, "findings", None)
     if findings is None or not len(findings):
-        return []
-    return np.flatnonzero(np.isin(rows["start"], findings["start"])).tolist()
+        return np.zeros(0, np.int64)
+    return np.flatnonzero(np.isin(rows["start"], findings["start"]))
 
 
 def _frame(**columns: Any) -> Frame:

@@ -18,7 +18,7 @@ from dissectors.lengths import Role
 from dissectors.slots import Look, Slot, Slots, exception_slots, slots
 
 from .blocks import BitPieces, Held, RegisterPieces, block_pieces
-from .pieces import Cursor, Ints, Objects, Store, encoded
+from .pieces import Cursor, Ints, Places, Store, encoded
 from .source import Source
 
 
@@ -43,7 +43,7 @@ class Form:
         self._block: RegisterPieces | BitPieces | None = None if made.block is None else block_pieces(made.block, store)
 
     def split(self, here: Ints, source: Source) -> tuple[Rows, NDArray[np.bool_]]:
-        """Which of these rows are put together from pieces, and a mask of them: not the cut, the odd and the surplus."""
+        """Of these rows those that are put together from pieces, and a mask of them: not the cut and the odd ones."""
         pdus = source.pdus
         sizes = pdus.ends[here] - pdus.begins[here]
         fits = np.ones(len(here), np.bool_)
@@ -86,29 +86,30 @@ class _NumberPieces:
     def __init__(self, slot: Slot, store: Store) -> None:
         self._slot = slot
         self._bits = 8 * slot.part.width
-        self._pieces = store.table(self._described)
+        # Request and response often are one declaration, and then say the same.
+        self._pieces = store.table(self._described, (slot.name, slot.offset, slot.part, slot.looks))
+        self._unlike = store.table(self._unlike_asked)
 
-    def take(self, here: Ints, source: Source) -> Objects:
+    def take(self, here: Ints, source: Source) -> Places:
         """The pieces of some rows."""
         slot = self._slot
         value = source.pdus.number(slot.offset, slot.part.width, here)
-        number, place = value, self._bits
+        number = value
         for look in slot.looks:
-            number = number | (_looked(look, here, source) + 1) << place
-            place += 17
+            number = number | (_looked(look, here, source) + 1) << self._bits
+        found = self._pieces.take(number)
         if slot.echo is not None:
             asked = _looked(slot.echo, here, source)
-            asked[asked == value] = -1  # what repeats the request is described as if nothing were known of it
-            number = number | (asked + 1) << place
-        return self._pieces.take(number)
+            unlike = np.flatnonzero((asked >= 0) & (asked != value))
+            found[unlike] = self._unlike.take(number[unlike] << 16 | asked[unlike])
+        return found
 
-    def _described(self, number: int) -> bytes:
-        value, number = number & ((1 << self._bits) - 1), number >> self._bits
-        looks = []
-        for _ in self._slot.looks:
-            looks.append((number & 0x1FFFF) - 1)
-            number >>= 17
-        return b"," + encoded(self._slot.described(value, looks, number - 1).to_json())
+    def _described(self, number: int, asked: int = -1) -> bytes:
+        value, looked = number & ((1 << self._bits) - 1), (number >> self._bits) - 1
+        return b"," + encoded(self._slot.described(value, [looked] * len(self._slot.looks), asked).to_json())
+
+    def _unlike_asked(self, number: int) -> bytes:
+        return self._described(number >> 16, number & 0xFFFF)
 
 
 def _looked(look: Look, here: Ints, source: Source) -> Ints:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import orjson
-from numpy.typing import NDArray
 
 from analyzer.frames import Batch, Kind, Protocol, Rows
 from analyzer.pdus import Pdus
 from dissectors.annotation import check_fields, function_field, header_fields
 from dissectors.envelopes import Adu, rtu
+from dissectors.fields import Field
 from dissectors.lengths import Role
 
 from . import fields
 from .envelope import HEAD, TAIL, Envelope
-from .pieces import Cursor, Ints, Objects, Store, encoded, parted
+from .pieces import Cursor, Ints, Sheet, Store, encoded, middle, parted
 from .source import Source
 from .whole import Encoder, noise_json
 
@@ -49,33 +50,31 @@ class JsonLines:
         )
         self._function = self._store.table(_function)
         self._check_place = self._store.table(lambda at: b"," + parted(_check(at, 0))[0])
-        self._check_value = self._store.table(lambda crc: b"".join(parted(_check(0, crc))[1:]) + b"]")
+        self._ok = b"".join(parted(_check(0, 0))[2:]) + b"]"
+        self._check_value = self._store.table(self._right)
         self._pdus: Pdus | None = None
 
-    def text(self, batch: Batch, first: int, last: int) -> bytes:
-        """The lines of rows `first` to `last` (excluded)."""
+    def text(self, batch: Batch, first: int, last: int) -> Iterator[bytes]:
+        """The lines of rows `first` to `last` (excluded), in parts; take them before asking for more."""
+        self._store.settle()
         if self._pdus is None or self._pdus.batch is not batch:
             self._pdus = Pdus(batch)
         noise = batch.rows["kind"][first:last] == Kind.NOISE
         here = first + np.flatnonzero(~noise | self._noise)
         rows = batch.rows[here]
-        frames = np.flatnonzero(rows["kind"] != Kind.NOISE)
-        sizes = np.ones(len(rows), np.int64)
-        sizes[frames] = HEAD + 1 + TAIL
+        silent = rows["kind"] == Kind.NOISE
+        frames = np.flatnonzero(~silent)
+        sizes = np.where(silent, 1, HEAD + 1 + TAIL)
         source = _source(self._pdus, rows[frames])
         groups = self._groups(rows, here, source)
         for group in groups:
             sizes[group.lines] = HEAD + _AROUND + group.form.sizes(group.rows) + TAIL
-        ends = np.cumsum(sizes)
-        sheet = np.empty(int(ends[-1]) if len(ends) else 0, object)
-        cursor = Cursor(sheet, ends - sizes)
-        for line in np.flatnonzero(rows["kind"] == Kind.NOISE).tolist():
-            sheet[cursor.at[line]] = _noise(batch, int(here[line]))
-        if len(frames):
-            self._envelope.put_head(rows[frames], here[frames], source, cursor.of(frames))
-            self._envelope.put_tail(rows[frames], here[frames], batch, Cursor(sheet, ends[frames] - TAIL))
-            self._put_fields(groups, rows, here, source, Cursor(sheet, cursor.at + HEAD), ends - TAIL)
-        return b"".join(sheet.tolist())
+        sheet = Sheet(self._store, sizes)
+        sheet.at(np.flatnonzero(silent)).put_texts([_noise(batch, row) for row in here[silent].tolist()])
+        self._envelope.put_head(rows[frames], here[frames], source, sheet.at(frames))
+        self._envelope.put_tail(rows[frames], here[frames], batch, sheet.at(frames, -TAIL))
+        self._put_fields(groups, rows, here, source, sheet)
+        return sheet.parts()
 
     def _groups(self, rows: Rows, here: Ints, source: Source) -> list[_Group]:
         """The rows that are put together from pieces, by form."""
@@ -93,22 +92,17 @@ class JsonLines:
                 groups.append(_Group(form, lines[fits], kept))
         return groups
 
-    def _put_fields(
-        self, groups: list[_Group], rows: Rows, here: Ints, source: Source, cursor: Cursor, ends: Ints
-    ) -> None:
+    def _put_fields(self, groups: list[_Group], rows: Rows, here: Ints, source: Source, sheet: Sheet) -> None:
         """All fields: those of the groups by pieces, the others' frame by frame."""
-        whole = rows["kind"] != Kind.NOISE
         for group in groups:
-            whole[group.lines] = False
-            form_cursor = cursor.of(group.lines)
-            form_cursor.at += 2
-            group.form.put(group.rows, source, form_cursor)
+            group.form.put(group.rows, source, sheet.at(group.lines, HEAD + 2))
         formed = np.concatenate([np.zeros(0, np.int64), *(group.lines for group in groups)])
-        if len(formed):
-            self._put_around(rows[formed], source, cursor.of(formed), Cursor(cursor.sheet, ends[formed] - 2))
-        for line in np.flatnonzero(whole).tolist():
-            frame = source.pdus.batch.frame(int(here[line]))
-            cursor.sheet[cursor.at[line]] = b'","fields":' + self._whole.encoded(frame).fields
+        self._put_around(rows[formed], source, sheet.at(formed, HEAD), sheet.at(formed, -TAIL - 2))
+        whole = rows["kind"] != Kind.NOISE
+        whole[formed] = False
+        frames = (source.pdus.batch.frame(row) for row in here[whole].tolist())
+        texts = [b'","fields":' + self._whole.encoded(frame).fields for frame in frames]
+        sheet.at(np.flatnonzero(whole), HEAD).put_texts(texts)
 
     def _put_around(self, rows: Rows, source: Source, head: Cursor, tail: Cursor) -> None:
         """Unit and function, and the check value, of RTU frames."""
@@ -117,16 +111,24 @@ class JsonLines:
         head.put(self._function.take(kind << 8 | source.octets(rows["at"] + 1)))
         at = rows["length"] - _CHECK
         tail.put(self._check_place.take(at))
-        tail.put(self._checks(rows, rows["at"] + at, source))
+        tail.put(self._checks(rows, rows["at"] + at, source, tail.sheet))
 
-    def _checks(self, rows: Rows, at: Ints, source: Source) -> Objects:
-        right: NDArray[np.bool_] = rows["check"]
-        found = self._check_value.take(source.octets(at) | source.octets(at + 1) << 8)
-        for i in np.flatnonzero(~right).tolist():
-            begin, length = int(rows["at"][i]), int(rows["length"][i])
-            adu = rtu(source.pdus.data[begin : begin + length].tobytes())
-            found[i] = b"".join(parted(check_fields(adu, length - _CHECK)[0])[1:]) + b"]"
+    def _checks(self, rows: Rows, at: Ints, source: Source, sheet: Sheet) -> Ints:
+        found = self._check_value.take(source.octets(at) | source.octets(at + 1) << 8).astype(np.int64)
+        wrong = np.flatnonzero(~rows["check"])
+        if len(wrong):
+            begins, ends = rows["at"][wrong].tolist(), (at[wrong] + _CHECK).tolist()
+            frames = (source.pdus.data[i:j].tobytes() for i, j in zip(begins, ends, strict=True))
+            found[wrong] = sheet.texts([_rest(check_fields(rtu(frame), len(frame) - _CHECK)[0]) for frame in frames])
         return found
+
+    def _right(self, crc: int) -> bytes:
+        return middle(crc, crc.to_bytes(_CHECK, "little").hex()) + self._ok
+
+
+def _rest(check: Field) -> bytes:
+    """A check value's field behind its place, and the end of the fields."""
+    return b"".join(parted(check)[1:]) + b"]"
 
 
 def _source(pdus: Pdus, frames: Rows) -> Source:
@@ -141,7 +143,7 @@ def _function(key: int) -> bytes:
     return b"," + encoded(function_field(bytes([0, key & 0xFF]), 1, role).to_json())
 
 
-def _check(at: int, crc: int):
+def _check(at: int, crc: int) -> Field:
     """The field of a right CRC."""
     data = bytes(at) + crc.to_bytes(_CHECK, "little")
     return check_fields(Adu("rtu", data, 0, b"", True, crc, crc, 0, len(data)), at)[0]

@@ -1,12 +1,13 @@
-"""Pieces of text that were made once and are looked up by number; what is kept of them is bounded.
+"""Pieces of text that were made once and are looked up by number, and lines set from them.
 
-A `Line`s' text is a row of such pieces. Tables are arrays of objects, so that the pieces of thousands of lines are
-taken, put in their places and joined without a step of Python a piece.
+A line is a row of pieces. Each piece that was ever made has a place in one array, the store; tables give the places of
+those that hang on a number, so that a sheet of thousands of lines is set, taken and joined without a step of Python a
+piece. What is kept is bounded: a store that has grown too large is begun anew before the next sheet.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Iterator
 from typing import Any, Final
 
 import numpy as np
@@ -16,113 +17,172 @@ from numpy.typing import NDArray
 from dissectors.fields import Field
 
 Ints = NDArray[np.int64]
-Objects = NDArray[np.object_]
+Places = NDArray[np.int32]
+Make = Callable[[int], bytes | tuple[bytes, ...]]
 
 _KEPT: Final = 48 << 20  # bytes of all pieces
 _OVERHEAD: Final = 33 + 8  # of a bytes object, and of the reference to it
-_DENSE: Final = 1 << 21  # numbers up to this are places in an array, which grows as they come
+_DENSE: Final = 1 << 21  # numbers up to this have their place in an array, which grows as they come
 _LEAST: Final = 1 << 8
+_JOINED: Final = 4096  # pieces at once: what they make stays in the processor's cache
+_UNKNOWN: Final = -1
 
 
 class Store:
-    """All tables of one export, forgotten together when they have grown too large."""
+    """All pieces, and the tables of their places."""
 
     def __init__(self, kept: int = _KEPT) -> None:
-        self._tables: list[Pieces] = []
         self._kept = kept
+        self._tables: dict[Hashable, Table] = {}
+        self._fixed: dict[bytes, int] = {}
+        self._begin()
+
+    def _begin(self) -> None:
+        self._pieces = np.empty(_LEAST, object)
+        self._count = 0
         self._size = 0
 
-    def table(self, make: Callable[[int], bytes]) -> Pieces:
-        """A table of pieces, made by number (0 or more) when they are first asked for."""
-        self._tables.append(Pieces(self, make))
-        return self._tables[-1]
+    def table(self, make: Make, name: Hashable = None) -> Table:
+        """A table of pieces, made by number (0 or more) when they are first asked for; of one name there is one."""
+        if name is None:
+            name = len(self._tables)
+        if name not in self._tables:
+            self._tables[name] = Table(self, make)
+        return self._tables[name]
 
-    def grown(self, size: int) -> None:
-        """So many bytes more are kept."""
-        self._size += size
+    def fixed(self, piece: bytes) -> int:
+        """The place of a piece that is always the same."""
+        if piece not in self._fixed:
+            self._fixed[piece] = self.add(piece)
+        return self._fixed[piece]
+
+    def add(self, *pieces: bytes) -> int:
+        """Keep some pieces in neighbouring places; the first one's."""
+        first = self._count
+        self._count += len(pieces)
+        if self._count > len(self._pieces):
+            self._pieces = np.concatenate((self._pieces, np.empty(self._count, object)))
+        for place, piece in enumerate(pieces, first):
+            self._pieces[place] = piece
+            self._size += len(piece) + _OVERHEAD
+        return first
+
+    def settle(self) -> None:
+        """Between two sheets: forget all if it is too much."""
         if self._size > self._kept:
-            self._size = 0
-            for table in self._tables:
+            self._begin()
+            self._fixed.clear()
+            for table in self._tables.values():
                 table.forget()
 
+    def taken(self, places: Ints, texts: list[bytes]) -> Iterator[bytes]:
+        """The pieces at some places joined, in parts; -1 and down are the last, the last but one … of `texts`."""
+        spare = len(self._pieces) - self._count
+        if len(texts) > spare:
+            self._pieces = np.concatenate((self._pieces, np.empty(len(texts), object)))
+        if texts:
+            self._pieces[-len(texts) :] = texts
+        for first in range(0, len(places), _JOINED):
+            yield b"".join(self._pieces.take(places[first : first + _JOINED]).tolist())
+        if texts:
+            self._pieces[-len(texts) :] = None
 
-class Pieces:
-    """A table of pieces by number."""
 
-    def __init__(self, store: Store, make: Callable[[int], bytes]) -> None:
+class Table:
+    """The places of pieces by number; where several are made for a number, of the first one, and the others follow."""
+
+    def __init__(self, store: Store, make: Make) -> None:
         self._store = store
         self._make = make
         self.forget()
 
     def forget(self) -> None:
         """Begin anew."""
-        self._made: Objects = np.empty(0, object)
-        self._known = np.zeros(0, np.bool_)
-        self._far: dict[int, bytes] = {}
+        self._near: Places = np.empty(0, np.int32)
+        self._far: dict[int, int] = {}
 
-    def take(self, numbers: Ints) -> Objects:
-        """The pieces of these numbers."""
+    def take(self, numbers: Ints) -> Places:
+        """The places of the pieces of these numbers."""
         if not len(numbers):
-            return np.empty(0, object)
+            return np.empty(0, np.int32)
         largest = int(numbers.max())
         if largest >= _DENSE:
             return self._take_far(numbers)
-        if largest >= len(self._known):
-            self._widen(max(_LEAST, 1 << largest.bit_length()))
-        known = self._known.take(numbers)
-        grown = 0
-        if not known.all():
-            for number in np.unique(numbers[~known]).tolist():
-                self._made[number] = piece = self._make(number)
-                self._known[number] = True
-                grown += len(piece) + _OVERHEAD
-        found: Objects = self._made.take(numbers)
-        self._store.grown(grown)
-        return found
+        if largest >= len(self._near):
+            wider = np.full(max(_LEAST, 1 << largest.bit_length()), _UNKNOWN, np.int32)
+            wider[: len(self._near)] = self._near
+            self._near = wider
+        places: Places = self._near.take(numbers)
+        if int(places.min()) == _UNKNOWN:
+            for number in np.unique(numbers[places == _UNKNOWN]).tolist():
+                self._near[number] = self._added(number)
+            places = self._near.take(numbers)
+        return places
 
-    def _widen(self, size: int) -> None:
-        made, known = np.empty(size, object), np.zeros(size, np.bool_)
-        made[: len(self._made)], known[: len(self._known)] = self._made, self._known
-        self._made, self._known = made, known
-
-    def _take_far(self, numbers: Ints) -> Objects:
-        distinct, places = np.unique(numbers, return_inverse=True)
-        pieces = np.empty(len(distinct), object)
-        grown = 0
+    def _take_far(self, numbers: Ints) -> Places:
+        distinct, where = np.unique(numbers, return_inverse=True)
+        places = np.empty(len(distinct), np.int32)
         for i, number in enumerate(distinct.tolist()):
-            if (piece := self._far.get(number)) is None:
-                self._far[number] = piece = self._make(number)
-                grown += len(piece) + _OVERHEAD
-            pieces[i] = piece
-        self._store.grown(grown)
-        return pieces.take(places)
+            if number not in self._far:
+                self._far[number] = self._added(number)
+            places[i] = self._far[number]
+        return places.take(where)
+
+    def _added(self, number: int) -> int:
+        made = self._make(number)
+        return self._store.add(made) if isinstance(made, bytes) else self._store.add(*made)
+
+
+class Sheet:
+    """Lines to be set: `sizes` is how many pieces each has."""
+
+    def __init__(self, store: Store, sizes: Ints) -> None:
+        self.store = store
+        self.ends: Ints = np.cumsum(sizes)
+        self._begins = self.ends - sizes
+        self._texts: list[bytes] = []
+        self.places: Ints = np.empty(int(self.ends[-1]) if len(sizes) else 0, np.int64)
+
+    def at(self, lines: Ints, piece: int = 0) -> Cursor:
+        """A cursor on piece number `piece` of some lines; negative ones count from the end."""
+        return Cursor(self, (self.ends if piece < 0 else self._begins)[lines] + piece)
+
+    def texts(self, texts: list[bytes]) -> Ints:
+        """The places of pieces that are for this sheet only."""
+        before = len(self._texts)
+        self._texts += texts
+        return np.arange(-1 - before, -1 - len(self._texts), -1)
+
+    def parts(self) -> Iterator[bytes]:
+        """The text of all lines, in parts."""
+        return self.store.taken(self.places, self._texts[::-1])
 
 
 class Cursor:
-    """Where the next piece of each of some lines goes, in the array that has the pieces of all."""
+    """Where on a sheet the next piece of each of some lines goes."""
 
-    def __init__(self, sheet: Objects, at: Ints) -> None:
+    def __init__(self, sheet: Sheet, at: Ints) -> None:
         self.sheet = sheet
-        self.at = at
+        self._at = at
 
-    def of(self, lines: Ints | NDArray[np.bool_]) -> Cursor:
-        """A cursor over some of the lines."""
-        return Cursor(self.sheet, self.at[lines])
+    def put(self, pieces: Ints | Places | bytes) -> None:
+        """A piece a line, by their places, or the same for all."""
+        self.sheet.places[self._at] = self.sheet.store.fixed(pieces) if isinstance(pieces, bytes) else pieces
+        self._at += 1
 
-    def put(self, pieces: Objects | bytes | list[bytes]) -> None:
-        """A piece a line, or the same for all."""
-        self.sheet[self.at] = pieces
-        self.at += 1
+    def put_texts(self, texts: list[bytes]) -> None:
+        """A piece a line, for this sheet only."""
+        self.put(self.sheet.texts(texts))
 
-    def spread(self, counts: Ints, *columns: Objects) -> None:
+    def spread(self, counts: Ints, *columns: Places) -> None:
         """Several pieces a line, `counts` times as many as there are columns: the first of each, the second of each."""
         width = len(columns)
-        at = np.repeat(self.at - width * (np.cumsum(counts) - counts), counts)
+        at = np.repeat(self._at - width * (np.cumsum(counts) - counts), counts)
         at += width * np.arange(len(at))
         for column in columns:
-            self.sheet[at] = column
+            self.sheet.places[at] = column
             at += 1
-        self.at += width * counts
+        self._at += width * counts
 
 
 def within(counts: Ints) -> Ints:
@@ -141,6 +201,12 @@ def encoded(value: Any) -> bytes:
 def inside(text: str) -> bytes:
     """What stands between the quotes of a text in JSON."""
     return orjson.dumps(text)[1:-1]
+
+
+def middle(value: int | bool, raw: str) -> bytes:
+    """What `parted` gives as the second part, for a number or truth value."""
+    said = str(value).lower() if isinstance(value, bool) else value
+    return f'{said},"raw":"{raw}","text":"'.encode()
 
 
 def parted(field: Field) -> tuple[bytes, bytes, bytes, bytes]:

@@ -23,7 +23,8 @@ class _Lines:
 
     def rows(self, batch: Batch, first: int, last: int) -> None:
         """A line a row."""
-        self._out.write(self._lines.text(batch, first, last))
+        for part in self._lines.text(batch, first, last):
+            self._out.write(part)
 
     def batch(self, batch: Batch) -> None:
         """Nothing here hangs on a whole batch."""
