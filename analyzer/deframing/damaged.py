@@ -76,5 +76,4 @@ def damaged_requests(data: bytes, places: Places, candidates: Sequence[Candidate
             if end in places.ends:
                 bits = _bits(end - start, length) + (0.0 if end == start + length else _NEARLY)
                 found.append(Candidate(start, end, Role.REQUEST, bits, damaged=True))
-                break
     return found

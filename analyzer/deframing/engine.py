@@ -24,6 +24,7 @@ from .options import Options
 from .pieces import NOISE, NOTHING, Decided, Pieces, evidence
 from .places import SILENT, places
 from .prefix import windows
+from .repeats import Repeats, copied, relative, shifted
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index
 from .runs import Runs, Stretch, plain_evidence, reach, runs_of
 from .silence import Trust, Turn, classes_of, next_checkpoint
@@ -53,6 +54,7 @@ class Engine:
         self._waited = False  # the same of the last frame learnt from
         self._asked = _NOWHERE  # offsets: where a request that was taken without the lattice began and ended
         self._fresh: list[Decided] = []
+        self._repeats = Repeats()
         self._idle_class = int(classes_of(np.array([options.idle_ns]), character.ns)[0])
         self._out: list[Pieces] = []
         self._decided: list[Bytes] = []
@@ -122,6 +124,10 @@ class Engine:
                     continue
             if not (quiet or final) and self._waits(stretch, at):
                 break
+            moved = self._again(stretch, at, stop)
+            if moved > at:
+                at = moved
+                continue
             moved = self._contest(stretch, at, quiet=quiet, final=final)
             if moved == at:
                 self._stuck = self.tape.base + begin + at, self.tape.base + upto
@@ -223,6 +229,7 @@ class Engine:
             whole = limit == n
             if not whole and window < WINDOWS[-1] and not stretch.any(at, limit):
                 continue
+            self._repeats.looked(limit - at)
             decision = self._explain(stretch, at, limit, quiet=quiet and whole, final=final and whole)
             if decision.steps or whole:
                 break
@@ -231,6 +238,23 @@ class Engine:
         self._steps(decision, stretch.begin + at)
         self._talk.settle(decision.steps[-1].said)
         return at + decision.steps[-1].end
+
+    def _again(self, stretch: Stretch, at: int, stop: int) -> int:
+        """Take from `at` on what repeats what was just decided; the position behind it."""
+        offset = self.tape.base + stretch.begin + at
+        said = self._talk.said
+        room = min(stop - at, next_checkpoint(offset) - offset)
+        repeat = self._repeats.look(
+            stretch.data, self.tape.classes[stretch.begin : stretch.begin + len(stretch.data)], at, offset,
+            (relative(said, offset), self._waiting, len(self._vendor)), len(self._fresh), room,
+        )  # fmt: skip
+        if repeat is None:
+            return at
+        moved = repeat.count * repeat.period
+        self._decide(copied(self._fresh[repeat.first :], repeat))
+        self._talk.settle(shifted(said, moved))
+        self._asked = _NOWHERE
+        return at + moved
 
     def _explain(self, stretch: Stretch, at: int, limit: int, *, quiet: bool, final: bool) -> Decision:
         """The certain steps in [at, limit): by declared candidates, and where those leave noise by all that there are.
@@ -335,6 +359,7 @@ class Engine:
         if len(why):
             why["margin"] = margin
         self._fresh.clear()
+        self._repeats.clear()
         tape = self.tape
         self._learn(start, end, role)
         self._out.append(Pieces(start + tape.base, end + tape.base, role, check, *tape.spans(start, end), margin, why))

@@ -168,4 +168,5 @@ class _Loose:
         at = np.cumsum(lengths) - lengths
         data = self.data[np.repeat(rows["at"] - at, lengths) + np.arange(int(lengths.sum()))]
         rows["at"] = at
-        return _Loose(rows, data, self.head[which], self.tail[which], self.why[which])
+        why = self.why[which] if len(self.why) else self.why  # there is none where nobody wants it
+        return _Loose(rows, data, self.head[which], self.tail[which], why)
