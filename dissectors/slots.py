@@ -46,10 +46,14 @@ class Slot:
     looks: tuple[Look, ...]
     echo: Look | None
 
-    def described(self, value: int, looks: Sequence[int], asked: int = -1) -> Field:
-        """The field of a value, as annotation gives it; `looks` as in `looks`, -1 for what is not known."""
+    def described(self, value: int, looks: Sequence[int], asked: int = -1, *, brief: bool = False) -> Field:
+        """The field of a value, as annotation gives it; `looks` as in `looks`, -1 for what is not known.
+
+        `brief` gives it as it is for a summary.
+        """
         at = 1 + self.offset
         seen = _recorder(bytes(at) + value.to_bytes(self.part.width, "big"), self.looks, looks)
+        seen.brief = brief
         field = self.part.describe(self.name, at - _BODY, self.part.width, value, seen)
         if self.echo is None or asked < 0:
             return field
@@ -83,6 +87,14 @@ class Slots:
     numbers: tuple[Slot, ...]
     block: Block | None
     size: int
+
+    @property
+    def asks(self) -> bool:
+        """Whether anything is looked up in the request."""
+        looks = [look for slot in self.numbers for look in (*slot.looks, slot.echo)]
+        if self.block is not None:
+            looks += [self.block.start, self.block.quantity]
+        return any(look is not None and look.asked for look in looks)
 
 
 def slots(function: Function, role: Role) -> Slots | None:

@@ -3,37 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 import orjson
 
-from analyzer.frames import Batch, Kind, Protocol, Rows
+from analyzer.frames import Batch, Kind, Rows
 from analyzer.pdus import Pdus
 from dissectors.annotation import check_fields, function_field, header_fields
 from dissectors.envelopes import Adu, rtu
 from dissectors.fields import Field
 from dissectors.lengths import Role
 
-from . import fields
 from .envelope import HEAD, TAIL, Envelope
-from .pieces import Cursor, Ints, Sheet, Store, encoded, middle, parted
+from .fields import fields
+from .forms import Forms, Group
+from .jsontext import encoded, middle, parted
+from .pieces import Cursor, Ints, Sheet, Store
 from .source import Source
-from .whole import Encoder, noise_json
+from .whole import Whole, noise_json
 
-_LEAST: Final = 4  # bytes of an RTU frame that has a check value
 _CHECK: Final = 2  # bytes of it
 _AROUND: Final = 4  # pieces around a form's: unit and function before, the check value's two behind
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Group:
-    """Lines of one form."""
-
-    form: fields.Form
-    lines: Ints
-    rows: fields.Rows
 
 
 class JsonLines:
@@ -43,8 +35,8 @@ class JsonLines:
         self._noise = noise
         self._store = Store()
         self._envelope = Envelope(self._store, explain)
-        self._forms: dict[int, fields.Form | None] = {}
-        self._whole = Encoder()
+        self._forms = Forms(partial(fields, self._store))
+        self._whole = Whole(lambda frame: encoded([field.to_json() for field in frame.fields()]))
         self._unit = self._store.table(
             lambda unit: b'","fields":[' + encoded(header_fields(rtu(bytes([unit])))[0].to_json())
         )
@@ -65,10 +57,10 @@ class JsonLines:
         silent = rows["kind"] == Kind.NOISE
         frames = np.flatnonzero(~silent)
         sizes = np.where(silent, 1, HEAD + 1 + TAIL)
-        source = _source(self._pdus, rows[frames])
-        groups = self._groups(rows, here, source)
+        source = Source.of(self._pdus, rows[frames])
+        groups = self._forms.groups(rows, here, source)
         for group in groups:
-            sizes[group.lines] = HEAD + _AROUND + group.form.sizes(group.rows) + TAIL
+            sizes[group.lines] = HEAD + _AROUND + group.sizes() + TAIL
         sheet = Sheet(self._store, sizes)
         sheet.at(np.flatnonzero(silent)).put_texts([_noise(batch, row) for row in here[silent].tolist()])
         self._envelope.put_head(rows[frames], here[frames], source, sheet.at(frames))
@@ -76,32 +68,16 @@ class JsonLines:
         self._put_fields(groups, rows, here, source, sheet)
         return sheet.parts()
 
-    def _groups(self, rows: Rows, here: Ints, source: Source) -> list[_Group]:
-        """The rows that are put together from pieces, by form."""
-        able = np.flatnonzero(
-            (rows["kind"] != Kind.NOISE) & (rows["protocol"] == Protocol.RTU) & (rows["length"] >= _LEAST)
-        )
-        keys = rows["kind"][able].astype(np.int64) << 8 | source.octets(source.pdus.begins[here[able]])
-        groups = []
-        for key in np.flatnonzero(np.bincount(keys)).tolist():
-            if key not in self._forms:
-                self._forms[key] = fields.form(key >> 8, key & 0xFF, self._store)
-            if (form := self._forms[key]) is not None:
-                lines = able[keys == key]
-                kept, fits = form.split(here[lines], source)
-                groups.append(_Group(form, lines[fits], kept))
-        return groups
-
-    def _put_fields(self, groups: list[_Group], rows: Rows, here: Ints, source: Source, sheet: Sheet) -> None:
+    def _put_fields(self, groups: list[Group], rows: Rows, here: Ints, source: Source, sheet: Sheet) -> None:
         """All fields: those of the groups by pieces, the others' frame by frame."""
         for group in groups:
-            group.form.put(group.rows, source, sheet.at(group.lines, HEAD + 2))
+            group.put(source, sheet.at(group.lines, HEAD + 2))
         formed = np.concatenate([np.zeros(0, np.int64), *(group.lines for group in groups)])
         self._put_around(rows[formed], source, sheet.at(formed, HEAD), sheet.at(formed, -TAIL - 2))
         whole = rows["kind"] != Kind.NOISE
         whole[formed] = False
         frames = (source.pdus.batch.frame(row) for row in here[whole].tolist())
-        texts = [b'","fields":' + self._whole.encoded(frame).fields for frame in frames]
+        texts = [b'","fields":' + self._whole.text(frame) for frame in frames]
         sheet.at(np.flatnonzero(whole), HEAD).put_texts(texts)
 
     def _put_around(self, rows: Rows, source: Source, head: Cursor, tail: Cursor) -> None:
@@ -129,13 +105,6 @@ class JsonLines:
 def _rest(check: Field) -> bytes:
     """A check value's field behind its place, and the end of the fields."""
     return b"".join(parted(check)[1:]) + b"]"
-
-
-def _source(pdus: Pdus, frames: Rows) -> Source:
-    plain = frames[frames["protocol"] == Protocol.RTU]
-    if not len(plain):
-        return Source(pdus, 0, 0)
-    return Source(pdus, int(plain["at"].min()), int((plain["at"] + plain["length"]).max()))
 
 
 def _function(key: int) -> bytes:

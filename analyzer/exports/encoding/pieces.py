@@ -8,13 +8,10 @@ piece. What is kept is bounded: a store that has grown too large is begun anew b
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import orjson
 from numpy.typing import NDArray
-
-from dissectors.fields import Field
 
 Ints = NDArray[np.int64]
 Places = NDArray[np.int32]
@@ -191,28 +188,3 @@ def within(counts: Ints) -> Ints:
     found: Ints = np.arange(int(ends[-1]) if len(ends) else 0)
     found -= np.repeat(ends - counts, counts)
     return found
-
-
-def encoded(value: Any) -> bytes:
-    """A value as JSON."""
-    return orjson.dumps(value)
-
-
-def inside(text: str) -> bytes:
-    """What stands between the quotes of a text in JSON."""
-    return orjson.dumps(text)[1:-1]
-
-
-def middle(value: int | bool, raw: str) -> bytes:
-    """What `parted` gives as the second part, for a number or truth value."""
-    said = str(value).lower() if isinstance(value, bool) else value
-    return f'{said},"raw":"{raw}","text":"'.encode()
-
-
-def parted(field: Field) -> tuple[bytes, bytes, bytes, bytes]:
-    """A field's JSON in four: up to its value, up to its text, its text, the rest."""
-    whole = orjson.dumps(field.to_json())
-    value = whole.index(b'"value":') + len(b'"value":')
-    text = whole.index(b'"text":"', value) + len(b'"text":"')
-    end = text + len(inside(field.text))
-    return whole[:value], whole[value:text], whole[text:end], whole[end:]

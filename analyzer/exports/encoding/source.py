@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from analyzer.frames import Protocol, Rows
 from analyzer.pdus import Pdus
 
 from .pieces import Ints
@@ -18,6 +19,14 @@ class Source:
         self.pdus = pdus
         self._first = first
         self._last = last
+
+    @classmethod
+    def of(cls, pdus: Pdus, frames: Rows) -> Source:
+        """The bytes of some RTU frames of a batch."""
+        plain = frames[frames["protocol"] == Protocol.RTU]
+        if not len(plain):
+            return cls(pdus, 0, 0)
+        return cls(pdus, int(plain["at"].min()), int((plain["at"] + plain["length"]).max()))
 
     def octets(self, at: Ints) -> Ints:
         """The byte at each place."""
@@ -34,6 +43,16 @@ class Source:
         text = self._hex
         at = 2 * (begins - self._first)
         return [text[i:j] for i, j in zip(at.tolist(), (at + 2 * lengths).tolist(), strict=True)]
+
+    def spaced(self, begins: Ints, lengths: Ints) -> list[bytes]:
+        """Stretches of bytes in capital hex, spaces between the bytes."""
+        text = self._spaced
+        at = 3 * (begins - self._first)
+        return [text[i:j] for i, j in zip(at.tolist(), (at + 3 * lengths - 1).tolist(), strict=True)]
+
+    @cached_property
+    def _spaced(self) -> bytes:
+        return self.pdus.data[self._first : self._last].tobytes().hex(" ").upper().encode()
 
     @cached_property
     def _hex(self) -> bytes:
