@@ -25,7 +25,7 @@ from .pieces import NOISE, NOTHING, Decided, Pieces, evidence
 from .places import SILENT, places
 from .prefix import windows
 from .repeats import Repeats, copied, relative, shifted
-from .rules import MAX_ADU, MIN_ADU, Bytes, Index
+from .rules import MAX_ADU, MIN_ADU, Bytes, Index, Mask
 from .runs import Runs, Stretch, plain_evidence, reach, runs_of
 from .silence import Trust, Turn, classes_of, next_checkpoint
 from .talk import REACH, Run, Talk
@@ -174,7 +174,8 @@ class Engine:
                 data, start, end, role, classes.take(start), self.trust, self._talk.said
             )
         margin = structure + np.float32(CRC_BITS + NOISE_BEGINS)
-        self._take(stretch, start, end, Decided(start + begin, end + begin, role, margin > 0, margin, why))
+        decided = Decided(start + begin, end + begin, role, margin > 0, margin, why)
+        self._take(stretch, start, end, runs.fits[i:last], decided)
         return int(end[-1])
 
     def _ending(self, stretch: Stretch, runs: Runs, i: int) -> int:
@@ -194,14 +195,16 @@ class Engine:
         start, end, role = runs.start[one], runs.end[one], runs.role[one]
         margin = np.array([found[1]], np.float32)
         taped = start + stretch.begin, end + stretch.begin
-        self._take(stretch, start, end, Decided(*taped, role, margin > 0, margin))
+        self._take(stretch, start, end, margin < 0, Decided(*taped, role, margin > 0, margin))
         return int(end[0])
 
-    def _take(self, stretch: Stretch, start: Index, end: Index, decided: Decided) -> None:
+    def _take(self, stretch: Stretch, start: Index, end: Index, fits: Mask, decided: Decided) -> None:
         """Frames (`start` and `end` in the stretch) are decided without the lattice."""
         offset, role = self.tape.base + stretch.begin, decided.role
         first = max(0, int(np.searchsorted(start, end[-1] - REACH)) - 1)
-        run = Run(self.tape.data, self.tape.base, decided.start[first:], decided.end[first:], role[first:])
+        run = Run(
+            self.tape.data, self.tape.base, decided.start[first:], decided.end[first:], role[first:], fits[first:]
+        )
         self._talk.go_on(run)
         self._decide(decided)
         asks = role[-1] == Role.REQUEST
