@@ -21,7 +21,7 @@ def inside(text: str) -> bytes:
 
 def middle(value: int | bool, raw: str) -> bytes:
     """What `parted` gives as the second part, for a number or truth value."""
-    said = str(value).lower() if isinstance(value, bool) else value
+    said = ("true" if value else "false") if value is True or value is False else value
     return f'{said},"raw":"{raw}","text":"'.encode()
 
 

@@ -20,8 +20,8 @@ from .envelope import HEAD, TAIL, Envelope
 from .fields import fields
 from .forms import Forms, Group
 from .jsontext import encoded, middle, parted
-from .pieces import Cursor, Ints, Sheet, Store
-from .source import Source
+from .pieces import Ints, Sheet, Store
+from .source import Source, kept
 from .whole import Whole, noise_json
 
 _CHECK: Final = 2  # bytes of it
@@ -51,20 +51,19 @@ class JsonLines:
         self._store.settle()
         if self._pdus is None or self._pdus.batch is not batch:
             self._pdus = Pdus(batch)
-        noise = batch.rows["kind"][first:last] == Kind.NOISE
-        here = first + np.flatnonzero(~noise | self._noise)
-        rows = batch.rows[here]
+        here, rows = kept(batch, first, last, noise=self._noise)
         silent = rows["kind"] == Kind.NOISE
         frames = np.flatnonzero(~silent)
+        spoken = rows if len(frames) == len(rows) else rows[frames]
         sizes = np.where(silent, 1, HEAD + 1 + TAIL)
-        source = Source.of(self._pdus, rows[frames])
+        source = Source.of(self._pdus, spoken)
         groups = self._forms.groups(rows, here, source)
         for group in groups:
             sizes[group.lines] = HEAD + _AROUND + group.sizes() + TAIL
         sheet = Sheet(self._store, sizes)
         sheet.at(np.flatnonzero(silent)).put_texts([_noise(batch, row) for row in here[silent].tolist()])
-        self._envelope.put_head(rows[frames], here[frames], source, sheet.at(frames))
-        self._envelope.put_tail(rows[frames], here[frames], batch, sheet.at(frames, -TAIL))
+        self._envelope.put_head(spoken, here[frames], source, sheet.at(frames))
+        self._envelope.put_tail(spoken, here[frames], batch, sheet.at(frames, -TAIL))
         self._put_fields(groups, rows, here, source, sheet)
         return sheet.parts()
 
@@ -73,30 +72,30 @@ class JsonLines:
         for group in groups:
             group.put(source, sheet.at(group.lines, HEAD + 2))
         formed = np.concatenate([np.zeros(0, np.int64), *(group.lines for group in groups)])
-        self._put_around(rows[formed], source, sheet.at(formed, HEAD), sheet.at(formed, -TAIL - 2))
+        self._put_around(rows, formed, source, sheet)
         whole = rows["kind"] != Kind.NOISE
         whole[formed] = False
         frames = (source.pdus.batch.frame(row) for row in here[whole].tolist())
         texts = [b'","fields":' + self._whole.text(frame) for frame in frames]
         sheet.at(np.flatnonzero(whole), HEAD).put_texts(texts)
 
-    def _put_around(self, rows: Rows, source: Source, head: Cursor, tail: Cursor) -> None:
+    def _put_around(self, rows: Rows, formed: Ints, source: Source, sheet: Sheet) -> None:
         """Unit and function, and the check value, of RTU frames."""
-        head.put(self._unit.take(source.octets(rows["at"])))
-        kind = rows["kind"].astype(np.int64)
-        head.put(self._function.take(kind << 8 | source.octets(rows["at"] + 1)))
-        at = rows["length"] - _CHECK
+        begins, lengths = rows["at"][formed], rows["length"][formed]
+        head, tail = sheet.at(formed, HEAD), sheet.at(formed, -TAIL - 2)
+        head.put(self._unit.take(source.octets(begins)))
+        kind = rows["kind"][formed].astype(np.int64)
+        head.put(self._function.take(kind << 8 | source.octets(begins + 1)))
+        at = lengths - _CHECK
         tail.put(self._check_place.take(at))
-        tail.put(self._checks(rows, rows["at"] + at, source, tail.sheet))
-
-    def _checks(self, rows: Rows, at: Ints, source: Source, sheet: Sheet) -> Ints:
-        found = self._check_value.take(source.octets(at) | source.octets(at + 1) << 8).astype(np.int64)
-        wrong = np.flatnonzero(~rows["check"])
+        at += begins
+        checks = self._check_value.take(source.octets(at) | source.octets(at + 1) << 8).astype(np.int64)
+        wrong = np.flatnonzero(~rows["check"][formed])
         if len(wrong):
-            begins, ends = rows["at"][wrong].tolist(), (at[wrong] + _CHECK).tolist()
-            frames = (source.pdus.data[i:j].tobytes() for i, j in zip(begins, ends, strict=True))
-            found[wrong] = sheet.texts([_rest(check_fields(rtu(frame), len(frame) - _CHECK)[0]) for frame in frames])
-        return found
+            places = zip(begins[wrong].tolist(), lengths[wrong].tolist(), strict=True)
+            frames = (source.pdus.data[begin : begin + length].tobytes() for begin, length in places)
+            checks[wrong] = sheet.texts([_rest(check_fields(rtu(frame), len(frame) - _CHECK)[0]) for frame in frames])
+        tail.put(checks)
 
     def _right(self, crc: int) -> bytes:
         return middle(crc, crc.to_bytes(_CHECK, "little").hex()) + self._ok

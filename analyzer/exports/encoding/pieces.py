@@ -50,18 +50,17 @@ class Store:
     def fixed(self, piece: bytes) -> int:
         """The place of a piece that is always the same."""
         if piece not in self._fixed:
-            self._fixed[piece] = self.add(piece)
+            self._fixed[piece] = self.add([piece])
         return self._fixed[piece]
 
-    def add(self, *pieces: bytes) -> int:
+    def add(self, pieces: list[bytes]) -> int:
         """Keep some pieces in neighbouring places; the first one's."""
         first = self._count
         self._count += len(pieces)
         if self._count > len(self._pieces):
             self._pieces = np.concatenate((self._pieces, np.empty(self._count, object)))
-        for place, piece in enumerate(pieces, first):
-            self._pieces[place] = piece
-            self._size += len(piece) + _OVERHEAD
+        self._pieces[first : self._count] = pieces
+        self._size += sum(map(len, pieces)) + _OVERHEAD * len(pieces)
         return first
 
     def settle(self) -> None:
@@ -111,23 +110,22 @@ class Table:
             self._near = wider
         places: Places = self._near.take(numbers)
         if int(places.min()) == _UNKNOWN:
-            for number in np.unique(numbers[places == _UNKNOWN]).tolist():
-                self._near[number] = self._added(number)
+            unknown = np.unique(numbers[places == _UNKNOWN])
+            self._near[unknown] = self._added(unknown.tolist())
             places = self._near.take(numbers)
         return places
 
     def _take_far(self, numbers: Ints) -> Places:
         distinct, where = np.unique(numbers, return_inverse=True)
-        places = np.empty(len(distinct), np.int32)
-        for i, number in enumerate(distinct.tolist()):
-            if number not in self._far:
-                self._far[number] = self._added(number)
-            places[i] = self._far[number]
-        return places.take(where)
+        unknown = [number for number in distinct.tolist() if number not in self._far]
+        self._far.update(zip(unknown, self._added(unknown).tolist(), strict=True))
+        return np.array([self._far[number] for number in distinct.tolist()], np.int32).take(where)
 
-    def _added(self, number: int) -> int:
-        made = self._make(number)
-        return self._store.add(made) if isinstance(made, bytes) else self._store.add(*made)
+    def _added(self, numbers: list[int]) -> Ints:
+        """The first places of the pieces of these numbers."""
+        made = [one if isinstance(one, tuple) else (one,) for one in map(self._make, numbers)]
+        first = self._store.add([piece for pieces in made for piece in pieces])
+        return first + (len(made[0]) if made else 0) * np.arange(len(made))
 
 
 class Sheet:

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from analyzer.frames import Protocol, Rows
+from analyzer.frames import Batch, Kind, Protocol, Rows
 from analyzer.pdus import Pdus
 
 from .pieces import Ints
@@ -23,10 +23,11 @@ class Source:
     @classmethod
     def of(cls, pdus: Pdus, frames: Rows) -> Source:
         """The bytes of some RTU frames of a batch."""
-        plain = frames[frames["protocol"] == Protocol.RTU]
-        if not len(plain):
+        plain = frames["protocol"] == Protocol.RTU
+        if not plain.any():
             return cls(pdus, 0, 0)
-        return cls(pdus, int(plain["at"].min()), int((plain["at"] + plain["length"]).max()))
+        begins = frames["at"][plain]
+        return cls(pdus, int(begins.min()), int((begins + frames["length"][plain]).max()))
 
     def octets(self, at: Ints) -> Ints:
         """The byte at each place."""
@@ -57,3 +58,12 @@ class Source:
     @cached_property
     def _hex(self) -> bytes:
         return self.pdus.data[self._first : self._last].tobytes().hex().encode()
+
+
+def kept(batch: Batch, first: int, last: int, *, noise: bool) -> tuple[Ints, Rows]:
+    """Of rows `first` to `last` (excluded) of a batch, their numbers and themselves; without `noise` only frames."""
+    rows = batch.rows[first:last]
+    if noise or (rows["kind"] != Kind.NOISE).all():
+        return np.arange(first, last), rows
+    here = first + np.flatnonzero(rows["kind"] != Kind.NOISE)
+    return here, batch.rows[here]

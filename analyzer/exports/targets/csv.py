@@ -14,7 +14,7 @@ import numpy as np
 from analyzer.exports.encoding import explain_json
 from analyzer.exports.encoding.forms import Forms
 from analyzer.exports.encoding.pieces import Cursor, Ints, Sheet, Store
-from analyzer.exports.encoding.source import Source
+from analyzer.exports.encoding.source import Source, kept
 from analyzer.exports.encoding.summaries import words
 from analyzer.exports.encoding.whole import Whole
 from analyzer.exports.output import Output
@@ -91,19 +91,18 @@ class _Table:
             self._pdus = Pdus(batch)
         if self._zero is None:
             self._zero = int(batch.rows["t_start"][first])
-        noise = batch.rows["kind"][first:last] == Kind.NOISE
-        here = first + np.flatnonzero(~noise | self._options.noise)
-        rows = batch.rows[here]
+        here, rows = kept(batch, first, last, noise=self._options.noise)
         silent = rows["kind"] == Kind.NOISE
         frames = np.flatnonzero(~silent)
-        source = Source.of(self._pdus, rows[frames])
+        spoken = rows if len(frames) == len(rows) else rows[frames]
+        source = Source.of(self._pdus, spoken)
         groups = self._forms.groups(rows, here, source)
         sizes = np.where(silent, 1, _HEAD + 2)
         for group in groups:
             sizes[group.lines] = _HEAD + group.sizes() + 1
         sheet = Sheet(self._store, sizes)
         sheet.at(np.flatnonzero(silent)).put_texts(self._noise(batch, here[silent]))
-        self._put_head(rows[frames], here[frames], source, sheet.at(frames))
+        self._put_head(spoken, here[frames], source, sheet.at(frames))
         whole = ~silent
         for group in groups:
             group.put(source, sheet.at(group.lines, _HEAD))
