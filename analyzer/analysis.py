@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from importlib import import_module
 from os import PathLike
+from typing import Any
 
 import numpy as np
 
@@ -62,6 +64,31 @@ class Analysis:
         open_ones = Transactions()
         parts = [open_ones.feed(batch) for batch in self.batches()]
         return np.concatenate([np.zeros(0, TRANSACTION), *parts, open_ones.close()])
+
+    def to_arrow(self, *, noise: bool = False) -> Any:
+        """All frames as a pyarrow Table with the columns of `analyzer.tables`, with `noise` the bytes between too.
+
+        Needs `rtuscope[columns]`; an ImportError says so.
+        """
+        from .tables import table
+
+        return table((analysed.batch for analysed in self.analysed()), noise=noise)
+
+    def to_polars(self, *, noise: bool = False) -> Any:
+        """The same as a polars DataFrame."""
+        return _installed("polars").from_arrow(self.to_arrow(noise=noise))
+
+    def to_pandas(self, *, noise: bool = False) -> Any:
+        """The same as a pandas DataFrame."""
+        _installed("pandas")
+        return self.to_arrow(noise=noise).to_pandas()
+
+
+def _installed(name: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise ImportError(f"a {name} table needs {name}: pip install {name}", name=name) from error
 
 
 def open(path: str | PathLike[str], options: Options = Options()) -> Analysis:  # noqa: B008 - frozen

@@ -19,10 +19,10 @@ from dissectors.contents import Contents, Held, Place, contents, values_listed
 from dissectors.declaration import EXCEPTION
 from dissectors.lengths import Role
 
-from .frames import Batch, Kind, Protocol, adu_of
+from .frames import Batch, Kind
+from .pdus import Pdus
 
 _Ints = NDArray[np.int64]
-_CHECK: Final = 2  # bytes of the CRC
 _WORD: Final = 2  # bytes of a register
 _ROLES: Final = {int(Kind.NOISE): None, int(Kind.REQUEST): Role.REQUEST, int(Kind.RESPONSE): Role.RESPONSE}
 
@@ -87,20 +87,9 @@ class _Decoding:
     """One batch on its way to columns."""
 
     def __init__(self, batch: Batch) -> None:
-        rows = batch.rows
-        n = len(rows)
+        n = len(batch.rows)
         self.batch = batch
-        self.data = batch.data
-        self.more: list[bytes] = []  # PDUs to stand behind them
-        self.size = len(batch.data)
-        self.begins = rows["at"] + 1  # the PDU of each row: behind the unit
-        self.ends = rows["at"] + rows["length"] - _CHECK
-        if rows["protocol"].any():
-            self._plain()
-        self.asked_begins, self.asked_ends = self._requests()
-        if self.more:
-            self.data = np.concatenate((batch.data, np.frombuffer(b"".join(self.more), np.uint8)))
-        self.words = _words(self.data)
+        self.pdus = Pdus(batch)
         self.address = np.full(n, -1, np.int32)
         self.quantity = np.full(n, -1, np.int32)
         self.area = np.zeros(n, np.uint8)
@@ -147,8 +136,8 @@ class _Decoding:
             self.quantity[here] = self.counts[here]
 
     def _values(self, held: Held, here: _Ints) -> None:
-        begins = self.begins[here] + held.offset
-        room = np.maximum(self.ends[here] - begins, 0)
+        begins = self.pdus.begins[here] + held.offset
+        room = np.maximum(self.pdus.ends[here] - begins, 0)
         if held.count is None:
             counts, read = (room >= _WORD).astype(np.int64), _outputs if held.bits else _registers
         else:
@@ -172,15 +161,7 @@ class _Decoding:
         self.blocks.append(_Block(here, np.cumsum(counts) - counts, counts, lambda _, begins, i: flat[begins + i]))
 
     def _number(self, place: Place, here: _Ints, width: int = _WORD) -> _Ints:
-        """A number of each row, -1 where the bytes do not reach so far or no request is known."""
-        begins, ends = (self.asked_begins, self.asked_ends) if place.asked else (self.begins, self.ends)
-        at = begins[here]
-        at += place.offset
-        short = at + width > ends[here]
-        at[short] = 0
-        value: _Ints = (self.data if width == 1 else self.words).take(at).astype(np.int64)
-        value[short] = -1
-        return value
+        return self.pdus.number(place.offset, width, here, asked=place.asked)
 
     def _joined(self, offsets: _Ints) -> NDArray[np.uint16]:
         values = np.empty(int(offsets[-1]), np.uint16)
@@ -193,67 +174,15 @@ class _Decoding:
             values[out] = block.read(self, np.repeat(block.begins, block.counts), within)
         return values
 
-    def _requests(self) -> tuple[_Ints, _Ints]:
-        """Where the PDU of each row's request begins and ends in the bytes; -1 and -1 for none."""
-        rows = self.batch.rows
-        begins, ends = np.full(len(rows), -1, np.int64), np.full(len(rows), -1, np.int64)
-        asked = rows["request"].copy()
-        answers = np.flatnonzero(asked >= 0)
-        if not len(answers):
-            return begins, ends
-        index = rows["index"].copy()
-        frames = np.flatnonzero(index >= 0)
-        asked = asked[answers]
-        numbers = index[frames]
-        if numbers[-1] - numbers[0] == len(frames) - 1:  # one after the other, as long as nobody took some away
-            at = asked - numbers[0]
-            here = (at >= 0) & (at < len(frames))
-        else:
-            at = np.searchsorted(numbers, asked)
-            here = numbers[np.minimum(at, len(frames) - 1)] == asked
-        request = frames[np.where(here, at, 0)]
-        if not here.all():
-            begins[answers[here]], ends[answers[here]] = self.begins[request[here]], self.ends[request[here]]
-        else:
-            begins[answers], ends[answers] = self.begins[request], self.ends[request]
-        for row, index in zip(answers[~here].tolist(), asked[~here].tolist(), strict=True):
-            if (captured := self.batch.earlier.get(index)) is not None:
-                adu = adu_of(captured, int(rows["protocol"][row]))
-                begins[row], ends[row] = self._more(adu.pdu)
-        return begins, ends
-
-    def _plain(self) -> None:
-        """ASCII frames as the bytes that their digits stand for."""
-        for row in np.flatnonzero(self.batch.rows["protocol"] == Protocol.ASCII).tolist():
-            if self.batch.rows["kind"][row] != Kind.NOISE:
-                adu = adu_of(self.batch.bytes_of(row), Protocol.ASCII)
-                self.begins[row], self.ends[row] = self._more(adu.pdu)
-
-    def _more(self, pdu: bytes) -> tuple[int, int]:
-        """A PDU put behind the batch's bytes: where it begins and ends."""
-        begin = self.size
-        self.more.append(pdu)
-        self.size += len(pdu)
-        return begin, self.size
-
-
-def _words(data: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """The big-endian number that begins at each byte."""
-    words = np.zeros(max(len(data), 1), np.uint16)
-    words[: len(data)] = data
-    words <<= 8
-    words[: max(len(data) - 1, 0)] |= data[1:]
-    return words
-
 
 def _registers(decoding: _Decoding, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
     begins += _WORD * i
-    return decoding.words.take(begins)
+    return decoding.pdus.words.take(begins)
 
 
 def _bits(decoding: _Decoding, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
     begins += i >> 3
-    found: NDArray[np.uint16] = (decoding.data.take(begins) >> (i & 7).astype(np.uint8) & 1).astype(np.uint16)
+    found: NDArray[np.uint16] = (decoding.pdus.data.take(begins) >> (i & 7).astype(np.uint8) & 1).astype(np.uint16)
     return found
 
 

@@ -41,12 +41,12 @@ class Context:
 def annotate(adu: Adu, role: Role, context: Context = Context()) -> tuple[Field, ...]:
     """Every field of a frame, in order; offsets are in `adu.data`. Never raises, whatever the bytes."""
     data = adu.data
-    head = _header(adu)
+    head = header_fields(adu)
     at = sum(field.length for field in head)
     width = _CHECK_WIDTH[adu.protocol] if adu.check_received is not None else 0
     end = len(data) - width
     body = _pdu(data, at, end, role, context) if at < end else ()
-    return (*head, *body, *_check(adu, end))
+    return (*head, *body, *check_fields(adu, end))
 
 
 def summary(adu: Adu, role: Role, context: Context = Context()) -> str:
@@ -75,7 +75,7 @@ def summary(adu: Adu, role: Role, context: Context = Context()) -> str:
     return f"{name} {role.name.lower()}{': ' + problem if problem else ''}"
 
 
-def _header(adu: Adu) -> tuple[Field, ...]:
+def header_fields(adu: Adu) -> tuple[Field, ...]:
     """What stands before the PDU."""
     data = adu.data
     if adu.protocol != "tcp":
@@ -112,7 +112,8 @@ def _unit(data: bytes, at: int, *, serial: bool) -> Field:
     return Field("unit", at, 1, unit, f"{unit:02x}", text, problem=problem)
 
 
-def _function(data: bytes, at: int, role: Role) -> Field:
+def function_field(data: bytes, at: int, role: Role) -> Field:
+    """The function code's field, which is at `at`."""
     code = data[at]
     raw = f"{code:02x}"
     kind = function_class(code)
@@ -133,7 +134,7 @@ def _function(data: bytes, at: int, role: Role) -> Field:
 
 def _pdu(data: bytes, at: int, end: int, role: Role, context: Context) -> tuple[Field, ...]:
     """The fields of the PDU from `at` to `end`."""
-    head = _function(data, at, role)
+    head = function_field(data, at, role)
     code = data[at]
     function = declared(code)
     begin = at + 1
@@ -192,8 +193,8 @@ def _gap(name: str, at: int, end: int, recorder: Recorder, problem: str | None =
     return opaque(name, at - recorder.offset, end - at, recorder.data[at:end], recorder, problem)
 
 
-def _check(adu: Adu, at: int) -> tuple[Field, ...]:
-    """The check value's field."""
+def check_fields(adu: Adu, at: int) -> tuple[Field, ...]:
+    """The check value's field, which is at `at`; TCP has none."""
     width = _CHECK_WIDTH[adu.protocol]
     if not width or not adu.data:
         return ()

@@ -25,8 +25,6 @@ else:
     _Struct = construct.Struct
     _Switch = construct.Switch
 
-_SHOWN_REGISTERS: Final = 16  # in one line of text; the fields below it have them all
-_SHOWN_BITS: Final = 64
 _SHOWN_PIECES: Final = 8
 
 
@@ -63,6 +61,8 @@ class Counted(Part):
 class Registers(Counted):
     """Registers; `start` names the address of the first, in this PDU or in the request."""
 
+    shown: Final = 16  # in one line of text; the fields below it have them all
+
     def __init__(
         self,
         count: str,
@@ -85,25 +85,37 @@ class Registers(Counted):
     def encoded(self, value: Sequence[int]) -> bytes:
         return struct.pack(f">{len(value)}H", *value)
 
+    @property
+    def looks_at(self) -> tuple[str, ...]:
+        return () if self.start is None else (self.start,)
+
+    def text(self, value: Sequence[int]) -> str:
+        """The registers on one line."""
+        text = " ".join(map(str, value[: self.shown]))
+        return f"{text} … {len(value)} in all" if len(value) > self.shown else text
+
+    def words(self, register: int) -> str:
+        """One register, its address apart."""
+        return register_text(register)
+
+    def child(self, at: int, register: int, raw: str, address: int | None) -> Field:
+        """The field of one register, at `at` in the ADU."""
+        said = self.words(register)
+        if address is not None:
+            said = f"{logical(address, self.area) if self.area else address}: {said}"
+        return Field(self.each, at, 2, register, raw, said, None, None, (), None, address)
+
     def describe(self, name: str, start: int, length: int, value: Sequence[int], seen: Recorder) -> Field:
-        text = " ".join(map(str, value[:_SHOWN_REGISTERS]))
-        if len(value) > _SHOWN_REGISTERS:
-            text += f" … {len(value)} in all"
+        text = self.text(value)
         if seen.brief:
             return seen.make(name, start, length, len(value), text)
         first = seen.number(self.start)
         at = seen.offset + start
         raw = seen.data[at : at + length].hex()
-        children: list[Field] = []
-        for i, register in enumerate(value):
-            said = register_text(register)
-            address = None
-            if first is not None and first + i <= 0xFFFF:
-                address = first + i
-                said = f"{logical(address, self.area) if self.area else address}: {said}"
-            children.append(
-                Field(self.each, at + 2 * i, 2, register, raw[4 * i : 4 * i + 4], said, None, None, (), None, address)
-            )
+        children = [
+            self.child(at + 2 * i, register, raw[4 * i : 4 * i + 4], _address(first, i))
+            for i, register in enumerate(value)
+        ]
         problem = None
         if length % 2:
             problem = "an odd number of bytes: the last is half a register"
@@ -113,6 +125,8 @@ class Registers(Counted):
 
 class Bits(Counted):
     """Coils or inputs, least significant bit first; `quantity` names how many, `start` the address of the first."""
+
+    shown: Final = 64  # in one line of text
 
     def __init__(self, count: str, *, each: str, area: Area, start: str, quantity: str) -> None:
         super().__init__(count)
@@ -128,35 +142,42 @@ class Bits(Counted):
         padded = [*value, *[False] * (-len(value) % 8)]
         return bytes(sum(padded[i + bit] << bit for bit in range(8)) for i in range(0, len(padded), 8))
 
+    @property
+    def looks_at(self) -> tuple[str, ...]:
+        return self.start, self.quantity
+
+    def text(self, value: Sequence[bool]) -> str:
+        """The bits on one line, those of a byte together."""
+        digits = "".join("1" if on else "0" for on in value[: self.shown])
+        text = " ".join(digits[i : i + 8] for i in range(0, len(digits), 8))
+        return f"{text} … {len(value)} in all" if len(value) > self.shown else text
+
+    def child(self, at: int, on: bool, raw: str, bit: int, address: int | None) -> Field:
+        """The field of one coil or input, in the byte at `at` in the ADU."""
+        said = "on" if on else "off"
+        if address is not None:
+            said = f"{logical(address, self.area)}: {said}"
+        return Field(self.each, at, 1, on, raw, said, bit, 1, (), None, address)
+
     def describe(self, name: str, start: int, length: int, value: Sequence[bool], seen: Recorder) -> Field:
         quantity = seen.number(self.quantity)
         n = len(value) if quantity is None else min(quantity, len(value))
-        digits = "".join("1" if on else "0" for on in value[: min(n, _SHOWN_BITS)])
-        text = " ".join(digits[i : i + 8] for i in range(0, len(digits), 8))
-        if n > _SHOWN_BITS:
-            text += f" … {n} in all"
+        text = self.text(value[:n])
         if seen.brief:
             return seen.make(name, start, length, n, text)
         first = seen.number(self.start)
         at = seen.offset + start
         raw = seen.data[at : at + length].hex()
-        children: list[Field] = []
-        for i in range(n):
-            on = value[i]
-            said = "on" if on else "off"
-            address = None
-            if first is not None and first + i <= 0xFFFF:
-                address = first + i
-                said = f"{logical(address, self.area)}: {said}"
-            byte = i >> 3
-            byte_raw = raw[2 * byte : 2 * byte + 2]
-            children.append(Field(self.each, at + byte, 1, on, byte_raw, said, i & 7, 1, (), None, address))
+        children = [
+            self.child(at + (i >> 3), value[i], raw[i >> 3 << 1 : (i >> 3 << 1) + 2], i & 7, _address(first, i))
+            for i in range(n)
+        ]
         if n < len(value):
-            children.append(self._padding(at, raw, value, n))
+            children.append(self.padding(at, raw, value, n))
         return Field(name, at, length, None, raw, text, None, None, tuple(children))
 
     @staticmethod
-    def _padding(at: int, raw: str, value: Sequence[bool], n: int) -> Field:
+    def padding(at: int, raw: str, value: Sequence[bool], n: int) -> Field:
         """What the last bytes hold beyond the quantity: zeros ([1] 6.1)."""
         byte, bit = n >> 3, n & 7
         spare = len(value) - n
@@ -286,6 +307,11 @@ class Record(_Struct):
 
 class Variant(_Switch):
     """A Switch that holds the rest of a PDU: its fields stand beside those before it, not below a field of its own."""
+
+
+def _address(first: int | None, i: int) -> int | None:
+    """The address of number `i` from the first one's, as long as there are addresses."""
+    return None if first is None or first + i > 0xFFFF else first + i
 
 
 def opaque(name: str, start: int, length: int, data: bytes, seen: Recorder, problem: str | None = None) -> Field:

@@ -40,6 +40,14 @@ class Short(construct.StreamError):
 class Part(AnyConstruct):
     """A construct that describes what it read."""
 
+    @property
+    def looks_at(self) -> tuple[str, ...] | None:
+        """Numbers, by name, on which `describe` hangs beside the part's own bytes; None where only it can know.
+
+        A part that overrides `describe` or `problem` says it anew, see `dependencies`.
+        """
+        return None
+
     def describe(self, name: str, start: int, length: int, value: Any, seen: Recorder) -> Field:
         """The field of a value that was read from `length` bytes at `start` of the declared part."""
         return seen.make(name, start, length, value, str(value))
@@ -57,6 +65,10 @@ class Number(Part):
         self.width: int = width
         self.checks = tuple(replace(check, width=width) for check in checks)
         self.noun = noun
+
+    @property
+    def looks_at(self) -> tuple[str, ...]:
+        return ()
 
     def _parse(self, stream: Any, context: Any, path: str) -> int:  # noqa: ARG002
         data = stream.read(self.width)
@@ -136,6 +148,10 @@ class ByteCount(Number):
         self.of = of
         self.bits = bits
 
+    @property
+    def looks_at(self) -> tuple[str, ...]:
+        return () if self.of is None else (self.of,)
+
     def problem(self, value: int, length: int, seen: Recorder) -> str | None:
         quantity = seen.number(self.of)
         if quantity is not None and value != taken(quantity, self.bits):
@@ -210,12 +226,27 @@ class Flags(Number):
         super().__init__(1)
         self.names = names
 
+    @property
+    def looks_at(self) -> tuple[str, ...]:
+        return ()
+
     def describe(self, name: str, start: int, length: int, value: int, seen: Recorder) -> Field:
         field = super().describe(name, start, length, value, seen)
         return field if seen.brief else replace(field, fields=flag_fields(field, value, self.names))
 
     def text(self, value: int) -> str:
         return f"0x{value:02X} ({value:08b})"
+
+
+def dependencies(part: Part) -> tuple[str, ...] | None:
+    """What a part looks at; None where it describes in a way of its own and does not say."""
+    for kind in type(part).__mro__:
+        held = vars(kind)
+        if "looks_at" in held:
+            return part.looks_at
+        if "describe" in held or "problem" in held:
+            return None
+    return None
 
 
 def flag_fields(parent: Field, value: int, names: Mapping[int, str]) -> tuple[Field, ...]:

@@ -116,11 +116,7 @@ class _Leaf(AnySubconstruct):
         else:
             field = foreign(self.subcon, name, start, length, value, seen)
         seen.values[name] = value
-        if name in seen.echoes and field.problem is None:
-            asked = seen.request.get(name)
-            if asked is not None and asked != value:
-                said = self.subcon.text(asked) if isinstance(self.subcon, Number) else asked
-                field = replace(field, problem=f"the request has {said}")
+        field = echoed(field, self.subcon, value, seen)
         seen.fields.append(field)
         return value
 
@@ -135,6 +131,16 @@ class _Leaf(AnySubconstruct):
             seen.fields.append(replace(field, problem=problem))
         else:
             seen.fields.append(opaque(self.label, start, len(data), data, seen, problem))
+
+
+def echoed(field: Field, part: AnyConstruct, value: Any, seen: Recorder) -> Field:
+    """A field of that value, held to what the request has in its place."""
+    if field.name not in seen.echoes or field.problem is not None:
+        return field
+    asked = seen.request.get(field.name)
+    if asked is None or asked == value:
+        return field
+    return replace(field, problem=f"the request has {part.text(asked) if isinstance(part, Number) else asked}")
 
 
 class _Level(AnySubconstruct):

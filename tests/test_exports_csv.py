@@ -1,13 +1,23 @@
 """CSV: one header, one row a frame, nothing that a spreadsheet would run."""
 
 import csv
+import io
 
 import pytest
 from buses import LINE, adu, spaced
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made import VENDOR, batches, declared, vendor_batches
+from pdus import CASES
 from running import ran
 
 import captures
-from analyzer.exports.targets.csv import COLUMNS, EXPLAINED, safe
+from analyzer.exports import ExportOptions
+from analyzer.exports.output import Output
+from analyzer.exports.targets.csv import COLUMNS, EXPLAINED, open_sink, safe
+from analyzer.frames import Batch
+from captures import Capture
+from dissectors.functions import load_file
 
 REQUEST = adu("1103006b0003")
 ANSWER = bytes.fromhex("110306ae415652434049ad")
@@ -39,6 +49,51 @@ def test_noise_and_explain_only_add(capsys, tmp_path):
     assert [row["kind"] for row in rows] == ["frame", "frame", "noise"]
     assert (rows[2]["hex"], rows[2]["index"], rows[2]["unit"]) == ("FF 00 FF", "", "")
     assert float(rows[0]["margin"]) > 0
+
+
+def due(batch: Batch, zero: int) -> list[dict[str, str]]:
+    """The cells by way of each frame."""
+    found = []
+    for frame in batch.frames():
+        cells: dict[str, object] = {
+            "kind": "frame", "index": frame.index, "port": frame.port, "start": frame.start, "length": frame.length,
+            "seconds": f"{(frame.t_start_ns - zero) / 1e9:.6f}", "t_start_ns": frame.t_start_ns,
+            "t_end_ns": frame.t_end_ns, "protocol": frame.protocol, "direction": frame.direction, "unit": frame.unit,
+            "function": frame.function, "name": safe(frame.name), "exception": frame.exception,
+            "crc_ok": str(frame.crc_ok).lower(), "request_start": frame.request_start,
+            "response_time_ns": frame.response_time_ns, "confidence": f"{frame.confidence:.6f}",
+            "hex": frame.adu.data.hex(" ").upper(), "summary": safe(frame.summary()),
+            "findings": "; ".join(f"{finding.code}: {finding.text}" for finding in frame.findings),
+        }  # fmt: skip
+        found.append({key: "" if value is None else str(value) for key, value in cells.items()})
+    return found
+
+
+def written(batch: Batch) -> list[dict[str, str]]:
+    stream = io.BytesIO()
+    sink = open_sink(Output(stream), Capture.of(LINE, spaced([b""])), ExportOptions())
+    sink.rows(batch, 0, len(batch))
+    return list(csv.DictReader(io.StringIO(stream.getvalue().decode(), newline="")))
+
+
+@pytest.mark.parametrize("code", sorted({code for code, _ in CASES}), ids=lambda v: f"{v:02X}")
+def test_every_function_reads_as_its_frames_do(code):
+    @given(batches(code))
+    @settings(deadline=None, max_examples=25)
+    def check(batch):
+        assert written(batch) == due(batch, int(batch.rows["t_start"][0]))
+
+    check()
+
+
+@given(data=st.data())
+@settings(deadline=None, max_examples=60)
+def test_vendors_functions_read_as_their_frames_do(tmp_path_factory, data):
+    file = tmp_path_factory.getbasetemp() / "vendor.py"
+    file.write_text(VENDOR)
+    with declared():
+        batch = data.draw(vendor_batches([function.code for function in load_file(file)]))
+        assert written(batch) == due(batch, int(batch.rows["t_start"][0]))
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1"])

@@ -110,7 +110,7 @@ def test_unusable_places_to_write_to_are_one_line(capsys, bus, tmp_path):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs a limit on file sizes")
-@pytest.mark.parametrize("suffix", ["jsonl", "csv", "mcap"])
+@pytest.mark.parametrize("suffix", ["jsonl", "csv", "mcap", "parquet"])
 def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path, suffix):
     import resource
 
@@ -141,7 +141,7 @@ def test_stopping_completes_the_file_with_what_came(bus, tmp_path):
 
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(chunks=streams())
-@pytest.mark.parametrize("suffix", ["jsonl", "csv", "mcap"])
+@pytest.mark.parametrize("suffix", ["jsonl", "csv", "mcap", "parquet"])
 def test_any_bytes_are_exported(tmp_path, suffix, chunks):
     out = tmp_path / f"out.{suffix}"
     export(Capture.of(LINE, chunks), out, options=ExportOptions(explain=True, noise=True))

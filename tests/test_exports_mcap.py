@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import pytest
 from buses import LINE, adu, spaced, streams, transactions
+from carried import values_of
 from google.protobuf.json_format import MessageToDict
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
@@ -16,7 +17,6 @@ from running import ran, spawned
 import analyzer
 import captures
 from analyzer.exports import ExportOptions, export
-from analyzer.exports.registers import values_of
 from analyzer.exports.targets.mcap import values
 from analyzer.exports.targets.mcap.schemas import LOG, function_names
 from captures import Capture

@@ -23,7 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", metavar="OUT", default="-", help="file to write; - is standard output (default)"
     )
     parser.add_argument(
-        "--format", metavar="F", help="jsonl, csv, mcap or pcapng; by default OUT's suffix tells, else jsonl"
+        "--format", metavar="F", help="jsonl, csv, mcap, parquet or pcapng; by default OUT's suffix tells, else jsonl"
     )
     add_filter_argument(parser)
     parser.add_argument(

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Final
 
 import captures
 
@@ -17,6 +17,8 @@ class ExportError(Exception):
 
 class Output:
     """A binary stream that only goes forward and knows how far it is, which a pipe could not say."""
+
+    closed: Final = False  # as long as it is there to be written to; libraries ask
 
     def __init__(self, stream: BinaryIO) -> None:
         self._stream = stream

@@ -16,7 +16,7 @@ from .output import ExportError, output
 from .sink import ExportOptions, target
 
 _PLAIN = ExportOptions()
-_ROWS = 2048  # written at once: how long Ctrl-C and progress wait
+_ROWS = 8192  # written at once: how long Ctrl-C and progress wait
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,15 +6,24 @@ and that a spreadsheet would run as a formula gets an apostrophe before it.
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from analyzer.exports.encoding import explain_json
+from analyzer.exports.encoding.forms import Forms
+from analyzer.exports.encoding.pieces import Cursor, Ints, Sheet, Store
+from analyzer.exports.encoding.source import Source, kept
+from analyzer.exports.encoding.summaries import words
+from analyzer.exports.encoding.whole import Whole
 from analyzer.exports.output import Output
 from analyzer.exports.sink import ExportOptions
-from analyzer.frames import Batch, Frame, Kind
+from analyzer.frames import Batch, Direction, Frame, Kind, Protocol, Rows
+from analyzer.pdus import Pdus
+from dissectors.functions import function_name
 
 if TYPE_CHECKING:
     from analyzer.findings.model import Finding
@@ -56,31 +65,57 @@ EXPLAINED: Final = (
 _FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
+_HEAD: Final = 6  # pieces before the summary
+_SPECIAL: Final = frozenset(',"\r\n')
+
+
 class _Table:
     def __init__(self, out: Output, options: ExportOptions, timed: bool) -> None:
         self._out = out
         self._options = options
         self._timed = timed
         self._zero: int | None = None
-        self._buffer = io.StringIO()
+        self._pdus: Pdus | None = None
+        self._store = Store()
+        self._unit = self._store.table(_unit)
+        self._function = self._store.table(_function)
+        self._confidence = self._store.table(lambda key: b",%.6f," % float(np.uint32(key).view(np.float32)))
+        self._forms = Forms(partial(words, self._store, _begun, _quoted))
+        self._whole = Whole(lambda frame: _begun(frame.summary()))
         columns = COLUMNS + (EXPLAINED if options.explain else ())
-        self._rows = csv.DictWriter(self._buffer, columns, lineterminator="\n", restval="")
-        self._rows.writeheader()
-        self._flush()
+        self._out.write(",".join(columns).encode() + b"\n")
 
     def block(self, block: Block) -> None:
         """Raw chunks are not in this format."""
 
     def rows(self, batch: Batch, first: int, last: int) -> None:
         """A line a row."""
+        self._store.settle()
+        if self._pdus is None or self._pdus.batch is not batch:
+            self._pdus = Pdus(batch)
         if self._zero is None:
             self._zero = int(batch.rows["t_start"][first])
-        for row, kind in enumerate(batch.rows["kind"][first:last].tolist(), first):
-            if kind != Kind.NOISE:
-                self._rows.writerow(self._place(batch, row) | self._frame(batch.frame(row)))
-            elif self._options.noise:
-                self._rows.writerow(self._place(batch, row))
-        self._flush()
+        here, rows = kept(batch, first, last, noise=self._options.noise)
+        silent = rows["kind"] == Kind.NOISE
+        frames = np.flatnonzero(~silent)
+        spoken = rows if len(frames) == len(rows) else rows[frames]
+        source = Source.of(self._pdus, spoken)
+        groups = self._forms.groups(rows, here, source)
+        sizes = np.where(silent, 1, _HEAD + 2)
+        for group in groups:
+            sizes[group.lines] = _HEAD + group.sizes() + 1
+        sheet = Sheet(self._store, sizes)
+        sheet.at(np.flatnonzero(silent)).put_texts(self._noise(batch, here[silent]))
+        self._put_head(spoken, here[frames], source, sheet.at(frames))
+        whole = ~silent
+        for group in groups:
+            group.put(source, sheet.at(group.lines, _HEAD))
+            whole[group.lines] = False
+        said = [self._whole.text(batch.frame(row)) for row in here[whole].tolist()]
+        sheet.at(np.flatnonzero(whole), _HEAD).put_texts(said)
+        sheet.at(frames, -1).put(self._ends(batch, here[frames], sheet))
+        for part in sheet.parts():
+            self._out.write(part)
 
     def batch(self, batch: Batch) -> None:
         """Nothing here hangs on a whole batch."""
@@ -88,57 +123,113 @@ class _Table:
     def close(self) -> None:
         """Nothing is left: rows are written as they come."""
 
-    def _place(self, batch: Batch, row: int) -> dict[str, Any]:
-        values = batch.rows[row]
-        cells: dict[str, Any] = {key: int(values[key]) for key in ("port", "start", "length")}
-        if self._timed:
-            cells["seconds"] = f"{(int(values['t_start']) - (self._zero or 0)) / 1e9:.6f}"
-            cells["t_start_ns"] = int(values["t_start"])
-            cells["t_end_ns"] = int(values["t_end"])
-        noise = {"hex": batch.bytes_of(row).hex(" ").upper(), "findings": _words(batch.findings_of(row))}
-        return cells | {"kind": "noise"} | noise
+    def _put_head(self, rows: Rows, here: Ints, source: Source, cursor: Cursor) -> None:
+        """Everything before the summary."""
+        cursor.put_texts(self._places(b"frame,%d,", rows, ("index",)))
+        kind, protocol, unit = (rows[name].astype(np.int64) for name in ("kind", "protocol", "unit"))
+        cursor.put(self._unit.take(kind << 9 | protocol << 8 | unit))
+        function, exception, check = (rows[name].astype(np.int64) for name in ("function", "exception", "check"))
+        cursor.put(self._function.take(function << 9 | exception << 1 | check))
+        cursor.put(_pairing(rows, cursor.sheet))
+        cursor.put(self._confidence.take(rows["confidence"].view(np.uint32).astype(np.int64)))
+        plain = rows["protocol"] == Protocol.RTU
+        texts = np.empty(len(rows), np.int64)
+        spaced = source.spaced(rows["at"][plain], rows["length"][plain])
+        texts[plain] = cursor.sheet.texts([text + b',"' for text in spaced])
+        ascii_frames = (source.pdus.batch.frame(int(row)) for row in here[~plain])
+        texts[~plain] = cursor.sheet.texts([frame.adu.data.hex(" ").upper().encode() + b',"' for frame in ascii_frames])
+        cursor.put(texts)
 
-    def _frame(self, frame: Frame) -> dict[str, Any]:
-        cells: dict[str, Any] = {
-            "kind": "frame",
-            "index": frame.index,
-            "protocol": frame.protocol,
-            "direction": frame.direction,
-            "unit": frame.unit,
-            "function": frame.function,
-            "name": safe(frame.name),
-            "exception": frame.exception,
-            "crc_ok": str(frame.crc_ok).lower(),
-            "request_start": frame.request_start,
-            "response_time_ns": frame.response_time_ns,
-            "confidence": f"{frame.confidence:.6f}",
-            "hex": frame.adu.data.hex(" ").upper(),
-            "summary": safe(frame.summary()),
-            "findings": _words(frame.findings),
-        }
-        if self._options.explain and (why := explain_json(frame)) is not None:
-            rival = why["runner_up"]
-            cells |= dict(
-                zip(
-                    EXPLAINED,
-                    (
-                        *(why[key] for key in ("length", "crc", "silence", "conversation", "margin")),
-                        *(rival[key] for key in ("kind", "start", "length")),
-                    ),
-                    strict=True,
-                )
-            )
-        return cells
+    def _ends(self, batch: Batch, here: Ints, sheet: Sheet) -> Ints:
+        """What is behind the summary: findings, and the reasons where they are asked for."""
+        ends = np.full(len(here), sheet.store.fixed(b'",\n'))
+        told = np.arange(len(here)) if self._options.explain else np.flatnonzero(_told(batch, here))
+        if len(told):
+            frames = (batch.frame(row) for row in here[told].tolist())
+            ends[told] = sheet.texts([self._end(frame) for frame in frames])
+        return ends
 
-    def _flush(self) -> None:
-        self._out.write(self._buffer.getvalue().encode())
-        self._buffer.seek(0)
-        self._buffer.truncate()
+    def _end(self, frame: Frame) -> bytes:
+        return b'",' + _findings(frame.findings) + (_explained(frame) if self._options.explain else b"") + b"\n"
+
+    def _places(self, begin: bytes, rows: Rows, names: tuple[str, ...]) -> list[bytes]:
+        """Kind, place and times."""
+        columns: list[list[Any]] = [rows[name].tolist() for name in (*names, "port", "start", "length")]
+        if not self._timed:
+            form = begin + b"%d,%d,%d,,,"
+            return [form % row for row in zip(*columns, strict=True)]
+        seconds = ((rows["t_start"] - (self._zero or 0)) / 1e9).tolist()
+        columns += [seconds, rows["t_start"].tolist(), rows["t_end"].tolist()]
+        form = begin + b"%d,%d,%d,%.6f,%d,%d"
+        return [form % row for row in zip(*columns, strict=True)]
+
+    def _noise(self, batch: Batch, here: Ints) -> list[bytes]:
+        blank = b"," * (COLUMNS.index("hex") - COLUMNS.index("t_end_ns"))
+        end = b"," * (len(EXPLAINED) if self._options.explain else 0) + b"\n"
+        places = self._places(b"noise,,", batch.rows[here], ())
+        hexes = [batch.bytes_of(row).hex(" ").upper().encode() for row in here.tolist()]
+        said = [b",," + _findings(batch.findings_of(row)) for row in here.tolist()]
+        return [b"".join((place, blank, *texts, end)) for place, *texts in zip(places, hexes, said, strict=True)]
 
 
-def _words(findings: Sequence[Finding]) -> str:
+def _pairing(rows: Rows, sheet: Sheet) -> Ints:
+    """What each row answers, and how long that took."""
+    found = np.full(len(rows), sheet.store.fixed(b",,"))
+    asked, took = rows["request_start"], rows["response_ns"]
+    timed = (asked >= 0) & (took >= 0)
+    pairs = zip(asked[timed].tolist(), took[timed].tolist(), strict=True)
+    found[timed] = sheet.texts([b",%d,%d" % pair for pair in pairs])
+    untimed = (asked >= 0) & (took < 0)
+    found[untimed] = sheet.texts([b",%d," % start for start in asked[untimed].tolist()])
+    return found
+
+
+def _unit(key: int) -> bytes:
+    protocol, direction = Protocol(key >> 8 & 1).name.lower(), Direction(key >> 9).name
+    return f",{protocol},{direction},{key & 0xFF}".encode()
+
+
+def _function(key: int) -> bytes:
+    function, exception, check = key >> 9, key >> 1 & 0xFF, bool(key & 1)
+    name = safe(function_name(function))
+    if not _SPECIAL.isdisjoint(name):
+        name = f'"{_quoted(name).decode()}"'
+    return f",{function},{name},{exception or ''},{str(check).lower()}".encode()
+
+
+def _explained(frame: Frame) -> bytes:
+    """The reasons, in cells."""
+    why = explain_json(frame)
+    if why is None:
+        return b"," * len(EXPLAINED)
+    rival = why["runner_up"]
+    cells = [why[key] for key in ("length", "crc", "silence", "conversation", "margin")]
+    cells += [rival[key] for key in ("kind", "start", "length")]
+    return b"".join(b"," + ("" if cell is None else str(cell)).encode() for cell in cells)
+
+
+def _told(batch: Batch, here: Ints) -> NDArray[np.bool_]:
+    """Which of these rows there may be findings of."""
+    if batch.findings is None or not len(batch.findings):
+        return np.zeros(len(here), np.bool_)
+    return np.isin(batch.rows["start"][here], batch.findings["start"])
+
+
+def _findings(findings: Sequence[Finding]) -> bytes:
     """Findings in one cell."""
-    return safe("; ".join(f"{finding.code}: {finding.text}" for finding in findings))
+    if not findings:
+        return b""
+    return b'"' + _begun("; ".join(f"{finding.code}: {finding.text}" for finding in findings)) + b'"'
+
+
+def _begun(text: str) -> bytes:
+    """The beginning of a text between quotes."""
+    return _quoted(safe(text))
+
+
+def _quoted(text: str) -> bytes:
+    """Text as it stands between quotes."""
+    return text.replace('"', '""').encode()
 
 
 def safe(text: str) -> str:

@@ -1,66 +1,39 @@
-"""Frames as JSON values, fast enough for millions: orjson, and the fields kept of what the bus says over and over.
+"""Frames annotated whole, one by one, and what is kept of that.
 
 Polls repeat: the same request, and often the same answer, comes again and again, so the fields of frames
-seen are kept encoded, up to some 32 MB.
+seen are kept as text.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any, Final
-
-import orjson
 
 from analyzer.frames import Batch, Direction, Frame, Kind
 
-from .registers import values_of
-
-_KEPT: Final = 32 << 20  # bytes of encoded fields
+_KEPT: Final = 16 << 20  # bytes of text
 
 
-@dataclass(frozen=True, slots=True)
-class Encoded:
-    """What follows from a frame's bytes (and its request's) alone: its fields as JSON, and its values."""
+class Whole:
+    """What `make` says of a frame by its bytes (and its request's) alone, kept."""
 
-    fields: bytes
-    area: str | None = None
-    values: bytes = b""
-
-
-class Encoder:
-    """Frames to JSON; with `values`, to the register values that they carry too."""
-
-    def __init__(self, *, values: bool = False) -> None:
-        self._values = values
-        self._known: dict[tuple[bytes, bytes | None, int, int], Encoded] = {}
+    def __init__(self, make: Callable[[Frame], bytes]) -> None:
+        self._make = make
+        self._known: dict[tuple[bytes, bytes | None, int, int], bytes] = {}
         self._size = 0
 
-    def line(self, frame: Frame) -> dict[str, Any]:
-        """The frame's JSON line as a mapping for orjson, its fields already encoded."""
-        line = frame.to_json(fields=False)
-        tail: dict[str, Any] = {key: line.pop(key) for key in ("confidence", "findings", "port") if key in line}
-        line["fields"] = orjson.Fragment(self.encoded(frame).fields)
-        line.update(tail)
-        return line
-
-    def encoded(self, frame: Frame) -> Encoded:
-        """Fields and values, encoded."""
+    def text(self, frame: Frame) -> bytes:
+        """The frame's text."""
         key = (frame.captured, frame.request_bytes, frame.row.kind, frame.row.protocol)
         found = self._known.get(key)
         if found is None:
-            found = self._encode(frame)
-            self._size += len(found.fields) + len(found.values)
+            found = self._make(frame)
+            self._size += len(found)
             if self._size > _KEPT:
                 self._known.clear()
-                self._size = len(found.fields) + len(found.values)
+                self._size = len(found)
             self._known[key] = found
         return found
-
-    def _encode(self, frame: Frame) -> Encoded:
-        fields = frame.fields()
-        encoded = orjson.dumps([item.to_json() for item in fields])
-        values = values_of(frame, fields) if self._values else None
-        return Encoded(encoded) if values is None else Encoded(encoded, values.area, orjson.dumps(values.numbers))
 
 
 def noise_json(batch: Batch, row: int) -> dict[str, Any]:

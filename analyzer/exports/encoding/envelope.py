@@ -1,0 +1,121 @@
+"""What stands around the fields in a frame's JSON line: columns before them, confidence and findings behind them."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import orjson
+
+from analyzer.frames import Batch, Frame, Kind, Protocol, Row, Rows, adu_of
+
+from .pieces import Cursor, Ints, Sheet, Store
+from .source import Source
+from .whole import explain_json
+
+HEAD: Final = 5  # pieces before the fields
+TAIL: Final = 2  # pieces behind them
+
+_PLACE: Final = b'{"index":%d,"start":%d,"length":%d,"t_start_ns":%d,"t_end_ns":%d'
+_COLUMNS: Final = ("index", "start", "length", "t_start", "t_end")
+_UNPAIRED: Final = b'null,"response_time_ns":null,"hex":"'
+_UNTIMED: Final = b'%d,"response_time_ns":null,"hex":"'
+_TIMED: Final = b'%d,"response_time_ns":%d,"hex":"'
+
+
+class Envelope:
+    """The pieces of envelopes."""
+
+    def __init__(self, store: Store, explain: bool) -> None:
+        self._explain = explain
+        self._unit = store.table(self._units)
+        self._function = store.table(self._functions)
+        self._confidence = store.table(self._confidences)
+        self._end = store.table(lambda port: _end(_frame(port=port).to_json(fields=False)))
+
+    def put_head(self, rows: Rows, here: Ints, source: Source, cursor: Cursor) -> None:
+        """`HEAD` pieces of each of these rows of a batch, `"hex"` the last of them, its quote not closed."""
+        cursor.put_texts([_PLACE % row for row in zip(*(rows[name].tolist() for name in _COLUMNS), strict=True)])
+        kind, protocol, unit = (rows[name].astype(np.int64) for name in ("kind", "protocol", "unit"))
+        cursor.put(self._unit.take(kind << 9 | protocol << 8 | unit))
+        function, exception, check = (rows[name].astype(np.int64) for name in ("function", "exception", "check"))
+        cursor.put(self._function.take(function << 9 | exception << 1 | check))
+        cursor.put(_pairing(rows, cursor.sheet))
+        plain = rows["protocol"] == Protocol.RTU
+        texts = np.empty(len(rows), np.int64)
+        texts[plain] = cursor.sheet.texts(source.hex(rows["at"][plain], rows["length"][plain]))
+        captured = ((source.pdus.batch.bytes_of(int(row)), Protocol.ASCII) for row in here[~plain])
+        texts[~plain] = cursor.sheet.texts([adu_of(*each).data.hex().encode() for each in captured])
+        cursor.put(texts)
+
+    def put_tail(self, rows: Rows, here: Ints, batch: Batch, cursor: Cursor) -> None:
+        """`TAIL` pieces of each row: the line's end is the last of them."""
+        cursor.put(self._confidence.take(rows["confidence"].view(np.uint32).astype(np.int64)))
+        ends = self._end.take(rows["port"].astype(np.int64)).astype(np.int64)
+        special = np.arange(len(rows)) if self._explain else _told(batch, rows)
+        if len(special):
+            ends[special] = cursor.sheet.texts([self._special(batch.frame(int(row))) for row in here[special]])
+        cursor.put(ends)
+
+    def _special(self, frame: Frame) -> bytes:
+        line = frame.to_json(fields=False)
+        if self._explain:
+            line["explain"] = explain_json(frame)
+        return _end(line)
+
+    @staticmethod
+    def _units(key: int) -> bytes:
+        line = _json(_frame(kind=key >> 9, protocol=key >> 8 & 1, unit=key & 0xFF))
+        return line[line.index(b',"protocol":') : line.index(b',"function":')]
+
+    @staticmethod
+    def _functions(key: int) -> bytes:
+        line = _json(_frame(function=key >> 9, exception=key >> 1 & 0xFF, check=bool(key & 1)))
+        return line[line.index(b',"function":') : line.index(b'null,"response_time_ns":')]
+
+    @staticmethod
+    def _confidences(key: int) -> bytes:
+        line = _json(_frame(confidence=float(np.uint32(key).view(np.float32))))
+        return line[line.index(b',"confidence":') : line.index(b"[]")]
+
+
+def _pairing(rows: Rows, sheet: Sheet) -> Ints:
+    """What each row answers, and how long that took."""
+    found = np.full(len(rows), sheet.store.fixed(_UNPAIRED))
+    asked, took = rows["request_start"], rows["response_ns"]
+    timed = (asked >= 0) & (took >= 0)
+    found[timed] = sheet.texts(
+        [_TIMED % pair for pair in zip(asked[timed].tolist(), took[timed].tolist(), strict=True)]
+    )
+    untimed = (asked >= 0) & (took < 0)
+    found[untimed] = sheet.texts([_UNTIMED % start for start in asked[untimed].tolist()])
+    return found
+
+
+def _told(batch: Batch, rows: Rows) -> Ints:
+    """The rows of which there are findings."""
+    findings = batch.findings
+    if findings is None or not len(findings):
+        return np.zeros(0, np.int64)
+    return np.flatnonzero(np.isin(rows["start"], findings["start"]))
+
+
+def _frame(**columns: Any) -> Frame:
+    """A frame of which only some columns matter."""
+    plain = dict.fromkeys(Row.__slots__, 0) | {
+        "request": -1,
+        "request_start": -1,
+        "response_ns": -1,
+        "kind": Kind.REQUEST,
+    }
+    return Frame(Row(**plain | columns), b"")
+
+
+def _json(frame: Frame) -> bytes:
+    return orjson.dumps(frame.to_json(fields=False))
+
+
+def _end(line: dict[str, Any]) -> bytes:
+    """A line from the findings on."""
+    tail = {key: line[key] for key in ("findings", "port", "explain") if key in line}
+    return orjson.dumps(tail, option=orjson.OPT_APPEND_NEWLINE)[len(b'{"findings":') :]

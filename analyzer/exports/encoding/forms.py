@@ -1,0 +1,162 @@
+"""Frames whose declaration gives them fixed places (`dissectors.slots`), by form, for those who set them from pieces.
+
+A form is what the frames of one direction and function code have in common. Of its frames those are set from pieces
+that are whole and neither odd nor too long; the others are left to the annotation of each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analyzer import frames
+from analyzer.frames import Kind
+from dissectors.blocks import Bits
+from dissectors.declaration import EXCEPTION
+from dissectors.functions import function
+from dissectors.lengths import Role
+from dissectors.slots import Block, Look, Slots, exception_slots, slots
+
+from .pieces import Cursor, Ints
+from .source import Source
+
+_LEAST: Final = 4  # bytes of an RTU frame that has a check value
+_LAST: Final = 0xFFFF  # the last address
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """The blocks of some rows: where their bytes begin, how many those are, the first address (-1 unknown)."""
+
+    begins: Ints
+    octets: Ints
+    first: Ints
+    counts: Ints  # registers or bits
+
+    def addresses(self, i: Ints) -> Ints:
+        """A number for the address of each value: 0 for none, else one more than the address."""
+        first = np.repeat(self.first, self.counts)
+        address = first + i
+        address[(first < 0) | (address > _LAST)] = -1
+        address += 1
+        return address
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Rows of one form: where they stand in the batch, and their blocks, if they have any."""
+
+    here: Ints
+    held: Held | None = None
+
+    @property
+    def blocks(self) -> Held:
+        """The blocks, of a form that has them."""
+        if self.held is None:
+            raise AssertionError("a form without a block")
+        return self.held
+
+
+class Part(Protocol):
+    """A stretch of a form's text."""
+
+    def sizes(self, rows: Rows) -> Ints:
+        """Pieces of each row."""
+
+    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
+        """These pieces."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Group:
+    """Rows of one form and the lines that they are to make."""
+
+    parts: tuple[Part, ...]
+    lines: Ints
+    rows: Rows
+
+    def sizes(self) -> Ints:
+        """Pieces of each line."""
+        return sum((part.sizes(self.rows) for part in self.parts), np.zeros(len(self.lines), np.int64))
+
+    def put(self, source: Source, cursor: Cursor) -> None:
+        """The pieces of all lines, from the cursor's place on."""
+        for part in self.parts:
+            part.put(self.rows, source, cursor)
+
+
+class Forms:
+    """All forms; `parts` gives what the text of one is made of, None where it cannot be."""
+
+    def __init__(self, parts: Callable[[int, Role, Slots], tuple[Part, ...] | None]) -> None:
+        self._parts = parts
+        self._known: dict[int, tuple[Slots, tuple[Part, ...]] | None] = {}
+
+    def groups(self, rows: frames.Rows, here: Ints, source: Source) -> list[Group]:
+        """The rows, which are number `here` of the batch, that are set from pieces, by form."""
+        able = np.flatnonzero(
+            (rows["kind"] != Kind.NOISE) & (rows["protocol"] == frames.Protocol.RTU) & (rows["length"] >= _LEAST)
+        )
+        keys = rows["kind"][able].astype(np.int64) << 8 | source.octets(source.pdus.begins[here[able]])
+        groups = []
+        for key in np.flatnonzero(np.bincount(keys)).tolist():
+            if key not in self._known:
+                self._known[key] = self._form(key & 0xFF, Role.REQUEST if key >> 8 == Kind.REQUEST else Role.RESPONSE)
+            if (form := self._known[key]) is not None:
+                lines = able[keys == key]
+                kept, fits = _split(form[0], key & 0xFF, here[lines], source)
+                groups.append(Group(form[1], lines[fits], kept))
+        return groups
+
+    def _form(self, code: int, role: Role) -> tuple[Slots, tuple[Part, ...]] | None:
+        declared = function(code)
+        if code & EXCEPTION:
+            made = exception_slots() if role is Role.RESPONSE else None
+        else:
+            made = None if declared is None else slots(declared, role)
+        parts = None if made is None else self._parts(code, role, made)
+        return None if made is None or parts is None else (made, parts)
+
+
+def looked(look: Look, here: Ints, source: Source) -> Ints:
+    """The number that is looked at, of each row; -1 where there is none."""
+    return source.pdus.number(look.offset, look.width, here, asked=look.asked)
+
+
+def _split(form: Slots, code: int, here: Ints, source: Source) -> tuple[Rows, NDArray[np.bool_]]:
+    """Of these rows those that are set from pieces, and a mask of them."""
+    pdus = source.pdus
+    sizes = pdus.ends[here] - pdus.begins[here]
+    fits = np.ones(len(here), np.bool_)
+    if form.asks:  # a request of another function would tell nothing
+        asked = pdus.asked_begins[here]
+        fits = (asked < 0) | ((pdus.asked_ends[here] > asked) & (pdus.data.take(np.maximum(asked, 0)) == code))
+    if form.block is None:
+        fits &= sizes == form.size
+        return Rows(here[fits]), fits
+    block = form.block
+    octets = sizes - form.size
+    count = pdus.number(block.count.offset, block.count.part.width, here)
+    fits &= (octets > 0) & (octets == count * block.part.scale - block.part.less)
+    counts = _counts(block, np.where(fits, octets, 0), here, source)
+    fits &= counts > 0
+    kept = here[fits]
+    first = np.full(len(kept), -1) if block.start is None else looked(block.start, kept, source)
+    held = Held(pdus.begins[kept] + block.offset, octets[fits], first, counts[fits])
+    return Rows(kept, held), fits
+
+
+def _counts(block: Block, octets: Ints, here: Ints, source: Source) -> Ints:
+    """How many registers or bits these bytes are; 0 where only annotation can tell."""
+    if not isinstance(block.part, Bits):
+        return np.where(octets & 1, 0, octets >> 1)
+    bits = 8 * octets
+    if block.quantity is None:
+        return bits
+    quantity = looked(block.quantity, here, source)
+    counts = np.where(quantity < 0, bits, np.minimum(quantity, bits))
+    return np.where(bits - counts >= 8, 0, counts)

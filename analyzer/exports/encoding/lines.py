@@ -1,0 +1,121 @@
+"""A batch's rows as JSON lines: thousands of them set at once as pieces in one array, and joined."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Final
+
+import numpy as np
+import orjson
+
+from analyzer.frames import Batch, Kind, Rows
+from analyzer.pdus import Pdus
+from dissectors.annotation import check_fields, function_field, header_fields
+from dissectors.envelopes import Adu, rtu
+from dissectors.fields import Field
+from dissectors.lengths import Role
+
+from .envelope import HEAD, TAIL, Envelope
+from .fields import fields
+from .forms import Forms, Group
+from .jsontext import encoded, middle, parted
+from .pieces import Ints, Sheet, Store
+from .source import Source, kept
+from .whole import Whole, noise_json
+
+_CHECK: Final = 2  # bytes of it
+_AROUND: Final = 4  # pieces around a form's: unit and function before, the check value's two behind
+
+
+class JsonLines:
+    """Frames as lines of JSON, with `noise` the stretches between them too; `explain` as `explain_json` has it."""
+
+    def __init__(self, *, explain: bool = False, noise: bool = False) -> None:
+        self._noise = noise
+        self._store = Store()
+        self._envelope = Envelope(self._store, explain)
+        self._forms = Forms(partial(fields, self._store))
+        self._whole = Whole(lambda frame: encoded([field.to_json() for field in frame.fields()]))
+        self._unit = self._store.table(
+            lambda unit: b'","fields":[' + encoded(header_fields(rtu(bytes([unit])))[0].to_json())
+        )
+        self._function = self._store.table(_function)
+        self._check_place = self._store.table(lambda at: b"," + parted(_check(at, 0))[0])
+        self._ok = b"".join(parted(_check(0, 0))[2:]) + b"]"
+        self._check_value = self._store.table(self._right)
+        self._pdus: Pdus | None = None
+
+    def text(self, batch: Batch, first: int, last: int) -> Iterator[bytes]:
+        """The lines of rows `first` to `last` (excluded), in parts; take them before asking for more."""
+        self._store.settle()
+        if self._pdus is None or self._pdus.batch is not batch:
+            self._pdus = Pdus(batch)
+        here, rows = kept(batch, first, last, noise=self._noise)
+        silent = rows["kind"] == Kind.NOISE
+        frames = np.flatnonzero(~silent)
+        spoken = rows if len(frames) == len(rows) else rows[frames]
+        sizes = np.where(silent, 1, HEAD + 1 + TAIL)
+        source = Source.of(self._pdus, spoken)
+        groups = self._forms.groups(rows, here, source)
+        for group in groups:
+            sizes[group.lines] = HEAD + _AROUND + group.sizes() + TAIL
+        sheet = Sheet(self._store, sizes)
+        sheet.at(np.flatnonzero(silent)).put_texts([_noise(batch, row) for row in here[silent].tolist()])
+        self._envelope.put_head(spoken, here[frames], source, sheet.at(frames))
+        self._envelope.put_tail(spoken, here[frames], batch, sheet.at(frames, -TAIL))
+        self._put_fields(groups, rows, here, source, sheet)
+        return sheet.parts()
+
+    def _put_fields(self, groups: list[Group], rows: Rows, here: Ints, source: Source, sheet: Sheet) -> None:
+        """All fields: those of the groups by pieces, the others' frame by frame."""
+        for group in groups:
+            group.put(source, sheet.at(group.lines, HEAD + 2))
+        formed = np.concatenate([np.zeros(0, np.int64), *(group.lines for group in groups)])
+        self._put_around(rows, formed, source, sheet)
+        whole = rows["kind"] != Kind.NOISE
+        whole[formed] = False
+        frames = (source.pdus.batch.frame(row) for row in here[whole].tolist())
+        texts = [b'","fields":' + self._whole.text(frame) for frame in frames]
+        sheet.at(np.flatnonzero(whole), HEAD).put_texts(texts)
+
+    def _put_around(self, rows: Rows, formed: Ints, source: Source, sheet: Sheet) -> None:
+        """Unit and function, and the check value, of RTU frames."""
+        begins, lengths = rows["at"][formed], rows["length"][formed]
+        head, tail = sheet.at(formed, HEAD), sheet.at(formed, -TAIL - 2)
+        head.put(self._unit.take(source.octets(begins)))
+        kind = rows["kind"][formed].astype(np.int64)
+        head.put(self._function.take(kind << 8 | source.octets(begins + 1)))
+        at = lengths - _CHECK
+        tail.put(self._check_place.take(at))
+        at += begins
+        checks = self._check_value.take(source.octets(at) | source.octets(at + 1) << 8).astype(np.int64)
+        wrong = np.flatnonzero(~rows["check"][formed])
+        if len(wrong):
+            places = zip(begins[wrong].tolist(), lengths[wrong].tolist(), strict=True)
+            frames = (source.pdus.data[begin : begin + length].tobytes() for begin, length in places)
+            checks[wrong] = sheet.texts([_rest(check_fields(rtu(frame), len(frame) - _CHECK)[0]) for frame in frames])
+        tail.put(checks)
+
+    def _right(self, crc: int) -> bytes:
+        return middle(crc, crc.to_bytes(_CHECK, "little").hex()) + self._ok
+
+
+def _rest(check: Field) -> bytes:
+    """A check value's field behind its place, and the end of the fields."""
+    return b"".join(parted(check)[1:]) + b"]"
+
+
+def _function(key: int) -> bytes:
+    role = Role.REQUEST if key >> 8 == Kind.REQUEST else Role.RESPONSE
+    return b"," + encoded(function_field(bytes([0, key & 0xFF]), 1, role).to_json())
+
+
+def _check(at: int, crc: int) -> Field:
+    """The field of a right CRC."""
+    data = bytes(at) + crc.to_bytes(_CHECK, "little")
+    return check_fields(Adu("rtu", data, 0, b"", True, crc, crc, 0, len(data)), at)[0]
+
+
+def _noise(batch: Batch, row: int) -> bytes:
+    return orjson.dumps(noise_json(batch, row), option=orjson.OPT_APPEND_NEWLINE)

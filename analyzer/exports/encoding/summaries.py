@@ -1,0 +1,140 @@
+"""Frames in words (`dissectors.annotation.summary`), put together from pieces by the templates of their functions.
+
+A piece is what a template's placeholder becomes for one value. The text is made to stand in a quoted CSV cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from string import Formatter
+
+import numpy as np
+
+from dissectors.annotation import summary
+from dissectors.declaration import EXCEPTION
+from dissectors.envelopes import rtu
+from dissectors.functions import function
+from dissectors.lengths import Role
+from dissectors.slots import Block, Slot, Slots
+from dissectors.words import filled
+
+from .fields import numbers, taken_apart
+from .forms import Part, Rows
+from .pieces import Cursor, Ints, Store
+from .source import Source
+from .texts import BitText, RegisterText, block_text
+
+Escape = Callable[[str], bytes]
+
+
+class _Always:
+    """What a template has between its placeholders."""
+
+    def __init__(self, text: bytes) -> None:
+        self._text = text
+
+    def sizes(self, rows: Rows) -> Ints:
+        """One piece a row."""
+        return np.ones(len(rows.here), np.int64)
+
+    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:  # noqa: ARG002
+        """The same for all."""
+        cursor.put(self._text)
+
+
+class _Number(_Always):
+    """What a placeholder becomes by a number's value."""
+
+    def __init__(self, slot: Slot, placeholder: str, store: Store, escape: Escape) -> None:
+        self._slot = slot
+        self._pieces = store.table(
+            lambda number: escape(filled(placeholder, [slot.described(*taken_apart(slot, number), brief=True)]) or "")
+        )
+
+    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
+        """The piece of each row."""
+        cursor.put(self._pieces.take(numbers(self._slot, rows.here, source)))
+
+
+class _Count(_Always):
+    """What a placeholder becomes by how many values a block has."""
+
+    def __init__(self, block: Block, placeholder: str, store: Store, escape: Escape) -> None:
+        field = block.described(b"")
+        self._pieces = store.table(lambda n: escape(filled(placeholder, [replace(field, value=n)]) or ""))
+
+    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:  # noqa: ARG002
+        """The piece of each row."""
+        cursor.put(self._pieces.take(rows.blocks.counts))
+
+
+class _Values:
+    """A block's values on one line."""
+
+    def __init__(self, line: RegisterText | BitText) -> None:
+        self._line = line
+
+    def sizes(self, rows: Rows) -> Ints:
+        """Pieces of each line."""
+        return self._line.sizes(rows.blocks)
+
+    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
+        """The pieces of all lines."""
+        self._line.put(rows.blocks, source, cursor)
+
+
+class _Exception(_Always):
+    """An exception in words."""
+
+    def __init__(self, code: int, store: Store, escape: Escape) -> None:
+        self._pieces = store.table(lambda number: escape(summary(rtu(bytes([0, code, number, 0, 0])), Role.RESPONSE)))
+
+    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
+        """The piece of each row."""
+        cursor.put(self._pieces.take(source.pdus.number(1, 1, rows.here)))
+
+
+def words(store: Store, begin: Escape, escape: Escape, code: int, role: Role, form: Slots) -> tuple[Part, ...] | None:
+    """The parts of a form's summary; None where no template can be put together so.
+
+    `escape` makes text fit to be written, `begin` that at the beginning.
+    """
+    if code & EXCEPTION:
+        return (_Exception(code, store, escape),)
+    declared = function(code)
+    named = {slot.name: slot for slot in form.numbers}
+    known = {*named} | ({form.block.name} if form.block is not None else set())
+    for template in declared.words(role.name.lower()) if declared is not None else ():
+        pieces = list(Formatter().parse(template))
+        names = [name for _, name, _, _ in pieces if name is not None]
+        if template and known.issuperset(names):
+            return _parts(pieces, named, form.block, store, begin, escape)
+        if any(name not in known for name in names if name.isidentifier()):
+            continue  # as `summary` does: the first that has all its fields
+        return None
+    return None
+
+
+def _parts(
+    pieces: list[tuple[str, str | None, str | None, str | None]],
+    named: dict[str, Slot],
+    block: Block | None,
+    store: Store,
+    begin: Escape,
+    escape: Escape,
+) -> tuple[Part, ...] | None:
+    parts: list[Part] = []
+    for literal, name, noun, conversion in pieces:
+        if literal:
+            parts.append(_Always((escape if parts else begin)(literal)))
+        if name is None:
+            continue
+        if conversion or "{" in (noun or ""):
+            return None
+        placeholder = f"{{{name}:{noun}}}" if noun else f"{{{name}}}"
+        if name in named:
+            parts.append(_Number(named[name], placeholder, store, escape if parts else begin))
+        elif block is not None:
+            parts.append(_Count(block, placeholder, store, escape) if noun else _Values(block_text(block.part, store)))
+    return tuple(parts)

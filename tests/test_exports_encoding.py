@@ -1,0 +1,123 @@
+"""Lines put together from pieces are, byte for byte, what annotation of each frame gives."""
+
+from __future__ import annotations
+
+import numpy as np
+import orjson
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made import VENDOR, batches, declared, vendor_batches
+from pdus import CASES
+
+import analyzer
+from analyzer.deframing.ascii import AsciiDeframer
+from analyzer.exports.encoding import JsonLines, explain_json, noise_json
+from analyzer.exports.encoding.pieces import Store
+from analyzer.frames import EVIDENCE, ROW, Batch, Kind
+from analyzer.pipeline import Options, deframe
+from captures.chunks import Chunk
+from captures.line import LineSettings
+from captures.samples import path
+from dissectors.checks import crc_bytes, lrc
+from dissectors.functions import load_file
+
+ENCODER = JsonLines()  # one for all: what it keeps of some frames is used for others
+
+
+def due(batch: Batch, *, noise: bool = False, explain: bool = False) -> list[bytes]:
+    """The lines by way of each frame's annotation."""
+    lines = []
+    for row in range(len(batch)):
+        if batch.rows["kind"][row] == Kind.NOISE:
+            lines += [orjson.dumps(noise_json(batch, row))] if noise else []
+        else:
+            frame = batch.frame(row)
+            line = frame.to_json()
+            if explain:
+                line["explain"] = explain_json(frame)
+            lines.append(orjson.dumps(line))
+    return lines
+
+
+def written(batch: Batch, encoder: JsonLines, rows: int = 0) -> list[bytes]:
+    """The lines as they are exported, so many rows at once."""
+    step = rows or max(len(batch), 1)
+    text = b"".join(
+        part
+        for first in range(0, len(batch), step)
+        for part in encoder.text(batch, first, min(first + step, len(batch)))
+    )
+    assert not text or text.endswith(b"\n")
+    return text.splitlines()
+
+
+def same(batch: Batch, encoder: JsonLines = ENCODER, rows: int = 0) -> None:
+    assert written(batch, encoder, rows) == due(batch)
+
+
+@pytest.mark.parametrize("code", sorted({code for code, _ in CASES}), ids=lambda v: f"{v:02X}")
+def test_every_function_reads_as_annotated(code: int) -> None:
+    @given(batches(code))
+    @settings(deadline=None, max_examples=60)
+    def check(batch: Batch) -> None:
+        same(batch)
+
+    check()
+
+
+@given(data=st.data())
+@settings(deadline=None, max_examples=150)
+def test_vendors_functions_read_as_annotated(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+    file = tmp_path_factory.getbasetemp() / "vendor.py"
+    file.write_text(VENDOR)
+    with declared():
+        codes = [function.code for function in load_file(file)]
+        same(data.draw(vendor_batches(codes)), JsonLines())
+
+
+@given(st.lists(st.tuples(st.integers(0, 255), st.binary(max_size=12)), min_size=1, max_size=5), st.integers(1, 2))
+@settings(deadline=None)
+def test_unknown_functions_and_scraps_read_as_annotated(frames: list[tuple[int, bytes]], kind: int) -> None:
+    rows, octets = [], b""
+    for code, body in frames:
+        adu = bytes([9, code]) + body
+        adu = (adu + crc_bytes(adu)) if body else adu
+        row = np.zeros(1, ROW)
+        row["index"], row["length"], row["at"] = len(rows), len(adu), len(octets)
+        row["request"] = row["request_start"] = row["response_ns"] = -1
+        row["kind"], row["unit"], row["function"], row["check"] = kind, 9, code & 0x7F, len(adu) >= 4
+        rows.append(row)
+        octets += adu
+    same(Batch(np.concatenate(rows), np.frombuffer(octets, np.uint8)))
+
+
+@pytest.mark.parametrize("name", ["healthy.jsonl", "troubled.jsonl"])
+@pytest.mark.parametrize("rows", [0, 1, 7])
+def test_samples_with_noise_and_reasons(name: str, rows: int) -> None:
+    encoder = JsonLines(explain=True, noise=True)
+    for batch in deframe(analyzer.open(path(name)).capture, Options(explain=True)):
+        assert written(batch, encoder, rows) == due(batch, noise=True, explain=True)
+
+
+def test_ascii_mode() -> None:
+    text = b"".join(
+        b":" + (body + bytes([lrc(body)])).hex().upper().encode() + b"\r\n"
+        for body in map(bytes.fromhex, ("1103006B0003", "110306AE4156524340", "1103006B0003", "118302"))
+    )
+    deframer = AsciiDeframer(LineSettings(), Options())
+    for batch in (deframer.feed(Chunk(0, text + b"noise")), deframer.close()):
+        same(batch)
+
+
+def test_what_is_kept_is_bounded_and_forgotten_without_a_trace(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("analyzer.exports.encoding.lines.Store", lambda: Store(kept=5_000))
+    encoder = JsonLines()
+    for batch in deframe(analyzer.open(path("healthy.jsonl")).capture):
+        same(batch, encoder, rows=5)
+
+
+def test_evidence_is_no_part_of_plain_lines() -> None:
+    batch = next(iter(deframe(analyzer.open(path("healthy.jsonl")).capture, Options(explain=True))))
+    assert batch.evidence is not None and batch.evidence.dtype == EVIDENCE
+    same(batch)
