@@ -1,0 +1,186 @@
+"""The registers: the newest value of each that was seen, in the type that the user chose, and its history."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from textual.binding import Binding, BindingType
+from textual.strip import Strip
+
+from analyzer.model.clock import short
+from analyzer.model.registers import Reading, Register
+from dissectors.values import AREAS, logical, readings
+
+from .lines import Lines
+from .paint import Painted, Piece, fitted
+
+if TYPE_CHECKING:
+    from .desk import Desk
+
+# kind and order of `dissectors.values.Reading`, and how many registers it takes
+TYPES: Final = (
+    ("u16", None, 1), ("s16", None, 1), ("hex", None, 1), ("bits", None, 1), ("text", None, 2),
+    *((kind, order, 2) for kind in ("f32", "u32", "s32") for order in ("ABCD", "CDAB", "BADC", "DCBA")),
+    *((kind, order, 4) for kind in ("f64", "u64", "s64") for order in ("ABCD", "CDAB", "BADC", "DCBA")),
+)  # fmt: skip
+_BIT_AREAS: Final = 2  # coils and discrete inputs come first
+_AREA_NAMES: Final = tuple(AREAS)
+
+
+class RegisterList(Lines):
+    """A line a register, coil or input."""
+
+    EMPTY = "no value was read or written yet"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("v", "type(1)", "Type", tooltip="The next way to read registers: signed, float, …"),
+        Binding("V", "type(-1)", "Type back", show=False),
+    ]
+
+    def __init__(self, desk: Desk, *, id: str) -> None:
+        super().__init__(id=id)
+        self.desk = desk
+        self.type = 0
+        self._registers: list[Register] = []
+        self._places: dict[tuple[int, int, int], int] = {}
+
+    @property
+    def register(self) -> Register | None:
+        """The one under the cursor."""
+        return self._registers[self.cursor] if self.cursor < len(self._registers) else None
+
+    def grown(self) -> None:
+        before = self.register
+        self._registers = self.desk.bus.registers.all()
+        self._places = {(r.unit, r.area, r.address): i for i, r in enumerate(self._registers)}
+        if before is not None:
+            self.cursor = self._places.get((before.unit, before.area, before.address), self.cursor)
+        super().grown()
+
+    def count(self) -> int:
+        return len(self._registers)
+
+    def reading(self, values: Sequence[int], *, bit: bool) -> tuple[str, float | None]:
+        """Values of a register and its followers in the chosen type: as text, and as a number where it is one."""
+        kind, order, size = TYPES[self.type]
+        if bit:
+            return ("on" if values[0] else "off"), float(values[0])
+        if len(values) < size:
+            return "-", None
+        found = next((r for r in readings(values[:size]) if r.kind == kind and r.order == order), None)
+        if found is None:
+            return "-", None
+        number = found.value if isinstance(found.value, int | float) else float(values[0])
+        return found.text, float(number) if math.isfinite(number) else None
+
+    def head(self, width: int) -> Sequence[Piece]:
+        kind, order, _ = TYPES[self.type]
+        name = f"{kind} {order}" if order else kind
+        return fitted([Piece(f" unit  register  what              {name:>22}   before        age")], width)
+
+    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+        register = self._registers[line]
+        bit = register.area < _BIT_AREAS
+        text, _ = self.reading(self._followers(register), bit=bit)
+        before = "" if register.before is None else str(register.before)
+        if bit and before:
+            before = "on" if register.before else "off"
+        age = short(self.desk.bus.t_last - register.t_ns) if self.desk.bus.timed else "-"
+        return fitted(
+            [
+                Piece(f"{register.unit:>5} "),
+                Piece(f"{logical(register.address, _AREA_NAMES[register.area]):>9}  ", "accent"),
+                Piece(f"{AREAS[_AREA_NAMES[register.area]]:<17} ", "dim"),
+                Piece(f"{text:>22} ", "strong" if register.changed else ""),
+                Piece("* " if register.changed else "  ", "warning"),
+                Piece(f"{before if register.changed else '=':<8} ", "" if register.changed else "dim"),
+                Piece(f"{age:>8}", "dim"),
+            ],
+            width,
+        )
+
+    def _followers(self, register: Register) -> list[int]:
+        """Its value and those of the registers right behind it, as many as the type takes."""
+        values = [register.value]
+        for k in range(1, TYPES[self.type][2]):
+            place = self._places.get((register.unit, register.area, register.address + k))
+            if place is None:
+                break
+            values.append(self._registers[place].value)
+        return values
+
+    def action_type(self, step: int) -> None:
+        self.type = (self.type + step) % len(TYPES)
+        self._told = -1
+        self.unpaint()
+        self._tell()
+
+
+class History(Painted):
+    """What one register was over time, as a plot of dots, and its range."""
+
+    def __init__(self, *, id: str) -> None:
+        super().__init__(id=id)
+        self.title = ""
+        self._points: list[tuple[int, float]] = []
+
+    def show(self, title: str, points: Sequence[tuple[int, float]]) -> None:
+        """Times (ns) and numbers, oldest first."""
+        self.title = title
+        self._points = list(points)
+        self.refresh()
+
+    def render_line(self, y: int) -> Strip:
+        width, height = self.content_size.width, self.content_size.height
+        base = self.rich_style
+        if y == 0:
+            return self.strip(fitted([Piece(self.title, "strong")], width), width, base)
+        if not self._points or height < 3:
+            return self.strip([Piece(" no reading" if y == 1 else "", "dim")], width, base)
+        numbers = [number for _, number in self._points]
+        low, high = min(numbers), max(numbers)
+        rows = height - 1
+        label = f"{high:.6g}" if y == 1 else f"{low:.6g}" if y == rows and high > low else ""
+        pieces = [Piece(f"{label:>11} ", "dim"), Piece(self._plot(y - 1, rows, max(1, width - 12), low, high), "accent")]
+        return self.strip(pieces, width, base)
+
+    def _plot(self, y: int, rows: int, width: int, low: float, high: float) -> str:
+        """One line of the plot: dots in 2 by 4 to a character."""
+        line = [0] * width
+        first, last = self._points[0][0], self._points[-1][0]
+        scale_x = (2 * width - 1) / (last - first) if last > first else 0.0
+        scale_y = (4 * rows - 1) / (high - low) if high > low else 0.0
+        before: tuple[int, int] | None = None
+        for t, number in self._points:
+            x = round((t - first) * scale_x)
+            dot = 4 * rows - 1 - round((number - low) * scale_y) if high > low else 2 * rows
+            for each_x, each_y in _between(before, (x, dot)):
+                if 4 * y <= each_y < 4 * y + 4:
+                    line[each_x // 2] |= _DOTS[each_y % 4][each_x % 2]
+            before = x, dot
+        return "".join(chr(0x2800 + bits) if bits else " " for bits in line)
+
+
+_DOTS: Final = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))  # of a Braille character, by row and column
+
+
+def _between(before: tuple[int, int] | None, here: tuple[int, int]) -> list[tuple[int, int]]:
+    """The dots of a step: along at the old height, then up or down to the new one."""
+    if before is None:
+        return [here]
+    (x0, y0), (x1, y1) = before, here
+    along = [(x, y0) for x in range(x0 + 1, x1 + 1)]
+    step = 1 if y1 >= y0 else -1
+    return [*along, *((x1, y) for y in range(y0, y1 + step, step))]
+
+
+def plotted(found: RegisterList, readings_of: Sequence[Reading], register: Register) -> list[tuple[int, float]]:
+    """A register's history in the list's type, where that takes one register; else as it came."""
+    _, _, size = TYPES[found.type]
+    points = []
+    for reading in readings_of:
+        number = found.reading([reading.value], bit=register.area < _BIT_AREAS)[1] if size == 1 else reading.value
+        if number is not None:
+            points.append((reading.t_ns, float(number)))
+    return points
