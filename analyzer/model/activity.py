@@ -63,10 +63,12 @@ class Activity:
             total = np.zeros((_TRACKS, bins), np.int64)
             for number, low, high in bus.table.slices(first, min(last, bus.count)):
                 piece = bus.table.piece(number)
-                place = ((piece["t_end"][low:high] - t_start) // width).astype(np.int64)  # type: ignore[operator]
+                place = ((piece["t_end"][low:high] - t_start) // width).astype(np.int64)
                 inside = (place >= 0) & (place < bins)
-                columns = (piece[name][low:high][inside] for name in ("length", "kind", "check", "exception"))
-                total += _counted(*columns, place[inside], bins)  # type: ignore[arg-type]
+                lengths, kinds, checks, exceptions = (
+                    piece[name][low:high][inside] for name in ("length", "kind", "check", "exception")
+                )
+                total += _counted(lengths, kinds, checks, exceptions, place[inside], bins)
             return Bins(t_start, width, *total)
         begin = self._begin or 0
         at = ((begin + (np.arange(_BINS) + 0.5) * self._width - t_start) // width).astype(np.int64)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 import threading
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,7 @@ class Bus:
         self.units = Units()
         self.frames = 0
         self.noise = 0
+        self._count = 0
         self.whole = False  # nothing more comes
         self.t_first = self.t_last = 0
         self._transactions = Transactions()
@@ -70,8 +71,8 @@ class Bus:
 
     @property
     def count(self) -> int:
-        """Rows."""
-        return self.table.count
+        """Rows, all that is known of them written."""
+        return self._count
 
     # Taking in
 
@@ -90,6 +91,7 @@ class Bus:
         self.units.feed(batch.rows)
         with self._lock:
             self._summary.feed(batch)
+        self._count = self.table.count
 
     def close(self) -> None:
         """Nothing more comes."""
@@ -109,7 +111,7 @@ class Bus:
         else:
             spread = np.repeat(rows["at"] - (ends - lengths), lengths) + np.arange(int(ends[-1]))
             data = batch.data[spread]
-        columns: dict[str, NDArray[np.generic]] = {name: rows[name] for name in _COPIED}
+        columns: dict[str, NDArray[Any]] = {name: rows[name] for name in _COPIED}
         columns["frame"] = self.frames + np.cumsum(~noise) - ~noise
         columns["at"] = self.store.append(data) + ends - lengths
         columns["partner"] = np.full(n, -1, np.int32)
@@ -128,7 +130,7 @@ class Bus:
         asked = self.table.rows_of_frames(rows["request"][answers])
         answers, asked = answers[asked >= 0] + first, asked[asked >= 0]
         self.table.put("partner", answers, asked)
-        new = self.table.take("partner", asked) < 0  # type: ignore[operator]
+        new = self.table.take("partner", asked) < 0
         self.table.put("partner", asked[new][::-1], answers[new][::-1])
 
     def _settle(self, settled: Rows) -> None:
@@ -224,4 +226,3 @@ class Bus:
     def nbytes(self) -> tuple[int, int]:
         """Memory of everything but the bytes, and of the bytes."""
         return self.table.nbytes + self.found.nbytes + self.registers.nbytes, self.store.nbytes
-

@@ -92,9 +92,7 @@ def _for_float(text: str) -> Hits:
     return lambda bus, first, last: _with_values(bus, first, last, test)
 
 
-def find(
-    bus: Bus, hits: Hits, row: int, *, back: bool = False, stop: Callable[[], bool] = lambda: False
-) -> int | None:
+def find(bus: Bus, hits: Hits, row: int, *, back: bool = False, stop: Callable[[], bool] = lambda: False) -> int | None:
     """The next row behind `row` (before it with `back`) that matches; None for none, or where `stop` ended it."""
     at = row - 1 if back else row + 1
     while 0 <= at < bus.count and not stop():
@@ -124,9 +122,7 @@ def _holding(bus: Bus, pattern: re.Pattern[bytes], first: int, last: int) -> _Ro
     return np.concatenate([np.zeros(0, np.int64), *found])
 
 
-def _with_values(
-    bus: Bus, first: int, last: int, test: Callable[[NDArray[np.uint16]], NDArray[np.bool_]]
-) -> _Rows:
+def _with_values(bus: Bus, first: int, last: int, test: Callable[[NDArray[np.uint16]], NDArray[np.bool_]]) -> _Rows:
     found = [np.zeros(0, np.int64)]
     for begin, batch in bus.batches(first, last):
         decoded = decode(batch)

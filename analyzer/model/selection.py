@@ -105,14 +105,16 @@ class Selection:
 
 def frames_only(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
     """Rows that are no noise."""
-    return bus.table.column(number, "kind")[low:high] != Kind.NOISE
+    frames: NDArray[np.bool_] = bus.table.column(number, "kind")[low:high] != Kind.NOISE
+    return frames
 
 
 def conversations(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
     """Rows that begin a line of the conversation: requests, and answers to none that is known."""
     kinds = bus.table.column(number, "kind")[low:high]
-    alone = bus.table.column(number, "partner")[low:high] < 0  # type: ignore[operator]
-    return (kinds == Kind.REQUEST) | ((kinds == Kind.RESPONSE) & alone)
+    alone = bus.table.column(number, "partner")[low:high] < 0
+    begins: NDArray[np.bool_] = (kinds == Kind.REQUEST) | ((kinds == Kind.RESPONSE) & alone)
+    return begins
 
 
 def within(t_start: int, t_end: int) -> Test:
@@ -120,7 +122,8 @@ def within(t_start: int, t_end: int) -> Test:
 
     def test(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
         starts, ends = (bus.table.column(number, name)[low:high] for name in ("t_start", "t_end"))
-        return (ends >= t_start) & (starts <= t_end)  # type: ignore[operator]
+        touches: NDArray[np.bool_] = (ends >= t_start) & (starts <= t_end)
+        return touches
 
     return test
 

@@ -79,3 +79,24 @@ class CaptureSource:
         lines = [str(loss) for loss in self.capture.damage[:5]]
         more = self.capture.damage_count - len(lines)
         return [*lines, f"and {more:,} more such places"] if more > 0 and lines else lines
+
+
+class Nothing:
+    """No capture at all: only the paste prompt."""
+
+    name = "no capture"
+    timed = False
+    live = False
+    path = None
+
+    @property
+    def line(self) -> LineSettings:
+        from captures import LineSettings
+
+        return LineSettings()
+
+    def batches(self, stop: Callable[[], bool]) -> Iterator[Batch]:  # noqa: ARG002 - the protocol's signature
+        return iter(())
+
+    def notices(self) -> Sequence[str]:
+        return ()

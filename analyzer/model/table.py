@@ -1,14 +1,14 @@
 """Rows kept as compact columns, in pieces of 65,536, and their bytes.
 
-One thread appends, any thread reads: a row is there once `count` says so, and what is written later to a row that is
-there (its answer, its state, its mark) is a single number each. Columns take 84 bytes a row; the bytes themselves are
+One thread appends, any thread reads rows that it was told of; what is written later to a row (its answer, its state,
+its mark) is a single number each. Columns take 84 bytes a row; the bytes themselves are
 kept once, in row order.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 PIECE: Final = 1 << 16  # rows
 _BYTES: Final = 1 << 20
 
-Column = NDArray[np.generic]
+Column = NDArray[Any]
 
 COLUMNS: Final[dict[str, type[np.generic]]] = {
     "frame": np.uint32,  # how many frames come before this row; the frame's index where the row is one
@@ -71,7 +71,7 @@ class Table:
             for name, values in columns.items():
                 self._pieces[-1][name][place : place + size] = values[done : done + size]
             done += size
-        self.count += n  # readers look at nothing behind it
+        self.count += n
 
     def piece(self, number: int) -> Mapping[str, Column]:
         """Columns of rows `number * PIECE` and on, as far as they are there."""
@@ -90,7 +90,7 @@ class Table:
 
     def value(self, name: str, row: int) -> int:
         """One number of one row."""
-        return int(self._pieces[row // PIECE][name][row % PIECE])  # type: ignore[call-overload]
+        return int(self._pieces[row // PIECE][name][row % PIECE])
 
     def row(self, row: int) -> dict[str, int]:
         """All numbers of one row but its confidence."""
@@ -132,7 +132,7 @@ class Table:
         low, high = 0, len(self._pieces)  # the first piece that begins behind it
         while low < high:
             middle = (low + high) // 2
-            if middle * PIECE < self.count and int(self._pieces[middle]["frame"][0]) <= index:  # type: ignore[call-overload]
+            if middle * PIECE < self.count and int(self._pieces[middle]["frame"][0]) <= index:
                 low = middle + 1
             else:
                 high = middle
@@ -175,7 +175,7 @@ class Table:
         low, high = 0, len(self.pieces())
         while low < high:
             middle = (low + high) // 2
-            if int(self._pieces[middle]["t_start"][0]) <= t_ns:  # type: ignore[call-overload]
+            if int(self._pieces[middle]["t_start"][0]) <= t_ns:
                 low = middle + 1
             else:
                 high = middle

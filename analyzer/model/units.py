@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,8 @@ class Units:
         self.octets = np.zeros(_UNITS, np.int64)
         self._begin: int | None = None
         self._width = _WIDTH_NS
-        self._sums = np.zeros((_UNITS, BINS))
-        self._counts = np.zeros((_UNITS, BINS), np.int64)
+        self._sums: NDArray[Any] = np.zeros((_UNITS, BINS))
+        self._counts: NDArray[Any] = np.zeros((_UNITS, BINS), np.int64)
 
     def feed(self, rows: Rows) -> None:
         """Count rows in."""
@@ -50,6 +50,6 @@ class Units:
         return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
 
 
-def _halved(table: NDArray[np.generic]) -> NDArray[np.generic]:
-    half = table.reshape(_UNITS, -1, 2).sum(axis=2)  # type: ignore[attr-defined]
+def _halved(table: NDArray[Any]) -> NDArray[Any]:
+    half = table.reshape(_UNITS, -1, 2).sum(axis=2)
     return np.concatenate((half, np.zeros_like(half)), axis=1)

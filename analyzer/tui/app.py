@@ -39,7 +39,6 @@ class Rtuscope(App[None]):
     TITLE = "rtuscope"
     CSS_PATH = "style.tcss"
     BINDINGS: ClassVar[list[BindingType]] = []
-    HORIZONTAL_BREAKPOINTS: ClassVar[list[tuple[int, str]]] = [(0, "-narrow"), (_WIDE, "-wide")]
 
     def __init__(self, source: Source, *, view: str = "frames", light: bool = False) -> None:
         super().__init__()
@@ -53,6 +52,7 @@ class Rtuscope(App[None]):
             notes, self._trouble = Notes(), str(error)
         self.desk = Desk(source, Bus.of(source), notes)
         self._view = view
+        self.HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (_WIDE, "-wide")]
 
     def get_default_screen(self) -> Screen[None]:
         return BusScreen(self.desk, view=self._view)
@@ -69,9 +69,9 @@ class Rtuscope(App[None]):
     def get_system_commands(self, screen: Screen[None]) -> Iterable[SystemCommand]:
         if isinstance(screen, BusScreen):
             for name, words, action in _COMMANDS:
-                yield SystemCommand(name, words, lambda action=action: self.call_later(screen.run_action, action))  # type: ignore[misc]
+                yield SystemCommand(name, words, lambda action=action: self.call_later(screen.run_action, action))
             for view in VIEWS:
-                yield SystemCommand(f"View: {view.name}", "show it", lambda id=view.id: screen.action_view(id))  # type: ignore[misc]
+                yield SystemCommand(f"View: {view.name}", "show it", lambda id=view.id: screen.action_view(id))
         yield SystemCommand("Dark or light", "change the theme", self.action_theme_flip)
         yield SystemCommand("Screenshot", "an SVG picture of the screen", self.action_screenshot)
         yield SystemCommand("Quit", "leave", self.exit)

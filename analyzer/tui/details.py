@@ -14,6 +14,7 @@ from .messages import FieldChosen
 from .paint import Piece
 
 _LABEL = 16  # columns, at most
+_INDENT = 4
 Path = tuple[str, ...]
 
 
@@ -46,9 +47,9 @@ class Details(Lines):
         self._lines: list[Shown] = []
         self._broken_at = 0
 
-    def show(self, look: Look) -> None:
-        """Another frame; the cursor stays on the field of the same name."""
-        path = self._lines[self.cursor].path if self.cursor < len(self._lines) else ()
+    def show(self, look: Look, *, to: Path = ()) -> None:
+        """Another frame; the cursor goes to an item, or stays on the field of the same name."""
+        path = to or (self._lines[self.cursor].path if self.cursor < len(self._lines) else ())
         self.look = look
         self._lay_out()
         self._told = -1
@@ -73,13 +74,13 @@ class Details(Lines):
     def count(self) -> int:
         return len(self._lines)
 
-    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+    def pieces(self, line: int, width: int) -> Sequence[Piece]:  # noqa: ARG002 - wrapped to the width before
         shown = self._lines[line]
         item = shown.item
         indent = "  " * (len(shown.path) - 1)
         if not shown.first:
-            return [Piece(f"{indent}  {' ' * (self._label(shown) + 1)}"), Piece(shown.text, item.kind)]
-        sign = " " if not item.children else "▾" if self._is_open(item, shown.path) else "▸"
+            return [Piece(f"{indent}  {' ' * self._hanging(shown)}"), Piece(shown.text, item.kind)]
+        sign = " " if not item.children else "-" if self._is_open(item, shown.path) else "+"
         label = item.label or item.name
         return [
             Piece(f"{indent}{sign} ", "dim"),
@@ -89,10 +90,16 @@ class Details(Lines):
 
     def _label(self, shown: Shown) -> int:
         """Columns of the label: siblings' texts begin below each other."""
-        siblings = self._siblings(shown.path)
+        if len(shown.path) == 1 and not shown.item.length:
+            return len(shown.item.label or shown.item.name)
+        siblings = [item for item in self._siblings(shown.path) if item.length or len(shown.path) > 1]
         widest = max((len(item.label or item.name) for item in siblings), default=0)
         own = len(shown.item.label or shown.item.name)
         return max(own, min(widest, _LABEL))
+
+    def _hanging(self, shown: Shown) -> int:
+        """Columns before further lines of a text: below its beginning, or less where that is far to the right."""
+        return _INDENT if len(shown.path) == 1 and not shown.item.length else self._label(shown) + 1
 
     def _siblings(self, path: Path) -> Sequence[Item]:
         parent = chosen(self.look, path[:-1])
@@ -109,10 +116,11 @@ class Details(Lines):
         for item in items:
             path = (*above, item.name)
             first = Shown(item, path, item.text, True)
-            room = max(12, self._broken_at - 2 * len(path) - self._label(first) - 1)
-            parts = textwrap.wrap(item.text, room, break_long_words=True, drop_whitespace=True) or [""]
+            room = max(12, self._broken_at - 2 * len(path))
+            before, below = " " * min(self._label(first) + 1, room - 8), " " * min(self._hanging(first), room - 8)
+            parts = textwrap.wrap(item.text, room, initial_indent=before, subsequent_indent=below) or [before]
             for i, part in enumerate(parts):
-                yield Shown(item, path, part, i == 0)
+                yield Shown(item, path, part[len(below if i else before) :], i == 0)
             if item.children and self._is_open(item, path):
                 yield from self._laid_out(item.children, path)
 

@@ -11,7 +11,8 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Label
 
-from analyzer.model.filtering import Completion, Test, compiled, completions, trouble
+from analyzer.model.filtering import Completion, compiled, completions, trouble
+from analyzer.model.selection import Test
 
 from .lines import Lines
 from .messages import FilterChanged, FilterLeft, LineEntered

@@ -72,12 +72,9 @@ class FindingList(Lines):
     def count(self) -> int:
         return len(self._numbers)
 
-    def head(self, width: int) -> Sequence[Piece]:
-        return [Piece(f"  {'time':>12} {'frame':>8}  {'code':<20} what was seen")]
-
     def heads(self, y: int, width: int) -> Sequence[Piece]:
         if y:
-            return self.head(width)
+            return [Piece(f"  {'time':>12} {'frame':>8}  {'code':<20} what was seen")]
         log = self.desk.bus.found
         counts = [
             f"{log.by_severity[level]:,} {level.name.lower()}{'' if log.by_severity[level] == 1 else 's'}"

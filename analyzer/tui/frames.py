@@ -27,7 +27,7 @@ class FrameList(Lines):
         super().__init__(id=id)
         self.desk = desk
         self.rows: Rows = Everything(desk.bus)
-        self.anchor: int | None = None  # row from which on rows are selected
+        self.pinned: int | None = None  # row from which on rows are selected
 
     def use(self, rows: Rows) -> None:
         """Show other rows; the cursor stays on its row, or on the last one before it."""
@@ -55,9 +55,9 @@ class FrameList(Lines):
 
     def kind_of_line(self, line: int) -> str:
         row, here = self.rows.row(line), self.row
-        if self.anchor is None or here is None:
+        if self.pinned is None or here is None:
             return ""
-        return "lit" if min(self.anchor, here) <= row <= max(self.anchor, here) else ""
+        return "lit" if min(self.pinned, here) <= row <= max(self.pinned, here) else ""
 
     def _columns(self, width: int) -> tuple[int, int, int]:
         """Widths: number, time, answer's time (0: not shown)."""
@@ -130,6 +130,9 @@ class ConversationList(FrameList):
             said = [Piece(outcome, ended.kind)]
         grave = max(table.value("mark", row), 0 if answer < 0 else table.value("mark", answer))
         mark = words.marks(desk, row)
+        room = width - (number + time + 24)
+        if sum(len(piece.text) for piece in (*asked, *said)) > room - 3:
+            asked = fitted(asked, min(sum(len(piece.text) for piece in asked), max(room // 2, room - 24)))
         return fitted(
             [
                 Piece(words.LETTER[grave] + mark.text[1], words.SEVERITY[grave] or mark.kind),

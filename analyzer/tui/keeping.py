@@ -34,7 +34,7 @@ class Keeping(Screen[None]):
         view: str
         row: int | None
         look: Look
-        anchor: int | None
+        pinned: int | None
         doing: str
 
         @property
@@ -47,9 +47,9 @@ class Keeping(Screen[None]):
 
     def selected(self) -> NDArray[np.int64]:
         """The rows from the anchor to the cursor that the list shows."""
-        if self.anchor is None or self.row is None:
+        if self.pinned is None or self.row is None:
             return np.zeros(0, np.int64)
-        low, high = sorted((self.anchor, self.row))
+        low, high = sorted((self.pinned, self.row))
         shown = self.frames.rows
         if isinstance(shown, Selection):
             rows = shown.rows()
@@ -58,8 +58,8 @@ class Keeping(Screen[None]):
 
     def action_select(self) -> None:
         """Begin a selection at the cursor, or end it."""
-        self.anchor = None if self.anchor is not None or self.view != "frames" else self.row
-        self.frames.anchor = self.anchor
+        self.pinned = None if self.pinned is not None or self.view != "frames" else self.row
+        self.frames.pinned = self.pinned
         self.frames.unpaint()
         self.say()
 
@@ -120,7 +120,7 @@ class Keeping(Screen[None]):
 
     def _chosen_bytes(self) -> bytes:
         """The selected rows' bytes, those of the field in focus, or the frame's."""
-        if self.anchor is not None:
+        if self.pinned is not None:
             return b"".join(self.desk.bus.captured(int(row)) for row in self.selected()[:256])
         from .details import Details
 
@@ -137,7 +137,7 @@ class Keeping(Screen[None]):
         if not len(rows):
             self.tell("no rows to export")
             return
-        what = "selected" if self.anchor is not None else "shown"
+        what = "selected" if self.pinned is not None else "shown"
 
         def wrong(text: str) -> str:
             from analyzer.exports import ExportError
@@ -159,7 +159,7 @@ class Keeping(Screen[None]):
             self.write_rows(rows, Path(text).expanduser())
 
     def _rows_to_save(self) -> NDArray[np.int64]:
-        if self.anchor is not None:
+        if self.pinned is not None:
             return self.selected()
         shown = self.frames.rows
         return shown.rows() if isinstance(shown, Selection) else np.arange(shown.count)

@@ -130,10 +130,7 @@ class Lines(Painted, ScrollView, can_focus=True):
         top, room = self.scroll_offset.y, self.room
         if top <= line < top + room:
             return
-        if middle:
-            top = line - room // 2
-        else:
-            top = line if line < top else line - room + 1
+        top = line - room // 2 if middle else line if line < top else line - room + 1
         self.scroll_to(y=max(0, top), animate=False, immediate=True)
 
     def _to_end(self) -> None:

@@ -1,4 +1,4 @@
-"""One frame, or one stretch of noise, as a tree of items over its bytes: from the list or from a paste, all the same."""
+"""One frame, or one stretch of noise, as a tree of items over its bytes: from a capture or a paste, all the same."""
 
 from __future__ import annotations
 
@@ -68,7 +68,9 @@ def at_row(desk: Desk, row: int) -> Look:
     bus = desk.bus
     if bus.is_noise(row):
         data = bus.captured(row)
-        head = Item("noise", f"{len(data)} bytes that no frame explains", 0, len(data), "noise", children=_facts(desk, row))
+        head = Item(
+            "noise", f"{len(data)} bytes that no frame explains", 0, len(data), "noise", children=_facts(desk, row)
+        )
         return Look("noise", data, (head, *_findings(bus.findings(row))))
     frame = bus.frame(row)
     fields = frame.fields()
@@ -101,7 +103,9 @@ def at_piece(piece: Found | Noise) -> Look:
         same = others == fields
         said = "field by field the same" if same else heading(piece, piece.also)
         name = piece.also.name.lower()
-        items.append(Item("also", said, label=f"or {name}", ready=False, children=() if same else tuple(_fields(others))))
+        items.append(
+            Item("also", said, label=f"or {name}", ready=False, children=() if same else tuple(_fields(others)))
+        )
     return Look(f"at {piece.start}", piece.adu.data, tuple(items), fields)
 
 

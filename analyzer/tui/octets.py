@@ -57,8 +57,13 @@ class Octets(Lines):
         """Bytes a line."""
         width = self.scrollable_content_region.width
         if self.bits:
-            return 4 if width >= 5 + 4 * 10 else 2
-        return 16 if width >= 5 + 16 * 4 + 3 else 8
+            return 4 if width >= 5 + 4 * 11 else 2
+        return 16 if width >= 5 + 16 * 4 + 2 else 8
+
+    @property
+    def _digits(self) -> int:
+        """Columns of the offsets."""
+        return max(3, len(str(len(self.look.data))))
 
     def count(self) -> int:
         return -(-len(self.look.data) // self.across)
@@ -66,7 +71,7 @@ class Octets(Lines):
     def pieces(self, line: int, width: int) -> Sequence[Piece]:  # noqa: ARG002
         first = line * self.across
         octets = self.look.data[first : first + self.across]
-        pieces = [Piece(f"{first:>4}  ", "dim")]
+        pieces = [Piece(f"{first:>{self._digits}}  ", "dim")]
         if self.bits:
             for i, octet in enumerate(octets, first):
                 pieces += [Piece(f"{octet >> 4:04b} {octet & 15:04b}", self._light(i)), Piece("  ")]
@@ -122,7 +127,7 @@ class Octets(Lines):
 
     def _columns(self) -> Iterator[tuple[int, int]]:
         """Where on a line each byte stands: as digits, then as a character."""
-        at = 6
+        at = self._digits + 2
         for i in range(self.across):
             size = 9 if self.bits else 2
             yield at, at + size + 1

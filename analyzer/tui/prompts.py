@@ -22,7 +22,9 @@ class Ask(ModalScreen[str | None]):
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(None)", "Cancel", show=False)]
 
-    def __init__(self, question: str, hint: str, *, value: str = "", wrong: Callable[[str], str] = lambda _: "") -> None:
+    def __init__(
+        self, question: str, hint: str, *, value: str = "", wrong: Callable[[str], str] = lambda _: ""
+    ) -> None:
         super().__init__()
         self._question, self._hint, self._value, self._wrong = question, hint, value, wrong
 

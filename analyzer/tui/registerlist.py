@@ -27,6 +27,7 @@ TYPES: Final = (
 )  # fmt: skip
 _BIT_AREAS: Final = 2  # coils and discrete inputs come first
 _AREA_NAMES: Final = tuple(AREAS)
+_BLOCKS: Final = " ▁▂▃▄▅▆▇█"
 
 
 class RegisterList(Lines):
@@ -118,7 +119,7 @@ class RegisterList(Lines):
 
 
 class History(Painted):
-    """What one register was over time, as a plot of dots, and its range."""
+    """What one register was over time, as bars, and its range."""
 
     def __init__(self, *, id: str) -> None:
         super().__init__(id=id)
@@ -142,37 +143,24 @@ class History(Painted):
         low, high = min(numbers), max(numbers)
         rows = height - 1
         label = f"{high:.6g}" if y == 1 else f"{low:.6g}" if y == rows and high > low else ""
-        pieces = [Piece(f"{label:>11} ", "dim"), Piece(self._plot(y - 1, rows, max(1, width - 12), low, high), "accent")]
+        pieces = [
+            Piece(f"{label:>11} ", "dim"),
+            Piece(self._plot(y - 1, rows, max(1, width - 12), low, high), "accent"),
+        ]
         return self.strip(pieces, width, base)
 
     def _plot(self, y: int, rows: int, width: int, low: float, high: float) -> str:
-        """One line of the plot: dots in 2 by 4 to a character."""
-        line = [0] * width
+        """One line of the plot: bars in eighths of a line, each the newest number at its time."""
         first, last = self._points[0][0], self._points[-1][0]
-        scale_x = (2 * width - 1) / (last - first) if last > first else 0.0
-        scale_y = (4 * rows - 1) / (high - low) if high > low else 0.0
-        before: tuple[int, int] | None = None
-        for t, number in self._points:
-            x = round((t - first) * scale_x)
-            dot = 4 * rows - 1 - round((number - low) * scale_y) if high > low else 2 * rows
-            for each_x, each_y in _between(before, (x, dot)):
-                if 4 * y <= each_y < 4 * y + 4:
-                    line[each_x // 2] |= _DOTS[each_y % 4][each_x % 2]
-            before = x, dot
-        return "".join(chr(0x2800 + bits) if bits else " " for bits in line)
-
-
-_DOTS: Final = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))  # of a Braille character, by row and column
-
-
-def _between(before: tuple[int, int] | None, here: tuple[int, int]) -> list[tuple[int, int]]:
-    """The dots of a step: along at the old height, then up or down to the new one."""
-    if before is None:
-        return [here]
-    (x0, y0), (x1, y1) = before, here
-    along = [(x, y0) for x in range(x0 + 1, x1 + 1)]
-    step = 1 if y1 >= y0 else -1
-    return [*along, *((x1, y) for y in range(y0, y1 + step, step))]
+        scale = (8 * rows - 1) / (high - low) if high > low else 0.0
+        line, at = [], 0
+        for column in range(width):
+            until = first + (last - first) * (column + 1) / width
+            while at + 1 < len(self._points) and self._points[at + 1][0] <= until:
+                at += 1
+            level = 1 + round((self._points[at][1] - low) * scale) if high > low else 4 * rows
+            line.append(_BLOCKS[max(0, min(8, level - 8 * (rows - 1 - y)))])
+        return "".join(line)
 
 
 def plotted(found: RegisterList, readings_of: Sequence[Reading], register: Register) -> list[tuple[int, float]]:

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from .desk import Desk
 
 _STUDIED = ("frames", "conversations", "findings", "paste")  # views with the frame under the cursor below
+_NOT_FOR_PASTE = ("filter", "find", "goto", "counterpart", "finding", "time_base", "select", "bookmark", "comment")
 
 
 class BusScreen(Jumping, Keeping, Working, Screen[None]):
@@ -110,7 +111,7 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
             yield Details(id="details")
             yield Octets(id="octets")
         yield StatusLine(desk, id="status")
-        yield Footer(compact=True)
+        yield Footer(compact=True, show_command_palette=False)
 
     def on_mount(self) -> None:
         live = self.desk.source.live
@@ -155,6 +156,7 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
                 part.grown()
             part.go(self.row)
         self.refresh_view()
+        self.refresh_bindings()
         self.listing.focus()
         if view == "paste":
             self.study(self.query_one(PastePane).look)
@@ -179,7 +181,7 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
         waiting = frames.count() - 1 - frames.cursor
         if frames.live and not bus.whole:
             where += ", following" if frames.following else f", {waiting:,} below (F follows)"
-        if self.anchor is not None and self.row is not None:
+        if self.pinned is not None and self.row is not None:
             where += f", {len(self.selected()):,} selected"
         self.query_one(StatusLine).say(where, self.doing)
 
@@ -212,7 +214,7 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
         """Show a row's fields and bytes."""
         self.row = row
         self.study(at_row(self.desk, row))
-        if self.anchor is not None:
+        if self.pinned is not None:
             self.frames.unpaint()
         self.say()
 
@@ -221,7 +223,7 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
         self.look = look
         self.query_one(Octets).show(look)
         details = self.query_one(Details)
-        details.show(look)
+        details.show(look, to=("finding 0",) if self.view == "findings" else ())
         details.border_title = look.title
         self._title_octets(0, 0)
 
@@ -266,6 +268,12 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
 
     # Keys
 
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Keys that mean nothing in a view are not shown there."""
+        if self.view == "paste" and action in _NOT_FOR_PASTE:
+            return False
+        return super().check_action(action, parameters)
+
     def action_filter(self) -> None:
         if self.view not in ("frames", "conversations"):
             self.action_view("frames")
@@ -273,7 +281,7 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
 
     def action_whole(self) -> None:
         """Take back what narrows the list: the selection, then span and filter."""
-        if self.anchor is not None:
+        if self.pinned is not None:
             self.action_select()
         elif self.test is not None or self.span is not None:
             self.test = self.span = None
@@ -316,4 +324,6 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
         """A short notice; nothing in it is markup."""
         from dissectors.text import harmless
 
-        self.notify(harmless(text), severity="error" if wrong else "information", markup=False, timeout=6 if wrong else 3)
+        self.notify(
+            harmless(text), severity="error" if wrong else "information", markup=False, timeout=6 if wrong else 3
+        )

@@ -60,4 +60,6 @@ class StatusLine(Painted):
     def _found(self) -> list[Piece]:
         counts = self.desk.bus.found.by_severity
         kinds = ((Severity.ERROR, "E", "error"), (Severity.WARNING, "W", "warning"), (Severity.NOTE, "N", "note"))
-        return [Piece(f" {counts[level]:,}{letter}", kind) for level, letter, kind in kinds if counts[level]] + [Piece(" ")]
+        return [Piece(f" {counts[level]:,}{letter}", kind) for level, letter, kind in kinds if counts[level]] + [
+            Piece(" ")
+        ]

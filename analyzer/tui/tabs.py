@@ -47,10 +47,18 @@ class Tabs(Static):
     def _words(self) -> list[tuple[View, str]]:
         """Each view with its text, as short as the width needs."""
         for narrow in (False, True):
-            words = [(view, f" {i} {view.short if narrow else view.name} ") for i, view in enumerate(VIEWS, 1)]
+            words = [
+                (
+                    view,
+                    f" {i} {view.short if narrow else view.name}{' ' if not narrow or view.id == self.chosen else ''}",
+                )
+                for i, view in enumerate(VIEWS, 1)
+            ]
             if sum(len(text) for _, text in words) <= self.size.width:
                 return words
-        return [(view, f" {i} {view.short if view.id == self.chosen else ''}".ljust(3)) for i, view in enumerate(VIEWS, 1)]
+        return [
+            (view, f" {i} {view.short if view.id == self.chosen else ''}".ljust(3)) for i, view in enumerate(VIEWS, 1)
+        ]
 
     def render(self) -> Text:
         line = Text(no_wrap=True)

@@ -13,7 +13,8 @@ DARK: Final = Theme(
     variables={
         "quiet": "#8b949e", "rule": "#3a414a", "asks": "#79c0ff", "answers": "#8fd694", "noise": "#a89cc8",
         "bad": "#ff7b72", "warn": "#e5c07b", "note": "#a5b4c8", "good": "#8fc87a",
-        "chosen": "#2f5f8f", "chosen-text": "#ffffff", "chosen-away": "#2c333c", "lit": "#5c4a1e", "lit-text": "#ffe8b0",
+        "chosen": "#2f5f8f", "chosen-text": "#ffffff", "chosen-away": "#2c333c",
+        "lit": "#5c4a1e", "lit-text": "#ffe8b0",
         "footer-key-foreground": "#ffaf5f",
     },
 )  # fmt: skip
@@ -24,7 +25,8 @@ LIGHT: Final = Theme(
     variables={
         "quiet": "#59636e", "rule": "#c4cad1", "asks": "#0550ae", "answers": "#116329", "noise": "#6639ba",
         "bad": "#b3261e", "warn": "#7a5200", "note": "#4a5968", "good": "#1a7f37",
-        "chosen": "#0a58a5", "chosen-text": "#ffffff", "chosen-away": "#d5dde6", "lit": "#ffe08a", "lit-text": "#3d2c00",
+        "chosen": "#0a58a5", "chosen-text": "#ffffff", "chosen-away": "#d5dde6",
+        "lit": "#ffe08a", "lit-text": "#3d2c00",
         "footer-key-foreground": "#8f4700",
     },
 )  # fmt: skip

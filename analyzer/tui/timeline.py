@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
+from numpy.typing import NDArray
 from textual import events
 from textual.binding import Binding, BindingType
 from textual.strip import Strip
 
 from analyzer.model.clock import short
+from analyzer.reports.page import plural
 
 from .messages import RowWanted, SpanChosen
 from .paint import Painted, Piece, fitted
@@ -39,7 +42,7 @@ class Timeline(Painted, can_focus=True):
         Binding("plus,equals_sign,up", "zoom(0.5)", "Zoom in", key_display="+"),
         Binding("minus,down", "zoom(2)", "out", key_display="-"),
         Binding("0", "whole", "Whole"),
-        Binding("space", "anchor", "Span", tooltip="Begin a span here, or take it back"),
+        Binding("space", "pin", "Span", tooltip="Begin a span here, or take it back"),
         Binding("enter", "enter", "Show", tooltip="The span in the frame list, or the frame here"),
     ]
 
@@ -49,7 +52,7 @@ class Timeline(Painted, can_focus=True):
         self.t_start = self.t_end = 0
         self.is_whole = True
         self.cursor = 0
-        self.anchor: int | None = None  # ns
+        self.pinned: int | None = None  # ns
         self._bins: Bins | None = None
 
     @property
@@ -118,18 +121,24 @@ class Timeline(Painted, can_focus=True):
         return [Piece(f" load, {unit}", "strong"), Piece(f"   a column is {short(round(bins.width_ns))}{most}", "dim")]
 
     def _scale(self) -> str:
-        """Times under the title, where columns stand."""
-        out = [" "] * (self.columns + _LABEL + 12)
-        step = max(14, self.columns // 5)
-        for column in range(0, self.columns - 8, step):
-            text = f"|{(self.time_at(column) - self.desk.bus.t_first) / 1e9:.6g} s"
+        """Times under the title, at round numbers of seconds since the start."""
+        first = self.desk.bus.t_first
+        size = (self.t_end - self.t_start) / 1e9
+        least = size * 14 / self.columns  # room for a label
+        step = next(s for k in range(-7, 8) for s in (10.0**k, 2 * 10.0**k, 5 * 10.0**k) if s >= least or k == 7)
+        out = [" "] * (self.columns + _LABEL)
+        at = math.ceil((self.t_start - first) / 1e9 / step)
+        while (column := int((at * step - (self.t_start - first) / 1e9) / size * self.columns)) < self.columns - 10:
+            text = f"|{at * step:.10g} s"
             out[_LABEL + column : _LABEL + column + len(text)] = text
+            at += 1
         return "".join(out)
 
-    def _loads(self, bins: Bins) -> np.ndarray:
+    def _loads(self, bins: Bins) -> NDArray[np.float64]:
         scale = self.desk.bus.char_ns
         if scale:
-            return np.minimum(bins.octets * scale / bins.width_ns, 1.0)
+            shares: NDArray[np.float64] = np.minimum(bins.octets * scale / bins.width_ns, 1.0)
+            return shares
         return bins.octets / max(1, int(bins.octets.max()))
 
     def _bars(self, y: int, plot: int, bins: Bins) -> list[Piece]:
@@ -148,7 +157,7 @@ class Timeline(Painted, can_focus=True):
             pieces.append(Piece(_BLOCKS[cell] if cell or i != self.cursor else "┊", kind))
         return pieces
 
-    def _marks(self, counts: np.ndarray, kind: str, glyphs: str) -> list[Piece]:
+    def _marks(self, counts: NDArray[np.int64], kind: str, glyphs: str) -> list[Piece]:
         half = max(1, int(counts.max()) // 2)
         return [Piece("".join(" " if not c else glyphs[0] if c < half else glyphs[1] for c in counts.tolist()), kind)]
 
@@ -156,21 +165,22 @@ class Timeline(Painted, can_focus=True):
         i = self.cursor
         at = (self.time_at(i) - self.desk.bus.t_first) / 1e9
         load = f", load {self._loads(bins)[i]:.0%}" if self.desk.bus.char_ns else ""
-        said = f" at {at:.6f} s: {bins.frames[i]:,} frames{load}, {bins.troubles[i]:,} troubles"
+        frames, troubles = int(bins.frames[i]), int(bins.troubles[i])
+        said = f" at {at:.6f} s: {plural(frames, 'frame', 'frames')}{load}, {plural(troubles, 'trouble', 'troubles')}"
         span = self._span()
         more = f"   span {short(span[1] - span[0])}, enter shows it" if span else ""
         return [Piece(said), Piece(more, "accent")]
 
     def _span(self) -> tuple[int, int] | None:
-        if self.anchor is None:
+        if self.pinned is None:
             return None
-        low, high = sorted((self.anchor, self.time_at(self.cursor)))
+        low, high = sorted((self.pinned, self.time_at(self.cursor)))
         return low, high + round((self.t_end - self.t_start) / self.columns)
 
     def _span_columns(self) -> tuple[int, int] | None:
-        if self.anchor is None:
+        if self.pinned is None:
             return None
-        at = round((self.anchor - self.t_start) / (self.t_end - self.t_start) * self.columns)
+        at = round((self.pinned - self.t_start) / (self.t_end - self.t_start) * self.columns)
         low, high = sorted((at, self.cursor))
         return max(0, low), high
 
@@ -211,11 +221,11 @@ class Timeline(Painted, can_focus=True):
         self.refill()
 
     def action_whole(self) -> None:
-        self.is_whole, self.anchor = True, None
+        self.is_whole, self.pinned = True, None
         self.grown()
 
-    def action_anchor(self) -> None:
-        self.anchor = None if self.anchor is not None else self.time_at(self.cursor)
+    def action_pin(self) -> None:
+        self.pinned = None if self.pinned is not None else self.time_at(self.cursor)
         self.refresh()
 
     def action_enter(self) -> None:

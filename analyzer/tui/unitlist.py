@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from .desk import Desk
 
 _BLOCKS = "▁▂▃▄▅▆▇█"
+_MANY = 0.05  # of the requests without a good answer
+_FEW = 0.005
 _COLUMNS = (("ok", "answered"), ("exc", "exceptions"), ("none", "unanswered"), ("bad", "damaged"), ("late", "late"))
 
 
@@ -77,7 +79,9 @@ class UnitList(Lines):
             number = getattr(counts, key)
             kind = "" if name == "ok" else "warning" if name == "exc" else "error"
             pieces.append(Piece(f"{compact(number) if number else '-':>6}", kind if number else "dim"))
-        pieces.append(Piece(f"{rate:>6.1%}" if rate else f"{'-':>6}", "error" if rate > 0.05 else "warning" if rate else "dim"))
+        grave = "error" if rate > _MANY else "warning" if rate else "dim"
+        share = f"{rate:.0%}" if rate >= _FEW else "<1%" if rate else "-"
+        pieces.append(Piece(f"{share:>6}", grave))
         pieces += [Piece(f"{short(t):>7}") for t in (times.p50_ns, times.p95_ns, times.max_ns)]
         if width >= 90:
             pieces.append(Piece("  " + sparkline(bus.units.means(unit.unit), width - 80), "accent"))

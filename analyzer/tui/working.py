@@ -1,4 +1,4 @@
-"""What goes on in threads: reading the source, testing rows, counting the report. Workers only post; handlers change."""
+"""What goes on in threads: reading, testing rows, counting. Workers only post; handlers change what is shown."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Working(Screen[None]):
         self.span: tuple[int, int] | None = None
         self.hide_noise = False
         self.selection: Selection | None = None
-        self.anchor: int | None = None  # row where the user's selection begins
+        self.pinned: int | None = None  # row where the user's selection begins
         self._conversation = Selection(self.desk.bus, conversations)
         self._waiting: Selection | None = None  # will be shown once it has come as far as the cursor
         self._counted_at = 0.0
