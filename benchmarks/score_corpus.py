@@ -73,7 +73,9 @@ def score(truth: list[dict[str, object]], found: list[dict[str, object]]) -> Sco
 
 
 def load(path: Path) -> list[dict[str, object]]:
-    return [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
+    """The frames of a truth file."""
+    lines = [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
+    return [line for line in lines if "finding" not in line]
 
 
 def captures_to_score(arguments: list[str]) -> Iterator[Path]:

@@ -8,17 +8,25 @@ from .app import DONE, UsageError
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy --tap ftdi16 --seed 7
+rtuscope simulate lost.jsonl --defect byte-missing
 rtuscope report bus.jsonl"""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     from analyzer.simulation import TAPS, WIRES
+    from analyzer.simulation.defects import defects
 
     parser.add_argument(
         "output", metavar="OUT", help="capture to write, .jsonl or .mcap; its truth goes beside it, .truth.jsonl"
     )
     parser.add_argument("--wire", choices=tuple(WIRES), default="clean", help="what the wire does to the frames")
+    parser.add_argument(
+        "--defect",
+        choices=tuple(defects()),
+        metavar="CODE",
+        help="one thing wrong on a healthy bus, again and again: the code of a finding (%(choices)s)",
+    )
     parser.add_argument("--tap", choices=tuple(TAPS), default="precise", help="how the tap tells times")
     parser.add_argument("--transactions", type=int, default=400, metavar="N", help="requests to make (400)")
     parser.add_argument("--baud", type=int, help="bit/s; drawn by chance if not given")
@@ -39,6 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
         baud=arguments.baud,
         char_bits=arguments.char_bits,
         units=arguments.units,
+        defect=arguments.defect,
     )
     try:
         write(scenario, arguments.output)

@@ -47,7 +47,7 @@ def damaged_answers(
                 for end in places.ends:
                     most = start + length + (_SPARE if len(header) >= _LEAST else 0)
                     least = start + (_LEAST if len(header) >= _LEAST else length)
-                    if least <= end <= most:
+                    if least <= end <= most and not places.parted(start, end):
                         found[start, end] = Candidate(
                             start, end, Role.RESPONSE, _bits(end - start, length), damaged=True
                         )
@@ -73,7 +73,7 @@ def damaged_requests(data: bytes, places: Places, candidates: Sequence[Candidate
         if length is None:
             continue
         for end in (start + length, start + length - 1, start + length + 1):
-            if end in places.ends:
+            if end in places.ends and not places.parted(start, end):
                 bits = _bits(end - start, length) + (0.0 if end == start + length else _NEARLY)
                 found.append(Candidate(start, end, Role.REQUEST, bits, damaged=True))
                 break

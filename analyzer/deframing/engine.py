@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dissectors.lengths import Role
 
 from ..frames import Kind, Rows
+from .broken import broken_windows
 from .candidates import CRC_BITS, GLITCHES, Candidates, search
 from .contest import WINDOWS, Decision, Event, decide, forced, margins, settled
 from .damaged import damaged_answers, damaged_requests
@@ -225,8 +226,9 @@ class Engine:
         if decision.steps and all(s.candidate is not None for s in decision.steps):
             return decision
         closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self.options.idle_ns)) > 0
-        spots = places(data, silences, candidates, closed=closed)
+        spots = places(data, silences, candidates, closed=closed, parts=self.trust.parts)
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
+        more += broken_windows(data, stretch.crc, at, spots, candidates + more)
         more += damaged_requests(data, spots, candidates)
         more += damaged_answers(data, tape.base + origin, spots, candidates, self._talk.said.pending)
         if not more and (decision.steps or len(data) < WINDOWS[-1]):
@@ -287,10 +289,26 @@ class Engine:
     ) -> None:
         """Pieces (indices of the tape) are decided: report them, learn from them."""
         tape = self.tape
+        parts = self.trust.parts
         self._learn(start, end, role, int(start[0]), int(end[-1]))
+        if (role == NOISE).any():
+            start, end, piece = self._parted(start, end, role, parts)
+            role, check, why = role[piece], check[piece], why[piece]
         offsets = start.astype(np.int64) + tape.base, end.astype(np.int64) + tape.base
         times = (*tape.spans(start, end), *tape.reads(start, end))
         self._out.append(Pieces(*offsets, role, check, *times, why, tape.gaps(start, end)))
+
+    def _parted(
+        self, start: Index, end: Index, role: NDArray[np.uint8], parts: NDArray[np.bool_]
+    ) -> tuple[Index, Index, Index]:
+        """Pieces with noise cut where a silence surely parts it, and which of the given pieces each is of."""
+        begins, owners = [], []
+        for i, (low, high, kind) in enumerate(zip(start.tolist(), end.tolist(), role.tolist(), strict=True)):
+            cuts = low + 1 + np.flatnonzero(parts[self.tape.classes[low + 1 : high]]) if kind == NOISE else ()
+            begins += [low, *cuts]
+            owners += [i] * (1 + len(cuts))
+        starts = np.array(begins, np.intp)
+        return starts, np.append(starts[1:], end[-1]), np.array(owners, np.intp)
 
     def _learn(self, start: Index, end: Index, role: NDArray[np.uint8], low: int, high: int) -> None:
         """Let decided pieces teach what silences and glitches mean here."""

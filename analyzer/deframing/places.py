@@ -19,10 +19,22 @@ class Places(NamedTuple):
 
     begins: frozenset[int]
     ends: frozenset[int]
+    cuts: tuple[int, ...] = ()  # sorted: silences that surely part what stands on their sides
+
+    def parted(self, start: int, end: int) -> bool:
+        """Whether such a silence stands inside [start, end)."""
+        return any(start < cut < end for cut in self.cuts)
 
 
-def places(data: bytes, classes: NDArray[np.uint8], candidates: Sequence[Candidate], *, closed: bool) -> Places:
-    """Places in `data`; `closed`: its end is an end of a frame too."""
+def places(
+    data: bytes,
+    classes: NDArray[np.uint8],
+    candidates: Sequence[Candidate],
+    *,
+    closed: bool,
+    parts: NDArray[np.bool_],
+) -> Places:
+    """Places in `data`; `closed`: its end is an end of a frame too; `parts`: classes of silence that surely part."""
     gaps = (1 + np.flatnonzero(classes[1 : len(data)] >= SILENT)).tolist()
     begins = {0, *gaps, *(c.end for c in candidates)}
     ends = {*gaps, *(c.start for c in candidates)}
@@ -38,7 +50,8 @@ def places(data: bytes, classes: NDArray[np.uint8], candidates: Sequence[Candida
             if data[at] not in GLITCHES:
                 break
             ends.add(at)
-    return Places(frozenset(begins), frozenset(ends))
+    cuts = (1 + np.flatnonzero(parts[classes[1 : len(data)]])).tolist()
+    return Places(frozenset(begins), frozenset(ends), tuple(cuts))
 
 
 def next_byte(data: bytes, place: int) -> int:

@@ -13,8 +13,10 @@ import numpy as np
 from captures.line import LineSettings
 
 from ..deframing.options import Options
-from ..frames import ROW, Batch, Rows
+from ..frames import Batch, Rows
 from ..transactions import TRANSACTION
+from .clock import Clock
+from .examiner import Examiner
 from .model import FINDING, Findings
 from .registry import fresh_looks
 from .view import View
@@ -27,6 +29,10 @@ class Diagnosis:
         self._line = line
         self._options = options
         self._looks = fresh_looks()
+        self._clock = Clock(line)
+        self._examiner = Examiner()
+        self._timed = False
+        self._now = 0
 
     @property
     def open_from(self) -> int | None:
@@ -36,18 +42,28 @@ class Diagnosis:
 
     def feed(self, batch: Batch, transactions: Rows) -> Findings:
         """What this batch, and the transactions that it settles, bring to light."""
-        view = View(batch, transactions, self._line, self._options)
+        self._timed = self._timed or bool(batch.rows["t_end"].any())
+        view = self._view(batch, transactions)
+        self._clock.feed(batch.rows, view.frames)
         return _ordered(found for look in self._looks for found in look(view))
 
     def close(self, transactions: Rows | None = None) -> Findings:
         """What the end brings to light: the last transactions, and what concerns the bus as a whole."""
-        nothing = Batch(np.zeros(0, ROW), np.zeros(0, np.uint8))
-        view = View(
-            nothing, np.zeros(0, TRANSACTION) if transactions is None else transactions, self._line, self._options
-        )
+        settled = np.zeros(0, TRANSACTION) if transactions is None else transactions
+        self._clock.close()
+        view = self._view(Batch.empty(), settled)
         last = [found for look in self._looks for found in look(view)]
         last += [found for look in self._looks if hasattr(look, "close") for found in look.close(view)]
         return _ordered(last)
+
+    def _view(self, batch: Batch, transactions: Rows) -> View:
+        verdicts = self._examiner.examine(batch)
+        explained = self._examiner.explained
+        if len(batch):
+            self._now = int(batch.rows["t_end"][-1])
+        return View(
+            batch, transactions, self._line, self._options, self._timed, self._clock, verdicts, explained, self._now
+        )
 
 
 def _ordered(parts: Iterable[Findings]) -> Findings:

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-NUMBERS: Final = 4  # figures of evidence that a finding carries at most
+NUMBERS: Final = 8  # figures of evidence that a finding carries at most
 FINDING: Final = np.dtype(
     [
         ("rule", np.int16),  # position of its code in `registry.codes()`

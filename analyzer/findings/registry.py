@@ -48,7 +48,7 @@ class About(Enum):
 class Rule:
     """The declaration of a finding.
 
-    `numbers` names its evidence, at most four figures; `clause` is where the specification has it ([1] application
+    `numbers` names its evidence, at most eight figures; `clause` is where the specification has it ([1] application
     protocol V1.1b3, [2] serial line V1.02). Words are templates over the evidence (`{unit:.0f}`), or functions of it.
     """
 
@@ -63,10 +63,13 @@ class Rule:
 
     def on(self, rows: Rows, *numbers: Any) -> Findings:
         """A finding on each of these rows (ROW); `numbers` are arrays of their length, or one figure for all."""
-        found = np.zeros(len(rows), FINDING)
-        for name in ("index", "start", "length", "port"):
-            found[name] = rows[name]
-        found["t"] = rows["t_start"]
+        return self.at(rows["index"], rows["start"], rows["length"], rows["port"], rows["t_start"], *numbers)
+
+    def at(self, index: Any, start: Any, length: Any, port: Any, t_ns: Any, *numbers: Any) -> Findings:
+        """The same by the columns of FINDING."""
+        found = np.zeros(len(start), FINDING)
+        for name, column in (("index", index), ("start", start), ("length", length), ("port", port), ("t", t_ns)):
+            found[name] = column
         return self._filled(found, numbers)
 
     def of_bus(self, t_ns: int, *numbers: float) -> Findings:

@@ -4,9 +4,13 @@
     made.chunks     # what a tap would have delivered
     made.truth      # every frame that was sent, and what became of it
 
+    made = simulate(Scenario("clean", "precise", defect="byte-missing"))
+    made.findings   # what is wrong, and where
+
 One idea a file: `devices` answer, `conversation` asks them, `hostile` makes payloads that fool a CRC scan, `line` puts
 the bytes into time, `faults` spoil them as often as `wires` say, `taps` cut what is left into chunks, `truth` says what
-was where. The same scenario gives the same bytes wherever `random.Random` does.
+was where; `defects` put one thing that is wrong on a healthy bus. The same scenario gives the same bytes wherever
+`random.Random` does.
 """
 
 from __future__ import annotations
@@ -17,7 +21,7 @@ if TYPE_CHECKING:
     from analyzer.simulation.bus import Simulation, simulate, write
     from analyzer.simulation.scenario import Scenario
     from analyzer.simulation.taps import TAPS, Tap
-    from analyzer.simulation.truth import TruthFrame
+    from analyzer.simulation.truth import TruthFinding, TruthFrame
     from analyzer.simulation.wires import WIRES, Wire
 
 _HOMES = {
@@ -26,13 +30,14 @@ _HOMES = {
     "Scenario": "scenario",
     "Simulation": "bus",
     "Tap": "taps",
+    "TruthFinding": "truth",
     "TruthFrame": "truth",
     "Wire": "wires",
     "simulate": "bus",
     "write": "bus",
 }
 
-__all__ = ["TAPS", "WIRES", "Scenario", "Simulation", "Tap", "TruthFrame", "Wire", "simulate", "write"]
+__all__ = ["TAPS", "WIRES", "Scenario", "Simulation", "Tap", "TruthFinding", "TruthFrame", "Wire", "simulate", "write"]
 
 
 def __getattr__(name: str) -> Any:

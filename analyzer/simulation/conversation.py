@@ -20,7 +20,6 @@ from dissectors.checks import crc_bytes
 _COMMON = {3: 4, 4: 2, 16: 2, 1: 1, 2: 1, 5: 1, 6: 1, 15: 1}
 _PUBLIC = _COMMON | dict.fromkeys((7, 8, 11, 12, 17, 20, 21, 22, 23, 24, 43), 1)
 _BROADCASTABLE = (5, 6, 15, 16)
-_EXCEPTION_SHARE = 0.033
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,12 +34,13 @@ class Exchange:
 @dataclass(frozen=True, slots=True)
 class Habits:
     """What kind of conversation: all public functions or the common ones only, the weight of the vendor function, the
-    share of register reads with a payload that fools a CRC scan, and the share of broadcasts."""
+    share of register reads with a payload that fools a CRC scan, and the shares of broadcasts and of exceptions."""
 
     public: bool
     vendor: int
     hostile: float
     broadcasts: float
+    exceptions: float = 0.033
 
 
 class Client:
@@ -49,7 +49,7 @@ class Client:
     def __init__(self, random: Random, habits: Habits, units: int) -> None:
         self._random = random
         self._habits = habits
-        self._devices = make_devices(random, units)
+        self.devices = make_devices(random, units)
         functions = dict(_PUBLIC if habits.public else _COMMON)
         if habits.vendor:
             functions[VENDOR] = habits.vendor
@@ -57,18 +57,18 @@ class Client:
 
     def exchange(self) -> Exchange:
         random = self._random
-        device = random.choice(self._devices)
+        device = random.choice(self.devices)
         if random.random() < self._habits.broadcasts:
             pdu = _REQUESTS[random.choice(_BROADCASTABLE)](device, random)
             return Exchange(adu(0, pdu), None, device.response_ns)
         function = random.choice(self._functions)
         pdu = _REQUESTS[function](device, random)
-        if random.random() < _EXCEPTION_SHARE:
+        if random.random() < self._habits.exceptions:
             answer = exception(random, function)
         else:
             answer = device.answer(random, pdu)
             if function in (3, 4) and random.random() < self._habits.hostile:
-                answer = hostile(random, device.unit, answer, [other.unit for other in self._devices])
+                answer = hostile(random, device.unit, answer, [other.unit for other in self.devices])
         return Exchange(adu(device.unit, pdu), adu(device.unit, answer), device.response_ns)
 
 

@@ -1,4 +1,4 @@
-"""What to simulate: a wire and a tap by name, how long, and the seed that fixes every draw."""
+"""What to simulate: a wire, a tap and perhaps a defect by name, how long, and the seed that fixes every draw."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ class Scenario:
 
     `wire` and `tap` name entries of `WIRES` and `TAPS`; `transactions` counts requests, repeated ones included;
     `baud` (bit/s) and `units` (how many servers) are drawn where None; `char_bits` as in `captures.LineSettings`.
+    `defect` is the code of a finding: a healthy bus with that one thing wrong, again and again, on the wire `clean`.
     """
 
     wire: str
@@ -20,3 +21,4 @@ class Scenario:
     baud: int | None = None
     char_bits: int = 11
     units: int | None = None
+    defect: str | None = None

@@ -1,8 +1,9 @@
-"""What was really sent: one object a frame, as a line of `NAME.truth.jsonl`."""
+"""What was really sent, and what is wrong with it: lines of `NAME.truth.jsonl`, one a frame, then one a defect."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 
@@ -44,3 +45,24 @@ class TruthFrame:
         if self.fault is not None:
             line["fault"] = self.fault
         return {**line, "intact": self.intact, "start": self.start, "length": self.length}
+
+
+@dataclass(frozen=True, slots=True)
+class TruthFinding:
+    """Something that is wrong, which an analyzer should find.
+
+    `code` as in the findings' table; `start` and `length` the bytes in the capture's stream that it stands on, -1 and 0
+    where it is about the bus as a whole. `detail` says the rest (byte, bit, value, places that are all the same, the
+    name of a convention); `also` names codes that are as true of these bytes, but need not be found.
+    """
+
+    code: str
+    start: int
+    length: int
+    detail: Mapping[str, Any] = field(default_factory=dict)
+    also: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The finding as an object of a truth file."""
+        line: dict[str, Any] = {"finding": self.code, "start": self.start, "length": self.length, **self.detail}
+        return {**line, "also": list(self.also)} if self.also else line

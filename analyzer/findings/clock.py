@@ -1,0 +1,157 @@
+"""What the tap's times are worth, measured on the bus itself.
+
+Bytes of a frame follow each other without a pause on a healthy line, so whatever the reads' times say beyond the
+characters' own is the tap's doing: a read that came late by d shows as a silence of d, and the next one as one of -d.
+Negative silences cannot be on the wire at all. From how many reads bring a frame and how far their silences stray
+follows what may be said at all:
+
+    a byte a read         silences inside frames count, give or take the jitter
+    several bytes a read  only waits count, give or take the longest stray silence (FIFO, latency timer, network)
+
+Verdicts change at checkpoints, fixed numbers of frames, and rest on the frames before; the first one is made of the
+first frames themselves and so is known only when they have passed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from captures.line import LineSettings
+
+from ..deframing.options import Options
+from ..frames import NO_GAP, Rows
+from .spread import Spread
+
+FIRST: Final = 32  # frames of the first verdict
+_EVERY: Final = 1024
+_MEMORY: Final = 8192  # frames, beyond which old ones fade
+_BYTE_BY_BYTE: Final = 0.9  # reads a byte
+_QUANTILE: Final = 0.995
+_MARGIN: Final = 1.2
+_COLUMNS: Final = ("protocol", "reads", "length", "gap_before", "gap_most", "gap_least")
+_KEPT: Final = 512  # verdicts
+_USUAL_NS: Final = 5_000_000  # a read from user space, where nothing tells more
+_FAST_BAUD: Final = 19200  # [2] 2.5.1.1: above it, both times are fixed
+_T15_FIXED_NS, _T35_FIXED_NS = 750_000, 1_750_000
+UNKNOWN: Final = float("inf")
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What times can carry: `fine`, that silences inside frames count; ns by which those and waits may be wrong."""
+
+    fine: bool = False
+    jitter_ns: float = UNKNOWN
+    wait_ns: float = UNKNOWN  # infinite where nothing is known
+    bytes_a_read: float = 0.0
+
+
+def silences(line: LineSettings, options: Options) -> tuple[float, float]:
+    """t1.5 and t3.5 in ns; infinite where the line's speed is not known."""
+    if not line.baud:
+        t15, t35 = UNKNOWN, UNKNOWN
+    elif line.baud > _FAST_BAUD:
+        t15, t35 = _T15_FIXED_NS, _T35_FIXED_NS
+    else:
+        character = (line.char_bits or 11) * 1e9 / line.baud
+        t15, t35 = 1.5 * character, 3.5 * character
+    return (
+        t15 if options.t15_ns is None else float(options.t15_ns),
+        t35 if options.t35_ns is None else float(options.t35_ns),
+    )
+
+
+class Clock:
+    """Learns from frames as they pass; `verdict` says what was known at a frame."""
+
+    def __init__(self, line: LineSettings) -> None:
+        self._known_speed = bool(line.baud)
+        self._frames = 0
+        self._next = FIRST
+        self._reads = self._octets = self._shared = self._counted = 0.0
+        self._late = Spread()  # frames by their least silence, if negative
+        self._astray = Spread()  # frames of several reads by their silence that is farthest from none
+        self._verdicts: deque[tuple[int, Verdict]] = deque(maxlen=_KEPT)
+
+    def feed(self, rows: Rows, frames: NDArray[np.intp]) -> None:
+        """Learn from those rows that are frames."""
+        columns = {name: rows[name][frames] for name in _COLUMNS}
+        low, count = 0, len(frames)
+        while low < count:
+            high = min(count, low + self._next - self._frames)
+            self._learn({name: column[low:high] for name, column in columns.items()})
+            self._frames += high - low
+            low = high
+            if self._frames == self._next:
+                self._conclude()
+                self._next += self._next if self._next < _EVERY else _EVERY
+
+    def close(self) -> None:
+        """No more frames come: the first verdict is made of those there were."""
+        if not self._verdicts:
+            self._conclude()
+
+    def verdict(self, index: int) -> Verdict:
+        """What was known at a frame; nothing, as long as the first verdict is to come."""
+        for first, verdict in reversed(self._verdicts):
+            if index >= first:
+                return verdict
+        return self._verdicts[0][1] if self._verdicts else Verdict()
+
+    def best(self) -> Verdict:
+        """The verdict by which most may be said, of those that are kept."""
+        return max((verdict for _, verdict in self._verdicts), key=lambda v: (v.fine, -v.wait_ns), default=Verdict())
+
+    @property
+    def known(self) -> bool:
+        """Whether the first verdict is made."""
+        return bool(self._verdicts)
+
+    def newest(self) -> Verdict:
+        """The verdict of now."""
+        return self._verdicts[-1][1] if self._verdicts else self._now()
+
+    def _conclude(self) -> None:
+        self._verdicts.append((0 if not self._verdicts else self._frames, self._now()))
+        if self._counted > _MEMORY:
+            for name in ("_reads", "_octets", "_shared", "_counted"):
+                setattr(self, name, getattr(self, name) / 2)
+            self._late.fade()
+            self._astray.fade()
+
+    def _learn(self, frames: Mapping[str, NDArray[Any]]) -> None:
+        if frames["protocol"].any():
+            return  # ASCII mode has other silences
+        self._counted += len(frames["reads"])
+        self._reads += float(frames["reads"].sum())
+        self._octets += float(frames["length"].sum())
+        self._shared += float((frames["gap_before"] == NO_GAP).sum())
+        several = frames["gap_least"] != NO_GAP
+        early = np.where(frames["gap_before"] == NO_GAP, 0, np.maximum(-frames["gap_before"], 0))
+        if several.any():
+            most, least = frames["gap_most"][several], frames["gap_least"][several]
+            self._late.add(np.maximum(-least, early[several]))
+            farthest = np.maximum(np.abs(most), np.abs(least))
+            self._astray.add(np.maximum(farthest, early[several]))
+        if (early[~several] > 0).any():
+            self._astray.add(early[~several])
+
+    def _now(self) -> Verdict:
+        if not self._octets:
+            return Verdict()
+        each = self._octets / max(self._reads, 1.0)
+        jitter = self._late.quantile(_QUANTILE)
+        fine = self._known_speed and self._reads >= _BYTE_BY_BYTE * self._octets and jitter is not None
+        if fine and jitter is not None:
+            return Verdict(True, jitter, jitter, each)
+        astray = self._astray.quantile(_QUANTILE) if self._known_speed else None
+        if astray is not None and self._astray.weight >= 0.05 * self._counted:
+            return Verdict(False, UNKNOWN, astray * _MARGIN, each)
+        alone = self._shared <= 1 + 0.01 * self._counted  # each frame came in a read of its own
+        return Verdict(False, UNKNOWN, _USUAL_NS if alone else UNKNOWN, each)

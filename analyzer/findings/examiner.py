@@ -1,0 +1,157 @@
+"""Gives the autopsy its cases: damaged frames and noise that was one, with what the conversation knows of them.
+
+Noise that begins like a frame, or stands where an answer was due, is held to be one that came damaged, if its autopsy
+has a good explanation. One cause, one finding: such a stretch is no noise any more.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dissectors.answers import expectation
+from dissectors.lengths import Role, revision, rule
+
+from ..frames import Batch, Kind, Protocol, Rows
+from .autopsy import Case, Verdict, autopsy
+from .trail import Seen, Trail
+
+_LEAST: Final = 4  # bytes of noise that may be a damaged frame
+_MOST: Final = 400
+_KEPT: Final = 4096  # requests
+_NEAR: Final = 2.0  # bits by which an explanation may lose to "nothing explains it"
+_CUT_NEAR: Final = 6.0  # the same for that the frame is cut short: its length alone says so
+_SURE: Final = 0.5  # certainty from which noise is explained
+_GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
+_FLOW: Final = (0x11, 0x13)  # XON and XOFF
+
+
+class Examiner:
+    """Looks at rows in turn; remembers the last ones, and whether a port has ever given an 11 or 13."""
+
+    def __init__(self) -> None:
+        self._trail = Trail()
+        self._flow_at: dict[int, int] = {}  # port: where its first 11 or 13 came
+        self._explained: deque[int] = deque(maxlen=_KEPT)
+
+    @property
+    def explained(self) -> frozenset[int]:
+        """Requests of late, by index, whose answer came damaged."""
+        return frozenset(self._explained)
+
+    def examine(self, batch: Batch) -> Mapping[int, Verdict]:
+        """What happened to the damaged ones among the rows of a batch, by row."""
+        rows = batch.rows
+        for port in np.flatnonzero(np.bincount(rows["port"])).tolist():
+            if port not in self._flow_at:
+                self._watch_flow(batch, port)
+        found = {}
+        for place in _suspects(rows).tolist():
+            verdict = self._verdict(batch, place)
+            if verdict is not None:
+                found[place] = verdict
+        self._trail.go_on(batch)
+        return found
+
+    def _watch_flow(self, batch: Batch, port: int) -> None:
+        for hit in np.flatnonzero(np.isin(batch.data, _FLOW)).tolist():
+            row = int(np.searchsorted(batch.rows["at"], hit, side="right")) - 1
+            if int(batch.rows["port"][row]) == port:
+                self._flow_at[port] = int(batch.rows["start"][row] + hit - batch.rows["at"][row])
+                return
+
+    def _verdict(self, batch: Batch, place: int) -> Verdict | None:
+        """What happened to a row; None where it is noise that nothing ties to a frame."""
+        row = Seen.of(batch, place)
+        pending, known, units = self._said_before(batch, place)
+        request = None if pending is None else pending.captured
+        role = None
+        if row.is_frame:
+            role = Role.REQUEST if row.row.kind == Kind.REQUEST else Role.RESPONSE
+            if row.row.request >= 0:
+                request = batch.request_of(place, row.row.request) or request
+            if role is Role.REQUEST:
+                request = None
+        elif request is not None and _starts(row.captured, request):
+            verdict = Verdict("truncated", 0.0, 1.0, length=Case(row.captured, request=request).due)
+            return self._explains(pending, verdict)
+        elif len(row.captured) < _LEAST or not _begins(row.captured, request, units):
+            return None
+        first_flow = self._flow_at.get(row.row.port)
+        free = row.row.start if first_flow is None or first_flow >= row.row.start else 0
+        verdict = _told(_autopsy(row.captured, role, request, known, units, free, revision()))
+        if not row.is_frame and (verdict.code == "crc-error" or verdict.certainty < _SURE):
+            return None
+        return verdict if role is Role.REQUEST else self._explains(pending, verdict)
+
+    def _explains(self, pending: Seen | None, verdict: Verdict) -> Verdict:
+        """The verdict on what is, or was, the answer to a request."""
+        if pending is not None:
+            self._explained.append(pending.row.index)
+        return verdict
+
+    def _said_before(self, batch: Batch, place: int) -> tuple[Seen | None, frozenset[bytes], frozenset[int]]:
+        """The request that waits for its answer, if one does, and requests and units of late."""
+        pending: Seen | None = None
+        newest = True
+        known: set[bytes] = set()
+        units: set[int] = set()
+        for before in self._trail.back(batch, place):
+            if not before.is_frame or not before.row.check:
+                continue
+            units.add(before.row.unit)
+            if before.row.kind == Kind.REQUEST:
+                known.add(before.captured)
+                if newest and before.row.unit:
+                    pending = before
+            newest = False
+        return pending, frozenset(known), frozenset(units)
+
+
+def _suspects(rows: Rows) -> NDArray[np.intp]:
+    """Rows that need an autopsy: damaged frames in RTU mode, and noise that is long enough."""
+    noise = (rows["kind"] == Kind.NOISE) & (rows["length"] <= _MOST)
+    wrong = (rows["kind"] != Kind.NOISE) & ~rows["check"]
+    return np.flatnonzero((noise | wrong) & (rows["errors"] == 0) & (rows["protocol"] == Protocol.RTU))
+
+
+def _starts(data: bytes, request: bytes) -> bool:
+    """Whether a byte or two are just the beginning of the answer that is due."""
+    header = expectation(request).header
+    return len(data) < _LEAST and header.startswith(data) and not _GLITCHES.issuperset(data)
+
+
+def _begins(data: bytes, request: bytes | None, units: frozenset[int]) -> bool:
+    """Whether noise may be a damaged frame: it begins like one, or stands where an answer was due."""
+    if _GLITCHES.issuperset(data):
+        return False
+    known = data[0] in units and rule(data[1] & 0x7F, Role.REQUEST) is not None
+    return known or request is not None or len(data) > _LEAST
+
+
+def _told(verdict: Verdict) -> Verdict:
+    """The verdict; that nothing explains the frame only where nothing comes near to it."""
+    if verdict.code != "crc-error":
+        return verdict
+    for rival in verdict.rivals:
+        if verdict.bits - rival.bits < (_CUT_NEAR if rival.code == "truncated" else _NEAR):
+            return rival
+    return verdict
+
+
+@lru_cache(maxsize=2048)
+def _autopsy(
+    data: bytes,
+    role: Role | None,
+    request: bytes | None,
+    known: frozenset[bytes],
+    units: frozenset[int],
+    free: int,
+    _revision: int,
+) -> Verdict:
+    return autopsy(Case(data, role, request, known, units, flow_free=free))

@@ -1,0 +1,239 @@
+"""The bus as a whole: units that are slow, polls that one request could do, a master that never pauses.
+
+Said at the end, of all that was seen. Times count only as far as the tap's clock carries them.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from statistics import median
+from typing import Final
+
+import numpy as np
+
+from dissectors.functions import function_name
+from dissectors.lengths import Asked, Role, layout, relations, rule
+from dissectors.limits import Bound
+
+from ...deframing.rules import field
+from ...frames import Kind
+from ..clock import UNKNOWN
+from ..model import Findings, Severity
+from ..registry import About, Rule, looks_for
+from ..spread import Spread
+from ..view import View
+
+_ANSWERS: Final = 10  # of a unit, from which its times are compared
+_TIMES_SLOWER: Final = 4.0
+_SLOWER_NS: Final = 40e6
+_EARLY: Final = 64  # answers that are a unit's past
+_POLLS: Final = 4096  # distinct ones remembered
+_ROUNDS: Final = 5  # a poll that came so often recurs
+_ALIKE: Final = 2.0  # and as often as the one beside it
+_MOST: Final = 8  # findings of one kind
+_LOADED: Final = 0.6
+_IDLE: Final = 0.25
+_SPAN_NS: Final = 1_000_000_000
+_REQUESTS: Final = 50
+
+SLOW: Final = Rule(
+    "slow-device",
+    Severity.WARNING,
+    About.BUS,
+    numbers=("unit", "p50_ms", "p95_ms", "usual_ms", "own_past"),
+    text=lambda numbers: (
+        f"unit {numbers['unit']:.0f} answers in {numbers['p50_ms']:.3g} ms (median; 95 % within "
+        f"{numbers['p95_ms']:.3g} ms), "
+        + ("at first it took " if numbers["own_past"] else "the other units take ")
+        + f"{numbers['usual_ms']:.3g} ms"
+    ),
+    cause="a slow processor, a gateway or radio behind this unit, or a device that is busy with something else",
+    remedy="poll it less often or fewer registers at once; make sure that the timeout is longer than its slowest answer",
+)
+WASTE: Final = Rule(
+    "poll-waste",
+    Severity.NOTE,
+    About.BUS,
+    numbers=("unit", "function", "requests", "first_address", "quantity", "saved_ms"),
+    text=lambda numbers: (
+        f"{numbers['requests']:.0f} polls of unit {numbers['unit']:.0f} ({function_name(int(numbers['function']))}) read "
+        f"adjacent addresses {numbers['first_address']:.0f} to "
+        f"{numbers['first_address'] + numbers['quantity'] - 1:.0f}; one could"
+        + (f", and save {numbers['saved_ms']:.3g} ms a round" if "saved_ms" in numbers else "")
+    ),
+    cause="the master polls each value by itself",
+    remedy="read the block in one request",
+)
+SATURATED: Final = Rule(
+    "bus-saturated",
+    Severity.WARNING,
+    About.BUS,
+    numbers=("load_percent", "idle_percent"),
+    text="{load_percent:.0f} % of the time bytes are on the line, and the master pauses for {idle_percent:.0f} % only",
+    cause="more is polled than the line can carry at this speed",
+    remedy="raise the baud rate, join polls into blocks, poll slow values less often",
+)
+
+
+@looks_for(SLOW)
+class Pace:
+    """Response times by unit: all of them, the first ones, and those of late."""
+
+    def __init__(self) -> None:
+        self._all: dict[int, Spread] = {}
+        self._early: dict[int, Spread] = {}
+        self._late: dict[int, Spread] = {}
+
+    def __call__(self, view: View) -> Iterator[Findings]:
+        measured = view.transactions[view.transactions["response_ns"] >= 0]
+        for unit in np.flatnonzero(np.bincount(measured["unit"])).tolist():
+            times = measured["response_ns"][measured["unit"] == unit]
+            self._all.setdefault(unit, Spread()).add(times)
+            early = self._early.setdefault(unit, Spread())
+            first = max(0, _EARLY - len(early))
+            early.add(times[:first])
+            self._recent(unit, times[first:])
+        return iter(())
+
+    def _recent(self, unit: int, times: np.ndarray) -> None:
+        """Count in times that fade as others come, in steps that do not hang on the batches."""
+        late = self._late.setdefault(unit, Spread())
+        done = len(self._all[unit]) - len(times)
+        while len(times):
+            room = _EARLY - done % _EARLY
+            late.add(times[:room])
+            done += len(times[:room])
+            times = times[room:]
+            if done % _EARLY == 0:
+                late.fade()
+
+    def close(self, view: View) -> Iterator[Findings]:
+        """Units that stand out."""
+        off = view.clock.newest().wait_ns
+        medians = {unit: spread.quantile(0.5) or 0.0 for unit, spread in self._all.items() if len(spread) >= _ANSWERS}
+        for unit, own in sorted(medians.items()):
+            others = [value for other, value in medians.items() if other != unit]
+            usual, past = (median(others), False) if others else (UNKNOWN, False)
+            if not _slower(own, usual, off):
+                own = self._late[unit].quantile(0.5) or 0.0
+                usual, past = self._early[unit].quantile(0.5) or UNKNOWN, True
+                if self._late[unit].weight < _EARLY / 2 or not _slower(own, usual, off):
+                    continue
+            slow = (self._late if past else self._all)[unit].quantile(0.95) or own
+            yield SLOW.of_bus(view.now, unit, own / 1e6, slow / 1e6, usual / 1e6, past)
+
+
+def _slower(own: float, usual: float, off: float) -> bool:
+    return own > _TIMES_SLOWER * usual and own - usual > _SLOWER_NS and own - usual > 2 * off
+
+
+@looks_for(WASTE)
+class Polls:
+    """Reads by unit, function, address and quantity."""
+
+    def __init__(self) -> None:
+        self._count: Counter[tuple[int, int, int, int]] = Counter()
+
+    def __call__(self, view: View) -> Iterator[Findings]:
+        rows = view.rows
+        for code in np.flatnonzero(np.bincount(view.requested, minlength=256)).tolist():
+            places = layout(code, Role.REQUEST)
+            if not any(isinstance(r, Asked) for r in relations(code)) or set(places) != {
+                "starting_address",
+                "quantity",
+            }:
+                continue
+            here = view.requests[view.requested == code]
+            address = field(view.data, view.pdu(here) + places["starting_address"][0], 2)
+            quantity = field(view.data, view.pdu(here) + places["quantity"][0], 2)
+            keys = (rows["unit"][here].astype(np.int64) << 32) | (address << 16) | quantity
+            for key, count in zip(*(part.tolist() for part in np.unique(keys, return_counts=True)), strict=True):
+                poll = (key >> 32, code, key >> 16 & 0xFFFF, key & 0xFFFF)
+                if poll in self._count or len(self._count) < _POLLS:
+                    self._count[poll] += count
+        return iter(())
+
+    def close(self, view: View) -> Iterator[Findings]:
+        """Blocks of polls that one could do."""
+        found = []
+        for (unit, code), polls in self._recurring().items():
+            most = next(check.high for check in _bounds(code))
+            for block in _blocks(polls, most):
+                first, last = block[0], block[-1]
+                saved = (len(block) - 1) * _overhead_ns(view)
+                found.append((unit, code, len(block), first[0], last[0] + last[1] - first[0], saved))
+        for unit, code, count, address, quantity, saved in sorted(found, key=lambda each: -each[2])[:_MOST]:
+            saved_ms = saved / 1e6 if saved < UNKNOWN else np.nan
+            yield WASTE.of_bus(view.now, unit, code, count, address, quantity, saved_ms)
+
+    def _recurring(self) -> dict[tuple[int, int], list[tuple[int, int, int]]]:
+        """(address, quantity, count) of polls that recur, by unit and function."""
+        recurring: dict[tuple[int, int], list[tuple[int, int, int]]] = {}
+        for (unit, code, address, quantity), count in sorted(self._count.items()):
+            if count >= _ROUNDS and quantity:
+                recurring.setdefault((unit, code), []).append((address, quantity, count))
+        return recurring
+
+
+def _bounds(code: int) -> list[Bound]:
+    known = rule(code, Role.REQUEST)
+    return [check for check in known.checks if isinstance(check, Bound)] if known is not None else []
+
+
+def _blocks(polls: list[tuple[int, int, int]], most: int) -> Iterator[list[tuple[int, int, int]]]:
+    """Runs of polls that follow on each other, as often each, and fit one request."""
+    block = polls[:1]
+    for poll in polls[1:]:
+        end = block[-1][0] + block[-1][1]
+        alike = max(poll[2], block[-1][2]) <= _ALIKE * min(poll[2], block[-1][2])
+        if poll[0] == end and alike and poll[0] + poll[1] - block[0][0] <= most:
+            block.append(poll)
+        else:
+            if len(block) > 1:
+                yield block
+            block = [poll]
+    if len(block) > 1:
+        yield block
+
+
+def _overhead_ns(view: View) -> float:
+    """What one more read takes besides its values: 13 bytes and two silences."""
+    if not view.line.baud:
+        return UNKNOWN
+    return (13 + 2 * 3.5) * (view.line.char_bits or 11) * 1e9 / view.line.baud
+
+
+@looks_for(SATURATED)
+class Busy:
+    """How long bytes were on the line, and how long the master paused before its requests."""
+
+    def __init__(self) -> None:
+        self._octets = self._paused = self._requests = 0
+        self._first: int | None = None
+        self._last = 0
+        self._quiet_from = -1  # end of the newest row, if the master may go on after it
+
+    def __call__(self, view: View) -> Iterator[Findings]:
+        rows = view.rows
+        if len(rows) and view.timed:
+            ends = np.append(self._quiet_from, rows["t_end"])
+            answered = np.append(self._quiet_from >= 0, view.kind == Kind.RESPONSE)
+            asks = np.flatnonzero((view.kind == Kind.REQUEST) & answered[:-1])
+            self._paused += int(np.maximum(rows["t_start"][asks] - ends[asks], 0).sum())
+            self._requests += len(asks)
+            self._octets += int(rows["length"].sum())
+            self._first = int(rows["t_start"][0]) if self._first is None else self._first
+            self._last = int(rows["t_end"][-1])
+            self._quiet_from = self._last if view.kind[-1] == Kind.RESPONSE else -1
+        return iter(())
+
+    def close(self, view: View) -> Iterator[Findings]:
+        """Whether the line is full."""
+        span = self._last - (self._first or 0)
+        if not view.line.baud or span < _SPAN_NS or self._requests < _REQUESTS:
+            return
+        load = self._octets * (view.line.char_bits or 11) * 1e9 / view.line.baud / span
+        idle = self._paused / span
+        if load > _LOADED and idle < _IDLE and view.clock.newest().wait_ns < UNKNOWN and load <= 1.05:
+            yield SATURATED.of_bus(view.now, 100 * min(load, 1.0), 100 * idle)

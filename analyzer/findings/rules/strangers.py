@@ -1,0 +1,148 @@
+"""Answers that answer nothing: second ones, wrong ones, unasked ones; and broadcasts taken for requests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from dissectors.answers import expectation
+from dissectors.lengths import Asked, relations
+from dissectors.registry import function_class
+
+from ...frames import Kind
+from ..model import Findings, Severity
+from ..registry import About, Rule, looks_for
+from ..trail import Seen, Trail
+from ..view import View
+
+_GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
+_FUNCTION: Final = 0x7F
+
+UNEXPECTED: Final = Rule(
+    "unexpected-response",
+    Severity.WARNING,
+    About.FRAME,
+    clause="[2] 2.4.1",
+    numbers=("unit", "function"),
+    text="unit {unit:.0f} answers, and nobody asked it",
+    cause="a second master whose requests the tap does not see, or a device that sends on its own",
+    remedy="tap the line where both directions pass; look for a second master",
+)
+DUPLICATE: Final = Rule(
+    "duplicate-response",
+    Severity.ERROR,
+    About.FRAME,
+    clause="[2] 2.2",
+    numbers=("unit", "after_ms"),
+    text="a second answer of unit {unit:.0f} to the same request",
+    cause="two devices share an address",
+    remedy="give each device an address of its own: disconnect one and see whether the unit still answers",
+)
+MISMATCH: Final = Rule(
+    "response-mismatch",
+    Severity.ERROR,
+    About.FRAME,
+    clause="[1] 6",
+    numbers=("unit", "function"),
+    text="the answer of unit {unit:.0f} does not fit its request: byte count or quantity differ, or the echo does",
+    cause="an answer to an earlier request, or a device that answers what it was not asked",
+    remedy="compare with the request before; read fewer registers, and update the device's firmware",
+)
+BROADCAST_ANSWERED: Final = Rule(
+    "broadcast-answered",
+    Severity.ERROR,
+    About.FRAME,
+    clause="[2] 2.1",
+    numbers=("unit", "function"),
+    text="unit {unit:.0f} answers a broadcast",
+    cause="a device takes 0 for its own address, or ignores that broadcasts are not answered; several would collide",
+    remedy="give the device an address from 1 to 247; do not send to unit 0",
+)
+BROADCAST_READ: Final = Rule(
+    "broadcast-read",
+    Severity.WARNING,
+    About.FRAME,
+    clause="[2] 2.1",
+    numbers=("function",),
+    text="a read is sent to unit 0, which nobody may answer",
+    cause="the unit's address is not set in the master, or it searches for a device",
+    remedy="set the unit's address in the master",
+)
+
+
+@looks_for(BROADCAST_READ)
+def broadcast_reads(view: View) -> Iterator[Findings]:
+    """Requests to unit 0 of functions that read."""
+    rows = view.rows
+    sent = view.requests[rows["unit"][view.requests] == 0]
+    reads = [row for row in sent.tolist() if _reads(int(rows["function"][row]))]
+    if reads:
+        yield BROADCAST_READ.on(rows[reads], rows["function"][reads])
+
+
+def _reads(function: int) -> bool:
+    found = relations(function)
+    return function_class(function) == "public" and (not found or any(isinstance(r, Asked) for r in found))
+
+
+@looks_for(UNEXPECTED, DUPLICATE, MISMATCH, BROADCAST_ANSWERED)
+class Strangers:
+    """Answers with a right check value that belong to no request."""
+
+    def __init__(self) -> None:
+        self._trail = Trail()
+        self._asked = False  # a request has been seen: before it, answers belong to what was before the capture
+
+    def __call__(self, view: View) -> Iterator[Findings]:
+        rows = view.rows
+        answers, asks = view.responses, view.requests
+        first = int(asks[0]) if len(asks) else len(rows)
+        yield from self._plain_zeros(view, answers[rows["unit"][answers] == 0])
+        strange = answers[rows["request"][answers] < 0]
+        strange = strange[rows["unit"][strange] != 0]
+        for place in strange.tolist():
+            if self._asked or place > first:
+                yield from self._judge(view, place)
+        self._asked = self._asked or len(asks) > 0
+        self._trail.go_on(view.batch)
+
+    def _plain_zeros(self, view: View, answers: np.ndarray) -> Iterator[Findings]:
+        if len(answers):
+            yield BROADCAST_ANSWERED.on(view.rows[answers], 0, view.rows["function"][answers])
+
+    def _judge(self, view: View, place: int) -> Iterator[Findings]:
+        answer = Seen.of(view.batch, place)
+        request, answered, clean = self._request_before(view, place)
+        here = view.rows[place : place + 1]
+        unit, function = answer.row.unit, answer.row.function
+        if request is None or not clean:
+            if clean:
+                yield UNEXPECTED.on(here, unit, function)
+        elif request.row.unit == 0 and request.row.function == function:
+            yield BROADCAST_ANSWERED.on(here, unit, function)
+        elif request.row.unit != unit or (answered is not None and request.row.function != function):
+            yield UNEXPECTED.on(here, unit, function)
+        elif answered is not None:
+            waited = (answer.row.t_start - answered.row.t_end) / 1e6
+            yield DUPLICATE.on(here, unit, waited if view.timed else np.nan)
+        elif expectation(request.captured).fits(answer.captured):
+            yield UNEXPECTED.on(here, unit, function)
+        else:
+            yield MISMATCH.on(here, unit, function)
+
+    def _request_before(self, view: View, place: int) -> tuple[Seen | None, Seen | None, bool]:
+        """The newest request before a row, the answer that it got, and whether nothing damaged stands between."""
+        answered = None
+        for before in self._trail.back(view.batch, place):
+            if not before.is_frame:
+                if not _GLITCHES.issuperset(before.captured):
+                    return None, None, False
+            elif before.row.kind == Kind.REQUEST:
+                return (before, answered, True) if before.row.check else (None, None, False)
+            elif not before.row.check and before.row.request < 0:
+                return None, None, False
+            elif before.row.request >= 0 and answered is None:
+                answered = before
+        return None, None, True

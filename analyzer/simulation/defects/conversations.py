@@ -1,0 +1,146 @@
+"""Whole frames that should not have been sent, not then, or not by that unit; and those that are missing."""
+
+from __future__ import annotations
+
+import struct
+
+from analyzer.simulation.conversation import Exchange, adu
+
+from .registry import defect
+from .stage import BROADCAST_NS, MS, Stage
+
+_READS = (1, 2, 3, 4)
+_LATE_MS = (10.0, 25.0)  # after the request that the late answer is taken for
+_OWN_MS = (40.0, 60.0)  # and that request's own answer after it
+_EXCEPTIONS = (1, 2, 3, 4, 6)
+
+
+def _answered(exchange: Exchange) -> bytes:
+    assert exchange.response is not None
+    return exchange.response
+
+
+@defect("no-response")
+def no_response(stage: Stage) -> None:
+    """A unit that answers otherwise is silent for once."""
+    stage.found("no-response", stage.ask(stage.next().request))
+    stage.unanswered()
+
+
+@defect("retry")
+def retry(stage: Stage) -> None:
+    """A unit is silent, and answers when it is asked again."""
+    exchange = stage.next()
+    stage.found("no-response", stage.ask(exchange.request))
+    stage.unanswered()
+    request, _ = stage.play(exchange)
+    stage.found("retry", request)
+
+
+@defect("late-response")
+def late_response(stage: Stage) -> None:
+    """An answer comes after the master has asked for something else, whose own answer then follows."""
+    first = stage.next(_READS)
+    second = stage.next(_READS)
+    if second.request == first.request:
+        return
+    asked = stage.ask(first.request)
+    stage.unanswered()
+    other = stage.ask(second.request)
+    late = stage.answer(_answered(first), asked, stage.random.uniform(*_LATE_MS) * MS)
+    stage.found("late-response", late, answers=asked.start)
+    stage.answer(_answered(second), other, stage.random.uniform(*_OWN_MS) * MS)
+    stage.pause()
+
+
+@defect("unexpected-response")
+def unexpected_response(stage: Stage) -> None:
+    """A unit answers that nobody has asked."""
+    before, exchange = stage.next(), stage.next(_READS)
+    request, _ = stage.play(before)
+    while exchange.request[:2] == bytes((request.unit, request.function)):
+        exchange = stage.next(_READS)
+    stage.found("unexpected-response", stage.send("response", _answered(exchange), None))
+    stage.pause()
+
+
+@defect("duplicate-response")
+def duplicate_response(stage: Stage) -> None:
+    """Two devices have the same address: both answer, one after the other."""
+    exchange = stage.next(_READS)
+    request = stage.ask(exchange.request)
+    stage.answer(_answered(exchange), request, exchange.response_ns)
+    unit, function, count = _answered(exchange)[:3]
+    twin = adu(unit, bytes((function, count)) + stage.random.randbytes(count))
+    stage.found("duplicate-response", stage.answer(twin, request, exchange.response_ns), also=("padding-bits-set",))
+    stage.pause()
+
+
+@defect("response-mismatch")
+def response_mismatch(stage: Stage) -> None:
+    """A unit answers with other registers than it was asked for, or echoes another value."""
+    exchange = stage.next((3, 4, 6, 16))
+    unit, pdu = exchange.request[0], exchange.request[1:-2]
+    if pdu[0] in (3, 4):
+        count = _answered(exchange)[2]
+        other = count + 2 * stage.random.choice((1, 2, 3)) if count < 200 else count - 2
+        answer = bytearray((pdu[0], other)) + stage.random.randbytes(other)
+    else:
+        answer = bytearray(_answered(exchange)[1:-2])
+        answer[stage.random.choice((2, 4))] ^= stage.random.randint(1, 255)
+    request = stage.ask(exchange.request)
+    frame = stage.answer(adu(unit, bytes(answer)), request, exchange.response_ns)
+    stage.found("response-mismatch", frame, also=("quantity-out-of-range",) if pdu[0] == 16 else ())
+    stage.pause()
+
+
+@defect("exception")
+def exception(stage: Stage) -> None:
+    """A unit refuses with an exception."""
+    exchange = stage.next()
+    unit, function = exchange.request[:2]
+    code = stage.random.choice(_EXCEPTIONS)
+    request = stage.ask(exchange.request)
+    frame = stage.answer(adu(unit, bytes((function | 0x80, code))), request, exchange.response_ns)
+    stage.found("exception", frame, exception=code)
+    stage.pause()
+
+
+@defect("broadcast-answered")
+def broadcast_answered(stage: Stage) -> None:
+    """A device answers a write to unit 0."""
+    pdu = stage.made(6).request[1:-2]
+    request = stage.ask(adu(0, pdu))
+    stage.found("broadcast-answered", stage.answer(adu(0, pdu), request))
+    stage.now += BROADCAST_NS
+
+
+@defect("broadcast-read")
+def broadcast_read(stage: Stage) -> None:
+    """The master sends a read to unit 0, which nobody can answer."""
+    stage.found("broadcast-read", stage.ask(adu(0, stage.next(_READS).request[1:-2])))
+    stage.now += BROADCAST_NS
+
+
+@defect("reserved-unit")
+def reserved_unit(stage: Stage) -> None:
+    """The master polls a device whose address is over 247, and it answers."""
+    exchange, unit = stage.next(_READS), stage.random.randint(248, 255)
+    request = stage.ask(adu(unit, exchange.request[1:-2]))
+    stage.found("reserved-unit", request)
+    stage.found("reserved-unit", stage.answer(adu(unit, _answered(exchange)[1:-2]), request))
+    stage.pause()
+
+
+@defect("crc-collision")
+def crc_collision(stage: Stage) -> None:
+    """Registers hold bytes that look like a frame with a right CRC, inside a frame that is right as a whole."""
+    unit = stage.random.choice(stage.client.devices).unit
+    asked = adu(unit, struct.pack(">BHH", 3, stage.random.randrange(100), 20))
+    inner = adu(unit, struct.pack(">BHH", 3, stage.random.randrange(100), 2))
+    at = 2 * stage.random.randint(1, 14)
+    payload = stage.random.randbytes(at) + inner + stage.random.randbytes(40 - at - len(inner))
+    request = stage.ask(asked)
+    frame = stage.answer(adu(unit, b"\x03\x28" + payload), request)
+    stage.found("crc-collision", frame, window=[3 + at, len(inner)])
+    stage.pause()

@@ -1,0 +1,176 @@
+"""A healthy bus on which defects are put: a master that polls its list in turn, answers in time, silences kept.
+
+Nothing that happens here by itself deserves an error or a warning: requests are distinct and recur, no exceptions, all
+units answer within 4 to 8 ms, the line is idle half of the time. A defect takes the next poll and spoils it, or does
+things of its own; what it does wrong it says with `found`. Times are ns since the capture began.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Mapping, Sequence
+from random import Random
+from typing import Any, Final
+
+from analyzer.simulation.conversation import Client, Exchange, Habits, adu
+from analyzer.simulation.devices import Device
+from analyzer.simulation.truth import TruthFinding, TruthFrame
+
+MS: Final = 1e6  # ns
+TIMEOUT_NS: Final = 250 * MS  # that the master waits for an answer
+BROADCAST_NS: Final = 130 * MS  # that it waits after a broadcast: over the 100 ms of [2] 2.4.1
+_FIRST_NS: Final = 100 * MS
+_T35: Final = 3.5  # characters ([2] 2.5.1.1)
+_T35_LEAST_NS: Final = 1.75 * MS  # above 19200 bit/s
+_POLLS: Final = 12
+_ANSWERS_MS: Final = (4.0, 8.0)
+_IDLE_MS: Final = (20.0, 60.0)
+_TRIES: Final = 400
+_READS: Final = range(1, 5)
+
+
+class Stage:
+    """The line, and the master's list of polls."""
+
+    def __init__(self, random: Random, character_ns: float, units: int) -> None:
+        self.random = random
+        self.character = character_ns
+        self.silence = max(_T35 * character_ns, _T35_LEAST_NS)
+        self.client = Client(random, Habits(False, 0, 0.0, 0.0, 0.0), units)
+        for device in self.client.devices:
+            device.response_ns = random.uniform(*_ANSWERS_MS) * MS
+        self.data = bytearray()
+        self.times = array("d")
+        self.errors: list[int] = []  # offsets of bytes that the UART marked
+        self.frames: list[TruthFrame] = []
+        self.findings: list[TruthFinding] = []
+        self.now = _FIRST_NS
+        self.idle_ms = _IDLE_MS
+        self.polls = self._list()
+        self._turn = 0
+
+    def _list(self) -> list[Exchange]:
+        """Polls no two of which one could do."""
+        chosen: dict[tuple[int, int], Exchange] = {}
+        for _ in range(_TRIES):
+            exchange = self.client.exchange()
+            key = (exchange.request[0], exchange.request[1])
+            if key not in chosen and (key[1] in _READS or len(chosen) >= _POLLS // 2):
+                chosen[key] = exchange
+            if len(chosen) == _POLLS:
+                break
+        polls = list(chosen.values())
+        self.random.shuffle(polls)
+        return polls
+
+    def device(self, unit: int) -> Device:
+        return next(device for device in self.client.devices if device.unit == unit)
+
+    def next(self, functions: Iterable[int] | None = None) -> Exchange:
+        """The next poll, with a fresh answer; of these functions only, if any are on the list."""
+        wanted = None if functions is None else set(functions)
+        for _ in self.polls:
+            exchange = self.polls[self._turn % len(self.polls)]
+            self._turn += 1
+            if wanted is None or exchange.request[1] in wanted:
+                break
+        else:
+            if wanted is not None:
+                return self.made(self.random.choice(sorted(wanted)))
+        device = self.device(exchange.request[0])
+        answer = device.answer(self.random, exchange.request[1:-2])
+        return Exchange(exchange.request, adu(device.unit, answer), device.response_ns)
+
+    def made(self, function: int) -> Exchange:
+        """An exchange of this function that is not on the list."""
+        while True:
+            exchange = self.client.exchange()
+            if exchange.request[1] == function:
+                return exchange
+
+    def healthy(self, exchanges: int) -> None:
+        """So many polls, answered as they should be."""
+        for _ in range(exchanges):
+            self.play(self.next())
+
+    def play(self, exchange: Exchange) -> tuple[TruthFrame, TruthFrame]:
+        """One exchange as it should be, and the pause after it."""
+        request = self.ask(exchange.request)
+        assert exchange.response is not None
+        response = self.answer(exchange.response, request, exchange.response_ns)
+        self.pause()
+        return request, response
+
+    def ask(self, sent: bytes, captured: bytes | None = None, **how: Any) -> TruthFrame:
+        """A request now; see `send`."""
+        return self.send("request", sent, None, captured, **how)
+
+    def answer(
+        self,
+        sent: bytes,
+        request: TruthFrame | None,
+        after_ns: float = 6 * MS,
+        captured: bytes | None = None,
+        **how: Any,
+    ) -> TruthFrame:
+        """A response after so long, 3.5 characters at least; see `send`."""
+        self.now += max(after_ns * self.random.uniform(0.9, 1.1), 1.1 * self.silence)
+        return self.send("response", sent, request.id, captured, **how)
+
+    def send(
+        self,
+        direction: str,
+        sent: bytes,
+        pair: int | None,
+        captured: bytes | None = None,
+        *,
+        fault: str | None = None,
+        holes: Mapping[int, float] | None = None,
+        marked: Sequence[int] = (),
+    ) -> TruthFrame:
+        """A frame on the wire: `captured` is what is left of `sent`, silent for `holes` (ns) before these of its bytes,
+        `marked` by the UART where it had parity or framing errors."""
+        captured = sent if captured is None else captured
+        start = len(self.data)
+        self.errors.extend(start + at for at in marked)
+        for at, byte in enumerate(captured):
+            self.put(byte, (holes or {}).get(at, 0.0))
+        frame = TruthFrame(
+            id=len(self.frames),
+            direction=direction,
+            unit=sent[0],
+            function=sent[1] & 0x7F,
+            adu=sent,
+            pair=pair,
+            start=start,
+            length=len(captured),
+            fault=fault if captured == sent else fault or "damaged",
+        )
+        self.frames.append(frame)
+        return frame
+
+    def put(self, byte: int, after_ns: float = 0.0) -> None:
+        """One byte on the wire, after so much silence."""
+        self.now += after_ns + self.character
+        self.data.append(byte)
+        self.times.append(self.now)
+
+    def pause(self) -> None:
+        """What the master waits before its next request."""
+        self.now += self.silence + self.random.uniform(*self.idle_ms) * MS
+
+    def unanswered(self) -> None:
+        """What it waits in vain."""
+        self.now += TIMEOUT_NS + self.random.uniform(0, 20) * MS
+
+    def found(self, code: str, frame: TruthFrame, also: tuple[str, ...] = (), **detail: Any) -> None:
+        """This is wrong with this frame."""
+        self.findings.append(TruthFinding(code, frame.start, frame.length, detail, also))
+
+    def found_at(self, code: str, start: int, also: tuple[str, ...] = (), **detail: Any) -> None:
+        """This is wrong with the bytes from `start` on to the newest."""
+        self.findings.append(TruthFinding(code, start, len(self.data) - start, detail, also))
+
+    def found_on_bus(self, code: str, **detail: Any) -> None:
+        """This is wrong with the bus as a whole."""
+        self.findings.append(TruthFinding(code, -1, 0, detail))
