@@ -47,13 +47,14 @@ class Details(Lines):
         self._lines: list[Shown] = []
         self._broken_at = 0
 
-    def show(self, look: Look, *, to: Path = ()) -> None:
-        """Another frame; the cursor goes to an item, or stays on the field of the same name."""
+    def show(self, look: Look, *, to: Path = ()) -> Item | None:
+        """Another frame; the cursor goes to an item, or stays on the field of the same name. Gives it, tells nobody."""
         path = to or (self._lines[self.cursor].path if self.cursor < len(self._lines) else ())
         self.look = look
         self._lay_out()
-        self._told = -1
-        self.renewed(self._nearest(path))
+        self._told = self._nearest(path)
+        self.renewed(self._told)
+        return self.item
 
     def light(self, offset: int) -> None:
         """Put the cursor on the innermost visible item that means a byte, without telling."""

@@ -6,6 +6,7 @@ the user moves away from the end, and goes on when they return to it.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import ClassVar, Final
 
@@ -20,6 +21,7 @@ from .messages import LineChosen, LineEntered
 from .paint import Painted, Piece
 
 _KEPT: Final = 512  # painted lines
+_FRESH_S: Final = 0.5  # lines in sight are painted anew so often while others come
 
 
 class Lines(Painted, ScrollView, can_focus=True):
@@ -72,6 +74,11 @@ class Lines(Painted, ScrollView, can_focus=True):
     def grown(self) -> None:
         """Lines came or changed."""
         count = self.count()
+        now = time.monotonic()
+        if self.scroll_offset.y + self.room < self._shown_count <= count and now < self._fresh_until:
+            self._fit(count)  # nothing in sight is new
+            return
+        self._fresh_until = now + _FRESH_S
         self._strips.clear()
         self._fit(count)
         if self.following and count:
@@ -82,6 +89,8 @@ class Lines(Painted, ScrollView, can_focus=True):
         elif self.cursor >= count > 0:
             self.cursor = count - 1
         self.refresh()
+
+    _fresh_until = 0.0
 
     def renewed(self, cursor: int = 0) -> None:
         """The list is another one now."""
@@ -107,13 +116,13 @@ class Lines(Painted, ScrollView, can_focus=True):
             return
         line = max(0, min(line, count - 1))
         before, self.cursor = self.cursor, line
-        for each in (before, line):
+        for each in {before, line}:
             self._strips.discard((each, True))
             self._strips.discard((each, False))
+            self.refresh_lines(each + self.HEAD)
         if count != self._shown_count:
             self._fit(count)
         self._into_sight(line, middle=middle)
-        self.refresh()
         if line != self._told:
             self._tell()
 
@@ -209,16 +218,16 @@ class Lines(Painted, ScrollView, can_focus=True):
     def render_line(self, y: int) -> Strip:
         width = self.scrollable_content_region.width
         if y < self.HEAD:
-            return self.strip(self.heads(y, width), width, self.rich_style + self.style_of("head"))
+            return self.strip(self.heads(y, width), width, self.base + self.style_of("head"))
         line = self.scroll_offset.y + y - self.HEAD
         count = self.count()
         if line >= count:
             text = f"  {self.EMPTY}" if count == 0 and y == self.HEAD else ""
-            return self.strip([Piece(text, "dim")], width, self.rich_style)
+            return self.strip([Piece(text, "dim")], width, self.base)
         here = self.BARRED and line == self.cursor
         strip = self._strips.get((line, here))
         if strip is None or strip.cell_length != width:
-            base = self.rich_style
+            base = self.base
             kind = self.kind_of_line(line)
             if kind:
                 base += self.style_of(kind)

@@ -36,12 +36,15 @@ class Octets(Lines):
         self.bits = False
         self.lit = range(0)
 
-    def show(self, look: Look) -> None:
-        """Another frame."""
+    def show(self, look: Look, start: int, length: int) -> None:
+        """Another frame, with the bytes of a field lit."""
         self.look = look
-        self.offset_at = min(self.offset_at, max(0, len(look.data) - 1))
-        self.lit = range(0)
+        self.offset_at = min(start if length else self.offset_at, max(0, len(look.data) - 1))
+        self.lit = range(start, start + length)
+        self.cursor = self.offset_at // self.across
+        self._fresh_until = 0.0
         self.grown()
+        self._into_sight(self.cursor, middle=False)
 
     def light(self, start: int, length: int) -> None:
         """Light the bytes of a field."""

@@ -27,14 +27,22 @@ class Painted(Widget):
         "cursor", "cursor-away", "lit", "lit-exact",
     }  # fmt: skip
     _looks: dict[str, Style] | None = None
+    _base: Style | None = None
 
     def notify_style_update(self) -> None:
         super().notify_style_update()
-        self._looks = None
+        self._looks = self._base = None
         self.repaint()
 
     def repaint(self) -> None:
         """Forget what was painted: colours changed."""
+
+    @property
+    def base(self) -> Style:
+        """The widget's own style; asked for line by line."""
+        if self._base is None:
+            self._base = self.rich_style
+        return self._base
 
     def style_of(self, kind: str) -> Style:
         """The style of component classes, a later one over an earlier."""

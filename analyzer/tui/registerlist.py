@@ -134,7 +134,7 @@ class History(Painted):
 
     def render_line(self, y: int) -> Strip:
         width, height = self.content_size.width, self.content_size.height
-        base = self.rich_style
+        base = self.base
         if y == 0:
             return self.strip(fitted([Piece(self.title, "strong")], width), width, base)
         if not self._points or height < 3:

@@ -221,11 +221,12 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
     def study(self, look: Look) -> None:
         """Show fields and bytes."""
         self.look = look
-        self.query_one(Octets).show(look)
-        details = self.query_one(Details)
-        details.show(look, to=("finding 0",) if self.view == "findings" else ())
+        details, octets = self.query_one(Details), self.query_one(Octets)
+        item = details.show(look, to=("finding 0",) if self.view == "findings" else ())
         details.border_title = look.title
-        self._title_octets(0, 0)
+        start, length = (0, 0) if item is None else (item.start, item.length)
+        octets.show(look, start, length)
+        self._title_octets(start, length)
 
     def on_field_chosen(self, event: FieldChosen) -> None:
         octets = self.query_one(Octets)

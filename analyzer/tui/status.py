@@ -37,14 +37,14 @@ class StatusLine(Painted):
     def render_line(self, y: int) -> Strip:
         width = self.content_size.width
         if y:
-            return Strip.blank(width, self.rich_style)
+            return Strip.blank(width, self.base)
         left = [Piece(f" {self._called(max(12, width // 3))} ", "strong"), Piece(f"{self._speed()}  ", "dim")]
         if self.doing:
             left.append(Piece(f"{_SPIN[self._turn % len(_SPIN)]} {self.doing}  ", "accent"))
         left.append(Piece(self.where))
         right = self._found()
         size = sum(cell_len(piece.text) for piece in right)
-        return self.strip([*fitted(left, max(0, width - size)), *right], width, self.rich_style)
+        return self.strip([*fitted(left, max(0, width - size)), *right], width, self.base)
 
     def _called(self, most: int) -> str:
         name = harmless(self.desk.source.name)

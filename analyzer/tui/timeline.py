@@ -84,7 +84,7 @@ class Timeline(Painted, can_focus=True):
 
     def render_line(self, y: int) -> Strip:
         width, height = self.content_size.width, self.content_size.height
-        base = self.rich_style
+        base = self.base
         bins = self._bins
         if bins is None:
             why = "no times in this capture" if not self.desk.bus.timed else "nothing captured yet"

@@ -21,7 +21,7 @@ from .unitlist import UnitList
 if TYPE_CHECKING:
     from .frames import ConversationList, FrameList
 
-_PERIOD_S = 0.05  # between two tellings
+_PERIOD_S = 0.1  # between two tellings
 _REPORT_S = 1.0
 
 
