@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer.columns import decode
 from analyzer.findings.diagnosis import Diagnosis
 from analyzer.frames import NO_GAP, ROW, Batch, Frame, Kind, Row, Rows
 from analyzer.reports.summary import Summary
@@ -86,7 +85,7 @@ class Bus:
         settled = self._transactions.feed(batch)
         self._settle(settled)
         self.found.add(self._diagnosis.feed(batch, settled), self.table)
-        self.registers.feed(batch, decode(batch), first)
+        self.registers.feed(self, batch, first)
         self.activity.feed(batch.rows)
         self.units.feed(batch.rows)
         with self._lock:

@@ -46,11 +46,11 @@ def date_and_time(t_ns: int) -> str:
 
 
 def short(ns: int | None) -> str:
-    """A duration in at most six characters: `870u`, `12.3m`, `4.21s`, `3h12m`; a dash for none."""
+    """A duration in at most six characters and a sign: `870us`, `12.3ms`, `4.21s`, `3h12m`; a dash for none."""
     if ns is None:
         return "-"
     if ns < 0:
-        return "-" + short(-ns)[:5]
+        return "-" + short(-ns)
     if ns < 999_500:
         return f"{ns / 1e3:.0f}us"
     if ns < 999_500_000:
@@ -61,4 +61,6 @@ def short(ns: int | None) -> str:
     if minutes < 100:
         return f"{minutes}m{rest:02d}s"
     hours, minutes = divmod(minutes, 60)
-    return f"{hours}h{minutes:02d}m" if hours < 100 else f"{hours // 24}d{hours % 24:02d}h"
+    if hours < 100:
+        return f"{hours}h{minutes:02d}m"
+    return f"{hours // 24}d" if hours < 24_000 else ">999d"

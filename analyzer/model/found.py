@@ -73,6 +73,13 @@ class FindingLog:
             return None
         return int(rows.min() if step > 0 else rows.max())
 
+    def rules(self, first: int, last: int) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
+        """Rows from `first` to `last` (excluded) that findings stand on, ascending, and the rule of each."""
+        rows = self._rows[: self.count]
+        here = np.flatnonzero((rows >= first) & (rows < last))
+        here = here[np.argsort(rows[here], kind="stable")]
+        return rows[here].astype(np.int64), self._findings["rule"][here]
+
     def between(self, first: int, last: int) -> NDArray[np.void]:
         """Those on rows `first` to `last` (excluded), in the order of their rows."""
         rows = self._rows[: self.count]

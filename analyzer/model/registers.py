@@ -66,9 +66,9 @@ class Registers:
     def __len__(self) -> int:
         return int((self._row >= 0).sum())
 
-    def feed(self, batch: Batch, decoded: Decoded, first: int) -> None:
-        """Take in the values of a batch whose first row has number `first`."""
-        keys, values, rows = _confirmed(batch, decoded)
+    def feed(self, bus: Bus, batch: Batch, first: int) -> None:
+        """Take in the values of a batch, whose rows stand in the model from `first` on."""
+        keys, values, rows = _confirmed(bus, batch)
         if not len(keys):
             return
         slots = self._slots(keys)
@@ -125,7 +125,7 @@ def history(bus: Bus, register: Register, most: int = 512) -> list[Reading]:
     while last > limit and len(found) < most:
         begin = max(limit, last - (1 << 13))
         for first, batch in reversed(list(bus.batches(begin, last))):
-            keys, values, rows = _confirmed(batch, decode(batch), register.unit)
+            keys, values, rows = _confirmed(bus, batch, register.unit)
             here = np.flatnonzero(keys == key)[::-1]
             found.extend(
                 Reading(int(batch.rows["t_end"][rows[i]]), first + int(rows[i]), int(values[i])) for i in here.tolist()
@@ -134,9 +134,9 @@ def history(bus: Bus, register: Register, most: int = 512) -> list[Reading]:
     return found[:most][::-1]
 
 
-def _confirmed(batch: Batch, decoded: Decoded, unit: int | None = None) -> tuple[_Ints, _Ints, _Ints]:
-    """Values that stand for what a register is: key (unit, area, address), value, and row of the answer."""
-    parts = list(_answers(batch, decoded, unit))
+def _confirmed(bus: Bus, batch: Batch, unit: int | None = None) -> tuple[_Ints, _Ints, _Ints]:
+    """Values that stand for what a register is: key (unit, area, address), value, and place of the answer."""
+    parts = list(_answers(bus, batch, unit))
     if not parts:
         nothing = np.zeros(0, np.int64)
         return nothing, nothing, nothing
@@ -145,8 +145,8 @@ def _confirmed(batch: Batch, decoded: Decoded, unit: int | None = None) -> tuple
     return keys[order], values[order], rows[order]
 
 
-def _answers(batch: Batch, decoded: Decoded, unit: int | None) -> Iterator[tuple[_Ints, _Ints, _Ints]]:
-    rows = batch.rows
+def _answers(bus: Bus, batch: Batch, unit: int | None) -> Iterator[tuple[_Ints, _Ints, _Ints]]:
+    rows, decoded = batch.rows, decode(batch)
     good = (rows["kind"] == Kind.RESPONSE) & (rows["request"] >= 0) & rows["check"] & (rows["exception"] == 0)
     if unit is not None:
         good &= rows["unit"] == unit
@@ -157,11 +157,13 @@ def _answers(batch: Batch, decoded: Decoded, unit: int | None) -> Iterator[tuple
     at = np.searchsorted(rows["index"][frames], rows["request"][answers])
     asked = frames[np.minimum(at, len(frames) - 1)] if len(frames) else answers
     here = rows["index"][asked] == rows["request"][answers]
-    asked, answers = asked[here], answers[here]
-    if not len(asked):
-        return
-    holds = np.diff(decoded.offsets)[asked] > 0
-    yield _spread(batch, decoded, asked[holds], answers[holds])
+    yield _spread(batch, decoded, asked[here], answers[here])
+    away = answers[~here]  # few: their requests came in batches before
+    numbers = bus.table.rows_of_frames(rows["request"][away])
+    for number, answer in zip(numbers.tolist(), away.tolist(), strict=True):
+        if number >= 0:
+            request = bus.batch(np.array([number]))
+            yield _spread(request, decode(request), np.array([0]), np.array([answer]))
 
 
 def _spread(batch: Batch, decoded: Decoded, rows: _Ints, answers: _Ints) -> tuple[_Ints, _Ints, _Ints]:

@@ -53,9 +53,11 @@ class Everything:
 class Selection:
     """Rows that pass a test. `extend` belongs to one thread at a time; reading to any."""
 
-    def __init__(self, bus: Bus, test: Test) -> None:
+    def __init__(self, bus: Bus, test: Test, *, lag: int = 0) -> None:
+        """`lag`: rows that are left untested until as many have come behind them, or no more come."""
         self._bus = bus
         self._test = test
+        self._lag = lag
         self._parts: list[NDArray[np.uint32]] = []
         self._begins: list[int] = []  # position of each part's first row
         self.count = 0
@@ -63,7 +65,7 @@ class Selection:
 
     def extend(self, stop: Callable[[], bool] = lambda: False) -> bool:
         """Test the rows that are there now; False where `stop` ended it early."""
-        upto = self._bus.count
+        upto = self._bus.count if self._bus.whole else max(self.done, self._bus.count - self._lag)
         for number, low, high in self._bus.table.slices(self.done, upto):
             if stop():
                 return False

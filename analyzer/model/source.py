@@ -48,6 +48,9 @@ class Source(Protocol):
         ...
 
 
+_FIRST = 1 << 16  # bytes: a first screen is there at once
+
+
 class CaptureSource:
     """A capture, read from its beginning."""
 
@@ -73,7 +76,7 @@ class CaptureSource:
         from analyzer.passing import passing
         from analyzer.pipeline import deframe
 
-        return deframe(passing(self.capture, stop=stop))
+        return deframe(passing(self.capture, stop=stop), first=_FIRST)
 
     def notices(self) -> Sequence[str]:
         lines = [str(loss) for loss in self.capture.damage[:5]]

@@ -11,8 +11,9 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Label
 
-from analyzer.model.filtering import Completion, compiled, completions, trouble
-from analyzer.model.selection import Test
+from analyzer.filters import Completion, FilterError, check, complete
+from analyzer.model.filtering import compiled
+from captures.line import LineSettings
 
 from .lines import Lines
 from .messages import FilterChanged, FilterLeft, LineEntered
@@ -70,10 +71,10 @@ class FilterInput(Input):
 class FilterBar(Vertical):
     """The line, what is wrong with it, and completions under it."""
 
-    def __init__(self, *, id: str) -> None:
+    def __init__(self, speaks: LineSettings, *, id: str) -> None:
         super().__init__(id=id)
         self.text = ""  # the filter in use
-        self._history: list[str] = []
+        self._speaks = speaks
 
     def compose(self) -> ComposeResult:
         with Horizontal(id="filter-line"):
@@ -96,9 +97,9 @@ class FilterBar(Vertical):
 
     def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
-        wrong = trouble(event.value)
+        wrong = check(event.value, self._speaks)
         self.line.set_class(wrong is not None, "-wrong")
-        self._say("" if wrong is None or not event.value.strip() else f"column {wrong.column + 1}: {wrong}")
+        self._say("" if wrong is None else str(wrong))
         self._suggest()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
@@ -118,17 +119,15 @@ class FilterBar(Vertical):
 
     def _use(self, text: str) -> bool:
         text = text.strip()
-        test: Test | None = None
-        if text:
-            wrong = trouble(text)
-            if wrong is not None:
-                self._say(f"column {wrong.column + 1}: {wrong}")
-                self.line.cursor_position = min(wrong.column, len(text))
-                return False
-            test = compiled(text)
+        try:
+            found = compiled(text, self._speaks) if text else None
+        except FilterError as error:
+            self._say(str(error))
+            self.line.cursor_position = min(error.column, len(text))
+            return False
         self.text = text
         self._say("")
-        self.post_message(FilterChanged(test, text))
+        self.post_message(FilterChanged(found))
         return True
 
     def _say(self, text: str) -> None:
@@ -138,7 +137,7 @@ class FilterBar(Vertical):
 
     def _suggest(self) -> None:
         line = self.line
-        found = completions(line.value, line.cursor_position) if line.has_focus else ()
+        found = complete(line.value, line.cursor_position) if line.has_focus else ()
         self.query_one(Completions).show(found)
 
     def pick(self, step: int) -> None:
@@ -152,7 +151,8 @@ class FilterBar(Vertical):
         shown = self.query_one(Completions)
         if shown.found:
             line, own = self.line, shown.found[shown.cursor]
-            before, after = line.value[: own.start], line.value[line.cursor_position :]
+            before, after = line.value[: line.cursor_position], line.value[line.cursor_position :]
+            before = before[: len(before) - len(_begun(before, own.text))]
             line.value = before + own.text + after
             line.cursor_position = len(before + own.text)
 
@@ -160,3 +160,11 @@ class FilterBar(Vertical):
         """Back to the list."""
         self.query_one(Completions).show(())
         self.post_message(FilterLeft())
+
+
+def _begun(typed: str, word: str) -> str:
+    """The end of what was typed that `word` goes on from."""
+    for size in range(min(len(typed), len(word)), 0, -1):
+        if word[:size].casefold() == typed[-size:].casefold():
+            return typed[-size:]
+    return ""

@@ -9,8 +9,8 @@ from textual.message import Message
 if TYPE_CHECKING:
     from textual.widget import Widget
 
+    from analyzer.model.filtering import Compiled
     from analyzer.model.registers import Reading, Register
-    from analyzer.model.selection import Test
     from analyzer.reports.model import Report
 
 
@@ -67,9 +67,8 @@ class OctetChosen(Message):
 class FilterChanged(Message):
     """A display filter is to be used; None for none."""
 
-    def __init__(self, test: Test | None, text: str) -> None:
-        self.test = test
-        self.text = text
+    def __init__(self, filter: Compiled | None) -> None:
+        self.filter = filter
         super().__init__()
 
 

@@ -94,7 +94,7 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
     def compose(self) -> ComposeResult:
         desk = self.desk
         yield Tabs(id="tabs")
-        yield FilterBar(id="filter-bar")
+        yield FilterBar(desk.source.line, id="filter-bar")
         with ContentSwitcher(id="views", initial=self.view):
             yield FrameList(desk, id="frames")
             yield ConversationList(desk, id="conversations")
@@ -255,7 +255,7 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
         self.go(event.row)
 
     def on_filter_changed(self, event: FilterChanged) -> None:
-        self.test = event.test
+        self.filter = event.filter
         self.reselect()
 
     def on_filter_left(self, event: FilterLeft) -> None:
@@ -284,8 +284,8 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
         """Take back what narrows the list: the selection, then span and filter."""
         if self.pinned is not None:
             self.action_select()
-        elif self.test is not None or self.span is not None:
-            self.test = self.span = None
+        elif self.filter is not None or self.span is not None:
+            self.filter = self.span = None
             self.query_one(FilterBar).use("")
         self.listing.focus()
 

@@ -19,10 +19,13 @@ from .registerlist import History, RegisterList, plotted
 from .unitlist import UnitList
 
 if TYPE_CHECKING:
+    from analyzer.model.filtering import Compiled
+
     from .frames import ConversationList, FrameList
 
 _PERIOD_S = 0.1  # between two tellings
 _REPORT_S = 1.0
+_LAG = 64  # rows: by then what was found about one is known, as a rule
 
 
 class Working(Screen[None]):
@@ -46,7 +49,7 @@ class Working(Screen[None]):
     def prepare_work(self) -> None:
         """Nothing is selected, nothing goes on."""
         self.doing = ""
-        self.test: Test | None = None
+        self.filter: Compiled | None = None
         self.span: tuple[int, int] | None = None
         self.hide_noise = False
         self.selection: Selection | None = None
@@ -91,6 +94,8 @@ class Working(Screen[None]):
 
     def on_loading_ended(self, event: LoadingEnded) -> None:
         self.doing = ""
+        if self.filter is not None and self.filter.settled:
+            self.reselect()
         if self.row is None and self.desk.bus.count:
             self.frames.renewed()
         self.refresh_view()
@@ -110,11 +115,12 @@ class Working(Screen[None]):
             tests.append(frames_only)
         if self.span is not None:
             tests.append(within(*self.span))
-        if self.test is not None:
-            tests.append(self.test)
+        if self.filter is not None:
+            tests.append(self.filter.test)
         bus = self.desk.bus
-        self._waiting = Selection(bus, both(tests)) if tests else None
-        self._conversation = Selection(bus, both([conversations, *tests]))
+        lag = _LAG if self.filter is not None and self.filter.settled else 0
+        self._waiting = Selection(bus, both(tests), lag=lag) if tests else None
+        self._conversation = Selection(bus, both([conversations, *tests]), lag=lag)
         self.selection = self._waiting
         if self._waiting is None:
             self.frames.use(Everything(bus))
