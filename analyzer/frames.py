@@ -75,6 +75,7 @@ ROW = np.dtype(
         ("check", np.bool_),  # CRC or LRC right
         ("port", np.uint8),
         ("protocol", np.uint8),  # Protocol
+        ("contested", np.bool_),  # other explanations of its bytes were weighed
         *_GAPS,
     ]
 )
@@ -101,6 +102,7 @@ class Row:
     check: bool
     port: int
     protocol: int
+    contested: bool
     gap_before: int
     gap_most: int
     gap_least: int

@@ -20,6 +20,7 @@ from dissectors.lengths import Asked, relations
 
 from .frames import Batch, Kind, Rows
 
+NEVER: Final = -(1 << 62)  # a time that is none
 _PATIENCE: Final = 16  # frames after a request, beyond which no answer is waited for
 _REACH: Final = 1 << 16  # and bytes, noise included
 _GLITCHES: Final = (0x00, 0xFE, 0xFF)  # noise bytes that say nothing
@@ -48,7 +49,7 @@ TRANSACTION = np.dtype(
         ("t_request", np.int64),  # ns, end of the request
         ("t_response", np.int64),  # ns, start of the answer; -1 for none
         ("response_ns", np.int64),  # -1 for none, or where the tap can't tell
-        ("t_next", np.int64),  # of an unanswered one: ns, start of the next request; -1 for none
+        ("t_next", np.int64),  # of an unanswered one: ns, start of the next request; NEVER for none
         ("garbage", np.int64),  # and bytes between the two that belong to no request, glitches apart
         ("unit", np.uint8),
         ("function", np.uint8),
@@ -117,7 +118,7 @@ class Transactions:
     def _settle(self, count: int) -> NDArray[np.void]:
         settled, self._open = self._open[:count], self._open[count:].copy()
         done = settled["status"] != Status.UNANSWERED
-        settled["t_next"][done], settled["garbage"][done] = -1, 0
+        settled["t_next"][done], settled["garbage"][done] = NEVER, 0
         self._places = self._places[count:].copy()
         return settled
 
@@ -226,7 +227,8 @@ def _opened(rows: Rows, requests: NDArray[np.intp]) -> Rows:
     for name in ("unit", "function", "port", "start", "length", "t_start"):
         opened[name] = rows[name][requests]
     opened["request"], opened["t_request"] = rows["index"][requests], rows["t_end"][requests]
-    for name in ("response", "response_start", "response_length", "t_response", "response_ns", "t_next"):
+    for name in ("response", "response_start", "response_length", "t_response", "response_ns"):
         opened[name] = -1
+    opened["t_next"] = NEVER
     opened["status"] = np.where(opened["unit"] == 0, Status.BROADCAST, Status.UNANSWERED)
     return opened

@@ -21,6 +21,7 @@ from .rules import MAX_ADU
 _DAMAGED: Final = -9.0  # bits: answers are damaged now and then
 _LENGTH: Final = -3.0  # and not of the length that they should be
 _LONGER: Final = -2.0  # a byte too many
+_MUCH_LONGER: Final = -0.5  # and more, where a slice came twice, or another sender joined in
 _BYTE: Final = -0.6  # a byte that nothing vouches for
 _SPARE: Final = 4  # bytes that a fault may have added
 _NEARLY: Final = -3.0  # a request that is a byte short or long: less sure to be one at all
@@ -45,7 +46,7 @@ def damaged_answers(
             if start not in taken and data.startswith(header, start):
                 length = predicted(data, start, Role.RESPONSE) or MAX_ADU
                 for end in places.ends:
-                    most = start + length + (_SPARE if len(header) >= _LEAST else 0)
+                    most = start + (2 * length + _SPARE if len(header) >= _LEAST else length)
                     least = start + (_LEAST if len(header) >= _LEAST else length)
                     if least <= end <= most and not places.parted(start, end):
                         found[start, end] = Candidate(
@@ -60,7 +61,8 @@ def _bits(length: int, predicted: int) -> float:
     """What the length of a damaged answer says."""
     bits = _DAMAGED + _BYTE * length
     if length != predicted:
-        bits += _LENGTH + _LONGER * max(0, length - predicted)
+        more = max(0, length - predicted)
+        bits += _LENGTH + _LONGER * min(more, _SPARE) + _MUCH_LONGER * max(0, more - _SPARE)
     return bits
 
 
@@ -76,5 +78,4 @@ def damaged_requests(data: bytes, places: Places, candidates: Sequence[Candidate
             if end in places.ends and not places.parted(start, end):
                 bits = _bits(end - start, length) + (0.0 if end == start + length else _NEARLY)
                 found.append(Candidate(start, end, Role.REQUEST, bits, damaged=True))
-                break
     return found

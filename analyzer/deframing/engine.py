@@ -161,7 +161,7 @@ class Engine:
             why["silence"], why["conversation"] = plain_evidence(
                 stretch.data, start, end, role, classes, self.trust, self._talk.said
             )
-        self._commit(start + begin, end + begin, role, np.ones(count, np.bool_), why)
+        self._commit(start + begin, end + begin, role, np.ones(count, np.bool_), why, contested=False)
         first = int(np.searchsorted(start, end[-1] - _REACH))
         places = start[first:] + begin, end[first:] + begin
         self._talk.go_on(Run(self.tape.data, self.tape.base, *places, role[first:]), alone=first > 0)
@@ -277,7 +277,7 @@ class Engine:
             if step.candidate is not None and not step.candidate.declared:
                 self._vendor.add(int(self.tape.data[origin + step.start + 1]) & 0x7F)
         check = np.array([s.candidate is not None and not s.candidate.damaged for s in steps], np.bool_)
-        self._commit(start + origin, end + origin, role, check, why)
+        self._commit(start + origin, end + origin, role, check, why, contested=True)
 
     def _commit(
         self,
@@ -286,6 +286,8 @@ class Engine:
         role: NDArray[np.uint8],
         check: NDArray[np.bool_],
         why: Rows,
+        *,
+        contested: bool,
     ) -> None:
         """Pieces (indices of the tape) are decided: report them, learn from them."""
         tape = self.tape
@@ -296,7 +298,8 @@ class Engine:
             role, check, why = role[piece], check[piece], why[piece]
         offsets = start.astype(np.int64) + tape.base, end.astype(np.int64) + tape.base
         times = (*tape.spans(start, end), *tape.reads(start, end))
-        self._out.append(Pieces(*offsets, role, check, *times, why, tape.gaps(start, end)))
+        weighed = np.full(len(start), contested)
+        self._out.append(Pieces(*offsets, role, check, *times, why, tape.gaps(start, end), weighed))
 
     def _parted(
         self, start: Index, end: Index, role: NDArray[np.uint8], parts: NDArray[np.bool_]

@@ -36,6 +36,7 @@ FITS = 21.0  # an answer of the right unit, function and count: what its header 
 FITS_BARE = 13.0  # an answer of which only unit and function are known
 FITS_EXCEPTION = 8.0
 LATE = -8.0  # it answers an older request
+LATE_BYTE = -1.0 / 16  # for each byte that has passed since: late answers come soon or never
 UNASKED = -14.0  # nothing was pending
 ANSWERED_IN_NOISE = -1.0
 ASKED_IN_NOISE = -9.0  # nothing was, but what was noise may have been the request
@@ -263,7 +264,8 @@ class Lattice:
             return (UNASKED if said.answered else CONTRARY) + unit, said
         bits = FITS_EXCEPTION if adu[1] & 0x80 else FITS if said.pending[which].expects.marks else FITS_BARE
         if said.answered or which != len(said.pending) - 1:
-            bits += LATE
+            asked = said.pending[which]
+            bits += LATE + LATE_BYTE * (self.offset + candidate.start - asked.start - len(asked.adu))
         return bits, said.answer(which)
 
     def _inside(self, outer: Candidate) -> float:

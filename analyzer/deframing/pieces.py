@@ -26,6 +26,7 @@ class Pieces(NamedTuple):
     tail: Times  # and of the one that brought the last
     why: Rows  # EVIDENCE
     gaps: Rows  # GAPS
+    contested: NDArray[np.bool_]  # decided by the lattice
 
 
 def evidence(n: int) -> Rows:
@@ -35,5 +36,5 @@ def evidence(n: int) -> Rows:
     return why
 
 
-_TYPES: Final = (np.int64, np.int64, np.uint8, np.bool_, np.int64, np.int64, np.int64, np.int64, EVIDENCE, GAPS)
+_TYPES: Final = (np.int64, np.int64, np.uint8, np.bool_, *[np.int64] * 4, EVIDENCE, GAPS, np.bool_)
 NOTHING: Final = Pieces(*(np.empty(0, t) for t in _TYPES))

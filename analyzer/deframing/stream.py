@@ -130,7 +130,7 @@ class _Loose:
         rows["t_start"], rows["t_end"] = pieces.t_start, pieces.t_end
         rows["index"] = rows["request"] = rows["request_start"] = rows["response_ns"] = -1
         rows["kind"] = _KIND_OF_ROLE.take(pieces.role)
-        rows["check"], rows["port"] = pieces.check, port
+        rows["check"], rows["port"], rows["contested"] = pieces.check, port, pieces.contested
         for name in GAPS.names or ():
             rows[name] = pieces.gaps[name]
         rows["confidence"] = 1.0 / (1.0 + np.exp2(-np.maximum(pieces.why["margin"], 0.0)))

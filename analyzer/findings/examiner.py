@@ -7,20 +7,23 @@ has a good explanation. One cause, one finding: such a stretch is no noise any m
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.answers import expectation
-from dissectors.lengths import Role, revision, rule
+from dissectors.lengths import Role, pdu_length, revision, rule
 
 from ..frames import Batch, Kind, Protocol, Rows
 from .autopsy import Case, Verdict, autopsy
+from .autopsy.case import OVERHEAD
 from .trail import Seen, Trail
 
+HASTE_NS: Final = 50_000_000  # sooner than any master gives up waiting
+_HARD_NS: Final = 1_500_000  # what comes sooner belongs to the frame before
+_TWICE: Final = 2  # bytes
 _LEAST: Final = 4  # bytes of noise that may be a damaged frame
 _MOST: Final = 400
 _KEPT: Final = 4096  # requests
@@ -75,21 +78,41 @@ class Examiner:
             role = Role.REQUEST if row.row.kind == Kind.REQUEST else Role.RESPONSE
             if row.row.request >= 0:
                 request = batch.request_of(place, row.row.request) or request
-            if role is Role.REQUEST:
-                request = None
-        elif request is not None and _starts(row.captured, request):
-            verdict = Verdict("truncated", 0.0, 1.0, length=Case(row.captured, request=request).due)
-            return self._explains(pending, verdict)
+            if role is Role.REQUEST and pending is not None and _soon(row, pending):
+                role = None  # no master asks again so soon: this is the answer
+            elif role is Role.REQUEST:
+                pending = request = None
+        elif tail := self._repeated(batch, place, row):
+            return tail
+        elif cut := _beginning(row.captured, request, known):
+            return self._explains(pending, cut)
         elif len(row.captured) < _LEAST or not _begins(row.captured, request, units):
             return None
+        if row.row.errors:
+            return self._explains(pending, None)
         first_flow = self._flow_at.get(row.row.port)
         free = row.row.start if first_flow is None or first_flow >= row.row.start else 0
         verdict = _told(_autopsy(row.captured, role, request, known, units, free, revision()))
         if not row.is_frame and (verdict.code == "crc-error" or verdict.certainty < _SURE):
+            if pending is None and _request_like(row.captured, units):
+                return Verdict("crc-error", 0.0, 1.0)
             return None
-        return verdict if role is Role.REQUEST else self._explains(pending, verdict)
+        return self._explains(pending, verdict)
 
-    def _explains(self, pending: Seen | None, verdict: Verdict) -> Verdict:
+    def _repeated(self, batch: Batch, place: int, row: Seen) -> Verdict | None:
+        """That noise right behind a frame is the frame's end once more."""
+        before = next(self._trail.back(batch, place), None)
+        size = len(row.captured)
+        if before is None or not before.row.check or size < _TWICE or not row.row.gap_before < _HARD_NS:
+            return None
+        if size > len(before.captured) or not before.captured.endswith(row.captured):
+            return None
+        if _GLITCHES.issuperset(row.captured):
+            return None
+        at = len(before.captured) - size
+        return Verdict("bytes-repeated", 0.0, 1.0, repaired=before.captured, byte=at, length=size)
+
+    def _explains(self, pending: Seen | None, verdict: Verdict | None) -> Verdict | None:
         """The verdict on what is, or was, the answer to a request."""
         if pending is not None:
             self._explained.append(pending.row.index)
@@ -117,13 +140,28 @@ def _suspects(rows: Rows) -> NDArray[np.intp]:
     """Rows that need an autopsy: damaged frames in RTU mode, and noise that is long enough."""
     noise = (rows["kind"] == Kind.NOISE) & (rows["length"] <= _MOST)
     wrong = (rows["kind"] != Kind.NOISE) & ~rows["check"]
-    return np.flatnonzero((noise | wrong) & (rows["errors"] == 0) & (rows["protocol"] == Protocol.RTU))
+    return np.flatnonzero((noise | wrong) & (rows["protocol"] == Protocol.RTU))
 
 
-def _starts(data: bytes, request: bytes) -> bool:
-    """Whether a byte or two are just the beginning of the answer that is due."""
-    header = expectation(request).header
-    return len(data) < _LEAST and header.startswith(data) and not _GLITCHES.issuperset(data)
+def _soon(row: Seen, pending: Seen) -> bool:
+    """Whether a row came after a request sooner than a master gives up; so it is where times tell nothing."""
+    return row.row.t_start - pending.row.t_end < HASTE_NS
+
+
+def _beginning(data: bytes, request: bytes | None, known: Collection[bytes]) -> Verdict | None:
+    """That a few bytes are the beginning of the answer that is due, or of a request of late."""
+    if len(data) >= _LEAST or _GLITCHES.issuperset(data):
+        return None
+    if request is not None:
+        case = Case(data, request=request)
+        return Verdict("truncated", 0.0, 1.0, length=case.due) if case.header.startswith(data) else None
+    lengths = [len(other) for other in known if other.startswith(data)]
+    return Verdict("truncated", 0.0, 1.0, length=lengths[0]) if lengths and len(data) == _LEAST - 1 else None
+
+
+def _request_like(data: bytes, units: frozenset[int]) -> bool:
+    """Whether noise is a request but for its check value: a unit of this bus, the length that its header predicts."""
+    return data[0] in units and len(data) == (pdu_length(data[1:], Role.REQUEST) or 0) + OVERHEAD
 
 
 def _begins(data: bytes, request: bytes | None, units: frozenset[int]) -> bool:

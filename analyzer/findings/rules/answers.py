@@ -16,15 +16,18 @@ from numpy.typing import NDArray
 from dissectors.lengths import Echo, relations
 
 from ...frames import Rows
-from ...transactions import TRANSACTION, Status
+from ...transactions import NEVER, TRANSACTION, Status
+from ..clock import FIRST, UNKNOWN
+from ..examiner import HASTE_NS
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
 from ..view import View
 from .strangers import BROADCAST_ANSWERED, MISMATCH
 
-_HASTE_NS: Final = 50_000_000  # sooner than any master gives up waiting
 _STRAY: Final = 4  # bytes that may have been an answer
+_ECHO_NS: Final = 5_000_000
 _SURE_ECHOES: Final = 3
+_ECHOING: Final = 0.3  # of all requests
 
 
 def _silent(numbers: Mapping[str, float]) -> str:
@@ -38,8 +41,10 @@ NO_RESPONSE: Final = Rule(
     About.TRANSACTION,
     clause="[2] 2.4.1",
     numbers=("unit", "waited_ms", "function"),
+    loses=True,
+    wastes="waited_ms",
     text=_silent,
-    cause="likely no such unit, or without power; else a wrong baud rate or parity, swapped A and B, or a request that "
+    cause="no such unit, or one without power; else a wrong baud rate or parity, swapped A and B, or a request that "
     "reached it damaged",
     remedy="check the unit's power, address, line settings and wiring; take it out of the poll list if it is not there",
 )
@@ -62,6 +67,8 @@ LATE: Final = Rule(
     About.TRANSACTION,
     clause="[2] 2.4.1",
     numbers=("unit", "late_ms", "request"),
+    loses=True,
+    wastes="late_ms",
     text=lambda numbers: (
         f"this answers frame {numbers['request']:.0f}"
         + (f", {numbers['late_ms']:.4g} ms after it" if "late_ms" in numbers else "")
@@ -76,7 +83,9 @@ ECHO: Final = Rule(
     Severity.NOTE,
     About.TRANSACTION,
     numbers=("after_ms",),
-    text="the same frame once more, {after_ms:.3g} ms after itself",
+    text=lambda numbers: (
+        "the same frame once more" + (f", {numbers['after_ms']:.3g} ms after itself" if "after_ms" in numbers else "")
+    ),
     cause="the tap or a converter with local echo shows each sent frame twice",
     remedy="switch the converter's local echo off, or tap the line behind it",
 )
@@ -89,7 +98,8 @@ class Outcomes:
     def __init__(self) -> None:
         self._held: Rows = np.zeros(0, TRANSACTION)
         self._judged = 0  # of them, 1 once there is one
-        self._echoes = self._requests = 0
+        self._echoes = self._requests = 0  # so far; of the first ones, before any is judged
+        self._answering: set[int] = set()  # units that have answered
 
     @property
     def open_from(self) -> int | None:
@@ -97,7 +107,7 @@ class Outcomes:
 
     def __call__(self, view: View) -> Iterator[Findings]:
         self._held = np.concatenate((self._held, view.transactions))
-        if view.clock.known:
+        if view.clock.known and len(self._held) and self._held["request"][-1] >= FIRST:
             yield from self._go_on(view, len(self._held) - 1)
 
     def close(self, view: View) -> Iterator[Findings]:
@@ -107,6 +117,8 @@ class Outcomes:
     def _go_on(self, view: View, upto: int) -> Iterator[Findings]:
         """Judge those held, up to one, and keep the newest of them beside what is left."""
         known, first = self._held, self._judged
+        if not self._requests:  # what the first frames show counts for them, too
+            self._count(known, 0, int(np.searchsorted(known["request"], FIRST)))
         if upto > first:
             yield from self._judge(view, known, first, upto)
             self._held, self._judged = known[upto - 1 :].copy(), 1
@@ -115,80 +127,121 @@ class Outcomes:
         """Say what is to be said of transactions first to last (excluded); their neighbours are looked at, too."""
         late = np.flatnonzero(known["late"][first:last] & (known["response"][first:last] >= 0)) + first
         if len(late):
-            yield _late(known, late, timed=view.timed)
+            clocked = [view.clock.verdict(index).wait_ns < UNKNOWN for index in known["response"][late].tolist()]
+            yield _late(known[late], np.array(clocked) & view.timed)
         silent_ones = known["status"][first:last] == Status.UNANSWERED
         odd = np.flatnonzero(silent_ones | known["retry"][first:last]) + first
         found: dict[Rule, list[int]] = {rule: [] for rule in (NO_RESPONSE, RETRY, MISMATCH, BROADCAST_ANSWERED, ECHO)}
         for i in odd.tolist():
-            self._requests += 1
-            quick = view.timed and view.clock.verdict(int(known["request"][i])).wait_ns < _HASTE_NS / 2
+            self._count(known, first, i)
+            first = i
+            quick = view.timed and view.clock.verdict(int(known["request"][i])).wait_ns < HASTE_NS / 2
             rule = self._outcome(view, known, i, quick=quick)
             if rule is not None:
                 found[rule].append(i)
-                self._echoes += rule is ECHO
-            hasty = _hasty(known, i - 1, i, quick=quick)
-            if known["retry"][i] and not hasty:
+            if known["retry"][i] and rule is not ECHO and rule is not BROADCAST_ANSWERED:
                 found[RETRY].append(i)
+        self._count(known, first, last)
         for rule, which in found.items():
             if which:
-                yield _on(rule, known[which], *self._evidence(rule, known, np.array(which), timed=view.timed))
+                clocked = [view.clock.verdict(index).wait_ns < UNKNOWN for index in known["request"][which].tolist()]
+                timed = np.array(clocked) & view.timed
+                yield _on(rule, known[which], *self._evidence(rule, known, np.array(which), timed))
+
+    def _count(self, known: Rows, first: int, last: int) -> None:
+        """Count requests, and those that were answered when they came a second time; the first frames only once."""
+        these = known[first:last][known["request"][first:last] >= (FIRST if self._requests else 0)]
+        self._requests += len(these)
+        self._echoes += int((these["retry"] & (these["status"] != Status.UNANSWERED)).sum())
+        self._answering |= set(np.unique(these["unit"][these["status"] == Status.ANSWERED]).tolist())
+
+    @property
+    def _echoing(self) -> bool:
+        """Whether nearly every request comes twice: that is the tap's doing."""
+        return self._echoes >= _SURE_ECHOES and self._echoes >= _ECHOING * self._requests
 
     def _outcome(self, view: View, known: Rows, i: int, *, quick: bool) -> Rule | None:
         """What became of a request without an answer, or of one that repeats the one before."""
         hasty = _hasty(known, i - 1, i, quick=quick)
-        if known["retry"][i] and hasty:
-            return ECHO
+        if known["retry"][i]:
+            twice = not quick and _again(known, i - 1, i)
+            if (hasty and self._at_once(view, known, i)) or (twice and self._echoing):
+                return ECHO
+            if twice and known["unit"][i] == 0:
+                return BROADCAST_ANSWERED
         if known["status"][i] != Status.UNANSWERED:
             return None
         if _answers_broadcast(known, i, quick=quick):
             return BROADCAST_ANSWERED
-        if hasty and _echoes(int(known["function"][i])):
+        differs = hasty if quick else self._differs(known, i - 1, i)
+        if differs and not known["retry"][i] and _echoes(int(known["function"][i])):
             return MISMATCH
         return None if self._excused(view, known, i, quick=quick) else NO_RESPONSE
 
-    def _evidence(self, rule: Rule, known: Rows, which: NDArray[np.intp], *, timed: bool) -> tuple[object, ...]:
-        """The figures of a rule for some transactions."""
+    def _evidence(
+        self, rule: Rule, known: Rows, which: NDArray[np.intp], timed: NDArray[np.bool_]
+    ) -> tuple[object, ...]:
+        """The figures of a rule for some transactions; `timed`: whether their times mean anything."""
         these, before = known[which], known[np.maximum(which - 1, 0)]
         if rule is NO_RESPONSE:
             waited = (these["t_next"] - these["t_request"]) / 1e6
-            return these["unit"], waited if timed else np.nan, these["function"]
+            return these["unit"], np.where(timed, waited, np.nan), these["function"]
         if rule is RETRY:
             failed = (which > 0) & np.isin(before["status"], (Status.UNANSWERED, Status.DAMAGED)) & timed
             return these["unit"], np.where(failed, (these["t_start"] - before["t_start"]) / 1e6, np.nan)
         if rule is ECHO:
-            return (np.maximum(these["t_start"] - before["t_request"], 0) / 1e6,)
+            return (np.where(timed, np.maximum(these["t_start"] - before["t_request"], 0) / 1e6, np.nan),)
         return these["unit"], these["function"]
 
     def _excused(self, view: View, known: Rows, i: int, *, quick: bool) -> bool:
         """Whether something else explains that this request has no answer."""
-        if known["t_next"][i] < 0 or known["garbage"][i] >= _STRAY or int(known["request"][i]) in view.explained:
+        if known["t_next"][i] == NEVER or known["garbage"][i] >= _STRAY or int(known["request"][i]) in view.explained:
             return True
         if i + 1 < len(known) and _hasty(known, i, i + 1, quick=quick):
             following = known[i + 1]
             if following["retry"]:
-                return True  # this one, shown again
+                return self._at_once(view, known, i + 1)  # this one, shown again
             return bool(following["status"] == Status.UNANSWERED and _echoes(int(following["function"])))
-        return self._shown_twice(known, i, quick=quick)
+        if i + 1 < len(known) and self._echoing and known["retry"][i + 1] and _again(known, i, i + 1):
+            return True
+        if i + 1 < len(known) and not quick and self._differs(known, i, i + 1):
+            return _echoes(int(known["function"][i]))
+        return self._shown_twice(known, i)
 
-    def _shown_twice(self, known: Rows, i: int, *, quick: bool) -> bool:
+    def _at_once(self, view: View, known: Rows, i: int) -> bool:
+        """Whether a request came right behind the one before, as an echo does."""
+        near = _ECHO_NS + view.clock.verdict(int(known["request"][i])).wait_ns
+        return bool(known["t_start"][i] - known["t_request"][i - 1] < near)
+
+    def _differs(self, known: Rows, i: int, after: int) -> bool:
+        """Whether two unlike requests of one shape in a row, none answered, went to a unit that answers otherwise."""
+        if not _again(known, i, after) or known["retry"][after] or int(known["unit"][after]) not in self._answering:
+            return False
+        return bool(known["status"][i] == Status.UNANSWERED == known["status"][after])
+
+    def _shown_twice(self, known: Rows, i: int) -> bool:
         """Whether this is a write's true echo, on a bus where the tap's copy of the write was taken for it."""
-        if self._echoes < _SURE_ECHOES or 2 * self._echoes < self._requests or i == 0 or not quick:
+        if not self._echoing or i == 0:
             return False
         before, this = known[i - 1], known[i]
         same = all(before[name] == this[name] for name in ("unit", "function", "length", "port"))
         return bool(same and before["response"] == this["request"] - 1 and _echoes(int(this["function"])))
 
 
+def _again(known: Rows, i: int, after: int) -> bool:
+    """Whether these are two frames in a row, of one shape."""
+    if i < 0 or known["request"][after] != known["request"][i] + 1:
+        return False
+    return all(known[name][i] == known[name][after] for name in ("unit", "function", "length", "port"))
+
+
 def _hasty(known: Rows, i: int, after: int, *, quick: bool) -> bool:
     """Whether a request of the same shape came right behind an unanswered one, sooner than a master gives up."""
     if i < 0 or not quick:
         return False
-    one, two = known[i], known[after]
-    if one["status"] != Status.UNANSWERED or two["request"] != one["request"] + 1:
+    if known["status"][i] != Status.UNANSWERED or not _again(known, i, after):
         return False
-    if any(one[name] != two[name] for name in ("unit", "function", "length", "port")):
-        return False
-    return bool(two["t_start"] - one["t_request"] < _HASTE_NS)
+    return bool(known["t_start"][after] - known["t_request"][i] < HASTE_NS)
 
 
 def _answers_broadcast(known: Rows, i: int, *, quick: bool) -> bool:
@@ -197,7 +250,7 @@ def _answers_broadcast(known: Rows, i: int, *, quick: bool) -> bool:
         return False
     before, this = known[i - 1], known[i]
     same = all(before[name] == this[name] for name in ("function", "length", "port"))
-    soon = this["t_start"] - before["t_request"] < _HASTE_NS
+    soon = this["t_start"] - before["t_request"] < HASTE_NS
     follows = before["unit"] == 0 and this["request"] == before["request"] + 1
     return bool(same and soon and follows and _echoes(int(this["function"])))
 
@@ -211,8 +264,7 @@ def _on(rule: Rule, transactions: Rows, *numbers: object) -> Findings:
     return rule.at(*columns, *numbers)
 
 
-def _late(known: Rows, late: NDArray[np.intp], *, timed: bool) -> Findings:
-    which = known[late]
-    behind = (which["t_response"] - which["t_request"]) / 1e6 if timed else np.full(len(which), np.nan)
+def _late(which: Rows, timed: NDArray[np.bool_]) -> Findings:
+    behind = np.where(timed, (which["t_response"] - which["t_request"]) / 1e6, np.nan)
     columns = (which[name] for name in ("response", "response_start", "response_length", "port", "t_response"))
     return LATE.at(*columns, which["unit"], behind, which["request"])

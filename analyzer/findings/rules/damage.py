@@ -14,6 +14,7 @@ import numpy as np
 from dissectors.checks import crc16
 from dissectors.crc_variants import VARIANTS
 
+from ...frames import Rows
 from ..autopsy import Verdict
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
@@ -40,6 +41,7 @@ BIT_FLIP: Final = Rule(
     About.FRAME,
     clause="[2] 2.5.1.2",
     numbers=("byte", "bit", "certainty"),
+    loses=True,
     text="one bit flipped: byte {byte:.0f} bit {bit:.0f} (0 the least significant); with it the CRC is right",
     cause=_NOISY_LINE,
     remedy=_LINE,
@@ -50,6 +52,7 @@ MISSING: Final = Rule(
     About.FRAME,
     clause="[2] 2.5.1.2",
     numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "second_value"),
+    loses=True,
     text=lambda numbers: (
         f"a byte is missing: {int(numbers['value']):02X} as byte {_places(numbers)} makes the CRC right"
     ),
@@ -62,6 +65,7 @@ EXTRA: Final = Rule(
     About.FRAME,
     clause="[2] 2.5.1.2",
     numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "second_value"),
+    loses=True,
     text=lambda numbers: (
         f"a byte too many: without {int(numbers['value']):02X}, byte {_places(numbers)}, the CRC is right"
     ),
@@ -74,7 +78,12 @@ TRUNCATED: Final = Rule(
     About.FRAME,
     clause="[2] 2.5.1.1",
     numbers=("bytes", "due", "certainty"),
-    text="the frame begins like one of {due:.0f} bytes and ends after {bytes:.0f}",
+    loses=True,
+    text=lambda numbers: (
+        "the frame begins like one"
+        + (f" of {numbers['due']:.0f} bytes" if "due" in numbers else "")
+        + f" and ends after {_bytes(numbers['bytes'])}"
+    ),
     cause="the sender's driver is switched off too early, or its buffer is too short; or the tap lost the end",
     remedy="check the sender's driver-enable timing; ask for fewer registers and see whether it helps",
 )
@@ -84,6 +93,7 @@ VARIANT: Final = Rule(
     About.FRAME,
     clause="[2] 6.2.2",
     numbers=("variant", "certainty"),
+    loses=True,
     text=lambda numbers: f"the check value is right by another convention: {VARIANTS[int(numbers['variant'])].name}",
     cause="the sender's firmware computes or sends its check value wrongly",
     remedy="the specification's is CRC-16/MODBUS, least significant byte first: have the firmware corrected",
@@ -93,6 +103,7 @@ REPEATED: Final = Rule(
     Severity.ERROR,
     About.FRAME,
     numbers=("byte", "length", "certainty"),
+    loses=True,
     text="{length:.0f} bytes from byte {byte:.0f} on come twice; once, they make the CRC right",
     cause="a buffer bug in a converter or driver between the line and the receiver",
     remedy="update the converter's driver or firmware, or use another one",
@@ -102,7 +113,8 @@ FLOW: Final = Rule(
     Severity.ERROR,
     About.FRAME,
     numbers=("lost", "certainty"),
-    text="{lost:.0f} bytes of 11 or 13 (XON, XOFF) are missing; with them the CRC is right",
+    loses=True,
+    text=lambda numbers: f"{_bytes(numbers['lost'])} of 11 or 13 (XON, XOFF) missing; put back, the CRC is right",
     cause="the capturing port has software flow control on and swallows these bytes",
     remedy="switch XON/XOFF off on the port (stty -ixon -ixoff)",
 )
@@ -112,6 +124,7 @@ COLLISION: Final = Rule(
     About.FRAME,
     clause="[2] 2.4.1",
     numbers=("bytes", "due", "certainty"),
+    loses=True,
     text=lambda numbers: (
         f"{numbers['bytes']:.0f} bytes that are no frame where an answer was due"
         + (f" of {numbers['due']:.0f}" if "due" in numbers else "")
@@ -126,6 +139,7 @@ CRC_ERROR: Final = Rule(
     About.FRAME,
     clause="[2] 2.5.1.2",
     numbers=("received", "computed"),
+    loses=True,
     text=lambda numbers: (
         f"the CRC is wrong ({_crc(numbers, 'received')}, {_crc(numbers, 'computed')} is right), and nothing simple "
         "explains it"
@@ -139,10 +153,15 @@ PARITY: Final = Rule(
     About.FRAME,
     clause="[2] 2.5.1",
     numbers=("marked_bytes", "bytes"),
+    loses=True,
     text="the UART marked {marked_bytes:.0f} of {bytes:.0f} bytes: wrong parity, or no stop bit where one was due",
     cause="the line is disturbed; where it is most frames, another baud rate or parity than the sender's",
     remedy="compare baud rate, parity and stop bits of tap and devices; then check the line",
 )
+
+
+def _bytes(count: float) -> str:
+    return "1 byte" if count == 1 else f"{count:.0f} bytes"
 
 
 def _crc(numbers: Mapping[str, float], name: str) -> str:
@@ -161,12 +180,24 @@ def damage(view: View) -> Iterator[Findings]:
         yield PARITY.on(rows[marked], rows["errors"][marked], rows["length"][marked])
     for place, verdict in view.verdicts.items():
         here, data = rows[place : place + 1], view.bytes_of(place)
+        if verdict.code == REPEATED.code and verdict.repaired and verdict.length == len(data):
+            here = _with_the_frame_before(here, len(verdict.repaired), view, place)
         known = _RULES.get(verdict.code)
         if known is not None:
             yield known.on(here, *_numbers(verdict, data))
         else:
             computed = crc16(data[:-2]) if len(data) > 2 else 0
             yield CRC_ERROR.on(here, int.from_bytes(data[-2:], "little"), computed)
+
+
+def _with_the_frame_before(noise: Rows, length: int, view: View, place: int) -> Rows:
+    """A frame and the noise behind it as one row."""
+    whole = noise.copy()
+    whole["start"] -= length
+    whole["length"] += length
+    behind = view.frames[view.frames > place]
+    whole["index"] = view.rows["index"][behind[0]] - 1 if len(behind) else view.rows["index"].max()
+    return whole
 
 
 def _numbers(verdict: Verdict, data: bytes) -> tuple[float, ...]:

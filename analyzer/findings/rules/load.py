@@ -49,7 +49,7 @@ SLOW: Final = Rule(
         + f"{numbers['usual_ms']:.3g} ms"
     ),
     cause="a slow processor, a gateway or radio behind this unit, or a device that is busy with something else",
-    remedy="poll it less often or fewer registers at once; make sure that the timeout is longer than its slowest answer",
+    remedy="poll it less often or fewer registers at once; set the timeout longer than its slowest answer",
 )
 WASTE: Final = Rule(
     "poll-waste",
@@ -57,8 +57,8 @@ WASTE: Final = Rule(
     About.BUS,
     numbers=("unit", "function", "requests", "first_address", "quantity", "saved_ms"),
     text=lambda numbers: (
-        f"{numbers['requests']:.0f} polls of unit {numbers['unit']:.0f} ({function_name(int(numbers['function']))}) read "
-        f"adjacent addresses {numbers['first_address']:.0f} to "
+        f"{numbers['requests']:.0f} polls of unit {numbers['unit']:.0f} ({function_name(int(numbers['function']))}) "
+        f"read adjacent addresses {numbers['first_address']:.0f} to "
         f"{numbers['first_address'] + numbers['quantity'] - 1:.0f}; one could"
         + (f", and save {numbers['saved_ms']:.3g} ms a round" if "saved_ms" in numbers else "")
     ),
@@ -86,7 +86,7 @@ class Pace:
         self._late: dict[int, Spread] = {}
 
     def __call__(self, view: View) -> Iterator[Findings]:
-        measured = view.transactions[view.transactions["response_ns"] >= 0]
+        measured = view.transactions[(view.transactions["response_ns"] >= 0) & ~view.transactions["late"]]
         for unit in np.flatnonzero(np.bincount(measured["unit"])).tolist():
             times = measured["response_ns"][measured["unit"] == unit]
             self._all.setdefault(unit, Spread()).add(times)
@@ -125,7 +125,7 @@ class Pace:
 
 
 def _slower(own: float, usual: float, off: float) -> bool:
-    return own > _TIMES_SLOWER * usual and own - usual > _SLOWER_NS and own - usual > 2 * off
+    return own > _TIMES_SLOWER * usual and own - usual > _SLOWER_NS and own - usual > 4 * off
 
 
 @looks_for(WASTE)

@@ -91,7 +91,7 @@ class Noise:
 
     @property
     def open_from(self) -> int | None:
-        return max(self._frames - 1, 0) if self._waiting is not None else None
+        return self._frames - 1 if self._frames else None  # noise behind it may be its own
 
     def __call__(self, view: View) -> Iterator[Findings]:
         rows = view.rows

@@ -107,6 +107,7 @@ class Timing:
 
     def __init__(self) -> None:
         self._before: Rows = np.zeros(1, ROW)  # the newest row
+        self._captured = b""
         self._waiting: list[tuple[Rows, Rows]] = []
         self._frames = 0
 
@@ -118,11 +119,11 @@ class Timing:
         rows = view.rows
         if not len(rows):
             return
-        places = _worth_a_look(view, self._before)
+        places = _worth_a_look(view, self._before, self._captured)
         before = rows[np.maximum(places - 1, 0)]
         if len(places) and places[0] == 0:
             before[0] = self._before[0]
-        self._before = rows[-1:].copy()
+        self._before, self._captured = rows[-1:].copy(), view.bytes_of(len(rows) - 1)
         self._frames += len(view.frames)
         if len(places):
             self._waiting.append((rows[places], before))
@@ -148,7 +149,7 @@ class Timing:
             yield from _turnarounds(view, rows, before, np.array([v.wait_ns for v in verdicts]))
 
 
-def _worth_a_look(view: View, newest: Rows) -> NDArray[np.intp]:
+def _worth_a_look(view: View, newest: Rows, captured: bytes) -> NDArray[np.intp]:
     """Rows whose silences break a limit at first sight, or that follow a broadcast."""
     rows = view.rows
     if not view.timed:
@@ -158,9 +159,12 @@ def _worth_a_look(view: View, newest: Rows) -> NDArray[np.intp]:
     if t15 < UNKNOWN and (view.clock.best().fine or not view.clock.known):
         before = rows["gap_before"]
         look |= (rows["gap_most"] > t15) | ((before < t35) & (before != NO_GAP))
-    broadcasts = np.flatnonzero((view.kind == Kind.REQUEST) & (rows["unit"] == 0)) + 1
-    look[broadcasts[broadcasts < len(rows)]] = True
-    look[0] |= newest["kind"][0] == Kind.REQUEST and newest["unit"][0] == 0
+    follows = (np.flatnonzero((view.kind[:-1] == Kind.REQUEST) & (rows["unit"][:-1] == 0)) + 1).tolist()
+    if newest["kind"][0] == Kind.REQUEST and newest["unit"][0] == 0:
+        follows.append(0)
+    for place in follows:  # a device's answer to the broadcast is no request that came too soon
+        sent = view.bytes_of(place - 1) if place else captured
+        look[place] |= view.bytes_of(place)[1:-2] != sent[1:-2]
     return np.flatnonzero(look & (view.kind != Kind.NOISE) & rows["check"] & (rows["protocol"] == 0))
 
 
@@ -173,6 +177,8 @@ def _silences(view: View, rows: Rows, before: Rows, jitter: NDArray[np.float64])
         gaps = rows["gap_most"][inside]
         yield GAP_INSIDE.on(rows[inside], gaps / 1e6, gaps / character, rows["gap_at"][inside], t35 / 1e6)
     short = before["check"] & (before["kind"] != Kind.NOISE) & (before["port"] == rows["port"])
+    alike = np.logical_and.reduce([rows[name] == before[name] for name in ("kind", "unit", "function", "length")])
+    short &= ~alike  # the tap shows it twice: no master and no unit sends so soon
     short &= (rows["gap_before"] != NO_GAP) & (rows["gap_before"] + jitter + _TOLERANCE * t35 < t35)
     found = np.flatnonzero(short)
     if len(found):
@@ -185,7 +191,6 @@ def _turnarounds(view: View, rows: Rows, before: Rows, off: NDArray[np.float64])
     due = view.options.turnaround_ns
     after = (rows["kind"] == Kind.REQUEST) & before["check"] & (before["kind"] == Kind.REQUEST)
     after &= (before["unit"] == 0) & (before["port"] == rows["port"]) & (off < _TIMER_NS)
-    after &= (rows["function"] != before["function"]) | (rows["length"] != before["length"])  # no echo of it
     pause = rows["t_start"] - before["t_end"]
     found = np.flatnonzero(after & (pause + np.where(after, off, 0) < due))
     if len(found):
