@@ -2,9 +2,9 @@
 
     python benchmarks/interface.py [FRAMES] [CAPTURE]        default: 10,000,000 frames
 
-Makes a capture (or takes one), opens it at 160x50 as a user would, and prints: time to the first rows, time until all is
+Makes a capture (or takes one), opens it at 160x50 as a user would, and prints: time to the first rows and until all is
 read, page-down while reading and after it, end, home, a display filter, and memory a frame. Times are wall clock, from
-the key to the last byte of the picture that it leads to.
+the key to the end of the picture that shows it.
 """
 
 from __future__ import annotations
@@ -147,7 +147,8 @@ def measure(path: Path, frames: int) -> None:
     told("end", [end for end, _ in ends])
     told("home", [home for _, home in ends])
     resident = terminal.memory()
-    print(f"{'memory of the program':<34} {resident / 1e6:>10,.1f} MB, {resident / frames:,.0f} bytes a frame with its bytes")
+    each = resident / frames
+    print(f"{'memory of the program':<34} {resident / 1e6:>10,.1f} MB, {each:,.0f} bytes a frame with its bytes")
     told("filter: unit == 17 (until shown)", filtered(terminal, b"unit == 17"))
     told("filter: not exception", filtered(terminal, b"not exception"))
     terminal.close()

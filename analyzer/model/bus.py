@@ -6,16 +6,16 @@ noise among them; a number stands for the same row for ever.
 
 from __future__ import annotations
 
-import copy
 import threading
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analyzer.findings.diagnosis import Diagnosis
 from analyzer.frames import NO_GAP, ROW, Batch, Frame, Kind, Row, Rows
+from analyzer.pipeline import Analysed
 from analyzer.reports.summary import Summary
 from analyzer.transactions import Transactions
 from captures.line import LineSettings
@@ -34,6 +34,14 @@ if TYPE_CHECKING:
 
 _COPIED = ("start", "length", "t_start", "t_end", "response_ns", "confidence", "kind", "unit", "function",
            "exception", "check", "port", "protocol", "gap_before", "gap_most", "errors")  # fmt: skip
+
+# What the other columns of ROW are given as, for want of being kept.
+_LEFT_OUT: Final[dict[str, Any]] = {
+    **dict(zip(ROW.names or (), np.zeros(1, ROW)[0].item(), strict=True)),
+    "request": -1,
+    "request_start": -1,
+    "gap_least": NO_GAP,
+}
 
 
 class Bus:
@@ -84,19 +92,23 @@ class Bus:
         self._join(batch.rows, first)
         settled = self._transactions.feed(batch)
         self._settle(settled)
-        self.found.add(self._diagnosis.feed(batch, settled), self.table)
+        findings = self._diagnosis.feed(batch, settled)
+        self.found.add(findings, self.table)
         self.registers.feed(self, batch, first)
         self.activity.feed(batch.rows)
         self.units.feed(batch.rows)
         with self._lock:
-            self._summary.feed(batch)
+            self._summary.feed(Analysed(batch, settled, findings))
         self._count = self.table.count
 
     def close(self) -> None:
         """Nothing more comes."""
         settled = self._transactions.close()
         self._settle(settled)
-        self.found.add(self._diagnosis.close(settled), self.table)
+        findings = self._diagnosis.close(settled)
+        self.found.add(findings, self.table)
+        with self._lock:
+            self._summary.feed(Analysed(Batch.empty(), settled, findings))
         self.whole = True
 
     def _append(self, batch: Batch) -> None:
@@ -158,18 +170,12 @@ class Bus:
         request = -1
         if values["kind"] == Kind.RESPONSE:
             request = values["partner"]
-        known = {name: values[name] for name in _COPIED}
+        known: dict[str, Any] = {**_LEFT_OUT, **{name: values[name] for name in _COPIED}, "index": values["frame"]}
+        if request >= 0:
+            known["request"] = self.table.value("frame", request)
+            known["request_start"] = self.table.value("start", request)
         return Frame(
-            Row(
-                index=values["frame"],
-                at=0,
-                request=-1 if request < 0 else self.table.value("frame", request),
-                request_start=-1 if request < 0 else self.table.value("start", request),
-                gap_least=NO_GAP,
-                gap_at=0,
-                reads=0,
-                **known,  # type: ignore[arg-type]
-            ),
+            Row(**known),
             self.captured(row),
             None if request < 0 else self.captured(request),
             findings=self.findings(row),
@@ -216,10 +222,9 @@ class Bus:
         """The bus on one page, as it is known now."""
         from captures.chunks import Capture
 
-        with self._lock:
-            now = copy.deepcopy(self._summary)
         capture = getattr(source, "capture", None) or Capture.of(source.line, (), timed=source.timed)
-        return now.report(capture, source=source.name, partial=not self.whole)
+        with self._lock:
+            return self._summary.report(capture, source=source.name, partial=not self.whole)
 
     @property
     def nbytes(self) -> tuple[int, int]:

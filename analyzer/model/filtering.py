@@ -71,9 +71,10 @@ class PieceTable:
         if name == "index":
             return np.where(self._own("kind") != Kind.NOISE, self._own("frame").astype(np.int64), -1)
         if name == "retry":
-            return self._own("state") & State.RETRY != 0
+            return (self._own("state") & State.RETRY).astype(np.bool_)
         if name == "unanswered":
-            return self._own("state") & State.STATUS == Status.UNANSWERED + 1
+            silent: NDArray[np.bool_] = self._own("state") & State.STATUS == Status.UNANSWERED + 1
+            return silent
         if name == "late":
             return self._late()
         return self._own(name)

@@ -101,10 +101,11 @@ class FrameList(Lines):
             pieces.append(Piece(f"{ended.text:>{answer}}  ", ended.kind))
         else:
             pieces.append(Piece(" "))
-        said = words.words(desk, row)
-        if not answer and ended.kind == "error":
-            said.append(Piece(f"  {'unanswered' if ended.text == 'none' else 'bad answer'}", "error"))
-        return fitted([*pieces, *said], width)
+        said, about = words.words(desk, row)
+        if not answer and ended.kind == "error" and not about:
+            about.append(Piece(f"  {'unanswered' if ended.text == 'none' else 'bad answer'}", "error"))
+        taken = sum(len(piece.text) for piece in pieces)
+        return [*pieces, *words.shared(said, about, max(0, width - taken))]
 
 
 class ConversationList(FrameList):
@@ -122,27 +123,27 @@ class ConversationList(FrameList):
         number, time, _ = self._columns(width)
         answer = table.value("partner", row)
         before = self.rows.row(line - 1) if line else None
-        asked = words.words(desk, row)
-        said = [] if answer < 0 else words.words(desk, answer)
+        asked, about = words.words(desk, row)
+        said: list[Piece] = []
+        if answer >= 0:
+            said, more = words.words(desk, answer)
+            about += more
         ended = words.ended(desk, row if answer < 0 else answer)
         if answer < 0 and words.direction(desk, row) == "request":
             outcome = {"none": "no answer", "bcast": "broadcast", "": "…"}.get(ended.text, ended.text)
             said = [Piece(outcome, ended.kind)]
         grave = max(table.value("mark", row), 0 if answer < 0 else table.value("mark", answer))
         mark = words.marks(desk, row)
-        room = width - (number + time + 24)
-        if sum(len(piece.text) for piece in (*asked, *said)) > room - 3:
-            asked = fitted(asked, min(sum(len(piece.text) for piece in asked), max(room // 2, room - 24)))
-        return fitted(
-            [
-                Piece(words.LETTER[grave] + mark.text[1], words.SEVERITY[grave] or mark.kind),
-                Piece(f"{table.value('frame', row):>{number}} ", "dim"),
-                Piece(f"{desk.time(row, before):>{time}} "),
-                Piece(f"{table.value('unit', row):>4} {table.value('function', row):02X} ", "request"),
-                Piece(f"{ended.text:>7}  ", ended.kind),
-                *asked,
-                Piece(" → ", "response"),
-                *said,
-            ],
-            width,
-        )
+        pieces = [
+            Piece(words.LETTER[grave] + mark.text[1], words.SEVERITY[grave] or mark.kind),
+            Piece(f"{table.value('frame', row):>{number}} ", "dim"),
+            Piece(f"{desk.time(row, before):>{time}} "),
+            Piece(f"{table.value('unit', row):>4} {table.value('function', row):02X} ", "request"),
+            Piece(f"{ended.text:>7}  ", ended.kind),
+        ]
+        room = max(0, width - sum(len(piece.text) for piece in pieces))
+        arrow = Piece(" → ", "response")
+        both = [*asked, arrow, *said]
+        if sum(len(piece.text) for piece in both) > room:
+            both = [*fitted(asked, min(sum(len(piece.text) for piece in asked), room // 2)), arrow, *said]
+        return [*pieces, *words.shared(both, about, room)]

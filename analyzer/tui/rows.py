@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from rich.cells import cell_len
+
 from analyzer.frames import Kind
 from analyzer.model.clock import short
 from analyzer.model.table import State
 from analyzer.transactions import Status
 from dissectors.text import harmless
 
-from .paint import Piece
+from .paint import Piece, fitted
 
 if TYPE_CHECKING:
     from .desk import Desk
@@ -53,25 +55,34 @@ def direction(desk: Desk, row: int) -> str:
     return ("noise", "request", "response")[desk.bus.table.value("kind", row)]
 
 
-def words(desk: Desk, row: int) -> list[Piece]:
-    """A row in words, with the codes of what was found about it."""
+def words(desk: Desk, row: int) -> tuple[list[Piece], list[Piece]]:
+    """A row in words; and what was said of it: codes of findings, the user's comment."""
     bus = desk.bus
     if bus.is_noise(row):
         octets = bus.captured(row)
         shown = octets[:_NOISE_BYTES].hex(" ").upper() + (" …" if len(octets) > _NOISE_BYTES else "")
-        said = f"noise, {len(octets)} {'byte' if len(octets) == 1 else 'bytes'}: {shown}"
-        pieces = [Piece(said, "noise")]
+        said = [Piece(f"noise, {len(octets)} {'byte' if len(octets) == 1 else 'bytes'}: {shown}", "noise")]
         found = bus.findings(row)
     else:
         frame = bus.frame(row)
         found = frame.findings
-        pieces = [Piece("" if frame.crc_ok else "CRC wrong: ", "error"), Piece(frame.summary())]
-    for finding in found:
-        pieces.append(Piece(f"  {finding.code}", SEVERITY[finding.severity]))
+        said = [Piece("" if frame.crc_ok else "CRC wrong: ", "error"), Piece(frame.summary())]
+    codes = {finding.code: finding.severity for finding in reversed(found)}
+    about = [Piece(f"  {code}", SEVERITY[severity]) for code, severity in codes.items()]
     comment = desk.notes.comments.get(desk.place(row))
     if comment:
-        pieces.append(Piece(f'  "{harmless(comment)}"', "accent"))
-    return pieces
+        about.append(Piece(f'  "{harmless(comment)}"', "accent"))
+    return said, about
+
+
+def shared(said: list[Piece], about: list[Piece], width: int) -> list[Piece]:
+    """Both in this many columns: at least half for the words, the rest for what was said of them."""
+    need = sum(cell_len(piece.text) for piece in about)
+    if not need:
+        return fitted(said, width)
+    room = max(width - need, width // 2)
+    size = sum(cell_len(piece.text) for piece in said)
+    return fitted([*(fitted(said, room) if size > room else said), *about], width)
 
 
 def ended(desk: Desk, row: int) -> Piece:
