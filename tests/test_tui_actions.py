@@ -400,7 +400,7 @@ def test_the_timeline_zooms_and_chooses_a_span(capture: Path) -> None:
     using(opened(capture), work)
 
 
-def test_pasting_reads_what_parse_reads_and_remembers(capture: Path) -> None:
+def test_pasting_reads_what_parse_reads_and_remembers() -> None:
     async def work(sitting: Seat) -> None:
         text = sitting.screen.query_one(PasteText)
         assert text.has_focus
@@ -532,7 +532,7 @@ def test_a_live_list_follows_until_the_user_looks_back() -> None:
     using(tap, work)
 
 
-def test_hostile_text_is_shown_harmless(tmp_path: Path) -> None:
+def test_hostile_text_is_shown_harmless() -> None:
     """A device that names itself in escape sequences and markup; a file name that does."""
     from dissectors.checks import crc_bytes
 

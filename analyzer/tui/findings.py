@@ -16,6 +16,8 @@ from .paint import Piece, fitted
 from .rows import LETTER, SEVERITY
 
 if TYPE_CHECKING:
+    from analyzer.findings.model import Finding
+
     from .desk import Desk
 
 _LEAST: Final = {Severity.NOTE: "all", Severity.WARNING: "warnings and errors", Severity.ERROR: "errors"}
@@ -48,6 +50,13 @@ class FindingList(Lines):
             return None
         row = self.desk.bus.found.row(int(self._numbers[self.cursor]))
         return None if row < 0 else row
+
+    @property
+    def finding(self) -> Finding | None:
+        """The one under the cursor."""
+        if self.cursor >= len(self._numbers):
+            return None
+        return self.desk.bus.found.finding(int(self._numbers[self.cursor]))
 
     def grown(self) -> None:
         found = self.desk.bus.found

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from analyzer.model.clock import date_and_time, seconds, short
 from analyzer.paste.model import Found, Noise
+from analyzer.reports.page import plural
 from dissectors.annotation import Field
 from dissectors.text import harmless
 from dissectors.values import readings
@@ -55,7 +56,7 @@ class Look:
     def spot(self, start: int, length: int) -> str:
         """Bytes in words: `bytes 3-4 of 11`."""
         if not length:
-            return f"{len(self.data)} bytes"
+            return plural(len(self.data), "byte", "bytes")
         where = f"byte {start}" if length == 1 else f"bytes {start}-{start + length - 1}"
         return f"{where} of {len(self.data)}"
 
@@ -68,9 +69,7 @@ def at_row(desk: Desk, row: int) -> Look:
     bus = desk.bus
     if bus.is_noise(row):
         data = bus.captured(row)
-        head = Item(
-            "noise", f"{len(data)} bytes that no frame explains", 0, len(data), "noise", children=_facts(desk, row)
-        )
+        head = Item("noise", _unexplained(data), 0, len(data), "noise", children=_facts(desk, row), ready=False)
         return Look("noise", data, (head, *_findings(bus.findings(row))))
     frame = bus.frame(row)
     fields = frame.fields()
@@ -87,7 +86,7 @@ def at_row(desk: Desk, row: int) -> Look:
 def at_piece(piece: Found | Noise) -> Look:
     """A piece of a paste."""
     if isinstance(piece, Noise):
-        return Look("in no frame", piece.data, (Item("noise", f"{piece.length} bytes that no frame explains",
+        return Look("in no frame", piece.data, (Item("noise", _unexplained(piece.data),
                                                      0, piece.length, "noise"),))  # fmt: skip
     from analyzer.paste.trees import heading, trouble
 
@@ -107,6 +106,10 @@ def at_piece(piece: Found | Noise) -> Look:
             Item("also", said, label=f"or {name}", ready=False, children=() if same else tuple(_fields(others)))
         )
     return Look(f"at {piece.start}", piece.adu.data, tuple(items), fields)
+
+
+def _unexplained(data: bytes) -> str:
+    return f"{plural(len(data), 'byte', 'bytes')} that no frame explains"
 
 
 def _heading(frame: Frame) -> str:
@@ -146,11 +149,24 @@ def _facts(desk: Desk, row: int, frame: Frame | None = None) -> tuple[Item, ...]
     return tuple(Item(name, text, kind="dim") for name, text in facts)
 
 
+def at_finding(finding: Finding) -> Look:
+    """A finding about the bus as a whole."""
+    return Look("the bus as a whole", b"", tuple(_findings((finding,))))
+
+
+def finding_name(finding: Finding) -> str:
+    """The name of a finding's item."""
+    return f"finding {finding.code}"
+
+
 def _findings(found: Iterable[Finding]) -> Iterator[Item]:
+    seen: set[str] = set()
     for i, finding in enumerate(found):
+        name = finding_name(finding) if finding.code not in seen else f"{finding_name(finding)} {i}"
+        seen.add(finding.code)
         more = (("likely", finding.cause), ("remedy", finding.remedy), ("clause", finding.clause))
         yield Item(
-            f"finding {i}", finding.text, kind=SEVERITY[finding.severity],
+            name, finding.text, kind=SEVERITY[finding.severity],
             label=f"{LETTER[finding.severity]} {finding.code}",
             children=tuple(Item(name, text) for name, text in more if text),
         )  # fmt: skip
@@ -206,4 +222,4 @@ def chosen(look: Look, path: Sequence[str]) -> Item | None:
     return found
 
 
-__all__ = ["NOTHING", "Item", "Look", "at_piece", "at_row", "chosen"]
+__all__ = ["NOTHING", "Item", "Look", "at_finding", "at_piece", "at_row", "chosen", "finding_name"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual.binding import Binding, BindingType
@@ -118,17 +118,25 @@ class RegisterList(Lines):
         self._tell()
 
 
-class History(Painted):
-    """What one register was over time, as bars, and its range."""
+def _number(number: float) -> str:
+    return f"{number:.6g}"
 
-    def __init__(self, *, id: str) -> None:
-        super().__init__(id=id)
+
+class History(Painted):
+    """What one number was over time, as bars, and its range."""
+
+    def __init__(self, *, id: str, classes: str) -> None:
+        super().__init__(id=id, classes=classes)
         self.title = ""
+        self._written: Callable[[float], str] = _number
         self._points: list[tuple[int, float]] = []
 
-    def show(self, title: str, points: Sequence[tuple[int, float]]) -> None:
-        """Times (ns) and numbers, oldest first."""
+    def show(
+        self, title: str, points: Sequence[tuple[int, float]], written: Callable[[float], str] | None = None
+    ) -> None:
+        """Times and numbers (NaN: none from then on), oldest first; `written` is how a number is put into words."""
         self.title = title
+        self._written = written or _number
         self._points = list(points)
         self.refresh()
 
@@ -137,12 +145,12 @@ class History(Painted):
         base = self.base
         if y == 0:
             return self.strip(fitted([Piece(self.title, "strong")], width), width, base)
-        if not self._points or height < 3:
+        numbers = [number for _, number in self._points if not math.isnan(number)]
+        if not numbers or height < 3:
             return self.strip([Piece(" no reading" if y == 1 else "", "dim")], width, base)
-        numbers = [number for _, number in self._points]
         low, high = min(numbers), max(numbers)
         rows = height - 1
-        label = f"{high:.6g}" if y == 1 else f"{low:.6g}" if y == rows and high > low else ""
+        label = self._written(high) if y == 1 else self._written(low) if y == rows and high > low else ""
         pieces = [
             Piece(f"{label:>11} ", "dim"),
             Piece(self._plot(y - 1, rows, max(1, width - 12), low, high), "accent"),
@@ -158,6 +166,9 @@ class History(Painted):
             until = first + (last - first) * (column + 1) / width
             while at + 1 < len(self._points) and self._points[at + 1][0] <= until:
                 at += 1
+            if math.isnan(self._points[at][1]):
+                line.append(" ")
+                continue
             level = 1 + round((self._points[at][1] - low) * scale) if high > low else 4 * rows
             line.append(_BLOCKS[max(0, min(8, level - 8 * (rows - 1 - y)))])
         return "".join(line)

@@ -22,15 +22,12 @@ from .frames import ConversationList, FrameList
 from .jumping import Jumping
 from .keeping import Keeping
 from .lines import Lines
-from .look import NOTHING, Look, at_row
+from .look import NOTHING, Look
 from .messages import (
-    FieldChosen,
     FilterChanged,
     FilterLeft,
     LineChosen,
     LineEntered,
-    OctetChosen,
-    PieceChosen,
     RowWanted,
     SpanChosen,
     ViewWanted,
@@ -39,6 +36,7 @@ from .octets import Octets
 from .pastepane import PastePane, PasteText
 from .registerlist import History, RegisterList
 from .status import StatusLine
+from .studying import Studying
 from .tabs import VIEWS, Tabs
 from .timeline import Timeline
 from .unitlist import UnitList
@@ -48,10 +46,18 @@ if TYPE_CHECKING:
     from .desk import Desk
 
 _STUDIED = ("frames", "conversations", "findings", "paste")  # views with the frame under the cursor below
-_NOT_FOR_PASTE = ("filter", "find", "goto", "counterpart", "finding", "time_base", "select", "bookmark", "comment")
+_JUMPS = ("find", "find_on", "goto", "counterpart", "finding")
+_UNUSED = {  # actions that mean nothing in a view
+    "paste": ("filter", *_JUMPS, "time_base", "select", "bookmark", "comment", "export", "reference"),
+    "findings": ("find", "find_on", "select"),
+    "units": (*_JUMPS, "select"),
+    "registers": (*_JUMPS, "select"),
+    "timeline": (*_JUMPS, "select", "time_base"),
+    "report": (*_JUMPS, "select"),
+}
 
 
-class BusScreen(Jumping, Keeping, Working, Screen[None]):
+class BusScreen(Jumping, Keeping, Studying, Working, Screen[None]):
     """Everything about one source."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -99,10 +105,12 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
             yield FrameList(desk, id="frames")
             yield ConversationList(desk, id="conversations")
             yield FindingList(desk, id="findings")
-            yield UnitList(desk, id="units")
+            with Vertical(id="units"):
+                yield UnitList(desk, id="unit-list")
+                yield History(id="unit-history", classes="history")
             with Vertical(id="registers"):
                 yield RegisterList(desk, id="register-list")
-                yield History(id="history")
+                yield History(id="history", classes="history")
             yield Timeline(desk, id="timeline")
             with VerticalScroll(id="report"):
                 yield Static("", id="page", markup=False)
@@ -164,7 +172,7 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
     def refresh_view(self) -> None:
         """The view that is shown, with what came since."""
         part = self.query_one(f"#{self.view}")
-        if isinstance(part, Lines | Timeline) and not isinstance(part, UnitList):
+        if isinstance(part, Lines | Timeline):
             part.grown()
         if self.view == "registers":
             self.query_one(RegisterList).grown()
@@ -192,9 +200,14 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
 
     def on_line_chosen(self, event: LineChosen) -> None:
         part = event.sender
-        if isinstance(part, FrameList | FindingList):
+        if isinstance(part, FindingList):
+            if part.id == self.view and part.finding is not None:
+                self.study_finding(part.finding, part.row)
+        elif isinstance(part, FrameList):
             if part.id == self.view and part.row is not None:
                 self.study_row(part.row)
+        elif isinstance(part, UnitList):
+            self.query_one("#unit-history", History).show(*part.history())
         elif isinstance(part, RegisterList) and part.register is not None:
             self.show_history(part)
 
@@ -209,47 +222,6 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
             self.query_one(FilterBar).use(f"unit == {part.unit}")
         elif isinstance(part, RegisterList) and part.register is not None:
             self.go(part.register.row)
-
-    def study_row(self, row: int) -> None:
-        """Show a row's fields and bytes."""
-        self.row = row
-        self.study(at_row(self.desk, row))
-        if self.pinned is not None:
-            self.frames.unpaint()
-        self.say()
-
-    def study(self, look: Look) -> None:
-        """Show fields and bytes."""
-        self.look = look
-        details, octets = self.query_one(Details), self.query_one(Octets)
-        item = details.show(look, to=("finding 0",) if self.view == "findings" else ())
-        details.border_title = look.title
-        start, length = (0, 0) if item is None else (item.start, item.length)
-        octets.show(look, start, length)
-        self._title_octets(start, length)
-
-    def on_field_chosen(self, event: FieldChosen) -> None:
-        octets = self.query_one(Octets)
-        octets.light(event.start, event.length)
-        self._title_octets(event.start, event.length)
-
-    def on_octet_chosen(self, event: OctetChosen) -> None:
-        details = self.query_one(Details)
-        details.light(event.offset)
-        item = details.item
-        octets = self.query_one(Octets)
-        if item is not None and item.length:
-            octets.lit = range(item.start, item.start + item.length)
-        octets.unpaint()
-        self._title_octets(event.offset, 1)
-
-    def _title_octets(self, start: int, length: int) -> None:
-        self.query_one(Octets).border_title = self.look.spot(start, length) if self.look.data else ""
-
-    def on_piece_chosen(self, event: PieceChosen) -> None:
-        event.stop()
-        if self.view == "paste":
-            self.study(self.query_one(PastePane).look)
 
     def on_row_wanted(self, event: RowWanted) -> None:
         self.go(event.row)
@@ -271,7 +243,7 @@ class BusScreen(Jumping, Keeping, Working, Screen[None]):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Keys that mean nothing in a view are not shown there."""
-        if self.view == "paste" and action in _NOT_FOR_PASTE:
+        if action in _UNUSED.get(self.view, ()):
             return False
         return super().check_action(action, parameters)
 

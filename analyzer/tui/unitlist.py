@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,11 +51,25 @@ class UnitList(Lines):
         """Newer figures."""
         self.report = report
         self.grown()
+        if self.cursor != self._told:
+            self._tell()
 
     @property
     def unit(self) -> int | None:
         """The unit under the cursor."""
         return self.report.units[self.cursor].unit if self.report and self.cursor < len(self.report.units) else None
+
+    def history(self) -> tuple[str, list[tuple[int, float]], Callable[[float], str]]:
+        """Of the unit under the cursor: what the plot shows, mean answer times by time, how they are written."""
+        unit = self.unit
+        if unit is None:
+            return "", [], str
+        means = self.desk.bus.units.means(unit)
+        return (
+            f" unit {unit}: mean answer time over the capture",
+            list(enumerate(means.tolist())),
+            lambda ns: short(round(ns)),
+        )
 
     def count(self) -> int:
         return len(self.report.units) if self.report else 0
