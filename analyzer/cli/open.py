@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 import sys
 
@@ -52,8 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def needs_a_terminal(command: str) -> None:
-    """UsageError where there is none."""
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+    """UsageError where there is none; a browser will do."""
+    if "TEXTUAL_DRIVER" not in os.environ and not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise UsageError(f"{command} needs a terminal; on a pipe use rtuscope report, export or parse")
 
 
