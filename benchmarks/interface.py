@@ -129,6 +129,11 @@ def main() -> None:
 
 
 def measure(path: Path, frames: int) -> None:
+    terminal = Terminal([sys.executable, "-m", "analyzer.cli", "open"])
+    terminal.wait(lambda seen: b"paste or type" in seen, 60)
+    terminal.drain(0.5)
+    bare = terminal.memory()
+    terminal.close()
     terminal = Terminal([sys.executable, "-m", "analyzer.cli", "open", str(path)])
     terminal.wait(lambda seen: b"registers" in seen, 60)
     told("start to first rows", time.perf_counter() - terminal.begun)
@@ -147,8 +152,9 @@ def measure(path: Path, frames: int) -> None:
     told("end", [end for end, _ in ends])
     told("home", [home for _, home in ends])
     resident = terminal.memory()
-    each = resident / frames
-    print(f"{'memory of the program':<34} {resident / 1e6:>10,.1f} MB, {each:,.0f} bytes a frame with its bytes")
+    each = (resident - bare) / frames
+    print(f"{'memory of the program':<34} {resident / 1e6:>10,.1f} MB, {bare / 1e6:,.1f} MB of it without a capture")
+    print(f"{'':<34} {each:>10,.0f} bytes a frame, its own bytes (about 16) among them")
     told("filter: unit == 17 (until shown)", filtered(terminal, b"unit == 17"))
     told("filter: not exception", filtered(terminal, b"not exception"))
     terminal.close()

@@ -9,7 +9,7 @@ from rich.text import Text
 from textual import work
 from textual.screen import Screen
 from textual.widgets import Static
-from textual.worker import get_current_worker
+from textual.worker import Worker, get_current_worker
 
 from analyzer.model.registers import Register, history
 from analyzer.model.selection import Everything, Selection, Test, both, conversations, frames_only, within
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .frames import ConversationList, FrameList
 
 _PERIOD_S = 0.1  # between two tellings
+_QUIET_S = 1.0  # between two while nothing comes
 _REPORT_S = 1.0
 _LAG = 64  # rows: by then what was found about one is known, as a rule
 
@@ -57,6 +58,7 @@ class Working(Screen[None]):
         self._conversation = Selection(self.desk.bus, conversations)
         self._waiting: Selection | None = None  # will be shown once it has come as far as the cursor
         self._counted_at = 0.0
+        self._told_notices: set[str] = set()
 
     def begin_work(self) -> None:
         """Read the source."""
@@ -70,15 +72,17 @@ class Working(Screen[None]):
     def load(self) -> None:
         """The source into the model."""
         worker = get_current_worker()
-        bus, told, trouble = self.desk.bus, 0.0, ""
+        bus, told, came, trouble = self.desk.bus, 0.0, False, ""
         try:
             for batch in self.desk.source.batches(lambda: worker.is_cancelled):
                 if worker.is_cancelled:
                     return
+                bus.line = self.desk.source.line  # a tap may find it out as it listens
                 bus.feed(batch)
                 now = time.monotonic()
-                if now - told >= _PERIOD_S:
-                    told = now
+                came = came or len(batch) > 0
+                if now - told >= (_PERIOD_S if came else _QUIET_S):
+                    told, came = now, False
                     self.post_message(RowsCame())
         except Exception as error:  # told in one line; what was read stays
             trouble = str(error) or type(error).__name__
@@ -90,7 +94,16 @@ class Working(Screen[None]):
         self.doing = "listening" if self.desk.source.live else f"reading, {bus.store.size / 1e6:,.0f} MB"
         if self.row is None and bus.count:
             self.frames.renewed()
+        if self.desk.source.live:
+            self.tell_notices()
         self.refresh_view()
+
+    def tell_notices(self) -> None:
+        """What the source has to say, each thing once."""
+        for notice in self.desk.source.notices():
+            if notice not in self._told_notices:
+                self._told_notices.add(notice)
+                self.tell(notice, wrong=True)
 
     def on_loading_ended(self, event: LoadingEnded) -> None:
         self.doing = ""
@@ -101,8 +114,7 @@ class Working(Screen[None]):
         self.refresh_view()
         if event.trouble:
             self.tell(f"reading ended: {event.trouble}", wrong=True)
-        for notice in self.desk.source.notices():
-            self.tell(notice, wrong=True)
+        self.tell_notices()
         if not self.desk.bus.frames and not event.trouble and self.view != "paste":
             self.tell("no Modbus frame was found", wrong=True)
 
@@ -131,21 +143,21 @@ class Working(Screen[None]):
     def select(self, *selections: Selection | None) -> None:
         """Test rows as they come, until there are no more of them."""
         worker = get_current_worker()
-        told = 0.0
         while not worker.is_cancelled:
             whole = self.desk.bus.whole
-            for selection in selections:
-                while selection is not None and selection.done < self.desk.bus.count and not worker.is_cancelled:
-                    before = selection.done
-                    begun = time.monotonic()
-                    selection.extend(lambda begun=begun: worker.is_cancelled or time.monotonic() - begun > _PERIOD_S)  # type: ignore[misc]
-                    if time.monotonic() - told >= _PERIOD_S and selection.done > before:
-                        told = time.monotonic()
-                        self.post_message(SelectionGrew())
+            for selection in filter(None, selections):
+                while not worker.is_cancelled and self._extended(selection, worker):
+                    self.post_message(SelectionGrew())
             if whole:
                 self.post_message(SelectionGrew())
                 return
             time.sleep(_PERIOD_S)
+
+    def _extended(self, selection: Selection, worker: Worker[None]) -> bool:
+        """Test rows for a little while; whether any were there to test."""
+        before, until = selection.done, time.monotonic() + _PERIOD_S
+        selection.extend(lambda: worker.is_cancelled or time.monotonic() > until)
+        return selection.done > before
 
     def on_selection_grew(self) -> None:
         waiting = self._waiting
