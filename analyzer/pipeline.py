@@ -48,7 +48,7 @@ def deframe(
 
 @dataclass(frozen=True, slots=True)
 class Analysed:
-    """Rows of which all is said: `batch` with the findings on its rows, and the transactions settled by then.
+    """Rows of which all is said: `batch` with the findings on its rows, and the transactions that its requests began.
 
     `findings` are those of the batch and, in the last one, those about the bus as a whole.
     """
@@ -79,30 +79,34 @@ class _Held:
     """Batches that wait for their findings."""
 
     def __init__(self) -> None:
-        self._batches: list[tuple[Batch, Rows]] = []
+        self._batches: list[Batch] = []
+        self._transactions: Rows = np.zeros(0, TRANSACTION)
         self._findings: Findings = np.zeros(0, FINDING)
         self._last = False
 
     def add(self, batch: Batch, transactions: Rows, findings: Findings) -> None:
-        self._batches.append((batch, transactions))
-        self._findings = np.concatenate((self._findings, findings))
+        self._batches.append(batch)
+        self._say(transactions, findings)
 
     def end(self, transactions: Rows, findings: Findings) -> None:
-        if self._batches:
-            batch, settled = self._batches[-1]
-            self._batches[-1] = batch, np.concatenate((settled, transactions))
-        self._findings = np.concatenate((self._findings, findings))
+        self._say(transactions, findings)
         self._last = True
+
+    def _say(self, transactions: Rows, findings: Findings) -> None:
+        self._transactions = np.concatenate((self._transactions, transactions))
+        self._findings = np.concatenate((self._findings, findings))
 
     def ready(self, open_from: int | None) -> Iterator[Analysed]:
         """Batches whose frames all come before the first one of which more may be said."""
-        while self._batches and (open_from is None or _behind(self._batches[0][0]) <= open_from):
-            batch, settled = self._batches.pop(0)
+        while self._batches and (open_from is None or _behind(self._batches[0]) <= open_from):
+            batch = self._batches.pop(0)
             if self._last and not self._batches:
                 mine = np.ones(len(self._findings), np.bool_)
             else:
                 mine = _about(self._findings, batch)
             found, self._findings = self._findings[mine], self._findings[~mine]
+            begun = int(np.searchsorted(self._transactions["request"], _behind(batch)))
+            settled, self._transactions = self._transactions[:begun], self._transactions[begun:]
             yield Analysed(replace(batch, findings=found), settled, found)
         if self._last and not self._batches and len(self._findings):
             found, self._findings = self._findings, self._findings[:0]

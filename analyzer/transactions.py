@@ -88,11 +88,16 @@ class Transactions:
         rows = batch.rows
         if not len(rows):
             return self._settle(0)
-        requests = np.flatnonzero((rows["kind"] == Kind.REQUEST) & rows["check"])  # nobody answers a damaged one
-        responses = np.flatnonzero((rows["kind"] == Kind.RESPONSE) & (rows["request"] >= 0))
-        self._frames = max(self._frames, int(rows["index"].max()) + 1)
+        kind = np.ascontiguousarray(rows["kind"])
+        requests = np.flatnonzero((kind == Kind.REQUEST) & rows["check"])  # nobody answers a damaged one
+        responses = np.flatnonzero(kind == Kind.RESPONSE)
+        responses = responses[rows["request"][responses] >= 0]
+        frames = np.flatnonzero(kind)
+        if len(frames):
+            self._frames = int(rows["index"][frames[-1]]) + 1
         known = len(self._open)
-        self._open = np.concatenate((self._open, _opened(rows, requests)))
+        opened = _opened(rows, requests)
+        self._open = np.concatenate((self._open, opened)) if known else opened
         ends = self._octets + np.cumsum(rows["length"])
         self._places = np.concatenate((self._places, ends[requests]))
         self._octets = int(ends[-1])
@@ -151,11 +156,13 @@ class Transactions:
         place, responses = place[found], responses[found]
         for name, column in _OF_ANSWER.items():
             self._open[name][place] = rows[column][responses]
-        good = np.where(rows["exception"][responses] > 0, Status.EXCEPTION, Status.ANSWERED)
-        self._open["status"][place] = np.where(rows["check"][responses], good, Status.DAMAGED)
-        newest = np.searchsorted(asked, rows["index"][responses]) - 1
-        self._open["late"][place] = newest != place
-        for at in place[newest != place].tolist():
+        status = np.where(rows["exception"][responses] > 0, np.uint8(Status.EXCEPTION), np.uint8(Status.ANSWERED))
+        status[~rows["check"][responses]] = Status.DAMAGED
+        self._open["status"][place] = status
+        following = np.append(asked[1:], np.iinfo(np.int64).max)
+        late = following[place] < rows["index"][responses]
+        self._open["late"][place] = late
+        for at in place[late].tolist():
             self._put_in_order(at)
 
     def _put_in_order(self, place: int) -> None:
@@ -184,19 +191,18 @@ class Transactions:
         return bool(two["retry"]) or all(isinstance(relation, Asked) for relation in relations(int(one["function"])))
 
     def _mark_retries(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
-        """Of the new requests, which repeat the one before? Few look alike, so only those are compared."""
+        """Of the new requests, which repeat the one before? Few went without a good answer, so those are compared."""
         if len(requests):
             opened = self._open
-            places = known + np.arange(len(requests))
-            same = np.ones(len(requests), np.bool_)
-            for name in ("length", "unit", "function"):
-                column = opened[name][known:]
-                same[1:] &= column[1:] == column[:-1]
-            good = np.isin(opened["status"], (Status.ANSWERED, Status.EXCEPTION)) & ~opened["late"]
-            same &= ~np.append(not known or good[known - 1], good[places[:-1]])
-            for i in np.flatnonzero(same).tolist():
-                before = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
-                opened["retry"][places[i]] = batch.bytes_of(int(requests[i])) == before
+            status = opened["status"]
+            bad = (status != Status.ANSWERED) & (status != Status.EXCEPTION) | opened["late"]
+            before = np.arange(known - 1, len(opened) - 1)  # the transaction before each of the new ones
+            some = np.flatnonzero(bad[before]) if known else 1 + np.flatnonzero(bad[before[1:]])
+            for i in some.tolist():
+                asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
+                row = int(requests[i])
+                if asked is not None and len(asked) == batch.rows["length"][row]:
+                    opened["retry"][known + i] = batch.bytes_of(row) == asked
             self._mark_second_tries(batch, requests, known)
             self._last_request = batch.bytes_of(int(requests[-1]))
         last = len(batch) - 1
@@ -230,5 +236,5 @@ def _opened(rows: Rows, requests: NDArray[np.intp]) -> Rows:
     for name in ("response", "response_start", "response_length", "t_response", "response_ns"):
         opened[name] = -1
     opened["t_next"] = NEVER
-    opened["status"] = np.where(opened["unit"] == 0, Status.BROADCAST, Status.UNANSWERED)
+    opened["status"] = np.where(opened["unit"] == 0, np.uint8(Status.BROADCAST), np.uint8(Status.UNANSWERED))
     return opened

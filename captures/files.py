@@ -80,6 +80,20 @@ def line_batches(file: BinaryIO, note: Callable[[str, str], None], size: int) ->
 
     Numbers start at 1 where the file stands. A line over 64 MiB is noted and skipped.
     """
+    for number, text in text_batches(file, note, size):
+        yield number, lines_of(text)
+
+
+def lines_of(text: bytes) -> list[bytes]:
+    """The lines of a text without their ends; the last may lack one."""
+    lines = text.split(b"\n")
+    if not lines[-1]:
+        lines.pop()
+    return lines
+
+
+def text_batches(file: BinaryIO, note: Callable[[str, str], None], size: int) -> Iterator[tuple[int, bytes]]:
+    """The same lines as `line_batches` gives, each batch as one text; only the file's last line may lack its end."""
     number, rest, skipping = 1, bytearray(), False
     while piece := file.read(max(size, _PIECE)):
         rest += piece
@@ -89,19 +103,18 @@ def line_batches(file: BinaryIO, note: Callable[[str, str], None], size: int) ->
                 skipping = True
                 rest.clear()
             continue
-        lines = bytes(rest[:cut]).split(b"\n")
-        lines.pop()
+        text = bytes(rest[:cut])
         del rest[:cut]
         if skipping:
             note(f"line {number}", f"longer than {LINE_LIMIT >> 20} MiB: skipped")
             number, skipping = number + 1, False
-            lines = lines[1:]
-        yield number, lines
-        number += len(lines)
+            text = text[text.index(b"\n") + 1 :]
+        yield number, text
+        number += text.count(b"\n")
     if skipping:
         note(f"line {number}", f"longer than {LINE_LIMIT >> 20} MiB: skipped")
     elif rest:
-        yield number, [bytes(rest)]
+        yield number, bytes(rest)
 
 
 @contextmanager

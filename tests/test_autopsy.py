@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from random import Random
 
 import pytest
 from buses import adu
@@ -10,7 +11,7 @@ from damages import DAMAGES, damaged
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analyzer.findings.autopsy import Case, Verdict, autopsy
+from analyzer.findings.autopsy import FRAME, Case, Verdict, autopsy, divided, joined
 from dissectors.checks import crc_ok
 from dissectors.crc_variants import VARIANTS
 from dissectors.lengths import Role
@@ -116,6 +117,42 @@ def test_a_recurring_request_settles_what_the_crc_leaves_open() -> None:
     sent = min(polls)
     verdict = autopsy(Case(sent[1:], known=polls))
     assert (verdict.code, verdict.repaired) == ("byte-missing", sent)
+
+
+def test_a_byte_left_over_belongs_to_the_frame() -> None:
+    captured = READ[:4] + b"\x55" + READ[4:]
+    found = joined(Case(captured[:8], Role.REQUEST), after=captured[8:])
+    assert (found.verdict.code, found.verdict.repaired, found.before, found.after) == ("byte-extra", READ, 0, 1)
+
+
+def test_a_glitch_before_a_frame_does_not() -> None:
+    data = bytearray(ANSWER)
+    data[5] ^= 1 << 3
+    found = joined(Case(bytes(data), Role.RESPONSE, request=READ), before=b"\x00")
+    assert (found.verdict.code, found.verdict.byte, found.before, found.after) == ("bit-flip", 5, 0, 0)
+
+
+def test_frames_that_flow_control_ran_together_are_taken_apart() -> None:
+    left = [frame.translate(None, b"\x11\x13") for frame in (READ, ANSWER, adu("110600010003"), adu("110600010003"))]
+    parts = divided(Case(b"".join(left), flow_free=2000))
+    assert [(part.start, part.length) for part in parts] == [(0, 7), (7, 10), (17, 7), (24, 7)]
+    assert [part.verdict.repaired for part in parts[:2]] == [READ, ANSWER]
+    assert {part.verdict.code for part in parts} == {"flow-control-loss"}
+
+
+@given(st.binary(max_size=60), st.sampled_from([None, READ]))
+def test_what_flow_control_does_not_explain_is_not_taken_apart(data: bytes, request: bytes | None) -> None:
+    parts = divided(Case(data, request=request, flow_free=2000))
+    assert not parts or [part.start for part in parts[1:]] == [part.start + part.length for part in parts[:-1]]
+    assert sum(part.length for part in parts) in (0, len(data))
+
+
+@pytest.mark.parametrize("length", [3, 5, 9, 20])
+def test_noise_is_no_frame(length: int) -> None:
+    random = Random(length)
+    stretches = [random.randbytes(length) for _ in range(300)]
+    held = sum(autopsy(Case(data, units=(1, 17, 40))).bits >= FRAME for data in stretches)
+    assert held <= 3
 
 
 @given(

@@ -2,17 +2,26 @@
 
 import json
 from collections import defaultdict
+from itertools import pairwise
 
 import pytest
-from buses import LINE, adu, spaced, streams
-from hypothesis import HealthCheck, given, settings
-from mcap.reader import make_reader
+from buses import LINE, adu, spaced, streams, transactions
+from google.protobuf.json_format import MessageToDict
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from mcap.reader import NonSeekingReader, make_reader
+from mcap_protobuf.decoder import DecoderFactory
 from running import ran, spawned
 
+import analyzer
 import captures
-from analyzer.exports import export
-from analyzer.exports.schemas import LOG
+from analyzer.exports import ExportOptions, export
+from analyzer.exports.registers import values_of
+from analyzer.exports.targets.mcap import values
+from analyzer.exports.targets.mcap.schemas import LOG, function_names
 from captures import Capture
+from dissectors import Function
+from dissectors.functions import functions
 
 FRAMES = [
     adu("1103006b0003"), bytes.fromhex("110306ae415652434049ad"),
@@ -32,30 +41,31 @@ def exported(capsys, tmp_path):
     return out
 
 
+class Texts:
+    """Messages in JSON, for the library's reader."""
+
+    def decoder_for(self, encoding, schema):
+        return json.loads if encoding == "json" and schema.encoding == "jsonschema" else None
+
+
 def messages(path):
-    """Messages by topic: (log_time, content)."""
+    """Messages by topic, in the file's order: (log_time, content). Protobuf's own library reads them."""
     found = defaultdict(list)
     with path.open("rb") as file:
-        for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages(log_time_order=False):
-            assert schema is not None
-            assert schema.encoding == "jsonschema"
-            assert channel.message_encoding == "json"
-            content = json.loads(message.data)
-            conforms(content, json.loads(schema.data))
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory(), Texts()])
+        for _, channel, message, content in reader.iter_decoded_messages(log_time_order=False):
             found[channel.topic].append((message.log_time, content))
     return found
 
 
-def conforms(content, schema):
-    """Types and required keys of a flat schema, which is all that ours are."""
-    types = {"integer": int, "number": (int, float), "string": str, "boolean": bool, "array": list, "object": dict}
-    for key, value in content.items():
-        rule = schema.get("properties", {}).get(key, {})
-        options = rule.get("oneOf", [rule])
-        kinds = [option["type"] for option in options if "type" in option]
-        assert not kinds or any(
-            value is None if kind == "null" else isinstance(value, types[kind]) for kind in kinds
-        ), key
+def plain(message):
+    """A message as a mapping of what it has, 0 included, enums by name."""
+    return MessageToDict(
+        message,
+        preserving_proto_field_name=True,
+        always_print_fields_with_no_presence=True,
+        unquote_int64_if_possible=True,
+    )
 
 
 def chunks(path):
@@ -75,32 +85,165 @@ def test_every_command_takes_it(capsys, exported):
     assert {**same, "source": "", "format": ""} == {**page, "source": "", "format": ""}
 
 
+def same_frames(path, lines):
+    """Whether the frames in a file say what the JSON lines do."""
+    found = messages(path)["/frames"]
+    assert len(found) == len(lines)
+    for (time, message), line in zip(found, lines, strict=True):
+        assert time == max(line["t_end_ns"], 0)
+        for key in ("index", "start", "length", "t_start_ns", "unit", "function", "crc_ok"):
+            assert getattr(message, key) == line[key], key
+        content = plain(message)
+        assert (content["protocol"], content["direction"]) == (line["protocol"], line["direction"])
+        assert message.data.hex() == line["hex"]
+        assert message.confidence == pytest.approx(line["confidence"], abs=1e-6)
+        assert message.port == line.get("port", 0)
+        for key in ("exception", "request_start", "response_time_ns"):
+            assert (getattr(message, key) if message.HasField(key) else None) == line[key], key
+
+
 def test_frames_with_their_times(capsys, exported):
-    frames = messages(exported)["/frames"]
     lines = [json.loads(line) for line in ran(capsys, "export", exported).out.splitlines()]
-    assert [{key: value for key, value in frame.items() if key != "summary"} for _, frame in frames] == lines
-    assert [time for time, _ in frames] == [line["t_end_ns"] for line in lines]
-    assert frames[0][1]["summary"] == "read 3 holding registers from 107 (40108)"
+    same_frames(exported, lines)
+    first = plain(messages(exported)["/frames"][0][1])
+    assert (first["function"], first["address"], first["quantity"]) == ("READ_HOLDING_REGISTERS", 107, 3)
 
 
 def test_transactions(exported):
     found = [content for _, content in messages(exported)["/transactions"]]
-    assert [content["status"] for content in found] == ["answered"] * 4 + ["exception", "unanswered"]
-    assert found[0]["response_time_ms"] == pytest.approx(6, rel=0.01)
-    assert found[-1]["response"] is None
+    assert [plain(content)["status"] for content in found] == ["answered"] * 4 + ["exception", "unanswered"]
+    assert found[0].response_time_ms == pytest.approx(6, rel=0.01)
+    assert [content.HasField("response") for content in found] == [True] * 5 + [False]
+    assert [content.HasField("response_time_ms") for content in found] == [True] * 5 + [False]
 
 
 def test_register_values_by_address(exported):
-    found = messages(exported)
-    assert [content for _, content in found["/unit/17/holding"]] == [
-        {"r107": 44609, "r108": 22098, "r109": 17216},
-        {"r1": 10, "r2": 258},
+    units = {topic: found for topic, found in messages(exported).items() if topic.startswith("/unit/")}
+    found = {topic: [plain(content) for _, content in contents] for topic, contents in units.items()}
+    assert found["/unit/17/holding/107-109"] == [{"r107": 44609, "r108": 22098, "r109": 17216}]
+    assert found["/unit/17/holding/1-2"] == [{"r1": 10, "r2": 258}]
+    (first,) = found["/unit/17/coils/19-55"]
+    assert set(first) == {f"b{address}" for address in range(19, 56)}
+    assert (first["b19"], first["b20"], first["b55"]) == (True, False, True)
+    assert found["/unit/17/coils/172"] == [{"b172": True}]
+    assert not any("input" in topic for topic in found)
+
+
+def told(path):
+    """Values by (log_time, unit, area): all numbers by address, whichever topics they are on."""
+    found = defaultdict(dict)
+    for topic, contents in messages(path).items():
+        if topic.startswith("/unit/"):
+            _, _, unit, area, _ = topic.split("/")
+            for time, content in contents:
+                found[time, int(unit), area].update({field.name: int(value) for field, value in content.ListFields()})
+    return found
+
+
+@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(pairs=st.lists(transactions(), min_size=1, max_size=12))
+def test_values_are_those_that_annotation_tells(tmp_path, pairs):
+    """One by one from the annotated fields, and by columns: the same numbers at the same addresses."""
+    # Function 23 that reads where it writes tells two values of one register: what it wrote, then what it read.
+    assume(not any(pair[0][1] == 0x17 and pair[0][2:6] < b"\0\2" for pair in pairs))
+    out = tmp_path / "any.mcap"
+    capture = Capture.of(LINE, spaced([frame for pair in pairs for frame in pair]))
+    export(capture, out)
+    expected = {}
+    for frame in analyzer.Analysis(capture).frames():
+        read = values_of(frame, frame.fields())
+        if read is not None:
+            expected[frame.t_end_ns, frame.unit, read.area] = {key: n for key, n in read.numbers.items() if n}
+    assert told(out) == expected
+
+
+def test_values_of_a_request_in_the_batch_before(tmp_path, monkeypatch):
+    """However a capture is cut into batches, an answer confirms what its request wrote."""
+    monkeypatch.setattr("analyzer.pipeline._BLOCK", 64)
+    write = [adu("111000010002" + "04000a0102"), adu("111000010002")]
+    out = tmp_path / "cut.mcap"
+    export(Capture.of(LINE, spaced(write * 100)), out)
+    found = messages(out)["/unit/17/holding/1-2"]
+    assert len(found) == 100
+    assert all((content.r1, content.r2) == (10, 258) for _, content in found)
+
+
+def test_too_many_poll_groups_are_left_out_and_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(values, "MAX_GROUPS", 3)
+    pieces = [piece for n in range(5) for piece in (adu(f"11060{n}000007"), adu(f"11060{n}000007"))]
+    out = tmp_path / "many.mcap"
+    export(Capture.of(LINE, spaced(pieces)), out)
+    found = messages(out)
+    assert len([topic for topic in found if topic.startswith("/unit/")]) == 3
+    with out.open("rb") as file:
+        metadata = {record.name: record.metadata for record in make_reader(file).iter_metadata()}
+    assert metadata["rtuscope/left out"] == {"values": "2 messages: too many poll groups"}
+
+
+def test_findings_as_a_log(tmp_path):
+    model = pytest.importorskip("analyzer.findings.model")
+    from analyzer.findings.registry import codes
+
+    out = tmp_path / "found.mcap"
+    export(Capture.of(LINE, spaced(FRAMES)), out)
+    found = messages(out)
+    frames = [message for _, message in found["/frames"]]
+    on_frames = [frame for frame in frames if frame.findings]
+    assert found["/findings"]
+    assert sum(frame.findings for frame in frames) <= len(found["/findings"])
+    ends = {time for time, _ in found["/frames"]}
+    for time, log in found["/findings"]:
+        assert time in ends
+        assert log["timestamp"]["sec"] * 10**9 + log["timestamp"]["nsec"] == time
+        assert log["name"] in codes()
+        assert log["level"] in (2, 3, 4)
+        assert log["message"]
+    assert any(frame.HasField("exception") for frame in on_frames)
+    assert model.Severity.WARNING
+
+
+def test_several_taps_exceptions_noise_and_evidence(capsys, tmp_path):
+    chunks = spaced([*FRAMES, b"\xff\x00\x13", *FRAMES])
+    second = [captures.Chunk(chunk.t_ns + 2_000_000_000, chunk.data, port=1) for chunk in spaced(FRAMES)]
+    bus, out = tmp_path / "bus.jsonl", tmp_path / "bus.mcap"
+    captures.write(bus, chunks + second, line=LINE)
+    export(captures.open(bus), out, options=ExportOptions(explain=True, noise=True))
+    lines = [json.loads(line) for line in ran(capsys, "export", bus, "--explain", "--noise").out.splitlines()]
+    frames = [line for line in lines if "kind" not in line]
+    same_frames(out, frames)
+    found = messages(out)
+    for (_, message), line in zip(found["/frames"], frames, strict=True):
+        why, runner_up = line["explain"], line["explain"]["runner_up"]
+        for name in ("length", "crc", "silence", "conversation", "margin"):
+            assert getattr(message, f"evidence_{name}") == pytest.approx(why[name], abs=0.006)
+        assert plain(message)["runner_up_kind"] == runner_up["kind"]
+        assert (message.runner_up_start if message.HasField("runner_up_start") else None) == runner_up["start"]
+    noise = [line for line in lines if line.get("kind") == "noise"]
+    assert [(time, m.start, m.length, m.t_start_ns, m.port, m.data.hex()) for time, m in found["/noise"]] == [
+        (n["t_end_ns"], n["start"], n["length"], n["t_start_ns"], n.get("port", 0), n["hex"]) for n in noise
     ]
-    first, second = (content for _, content in found["/unit/17/coils"])
-    assert list(first) == [f"b{address}" for address in range(19, 56)]
-    assert (first["b19"], first["b20"], first["b55"]) == (1, 0, 1)
-    assert second == {"b172": 1}
-    assert "/unit/17/input" not in found
+
+
+def test_ascii_frames_as_the_bytes_that_they_stand_for(capsys, tmp_path):
+    bus, out = tmp_path / "bus.jsonl", tmp_path / "bus.mcap"
+    pieces = [b":1103006B00037E\r\n", b":110306AE41565243403F\r\n"] * 3
+    captures.write(bus, spaced(pieces), line=LINE)
+    export(captures.open(bus), out)
+    same_frames(out, [json.loads(line) for line in ran(capsys, "export", bus).out.splitlines()])
+
+
+def test_every_function_has_a_name_that_an_enum_can_have(monkeypatch):
+    one = functions()[3]
+    odd = {
+        65: Function(65, "Чтение", one.request, one.response),
+        66: Function(66, "3 phases (L1/L2/L3)", one.request, one.response),
+        67: Function(67, one.name, one.request, one.response),
+    }
+    monkeypatch.setattr("analyzer.exports.targets.mcap.schemas.functions", lambda: {**functions(), **odd})
+    names = function_names()
+    assert sorted(names.values()) == [0, *sorted({**functions(), **odd})]
+    assert all(name.isascii() and name.isidentifier() for name in names)
+    assert (names["FUNCTION_65"], names["FUNCTION_66"], names["READ_HOLDING_REGISTERS_67"]) == (65, 66, 67)
 
 
 def test_schemas_channels_and_metadata(exported):
@@ -113,7 +256,8 @@ def test_schemas_channels_and_metadata(exported):
     assert topics["/findings"].name == "foxglove.Log"
     assert json.loads(topics["/findings"].data) == LOG
     assert {"/frames", "/transactions", "/rtuscope/chunks"} <= set(topics)
-    assert all(index.compression == "zstd" for index in summary.chunk_indexes)
+    assert topics["/frames"].encoding == "protobuf"
+    assert summary.statistics.message_count == sum(len(found) for found in messages(exported).values())
     about = metadata["rtuscope"]
     assert about["tool"].startswith("rtuscope ")
     assert (about["baud"], about["timed"], about["source_format"]) == ("19200", "true", "serial-chunks")
@@ -126,6 +270,32 @@ def long(tmp_path_factory):
     captures.write(bus, spaced(FRAMES * 300), line=LINE)
     export(captures.open(bus), out)
     return out
+
+
+def test_messages_stand_in_time_order_and_every_reader_finds_them(long):
+    """By the index in time order, a topic alone, a stretch of time, and in sequence without index: all agree."""
+    with long.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        indexed = [(c.topic, m.log_time, bytes(m.data)) for _, c, m in reader.iter_messages()]
+        one = [(c.topic, m.log_time, bytes(m.data)) for _, c, m in reader.iter_messages(topics=["/frames"])]
+        middle = indexed[len(indexed) // 2][1]
+        rest = list(reader.iter_messages(starting_at=middle))
+    with long.open("rb") as file:
+        stream = NonSeekingReader(file, validate_crcs=True)
+        listed = [(c.topic, m.log_time, bytes(m.data)) for _, c, m in stream.iter_messages(log_time_order=False)]
+    assert len(summary.chunk_indexes) > 2
+    assert sorted(indexed) == sorted(listed)
+    assert all(a[1] <= b[1] for a, b in pairwise(indexed))
+    assert one == [message for message in indexed if message[0] == "/frames"]
+    assert len(rest) == sum(message[1] >= middle for message in indexed)
+    analysed = [message for message in listed if message[0] in ("/frames", "/transactions")]
+    late = sum(a[1] > b[1] for a, b in pairwise(analysed))
+    assert late < len(analysed) / 100
+    counted = {
+        summary.channels[number].topic: count for number, count in summary.statistics.channel_message_counts.items()
+    }
+    assert counted == {topic: sum(message[0] == topic for message in listed) for topic in counted}
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9, 0.99])

@@ -14,10 +14,9 @@ from analyzer.simulation.defects import defects
 from analyzer.simulation.truth import TruthFinding
 from captures.chunks import Capture
 
-# Behind these taps some instances cannot be told: bytes of two frames come as one piece, or order is all there is.
-HARD = {"echo": 0.97, "flow-control-loss": 0.0, "collision": 0.8}
-HARD_TAPS = ("irq", "ftdi16", "gateway", "untimed")
-EXACT = {"bit-flip": ("byte", "bit"), "bytes-repeated": ()}
+# Where damaged frames come without a silence between them, nothing says where one ends and the other begins.
+HARD = {("flow-control-loss", tap): 0.1 for tap in ("irq", "ftdi16", "gateway", "untimed")}
+HARD |= {("collision", tap): 0.8 for tap in ("irq", "gateway", "untimed")}
 NEVER_MIND = {"timing-blind", "poll-waste", "crc-collision"}  # true by chance anywhere
 
 Place = tuple[str, int, int]
@@ -42,9 +41,9 @@ def test_found_where_it_is(code: str, tap: str) -> None:
     truth, found = diagnosed(code, tap)
     due = Counter(map(place, truth))
     hits = due & Counter(map(place, found))
-    floor = HARD.get(code, 0.96) if tap in HARD_TAPS else 0.97
+    allowed = max(1, round((1 - HARD.get((code, tap), 0.98)) * due.total()))
     assert due
-    assert hits.total() >= floor * due.total(), sorted((due - hits).elements())[:5]
+    assert hits.total() >= due.total() - allowed, sorted((due - hits).elements())[:5]
 
 
 @pytest.mark.parametrize(("code", "tap"), CASES)
@@ -53,9 +52,8 @@ def test_nothing_else_is_said(code: str, tap: str) -> None:
     due = set(map(place, truth))
     also = {(other, finding.start) for finding in truth for other in finding.also}
     extra = [f for f in found if place(f) not in due and (f.code, f.start) not in also and f.code not in NEVER_MIND]
-    if code in HARD and tap in HARD_TAPS:
-        return
-    assert len(extra) <= 0.04 * len(truth) + (code == "bus-saturated"), [(f.code, f.start, f.text) for f in extra[:5]]
+    allowed = len(truth) if (code, tap) in HARD else max(2, round(0.02 * len(truth)))
+    assert len(extra) <= allowed, [(f.code, f.start, f.text) for f in extra[:5]]
 
 
 def test_the_byte_and_the_bit_are_named() -> None:

@@ -6,12 +6,13 @@ import argparse
 import sys
 
 from .app import DONE, INTERRUPTED, NO_FRAME
-from .inputs import add_capture_arguments, load_functions, open_capture, tell_damage
+from .inputs import add_capture_arguments, add_filter_argument, chosen_filter, load_functions, open_capture, tell_damage
 from .terminal import Progress, interruptible
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
 rtuscope export bus.jsonl -o frames.csv
+rtuscope export bus.jsonl --filter 'exception or crc_ok == false'
 rtuscope export bus.jsonl --noise --explain"""
 
 
@@ -22,6 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", metavar="OUT", default="-", help="file to write; - is standard output (default)"
     )
     parser.add_argument("--format", metavar="F", help="jsonl, csv or mcap; by default OUT's suffix tells, else jsonl")
+    add_filter_argument(parser)
     parser.add_argument(
         "--noise", action="store_true", help="write the bytes between frames too, so that all bytes are there"
     )
@@ -34,13 +36,14 @@ def run(arguments: argparse.Namespace) -> int:
 
     load_functions(arguments)
     capture = open_capture(arguments)
+    chosen = chosen_filter(arguments, capture.line)
     progress = Progress(f"export {arguments.capture}")
     with interruptible() as stop:
         done = export(
             capture,
             arguments.output,
             name=arguments.format,
-            options=ExportOptions(explain=arguments.explain, noise=arguments.noise),
+            options=ExportOptions(explain=arguments.explain, noise=arguments.noise, filter=chosen),
             progress=progress,
             stop=stop,
         )
@@ -49,7 +52,10 @@ def run(arguments: argparse.Namespace) -> int:
     if done.partial:
         print("rtuscope: stopped by Ctrl-C; what was done is kept, and partial", file=sys.stderr)
         return INTERRUPTED
-    if not done.frames:
+    if chosen is not None and not done.bytes:
+        print(f"rtuscope: {arguments.capture}: nothing passes the filter", file=sys.stderr)
+        return NO_FRAME
+    if not done.frames and not (chosen is not None and "noise" in chosen.fields):
         print(f"rtuscope: {arguments.capture}: no Modbus frame found in {done.bytes:,} bytes", file=sys.stderr)
         return NO_FRAME
     return DONE

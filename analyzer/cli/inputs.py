@@ -8,8 +8,12 @@ import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
+from .app import UsageError
+
 if TYPE_CHECKING:
+    from analyzer.filters import Filter
     from captures import Capture
+    from captures.line import LineSettings
 
 _GROUP: Final = b"[rtuscope.functions]"
 _TOLD: Final = 5  # complaints printed; the rest are counted
@@ -26,6 +30,25 @@ def add_functions_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--functions", metavar="FILE", action="append", default=[], help="a Python file that declares vendor functions"
     )
+
+
+def add_filter_argument(parser: argparse.ArgumentParser) -> None:
+    """--filter."""
+    parser.add_argument(
+        "--filter", metavar="EXPR", help="only what passes, such as 'unit == 17 and exception' (docs/filters.md)"
+    )
+
+
+def chosen_filter(arguments: argparse.Namespace, line: LineSettings) -> Filter | None:
+    """The filter that was given, for a line of these settings."""
+    if arguments.filter is None:
+        return None
+    from analyzer.filters import FilterError, compile_filter
+
+    try:
+        return compile_filter(arguments.filter, line)
+    except FilterError as error:
+        raise UsageError(f"--filter: {error}") from error
 
 
 def load_functions(arguments: argparse.Namespace) -> None:

@@ -7,37 +7,42 @@ import sys
 from typing import TYPE_CHECKING
 
 from .app import DONE, INTERRUPTED, NO_FRAME
-from .inputs import add_capture_arguments, load_functions, open_capture
+from .inputs import add_capture_arguments, add_filter_argument, chosen_filter, load_functions, open_capture
 from .terminal import Progress, interruptible
 
 if TYPE_CHECKING:
+    from analyzer.filters import Filter
     from captures import Capture
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
 rtuscope report bus.jsonl
+rtuscope report bus.jsonl --filter 'function == 3'
 rtuscope report bus.jsonl --json"""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_capture_arguments(parser)
+    add_filter_argument(parser)
     parser.add_argument("--json", action="store_true", help="the same facts as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print it."""
     load_functions(arguments)
-    return show(open_capture(arguments), str(arguments.capture), as_json=arguments.json)
+    capture = open_capture(arguments)
+    chosen = chosen_filter(arguments, capture.line)
+    return show(capture, str(arguments.capture), as_json=arguments.json, filter=chosen)
 
 
-def show(capture: Capture, source: str, *, as_json: bool) -> int:
+def show(capture: Capture, source: str, *, as_json: bool, filter: Filter | None = None) -> int:
     """Report on an open capture; returns the exit status."""
     from analyzer.reports import summarize, text
 
     progress = Progress(f"report {source}")
     with interruptible() as stop:
-        report = summarize(capture, source=source, progress=progress, stop=stop)
+        report = summarize(capture, source=source, filter=filter, progress=progress, stop=stop)
     progress.clear()
     if as_json:
         import json

@@ -133,8 +133,7 @@ class AsciiDeframer:
         rows["protocol"] = Protocol.ASCII
         head = tail = np.empty(0, np.int64)
         if pieces:
-            rows["t_start"], rows["t_end"] = tape.spans(starts, ends)
-            head, tail = tape.reads(starts, ends)
+            rows["t_start"], rows["t_end"], head, tail = tape.spans(starts, ends)
             gaps = tape.gaps(starts, ends)
             for name in GAPS.names or ():
                 rows[name] = gaps[name]

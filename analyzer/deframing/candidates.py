@@ -8,8 +8,9 @@ hold whole frames): `base` says how much, in bits, and the lattice decides.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,12 @@ from numpy.typing import NDArray
 from dissectors.lengths import Role
 
 from .prefix import Windows
-from .rules import MAX_ADU, MIN_ADU, OVERHEAD, Bytes, Index, RoleTables, field, tables
+from .rules import MAX_ADU, MIN_ADU, OVERHEAD, Bytes, Checks, Counted, Index, Mask, Tables, Walked, field, tables
 
 CRC_BITS: Final = 16.0
 KNOWN_BITS: Final = 3.0  # one of the 20-odd functions in use, of 256
 STRANGE_BITS: Final = -3.0  # an exception of a function that nobody has declared
+_NONE: Final = np.empty(0, np.intp)
 GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))  # what RS-485 drivers leave on the line when they switch
 ZERO_BITS: Final = -8.0  # 1 in 256 check values ends in 00
 BROKEN_LIMIT: Final = -6.0  # a limit of the specification that real frames do break now and then
@@ -42,21 +44,17 @@ class Candidates:
 
 def search(data: Bytes, crc: Windows) -> Candidates:
     """All candidates that lie whole in `data`."""
-    starts: list[Index] = []
-    ends: list[Index] = []
-    roles: list[NDArray[np.uint8]] = []
-    bits: list[NDArray[np.float32]] = []
-    for role in (Role.REQUEST, Role.RESPONSE):
-        rules = tables(role)
-        start, end = _checking(data, crc, rules)
-        start, end, structure = _weigh(data, start, end, rules)
-        starts.append(start)
-        ends.append(end)
-        roles.append(np.full(len(start), role, np.uint8))
-        bits.append(structure)
-    start, end, role_of = np.concatenate(starts), np.concatenate(ends), np.concatenate(roles)
-    order = np.lexsort((role_of, end, start))
-    structure = np.concatenate(bits)[order]
+    rules = tables()
+    found = [*_fixed(data, crc, rules), *_marked(data, crc, rules)]
+    columns = []
+    for role in Role:
+        start = np.concatenate([_NONE, *(place.start for place in found if place.role is role)])
+        end = np.concatenate([_NONE, *(place.end for place in found if place.role is role)])
+        start, end, structure = _weigh(data, start, end, rules.checks[role], rules.known)
+        columns.append((start, end, np.full(len(start), role, np.uint8), structure))
+    start, end, role_of, structure = (np.concatenate(column) for column in zip(*columns, strict=True))
+    order = np.argsort((start << 16) + ((end - start) << 1) + role_of, kind="stable")
+    structure = structure[order]
     start, end = start[order], end[order]
     structure[1:] += _zeros(data, start, end)
     return Candidates(start, end, role_of[order], structure)
@@ -76,64 +74,91 @@ def _zeros(data: Bytes, start: Index, end: Index) -> NDArray[np.float32]:
     return lost
 
 
-def _checking(data: Bytes, crc: Windows, rules: RoleTables) -> tuple[Index, Index]:
-    """Starts and ends of the windows of predicted length whose CRC is right."""
+class _Places(NamedTuple):
+    """Windows of predicted length whose CRC is right."""
+
+    role: Role
+    start: Index
+    end: Index
+
+
+def _fixed(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
+    """Of functions whose length does not hang on the bytes."""
     heads, tails = crc
     n = len(data)
-    found: list[tuple[Index, Index]] = []
     for length, functions in rules.fixed:
-        if n >= length:
-            start = np.flatnonzero(heads[: n - length + 1] == tails[length:])
-            start = start[functions.take(data.take(start + 1))]
-            found.append((start, start + length))
-    for group in rules.counted:
-        least = group.offset + group.width
-        if n > least:
-            base = group.base.take(data[1 : n - least + 1])
-            start = np.flatnonzero(base)
-            end = start + base.take(start) + group.scale * field(data, start + group.offset, group.width)
-            fits = end <= n
-            start, end = start[fits], end[fits]
-            right = heads.take(start) == tails.take(end)
-            start, end = start[right], end[right]
-            short = end - start <= MAX_ADU
-            found.append((start[short], end[short]))
-    for function, walk, reach in rules.walked:
-        start = np.flatnonzero(
-            data[1 : max(1, n - reach + 1)] == function
-        )  # a walk is slow: first what arrays can rule out
-        checks = rules.checks[function]
-        for test in checks.hard if checks is not None else ():
-            start = start[test(data, start)]
-        walks = [(i, walk(data[i + 1 : i + MAX_ADU].tobytes())) for i in start.tolist()]
-        pairs = [(i, i + k + OVERHEAD) for i, k in walks if k is not None and k > 0 and i + k + OVERHEAD <= n]
-        start, end = np.array(pairs, np.intp).reshape(-1, 2).T
-        right = heads.take(start) == tails.take(end)
-        found.append((start[right], end[right]))
-    if not found:
-        return np.empty(0, np.intp), np.empty(0, np.intp)
-    return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
+        if n < length:
+            continue
+        start = np.flatnonzero(heads[: n - length + 1] == tails[length:])
+        function = data.take(start + 1)
+        for role, mine in functions:
+            of_role = start[mine.take(function)]
+            yield _Places(role, of_role, of_role + length)
 
 
-def _weigh(data: Bytes, start: Index, end: Index, rules: RoleTables) -> tuple[Index, Index, NDArray[np.float32]]:
+def _marked(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
+    """Of functions that have a count, or take a walk."""
+    octets = data.tobytes()
+    for marked in rules.marked:
+        marks = np.frombuffer(octets.translate(marked.table), np.uint8)[1:]
+        some = np.flatnonzero(marks != 0)
+        marks = marks.take(some)
+        for i, group in enumerate(marked.groups):
+            start = some[marks & np.uint8(1 << i) != 0]
+            if not len(start):
+                continue
+            start, end = (
+                _counted(data, start, group) if isinstance(group, Counted) else _walked(data, start, group, rules)
+            )
+            right = crc.heads.take(start) == crc.tails.take(end)
+            yield _Places(group.role, start[right], end[right])
+
+
+def _counted(data: Bytes, start: Index, group: Counted) -> tuple[Index, Index]:
+    """Starts and predicted ends, in the data, of a group's functions."""
+    n = len(data)
+    start = start[: int(np.searchsorted(start, n - group.offset - group.width, side="right"))]
+    length = group.base.take(data.take(start + 1)) + group.scale * field(data, start + group.offset, group.width)
+    fits = (length <= MAX_ADU) & (start + length <= n)
+    start = start[fits]
+    return start, start + length[fits]
+
+
+def _walked(data: Bytes, start: Index, group: Walked, rules: Tables) -> tuple[Index, Index]:
+    """The same, walk by walk, which is slow: first what arrays can rule out."""
+    n = len(data)
+    start = start[: int(np.searchsorted(start, n - group.reach, side="right"))]
+    checks = rules.checks[group.role][group.function]
+    for test in checks.hard if checks is not None else ():
+        start = start[test(data, start)]
+    walks = [(i, group.length(data[i + 1 : i + MAX_ADU].tobytes())) for i in start.tolist()]
+    pairs = [(i, i + k + OVERHEAD) for i, k in walks if k is not None and k > 0 and i + k + OVERHEAD <= n]
+    found = np.array(pairs, np.intp).reshape(-1, 2)
+    return found[:, 0], found[:, 1]
+
+
+def _weigh(
+    data: Bytes, start: Index, end: Index, checks_of: Sequence[Checks | None], known: Mask
+) -> tuple[Index, Index, NDArray[np.float32]]:
     """Drop what breaks a hard check; give the rest its structural bits."""
     functions = data.take(start + 1)
-    declared = tables(Role.REQUEST).known.take(functions & 0x7F)
+    declared = known.take(functions & 0x7F)
     structure = np.where(declared, np.float32(KNOWN_BITS), np.float32(STRANGE_BITS))
     keep = np.ones(len(start), np.bool_)
     for i in np.flatnonzero(functions >= 0xFE).tolist():  # an exception of 7E or 7F, or what drivers leave behind
         keep[i] = not GLITCHES.issuperset(data[start[i] : end[i]].tobytes())
     for function in np.flatnonzero(np.bincount(functions, minlength=256)).tolist():
-        checks = rules.checks[function]
+        checks = checks_of[function]
         if checks is None:
             continue
         which = np.flatnonzero(functions == function)
         at = start[which]
         for test in checks.hard:
             keep[which] &= test(data, at)
-        structure[which] += checks.bits
-        for test, bits in zip(checks.soft, checks.soft_bits, strict=True):
-            structure[which] += np.where(test(data, at), np.float32(bits), np.float32(BROKEN_LIMIT))
+        bits = np.full(len(at), checks.bits, np.float32)
+        for test, soft in zip(checks.soft, checks.soft_bits, strict=True):
+            bits += np.where(test(data, at), np.float32(soft), np.float32(BROKEN_LIMIT))
+        structure[which] += bits
     return start[keep], end[keep], structure[keep]
 
 

@@ -49,14 +49,13 @@ def decide(lattice: Lattice, data: bytes, events: Sequence[Event], idle_bits: fl
     """What is now certain; `UNDECIDED` if more has to be known."""
     for event in events:
         lattice.advance(event.position)
-        if event.cut:
+        if event.idle or _enough(lattice, event):
+            steps = lattice.steps()
+            frames = [s for s in steps if s.candidate is not None and not s.candidate.damaged]
+            if frames and not _awaited(data, frames, steps, event, lattice, idle_bits):
+                return Decision(steps[: steps.index(frames[-1]) + 1], lattice.rivals())
+        if event.cut:  # (it was idle before, so what a clock's tick decided then is decided alike without one)
             return settled(lattice)
-        if not event.idle and not _enough(lattice, event):
-            continue
-        steps = lattice.steps()
-        frames = [s for s in steps if s.candidate is not None and not s.candidate.damaged]
-        if frames and not _awaited(data, frames, steps, event, lattice, idle_bits):
-            return Decision(steps[: steps.index(frames[-1]) + 1], lattice.rivals())
     return UNDECIDED
 
 

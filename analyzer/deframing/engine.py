@@ -14,28 +14,32 @@ from numpy.typing import NDArray
 
 from dissectors.lengths import Role
 
-from ..frames import Kind, Rows
+from ..frames import Kind
 from .broken import broken_windows
 from .candidates import CRC_BITS, GLITCHES, Candidates, search
 from .contest import WINDOWS, Decision, Event, decide, forced, margins, settled
 from .damaged import damaged_answers, damaged_requests
+from .endings import plain_one
 from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice
 from .options import Options
-from .pieces import NOISE, NOTHING, Pieces, evidence
+from .pieces import NOISE, NOTHING, Decided, Pieces, evidence
 from .places import SILENT, places
 from .prefix import windows
+from .repeats import Repeats, copied, relative, shifted
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index
-from .runs import Runs, Stretch, plain_evidence, plain_roles, runs_of
+from .runs import Runs, Stretch, plain_evidence, reach, runs_of
 from .silence import Trust, Turn, classes_of, next_checkpoint
-from .talk import Run, Talk
+from .talk import REACH, Run, Talk
 from .tape import Character, Tape, Times
 from .unknown import unknown_windows
 
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
+_PARTS_NOISE: Final = 3.0  # bits of a silence at which noise is cut in two
 _AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
-_SLICE: Final = 1 << 18  # bytes searched at once
-_REACH: Final = 1300  # bytes: further back than a conversation reaches
+_SLICE: Final = 1 << 20  # bytes searched at once
+_MUCH: Final = 1 << 16  # bytes: fed at once, more will follow, or a quiet line
+_NOWHERE: Final = (-1, -1)
 
 
 class Engine:
@@ -49,6 +53,10 @@ class Engine:
         self._vendor: set[int] = set()
         self._stuck = -1, -1  # offsets: what could not be decided, and how far the bytes went then
         self._waiting = False  # the last frame was a request that wants an answer
+        self._waited = False  # the same of the last frame learnt from
+        self._asked = _NOWHERE  # offsets: where a request that was taken without the lattice began and ended
+        self._fresh: list[Decided] = []
+        self._repeats = Repeats()
         self._idle_class = int(classes_of(np.array([options.idle_ns]), character.ns)[0])
         self._out: list[Pieces] = []
         self._decided: list[Bytes] = []
@@ -89,11 +97,13 @@ class Engine:
         while begin < ready:
             upto = min(ready, begin + _SLICE + WINDOWS[-1])
             last = upto == ready
-            stop = upto if last else upto - WINDOWS[-1]  # the next slice knows more of what is behind
+            more = not last or (upto - begin >= _MUCH and not quiet and not final)
+            stop = upto - WINDOWS[-1] if more else upto  # the next slice, or feed, knows more of what is behind
             begin += self._slice(begin, upto, stop - begin, quiet=quiet and last, final=final and last)
             if last:
                 break
         if begin:
+            self._flush()
             self._decided.append(tape.data[:begin])
             tape.drop(begin)
 
@@ -104,18 +114,22 @@ class Engine:
             return 0
         crc = windows(data)
         found = self._whole(search(data, crc), begin)
-        runs = runs_of(found, len(data) if final else len(data) - MAX_ADU)
+        runs = runs_of(found, data, len(data) if final else len(data) - MAX_ADU)
         stretch = Stretch(data, begin, crc, found)
         at = 0
         while at < stop:
             i = int(np.searchsorted(runs.start, at))
-            if i < len(runs.start) and runs.start[i] == at and runs.clean[i]:
-                moved = self._run(stretch, runs, i)
+            if i < len(runs.start) and runs.start[i] == at:
+                moved = self._run(stretch, runs, i) if runs.clean[i] else self._ending(stretch, runs, i)
                 if moved > at:
                     at = moved
                     continue
             if not (quiet or final) and self._waits(stretch, at):
                 break
+            moved = self._again(stretch, at, stop)
+            if moved > at:
+                at = moved
+                continue
             moved = self._contest(stretch, at, quiet=quiet, final=final)
             if moved == at:
                 self._stuck = self.tape.base + begin + at, self.tape.base + upto
@@ -139,33 +153,63 @@ class Engine:
 
         Never beyond a checkpoint, where what silences are worth may change.
         """
-        begin = stretch.begin
+        begin, data = stretch.begin, stretch.data
         at = int(runs.start[i])
         offset = self.tape.base + begin
-        limit = next_checkpoint(offset + at) - offset
-        last = min(int(runs.last[i]) + 1, max(i + 1, int(np.searchsorted(runs.end, limit, side="right"))))
-        start, end = runs.start[i:last], runs.end[i:last]
-        role = plain_roles(
-            stretch.data, start, runs.role[i:last], runs.either[i:last],
-            self.tape.classes[begin : begin + len(stretch.data)], self.trust, answered=not self._waiting,
-        )  # fmt: skip
-        count = len(role)
-        if not count:
+        if runs.second[i] and self._asked[1] != offset + at:
             return at
-        start, end, structure = start[:count], end[:count], runs.structure[i : i + count]
-        why = evidence(count)
-        why["length"], why["crc"] = structure, CRC_BITS
-        why["margin"] = structure + np.float32(CRC_BITS + NOISE_BEGINS)
+        limit = next_checkpoint(offset + at) - offset
+        last = int(runs.last[i]) + 1
+        if runs.end[last - 1] > limit:
+            last = max(i + 1, i + int(np.searchsorted(runs.end[i:last], limit, side="right")))
+        classes = self.tape.classes[begin : begin + len(data)]
+        last = reach(runs, i, last, classes, self.trust, waiting=self._waiting)
+        if last <= i:
+            return at
+        start, end, role = runs.start[i:last], runs.end[i:last], runs.role[i:last]
+        structure = runs.structure[i:last]
+        why = None
         if self.options.explain:
-            classes = self.tape.classes.take(start + begin)
+            why = evidence(last - i)
+            why["length"], why["crc"] = structure, CRC_BITS
             why["silence"], why["conversation"] = plain_evidence(
-                stretch.data, start, end, role, classes, self.trust, self._talk.said
+                data, start, end, role, classes.take(start), self.trust, self._talk.said
             )
-        self._commit(start + begin, end + begin, role, np.ones(count, np.bool_), why, contested=False)
-        first = int(np.searchsorted(start, end[-1] - _REACH))
-        places = start[first:] + begin, end[first:] + begin
-        self._talk.go_on(Run(self.tape.data, self.tape.base, *places, role[first:]), alone=first > 0)
+        margin = structure + np.float32(CRC_BITS + NOISE_BEGINS)
+        free = np.zeros(len(start), np.bool_)
+        self._take(stretch, start, end, Decided(start + begin, end + begin, role, margin > 0, margin, free, why))
         return int(end[-1])
+
+    def _ending(self, stretch: Stretch, runs: Runs, i: int) -> int:
+        """Take one of two intervals that begin alike, where it is plain which; the position behind it."""
+        at = int(runs.start[i])
+        offset = self.tape.base + stretch.begin
+        if self.options.explain or (self._waiting and self._asked[1] != offset + at):
+            return at
+        asked = self._asked[0] - offset if self._waiting else None
+        if asked is not None and asked < 0:
+            return at
+        classes = self.tape.classes[stretch.begin : stretch.begin + len(stretch.data)]
+        found = plain_one(runs, i, stretch.data, classes, self.trust, asked)
+        if found is None:
+            return at
+        one = slice(found[0], found[0] + 1)
+        start, end, role = runs.start[one], runs.end[one], runs.role[one]
+        margin = np.array([found[1]], np.float32)
+        taped = start + stretch.begin, end + stretch.begin
+        self._take(stretch, start, end, Decided(*taped, role, margin > 0, margin, np.zeros(1, np.bool_)))
+        return int(end[0])
+
+    def _take(self, stretch: Stretch, start: Index, end: Index, decided: Decided) -> None:
+        """Frames (`start` and `end` in the stretch) are decided without the lattice."""
+        offset, role = self.tape.base + stretch.begin, decided.role
+        first = max(0, int(np.searchsorted(start, end[-1] - REACH)) - 1)
+        run = Run(self.tape.data, self.tape.base, decided.start[first:], decided.end[first:], role[first:])
+        self._talk.go_on(run)
+        self._decide(decided)
+        asks = role[-1] == Role.REQUEST
+        self._waiting = bool(asks and stretch.data[start[-1]])
+        self._asked = (offset + int(start[-1]), offset + int(end[-1])) if asks else _NOWHERE
 
     def _waits(self, stretch: Stretch, at: int) -> bool:
         """Whether nothing has come since the last look at these bytes that could decide anything."""
@@ -188,6 +232,7 @@ class Engine:
             whole = limit == n
             if not whole and window < WINDOWS[-1] and not stretch.any(at, limit):
                 continue
+            self._repeats.looked(limit - at)
             decision = self._explain(stretch, at, limit, quiet=quiet and whole, final=final and whole)
             if decision.steps or whole:
                 break
@@ -196,6 +241,23 @@ class Engine:
         self._steps(decision, stretch.begin + at)
         self._talk.settle(decision.steps[-1].said)
         return at + decision.steps[-1].end
+
+    def _again(self, stretch: Stretch, at: int, stop: int) -> int:
+        """Take from `at` on what repeats what was just decided; the position behind it."""
+        offset = self.tape.base + stretch.begin + at
+        said = self._talk.said
+        room = min(stop - at, next_checkpoint(offset) - offset)
+        repeat = self._repeats.look(
+            stretch.data, self.tape.classes[stretch.begin : stretch.begin + len(stretch.data)], at, offset,
+            (relative(said, offset), self._waiting, len(self._vendor)), len(self._fresh), room,
+        )  # fmt: skip
+        if repeat is None:
+            return at
+        moved = repeat.count * repeat.period
+        self._decide(copied(self._fresh[repeat.first :], repeat))
+        self._talk.settle(shifted(said, moved))
+        self._asked = _NOWHERE
+        return at + moved
 
     def _explain(self, stretch: Stretch, at: int, limit: int, *, quiet: bool, final: bool) -> Decision:
         """The certain steps in [at, limit): by declared candidates, and where those leave noise by all that there are.
@@ -226,7 +288,7 @@ class Engine:
         if decision.steps and all(s.candidate is not None for s in decision.steps):
             return decision
         closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self.options.idle_ns)) > 0
-        spots = places(data, silences, candidates, closed=closed, parts=self.trust.parts)
+        spots = places(data, silences, candidates, closed=closed, parts=self.trust.parts())
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
         more += broken_windows(data, stretch.crc, at, spots, candidates + more)
         more += damaged_requests(data, spots, candidates)
@@ -256,15 +318,16 @@ class Engine:
         return [event for event in events if event.position > 0]
 
     def _steps(self, decision: Decision, origin: int) -> None:
-        """Commit steps of the lattice."""
+        """Take steps of the lattice."""
         steps = decision.steps
         base = self.tape.base + origin
         start = np.array([s.start for s in steps], np.intp)
         end = np.array([s.end for s in steps], np.intp)
         role = np.array([s.candidate.role if s.candidate else NOISE for s in steps], np.uint8)
-        why = evidence(len(steps))
-        for row, step, (margin, other) in zip(why, steps, margins(decision), strict=True):
-            row["margin"] = min(margin, _SURE)
+        found = margins(decision)
+        margin = np.array([min(bits, _SURE) for bits, _ in found], np.float32)
+        why = evidence(len(steps)) if self.options.explain else None
+        for row, step, (_, other) in zip(() if why is None else why, steps, found, strict=False):
             row["silence"], row["conversation"] = step.silence, step.conversation
             if step.candidate is not None:
                 row["length"] = step.candidate.structure
@@ -274,65 +337,82 @@ class Engine:
                 row["rival_start"], row["rival_length"] = base + other.start, other.end - other.start
                 row["rival_kind"] = kind
         for step in steps:
-            if step.candidate is not None and not step.candidate.declared:
-                self._vendor.add(int(self.tape.data[origin + step.start + 1]) & 0x7F)
+            if step.candidate is not None:
+                first = int(self.tape.data[origin + step.start])
+                self._waiting = step.candidate.role == Role.REQUEST and bool(first)
+                if not step.candidate.declared:
+                    self._vendor.add(int(self.tape.data[origin + step.start + 1]) & 0x7F)
         check = np.array([s.candidate is not None and not s.candidate.damaged for s in steps], np.bool_)
-        self._commit(start + origin, end + origin, role, check, why, contested=True)
+        weighed = np.ones(len(start), np.bool_)
+        self._decide(Decided(start + origin, end + origin, role, check, margin, weighed, why))
 
-    def _commit(
-        self,
-        start: Index,
-        end: Index,
-        role: NDArray[np.uint8],
-        check: NDArray[np.bool_],
-        why: Rows,
-        *,
-        contested: bool,
-    ) -> None:
-        """Pieces (indices of the tape) are decided: report them, learn from them."""
-        tape = self.tape
-        parts = self.trust.parts
-        self._learn(start, end, role, int(start[0]), int(end[-1]))
-        if (role == NOISE).any():
-            start, end, piece = self._parted(start, end, role, parts)
-            role, check, why = role[piece], check[piece], why[piece]
-        offsets = start.astype(np.int64) + tape.base, end.astype(np.int64) + tape.base
-        times = (*tape.spans(start, end), *tape.reads(start, end))
-        weighed = np.full(len(start), contested)
-        self._out.append(Pieces(*offsets, role, check, *times, why, tape.gaps(start, end), weighed))
+    def _decide(self, decided: Decided) -> None:
+        """Pieces are decided; they are reported and learnt from at the next checkpoint, or when work is done."""
+        self._fresh.append(decided)
+        if self.tape.base + int(decided.end[-1]) >= next_checkpoint(self.trust.checkpoint):
+            self._flush()
+
+    def _flush(self) -> None:
+        """Report fresh pieces, learn from them."""
+        if not self._fresh:
+            return
+        start, end, role, check, margin, contested = (
+            np.concatenate([decided[i] for decided in self._fresh]) for i in range(6)
+        )  # fmt: skip
+        whys = [decided.why for decided in self._fresh if decided.why is not None]
+        why = np.concatenate(whys) if whys else NOTHING.why
+        if len(why):
+            why["margin"] = margin
+        self._fresh.clear()
+        self._repeats.clear()
+        tape, parts = self.tape, self.trust.parts(_PARTS_NOISE)
+        self._learn(start, end, role)
+        start, end, piece = self._parted(start, end, role, parts)
+        why = why[piece] if len(why) else why
+        role, check, margin, contested = role[piece], check[piece], margin[piece], contested[piece]
+        offsets = start + tape.base, end + tape.base
+        times = tape.spans(start, end)
+        self._out.append(Pieces(*offsets, role, check, *times, margin, contested, tape.gaps(start, end), why))
 
     def _parted(
         self, start: Index, end: Index, role: NDArray[np.uint8], parts: NDArray[np.bool_]
-    ) -> tuple[Index, Index, Index]:
+    ) -> tuple[Index, Index, Index | slice]:
         """Pieces with noise cut where a silence surely parts it, and which of the given pieces each is of."""
-        begins, owners = [], []
-        for i, (low, high, kind) in enumerate(zip(start.tolist(), end.tolist(), role.tolist(), strict=True)):
-            cuts = low + 1 + np.flatnonzero(parts[self.tape.classes[low + 1 : high]]) if kind == NOISE else ()
-            begins += [low, *cuts]
-            owners += [i] * (1 + len(cuts))
-        starts = np.array(begins, np.intp)
-        return starts, np.append(starts[1:], end[-1]), np.array(owners, np.intp)
+        noise = np.flatnonzero(role == NOISE)
+        classes = self.tape.classes
+        cuts = [
+            low + 1 + np.flatnonzero(parts[classes[low + 1 : high]])
+            for low, high in zip(start[noise].tolist(), end[noise].tolist(), strict=True)
+        ]
+        if not any(map(len, cuts)):
+            return start, end, slice(None)
+        starts = np.sort(np.concatenate((start, *cuts)))
+        return starts, np.append(starts[1:], end[-1]), np.searchsorted(start, starts, side="right") - 1
 
-    def _learn(self, start: Index, end: Index, role: NDArray[np.uint8], low: int, high: int) -> None:
+    def _learn(self, start: Index, end: Index, role: NDArray[np.uint8]) -> None:
         """Let decided pieces teach what silences and glitches mean here."""
-        data = self.tape.data
-        frames = role != NOISE
-        asks = (role == Role.REQUEST) & (data.take(start) != 0)
-        waits = np.append(self._waiting, asks[frames][:-1])
-        turns = np.where(waits & asks[frames], Turn.AGAIN, role[frames]).astype(np.uint8)
-        if len(turns):
-            self._waiting = bool(asks[frames][-1])
-        short = np.flatnonzero(~frames & (end - start <= GLITCH_RUN))
-        glitches = [e for s, e in zip(start[short].tolist(), end[short].tolist(), strict=True)
-                    if GLITCHES.issuperset(data[s:e].tobytes())]  # fmt: skip
+        data, low, high = self.tape.data, int(start[0]), int(end[-1])
+        frames = np.flatnonzero(role != NOISE)
+        units = data.take(start[frames])
+        asks = (role[frames] == Role.REQUEST) & (units != 0)
+        waits = np.empty(len(frames), np.bool_)
+        waits[:1], waits[1:] = self._waited, asks[:-1]
+        turns = role[frames].copy()
+        turns[waits & asks] = Turn.AGAIN
+        if len(frames):
+            self._waited = bool(asks[-1])
         classes = self.tape.classes[low:high]
-        if len(short):
+        glitches: list[int] = []
+        if len(frames) < len(role):
+            short = np.flatnonzero((role == NOISE) & (end - start <= GLITCH_RUN))
             classes = classes.copy()  # a silence before a glitch is the silence before the frame behind it
-            for s, e in zip(start[short] - low, end[short] - low, strict=True):
+            for s, e in zip((start[short] - low).tolist(), (end[short] - low).tolist(), strict=True):
+                if GLITCHES.issuperset(data[s + low : e + low].tobytes()):
+                    glitches.append(e)
                 if e < len(classes):
                     classes[e] = max(classes[e], classes[s:e].max())
         base = self.tape.base
         self.trust.learn(
-            classes, start[frames] - low, end[frames] - low, turns, data.take(start[frames]),
-            np.array(glitches, np.intp) - low, base + low, base + high,
+            classes, start[frames] - low, end[frames] - low, turns, units,
+            np.array(glitches, np.intp), base + low, base + high,
         )  # fmt: skip

@@ -28,12 +28,31 @@ MAX_ADU: Final = 256  # [2] 2.5.1; what the rules predict may exceed it, the wir
 
 @dataclass(frozen=True, slots=True)
 class Counted:
-    """Functions whose length hangs on a count at the same place: length = base[function] + scale * field."""
+    """Functions of a role whose length hangs on a count at the same place: base[function] + scale * field."""
 
+    role: Role
     offset: int
     width: int
     scale: int
     base: NDArray[np.intp]  # shape 256; 0 where the function is not of this group
+
+
+@dataclass(frozen=True, slots=True)
+class Walked:
+    """A function of a role whose length takes a walk through its bytes."""
+
+    role: Role
+    function: int
+    length: Callable[[bytes], int | None]  # of a PDU
+    reach: int  # bytes that the checks look at
+
+
+@dataclass(frozen=True, slots=True)
+class Marked:
+    """Up to eight groups whose functions one pass over the bytes finds: `table` maps a function to the groups' bits."""
+
+    table: bytes
+    groups: tuple[Counted | Walked, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,15 +66,13 @@ class Checks:
 
 
 @dataclass(frozen=True, slots=True)
-class RoleTables:
-    """Everything about one role, by function byte (exceptions have theirs, with the high bit)."""
+class Tables:
+    """Everything about lengths, by function byte (exceptions have theirs, with the high bit)."""
 
-    fixed: tuple[tuple[int, Mask], ...]  # (ADU length, functions of that length)
-    counted: tuple[Counted, ...]
-    walked: tuple[tuple[int, Callable[[bytes], int | None], int], ...]  # function, PDU length by a walk, bytes checked
-    checks: tuple[Checks | None, ...]  # 256
+    fixed: tuple[tuple[int, tuple[tuple[Role, Mask], ...]], ...]  # ADU length, and which functions have it in a role
+    marked: tuple[Marked, ...]
+    checks: dict[Role, tuple[Checks | None, ...]]  # 256
     known: Mask  # functions with a predicted length
-    header: int  # bytes from the unit on that a count can need
 
 
 def field(data: Bytes, at: Index, width: int) -> Index:
@@ -119,32 +136,46 @@ def _checks(rule: Rule) -> Checks:
     )
 
 
-def tables(role: Role) -> RoleTables:
-    """The tables of a role, made anew when a user has registered another function."""
-    return _tables(role, revision())
+def tables() -> Tables:
+    """The tables, made anew when a user has registered another function."""
+    return _tables(revision())
 
 
 @cache
-def _tables(role: Role, _revision: int) -> RoleTables:
-    fixed: dict[int, Mask] = {}
-    counted: dict[tuple[int, int, int], NDArray[np.intp]] = {}
-    walked: list[tuple[int, Callable[[bytes], int | None], int]] = []
-    checks: list[Checks | None] = [None] * 256
+def _tables(_revision: int) -> Tables:
+    fixed: dict[int, dict[Role, Mask]] = {}
+    counted: dict[tuple[Role, int, int, int], NDArray[np.intp]] = {}
+    walked: list[Walked] = []
+    checks: dict[Role, list[Checks | None]] = {role: [None] * 256 for role in Role}
     known = np.zeros(256, np.bool_)
     for rule in RULES.values():
-        if rule.role is not role or (rule.base is None and rule.walk is None):
+        if rule.base is None and rule.walk is None:
             continue
-        known[rule.function] = True
-        checks[rule.function] = _checks(rule)
+        known[rule.function] |= rule.role is Role.REQUEST
+        checks[rule.role][rule.function] = _checks(rule)
         if rule.walk is not None:
-            walked.append((rule.function, rule.walk, max((_reach(check) for check in rule.checks), default=MIN_ADU)))
+            reach = max((_reach(check) for check in rule.checks), default=MIN_ADU)
+            walked.append(Walked(rule.role, rule.function, rule.walk, reach))
         elif rule.count is not None:
-            key = (rule.count.offset + 1, rule.count.width, rule.count.scale)
+            key = (rule.role, rule.count.offset + 1, rule.count.width, rule.count.scale)
             table = counted.setdefault(key, np.zeros(256, np.intp))
             table[rule.function] = (rule.base or 0) + OVERHEAD
         else:
-            table_of = fixed.setdefault((rule.base or 0) + OVERHEAD, np.zeros(256, np.bool_))
-            table_of[rule.function] = True
-    groups = tuple(Counted(*key, base) for key, base in counted.items())
-    header = max([g.offset + g.width for g in groups], default=2)
-    return RoleTables(tuple(sorted(fixed.items())), groups, tuple(walked), tuple(checks), known, header)
+            of_length = fixed.setdefault((rule.base or 0) + OVERHEAD, {})
+            of_length.setdefault(rule.role, np.zeros(256, np.bool_))[rule.function] = True
+    groups: list[Counted | Walked] = [*(Counted(*key, base) for key, base in counted.items()), *walked]
+    return Tables(
+        tuple((length, tuple(fixed[length].items())) for length in sorted(fixed)),
+        tuple(_marked(groups[i : i + 8]) for i in range(0, len(groups), 8)),
+        {role: tuple(of_role) for role, of_role in checks.items()},
+        known,
+    )
+
+
+def _marked(groups: list[Counted | Walked]) -> Marked:
+    table = bytearray(256)
+    for i, group in enumerate(groups):
+        found = [group.function] if isinstance(group, Walked) else np.flatnonzero(group.base).tolist()
+        for function in found:
+            table[function] |= 1 << i
+    return Marked(bytes(table), tuple(groups))

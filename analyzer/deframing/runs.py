@@ -2,7 +2,8 @@
 
 An interval (start, end) that no other one overlaps needs no lattice; most need no thought about their role either.
 Some do: a write's echo reads as request and as response. Request and echo side by side are told apart here by their
-places, as the lattice would; whatever is not plain is left to it.
+places, as the lattice would; whatever is not plain is left to it. What hangs on bytes and places alone is worked out
+for a whole slice at once (`runs_of`); what silence has to say is asked when a run is taken (`reach`).
 """
 
 from __future__ import annotations
@@ -26,15 +27,18 @@ _PLAIN: Final = -4.0  # bits by which silence may speak against a role that the 
 
 
 class Runs(NamedTuple):
-    """Intervals (start, end) of candidates, and which of them have no rival."""
+    """Intervals (start, end) of candidates, with what bytes and places say of them."""
 
     start: Index
     end: Index
-    role: NDArray[np.uint8]
+    role: NDArray[np.uint8]  # where it is not plain, that of the first candidate
     either: Mask  # both roles read alike
     structure: NDArray[np.float32]
-    clean: Mask
+    clean: Mask  # no other interval overlaps it
     last: Index  # the last interval of the run that each is in
+    second: Mask  # its role, though either, follows from that of the one before it
+    asked: Index  # places of those that ask, though either, if silence agrees: the next one answers them
+    doubt: Index  # places of those whose role only the lattice tells
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,70 +72,100 @@ class Stretch:
         ]
 
 
-def runs_of(found: Candidates, known: int) -> Runs:
-    """Intervals of candidates; those without a rival that end at or before `known`, where nothing can still appear."""
+def runs_of(found: Candidates, data: Bytes, known: int) -> Runs:
+    """Intervals of candidates; clean ones end at or before `known`, where nothing can still appear."""
     n = len(found)
     new = np.ones(n, np.bool_)
     new[1:] = (found.start[1:] != found.start[:-1]) | (found.end[1:] != found.end[:-1])
     first = np.flatnonzero(new)
-    start, end = found.start[first], found.end[first]
+    start, end, role = found.start[first], found.end[first], found.role[first]
     either = np.diff(np.append(first, n)) > 1
-    reach = np.concatenate(([0], np.maximum.accumulate(end)[:-1])) if len(end) else end
-    following = np.append(start[1:], np.iinfo(np.intp).max)[: len(start)]
-    clean = (reach <= start) & (following >= end) & (end <= known)
     m = len(start)
-    joined = np.zeros(m, np.bool_)
-    joined[1:] = clean[1:] & clean[:-1] & (start[1:] == end[:-1])
-    heads = np.flatnonzero(~joined)
+    reach = np.zeros(m, np.intp)
+    reach[1:] = np.maximum.accumulate(end)[:-1]
+    clean = (reach <= start) & (end <= known)
+    clean[:-1] &= start[1:] >= end[:-1]
+    joined = np.zeros(m + 1, np.bool_)  # at k: k follows k - 1 in one run
+    joined[1:m] = clean[1:] & clean[:-1] & (start[1:] == end[:-1])
+    heads = np.flatnonzero(~joined[:m])
     lasts = np.append(heads[1:] - 1, m - 1)[: len(heads)]
     last = np.repeat(lasts, lasts - heads + 1) if m else np.empty(0, np.intp)
-    return Runs(start, end, found.role[first], either, found.structure[first], clean, last)
+    plain = _Plain(data, start, end, role, either, joined, known)
+    return Runs(
+        start, end, plain.role, either, found.structure[first], clean, last, plain.second, plain.asked, plain.doubt
+    )
 
 
-def plain_roles(
-    data: Bytes,
-    start: Index,
-    role: NDArray[np.uint8],
-    either: Mask,
-    silences: NDArray[np.uint8],
-    trust: Trust,
-    *,
-    answered: bool,
-) -> NDArray[np.uint8]:
-    """Roles of frames that stand end to end, up to the first one that is not plain.
+class _Plain:
+    """The roles that follow from bytes and places.
 
-    `role` is right where not `either`. Plain are two frames of which the second may answer the first, where no third
-    could take part, silence does not speak against it, and nothing is pending before them. `answered`: that is so
-    before the first frame.
+    Plain are two frames of which the second may answer the first, where no third could take part and nothing is
+    pending before them.
     """
-    if not either.any():
-        return role
-    n = len(start)
-    pairs = np.flatnonzero(either[:-1] | either[1:])
-    pairs = pairs[
-        (either[pairs] | (role[pairs] == Role.REQUEST)) & (either[pairs + 1] | (role[pairs + 1] == Role.RESPONSE))
-    ]
-    answered_next = np.zeros(n + 1, np.bool_)  # at k: frame k + 1 may answer frame k
-    answered_next[pairs] = fitting(data, start[pairs], start[pairs + 1])
-    first, second = answered_next[:n].copy(), np.zeros(n, np.bool_)  # of two that belong together and to no third
-    first[1:] &= ~answered_next[: n - 1]
-    first[:n] &= ~answered_next[1:]
-    second[1:] = first[:-1]
-    tables = np.array(trust.evidence)
-    silence = silences.take(start)
-    speaks = tables[Turn.RESPONSE][silence] - tables[Turn.AGAIN][silence] >= _PLAIN
-    asks = tables[Turn.REQUEST][silence] - tables[Turn.RESPONSE][silence] >= _PLAIN
-    told = np.zeros(n, np.bool_)
-    told[:-1] = asks[:-1] & speaks[1:] & (np.arange(n - 1) + 2 < n)
-    first &= told | ~either
-    second[1:] &= first[:-1]
-    roles = role.copy()
-    roles[first & either], roles[second & either] = Role.REQUEST, Role.RESPONSE
-    plain = ~either | first | second
-    pending = np.append(not answered, roles[:-1] == Role.REQUEST)  # the frame before was a request
-    plain &= ~(first & either & pending)
-    doubt = np.flatnonzero(~plain)
-    return roles[: int(doubt[0])] if len(doubt) else roles
+
+    def __init__(
+        self, data: Bytes, start: Index, end: Index, role: NDArray[np.uint8], either: Mask, joined: Mask, known: int
+    ) -> None:
+        m = len(start)
+        self.role = role
+        self.second = np.zeros(m, np.bool_)
+        self.asked = self.doubt = np.empty(0, np.intp)
+        some = np.flatnonzero(either)
+        if not len(some):
+            return
+        asks, answers = either | (role == Role.REQUEST), either | (role == Role.RESPONSE)
+        # Whatever follows the intervals of interest, joined or not; two at the most begin at one place.
+        near = np.zeros(m + 1, np.bool_)
+        near[some] = near[some + 1] = near[some - 1] = True  # (-1 is the spare place at the end)
+        near[:m] &= end <= known  # else more may follow than is known
+        before = np.flatnonzero(near[:m])
+        after = np.searchsorted(start, end[before])
+        after = np.concatenate((after, after + 1))
+        before = np.concatenate((before, before))
+        meets = after < m
+        meets[meets] = start[after[meets]] == end[before[meets]]
+        before, after = before[meets], after[meets]
+        followed = np.zeros(m + 1, np.bool_)  # at k: it is known what follows k
+        followed[before] = True
+        ask = asks[before] & answers[after]
+        before, after = before[ask], after[ask]
+        fits = fitting(data, start[before], start[after])
+        answered = np.zeros(m + 2, np.bool_)  # at k: what follows k may answer it
+        answered[before[fits]] = True
+        pair = np.zeros(m, np.bool_)  # at k: k + 1 answers k, and no third takes part
+        pair[:-1] = answered[: m - 1] & joined[1:m] & ~answered[1:m] & followed[1:m]
+        pair[1:] &= ~(answered[: m - 1] & joined[1:m])
+        self.second[1:] = pair[:-1]
+        self.role = role.copy()
+        self.role[pair & either], self.role[self.second & either] = Role.REQUEST, Role.RESPONSE
+        pending = np.zeros(m, np.bool_)
+        pending[1:] = joined[1:m] & (self.role[:-1] == Role.REQUEST)
+        first = pair & either
+        self.doubt = np.flatnonzero(either & ~(first & ~pending) & ~self.second)
+        self.asked = np.flatnonzero(first & ~pending)
+        self.second &= either
+
+
+def reach(runs: Runs, i: int, last: int, silences: NDArray[np.uint8], trust: Trust, *, waiting: bool) -> int:
+    """How far, from interval i on and before `last`, roles are plain: the first one that is not.
+
+    `waiting`: the frame before is a request that wants an answer.
+    """
+    at = int(np.searchsorted(runs.doubt, i))
+    if at < len(runs.doubt):
+        last = min(last, int(runs.doubt[at]))
+    low, high = np.searchsorted(runs.asked, (i, last))
+    if low < high:
+        asked = runs.asked[low:high]
+        if waiting and asked[0] == i:
+            return i
+        tables = np.array(trust.evidence)
+        before, between = silences.take(runs.start[asked]), silences.take(runs.start[asked + 1])
+        told = tables[Turn.REQUEST][before] - tables[Turn.RESPONSE][before] >= _PLAIN
+        told &= tables[Turn.RESPONSE][between] - tables[Turn.AGAIN][between] >= _PLAIN
+        if not told.all():
+            last = int(asked[int(np.argmin(told))])
+    return last
 
 
 def plain_evidence(

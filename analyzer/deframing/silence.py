@@ -28,10 +28,10 @@ TURNS: Final = len(_EDGES) + 2  # two more classes: the log says that the direct
 CLASSES: Final = TURNS + 2
 _CERTAIN: Final = 12.0  # bits: more than this no silence proves
 _TELLING: Final = 8.0  # bits: nor does it tell requests from responses better than this
-_PARTS: Final = 5.0  # bits: a silence that no frame has inside
+_PARTS: Final = 7.0  # bits: a silence that no frame has inside
 _UNANSWERED: Final = -8.0  # bits: at the most, for a request that nobody answers
 _UNIT: Final = 4.0  # bits: a unit that is or isn't on this bus
-_STEPS: Final = ((1 << 12, 1 << 7), (1 << 16, 1 << 12), (math.inf, 1 << 16))  # (upto, every), bytes
+_STEPS: Final = ((1 << 12, 1 << 7), (1 << 16, 1 << 12), (1 << 20, 1 << 16), (math.inf, 1 << 18))  # (upto, every), bytes
 _MEMORY: Final = 1e6  # bytes: beyond it old counts fade, since taps are re-plugged and settings change
 
 
@@ -107,10 +107,9 @@ class Trust:
         """Bits, by Turn and class, that a frame starts after such a silence."""
         return self._tables
 
-    @property
-    def parts(self) -> NDArray[np.bool_]:
+    def parts(self, bits: float = _PARTS) -> NDArray[np.bool_]:
         """By class, whether such a silence surely parts two frames, whichever they are."""
-        surely: NDArray[np.bool_] = np.min(self._tables, axis=0) >= _PARTS
+        surely: NDArray[np.bool_] = np.min(self._tables, axis=0) >= bits
         return surely
 
     @property
@@ -171,14 +170,14 @@ class Trust:
         self._requests += int((turns != Turn.RESPONSE).sum())
         self._again += int((turns == Turn.AGAIN).sum())
         self._units += np.bincount(units, minlength=256)
-        at_start = classes.take(starts)
+        at_start = np.bincount(classes.take(starts) + turns * np.uint8(CLASSES), minlength=len(Turn) * CLASSES)
+        at_start = at_start.reshape(len(Turn), CLASSES)
         for turn in Turn:
-            self._starts[turn] += np.bincount(at_start[turns == turn], minlength=CLASSES)
-        inside = np.zeros(len(classes) + 1, np.int8)  # +1 where a frame begins, -1 where one ends
-        inside[starts] += 1
-        inside[ends] -= 1
-        covered = classes[np.cumsum(inside[:-1], dtype=np.int8) > 0]
-        self._inside += np.bincount(covered, minlength=CLASSES) - np.bincount(at_start, minlength=CLASSES)
+            self._starts[turn] += at_start[turn]
+        first, last = int(starts[0]), int(ends[-1])
+        self._inside += _histogram(classes[first:last]) - at_start.sum(axis=0)
+        for gap in np.flatnonzero(starts[1:] != ends[:-1]).tolist():
+            self._inside -= _histogram(classes[int(ends[gap]) : int(starts[gap + 1])])
 
     def _refresh(self) -> None:
         either = _smooth(sum(self._starts, np.zeros(CLASSES)))
@@ -192,6 +191,14 @@ class Trust:
         if self._inside.sum() > _MEMORY:
             self._inside *= 0.5
             self._starts = [starts * 0.5 for starts in self._starts]
+
+
+def _histogram(classes: NDArray[np.uint8]) -> NDArray[np.intp]:
+    """How often each class stands there; most bytes are inside a read, class 0."""
+    told = classes[classes != 0]
+    counts = np.bincount(told, minlength=CLASSES)
+    counts[0] = len(classes) - len(told)
+    return counts
 
 
 def _smooth(counts: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -133,7 +133,7 @@ class _Loose:
         rows["check"], rows["port"], rows["contested"] = pieces.check, port, pieces.contested
         for name in GAPS.names or ():
             rows[name] = pieces.gaps[name]
-        rows["confidence"] = 1.0 / (1.0 + np.exp2(-np.maximum(pieces.why["margin"], 0.0)))
+        rows["confidence"] = 1.0 / (1.0 + np.exp2(-np.maximum(pieces.margin, 0.0)))
         frames = np.flatnonzero(rows["kind"] != Kind.NOISE)
         head = at.take(frames)
         functions = data.take(np.minimum(head + 1, len(data) - 1))
@@ -171,4 +171,5 @@ class _Loose:
         at = np.cumsum(lengths) - lengths
         data = self.data[np.repeat(rows["at"] - at, lengths) + np.arange(int(lengths.sum()))]
         rows["at"] = at
-        return _Loose(rows, data, self.head[which], self.tail[which], self.why[which])
+        why = self.why[which] if len(self.why) else self.why  # there is none where nobody wants it
+        return _Loose(rows, data, self.head[which], self.tail[which], why)

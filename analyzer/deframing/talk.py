@@ -1,13 +1,14 @@
 """The conversation as the engine carries it: looked up only when somebody asks.
 
-A run of frames taken as arrays says nothing that needs knowing until the next contested stretch; then the frames in
-reach of its end are gone through.
+Runs of frames taken as arrays say nothing that needs knowing until the next contested stretch; then the frames in
+reach of its beginning are gone through.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from dissectors.lengths import Role
 from .conversation import fitting
 from .lattice import Pending, Said
 from .rules import Bytes, Index
+
+REACH: Final = 1300  # bytes: further back than a conversation reaches
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +31,11 @@ class Run:
     start: Index
     end: Index
     role: NDArray[np.uint8]
+
+    @property
+    def octets(self) -> int:
+        """Bytes."""
+        return int(self.end[-1] - self.start[0])
 
     def frames(self) -> Iterator[tuple[bytes, int, int]]:
         """ADU, stream offset and role of each."""
@@ -50,33 +58,46 @@ class Run:
 
 
 class Talk:
-    """What was said so far, and a run of frames that has yet to be added to it."""
+    """What was said so far, and runs of frames that have yet to be added to it."""
 
     def __init__(self) -> None:
         self._said = Said()
-        self._run: Run | None = None
+        self._runs: list[Run] = []
 
     @property
     def said(self) -> Said:
         """The conversation up to now."""
-        if self._run is not None:
-            said = self._said
-            if not said.pending and (short := self._run.in_turns()) is not None:
-                self.settle(short)
-                return short
-            for adu, offset, role in self._run.frames():
-                if role == Role.REQUEST:
-                    said = said.ask(Pending.of(offset, adu))
-                elif (which := said.answers(adu)) is not None:
-                    said = said.answer(which)
-            self.settle(said)
-        return self._said
+        said = self._said
+        for run in self._runs:
+            short = None if said.pending else run.in_turns()
+            said = said_after(said, run) if short is None else short
+        self.settle(said)
+        return said
 
     def settle(self, said: Said) -> None:
         """The conversation is this now."""
-        self._said, self._run = said, None
+        self._said = said
+        self._runs.clear()
 
-    def go_on(self, run: Run, *, alone: bool) -> None:
-        """A run of frames follows; `alone`: it reaches back further than any conversation does."""
-        self._said = Said() if alone else self.said
-        self._run = run
+    def go_on(self, run: Run) -> None:
+        """A run of frames follows. What it, with the runs before it, puts out of reach is forgotten."""
+        self._runs.append(run)
+        if len(self._runs) == 1 and run.octets < REACH:
+            return
+        octets = 0
+        for i in range(len(self._runs) - 1, -1, -1):
+            octets += self._runs[i].octets
+            if octets >= REACH:
+                del self._runs[:i]
+                self._said = Said()
+                break
+
+
+def said_after(said: Said, run: Run) -> Said:
+    """The conversation after a run, frame by frame."""
+    for adu, offset, role in run.frames():
+        if role == Role.REQUEST:
+            said = said.ask(Pending.of(offset, adu))
+        elif (which := said.answers(adu)) is not None:
+            said = said.answer(which)
+    return said

@@ -129,27 +129,27 @@ class Tape:
         previous = self.time[first - 1 : last - 1] if first else np.append(self._before[0], self.time[: last - 1])
         return self.group[first:last][self.time[first:last] - previous >= least_ns]
 
-    def spans(self, starts: Index, ends: Index) -> tuple[Times, Times]:
-        """Best estimates of first start bit and last stop bit of pieces, ns.
+    def spans(self, starts: Index, ends: Index) -> tuple[Times, Times, Times, Times]:
+        """Best estimates of first start bit and last stop bit of pieces, ns; and which reads brought them.
 
         A read returns at or after its last byte, so every group bounds a piece's times from above. Where the line's
-        speed is not known, nothing is made up: both are the times of the reads.
+        speed is not known, nothing is made up: both are the times of the reads. Reads are the numbers, from the
+        stream's beginning, of the groups that hold a piece's first and last byte.
         """
         head = np.searchsorted(self.group, starts, side="right") - 1
         tail = np.searchsorted(self.group, ends - 1, side="right") - 1
         limits = np.append(self.group[1:], len(self.data))
         late = limits[tail] - ends  # bytes that came in the same read after it
-        t_end = self.time[tail] - np.round(late * self._wire_ns).astype(np.int64)
+        t_end = self.time[tail] - self._wire(late)
         first = np.minimum(limits[head], ends) - starts
         later = np.maximum(limits[head] - ends, 0)
-        t_start = self.time[head] - np.round((first + later) * self._wire_ns).astype(np.int64)
-        return np.minimum(t_start, t_end - np.round((ends - starts) * self._wire_ns).astype(np.int64)), t_end
+        t_start = self.time[head] - self._wire(first + later)
+        return np.minimum(t_start, t_end - self._wire(ends - starts)), t_end, head + self._gone, tail + self._gone
 
-    def reads(self, starts: Index, ends: Index) -> tuple[Times, Times]:
-        """The number, from the stream's beginning, of the groups that hold each piece's first and last byte."""
-        head = np.searchsorted(self.group, starts, side="right") - 1 + self._gone
-        tail = np.searchsorted(self.group, ends - 1, side="right") - 1 + self._gone
-        return head.astype(np.int64), tail.astype(np.int64)
+    def _wire(self, count: Index) -> Times:
+        """How long so many bytes take on the wire."""
+        taken: Times = np.rint(count * self._wire_ns).astype(np.int64)
+        return taken
 
     def gaps(self, starts: Index, ends: Index) -> Rows:
         """What the reads say of pieces (GAPS): silences before and inside them, bytes that the UART marked."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from analyzer.frames import Kind
 from analyzer.passing import passing
 from captures import Capture
 
-from .output import output
+from .output import ExportError, output
 from .sink import ExportOptions, target
 
 _PLAIN = ExportOptions()
@@ -40,19 +40,28 @@ def export(
     """Write a capture's frames to a file (`-` is standard output), by suffix or by format `name`.
 
     The capture's own file is never written over. `progress` is told (frames, bytes) now and
-    then; once `stop` says True the file is completed with what came so far. Raises ExportError.
+    then; once `stop` says True the file is completed with what came so far. Raises ExportError and FilterError.
     """
     from analyzer.pipeline import Options, analyse
 
     module = target(out, name)
+    if options.filter is not None:
+        if why := getattr(module, "WHOLE", ""):
+            raise ExportError(f"{out}: cannot be filtered: {why}")
+        options = replace(options, noise=options.noise or "noise" in options.filter.fields)
     frames = octets = 0
 
     def stopped() -> bool:
         return stop is not None and stop()
 
-    with output(out, source=capture.path) as stream:
-        sink = module.open_sink(stream, capture, options)
-        for analysed in analyse(passing(capture, look=sink.block, stop=stopped), Options(explain=options.explain)):
+    with output(out, source=capture.path) as written:
+        sink = module.open_sink(written, capture, options)
+        stream = analyse(passing(capture, look=sink.block, stop=stopped), Options(explain=options.explain))
+        if options.filter is not None:
+            from analyzer.filters.stream import filtered
+
+            stream = filtered(stream, options.filter, capture.line)
+        for analysed in stream:
             batch = analysed.batch
             for first in range(0, len(batch), _ROWS):
                 if stopped():

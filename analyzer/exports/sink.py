@@ -13,6 +13,7 @@ from . import targets
 from .output import ExportError, Output
 
 if TYPE_CHECKING:
+    from analyzer.filters import Filter
     from analyzer.frames import Batch
     from captures import Block, Capture
 
@@ -23,6 +24,7 @@ class ExportOptions:
 
     explain: bool = False  # why each boundary stands where it does
     noise: bool = False  # the bytes between frames, so that lines tile the stream
+    filter: Filter | None = None  # only rows that pass; one that names noise brings noise without being asked to
 
 
 class Sink(Protocol):
@@ -42,7 +44,7 @@ class Sink(Protocol):
 
 
 class Target(Protocol):
-    """A module of `targets`."""
+    """A module of `targets`; one whose files cannot hold a part of a capture has WHOLE, which says why not."""
 
     def open_sink(self, out: Output, capture: Capture, options: ExportOptions) -> Sink: ...
 

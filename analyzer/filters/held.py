@@ -18,7 +18,7 @@ from ..frames import Protocol as Envelope
 from .tree import Octets, Part, Span, Spans, Text, Wanted
 
 Mask = NDArray[np.bool_]
-_FEW: Final = 3  # spans: beyond, one-byte numbers are looked up in a table
+_FEW: Final = 8  # spans: beyond, single numbers are looked up together
 
 
 class Held(Protocol):
@@ -54,10 +54,12 @@ class Values:
         return good if self.has is None else good & self.has
 
     def _any(self, spans: Sequence[Span]) -> Mask:
-        if len(spans) > _FEW and self.values.dtype == np.uint8 and self.last is None and self.areas is None:
-            listed: Mask = Values(np.arange(256))._any(spans)[self.values]
-            return listed
         good: Mask | None = None
+        if len(spans) > _FEW and self.last is None and self.areas is None:
+            numbers = np.array([span.low for span in spans if span.low == span.high])
+            kind = self.values.dtype if self.values.dtype.kind == "f" else numbers.dtype
+            good = np.isin(self.values, numbers.astype(kind))
+            spans = [span for span in spans if span.low != span.high]
         for span in spans:
             more = self._in(span)
             good = more if good is None else np.logical_or(good, more, out=good)

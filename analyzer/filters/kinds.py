@@ -172,7 +172,7 @@ class Named(Ordered):
     @property
     def values(self) -> str:
         known = list(self.names().values())
-        listed = ", ".join(known) if len(known) <= 4 else f"name of {self.what}, such as {quoted(known[0])}"
+        listed = ", ".join(known) if len(known) <= 4 else "a name"
         return f"number, or {listed}" if self.numeric else listed
 
     def choices(self) -> Iterable[Choice]:

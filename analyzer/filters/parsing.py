@@ -15,8 +15,8 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 from lark.visitors import Transformer_NonRecursive, v_args
 
 from .errors import FilterError, meant
-from .fields import Cost, Field, by_name
-from .kinds import Addresses, Flag, Item, Literal
+from .fields import FIELDS, Cost, Field, by_name
+from .kinds import Addresses, Flag, Item, Literal, Named, spelled
 from .tree import And, Node, Not, Or, Same, Span, Spans, Test, parts, tests
 
 LONGEST: Final = 4096  # characters
@@ -70,10 +70,20 @@ def parsed(text: str) -> Node | None:
 
 def field_named(name: str, column: int) -> Field:
     """The field of this name; FilterError where there is none."""
-    field = by_name().get(name.lower())
+    field = by_name().get(name.lower().replace("-", "_"))
     if field is None:
-        raise FilterError(f"no field {str(name)!r}{meant(name, by_name())}", column)
+        near = _as_value(name) or meant(name, by_name())
+        raise FilterError(f"no field {str(name)!r}{near}", column)
     return field
+
+
+def _as_value(name: str) -> str:
+    """`; write finding == retry` where a name is one of a field's values."""
+    for field in FIELDS:
+        known = field.kind.names().values() if isinstance(field.kind, Named) else ()
+        if spelled(name) in map(spelled, known):
+            return f"; write {field.name} == {name}"
+    return ""
 
 
 class _Builder(Transformer_NonRecursive[Token, Node]):

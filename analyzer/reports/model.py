@@ -122,6 +122,7 @@ class Report:
     units: tuple[UnitRow, ...]
     functions: tuple[FunctionRow, ...]
     exceptions: tuple[ExceptionRow, ...]
+    filter: str = ""  # what the rest of the report is narrowed to
     findings: tuple[FindingRow, ...] = ()  # those that cost the bus most come first
 
     @property

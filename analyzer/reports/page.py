@@ -9,6 +9,8 @@ from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import Final
 
+from dissectors.text import harmless
+
 from . import findings
 from .model import Counts, Report, UnitRow
 
@@ -34,6 +36,8 @@ def text(report: Report) -> str:
 
 def _lines(report: Report) -> Iterator[str]:
     yield _head("capture", ", ".join(part for part in (report.source, report.format) if part) or "unnamed")
+    if report.filter:
+        yield _head("filter", f"{harmless(report.filter)} (what follows covers what passes)")
     yield _head("line", _line(report))
     yield _head("span", _span(report))
     for loss in report.damage[:_LOSSES]:
@@ -45,7 +49,7 @@ def _lines(report: Report) -> Iterator[str]:
     yield _head("bytes", _bytes(report))
     if not report.frames:
         yield ""
-        yield "No Modbus frame was found."
+        yield "No frame passes the filter." if report.filter else "No Modbus frame was found."
         return
     frames = f"{report.frames:,}: {report.requests:,} requests, {report.responses:,} responses"
     if report.damaged_frames:
@@ -86,7 +90,8 @@ def _line(report: Report) -> str:
 
 def _span(report: Report) -> str:
     if report.span_ns is None:
-        return "unknown: " + ("no times in this capture" if not report.timed else "nothing captured")
+        nothing = "nothing passes" if report.filter else "nothing captured"
+        return "unknown: " + ("no times in this capture" if not report.timed else nothing)
     words = duration(report.span_ns)
     if report.t_start_ns is not None and report.t_start_ns > _EPOCH_NS:
         first = datetime.fromtimestamp(report.t_start_ns / 1e9, UTC)

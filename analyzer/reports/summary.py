@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -22,6 +23,7 @@ from .percentiles import Histogram
 from .troubles import Troubles
 
 if TYPE_CHECKING:
+    from analyzer.filters import Filter
     from analyzer.pipeline import Analysed
     from captures import Capture
 
@@ -209,10 +211,11 @@ def summarize(
     capture: Capture,
     *,
     source: str = "",
+    filter: Filter | None = None,
     progress: Callable[[int, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Report:
-    """Deframe a capture and report on it.
+    """Deframe a capture and report on it, or on what passes a filter (`analyzer.filters.stream`).
 
     `progress` is told (frames, bytes) after each batch; once `stop` says True the report is made of what came so far.
     """
@@ -221,8 +224,14 @@ def summarize(
     line = capture.line
     char_ns = line.char_bits * 1e9 / line.baud if line.baud and line.char_bits else None
     summary = Summary(char_ns)
-    for analysed in analyse(passing(capture, stop=stop)):
+    stream = analyse(passing(capture, stop=stop))
+    if filter is not None:
+        from analyzer.filters.stream import filtered
+
+        stream = filtered(stream, filter, line)
+    for analysed in stream:
         summary.feed(analysed)
         if progress is not None:
             progress(summary.frames, summary.bytes)
-    return summary.report(capture, source=source, partial=stop is not None and stop())
+    report = summary.report(capture, source=source, partial=stop is not None and stop())
+    return report if filter is None else replace(report, filter=filter.text)

@@ -7,8 +7,9 @@ Other keys of the header are line settings or notes; `"timed": false` (or the ta
 nothing. Optional keys of a read: `port` (0 to 255), `errors` (offsets in it), `mark` ("tx" or "rx", a log's word for
 its direction). A line that can't be used is noted with its number and left out.
 
-Lines are taken a batch at a time: one JSON parse, one hex conversion and numpy columns for the whole batch. Only a
-batch that is not perfect is read line by line, to find out which line is at fault.
+Lines are taken a batch at a time: those of the plain layout above as arrays (`captures.text.reads`), others by one JSON
+parse and one hex conversion for the whole batch. Only a batch that is not perfect is read line by line, to find out
+which line is at fault.
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ import orjson
 
 from captures.chunks import TIME_LIMIT, Block, Chunk, Mark, Note, columns
 from captures.errors import CaptureError
-from captures.files import line_batches, opened, read_head
+from captures.files import lines_of, opened, read_head, text_batches
 from captures.formats import Format
 from captures.line import LineSettings
+from captures.text.reads import reads_in
 
 NAME = "serial-chunks"
 VERSION = 1
@@ -47,11 +49,16 @@ class _Reader:
             note("line 1", complaint)
         with opened(self.path) as file:
             skip = self.has_header
-            for number, lines in line_batches(file, note, 2 * max_bytes):
+            for number, text in text_batches(file, note, 2 * max_bytes):
                 if skip:
-                    number, lines, skip = number + 1, lines[1:], False
-                if not lines:
+                    number, text, skip = number + 1, text.partition(b"\n")[2], False
+                if not text:
                     continue
+                if (found := reads_in(text)) is not None:
+                    times, sizes, data = found
+                    yield columns(data, sizes, times, timed=self.timed)
+                    continue
+                lines = lines_of(text)
                 block = _fast(lines, self.timed)
                 yield block if block is not None else _slow(lines, number, self.timed, note)
 

@@ -16,6 +16,7 @@ from .verdict import Verdict
 _PRIOR = -2.0
 _LONGER = -2.0  # the answer's own start survived
 _SHORTER = -6.0  # two that overlap don't shorten each other
+_GLITCHES = frozenset((0x00, 0xFE, 0xFF))  # what drivers leave on the line when they switch
 _SHORTEST = 3  # bytes: less is a glitch
 
 
@@ -26,7 +27,8 @@ def collided(case: Case) -> Iterator[Verdict]:
         return
     bits = 0.0
     pairs = list(zip(header, data, strict=False))
-    if data[: len(header)] != header[: len(data)] and all(got & ~due == 0 for due, got in pairs):
+    lacking = all(got & ~due == 0 for due, got in pairs) and not _GLITCHES.issuperset(data[: len(header)])
+    if lacking and data[: len(header)] != header[: len(data)]:
         bits = BYTE * len(pairs) - sum(due.bit_count() for due, _ in pairs)
         bits += _SHORTER if case.due is not None and len(data) < case.due else 0.0
     if case.due is not None and len(data) > case.due + 1 and data.startswith(case.header[:2]):

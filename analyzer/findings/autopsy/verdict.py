@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+FRAME: Final = 1.0  # bits from which a stretch of noise is held to be a frame that came damaged
 
 
 class Place(NamedTuple):
@@ -23,8 +25,9 @@ class Verdict:
     """One explanation of a damaged frame.
 
     `code` is a finding's: bit-flip, byte-missing, byte-extra, bytes-repeated, flow-control-loss, truncated,
-    crc-variant, collision or crc-error. `bits` is how likely it is (log2, only differences mean something), `certainty`
-    (0 to 1) its share of all the explanations tried. `repaired` is the frame as it was sent, if this is what happened.
+    crc-variant, collision or crc-error. `bits` is how likely it is (log2, over bytes that nothing predicts: random ones
+    seldom get more than `FRAME`), `certainty` (0 to 1) its share of all the explanations tried. `repaired` is the frame
+    as it was sent, if this is what happened.
 
     What else is set hangs on the code:
 

@@ -150,10 +150,14 @@ class Outcomes:
 
     def _count(self, known: Rows, first: int, last: int) -> None:
         """Count requests, and those that were answered when they came a second time; the first frames only once."""
-        these = known[first:last][known["request"][first:last] >= (FIRST if self._requests else 0)]
-        self._requests += len(these)
-        self._echoes += int((these["retry"] & (these["status"] != Status.UNANSWERED)).sum())
-        self._answering |= set(np.unique(these["unit"][these["status"] == Status.ANSWERED]).tolist())
+        if self._requests:
+            first = max(first, int(np.searchsorted(known["request"][:last], FIRST)))
+        if first < last:
+            status = known["status"][first:last]
+            self._requests += last - first
+            self._echoes += int((known["retry"][first:last] & (status != Status.UNANSWERED)).sum())
+            units = known["unit"][first:last][status == Status.ANSWERED]
+            self._answering.update(np.flatnonzero(np.bincount(units)).tolist())
 
     @property
     def _echoing(self) -> bool:
@@ -164,11 +168,12 @@ class Outcomes:
         """What became of a request without an answer, or of one that repeats the one before."""
         hasty = _hasty(known, i - 1, i, quick=quick)
         if known["retry"][i]:
-            twice = not quick and _again(known, i - 1, i)
-            if (hasty and self._at_once(view, known, i)) or (twice and self._echoing):
-                return ECHO
-            if twice and known["unit"][i] == 0:
+            again = _again(known, i - 1, i)
+            soon = not quick or known["t_start"][i] - known["t_request"][i - 1] < HASTE_NS
+            if again and soon and known["unit"][i] == 0:
                 return BROADCAST_ANSWERED
+            if (hasty and self._at_once(view, known, i)) or (again and not quick and self._echoing):
+                return ECHO
         if known["status"][i] != Status.UNANSWERED:
             return None
         if _answers_broadcast(known, i, quick=quick):

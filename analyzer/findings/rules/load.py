@@ -28,6 +28,7 @@ _ANSWERS: Final = 10  # of a unit, from which its times are compared
 _TIMES_SLOWER: Final = 4.0
 _SLOWER_NS: Final = 40e6
 _EARLY: Final = 64  # answers that are a unit's past
+_RECENT: Final = 512  # and of late, after which older ones count half
 _POLLS: Final = 4096  # distinct ones remembered
 _ROUNDS: Final = 5  # a poll that came so often recurs
 _ALIKE: Final = 2.0  # and as often as the one beside it
@@ -101,11 +102,11 @@ class Pace:
         late = self._late.setdefault(unit, Spread())
         done = len(self._all[unit]) - len(times)
         while len(times):
-            room = _EARLY - done % _EARLY
+            room = _RECENT - done % _RECENT
             late.add(times[:room])
             done += len(times[:room])
             times = times[room:]
-            if done % _EARLY == 0:
+            if done % _RECENT == 0:
                 late.fade()
 
     def close(self, view: View) -> Iterator[Findings]:
@@ -145,6 +146,7 @@ class Polls:
             }:
                 continue
             here = view.requests[view.requested == code]
+            here = here[view.reaches(here, places["quantity"][0] + 2)]
             address = field(view.data, view.pdu(here) + places["starting_address"][0], 2)
             quantity = field(view.data, view.pdu(here) + places["quantity"][0], 2)
             keys = (rows["unit"][here].astype(np.int64) << 32) | (address << 16) | quantity

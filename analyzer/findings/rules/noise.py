@@ -77,6 +77,7 @@ class _Stretch(NamedTuple):
     row: Rows  # one
     before: Rows  # one
     glitch: bool
+    known: bool  # frames came before it
 
 
 @looks_for(NOISE)
@@ -101,6 +102,7 @@ class Noise:
             yield from self._judge(view, self._waiting, rows[:1], explained=0 in view.verdicts)
             self._waiting = None
         noise = (rows["kind"] == Kind.NOISE) & (rows["errors"] == 0)
+        first = int(view.frames[0]) if len(view.frames) else len(rows)
         for place in np.flatnonzero(noise).tolist():
             if place in view.verdicts:
                 continue
@@ -108,11 +110,12 @@ class Noise:
             told = place - 1 in view.verdicts and before["kind"][0] == Kind.NOISE if place else self._said_before
             if told and _hard(rows["gap_before"][place], view):
                 continue
-            stretch = _Stretch(rows[place : place + 1], before, _GLITCHES.issuperset(view.bytes_of(place)))
+            glitch = _GLITCHES.issuperset(view.bytes_of(place))
+            stretch = _Stretch(rows[place : place + 1], before, glitch, self._frames > 0 or place > first)
             if place + 1 < len(rows):
                 yield from self._judge(view, stretch, rows[place + 1 : place + 2], explained=place + 1 in view.verdicts)
             else:
-                self._waiting = _Stretch(stretch.row.copy(), stretch.before.copy(), stretch.glitch)
+                self._waiting = stretch._replace(row=stretch.row.copy(), before=stretch.before.copy())
         self._before = rows[-1:].copy()
         self._said_before = len(rows) - 1 in view.verdicts and bool(rows["kind"][-1] == Kind.NOISE)
         indices = rows["index"]
@@ -126,7 +129,7 @@ class Noise:
     def _judge(self, view: View, stretch: _Stretch, after: Rows, *, explained: bool) -> Iterator[Findings]:
         row, before = stretch.row, stretch.before
         frame_before, frame_after = bool(before["kind"][0]), bool(after["kind"][0])
-        if not (frame_before or frame_after or self._frames):
+        if not (frame_after or stretch.known):
             return
         close_before = frame_before and _hard(row["gap_before"][0], view)
         close_after = (frame_after or explained) and _hard(after["gap_before"][0], view)

@@ -11,7 +11,7 @@ from dissectors.answers import expectation
 from dissectors.lengths import Asked, relations
 from dissectors.registry import function_class
 
-from ...frames import Kind
+from ...frames import Kind, adu_of
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
 from ..trail import Seen, Trail
@@ -123,12 +123,12 @@ class Strangers:
                 yield UNEXPECTED.on(here, unit, function)
         elif request.row.unit == 0 and request.row.function == function:
             yield BROADCAST_ANSWERED.on(here, unit, function)
-        elif request.row.unit != unit or (answered is not None and request.row.function != function):
+        elif request.row.unit != unit or (answered is not None and not _fits(request, answer)):
             yield UNEXPECTED.on(here, unit, function)
         elif answered is not None:
             waited = (answer.row.t_start - answered.row.t_end) / 1e6
             yield DUPLICATE.on(here, unit, waited if view.timed else np.nan)
-        elif expectation(request.captured).fits(answer.captured):
+        elif _fits(request, answer):
             yield UNEXPECTED.on(here, unit, function)
         else:
             yield MISMATCH.on(here, unit, function)
@@ -147,3 +147,9 @@ class Strangers:
             elif before.row.request >= 0 and answered is None:
                 answered = before
         return None, None, True
+
+
+def _fits(request: Seen, answer: Seen) -> bool:
+    return expectation(adu_of(request.captured, request.row.protocol).data).fits(
+        adu_of(answer.captured, answer.row.protocol).data
+    )

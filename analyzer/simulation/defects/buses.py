@@ -23,7 +23,7 @@ def echo(stage: Stage, exchanges: int) -> None:
         assert exchange.response is not None
         request = stage.ask(exchange.request)
         stage.now += stage.random.uniform(0.0, 1.0) * stage.character
-        stage.found("echo", stage.send("request", exchange.request, None))
+        stage.found("echo", stage.send("request", exchange.request, None), also=("gap-too-short",))
         stage.answer(exchange.response, request, exchange.response_ns)
         stage.pause()
 

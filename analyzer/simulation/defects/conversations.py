@@ -78,8 +78,8 @@ def duplicate_response(stage: Stage) -> None:
 
 @defect("response-mismatch")
 def response_mismatch(stage: Stage) -> None:
-    """A unit answers with other registers than it was asked for, or echoes another value."""
-    exchange = stage.next((3, 4, 6, 16))
+    """A unit answers with other registers than it was asked for, or confirms to have written others."""
+    exchange = stage.next((3, 4, 16))
     unit, pdu = exchange.request[0], exchange.request[1:-2]
     if pdu[0] in (3, 4):
         count = _answered(exchange)[2]
@@ -109,9 +109,9 @@ def exception(stage: Stage) -> None:
 @defect("broadcast-answered")
 def broadcast_answered(stage: Stage) -> None:
     """A device answers a write to unit 0."""
-    pdu = stage.made(6).request[1:-2]
+    pdu = stage.made(16).request[1:-2]
     request = stage.ask(adu(0, pdu))
-    stage.found("broadcast-answered", stage.answer(adu(0, pdu), request))
+    stage.found("broadcast-answered", stage.answer(adu(0, pdu[:5]), request))
     stage.now += BROADCAST_NS
 
 

@@ -108,8 +108,8 @@ def bytes_repeated(stage: Stage) -> None:
     """A slice of an answer comes twice in a row."""
 
     def damage(random: Random, sent: bytes) -> tuple[bytes, dict[str, Any]]:
-        size = min(random.choice(_SLICES), len(sent) - _HEADER)
-        at = random.randint(_HEADER, len(sent) - size)
+        size = min(random.choice(_SLICES), len(sent) - _HEADER - 1)
+        at = random.randint(_HEADER, len(sent) - size - 1)
         return sent[: at + size] + sent[at:], {"byte": at, "size": size}
 
     _put(stage, damage, "bytes-repeated", answers=1.0, long=True)
@@ -192,6 +192,9 @@ def crc_variant(stage: Stage, exchanges: int) -> None:
 @defect("flow-control-loss", whole=True)
 def flow_control_loss(stage: Stage, exchanges: int) -> None:
     """The capturing port has XON/XOFF on: no 11 and no 13 ever arrives."""
+    for poll in [poll for poll in stage.polls if poll.request[1] in _LONG][::3]:  # those hold one always
+        high = stage.random.choice(_FLOW) << 8
+        stage.device(poll.request[0]).words[int.from_bytes(poll.request[2:4], "big")] = high | 0x80
     stage.healthy(exchanges)
     kept = [at for at, byte in enumerate(stage.data) if byte not in _FLOW]
     frames, shift = [], 0

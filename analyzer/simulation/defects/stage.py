@@ -108,7 +108,7 @@ class Stage:
     def answer(
         self,
         sent: bytes,
-        request: TruthFrame | None,
+        request: TruthFrame,
         after_ns: float = 6 * MS,
         captured: bytes | None = None,
         **how: Any,

@@ -1,0 +1,88 @@
+"""Findings as log messages, `foxglove.Log` in JSON: words are made one by one, so only so many of a kind are told."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import orjson
+
+from analyzer.exports.targets.mcap.schemas import LEVELS
+from analyzer.frames import Batch, Kind, Rows
+from captures.formats.mcap import packing
+from captures.formats.mcap.packing import HEAD, Lot, Part, Tails
+from captures.ragged import Ints
+
+MAX_OF_A_KIND: Final = 20_000  # further ones are counted on their frames, not told
+
+
+class Log:
+    """The findings' channel."""
+
+    def __init__(self, channel: int) -> None:
+        self._channel = channel
+        self._told: dict[int, int] = {}  # by rule
+        self._end = 0  # ns, of the rows so far
+        self.left_out = 0
+
+    def lot(self, findings: Rows, batch: Batch) -> Lot:
+        """What was found about the rows of a batch, or about the bus as a whole, which comes at the end."""
+        findings = findings.take(self._room(findings))
+        rows, times = rows_of(findings, batch), findings["t"].copy()
+        if len(batch):
+            self._end = max(self._end, int(batch.rows["t_end"].max()))
+            framed = findings["index"] >= 0
+            times[framed] = batch.rows["t_end"][rows[framed]]
+        times[findings["start"] < 0] = self._end
+        order = np.argsort(rows, kind="stable")
+        texts = [_message(findings[i], int(times[i])) for i in order.tolist()]
+        sizes = np.array([len(text) for text in texts], np.int64)
+        tails = Tails(np.frombuffer(b"".join(texts), np.uint8), np.cumsum(sizes) - sizes, sizes)
+        heads = packing.heads(np.zeros(1, [("record", HEAD)]), len(texts))
+        return Lot.of(rows[order], self._channel, times[order], [Part(None, heads)], tails)
+
+    def _room(self, findings: Rows) -> Ints:
+        """Which of these are told."""
+        kept = np.ones(len(findings), np.bool_)
+        for rule in np.unique(findings["rule"]).tolist():
+            here = np.flatnonzero(findings["rule"] == rule)
+            before = self._told.get(rule, 0)
+            kept[here[max(MAX_OF_A_KIND - before, 0) :]] = False
+            self._told[rule] = before + len(here)
+        self.left_out += int(np.count_nonzero(~kept))
+        return np.flatnonzero(kept)
+
+
+def rows_of(findings: Rows, batch: Batch) -> Ints:
+    """The row that each stands on: its frame's, else the one at its time."""
+    frames = np.flatnonzero(batch.rows["kind"] != Kind.NOISE)
+    last = max(len(batch) - 1, 0)
+    at_frame = np.append(frames, last)[np.searchsorted(batch.rows["index"][frames], findings["index"])]
+    at_time = np.minimum(np.searchsorted(batch.rows["t_end"], findings["t"], side="right"), last)
+    found: Ints = np.where(findings["index"] >= 0, at_frame, at_time)
+    return found
+
+
+def on_frames(findings: Rows | None, batch: Batch) -> Ints | None:
+    """How many findings stand on each row that is a frame; None where there are none."""
+    if findings is None or not len(batch):
+        return None
+    framed = findings.take(np.flatnonzero(findings["index"] >= 0))
+    return np.bincount(rows_of(framed, batch), minlength=len(batch)) if len(framed) else None
+
+
+def _message(row: np.void, t_ns: int) -> bytes:
+    from analyzer.findings.model import describe
+
+    finding = describe(row)
+    seconds, nanoseconds = divmod(max(t_ns, 0), 1_000_000_000)
+    return orjson.dumps(
+        {
+            "timestamp": {"sec": seconds, "nsec": nanoseconds},
+            "level": LEVELS[finding.severity.name.lower()],
+            "message": finding.text,
+            "name": finding.code,
+            "file": "",
+            "line": 0,
+        }
+    )

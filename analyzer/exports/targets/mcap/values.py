@@ -1,0 +1,197 @@
+"""Register and bit values as lots of messages: a channel a poll group, a field an address, for plots without a script.
+
+A poll group is what one request asks for: unit, area, starting address and quantity. An answer to a read carries
+values; an answer to a write confirms those of its request. Messages of one quantity have one layout, whatever their
+addresses, so that they are packed together; only the schema knows addresses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Final
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from analyzer.columns import AreaCode, Decoded, decode
+from analyzer.exports.targets.mcap import schemas
+from analyzer.frames import ROW, Batch, Kind
+from captures.formats.mcap import packing
+from captures.formats.mcap.packing import HEAD, Lot, Part
+from captures.formats.mcap.protobuf import ENCODING, SPARE, tag_bytes
+from captures.formats.mcap.writer import ArrayWriter
+from captures.ragged import Ints
+
+MAX_GROUPS: Final = 4096  # topics that a viewer can still be asked to list; a bus has some dozens
+
+# Area: its name in topics and the letter before an address.
+_AREAS: Final = {
+    AreaCode.COILS: ("coils", "b"),
+    AreaCode.DISCRETE_INPUTS: ("discrete", "b"),
+    AreaCode.INPUT_REGISTERS: ("input", "r"),
+    AreaCode.HOLDING_REGISTERS: ("holding", "r"),
+}
+MAX_COUNT: Final = 255 * 8  # values of a frame: its byte count is a byte
+_ADDRESSES: Final = 1 << 16
+_SHORT: Final = SPARE[0] - 1  # fields whose tag is one byte
+_COUNT_BITS, _ADDRESS_BITS, _UNIT_BITS = 16, 16, 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Told:
+    """Values that some rows tell: of each the area, the first address, and where they lie in `values`."""
+
+    rows: Ints
+    area: NDArray[np.uint8]
+    address: Ints
+    begins: Ints
+    counts: Ints
+    values: NDArray[np.uint16]
+
+    def taken(self, which: NDArray[np.bool_]) -> _Told:
+        """Those of some rows."""
+        if which.all():
+            return self
+        return _Told(
+            self.rows[which], self.area[which], self.address[which], self.begins[which], self.counts[which], self.values
+        )
+
+
+class PollGroups:
+    """The channels of an MCAP file that hold values, made as groups are met."""
+
+    def __init__(self, writer: ArrayWriter) -> None:
+        self._writer = writer
+        self._keys = np.zeros(0, np.int64)  # of the groups that are known, ascending
+        self._channels = np.zeros(0, np.uint16)  # of each
+        self._schemas: dict[str, int] = {}
+        self.left_out = 0  # messages without a channel, since there are too many groups
+
+    def lots(self, batch: Batch, decoded: Decoded) -> list[Lot]:
+        """The values that the rows of a batch tell."""
+        return [self._lot(batch, told) for told in _told(batch, decoded) if len(told.rows)]
+
+    def _lot(self, batch: Batch, told: _Told) -> Lot:
+        keys = told.area.astype(np.int64) << _UNIT_BITS | batch.rows["unit"][told.rows]
+        keys = (keys << _ADDRESS_BITS | told.address) << _COUNT_BITS | told.counts
+        channels = self._channels_of(keys)
+        if not channels.all():
+            kept = channels > 0
+            self.left_out += int(np.count_nonzero(~kept))
+            told, channels = told.taken(kept), channels[kept]
+        layouts = (told.counts << 1 | (told.area <= AreaCode.DISCRETE_INPUTS)).astype(np.uint16)
+        order = np.argsort(layouts, kind="stable")
+        parts, first = [], 0
+        for layout, count in enumerate(np.bincount(layouts).tolist()):
+            if count:
+                which = order[first : first + count]
+                heads = _heads(told.values, told.begins[which], layout >> 1, bits=bool(layout & 1))
+                parts.append(Part(which, heads))
+                first += count
+        return Lot.of(told.rows, channels, batch.rows["t_end"][told.rows], parts)
+
+    def _channels_of(self, keys: Ints) -> NDArray[np.uint16]:
+        """The channel of each key's group, made where it is new; 0 for groups that are too many."""
+        place = np.searchsorted(self._keys, keys)
+        known = place < len(self._keys)
+        known[known] = self._keys[place[known]] == keys[known]
+        if not known.all() and len(self._keys) < MAX_GROUPS:
+            new = np.unique(keys[~known])[: MAX_GROUPS - len(self._keys)]
+            self._add(new, np.array([self._channel(key) for key in new.tolist()], np.uint16))
+            return self._channels_of(keys)
+        channels = np.zeros(len(keys), np.uint16)
+        channels[known] = self._channels[place[known]]
+        return channels
+
+    def _add(self, keys: Ints, channels: NDArray[np.uint16]) -> None:
+        keys, channels = np.append(self._keys, keys), np.append(self._channels, channels)
+        order = np.argsort(keys)
+        self._keys, self._channels = keys[order], channels[order]
+
+    def _channel(self, key: int) -> int:
+        """A new group's channel."""
+        count, rest = key & (1 << _COUNT_BITS) - 1, key >> _COUNT_BITS
+        start, rest = rest & (1 << _ADDRESS_BITS) - 1, rest >> _ADDRESS_BITS
+        unit, code = rest & (1 << _UNIT_BITS) - 1, AreaCode(rest >> _UNIT_BITS)
+        area, letter = _AREAS[code]
+        message = schemas.values(area, letter, start, count, bits=letter == "b")
+        schema = self._schemas.get(message.name)
+        if schema is None:
+            schema = self._writer.register_schema(message.name, ENCODING, message.schema())
+            self._schemas[message.name] = schema
+        topic = f"/unit/{unit}/{area}/{schemas.span(start, count)}"
+        return self._writer.register_channel(topic, ENCODING, schema)
+
+
+def _told(batch: Batch, decoded: Decoded) -> list[_Told]:
+    """What good answers carry, and what they confirm of their requests."""
+    rows, request = batch.rows, batch.rows["request"]
+    good = (rows["kind"] == Kind.RESPONSE) & rows["check"] & (rows["exception"] == 0) & (request >= 0)
+    has = decoded.offsets[1:] > decoded.offsets[:-1]
+    own = np.flatnonzero(good & has)
+    writes = np.flatnonzero(has & (rows["kind"] == Kind.REQUEST))
+    indices, answers = rows["index"][writes], np.flatnonzero(good)
+    asked = request[answers]
+    place = np.searchsorted(indices, asked)
+    here = place < len(writes)
+    here[here] = indices[place[here]] == asked[here]
+    confirmed = [
+        _of(decoded, answers[here], writes[place[here]]),
+        *_earlier(batch, answers[np.isin(asked, list(batch.earlier))] if batch.earlier else answers[:0]),
+    ]
+    return [_of(decoded, own, own), *(told.taken(~_echoed(decoded, told)) for told in confirmed)]
+
+
+def _of(decoded: Decoded, rows: Ints, sources: Ints) -> _Told:
+    """The values of the rows `sources`, told by `rows`; those that have no area or address left out."""
+    begins, ends = decoded.offsets[sources], decoded.offsets[1:][sources]
+    address = decoded.value_address[sources].astype(np.int64)
+    area = decoded.area[sources]
+    counts = np.minimum(ends - begins, _ADDRESSES - address)
+    told = _Told(rows, area, address, begins, counts, decoded.values)
+    return told.taken((area > AreaCode.NONE) & (counts > 0) & (counts <= MAX_COUNT) & (address >= 0))
+
+
+def _earlier(batch: Batch, answers: Ints) -> list[_Told]:
+    """The values of requests that lie in the batch before."""
+    if not len(answers):
+        return []
+    captured = [batch.earlier[index] for index in batch.rows["request"][answers].tolist()]
+    requests = np.zeros(len(captured), ROW)
+    for name in ("unit", "function", "protocol"):
+        requests[name] = batch.rows[name][answers]
+    requests["kind"], requests["check"], requests["request"] = Kind.REQUEST, True, -1
+    requests["length"] = [len(adu) for adu in captured]
+    requests["at"] = np.cumsum(requests["length"]) - requests["length"]
+    decoded = decode(Batch(requests, np.frombuffer(b"".join(captured), np.uint8)))
+    return [_of(decoded, answers, np.arange(len(answers)))]
+
+
+def _echoed(decoded: Decoded, told: _Told) -> NDArray[np.bool_]:
+    """Whether a row's own values are at the same addresses: the answer to a single write repeats it."""
+    own = decoded.offsets[told.rows + 1] - decoded.offsets[told.rows]
+    same: NDArray[np.bool_] = (decoded.value_address[told.rows] == told.address) & (own == told.counts)
+    return same
+
+
+@cache
+def _layout(count: int, *, bits: bool) -> NDArray[np.void]:
+    """One message of this many values, with the field numbers that `Message` gives: an array for each size of a tag."""
+    value = "u1" if bits else "<u4"
+    short = min(count, _SHORT)
+    wire = 0 if bits else 5
+    fields = [("tag", "u1"), ("value", value)], [("tag", "<u2"), ("value", value)]
+    row = np.zeros(1, [("record", HEAD), ("short", fields[0], (short,)), ("long", fields[1], (count - short,))])
+    row["short"]["tag"] = [number << 3 | wire for number in range(1, short + 1)]
+    row["long"]["tag"] = [tag_bytes(number << 3 | wire) for number in range(SPARE[0] + 1, SPARE[0] + 1 + count - short)]
+    return row
+
+
+def _heads(values: NDArray[np.uint16], begins: Ints, count: int, *, bits: bool) -> NDArray[np.void]:
+    """Messages of `count` values each."""
+    heads = packing.heads(_layout(count, bits=bits), len(begins))
+    found = sliding_window_view(values, count)[begins]
+    heads["short"]["value"], heads["long"]["value"] = found[:, :_SHORT], found[:, _SHORT:]
+    return heads

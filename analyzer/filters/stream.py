@@ -1,0 +1,65 @@
+"""A filter over an analysis as it streams by: exports and reports see only what passes.
+
+A row passes or not by itself. A transaction passes with its request or with its answer, whole, so that a request is
+never called unanswered because its answer was filtered away. Findings pass with the row that they stand on; those about
+the bus as a whole stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from captures.line import LineSettings
+
+from ..transactions import TRANSACTION
+from .filter import Filter
+from .table import BatchTable, narrowed
+
+if TYPE_CHECKING:
+    from ..frames import Rows
+    from ..pipeline import Analysed
+
+
+def filtered(analysed: Iterable[Analysed], wanted: Filter, line: LineSettings) -> Iterator[Analysed]:
+    """What passes of each batch, as batches of its own, some of them empty. Raises FilterError."""
+    passing = _Passing(wanted, line)
+    return (passing.of(each) for each in analysed)
+
+
+class _Passing:
+    """Holds what spans two batches: transactions whose answer is still to come."""
+
+    def __init__(self, wanted: Filter, line: LineSettings) -> None:
+        self._wanted = wanted
+        self._line = line
+        self._origin_ns: int | None = None
+        self._open: Rows = np.zeros(0, TRANSACTION)
+        self._asked = np.zeros(0, np.bool_)  # of those: whether the request passed
+        self._behind = 0
+
+    def of(self, analysed: Analysed) -> Analysed:
+        from ..pipeline import Analysed
+
+        batch, rows = analysed.batch, analysed.batch.rows
+        if self._origin_ns is None and len(rows):
+            self._origin_ns = int(rows["t_start"][0])
+        self._behind = max(self._behind, int(rows["index"].max(initial=-1)) + 1)
+        known = np.concatenate((self._open, analysed.transactions))
+        mask = self._wanted.mask(BatchTable(batch, self._line, transactions=known, origin_ns=self._origin_ns))
+        part = narrowed(batch, mask)
+        passed = np.concatenate((self._asked, np.zeros(len(analysed.transactions), np.bool_)))
+        passed |= _among(known["request"], part.rows) | _among(known["response"], part.rows)
+        done = known["response"] < self._behind
+        self._open, self._asked = known[~done], passed[~done]
+        findings = analysed.findings if part.findings is None else part.findings
+        return Analysed(part, known[done & passed], findings)
+
+
+def _among(indices: NDArray[np.int64], rows: Rows) -> NDArray[np.bool_]:
+    """Which frames, by index, are among rows."""
+    found: NDArray[np.bool_] = (indices >= 0) & np.isin(indices, rows["index"])
+    return found

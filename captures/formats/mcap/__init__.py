@@ -1,0 +1,72 @@
+"""This tool's own MCAP: raw chunks without loss, in a file that any MCAP viewer opens.
+
+One channel, `/rtuscope/chunks`, whose messages are protobuf with their schema in the file. A message holds many chunks
+as columns (some 64 KiB or one second of the bus), since a message each would be mostly overhead, and packed numbers of
+a fixed width, since those are arrays as they stand:
+
+    t_ns      time of the first chunk, ns; the message's log_time is the same (0 where it is negative)
+    after_ns  each chunk's time after t_ns, ns
+    sizes     each chunk's number of bytes
+    data      the bytes of all of them
+    port      each chunk's port, a byte each; left out where all are 0
+    mark      each chunk's direction mark, a byte each: 1 for tx, 2 for rx; left out where all are 0
+    errors    positions in data of bytes with parity or framing errors
+
+Files of before had the same columns in JSON, `data` in base64; they are read as well.
+
+Settings of the line are in a metadata record named `rtuscope`, written before anything else so that a file that was cut
+has them, and again in the channel's metadata. Other channels in the file are no concern of this reader.
+
+`channel` writes them beside whatever else a file holds, `messages` is one message, `reading` the way back, `writer` a
+file by arrays, `packing` its chunks, `protobuf` messages of a constant layout. Names are loaded when they are used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
+
+from captures.chunks import Block, Source
+from captures.formats import Format
+from captures.line import LineSettings
+
+if TYPE_CHECKING:
+    from captures.formats.mcap.channel import ChunkChannel as ChunkChannel
+
+TOPIC: Final = "/rtuscope/chunks"
+METADATA: Final = "rtuscope"
+MAGIC: Final = b"\x89MCAP0\r\n"
+
+
+def _read(path: Path) -> Source:
+    from captures.formats.mcap.reading import read
+
+    return read(path)
+
+
+def _write(file: BinaryIO, line: LineSettings, blocks: Iterable[Block], timed: bool) -> None:
+    from captures.formats.mcap.channel import ChunkChannel
+    from captures.formats.mcap.writer import ArrayWriter
+
+    writer = ArrayWriter(file)
+    writer.start(library="rtuscope")
+    channel = ChunkChannel(writer, line, timed=timed)
+    for block in blocks:
+        channel.write(block)
+    writer.finish()
+
+
+def _sniff(head: bytes) -> float:
+    return 1.0 if head.startswith(MAGIC) else 0.0
+
+
+def __getattr__(name: str) -> Any:
+    if name != "ChunkChannel":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from captures.formats.mcap.channel import ChunkChannel
+
+    return ChunkChannel
+
+
+FORMAT = Format("mcap", (".mcap",), _sniff, _read, _write)

@@ -1,0 +1,279 @@
+"""An MCAP file written forwards: like the library's `Writer`, which takes message after message, but by arrays too.
+
+Records are the library's, but for chunk bodies and the indexes of their messages, which `packing` makes. A schema or
+channel goes into the first chunk that needs it. Every chunk is complete in itself and has its CRC, so has the summary;
+the data section has none of its own, as with the library, since every byte of it would be summed twice.
+
+Single messages (`add_message`) are collected and written as a chunk of their own once they are large, before `add`, or
+on `flush`: so that what one channel's reader needs is not spread over the chunks of all others.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import IO, Any, Final, Protocol
+
+import numpy as np
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from numpy.typing import NDArray
+
+from captures.formats.mcap import MAGIC
+from captures.formats.mcap.packing import HEAD, Packed, index_records
+from captures.ragged import Ints
+
+CHUNK_SIZE: Final = 1 << 20  # bytes of a chunk before compression, about
+COMPRESSIONS: Final = ("zstd", "lz4", "")
+_LEVEL: Final = 1  # of zstd: its default costs twice the time for a tenth of the size
+_FAST: Final = -2  # of lz4: faster than its default, as large
+_IDS: Final = 1 << 16
+_HEAD: Final = struct.Struct("<BQ")  # opcode and length of every record
+_MESSAGE: Final = struct.Struct("<BQHIQQ")  # what every message record begins with
+
+
+class Out(Protocol):
+    """What is written to: a file, or a pipe that counts."""
+
+    def write(self, data: bytes, /) -> Any: ...
+
+    def tell(self) -> int: ...
+
+    def flush(self) -> Any: ...
+
+
+class ArrayWriter:
+    """Writes one MCAP file onto `out`, which is not closed. OSError passes."""
+
+    def __init__(self, out: Out | IO[bytes], *, chunk_size: int = CHUNK_SIZE, compression: str = "zstd") -> None:
+        self._out = out
+        self._chunk_size = chunk_size
+        self._compression = compression
+        self._compress = _compressor(compression)
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._undeclared: set[int] = set()  # channels that no chunk has declared yet
+        self._declared: set[int] = set()  # schemas that a chunk has
+        self._single: list[bytes] = []
+        self._single_size = 0
+        self._single_entries: list[tuple[int, int, int]] = []  # channel, log time, offset of each single message
+        self._counts = np.zeros(_IDS, np.int64)
+        self._times: tuple[int, int] | None = None
+        self._chunk_indexes: list[bytes] = []
+        self._metadata_indexes: list[MetadataIndex] = []
+
+    def start(self, profile: str = "", library: str = "") -> None:
+        """Writes what the file begins with."""
+        self._out.write(MAGIC + _bytes(Header(profile, library)))
+
+    def register_schema(self, name: str, encoding: str, data: bytes) -> int:
+        """A new schema's id."""
+        number = len(self._schemas) + 1
+        self._schemas[number] = Schema(id=number, data=data, encoding=encoding, name=name)
+        return number
+
+    def register_channel(
+        self, topic: str, message_encoding: str, schema_id: int, metadata: dict[str, str] | None = None
+    ) -> int:
+        """A new channel's id, 1 to 65535; ValueError when there are no more."""
+        number = len(self._channels) + 1
+        if number >= _IDS:
+            raise ValueError("an MCAP file has at most 65535 channels")
+        self._channels[number] = Channel(
+            id=number, topic=topic, message_encoding=message_encoding, schema_id=schema_id, metadata=metadata or {}
+        )
+        self._undeclared.add(number)
+        return number
+
+    def add_metadata(self, name: str, data: dict[str, str]) -> None:
+        """A metadata record, written at once."""
+        record = _bytes(Metadata(name=name, metadata=data))
+        self._metadata_indexes.append(MetadataIndex(offset=self._out.tell(), length=len(record), name=name))
+        self._out.write(record)
+
+    def add_message(self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0) -> None:
+        """One message."""
+        self._single_entries.append((channel_id, log_time, self._single_size))
+        head = _MESSAGE.pack(
+            Opcode.MESSAGE, HEAD.itemsize - 9 + len(data), channel_id, sequence, log_time, publish_time
+        )
+        self._single += (head, data)
+        self._single_size += len(head) + len(data)
+        if self._single_size > self._chunk_size:
+            self._end_single()
+
+    def add(self, messages: Packed) -> None:
+        """Many messages, in chunks that end where a row ends."""
+        self._end_single()
+        ends = messages.row_offsets
+        first, last_row = 0, len(ends) - 1
+        while first < last_row:
+            last = int(np.searchsorted(ends, ends[first] + self._chunk_size))
+            last = min(max(last, first + 1), last_row)
+            low, high = int(ends[first]), int(ends[last])
+            if high > low:
+                self._add_rows(messages, first, last, low, high)
+            first = last
+
+    def flush(self) -> None:
+        """Ends the chunk in progress and hands all to the operating system: what is cut after this is not lost."""
+        self._end_single()
+        self._out.flush()
+
+    def finish(self) -> None:
+        """Ends the last chunk and writes the summary."""
+        self._end_single()
+        self._out.write(_bytes(DataEnd(0)))
+        start = self._out.tell()
+        summary, groups = bytearray(), bytearray()
+        for opcode, records in self._summary():
+            at = len(summary)
+            summary += b"".join(records)
+            if len(summary) > at:
+                groups += _bytes(SummaryOffset(opcode, start + at, len(summary) - at))
+        offsets_start = start + len(summary)
+        summary += groups
+        footer = _bytes(Footer(start, offsets_start, 0))
+        crc = zlib.crc32(footer[:-4], zlib.crc32(summary))
+        self._out.write(bytes(summary) + _bytes(Footer(start, offsets_start, crc)) + MAGIC)
+
+    def _summary(self) -> Iterable[tuple[Opcode, Sequence[bytes]]]:
+        first, last = self._times or (0, 0)
+        used = np.flatnonzero(self._counts)
+        statistics = Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=dict(zip(used.tolist(), self._counts[used].tolist(), strict=True)),
+            chunk_count=len(self._chunk_indexes),
+            message_count=int(self._counts.sum()),
+            message_end_time=last,
+            message_start_time=first,
+            metadata_count=len(self._metadata_indexes),
+            schema_count=len(self._schemas),
+        )
+        return (
+            (Opcode.SCHEMA, [_bytes(schema) for schema in self._schemas.values()]),
+            (Opcode.CHANNEL, [_bytes(channel) for channel in self._channels.values()]),
+            (Opcode.STATISTICS, [_bytes(statistics)]),
+            (Opcode.CHUNK_INDEX, self._chunk_indexes),
+            (Opcode.METADATA_INDEX, [_bytes(index) for index in self._metadata_indexes]),
+        )
+
+    def _end_single(self) -> None:
+        if not self._single_entries:
+            return
+        entries = np.array(self._single_entries, dtype=np.uint64)
+        body = b"".join(self._single)
+        self._single_entries, self._single, self._single_size = [], [], 0
+        channels, times = entries[:, 0].astype(np.uint16), entries[:, 1]
+        self._chunk(np.frombuffer(body, np.uint8), channels, times, entries[:, 2].astype(np.int64))
+
+    def _add_rows(self, messages: Packed, first: int, last: int, low: int, high: int) -> None:
+        channels, times, offsets = [], [], []
+        for lot, at in zip(messages.lots, messages.offsets, strict=True):
+            begin, end = np.searchsorted(lot.rows, (first, last))
+            channels.append(lot.channels[begin:end])
+            times.append(lot.log_times[begin:end])
+            offsets.append(at[begin:end])
+        body = messages.data[low:high]
+        self._chunk(body, np.concatenate(channels), np.concatenate(times), np.concatenate(offsets) - low)
+
+    def _chunk(
+        self, body: NDArray[np.uint8], channels: NDArray[np.uint16], times: NDArray[np.uint64], offsets: Ints
+    ) -> None:
+        """A chunk with its message indexes."""
+        if declarations := self._declarations(channels):
+            offsets = offsets + len(declarations)
+            body = np.frombuffer(declarations + body.tobytes(), np.uint8)
+        first, last = int(times.min()), int(times.max())
+        data = self._compress(body)
+        chunk = Chunk(
+            compression=self._compression,
+            data=b"",
+            message_end_time=last,
+            message_start_time=first,
+            uncompressed_crc=zlib.crc32(body.data),
+            uncompressed_size=len(body),
+        )
+        indexes, places = index_records(channels, times, offsets)
+        start = self._out.tell()
+        length = self._write_chunk(chunk, data)
+        places["offset"] += start + length
+        self._out.write(indexes)
+        self._chunk_indexes.append(_chunk_index(chunk, start, length, len(data), places.tobytes(), len(indexes)))
+        counts = np.bincount(channels)
+        self._counts[: len(counts)] += counts
+        before = self._times or (first, last)
+        self._times = min(before[0], first), max(before[1], last)
+
+    def _write_chunk(self, chunk: Chunk, data: bytes) -> int:
+        """The library's record, its empty data put right: so megabytes are not copied in between. Returns its size."""
+        head = bytearray(_bytes(chunk))
+        _HEAD.pack_into(head, 0, Opcode.CHUNK, len(head) - _HEAD.size + len(data))
+        head[-8:] = len(data).to_bytes(8, "little")
+        self._out.write(bytes(head))
+        self._out.write(data)
+        return len(head) + len(data)
+
+    def _declarations(self, channels: NDArray[np.uint16]) -> bytes:
+        """The channels of this chunk that none before has declared, with their schemas."""
+        if not self._undeclared:
+            return b""
+        out = bytearray()
+        for number in sorted(self._undeclared.intersection(np.flatnonzero(np.bincount(channels)).tolist())):
+            channel = self._channels[number]
+            if channel.schema_id and channel.schema_id not in self._declared:
+                out += _bytes(self._schemas[channel.schema_id])
+                self._declared.add(channel.schema_id)
+            out += _bytes(channel)
+            self._undeclared.discard(number)
+        return bytes(out)
+
+
+def _chunk_index(chunk: Chunk, start: int, length: int, size: int, places: bytes, indexes: int) -> bytes:
+    """A ChunkIndex record: not the library's, which takes a mapping, since there may be thousands of channels."""
+    name = chunk.compression.encode()
+    content = b"".join(
+        (
+            struct.pack("<QQQQ", chunk.message_start_time, chunk.message_end_time, start, length),
+            struct.pack("<I", len(places)) + places + struct.pack("<QI", indexes, len(name)) + name,
+            struct.pack("<QQ", size, chunk.uncompressed_size),
+        )
+    )
+    return _HEAD.pack(Opcode.CHUNK_INDEX, len(content)) + content
+
+
+def _compressor(name: str) -> Callable[[Any], bytes]:
+    if name == "zstd":
+        import zstandard
+
+        return zstandard.ZstdCompressor(level=_LEVEL).compress
+    if name == "lz4":
+        import lz4.frame  # type: ignore[import-untyped]
+
+        return partial(lz4.frame.compress, compression_level=_FAST)
+    if name:
+        raise ValueError(f"no compression {name!r}: there are {COMPRESSIONS}")
+    return bytes
+
+
+def _bytes(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    found: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return found
