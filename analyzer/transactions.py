@@ -78,6 +78,7 @@ class Transactions:
     def __init__(self) -> None:
         self._open: Rows = np.zeros(0, TRANSACTION)
         self._last_request: bytes | None = None
+        self._failed = False  # the newest that is settled got no good answer
         self._last_row: tuple[bool, bytes] = (True, b"")  # of the last row: whether it was a whole frame, its bytes
         self._frames = 0
         self._octets = 0  # on the bus so far, all ports together
@@ -122,6 +123,8 @@ class Transactions:
 
     def _settle(self, count: int) -> NDArray[np.void]:
         settled, self._open = self._open[:count], self._open[count:].copy()
+        if count:
+            self._failed = bool(_failed(settled[-1:])[0])
         done = settled["status"] != Status.UNANSWERED
         settled["t_next"][done], settled["garbage"][done] = NEVER, 0
         self._places = self._places[count:].copy()
@@ -194,11 +197,8 @@ class Transactions:
         """Of the new requests, which repeat the one before? Few went without a good answer, so those are compared."""
         if len(requests):
             opened = self._open
-            status = opened["status"]
-            bad = (status != Status.ANSWERED) & (status != Status.EXCEPTION) | opened["late"]
-            before = np.arange(known - 1, len(opened) - 1)  # the transaction before each of the new ones
-            some = np.flatnonzero(bad[before]) if known else 1 + np.flatnonzero(bad[before[1:]])
-            for i in some.tolist():
+            bad = np.append(self._failed if not known else _failed(opened[known - 1 : known]), _failed(opened[known:]))
+            for i in np.flatnonzero(bad[:-1]).tolist():
                 asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
                 row = int(requests[i])
                 if asked is not None and len(asked) == batch.rows["length"][row]:
@@ -217,6 +217,13 @@ class Transactions:
             request = batch.bytes_of(int(requests[i]))
             if abs(len(damaged) - len(request)) <= _ALIKE and _shared(damaged, request) >= len(request) - _ALIKE:
                 self._open["retry"][known + i] = True
+
+
+def _failed(transactions: Rows) -> NDArray[np.bool_]:
+    """Which of these got no good answer in time."""
+    status = transactions["status"]
+    failed: NDArray[np.bool_] = (status != Status.ANSWERED) & (status != Status.EXCEPTION) | transactions["late"]
+    return failed
 
 
 def _shared(one: bytes, two: bytes) -> int:
