@@ -75,7 +75,8 @@ class Lines(Painted, ScrollView, can_focus=True):
         """Lines came or changed."""
         count = self.count()
         now = time.monotonic()
-        if self.scroll_offset.y + self.room < self._shown_count <= count and now < self._fresh_until:
+        below = self.scroll_offset.y + self.room < self._shown_count <= count
+        if below and not self.following and now < self._fresh_until:
             self._fit(count)  # nothing in sight is new
             return
         self._fresh_until = now + _FRESH_S
