@@ -367,7 +367,7 @@ def test_views_of_conversations_findings_units_registers_timeline_and_report(cap
         registers = screen.query_one(RegisterList)
         assert registers.count() == len(sitting.bus.registers)
         await sitting.press("end")
-        await sitting.until(lambda: bool(screen.query_one(History).title))
+        await sitting.until(lambda: "readings" in screen.query_one("#history", History).title)
         before = sitting.shown()
         await sitting.press("v")
         assert sitting.shown() != before and "s16" in sitting.shown()

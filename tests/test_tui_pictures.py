@@ -14,6 +14,7 @@ from analyzer.model.source import CaptureSource
 from analyzer.tui.app import Rtuscope
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.pastepane import PasteText
+from analyzer.tui.registerlist import History
 from analyzer.tui.screen import BusScreen
 from captures import samples
 
@@ -58,6 +59,8 @@ async def _look(size: tuple[int, int], light: bool) -> None:
                 if all(worker.is_finished for worker in app.workers):
                     break
             await pilot.pause(0.05)
+            while name == "registers" and "readings" not in screen.query_one("#history", History).title:
+                await pilot.pause(0.01)
             if name != "report":  # its text is compared elsewhere
                 compare(f"{name}-{size[0]}x{size[1]}-{'light' if light else 'dark'}", screen)
             if os.environ.get("RTUSCOPE_PICTURES") and size[0] == (160 if name == "frames" else 80):

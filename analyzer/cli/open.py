@@ -11,9 +11,9 @@ from .app import DONE, UsageError
 from .inputs import add_functions_argument, load_functions
 
 EXAMPLE = """\
+rtuscope simulate bus.jsonl --wire noisy
 rtuscope open bus.jsonl
-rtuscope open
-rtuscope open bus.jsonl --web"""
+rtuscope open"""
 _PORT = 8000
 
 

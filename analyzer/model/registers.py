@@ -6,7 +6,7 @@ one unit and area, where something was seen.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -117,12 +117,12 @@ class Registers:
         return int(self._page_of.nbytes + self._value.nbytes + self._before.nbytes + self._t.nbytes + self._row.nbytes)
 
 
-def history(bus: Bus, register: Register, most: int = 512) -> list[Reading]:
+def history(bus: Bus, register: Register, most: int = 512, stop: Callable[[], bool] = lambda: False) -> list[Reading]:
     """What a register's value was, oldest first: the newest `most` readings, of the newest million rows at most."""
     found: list[Reading] = []
     key = register.unit << 18 | register.area << 16 | register.address
     last, limit = bus.count, max(0, bus.count - (1 << 20))
-    while last > limit and len(found) < most:
+    while last > limit and len(found) < most and not stop():
         begin = max(limit, last - (1 << 13))
         for first, batch in reversed(list(bus.batches(begin, last))):
             keys, values, rows = _confirmed(bus, batch, register.unit)

@@ -130,13 +130,20 @@ class History(Painted):
         self.title = ""
         self._written: Callable[[float], str] = _number
         self._points: list[tuple[int, float]] = []
+        self._from_zero = False
 
     def show(
-        self, title: str, points: Sequence[tuple[int, float]], written: Callable[[float], str] | None = None
+        self,
+        title: str,
+        points: Sequence[tuple[int, float]],
+        written: Callable[[float], str] | None = None,
+        *,
+        from_zero: bool = False,
     ) -> None:
         """Times and numbers (NaN: none from then on), oldest first; `written` is how a number is put into words."""
         self.title = title
         self._written = written or _number
+        self._from_zero = from_zero
         self._points = list(points)
         self.refresh()
 
@@ -148,7 +155,7 @@ class History(Painted):
         numbers = [number for _, number in self._points if not math.isnan(number)]
         if not numbers or height < 3:
             return self.strip([Piece(" no reading" if y == 1 else "", "dim")], width, base)
-        low, high = min(numbers), max(numbers)
+        low, high = 0.0 if self._from_zero else min(numbers), max(numbers)
         rows = height - 1
         label = self._written(high) if y == 1 else self._written(low) if y == rows and high > low else ""
         pieces = [

@@ -207,7 +207,7 @@ class BusScreen(Jumping, Keeping, Studying, Working, Screen[None]):
             if part.id == self.view and part.row is not None:
                 self.study_row(part.row)
         elif isinstance(part, UnitList):
-            self.query_one("#unit-history", History).show(*part.history())
+            self.query_one("#unit-history", History).show(*part.history(), from_zero=True)
         elif isinstance(part, RegisterList) and part.register is not None:
             self.show_history(part)
 

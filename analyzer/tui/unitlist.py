@@ -26,15 +26,14 @@ _COLUMNS = (("ok", "answered"), ("exc", "exceptions"), ("none", "unanswered"), (
 
 
 def sparkline(values: NDArray[np.float64], width: int) -> str:
-    """Values as one line of blocks, joined to fit; a space where there is none."""
+    """Values as one line of blocks from 0 to the most, joined to fit; a space where there is none."""
     if not len(values) or width < 1 or np.isnan(values).all():
         return ""
     groups = [group[~np.isnan(group)] for group in np.array_split(values, min(width, len(values)))]
     means = [float(group.mean()) if len(group) else None for group in groups]
-    known = [mean for mean in means if mean is not None]
-    low, high = min(known), max(known)
-    scale = (len(_BLOCKS) - 1) / (high - low) if high > low else 0.0
-    return "".join(" " if mean is None else _BLOCKS[round((mean - low) * scale)] for mean in means)
+    high = max(mean for mean in means if mean is not None)
+    scale = (len(_BLOCKS) - 1) / high if high > 0 else 0.0
+    return "".join(" " if mean is None else _BLOCKS[round(max(0.0, mean) * scale)] for mean in means)
 
 
 class UnitList(Lines):

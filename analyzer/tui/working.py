@@ -199,13 +199,15 @@ class Working(Screen[None]):
     def show_history(self, found: RegisterList) -> None:
         """Read it, then show it."""
         if found.register is not None:
+            self.query_one("#history", History).show(" reading …", ())
             self.read_history(found.register)
 
     @work(thread=True, group="history", exclusive=True, exit_on_error=False)
     def read_history(self, register: Register) -> None:
         """What a register was."""
-        readings = history(self.desk.bus, register)
-        if not get_current_worker().is_cancelled:
+        worker = get_current_worker()
+        readings = history(self.desk.bus, register, stop=lambda: worker.is_cancelled)
+        if not worker.is_cancelled:
             self.post_message(HistoryRead(register, readings))
 
     def on_history_read(self, event: HistoryRead) -> None:
@@ -221,4 +223,4 @@ class Working(Screen[None]):
 
             span = f" over {short(event.readings[-1].t_ns - event.readings[0].t_ns)}"
         title = f" unit {register.unit}, {logical(register.address, area)}: {len(event.readings)} readings{span}"
-        self.query_one(History).show(title, points)
+        self.query_one("#history", History).show(title, points)
