@@ -32,7 +32,7 @@ class FindingLog:
         if not n:
             return
         if self.count + n > len(self._findings):
-            room = max(2 * len(self._findings), self.count + n)
+            room = max(len(self._findings) * 5 // 4, self.count + n)
             self._findings = np.concatenate((self._findings, np.zeros(room - len(self._findings), FINDING)))
             self._rows = np.concatenate((self._rows, np.zeros(room - len(self._rows), np.int32)))
         rows = table.rows_of_frames(findings["index"])
