@@ -22,10 +22,18 @@ _BLOCK = 1 << 20  # bytes read at once
 _LOOK = 1 << 16  # bytes that tell RTU from ASCII mode
 
 
-def deframe(capture: Capture, options: Options = Options()) -> Iterator[Batch]:  # noqa: B008 - frozen
-    """Rows of a whole capture, batch after batch in wire order; memory stays flat whatever its size."""
+def deframe(
+    capture: Capture,
+    options: Options = Options(),  # noqa: B008 - frozen
+    *,
+    first: int = _BLOCK,
+) -> Iterator[Batch]:
+    """Rows of a whole capture, batch after batch in wire order; memory stays flat whatever its size.
+
+    `first`: bytes that are read for the first batch, fewer where somebody waits for it.
+    """
     deframer: Deframer | AsciiDeframer | None = None
-    for block in _evenly(capture.blocks(_BLOCK)):
+    for block in _evenly(capture.blocks(_BLOCK), first):
         if deframer is None:
             ascii_mode = options.protocol == "ascii" or (
                 options.protocol == "auto" and looks_ascii(block.data[:_LOOK].tobytes())
@@ -121,10 +129,9 @@ def _about(findings: Findings, batch: Batch) -> NDArray[np.bool_]:
     return mine
 
 
-def _evenly(blocks: Iterable[Block]) -> Iterator[Block]:
+def _evenly(blocks: Iterable[Block], room: int) -> Iterator[Block]:
     """The same chunks in blocks whose ends hang on the chunks alone, so that a capture reads alike from any format."""
     held: list[Block] = []
-    room = _BLOCK
     for block in blocks:
         first = 0
         while first < len(block):

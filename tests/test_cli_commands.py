@@ -39,6 +39,8 @@ def test_the_example_works(capsys, command, tmp_path, monkeypatch):
         program, *arguments = shlex.split(line)
         assert program == "rtuscope"
         done = ran(capsys, *arguments)
+        if command == "open" and "needs a terminal" in done.err:
+            continue  # tests/test_cli_open.py gives it one
         assert done.status == 0, (line, done)
         assert done.err == ""
 

@@ -10,10 +10,11 @@ from typing import Final, Protocol, cast
 
 COMMANDS: Final[dict[str, str]] = {
     "parse": "annotate pasted bytes: one frame, a request with its answer, or a stretch of a log",
+    "open": "the terminal interface: a capture, or a prompt to paste bytes at",
     "export": "write a capture's frames as JSON lines, CSV or MCAP",
     "report": "the bus in one page: units, functions, response times, load, errors",
     "simulate": "make a capture of a plausible bus, with faults if asked, and its ground truth",
-    "demo": "report on the bundled sample capture",
+    "demo": "open the bundled sample capture; on a pipe, report on it",
     "completion": "print the completion script of a shell",
 }
 

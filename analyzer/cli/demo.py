@@ -1,9 +1,11 @@
-"""`rtuscope demo`: what this tool makes of the bundled sample capture."""
+"""`rtuscope demo`: the bundled sample capture in the terminal interface; on a pipe, a report on it."""
 
 from __future__ import annotations
 
 import argparse
+import sys
 
+from .app import DONE
 from .report import show
 
 SAMPLE = "troubled.jsonl"
@@ -12,12 +14,21 @@ EXAMPLE = "rtuscope demo"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    parser.add_argument("--json", action="store_true", help="the same facts as JSON")
+    parser.add_argument("--report", action="store_true", help="print the report on a terminal, too")
+    parser.add_argument("--json", action="store_true", help="the report's facts as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Report on the sample."""
+    """Show the sample."""
     import captures
     from captures import samples
 
-    return show(captures.open(samples.path(SAMPLE)), SAMPLE, as_json=arguments.json)
+    capture = captures.open(samples.path(SAMPLE))
+    if arguments.report or arguments.json or not (sys.stdin.isatty() and sys.stdout.isatty()):
+        return show(capture, SAMPLE, as_json=arguments.json)
+    from analyzer.model.source import CaptureSource
+    from analyzer.tui import run as look
+
+    capture.path = None  # no notes are kept among the installed files
+    look(CaptureSource(capture, SAMPLE))
+    return DONE

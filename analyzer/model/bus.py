@@ -1,0 +1,232 @@
+"""A bus as far as it is known: rows and bytes, who answers whom, findings, registers, activity over time.
+
+`feed` and `close` belong to one thread, everything else may be asked from any. Rows are numbered from 0 in wire order,
+noise among them; a number stands for the same row for ever.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analyzer.findings.diagnosis import Diagnosis
+from analyzer.frames import NO_GAP, ROW, Batch, Frame, Kind, Row, Rows
+from analyzer.pipeline import Analysed
+from analyzer.reports.summary import Summary
+from analyzer.transactions import Transactions
+from captures.line import LineSettings
+
+from .activity import Activity
+from .found import FindingLog
+from .registers import Registers
+from .table import PIECE, ByteStore, State, Table
+from .units import Units
+
+if TYPE_CHECKING:
+    from analyzer.findings.model import Finding
+    from analyzer.reports.model import Report
+
+    from .source import Source
+
+_COPIED = ("start", "length", "t_start", "t_end", "response_ns", "confidence", "kind", "unit", "function",
+           "exception", "check", "port", "protocol", "gap_before", "gap_most", "errors")  # fmt: skip
+
+# What the other columns of ROW are given as, for want of being kept.
+_LEFT_OUT: Final[dict[str, Any]] = {
+    **dict(zip(ROW.names or (), np.zeros(1, ROW)[0].item(), strict=True)),
+    "request": -1,
+    "request_start": -1,
+    "gap_least": NO_GAP,
+}
+
+
+class Bus:
+    """The model of one source."""
+
+    def __init__(self, line: LineSettings, *, timed: bool = True) -> None:
+        self.line = line
+        self.timed = timed
+        self.table = Table()
+        self.store = ByteStore()
+        self.found = FindingLog()
+        self.registers = Registers()
+        self.activity = Activity()
+        self.units = Units()
+        self.frames = 0
+        self.noise = 0
+        self._count = 0
+        self.whole = False  # nothing more comes
+        self.t_first = self.t_last = 0
+        self._transactions = Transactions()
+        self._diagnosis = Diagnosis(line)
+        self._summary = Summary(self.char_ns)
+        self._lock = threading.Lock()
+
+    @classmethod
+    def of(cls, source: Source) -> Bus:
+        """An empty model for a source."""
+        return cls(source.line, timed=source.timed)
+
+    @property
+    def char_ns(self) -> float | None:
+        """Time of one character on the line; None where its speed is not known."""
+        return (self.line.char_bits or 11) * 1e9 / self.line.baud if self.line.baud else None
+
+    @property
+    def count(self) -> int:
+        """Rows, all that is known of them written."""
+        return self._count
+
+    # Taking in
+
+    def feed(self, batch: Batch) -> None:
+        """Take in the next rows."""
+        if not len(batch):
+            return
+        first = self.table.count
+        self._append(batch)
+        self._join(batch.rows, first)
+        settled = self._transactions.feed(batch)
+        self._settle(settled)
+        findings = self._diagnosis.feed(batch, settled)
+        self.found.add(findings, self.table)
+        self.registers.feed(self, batch, first)
+        self.activity.feed(batch.rows)
+        self.units.feed(batch.rows)
+        with self._lock:
+            self._summary.feed(Analysed(batch, settled, findings))
+        self._count = self.table.count
+
+    def close(self) -> None:
+        """Nothing more comes."""
+        settled = self._transactions.close()
+        self._settle(settled)
+        findings = self._diagnosis.close(settled)
+        self.found.add(findings, self.table)
+        with self._lock:
+            self._summary.feed(Analysed(Batch.empty(), settled, findings))
+        self.whole = True
+
+    def _append(self, batch: Batch) -> None:
+        rows = batch.rows
+        n = len(rows)
+        noise = rows["kind"] == Kind.NOISE
+        lengths = rows["length"]
+        ends = np.cumsum(lengths)
+        if (rows["at"] == ends - lengths).all() and int(ends[-1]) == len(batch.data):
+            data = batch.data
+        else:
+            spread = np.repeat(rows["at"] - (ends - lengths), lengths) + np.arange(int(ends[-1]))
+            data = batch.data[spread]
+        columns: dict[str, NDArray[Any]] = {name: rows[name] for name in _COPIED}
+        columns["frame"] = self.frames + np.cumsum(~noise) - ~noise
+        columns["at"] = self.store.append(data) + ends - lengths
+        columns["partner"] = np.full(n, -1, np.int32)
+        columns["state"] = columns["mark"] = np.zeros(n, np.uint8)
+        if not self.table.count:
+            self.t_first = int(rows["t_start"][0])
+        self.t_first = min(self.t_first, int(rows["t_start"].min()))
+        self.t_last = max(self.t_last, int(rows["t_end"].max()))
+        self.noise += int(noise.sum())
+        self.frames += n - int(noise.sum())
+        self.table.append(columns)
+
+    def _join(self, rows: Rows, first: int) -> None:
+        """Who answers whom; of several answers the first is the request's partner."""
+        answers = np.flatnonzero(rows["request"] >= 0)
+        asked = self.table.rows_of_frames(rows["request"][answers])
+        answers, asked = answers[asked >= 0] + first, asked[asked >= 0]
+        self.table.put("partner", answers, asked)
+        new = self.table.take("partner", asked) < 0
+        self.table.put("partner", asked[new][::-1], answers[new][::-1])
+
+    def _settle(self, settled: Rows) -> None:
+        rows = self.table.rows_of_frames(settled["request"])
+        state = settled["status"] + 1 | settled["retry"] * State.RETRY | settled["late"] * State.LATE
+        self.table.put("state", rows[rows >= 0], state[rows >= 0])
+
+    # Looking
+
+    def captured(self, row: int) -> bytes:
+        """The bytes of a row."""
+        return self.store.get(self.table.value("at", row), self.table.value("length", row)).tobytes()
+
+    def is_noise(self, row: int) -> bool:
+        """Whether a row is a stretch that no frame explains."""
+        return self.table.value("kind", row) == Kind.NOISE
+
+    def partner(self, row: int) -> int | None:
+        """The row of the request that a row answers, or of the answer to it."""
+        found = self.table.value("partner", row)
+        return None if found < 0 else found
+
+    def frame(self, row: int) -> Frame:
+        """A view of a row that is a frame."""
+        values = self.table.row(row)
+        request = -1
+        if values["kind"] == Kind.RESPONSE:
+            request = values["partner"]
+        known: dict[str, Any] = {**_LEFT_OUT, **{name: values[name] for name in _COPIED}, "index": values["frame"]}
+        if request >= 0:
+            known["request"] = self.table.value("frame", request)
+            known["request_start"] = self.table.value("start", request)
+        return Frame(
+            Row(**known),
+            self.captured(row),
+            None if request < 0 else self.captured(request),
+            findings=self.findings(row),
+        )
+
+    def findings(self, row: int) -> tuple[Finding, ...]:
+        """What was found about a row."""
+        return self.found.of_row(row) if self.table.value("mark", row) else ()
+
+    def gap_ns(self, row: int) -> int | None:
+        """Silence before a row; None before the first one and where the tap cannot tell."""
+        gap = self.table.value("gap_before", row)
+        return gap if self.timed and row > 0 and gap > NO_GAP else None
+
+    def batch(self, rows: NDArray[np.int64]) -> Batch:
+        """Rows, ascending, all of one piece, as what the pipeline gives; bytes between them are in its data too."""
+        number = int(rows[0]) // PIECE
+        piece, places = self.table.piece(number), rows - number * PIECE
+        out = np.zeros(len(rows), ROW)
+        for name in _COPIED:
+            out[name] = piece[name][places]
+        at = piece["at"][places].astype(np.int64)
+        out["at"], out["gap_least"] = at - at[0], NO_GAP
+        frames = out["kind"] != Kind.NOISE
+        out["index"] = np.where(frames, piece["frame"][places], -1)
+        asked = np.where(out["kind"] == Kind.RESPONSE, piece["partner"][places], -1).astype(np.int64)
+        answers = np.flatnonzero(asked >= 0)
+        out["request"] = out["request_start"] = -1
+        out["request"][answers] = self.table.take("frame", asked[answers])
+        out["request_start"][answers] = self.table.take("start", asked[answers])
+        away = np.unique(asked[answers][~np.isin(asked[answers], rows)]).tolist()
+        earlier = {self.table.value("frame", row): self.captured(row) for row in away}
+        data = self.store.get(int(at[0]), int(at[-1]) + int(out["length"][-1]) - int(at[0]))
+        return Batch(out, data, earlier, findings=self.found.between(int(rows[0]), int(rows[-1]) + 1))
+
+    def batches(self, first: int, last: int, size: int = 1 << 14) -> Iterator[tuple[int, Batch]]:
+        """Rows `first` to `last` (excluded) as batches of at most `size` rows, each with its first row's number."""
+        while first < last:
+            stop = min(last, first + size, (first // PIECE + 1) * PIECE)
+            yield first, self.batch(np.arange(first, stop))
+            first = stop
+
+    def report(self, source: Source) -> Report:
+        """The bus on one page, as it is known now."""
+        from captures.chunks import Capture
+
+        capture = getattr(source, "capture", None) or Capture.of(source.line, (), timed=source.timed)
+        with self._lock:
+            return self._summary.report(capture, source=source.name, partial=not self.whole)
+
+    @property
+    def nbytes(self) -> tuple[int, int]:
+        """Memory of everything but the bytes, and of the bytes."""
+        return self.table.nbytes + self.found.nbytes + self.registers.nbytes, self.store.nbytes

@@ -1,0 +1,100 @@
+"""The display filter on the model's own columns; `analyzer.filters` is the language."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analyzer.filters import compile_filter
+from analyzer.frames import Batch, Kind
+from analyzer.transactions import Status
+from captures.line import LineSettings
+
+from .bus import Bus
+from .selection import Test
+from .table import PIECE, State
+
+EXAMPLES = (
+    "unit == 17 and function in (3, 4)",
+    "exception or crc_ok == false",
+    'finding == "late-response"',
+    "register == 40108 and value > 1000",
+    "response_time > 50ms",
+    "gap > 3.5 chars",
+    'hex contains "03 02"',
+    "not noise",
+)
+
+
+class Compiled(NamedTuple):
+    """A filter as a test of rows; `settled`: it asks for what is only known once later rows have come."""
+
+    text: str
+    test: Test
+    settled: bool
+
+
+def compiled(text: str, line: LineSettings) -> Compiled:
+    """A filter for the rows of a line. Raises analyzer.filters.FilterError."""
+    known = compile_filter(text, line)
+    mask = known.mask
+
+    def test(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
+        return mask(PieceTable(bus, number, low, high))
+
+    return Compiled(text, test, known.settled)
+
+
+class PieceTable:
+    """Rows `low` to `high` (excluded) of a piece of the model, as a filter asks about them."""
+
+    def __init__(self, bus: Bus, number: int, low: int, high: int) -> None:
+        self._bus = bus
+        self._number, self._low, self._high = number, low, high
+        self._first = number * PIECE + low
+
+    @property
+    def line(self) -> LineSettings:
+        return self._bus.line
+
+    @property
+    def origin_ns(self) -> int:
+        return self._bus.t_first
+
+    def __len__(self) -> int:
+        return self._high - self._low
+
+    def column(self, name: str) -> NDArray[Any]:
+        """A value a row."""
+        if name == "index":
+            return np.where(self._own("kind") != Kind.NOISE, self._own("frame").astype(np.int64), -1)
+        if name == "retry":
+            return (self._own("state") & State.RETRY).astype(np.bool_)
+        if name == "unanswered":
+            silent: NDArray[np.bool_] = self._own("state") & State.STATUS == Status.UNANSWERED + 1
+            return silent
+        if name == "late":
+            return self._late()
+        return self._own(name)
+
+    def _own(self, name: str) -> NDArray[Any]:
+        return self._bus.table.column(self._number, name)[self._low : self._high]
+
+    def _late(self) -> NDArray[np.bool_]:
+        """Answers to requests that were answered late; the request knows."""
+        partner = self._own("partner").astype(np.int64)
+        found = np.zeros(len(self), np.bool_)
+        answers = np.flatnonzero((partner >= 0) & (self._own("kind") == Kind.RESPONSE))
+        found[answers] = self._bus.table.take("state", partner[answers]) & State.LATE != 0
+        return found
+
+    def findings(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Rows with findings, ascending, and the rule of each."""
+        rows, rules = self._bus.found.rules(self._first, self._first + len(self))
+        return rows - self._first, rules
+
+    def batch(self, first: int, last: int) -> Batch:
+        """Some of the rows, with their bytes."""
+        return self._bus.batch(np.arange(self._first + first, self._first + last)) if last > first else Batch.empty()

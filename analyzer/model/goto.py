@@ -1,0 +1,57 @@
+"""Where `go to` goes: a frame's number, a time, a step in time, a share of the capture."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime, timedelta
+from typing import Final
+
+from .bus import Bus
+from .clock import is_clock
+
+_UNITS: Final = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000, "min": 60_000_000_000, "h": 3_600_000_000_000}
+_STEP: Final = re.compile(r"([+-]?)(\d+(?:\.\d+)?)\s*(us|ms|s|min|h)")
+_DAY: Final = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:\.(\d{1,9}))?)?")
+FORMS: Final = "frame 120, time 12.5s, step +200ms or -5s, clock 08:29:51.5 (UTC), share 50%"
+
+
+class GotoError(ValueError):
+    """No place is named like this; the message says what can be."""
+
+
+def place(text: str, bus: Bus, row: int) -> int:
+    """The row that `text` names, seen from `row`. Raises GotoError."""
+    text = text.strip().lower()
+    if not bus.count:
+        raise GotoError("no frame is there yet")
+    if re.fullmatch(r"#?\d+", text):
+        found = bus.table.row_of_frame(int(text.lstrip("#")))
+        if found < 0:
+            raise GotoError(f"no frame {text}: they are 0 to {bus.frames - 1:,}")
+        return found
+    if match := re.fullmatch(r"(\d+(?:\.\d+)?)\s*%", text):
+        return min(bus.count - 1, int(bus.count * float(match[1]) / 100))
+    if not bus.timed:
+        raise GotoError("this capture has no times: go to a frame's number or a share such as 50%")
+    if match := _STEP.fullmatch(text):
+        ns = round(float(match[2]) * _UNITS[match[3]])
+        if not match[1]:
+            return bus.table.row_at_time(bus.t_first + ns)
+        return bus.table.row_at_time(bus.table.value("t_start", row) + (ns if match[1] == "+" else -ns))
+    if match := _DAY.fullmatch(text):
+        return bus.table.row_at_time(_on_the_day(match, bus, text))
+    raise GotoError(f"{text[:40]!r} is no place: {FORMS}")
+
+
+def _on_the_day(match: re.Match[str], bus: Bus, text: str) -> int:
+    """A time of day, on the first day of the capture that has it."""
+    if not is_clock(bus.t_first):
+        raise GotoError("this capture's clock has no time of day: give a time since its start, such as 12.5s")
+    first = datetime.fromtimestamp(bus.t_first / 1e9, UTC)
+    try:
+        moment = first.replace(hour=int(match[1]), minute=int(match[2]), second=int(match[3] or 0), microsecond=0)
+    except ValueError as error:
+        raise GotoError(f"{text!r} is no time of day") from error
+    ns = int(moment.timestamp()) * 1_000_000_000 + int((match[4] or "0").ljust(9, "0"))
+    day = int(timedelta(days=1).total_seconds()) * 1_000_000_000
+    return ns if ns + 1_000_000_000 >= bus.t_first else ns + day

@@ -1,0 +1,132 @@
+"""Looking for bytes, text or a value from a row on, in either direction. Slow ones ask `stop` often."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analyzer.columns import decode
+
+from .bus import Bus
+from .table import PIECE
+
+_AT_ONCE: Final = 1 << 12  # rows
+_CLOSE: Final = 1e-6  # of a float: it was typed with few digits
+_Rows = NDArray[np.int64]
+Hits = Callable[[Bus, int, int], _Rows]  # rows of [first, last) that match
+
+
+class SearchError(ValueError):
+    """What was typed cannot be looked for; the message says why."""
+
+
+def for_bytes(text: str) -> Hits:
+    """Rows that hold these bytes (`03 02`, `0x03,0x02`) in one stretch."""
+    from captures.hexwords import HexError, read_text
+
+    try:
+        wanted = b"".join(words.data for words in read_text(text))
+    except HexError as error:
+        raise SearchError(str(error)) from error
+    pattern = re.compile(re.escape(wanted), re.DOTALL)
+    return lambda bus, first, last: _holding(bus, pattern, first, last)
+
+
+def for_text(text: str) -> Hits:
+    """Rows whose bytes, as characters, or whose words in the list hold this text; case does not matter."""
+    if not text.strip():
+        raise SearchError("nothing to look for")
+    pattern = re.compile(re.escape(text.encode()), re.IGNORECASE)
+    folded = text.casefold()
+
+    def hits(bus: Bus, first: int, last: int) -> _Rows:
+        found = set(_holding(bus, pattern, first, last).tolist())
+        for row in range(first, last):
+            if row not in found and not bus.is_noise(row) and folded in bus.frame(row).summary().casefold():
+                found.add(row)
+        return np.array(sorted(found), np.int64)
+
+    return hits
+
+
+def for_value(text: str) -> Hits:
+    """Rows that carry this value: a register, signed or not, or a float of two registers in any byte order."""
+    try:
+        whole = int(text, 0)
+    except ValueError:
+        return _for_float(text)
+    if not -0x8000 <= whole <= 0xFFFF:
+        raise SearchError(f"{whole} fits in no register: -32768 to 65535, or a float such as 230.5")
+
+    def hits(bus: Bus, first: int, last: int) -> _Rows:
+        return _with_values(bus, first, last, lambda values: values == whole & 0xFFFF)
+
+    return hits
+
+
+def _for_float(text: str) -> Hits:
+    try:
+        wanted = float(text)
+    except ValueError as error:
+        raise SearchError(f"{text!r} is no number") from error
+    if not math.isfinite(wanted):
+        raise SearchError(f"{text!r} is no finite number")
+    low, high = sorted((wanted * (1 - _CLOSE), wanted * (1 + _CLOSE)))
+
+    def test(values: NDArray[np.uint16]) -> NDArray[np.bool_]:
+        passed = np.zeros(len(values), np.bool_)
+        first, second = values[:-1].astype(np.uint32), values[1:].astype(np.uint32)
+        for high_word, low_word in ((first, second), (second, first)):
+            for swap in (False, True):
+                pair = [word >> 8 | (word & 0xFF) << 8 if swap else word for word in (high_word, low_word)]
+                with np.errstate(all="ignore"):
+                    read = (pair[0] << 16 | pair[1]).view(np.float32).astype(np.float64)
+                    passed[:-1] |= (read >= low) & (read <= high)
+        return passed
+
+    return lambda bus, first, last: _with_values(bus, first, last, test)
+
+
+def find(bus: Bus, hits: Hits, row: int, *, back: bool = False, stop: Callable[[], bool] = lambda: False) -> int | None:
+    """The next row behind `row` (before it with `back`) that matches; None for none, or where `stop` ended it."""
+    at = row - 1 if back else row + 1
+    while 0 <= at < bus.count and not stop():
+        first, last = (max(0, at + 1 - _AT_ONCE), at + 1) if back else (at, min(bus.count, at + _AT_ONCE))
+        found = hits(bus, first, last)
+        if len(found):
+            return int(found.max() if back else found.min())
+        at = first - 1 if back else last
+    return None
+
+
+def _holding(bus: Bus, pattern: re.Pattern[bytes], first: int, last: int) -> _Rows:
+    found = []
+    for number, low, high in bus.table.slices(first, last):
+        begins = bus.table.column(number, "at")[low:high].astype(np.int64)
+        ends = begins + bus.table.column(number, "length")[low:high]
+        data = bus.store.get(int(begins[0]), int(ends[-1] - begins[0])).tobytes()
+        at, places = 0, []
+        while match := pattern.search(data, at):
+            places.append((match.start(), match.end()))
+            at = match.start() + 1
+        if places:
+            spots = np.array(places, np.int64) + begins[0]
+            row = np.searchsorted(begins, spots[:, 0], side="right") - 1
+            inside = spots[:, 1] <= ends[row]
+            found.append(np.unique(row[inside]) + number * PIECE + low)
+    return np.concatenate([np.zeros(0, np.int64), *found])
+
+
+def _with_values(bus: Bus, first: int, last: int, test: Callable[[NDArray[np.uint16]], NDArray[np.bool_]]) -> _Rows:
+    found = [np.zeros(0, np.int64)]
+    for begin, batch in bus.batches(first, last):
+        decoded = decode(batch)
+        if len(decoded.values):
+            places = np.flatnonzero(test(decoded.values))
+            found.append(np.unique(np.searchsorted(decoded.offsets, places, side="right") - 1) + begin)
+    return np.concatenate(found)

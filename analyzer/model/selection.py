@@ -1,0 +1,144 @@
+"""Which rows a list shows: all of them, or those that pass a test, worked out piece by piece as rows come."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analyzer.frames import Kind
+
+from .bus import Bus
+from .table import PIECE
+
+Test = Callable[[Bus, int, int, int], NDArray[np.bool_]]  # bus, piece, first and last place in it: which rows pass
+_JOINED: Final = 1 << 15  # numbers: smaller parts are put together
+
+
+class Rows(Protocol):
+    """A list's rows: positions 0 to `count`, each a row's number, ascending."""
+
+    @property
+    def count(self) -> int: ...
+
+    def row(self, position: int) -> int:
+        """The row at a position."""
+        ...
+
+    def position(self, row: int) -> int:
+        """Where a row stands, or the last one before it; 0 where there is none."""
+        ...
+
+
+class Everything:
+    """All rows."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+
+    @property
+    def count(self) -> int:
+        return self._bus.count
+
+    def row(self, position: int) -> int:
+        return position
+
+    def position(self, row: int) -> int:
+        return max(0, min(row, self._bus.count - 1))
+
+
+class Selection:
+    """Rows that pass a test. `extend` belongs to one thread at a time; reading to any."""
+
+    def __init__(self, bus: Bus, test: Test, *, lag: int = 0) -> None:
+        """`lag`: rows that are left untested until as many have come behind them, or no more come."""
+        self._bus = bus
+        self._test = test
+        self._lag = lag
+        self._parts: list[NDArray[np.uint32]] = []
+        self._begins: list[int] = []  # position of each part's first row
+        self.count = 0
+        self.done = 0  # rows tested
+
+    def extend(self, stop: Callable[[], bool] = lambda: False) -> bool:
+        """Test the rows that are there now; False where `stop` ended it early."""
+        upto = self._bus.count if self._bus.whole else max(self.done, self._bus.count - self._lag)
+        for number, low, high in self._bus.table.slices(self.done, upto):
+            if stop():
+                return False
+            passed = np.flatnonzero(self._test(self._bus, number, low, high))
+            self._add((passed + (number * PIECE + low)).astype(np.uint32))
+            self.done = number * PIECE + high
+        return True
+
+    def row(self, position: int) -> int:
+        part = bisect_right(self._begins, position) - 1
+        return int(self._parts[part][position - self._begins[part]])
+
+    def position(self, row: int) -> int:
+        low, high = 0, len(self._parts)
+        while low < high:
+            middle = (low + high) // 2
+            if int(self._parts[middle][0]) <= row:
+                low = middle + 1
+            else:
+                high = middle
+        if low == 0:
+            return 0
+        return self._begins[low - 1] + max(int(np.searchsorted(self._parts[low - 1], row, side="right")) - 1, 0)
+
+    def rows(self) -> NDArray[np.int64]:
+        """All of them."""
+        return np.concatenate([np.zeros(0, np.uint32), *self._parts]).astype(np.int64)
+
+    def _add(self, rows: NDArray[np.uint32]) -> None:
+        if not len(rows):
+            return
+        if self._parts and len(self._parts[-1]) < _JOINED:
+            self._parts[-1] = np.concatenate((self._parts[-1], rows))
+        else:
+            self._begins.append(self.count)
+            self._parts.append(rows)
+        self.count += len(rows)
+
+
+def frames_only(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
+    """Rows that are no noise."""
+    frames: NDArray[np.bool_] = bus.table.column(number, "kind")[low:high] != Kind.NOISE
+    return frames
+
+
+def conversations(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
+    """Rows that begin a line of the conversation: requests, and answers to none that is known."""
+    kinds = bus.table.column(number, "kind")[low:high]
+    alone = bus.table.column(number, "partner")[low:high] < 0
+    begins: NDArray[np.bool_] = (kinds == Kind.REQUEST) | ((kinds == Kind.RESPONSE) & alone)
+    return begins
+
+
+def within(t_start: int, t_end: int) -> Test:
+    """Rows that touch a span of time."""
+
+    def test(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
+        starts, ends = (bus.table.column(number, name)[low:high] for name in ("t_start", "t_end"))
+        touches: NDArray[np.bool_] = (ends >= t_start) & (starts <= t_end)
+        return touches
+
+    return test
+
+
+def both(tests: list[Test]) -> Test:
+    """Rows that pass all of some tests; a later test may take long."""
+
+    def test(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
+        passed = np.ones(high - low, np.bool_)
+        for each in tests:
+            if not passed.any():
+                break
+            passed &= each(bus, number, low, high)
+        return passed
+
+    return test

@@ -1,0 +1,105 @@
+"""Where a view's batches come from: a file, a live tap, a replay. The model does not know which.
+
+A source is asked once for its batches, in a thread of its own; it ends when it has no more, or soon after `stop` says
+True. One that is `live` may go on for days: its iterator gives a batch as soon as there is one, and may give empty ones
+to look at `stop` meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from analyzer.frames import Batch
+    from captures import Capture, LineSettings
+
+
+class Source(Protocol):
+    """What `analyzer.tui.run` shows."""
+
+    @property
+    def name(self) -> str:
+        """What the title says: a file's name, a port."""
+
+    @property
+    def line(self) -> LineSettings:
+        """Line settings, as far as they are known."""
+
+    @property
+    def timed(self) -> bool:
+        """Whether times mean anything."""
+
+    @property
+    def live(self) -> bool:
+        """Whether the view follows the newest row from the start."""
+
+    @property
+    def path(self) -> Path | None:
+        """The file, which bookmarks are kept beside; None where there is none."""
+
+    def batches(self, stop: Callable[[], bool]) -> Iterator[Batch]:
+        """Rows in wire order. Raises what the command line would print in one line."""
+        ...
+
+    def notices(self) -> Sequence[str]:
+        """What the user should know by now: damage of the file, bytes dropped. Each in a line; asked for repeatedly."""
+        ...
+
+
+_FIRST = 1 << 16  # bytes: a first screen is there at once
+
+
+class CaptureSource:
+    """A capture, read from its beginning."""
+
+    live = False
+
+    def __init__(self, capture: Capture, name: str) -> None:
+        self.capture = capture
+        self.name = name
+
+    @property
+    def line(self) -> LineSettings:
+        return self.capture.line
+
+    @property
+    def timed(self) -> bool:
+        return self.capture.timed
+
+    @property
+    def path(self) -> Path | None:
+        return self.capture.path
+
+    def batches(self, stop: Callable[[], bool]) -> Iterator[Batch]:
+        from analyzer.passing import passing
+        from analyzer.pipeline import deframe
+
+        return deframe(passing(self.capture, stop=stop), first=_FIRST)
+
+    def notices(self) -> Sequence[str]:
+        lines = [str(loss) for loss in self.capture.damage[:5]]
+        more = self.capture.damage_count - len(lines)
+        return [*lines, f"and {more:,} more such places"] if more > 0 and lines else lines
+
+
+class Nothing:
+    """No capture at all: only the paste prompt."""
+
+    name = "no capture"
+    timed = False
+    live = False
+    path = None
+
+    @property
+    def line(self) -> LineSettings:
+        from captures import LineSettings
+
+        return LineSettings()
+
+    def batches(self, stop: Callable[[], bool]) -> Iterator[Batch]:  # noqa: ARG002 - the protocol's signature
+        return iter(())
+
+    def notices(self) -> Sequence[str]:
+        return ()

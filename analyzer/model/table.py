@@ -1,0 +1,229 @@
+"""Rows kept as compact columns, in pieces of 65,536, and their bytes.
+
+One thread appends, any thread reads rows that it was told of; what is written later to a row (its answer, its state,
+its mark) is a single number each. Columns take 84 bytes a row; the bytes themselves are
+kept once, in row order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+PIECE: Final = 1 << 16  # rows
+_BYTES: Final = 1 << 20
+
+Column = NDArray[Any]
+
+COLUMNS: Final[dict[str, type[np.generic]]] = {
+    "frame": np.uint32,  # how many frames come before this row; the frame's index where the row is one
+    "start": np.int64,  # offset in its port's stream
+    "at": np.int64,  # where its bytes begin in the byte store
+    "length": np.uint32,
+    "t_start": np.int64,
+    "t_end": np.int64,
+    "partner": np.int32,  # row of the request that it answers, or of the answer to it; -1 for none
+    "response_ns": np.int64,
+    "gap_before": np.int64,
+    "gap_most": np.int64,
+    "errors": np.uint16,
+    "confidence": np.float32,
+    "kind": np.uint8,
+    "unit": np.uint8,
+    "function": np.uint8,
+    "exception": np.uint8,
+    "check": np.bool_,
+    "port": np.uint8,
+    "protocol": np.uint8,
+    "state": np.uint8,  # what became of a request: see `State`
+    "mark": np.uint8,  # the gravest finding's severity, 0 for none
+}
+ROW_BYTES: Final = sum(np.dtype(kind).itemsize for kind in COLUMNS.values())
+
+
+class State:
+    """The column `state`: 0 while open, else transactions.Status + 1, with flags."""
+
+    STATUS: Final = 0x0F
+    RETRY: Final = 0x10
+    LATE: Final = 0x20
+
+
+class Table:
+    """The columns."""
+
+    def __init__(self) -> None:
+        self._pieces: list[dict[str, Column]] = []
+        self.count = 0
+
+    def append(self, columns: Mapping[str, Column]) -> None:
+        """Add rows; `columns` names every one of `COLUMNS`."""
+        n = len(columns["frame"])
+        done = 0
+        while done < n:
+            place = (self.count + done) % PIECE
+            if place == 0:
+                self._pieces.append({name: np.empty(PIECE, kind) for name, kind in COLUMNS.items()})
+            size = min(PIECE - place, n - done)
+            for name, values in columns.items():
+                self._pieces[-1][name][place : place + size] = values[done : done + size]
+            done += size
+        self.count += n
+
+    def piece(self, number: int) -> Mapping[str, Column]:
+        """Columns of rows `number * PIECE` and on, as far as they are there."""
+        size = min(PIECE, self.count - number * PIECE)
+        whole = self._pieces[number]
+        return whole if size == PIECE else {name: column[:size] for name, column in whole.items()}
+
+    def column(self, number: int, name: str) -> Column:
+        """One column of a piece."""
+        size = min(PIECE, self.count - number * PIECE)
+        return self._pieces[number][name][:size]
+
+    def pieces(self) -> range:
+        """Numbers of the pieces that hold rows."""
+        return range(-(-self.count // PIECE))
+
+    def value(self, name: str, row: int) -> int:
+        """One number of one row."""
+        return int(self._pieces[row // PIECE][name][row % PIECE])
+
+    def row(self, row: int) -> dict[str, int]:
+        """All numbers of one row but its confidence."""
+        piece, place = self._pieces[row // PIECE], row % PIECE
+        return {name: piece[name][place].item() for name in COLUMNS}
+
+    def take(self, name: str, rows: NDArray[np.int64]) -> Column:
+        """One column of some rows, in the order given."""
+        if not len(rows):
+            return np.empty(0, COLUMNS[name])
+        first, last = int(rows.min()) // PIECE, int(rows.max()) // PIECE
+        if first == last:
+            return self._pieces[first][name][rows - first * PIECE]
+        out = np.empty(len(rows), COLUMNS[name])
+        which = rows // PIECE
+        for number in np.unique(which).tolist():
+            here = which == number
+            out[here] = self._pieces[number][name][rows[here] - number * PIECE]
+        return out
+
+    def put(self, name: str, rows: NDArray[np.int64], values: Column | int) -> None:
+        """Write one column of rows that are there; where a row comes twice its last value stays."""
+        which = rows // PIECE
+        for number in np.unique(which).tolist():
+            here = which == number
+            chosen = values[here] if isinstance(values, np.ndarray) else values
+            self._pieces[number][name][rows[here] - number * PIECE] = chosen
+
+    def slices(self, first: int, last: int) -> Iterator[tuple[int, int, int]]:
+        """Rows `first` to `last` (excluded) piece by piece: number, first and last place in it."""
+        while first < last:
+            number, place = divmod(first, PIECE)
+            stop = min(PIECE, place + last - first)
+            yield number, place, stop
+            first += stop - place
+
+    def row_of_frame(self, index: int) -> int:
+        """The row of the frame with this index; -1 where it is not there."""
+        low, high = 0, len(self._pieces)  # the first piece that begins behind it
+        while low < high:
+            middle = (low + high) // 2
+            if middle * PIECE < self.count and int(self._pieces[middle]["frame"][0]) <= index:
+                low = middle + 1
+            else:
+                high = middle
+        for number in (low - 1, low - 2):  # a piece may end in the noise before the frame, or begin in the noise after
+            if number < 0:
+                break
+            frames = self.column(number, "frame")
+            place = int(np.searchsorted(frames, index, side="right")) - 1
+            if place >= 0 and int(frames[place]) == index and self.column(number, "kind")[place]:
+                return number * PIECE + place
+        return -1
+
+    def rows_of_frames(self, indices: NDArray[np.int64]) -> NDArray[np.int64]:
+        """`row_of_frame` for many; -1 for those not there."""
+        found = np.full(len(indices), -1, np.int64)
+        if not len(indices) or not self.count:
+            return found
+        firsts = np.array([self._pieces[number]["frame"][0] for number in self.pieces()], np.int64)
+        which = np.searchsorted(firsts, indices, side="right") - 1
+        for number in np.unique(which[which >= 0]).tolist():
+            here = which == number
+            frames, kinds = self.column(number, "frame"), self.column(number, "kind")
+            place = np.searchsorted(frames, indices[here].astype(np.uint32), side="right") - 1
+            good = (place >= 0) & (frames[place] == indices[here]) & (kinds[place] > 0)
+            found[here] = np.where(good, number * PIECE + place, -1)
+        for i in np.flatnonzero((found < 0) & (indices >= 0)).tolist():
+            found[i] = self.row_of_frame(int(indices[i]))
+        return found
+
+    def row_of_bytes(self, port: int, start: int) -> int:
+        """The row whose bytes begin there; -1 for none. Quick for late rows."""
+        for number in reversed(self.pieces()):
+            here = np.flatnonzero((self.column(number, "start") == start) & (self.column(number, "port") == port))
+            if len(here):
+                return number * PIECE + int(here[0])
+        return -1
+
+    def row_at_time(self, t_ns: int) -> int:
+        """The last row that begins at or before a time; 0 where none does. Rows are nearly in time order."""
+        low, high = 0, len(self.pieces())
+        while low < high:
+            middle = (low + high) // 2
+            if int(self._pieces[middle]["t_start"][0]) <= t_ns:
+                low = middle + 1
+            else:
+                high = middle
+        number = max(low - 1, 0)
+        if not self.count:
+            return 0
+        place = int(np.searchsorted(self.column(number, "t_start"), t_ns, side="right")) - 1
+        return number * PIECE + max(place, 0)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the columns."""
+        return len(self._pieces) * PIECE * ROW_BYTES
+
+
+class ByteStore:
+    """Bytes end to end, in blocks of 1 MiB."""
+
+    def __init__(self) -> None:
+        self._blocks: list[NDArray[np.uint8]] = []
+        self.size = 0
+
+    def append(self, data: NDArray[np.uint8]) -> int:
+        """Add bytes; where they begin."""
+        begin, done = self.size, 0
+        while done < len(data):
+            place = (begin + done) % _BYTES
+            if place == 0:
+                self._blocks.append(np.empty(_BYTES, np.uint8))
+            size = min(_BYTES - place, len(data) - done)
+            self._blocks[-1][place : place + size] = data[done : done + size]
+            done += size
+        self.size = begin + len(data)
+        return begin
+
+    def get(self, at: int, length: int) -> NDArray[np.uint8]:
+        """`length` bytes from `at`; a view where they lie in one block."""
+        number, place = divmod(at, _BYTES)
+        if place + length <= _BYTES:
+            return self._blocks[number][place : place + length] if length else np.empty(0, np.uint8)
+        parts = []
+        while length > 0:
+            size = min(_BYTES - place, length)
+            parts.append(self._blocks[number][place : place + size])
+            length, number, place = length - size, number + 1, 0
+        return np.concatenate(parts)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the blocks."""
+        return len(self._blocks) * _BYTES

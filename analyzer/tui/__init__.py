@@ -1,0 +1,25 @@
+"""The terminal interface (Textual). It sees a bus through `analyzer.model` only.
+
+    from analyzer.tui import run
+
+    run(source)
+
+A `Source` (`analyzer.model.source`) is anything with `name`, `line`, `timed`, `live`, `path`, and
+`batches(stop) -> Iterator[Batch]`: `CaptureSource` is a file; a live tap or a replay is a class of its own whose
+`batches` yields a batch as soon as there is one, and an empty batch now and then so that `stop` is looked at.
+`notices()` gives lines about what was lost. `batches` runs in a thread; it ends soon after `stop()` says True.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from analyzer.model.source import Source
+
+
+def run(source: Source, *, view: str = "frames", light: bool = False) -> None:
+    """Show a source until the user quits. `view` is what is shown first: `frames`, `findings`, `paste` …"""
+    from .app import Rtuscope
+
+    Rtuscope(source, view=view, light=light).run()

@@ -1,0 +1,77 @@
+"""The application: one source, one screen, two themes, and every command by name."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, ClassVar
+
+from textual.app import App, SystemCommand
+from textual.binding import BindingType
+from textual.screen import Screen
+
+from analyzer.model.bus import Bus
+from analyzer.model.notes import Notes, NotesError
+
+from .desk import Desk
+from .screen import BusScreen
+from .tabs import VIEWS
+from .themes import DARK, LIGHT
+
+if TYPE_CHECKING:
+    from analyzer.model.source import Source
+
+_WIDE = 120  # columns from which on bytes stand 16 to a line
+_COMMANDS = (
+    ("Filter", "display filter", "filter"), ("Find", "bytes, text or a value", "find"),
+    ("Go to", "a frame's number or a time", "goto"), ("Counterpart", "from request to answer and back", "counterpart"),
+    ("Next finding", "what is wrong further on", "finding(1)"), ("Bookmark", "set or take away", "bookmark"),
+    ("Comment", "say something of this row", "comment"), ("Time reference", "count times from this row", "reference"),
+    ("Time format", "since start, UTC, since previous", "time_base"), ("Noise", "show or hide", "noise"),
+    ("Copy", "bytes as hex, C, Python, command", "copy"), ("Export", "selected or shown rows to a file", "export"),
+    ("Follow", "the newest frame", "follow"), ("Help", "all keys", "help"),
+)  # fmt: skip
+
+
+class Rtuscope(App[None]):
+    """The terminal interface."""
+
+    TITLE = "rtuscope"
+    CSS_PATH = "style.tcss"
+    BINDINGS: ClassVar[list[BindingType]] = []
+
+    def __init__(self, source: Source, *, view: str = "frames", light: bool = False) -> None:
+        super().__init__()
+        self.register_theme(DARK)
+        self.register_theme(LIGHT)
+        self.theme = (LIGHT if light else DARK).name
+        self._trouble = ""
+        try:
+            notes = Notes.beside(source.path)
+        except NotesError as error:
+            notes, self._trouble = Notes(), str(error)
+        self.desk = Desk(source, Bus.of(source), notes)
+        self._view = view
+        self.HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (_WIDE, "-wide")]
+
+    def get_default_screen(self) -> Screen[None]:
+        return BusScreen(self.desk, view=self._view)
+
+    def on_mount(self) -> None:
+        sys.setswitchinterval(0.001)  # keys are answered while a thread reads the source
+        if self._trouble:
+            self.notify(self._trouble, severity="error", markup=False)
+
+    def action_theme_flip(self) -> None:
+        """From dark to light and back."""
+        self.theme = (LIGHT if self.theme == DARK.name else DARK).name
+
+    def get_system_commands(self, screen: Screen[None]) -> Iterable[SystemCommand]:
+        if isinstance(screen, BusScreen):
+            for name, words, action in _COMMANDS:
+                yield SystemCommand(name, words, lambda action=action: self.call_later(screen.run_action, action))
+            for view in VIEWS:
+                yield SystemCommand(f"View: {view.name}", "show it", lambda id=view.id: screen.action_view(id))
+        yield SystemCommand("Dark or light", "change the theme", self.action_theme_flip)
+        yield SystemCommand("Screenshot", "an SVG picture of the screen", self.action_screenshot)
+        yield SystemCommand("Quit", "leave", self.exit)

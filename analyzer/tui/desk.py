@@ -1,0 +1,71 @@
+"""What all widgets look at: the bus, the user's notes on it, and how times are shown. Nothing of Textual."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from analyzer.model.bus import Bus
+from analyzer.model.clock import TimeBase, is_clock, seconds, short, time_of_day
+from analyzer.model.notes import Notes, Place
+
+if TYPE_CHECKING:
+    from analyzer.model.source import Source
+
+
+@dataclass
+class Desk:
+    """One source under study."""
+
+    source: Source
+    bus: Bus
+    notes: Notes = field(default_factory=Notes)
+    base: TimeBase = TimeBase.START
+    _reference: tuple[Place, int] | None = None  # and its time
+
+    def place(self, row: int) -> Place:
+        """What a note about a row is kept under."""
+        return self.bus.table.value("port", row), self.bus.table.value("start", row)
+
+    def bases(self) -> list[TimeBase]:
+        """How times can be shown here."""
+        if not self.bus.timed:
+            return [TimeBase.START]
+        return [
+            base
+            for base in TimeBase
+            if (base is not TimeBase.ABSOLUTE or is_clock(self.bus.t_first))
+            and (base is not TimeBase.REFERENCE or self.notes.reference is not None)
+        ]
+
+    def next_base(self) -> TimeBase:
+        """Show times the next way."""
+        bases = self.bases()
+        self.base = bases[(bases.index(self.base) + 1) % len(bases)] if self.base in bases else bases[0]
+        return self.base
+
+    def time(self, row: int, before: int | None) -> str:
+        """When a row began; `before` is the row shown above it."""
+        if not self.bus.timed:
+            return "-"
+        t = self.bus.table.value("t_start", row)
+        if self.base is TimeBase.ABSOLUTE:
+            return time_of_day(t)
+        if self.base is TimeBase.PREVIOUS:
+            return short(t - self.bus.table.value("t_start", before)) if before is not None else "-"
+        if self.base is TimeBase.REFERENCE:
+            return seconds(t - self.reference_ns)
+        return seconds(t - self.bus.t_first)
+
+    @property
+    def reference_ns(self) -> int:
+        """The time that is zero; the start where the user's reference is not there (yet)."""
+        place = self.notes.reference
+        if place is None:
+            return self.bus.t_first
+        if self._reference is None or self._reference[0] != place:
+            row = self.bus.table.row_of_bytes(*place)
+            if row < 0:
+                return self.bus.t_first
+            self._reference = place, self.bus.table.value("t_start", row)
+        return self._reference[1]

@@ -1,0 +1,170 @@
+"""The display filter: one line with completion, checked while it is typed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical
+from textual.widgets import Input, Label
+
+from analyzer.filters import Completion, FilterError, check, complete
+from analyzer.model.filtering import compiled
+from captures.line import LineSettings
+
+from .lines import Lines
+from .messages import FilterChanged, FilterLeft, LineEntered
+from .paint import Piece, fitted
+
+_MOST = 8  # completions in sight
+
+
+class Completions(Lines):
+    """What could stand at the cursor, with a word of help each."""
+
+    HEAD = 0
+    can_focus = False
+
+    def __init__(self, *, id: str) -> None:
+        super().__init__(id=id)
+        self.found: Sequence[Completion] = ()
+
+    def show(self, found: Sequence[Completion]) -> None:
+        """Other ones."""
+        self.found = found
+        self.display = bool(found)
+        self.styles.height = min(_MOST, len(found))
+        self.cursor = 0
+        self.renewed()
+
+    def count(self) -> int:
+        return len(self.found)
+
+    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+        own = self.found[line]
+        return fitted([Piece(f" {own.text.strip():<20} "), Piece(own.help, "dim")], width)
+
+
+class FilterInput(Input):
+    """The line itself."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("tab", "complete", "Complete"),
+        Binding("down", "pick(1)", "Next", show=False),
+        Binding("up", "pick(-1)", "Previous", show=False),
+        Binding("escape", "leave", "Leave", show=False),
+    ]
+
+    def action_complete(self) -> None:
+        self.query_ancestor(FilterBar).complete()
+
+    def action_pick(self, step: int) -> None:
+        self.query_ancestor(FilterBar).pick(step)
+
+    def action_leave(self) -> None:
+        self.query_ancestor(FilterBar).leave()
+
+
+class FilterBar(Vertical):
+    """The line, what is wrong with it, and completions under it."""
+
+    def __init__(self, speaks: LineSettings, *, id: str) -> None:
+        super().__init__(id=id)
+        self.text = ""  # the filter in use
+        self._speaks = speaks
+
+    def compose(self) -> ComposeResult:
+        with Horizontal(id="filter-line"):
+            yield Label("Filter ", id="filter-label")
+            yield FilterInput(placeholder="/ to type, e.g.  unit == 17 and exception", id="filter", compact=True)
+            yield Label("", id="filter-trouble", markup=False)
+        yield Completions(id="completions")
+
+    def on_mount(self) -> None:
+        self.query_one(Completions).display = False
+
+    @property
+    def line(self) -> FilterInput:
+        return self.query_one(FilterInput)
+
+    def use(self, text: str) -> None:
+        """Filter by this, as if it was typed."""
+        self.line.value = text
+        self._use(text)
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        event.stop()
+        wrong = check(event.value, self._speaks)
+        self.line.set_class(wrong is not None, "-wrong")
+        self._say("" if wrong is None else str(wrong))
+        self._suggest()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        event.stop()
+        if self._use(event.value):
+            self.leave()
+
+    def on_descendant_blur(self) -> None:
+        self.query_one(Completions).show(())
+
+    def on_descendant_focus(self) -> None:
+        self._suggest()
+
+    def on_line_entered(self, event: LineEntered) -> None:
+        event.stop()
+        self.complete()
+
+    def _use(self, text: str) -> bool:
+        text = text.strip()
+        try:
+            found = compiled(text, self._speaks) if text else None
+        except FilterError as error:
+            self._say(str(error))
+            self.line.cursor_position = min(error.column, len(text))
+            return False
+        self.text = text
+        self._say("")
+        self.post_message(FilterChanged(found))
+        return True
+
+    def _say(self, text: str) -> None:
+        label = self.query_one("#filter-trouble", Label)
+        label.update(Text(text, no_wrap=True, overflow="ellipsis"))
+        label.display = bool(text)
+
+    def _suggest(self) -> None:
+        line = self.line
+        found = complete(line.value, line.cursor_position) if line.has_focus else ()
+        self.query_one(Completions).show(found)
+
+    def pick(self, step: int) -> None:
+        """Another completion."""
+        shown = self.query_one(Completions)
+        if shown.found:
+            shown.move_to(shown.cursor + step)
+
+    def complete(self) -> None:
+        """Put the picked completion into the line."""
+        shown = self.query_one(Completions)
+        if shown.found:
+            line, own = self.line, shown.found[shown.cursor]
+            before, after = line.value[: line.cursor_position], line.value[line.cursor_position :]
+            before = before[: len(before) - len(_begun(before, own.text))]
+            line.value = before + own.text + after
+            line.cursor_position = len(before + own.text)
+
+    def leave(self) -> None:
+        """Back to the list."""
+        self.query_one(Completions).show(())
+        self.post_message(FilterLeft())
+
+
+def _begun(typed: str, word: str) -> str:
+    """The end of what was typed that `word` goes on from."""
+    for size in range(min(len(typed), len(word)), 0, -1):
+        if word[:size].casefold() == typed[-size:].casefold():
+            return typed[-size:]
+    return ""

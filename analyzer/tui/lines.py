@@ -1,0 +1,239 @@
+"""A list of any length: only the lines in sight are painted, so that ten million cost what ten do.
+
+A list draws `count` lines under one fixed head. It has a cursor, and follows the end while `following`: it stops when
+the user moves away from the end, and goes on when they return to it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import ClassVar, Final
+
+from textual import events
+from textual.binding import Binding, BindingType
+from textual.cache import LRUCache
+from textual.geometry import Offset, Size
+from textual.scroll_view import ScrollView
+from textual.strip import Strip
+
+from .messages import LineChosen, LineEntered
+from .paint import Painted, Piece
+
+_KEPT: Final = 512  # painted lines
+_FRESH_S: Final = 0.5  # lines in sight are painted anew so often while others come
+
+
+class Lines(Painted, ScrollView, can_focus=True):
+    """The list; a kind of list says how many lines there are (`count`) and what is on each (`pieces`)."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up,k", "move(-1)", "Up", show=False),
+        Binding("down,j", "move(1)", "Down", show=False),
+        Binding("pageup,ctrl+b", "page(-1)", "Page up", show=False),
+        Binding("pagedown", "page(1)", "Page down", show=False),
+        Binding("home", "edge(-1)", "First", show=False),
+        Binding("end,G", "edge(1)", "Last", show=False),
+        Binding("enter", "enter", "Open", show=False),
+    ]
+    HEAD: ClassVar[int] = 1  # fixed lines on top
+    EMPTY: ClassVar[str] = "nothing here"
+    BARRED: ClassVar[bool] = True  # whether the cursor is a bar over the line
+
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
+        super().__init__(id=id, classes=classes)
+        self.cursor = 0
+        self.following = False
+        self._strips: LRUCache[tuple[int, bool], Strip] = LRUCache(_KEPT)
+        self._shown_count = 0
+
+    # What a kind of list says
+
+    def count(self) -> int:
+        """Lines now."""
+        return 0
+
+    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+        """What is on a line."""
+        raise NotImplementedError
+
+    def head(self, width: int) -> Sequence[Piece]:
+        """What is on the fixed line."""
+        raise NotImplementedError
+
+    def heads(self, y: int, width: int) -> Sequence[Piece]:  # noqa: ARG002 - for lists with several fixed lines
+        """What is on fixed line `y`."""
+        return self.head(width)
+
+    def kind_of_line(self, line: int) -> str:  # noqa: ARG002 - for kinds of lists that light lines up
+        """The component class that the whole line has beneath its pieces'."""
+        return ""
+
+    # Growing
+
+    def grown(self) -> None:
+        """Lines came or changed."""
+        count = self.count()
+        now = time.monotonic()
+        below = self.scroll_offset.y + self.room < self._shown_count <= count
+        if below and not self.following and now < self._fresh_until:
+            self._fit(count)  # nothing in sight is new
+            return
+        self._fresh_until = now + _FRESH_S
+        self._strips.clear()
+        self._fit(count)
+        if self.following and count:
+            self.cursor = count - 1
+            self._to_end()
+            if self.cursor != self._told:
+                self._tell()
+        elif self.cursor >= count > 0:
+            self.cursor = count - 1
+        self.refresh()
+
+    _fresh_until = 0.0
+
+    def renewed(self, cursor: int = 0) -> None:
+        """The list is another one now."""
+        self._strips.clear()
+        count = self.count()
+        self._fit(count)
+        self.move_to(max(0, min(cursor, count - 1)), middle=True)
+        self.refresh()
+
+    _told = -1  # the cursor as last told
+
+    def _fit(self, count: int) -> None:
+        self._shown_count = count
+        self.virtual_size = Size(max(1, self.scrollable_content_region.width), count + self.HEAD)
+
+    # Moving
+
+    def move_to(self, line: int, *, middle: bool = False) -> None:
+        """Put the cursor on a line, and that line in sight."""
+        count = self.count()
+        if not count:
+            self.cursor = 0
+            return
+        line = max(0, min(line, count - 1))
+        before, self.cursor = self.cursor, line
+        for each in {before, line}:
+            self._strips.discard((each, True))
+            self._strips.discard((each, False))
+            self.refresh_lines(each + self.HEAD)
+        if count != self._shown_count:
+            self._fit(count)
+        self._into_sight(line, middle=middle)
+        if line != self._told:
+            self._tell()
+
+    def _tell(self) -> None:
+        self._told = self.cursor
+        self.post_message(LineChosen(self, self.cursor))
+
+    @property
+    def room(self) -> int:
+        """Lines in sight."""
+        return max(1, self.scrollable_content_region.height - self.HEAD)
+
+    def _into_sight(self, line: int, *, middle: bool) -> None:
+        top, room = self.scroll_offset.y, self.room
+        if top <= line < top + room:
+            return
+        top = line - room // 2 if middle else line if line < top else line - room + 1
+        self.scroll_to(y=max(0, top), animate=False, immediate=True)
+
+    def _to_end(self) -> None:
+        self.scroll_to(y=max(0, self._shown_count - self.room), animate=False, immediate=True)
+
+    def action_move(self, step: int) -> None:
+        self._by_user(self.cursor + step)
+
+    def action_page(self, pages: int) -> None:
+        step = pages * max(1, self.room - 1)
+        top = self.scroll_offset.y
+        self.scroll_to(y=max(0, top + step), animate=False, immediate=True)
+        self._by_user(self.cursor + step)
+
+    def action_edge(self, edge: int) -> None:
+        self._by_user(0 if edge < 0 else self.count() - 1)
+
+    def action_enter(self) -> None:
+        if self.count():
+            self.post_message(LineEntered(self, self.cursor))
+
+    def _by_user(self, line: int) -> None:
+        count = self.count()
+        if self.live:
+            self.following = line >= count - 1
+        self.move_to(line)
+
+    live = False  # whether moving to the end means following it
+
+    # Mouse
+
+    def on_click(self, event: events.Click) -> None:
+        offset = event.get_content_offset(self)
+        if offset is not None and offset.y >= self.HEAD:
+            self.clicked(event, offset)
+
+    def clicked(self, event: events.Click, offset: Offset) -> None:
+        """The mouse was clicked on something that is no head."""
+        line = self.scroll_offset.y + offset.y - self.HEAD
+        if line < self.count():
+            self._by_user(line)
+            if event.chain > 1:
+                self.action_enter()
+
+    def on_mouse_scroll_up(self) -> None:
+        self.following = False
+
+    # Painting
+
+    def repaint(self) -> None:
+        self._strips.clear()
+
+    def on_resize(self) -> None:
+        self.resized()
+
+    def resized(self) -> None:
+        """There is more or less room."""
+        self._strips.clear()
+        self._fit(self.count())
+        if self.following:
+            self._to_end()
+        elif self._shown_count:
+            self._into_sight(self.cursor, middle=False)
+
+    def on_focus(self) -> None:
+        self.unpaint()
+
+    def on_blur(self) -> None:
+        self.unpaint()
+
+    def unpaint(self) -> None:
+        """Paint everything in sight anew."""
+        self._strips.clear()
+        self.refresh()
+
+    def render_line(self, y: int) -> Strip:
+        width = self.scrollable_content_region.width
+        if y < self.HEAD:
+            return self.strip(self.heads(y, width), width, self.base + self.style_of("head"))
+        line = self.scroll_offset.y + y - self.HEAD
+        count = self.count()
+        if line >= count:
+            text = f"  {self.EMPTY}" if count == 0 and y == self.HEAD else ""
+            return self.strip([Piece(text, "dim")], width, self.base)
+        here = self.BARRED and line == self.cursor
+        strip = self._strips.get((line, here))
+        if strip is None or strip.cell_length != width:
+            base = self.base
+            kind = self.kind_of_line(line)
+            if kind:
+                base += self.style_of(kind)
+            if here:
+                base += self.style_of("cursor" if self.has_focus else "cursor-away")
+            strip = self.strip(self.pieces(line, width), width, base, over=here and self.has_focus)
+            self._strips[line, here] = strip
+        return strip

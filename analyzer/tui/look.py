@@ -1,0 +1,225 @@
+"""One frame, or one stretch of noise, as a tree of items over its bytes: from a capture or a paste, all the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from analyzer.model.clock import date_and_time, seconds, short
+from analyzer.paste.model import Found, Noise
+from analyzer.reports.page import plural
+from dissectors.annotation import Field
+from dissectors.text import harmless
+from dissectors.values import readings
+
+from .rows import LETTER, SEVERITY
+
+if TYPE_CHECKING:
+    from analyzer.findings.model import Finding
+    from analyzer.frames import Frame
+
+    from .desk import Desk
+
+_PAIR: Final = 2
+_KINDS: Final = ("u", "s", "f")
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """A line of the tree.
+
+    `name` tells it from its siblings, `text` is what it says; `start` and `length` are the bytes meant (0 bytes: none).
+    `ready` is whether it begins open; `values` that it holds a register's interpretations.
+    """
+
+    name: str
+    text: str
+    start: int = 0
+    length: int = 0
+    kind: str = ""  # component class of the text
+    label: str = ""  # shown before the text instead of the name
+    children: tuple[Item, ...] = ()
+    ready: bool = True
+    values: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What is looked at: its bytes and what they mean."""
+
+    title: str
+    data: bytes
+    items: tuple[Item, ...]
+    fields: tuple[Field, ...] = ()
+
+    def spot(self, start: int, length: int) -> str:
+        """Bytes in words: `bytes 3-4 of 11`."""
+        if not length:
+            return plural(len(self.data), "byte", "bytes")
+        where = f"byte {start}" if length == 1 else f"bytes {start}-{start + length - 1}"
+        return f"{where} of {len(self.data)}"
+
+
+NOTHING: Final = Look("", b"", ())
+
+
+def at_row(desk: Desk, row: int) -> Look:
+    """A row of the bus."""
+    bus = desk.bus
+    if bus.is_noise(row):
+        data = bus.captured(row)
+        head = Item("noise", _unexplained(data), 0, len(data), "noise", children=_facts(desk, row), ready=False)
+        return Look("noise", data, (head, *_findings(bus.findings(row))))
+    frame = bus.frame(row)
+    fields = frame.fields()
+    items = (
+        Item("frame", _heading(frame), kind="strong", label=f"frame {frame.index}", children=_facts(desk, row, frame),
+             ready=False),
+        *_findings(frame.findings),
+        *_fields(fields),
+    )  # fmt: skip
+    title = f"frame {frame.index}" + (", ASCII mode: its bytes decoded" if frame.protocol == "ascii" else "")
+    return Look(title, frame.adu.data, items, fields)
+
+
+def at_piece(piece: Found | Noise) -> Look:
+    """A piece of a paste."""
+    if isinstance(piece, Noise):
+        return Look("in no frame", piece.data, (Item("noise", _unexplained(piece.data),
+                                                     0, piece.length, "noise"),))  # fmt: skip
+    from analyzer.paste.trees import heading, trouble
+
+    fields = piece.fields()
+    items = [Item("frame", heading(piece), kind="strong")]
+    problem = trouble(piece)
+    if problem:
+        items.append(Item("trouble", problem, kind="error", label="!"))
+    items.extend(_findings(getattr(piece, "findings", ())))
+    items.extend(_fields(fields))
+    if piece.also is not None:
+        others = piece.fields(piece.also)
+        same = others == fields
+        said = "field by field the same" if same else heading(piece, piece.also)
+        name = piece.also.name.lower()
+        items.append(
+            Item("also", said, label=f"or {name}", ready=False, children=() if same else tuple(_fields(others)))
+        )
+    return Look(f"at {piece.start}", piece.adu.data, tuple(items), fields)
+
+
+def _unexplained(data: bytes) -> str:
+    return f"{plural(len(data), 'byte', 'bytes')} that no frame explains"
+
+
+def _heading(frame: Frame) -> str:
+    return f"{frame.direction}, unit {frame.unit}: {frame.summary()}"
+
+
+def _facts(desk: Desk, row: int, frame: Frame | None = None) -> tuple[Item, ...]:
+    """What is known of a row besides its bytes."""
+    bus = desk.bus
+    table = bus.table
+    facts: list[tuple[str, str]] = []
+    if bus.timed:
+        t = table.value("t_start", row)
+        facts.append(("time", date_and_time(t)))
+        facts.append(("since start", f"{seconds(t - bus.t_first)} s"))
+        facts.append(("on the wire", short(table.value("t_end", row) - t)))
+        gap = bus.gap_ns(row)
+        if gap is not None:
+            chars = f", {gap / bus.char_ns:.1f} characters" if bus.char_ns else ""
+            facts.append(("gap before", f"{short(gap)}{chars}"))
+    where = f"byte {table.value('start', row):,} of its stream"
+    facts.append(("place", where + (f", tap {table.value('port', row)}" if table.value("port", row) else "")))
+    errors = table.value("errors", row)
+    if errors:
+        facts.append(("UART errors", f"{errors} bytes came with a parity or framing error"))
+    if frame is not None:
+        partner = bus.partner(row)
+        if partner is not None:
+            other = table.value("frame", partner)
+            facts.append(("answers" if frame.row.request >= 0 else "answered by", f"frame {other}"))
+        if frame.response_time_ns is not None:
+            facts.append(("answer took", short(frame.response_time_ns)))
+        facts.append(("confidence", f"{frame.confidence:.4g}"))
+    comment = desk.notes.comments.get(desk.place(row))
+    if comment:
+        facts.append(("comment", harmless(comment)))
+    return tuple(Item(name, text, kind="dim") for name, text in facts)
+
+
+def at_finding(finding: Finding) -> Look:
+    """A finding about the bus as a whole."""
+    return Look("the bus as a whole", b"", tuple(_findings((finding,))))
+
+
+def finding_name(finding: Finding) -> str:
+    """The name of a finding's item."""
+    return f"finding {finding.code}"
+
+
+def _findings(found: Iterable[Finding]) -> Iterator[Item]:
+    seen: set[str] = set()
+    for i, finding in enumerate(found):
+        name = finding_name(finding) if finding.code not in seen else f"{finding_name(finding)} {i}"
+        seen.add(finding.code)
+        more = (("likely", finding.cause), ("remedy", finding.remedy), ("clause", finding.clause))
+        yield Item(
+            name, finding.text, kind=SEVERITY[finding.severity],
+            label=f"{LETTER[finding.severity]} {finding.code}",
+            children=tuple(Item(name, text) for name, text in more if text),
+        )  # fmt: skip
+
+
+def _fields(fields: Sequence[Field]) -> Iterator[Item]:
+    for i, field in enumerate(fields):
+        children = list(_fields(field.fields))
+        if field.problem:
+            children.insert(0, Item("problem", field.problem, field.start, field.length, "error", label="!"))
+        if _is_register(field):
+            children.extend(_readings(fields, i))
+        alone = sum(other.name == field.name for other in fields) == 1
+        yield Item(
+            field.name if alone else f"{field.name} {i}",
+            field.text, field.start, field.length, "error" if field.problem else "",
+            label=field.name, children=tuple(children), ready=not _is_register(field), values=_is_register(field),
+        )  # fmt: skip
+
+
+def _is_register(field: Field) -> bool:
+    return field.length == _PAIR and field.bit is None and field.name in ("register", "register_value")
+
+
+def _readings(fields: Sequence[Field], first: int) -> Iterator[Item]:
+    """A register in every interpretation: alone, and with the one and the three that follow it."""
+    start = fields[first].start
+    for size in (1, 2, 4):
+        members = fields[first : first + size]
+        if len(members) < size or not all(_is_register(field) for field in members):
+            return
+        found = readings([int(field.value or 0) for field in members])
+        if size == 1:
+            for reading in found:
+                if reading.kind != "text" or reading.text.strip("."):
+                    yield Item(reading.kind, reading.text, start, _PAIR)
+            continue
+        orders = dict.fromkeys(reading.order for reading in found if reading.order is not None)
+        for order in orders:
+            said = "  ".join(f"{r.kind} {r.text}" for r in found if r.order == order)
+            yield Item(f"{size} {order}", said, start, size * _PAIR, label=f"{size} regs {order}")
+
+
+def chosen(look: Look, path: Sequence[str]) -> Item | None:
+    """The item at a path of names."""
+    items: Sequence[Item] = look.items
+    found = None
+    for name in path:
+        found = next((item for item in items if item.name == name), None)
+        if found is None:
+            return None
+        items = found.children
+    return found
+
+
+__all__ = ["NOTHING", "Item", "Look", "at_finding", "at_piece", "at_row", "chosen", "finding_name"]

@@ -1,0 +1,141 @@
+"""The paste prompt: bytes in any form that `rtuscope parse` takes, read while they are typed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.widgets import Label, TextArea
+
+from analyzer.paste import Paste, PasteError, read
+from analyzer.paste.model import Found, Noise
+from analyzer.paste.trees import heading, shown, trouble
+from captures.hexwords import HexError
+
+from .lines import Lines
+from .look import NOTHING, Look, at_piece
+from .messages import LineChosen, PieceChosen
+from .paint import Piece, fitted
+
+_LONGEST = 1 << 16  # characters that are read while they are typed
+
+
+class PasteText(TextArea):
+    """Where it is pasted; keys of the list below work from here too."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("ctrl+up", "older(1)", "Older", tooltip="What was pasted before"),
+        Binding("ctrl+down", "older(-1)", "Newer", show=False),
+        Binding("ctrl+l", "clear", "Clear"),
+        Binding("escape", "app.focus_next", "Leave", show=False),
+        Binding("f1", "screen.help", "Help"),
+    ]
+
+    def action_older(self, step: int) -> None:
+        self.query_ancestor(PastePane).older(step)
+
+    def action_clear(self) -> None:
+        self.query_ancestor(PastePane).clear_text()
+
+
+class PieceList(Lines):
+    """The frames of a paste, and what is none."""
+
+    HEAD = 0
+    EMPTY = "paste or type bytes above: 11 03 00 6B …, 0x11,0x03, :1103…, lines of a log"
+
+    def __init__(self, *, id: str) -> None:
+        super().__init__(id=id)
+        self.paste: Paste | None = None
+
+    def show(self, paste: Paste | None) -> None:
+        """Another paste."""
+        self.paste = paste
+        self._told = -1
+        self.renewed()
+
+    @property
+    def piece(self) -> Found | Noise | None:
+        """The one under the cursor."""
+        return self.paste.pieces[self.cursor] if self.paste and self.cursor < len(self.paste.pieces) else None
+
+    def count(self) -> int:
+        return len(self.paste.pieces) if self.paste else 0
+
+    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+        assert self.paste is not None
+        piece = self.paste.pieces[line]
+        at = Piece(f"{piece.start:>5}  ", "dim")
+        if isinstance(piece, Noise):
+            return fitted([at, Piece(f"in no frame, {piece.length} bytes: {shown(piece.data, 12)}", "noise")], width)
+        wrong = trouble(piece)
+        said = [at, Piece(heading(piece), piece.role.name.lower())]
+        return fitted([*said, Piece(f"  {wrong}", "error")] if wrong else said, width)
+
+
+class PastePane(Vertical):
+    """The prompt with what it was read as."""
+
+    def __init__(self, *, id: str) -> None:
+        super().__init__(id=id)
+        self._history: list[str] = []
+
+    def compose(self) -> ComposeResult:
+        yield PasteText(id="paste-text", soft_wrap=True, show_line_numbers=False, tab_behavior="focus", compact=True)
+        yield Label("", id="paste-why", markup=False)
+        yield PieceList(id="pieces")
+
+    @property
+    def look(self) -> Look:
+        """What is under the cursor."""
+        piece = self.query_one(PieceList).piece
+        return NOTHING if piece is None else at_piece(piece)
+
+    def on_text_area_changed(self) -> None:
+        text = self.query_one(PasteText).text
+        why, paste = "", None
+        if text.strip():
+            try:
+                paste = read(text[:_LONGEST])
+                why = paste.why
+            except (PasteError, HexError) as error:
+                why = str(error)
+        label = self.query_one("#paste-why", Label)
+        label.update(Text(why, no_wrap=True, overflow="ellipsis"))
+        label.set_class(bool(text.strip()) and paste is None, "-wrong")
+        self.query_one(PieceList).show(paste)
+        self.post_message(PieceChosen())
+        if paste is not None and paste.holds_a_frame:
+            self._remember(text)
+
+    def on_line_chosen(self, event: LineChosen) -> None:
+        event.stop()
+        self.post_message(PieceChosen())
+
+    def _remember(self, text: str) -> None:
+        """Keep it; what goes on from the newest one takes its place."""
+        if self._history and (text.startswith(self._history[-1]) or self._history[-1].startswith(text)):
+            self._history[-1] = text
+        elif text not in self._history:
+            self._history.append(text)
+
+    def older(self, step: int) -> None:
+        """What was pasted before, or after that."""
+        if self._history:
+            current = self.query_one(PasteText).text
+            at = self._history.index(current) if current in self._history else len(self._history)
+            at = max(0, min(at - step, len(self._history) - 1))
+            self._load(self._history[at])
+
+    def clear_text(self) -> None:
+        """An empty prompt."""
+        self._load("")
+
+    def _load(self, text: str) -> None:
+        area = self.query_one(PasteText)
+        area.load_text(text)
+        area.move_cursor(area.document.end)

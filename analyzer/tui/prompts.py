@@ -1,0 +1,99 @@
+"""Small questions on top of everything: a line of text, or one of several things."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import ClassVar
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Input, Label
+
+from .lines import Lines
+from .messages import LineEntered
+from .paint import Piece, fitted
+
+
+class Ask(ModalScreen[str | None]):
+    """A line of text; `wrong` says what is the matter with it, or "" where nothing is."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(None)", "Cancel", show=False)]
+
+    def __init__(
+        self, question: str, hint: str, *, value: str = "", wrong: Callable[[str], str] = lambda _: ""
+    ) -> None:
+        super().__init__()
+        self._question, self._hint, self._value, self._wrong = question, hint, value, wrong
+
+    def compose(self) -> ComposeResult:
+        with Vertical(classes="prompt"):
+            yield Label(Text(self._question), classes="question")
+            yield Input(value=self._value, id="answer", compact=True)
+            yield Label(Text(self._hint), id="hint")
+
+    def on_input_changed(self) -> None:
+        self._say("")
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        event.stop()
+        wrong = self._wrong(event.value)
+        if wrong:
+            self._say(wrong)
+        else:
+            self.dismiss(event.value)
+
+    def _say(self, wrong: str) -> None:
+        hint = self.query_one("#hint", Label)
+        hint.set_class(bool(wrong), "-wrong")
+        hint.update(Text(wrong or self._hint))
+
+
+class Choices(Lines):
+    """What can be chosen."""
+
+    HEAD = 0
+
+    def __init__(self, choices: Sequence[tuple[str, str]]) -> None:
+        super().__init__(id="choices")
+        self.choices = choices
+
+    def count(self) -> int:
+        return len(self.choices)
+
+    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+        key, words = self.choices[line]
+        return fitted([Piece(f" {key} ", "accent"), Piece(f" {words}")], width)
+
+
+class Choose(ModalScreen[int | None]):
+    """One of several things, by cursor or by its key; gives its number."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(None)", "Cancel", show=False)]
+
+    def __init__(self, question: str, choices: Sequence[tuple[str, str]]) -> None:
+        super().__init__()
+        self._question, self._choices = question, choices
+
+    def compose(self) -> ComposeResult:
+        with Vertical(classes="prompt"):
+            yield Label(Text(self._question), classes="question")
+            choices = Choices(self._choices)
+            choices.styles.height = len(self._choices)
+            yield choices
+
+    def on_mount(self) -> None:
+        self.query_one(Choices).focus()
+
+    def on_key(self, event: object) -> None:
+        key = getattr(event, "character", None)
+        for number, (own, _) in enumerate(self._choices):
+            if key == own:
+                event.stop()  # type: ignore[attr-defined]
+                self.dismiss(number)
+
+    def on_line_entered(self, event: LineEntered) -> None:
+        event.stop()
+        self.dismiss(event.line)

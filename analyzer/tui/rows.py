@@ -1,0 +1,99 @@
+"""A row of the bus in pieces of text: what the frame list and the conversations show of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from rich.cells import cell_len
+
+from analyzer.frames import Kind
+from analyzer.model.clock import short
+from analyzer.model.table import State
+from analyzer.transactions import Status
+from dissectors.text import harmless
+
+from .paint import Piece, fitted
+
+if TYPE_CHECKING:
+    from .desk import Desk
+
+SEVERITY: Final = ("", "note", "warning", "error")  # component class by mark
+LETTER: Final = (" ", "N", "W", "E")
+_NOISE_BYTES: Final = 12
+_ENDED: Final = {
+    Status.UNANSWERED: ("none", "error"),
+    Status.BROADCAST: ("bcast", "dim"),
+    Status.DAMAGED: ("bad", "error"),
+}
+
+
+def marks(desk: Desk, row: int) -> Piece:
+    """Two characters: the gravest finding's letter, and `*` for a bookmark or `R` for the time reference."""
+    mark = desk.bus.table.value("mark", row)
+    place = desk.place(row)
+    note = "R" if place == desk.notes.reference else "*" if place in desk.notes.comments else " "
+    return Piece(LETTER[mark] + note, SEVERITY[mark] or ("accent" if note != " " else ""))
+
+
+def joint(desk: Desk, row: int) -> str:
+    """Two characters: how a row hangs together with its neighbour, and its direction."""
+    table = desk.bus.table
+    kind, partner = table.value("kind", row), table.value("partner", row)
+    if kind == Kind.NOISE:
+        return "~~"
+    if kind == Kind.REQUEST:
+        return "┌→" if partner == row + 1 else "╷→" if partner >= 0 else " →"
+    return "└←" if partner == row - 1 and _mutual(desk, row, partner) else "╵←" if partner >= 0 else "?←"
+
+
+def _mutual(desk: Desk, row: int, partner: int) -> bool:
+    return desk.bus.table.value("partner", partner) == row
+
+
+def direction(desk: Desk, row: int) -> str:
+    """The component class of a row's direction."""
+    return ("noise", "request", "response")[desk.bus.table.value("kind", row)]
+
+
+def words(desk: Desk, row: int) -> tuple[list[Piece], list[Piece]]:
+    """A row in words; and what was said of it: codes of findings, the user's comment."""
+    bus = desk.bus
+    if bus.is_noise(row):
+        octets = bus.captured(row)
+        shown = octets[:_NOISE_BYTES].hex(" ").upper() + (" …" if len(octets) > _NOISE_BYTES else "")
+        said = [Piece(f"noise, {len(octets)} {'byte' if len(octets) == 1 else 'bytes'}: {shown}", "noise")]
+        found = bus.findings(row)
+    else:
+        frame = bus.frame(row)
+        found = frame.findings
+        said = [Piece("" if frame.crc_ok else "CRC wrong: ", "error"), Piece(frame.summary())]
+    codes = {finding.code: finding.severity for finding in reversed(found)}
+    about = [Piece(f"  {code}", SEVERITY[severity]) for code, severity in codes.items()]
+    comment = desk.notes.comments.get(desk.place(row))
+    if comment:
+        about.append(Piece(f'  "{harmless(comment)}"', "accent"))
+    return said, about
+
+
+def shared(said: list[Piece], about: list[Piece], width: int) -> list[Piece]:
+    """Both in this many columns: at least half for the words, the rest for what was said of them."""
+    need = sum(cell_len(piece.text) for piece in about)
+    if not need:
+        return fitted(said, width)
+    room = max(width - need, width // 2)
+    size = sum(cell_len(piece.text) for piece in said)
+    return fitted([*(fitted(said, room) if size > room else said), *about], width)
+
+
+def ended(desk: Desk, row: int) -> Piece:
+    """How long an answer took; of a request, that there was none."""
+    table = desk.bus.table
+    kind = table.value("kind", row)
+    if kind == Kind.RESPONSE:
+        time = table.value("response_ns", row)
+        return Piece(short(time if time >= 0 else None), "")
+    if kind == Kind.REQUEST and table.value("partner", row) < 0:
+        status = table.value("state", row) & State.STATUS
+        if status:
+            return Piece(*_ENDED.get(Status(status - 1), ("", "")))
+    return Piece("", "")

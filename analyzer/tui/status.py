@@ -1,0 +1,65 @@
+"""The line above the keys: what is open, how far it is read, where the cursor is, what was found."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.cells import cell_len
+from textual.strip import Strip
+
+from analyzer.findings.model import Severity
+from dissectors.text import harmless
+
+from .paint import Painted, Piece, fitted
+
+if TYPE_CHECKING:
+    from .desk import Desk
+
+_SPIN = "|/-\\"
+
+
+class StatusLine(Painted):
+    """One line; `say` puts what the list knows into it."""
+
+    def __init__(self, desk: Desk, *, id: str) -> None:
+        super().__init__(id=id)
+        self.desk = desk
+        self.where = ""
+        self.doing = ""
+        self._turn = 0
+
+    def say(self, where: str, doing: str = "") -> None:
+        """Where the cursor is, and what goes on."""
+        self.where, self.doing = where, doing
+        self._turn += 1
+        self.refresh()
+
+    def render_line(self, y: int) -> Strip:
+        width = self.content_size.width
+        if y:
+            return Strip.blank(width, self.base)
+        left = [Piece(f" {self._called(max(12, width // 3))} ", "strong"), Piece(f"{self._speed()}  ", "dim")]
+        if self.doing:
+            left.append(Piece(f"{_SPIN[self._turn % len(_SPIN)]} {self.doing}  ", "accent"))
+        left.append(Piece(self.where))
+        right = self._found()
+        size = sum(cell_len(piece.text) for piece in right)
+        return self.strip([*fitted(left, max(0, width - size)), *right], width, self.base)
+
+    def _called(self, most: int) -> str:
+        name = harmless(self.desk.source.name)
+        return name if len(name) <= most else "…" + name[1 - most :]
+
+    def _speed(self) -> str:
+        line = self.desk.source.line
+        if not line.baud:
+            return "baud not known"
+        stop = f"{line.stop_bits:g}" if line.stop_bits else ""
+        return f"{line.baud}{f' 8{line.parity}{stop}' if line.parity else ''}"
+
+    def _found(self) -> list[Piece]:
+        counts = self.desk.bus.found.by_severity
+        kinds = ((Severity.ERROR, "E", "error"), (Severity.WARNING, "W", "warning"), (Severity.NOTE, "N", "note"))
+        return [Piece(f" {counts[level]:,}{letter}", kind) for level, letter, kind in kinds if counts[level]] + [
+            Piece(" ")
+        ]

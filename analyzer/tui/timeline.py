@@ -1,0 +1,250 @@
+"""Bus activity over time: load, troubles and noise, in as many columns as there are; zoom, and a span for the list."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from textual import events
+from textual.binding import Binding, BindingType
+from textual.strip import Strip
+
+from analyzer.model.clock import short
+from analyzer.reports.page import plural
+
+from .messages import RowWanted, SpanChosen
+from .paint import Painted, Piece, fitted
+
+if TYPE_CHECKING:
+    from analyzer.model.activity import Bins
+
+    from .desk import Desk
+
+_BLOCKS: Final = " ▁▂▃▄▅▆▇█"
+_LABEL: Final = 8  # columns left of the plot
+_BELOW: Final = 5  # lines under it
+_ABOVE: Final = 2
+_LEAST_NS: Final = 1_000_000  # no span is shorter
+
+
+class Timeline(Painted, can_focus=True):
+    """The plot; a cursor in it, and from `space` on a span."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("left,h", "move(-1)", "Left", show=False),
+        Binding("right,l", "move(1)", "Right", show=False),
+        Binding("pageup", "move(-20)", "Left", show=False),
+        Binding("pagedown", "move(20)", "Right", show=False),
+        Binding("home", "edge(0)", "Begin", show=False),
+        Binding("end", "edge(1)", "End", show=False),
+        Binding("plus,equals_sign,up", "zoom(0.5)", "Zoom in", key_display="+"),
+        Binding("minus,down", "zoom(2)", "out", key_display="-"),
+        Binding("0", "whole", "Whole"),
+        Binding("space", "pin", "Span", tooltip="Begin a span here, or take it back"),
+        Binding("enter", "enter", "Show", tooltip="The span in the frame list, or the frame here"),
+    ]
+
+    def __init__(self, desk: Desk, *, id: str) -> None:
+        super().__init__(id=id)
+        self.desk = desk
+        self.t_start = self.t_end = 0
+        self.is_whole = True
+        self.cursor = 0
+        self.pinned: int | None = None  # ns
+        self._bins: Bins | None = None
+
+    @property
+    def columns(self) -> int:
+        """Of the plot."""
+        return max(10, self.content_size.width - _LABEL - 1)
+
+    def grown(self) -> None:
+        """Rows came."""
+        bus = self.desk.bus
+        if self.is_whole:
+            self.t_start, self.t_end = bus.t_first, max(bus.t_last, bus.t_first + _LEAST_NS)
+        self.refill()
+
+    def refill(self) -> None:
+        """Count anew for what is in sight."""
+        bus = self.desk.bus
+        if bus.count and bus.timed:
+            self._bins = bus.activity.over(bus, self.t_start, self.t_end, self.columns)
+        self.cursor = min(self.cursor, self.columns - 1)
+        self.refresh()
+
+    def on_resize(self) -> None:
+        self.refill()
+
+    def time_at(self, column: float) -> int:
+        """The time at a column's left edge."""
+        return self.t_start + round((self.t_end - self.t_start) * column / self.columns)
+
+    def render_line(self, y: int) -> Strip:
+        width, height = self.content_size.width, self.content_size.height
+        base = self.base
+        bins = self._bins
+        if bins is None:
+            why = "no times in this capture" if not self.desk.bus.timed else "nothing captured yet"
+            return self.strip([Piece(f"  {why}" if y == 0 else "", "dim")], width, base)
+        plot = max(1, height - _ABOVE - _BELOW)
+        return self.strip(fitted(self._line(y, plot, bins), width), width, base)
+
+    def _line(self, y: int, plot: int, bins: Bins) -> list[Piece]:
+        if y == 0:
+            return self._title(bins)
+        if y == 1:
+            return [Piece(self._scale(), "dim")]
+        y -= _ABOVE
+        if y < plot:
+            return self._bars(y, plot, bins)
+        y -= plot
+        if y == 0:
+            return [Piece(f"{'trouble':>{_LABEL}}", "error"), *self._marks(bins.troubles, "error", "▪█")]
+        if y == 1:
+            return [Piece(f"{'noise':>{_LABEL}}", "noise"), *self._marks(bins.noise, "noise", "·▪")]
+        if y == 2:
+            span = self._span_columns()
+            under = ["─" if span and span[0] <= i <= span[1] else " " for i in range(self.columns)]
+            under[self.cursor] = "▲"
+            return [Piece(" " * _LABEL), Piece("".join(under), "strong")]
+        if y == 3:
+            return self._under_cursor(bins)
+        return []
+
+    def _title(self, bins: Bins) -> list[Piece]:
+        load = self._loads(bins)
+        unit = "share of the line's capacity" if self.desk.bus.char_ns else "bytes (baud not known)"
+        most = f", at most {load.max():.0%}" if self.desk.bus.char_ns else ""
+        return [Piece(f" load, {unit}", "strong"), Piece(f"   a column is {short(round(bins.width_ns))}{most}", "dim")]
+
+    def _scale(self) -> str:
+        """Times under the title, at round numbers of seconds since the start."""
+        first = self.desk.bus.t_first
+        size = (self.t_end - self.t_start) / 1e9
+        least = size * 14 / self.columns  # room for a label
+        step = next(s for k in range(-7, 8) for s in (10.0**k, 2 * 10.0**k, 5 * 10.0**k) if s >= least or k == 7)
+        out = [" "] * (self.columns + _LABEL)
+        at = math.ceil((self.t_start - first) / 1e9 / step)
+        while (column := int((at * step - (self.t_start - first) / 1e9) / size * self.columns)) < self.columns - 10:
+            text = f"|{at * step:.10g} s"
+            out[_LABEL + column : _LABEL + column + len(text)] = text
+            at += 1
+        return "".join(out)
+
+    def _loads(self, bins: Bins) -> NDArray[np.float64]:
+        scale = self.desk.bus.char_ns
+        if scale:
+            shares: NDArray[np.float64] = np.minimum(bins.octets * scale / bins.width_ns, 1.0)
+            return shares
+        return bins.octets / max(1, int(bins.octets.max()))
+
+    def _bars(self, y: int, plot: int, bins: Bins) -> list[Piece]:
+        load = self._loads(bins)
+        top = max(float(load.max()), 0.01)
+        level = np.clip(np.round(load / top * plot * 8).astype(int), (load > 0).astype(int), None)
+        cells = np.clip(level - (plot - 1 - y) * 8, 0, 8)
+        label = f"{top:.0%}" if y == 0 else "0%" if y == plot - 1 else ""
+        if not self.desk.bus.char_ns:
+            label = ""
+        span = self._span_columns()
+        pieces = [Piece(f"{label:>{_LABEL - 1}} ", "dim")]
+        for i, cell in enumerate(cells.tolist()):
+            inside = span is not None and span[0] <= i <= span[1]
+            kind = "accent" if i == self.cursor else "strong" if inside else "request"
+            pieces.append(Piece(_BLOCKS[cell] if cell or i != self.cursor else "┊", kind))
+        return pieces
+
+    def _marks(self, counts: NDArray[np.int64], kind: str, glyphs: str) -> list[Piece]:
+        half = max(1, int(counts.max()) // 2)
+        return [Piece("".join(" " if not c else glyphs[0] if c < half else glyphs[1] for c in counts.tolist()), kind)]
+
+    def _under_cursor(self, bins: Bins) -> list[Piece]:
+        i = self.cursor
+        at = (self.time_at(i) - self.desk.bus.t_first) / 1e9
+        load = f", load {self._loads(bins)[i]:.0%}" if self.desk.bus.char_ns else ""
+        frames, troubles = int(bins.frames[i]), int(bins.troubles[i])
+        said = f" at {at:.6f} s: {plural(frames, 'frame', 'frames')}{load}, {plural(troubles, 'trouble', 'troubles')}"
+        span = self._span()
+        more = f"   span {short(span[1] - span[0])}, enter shows it" if span else ""
+        return [Piece(said), Piece(more, "accent")]
+
+    def _span(self) -> tuple[int, int] | None:
+        if self.pinned is None:
+            return None
+        low, high = sorted((self.pinned, self.time_at(self.cursor)))
+        return low, high + round((self.t_end - self.t_start) / self.columns)
+
+    def _span_columns(self) -> tuple[int, int] | None:
+        if self.pinned is None:
+            return None
+        at = round((self.pinned - self.t_start) / (self.t_end - self.t_start) * self.columns)
+        low, high = sorted((at, self.cursor))
+        return max(0, low), high
+
+    # Doing
+
+    def action_move(self, step: int) -> None:
+        cursor = self.cursor + step
+        if not 0 <= cursor < self.columns and not self.is_whole:
+            self._shift(cursor)
+        self.cursor = max(0, min(cursor, self.columns - 1))
+        self.refresh()
+
+    def _shift(self, cursor: int) -> None:
+        """Move what is in sight, not beyond the capture."""
+        bus, size = self.desk.bus, self.t_end - self.t_start
+        over = cursor if cursor < 0 else cursor - self.columns + 1
+        start = self.t_start + round(size * over / self.columns)
+        self.t_start = max(bus.t_first, min(start, bus.t_last - size))
+        self.t_end = self.t_start + size
+        self.refill()
+
+    def action_edge(self, edge: int) -> None:
+        self.cursor = edge * (self.columns - 1)
+        self.refresh()
+
+    def action_zoom(self, factor: float) -> None:
+        bus = self.desk.bus
+        if not bus.count or not bus.timed:
+            return
+        here = self.time_at(self.cursor + 0.5)
+        whole = max(bus.t_last - bus.t_first, _LEAST_NS)
+        size = min(max(round((self.t_end - self.t_start) * factor), _LEAST_NS), whole)
+        self.is_whole = size == whole
+        share = (self.cursor + 0.5) / self.columns
+        self.t_start = max(bus.t_first, min(here - round(size * share), bus.t_first + whole - size))
+        self.t_end = self.t_start + size
+        self.cursor = max(0, min(self.columns - 1, int((here - self.t_start) * self.columns / size)))
+        self.refill()
+
+    def action_whole(self) -> None:
+        self.is_whole, self.pinned = True, None
+        self.grown()
+
+    def action_pin(self) -> None:
+        self.pinned = None if self.pinned is not None else self.time_at(self.cursor)
+        self.refresh()
+
+    def action_enter(self) -> None:
+        span = self._span()
+        if span is not None:
+            self.post_message(SpanChosen(*span))
+        elif self.desk.bus.count:
+            self.post_message(RowWanted(self.desk.bus.table.row_at_time(self.time_at(self.cursor + 1))))
+
+    def on_click(self, event: events.Click) -> None:
+        offset = event.get_content_offset(self)
+        if offset is not None and _LABEL <= offset.x < _LABEL + self.columns:
+            self.cursor = offset.x - _LABEL
+            self.refresh()
+            if event.chain > 1:
+                self.action_enter()
+
+    def on_mouse_scroll_up(self) -> None:
+        self.action_zoom(0.5)
+
+    def on_mouse_scroll_down(self) -> None:
+        self.action_zoom(2)

@@ -1,0 +1,101 @@
+"""The units: how each answers, how much of the line it takes, how its response times went."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analyzer.model.clock import short
+from analyzer.reports.page import compact
+
+from .lines import Lines
+from .paint import Piece, fitted
+
+if TYPE_CHECKING:
+    from analyzer.reports.model import Report
+
+    from .desk import Desk
+
+_BLOCKS = "▁▂▃▄▅▆▇█"
+_MANY = 0.05  # of the requests without a good answer
+_FEW = 0.005
+_COLUMNS = (("ok", "answered"), ("exc", "exceptions"), ("none", "unanswered"), ("bad", "damaged"), ("late", "late"))
+
+
+def sparkline(values: NDArray[np.float64], width: int) -> str:
+    """Values as one line of blocks from 0 to the most, joined to fit; a space where there is none."""
+    if not len(values) or width < 1 or np.isnan(values).all():
+        return ""
+    groups = [group[~np.isnan(group)] for group in np.array_split(values, min(width, len(values)))]
+    means = [float(group.mean()) if len(group) else None for group in groups]
+    high = max(mean for mean in means if mean is not None)
+    scale = (len(_BLOCKS) - 1) / high if high > 0 else 0.0
+    return "".join(" " if mean is None else _BLOCKS[round(max(0.0, mean) * scale)] for mean in means)
+
+
+class UnitList(Lines):
+    """A line a unit; opening one filters the frames by it."""
+
+    EMPTY = "no unit was asked yet"
+
+    def __init__(self, desk: Desk, *, id: str) -> None:
+        super().__init__(id=id)
+        self.desk = desk
+        self.report: Report | None = None
+
+    def use(self, report: Report) -> None:
+        """Newer figures."""
+        self.report = report
+        self.grown()
+        if self.cursor != self._told:
+            self._tell()
+
+    @property
+    def unit(self) -> int | None:
+        """The unit under the cursor."""
+        return self.report.units[self.cursor].unit if self.report and self.cursor < len(self.report.units) else None
+
+    def history(self) -> tuple[str, list[tuple[int, float]], Callable[[float], str]]:
+        """Of the unit under the cursor: what the plot shows, mean answer times by time, how they are written."""
+        unit = self.unit
+        if unit is None:
+            return "", [], str
+        means = self.desk.bus.units.means(unit)
+        return (
+            f" unit {unit}: mean answer time over the capture",
+            list(enumerate(means.tolist())),
+            lambda ns: short(round(ns)),
+        )
+
+    def count(self) -> int:
+        return len(self.report.units) if self.report else 0
+
+    def head(self, width: int) -> Sequence[Piece]:
+        counts = "".join(f"{name:>6}" for name, _ in _COLUMNS)
+        text = f" unit  load asked{counts}   err    p50    p95    max"
+        return fitted([Piece(f"{text}  answer times over the capture" if width >= 100 else text)], width)
+
+    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+        assert self.report is not None
+        unit = self.report.units[line]
+        bus, counts, times = self.desk.bus, unit.counts, unit.times
+        load = ""
+        if bus.char_ns and bus.timed and bus.t_last > bus.t_first:
+            load = f"{bus.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first):.1%}"
+        bad = counts.unanswered + counts.exceptions + counts.damaged
+        rate = bad / counts.requests if counts.requests else 0.0
+        pieces = [Piece(f"{unit.unit:>5} "), Piece(f"{load:>5} ", "dim"), Piece(f"{compact(counts.requests):>5}")]
+        for name, key in _COLUMNS:
+            number = getattr(counts, key)
+            kind = "" if name == "ok" else "warning" if name == "exc" else "error"
+            pieces.append(Piece(f"{compact(number) if number else '-':>6}", kind if number else "dim"))
+        grave = "error" if rate > _MANY else "warning" if rate else "dim"
+        share = f"{rate:.0%}" if rate >= _FEW else "<1%" if rate else "-"
+        pieces.append(Piece(f"{share:>6}", grave))
+        pieces += [Piece(f"{short(t):>7}") for t in (times.p50_ns, times.p95_ns, times.max_ns)]
+        if width >= 90:
+            pieces.append(Piece("  " + sparkline(bus.units.means(unit.unit), width - 80), "accent"))
+        return fitted(pieces, width)

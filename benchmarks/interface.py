@@ -1,0 +1,175 @@
+"""How quick the terminal interface is, measured from outside: on a real pty, by what comes out of it.
+
+    python benchmarks/interface.py [FRAMES] [CAPTURE]        default: 10,000,000 frames
+
+Makes a capture (or takes one), opens it at 160x50 as a user would, and prints: time to the first rows and until all is
+read, page-down while reading and after it, end, home, a display filter, and memory a frame. Times are wall clock, from
+the key to the end of the picture that shows it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import re
+import select
+import signal
+import statistics
+import struct
+import sys
+import tempfile
+import termios
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+QUIET_S = 0.06  # no output for so long: the picture is complete
+ROWS, COLUMNS = 50, 160
+
+
+class Terminal:
+    """A program on a pty; what it writes is read, never shown."""
+
+    def __init__(self, command: list[str]) -> None:
+        self.begun = time.perf_counter()
+        self.pid, self.fd = pty.fork()
+        if self.pid == 0:
+            os.environ.update(TERM="xterm-256color", COLORTERM="truecolor", TEXTUAL_FPS="60")
+            os.execv(command[0], command)
+        fcntl.ioctl(self.fd, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
+        self.seen = b""
+
+    def read(self, timeout: float) -> bytes:
+        """What comes within this time, at once."""
+        if not select.select([self.fd], [], [], timeout)[0]:
+            return b""
+        try:
+            data = os.read(self.fd, 1 << 16)
+        except OSError:
+            return b""
+        if b"\x1b[?2026$p" in data:  # can it take a picture as a whole? it can
+            os.write(self.fd, b"\x1b[?2026;2$y")
+        self.seen = (self.seen + data)[-(1 << 18) :]
+        return data
+
+    def wait(self, wanted: Callable[[bytes], bool], limit: float) -> float:
+        """Seconds until the newest output is as wanted."""
+        begun = time.perf_counter()
+        while time.perf_counter() - begun < limit:
+            if self.read(0.02) and wanted(self.seen):
+                return time.perf_counter() - begun
+        raise SystemExit("it did not come")
+
+    def drain(self, quiet: float = QUIET_S, limit: float = 5.0) -> float:
+        """When the last byte came, once nothing comes any more; now where nothing came."""
+        last = begun = time.perf_counter()
+        while time.perf_counter() - last < quiet and time.perf_counter() - begun < limit:
+            if self.read(quiet):
+                last = time.perf_counter()
+        return last
+
+    def key(self, key: bytes) -> float:
+        """Seconds from a key to the end of the picture that shows it; what follows it is waited for."""
+        self.drain()
+        begun = time.perf_counter()
+        self.seen = b""
+        os.write(self.fd, key)
+        while b"\x1b[?2026l" not in self.seen and time.perf_counter() - begun < 5:
+            self.read(1)
+        return time.perf_counter() - begun
+
+    def keys(self, key: bytes, times: int) -> list[float]:
+        """The same, several times."""
+        return [self.key(key) for _ in range(times)]
+
+    def memory(self) -> int:
+        """Bytes resident, of the program alone."""
+        return int(re.search(r"VmRSS:\s+(\d+)", Path(f"/proc/{self.pid}/status").read_text())[1]) * 1024  # type: ignore[index]
+
+    def cpu(self) -> float:
+        """Seconds of CPU that the program took so far."""
+        fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    def close(self) -> None:
+        os.kill(self.pid, signal.SIGKILL)
+        os.waitpid(self.pid, 0)
+
+
+def make(frames: int, path: Path) -> None:
+    """A capture of the bus that `speed.py` knows."""
+    import speed
+
+    import captures
+    from captures.chunks import Capture
+
+    class Source:
+        line, timed = speed.LINE, True
+
+        def blocks(self, max_bytes: int, note: object) -> object:  # noqa: ARG002
+            return speed.bus(frames)
+
+    captures.write(path, Capture(Source()))  # type: ignore[arg-type]
+
+
+def told(name: str, seconds: list[float] | float) -> None:
+    values = seconds if isinstance(seconds, list) else [seconds]
+    worst = f", worst {max(values) * 1e3:,.0f} ms of {len(values)}" if len(values) > 1 else ""
+    print(f"{name:<34} {statistics.median(values) * 1e3:>10,.1f} ms{worst}", flush=True)
+
+
+def main() -> None:
+    frames = int(sys.argv[1].replace(",", "").replace("_", "")) if len(sys.argv) > 1 else 10_000_000
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(sys.argv[2]) if len(sys.argv) > 2 else Path(folder) / "bus.mcap"
+        if len(sys.argv) < 3:
+            make(frames, path)
+        measure(path, frames)
+
+
+def measure(path: Path, frames: int) -> None:
+    terminal = Terminal([sys.executable, "-m", "analyzer.cli", "open"])
+    terminal.wait(lambda seen: b"paste or type" in seen, 60)
+    terminal.drain(0.5)
+    bare = terminal.memory()
+    terminal.close()
+    terminal = Terminal([sys.executable, "-m", "analyzer.cli", "open", str(path)])
+    terminal.wait(lambda seen: b"registers" in seen, 60)
+    told("start to first rows", time.perf_counter() - terminal.begun)
+    told("  of which CPU time", terminal.cpu())
+    ended = time.perf_counter()
+    told("page down, while reading", terminal.keys(b"\x1b[6~", 20))
+    terminal.seen = b""
+    while terminal.read(3.0):  # the line of progress moves as long as it reads
+        ended = time.perf_counter()
+    told("start to all rows", ended - terminal.begun)
+    told("  of which CPU time", terminal.cpu())
+    terminal.drain(0.5)
+    told("page down", terminal.keys(b"\x1b[6~", 60))
+    told("cursor down", terminal.keys(b"\x1b[B", 60))
+    ends = [(terminal.key(b"\x1b[F"), terminal.key(b"\x1b[H")) for _ in range(5)]
+    told("end", [end for end, _ in ends])
+    told("home", [home for _, home in ends])
+    resident = terminal.memory()
+    each = (resident - bare) / frames
+    print(f"{'memory of the program':<34} {resident / 1e6:>10,.1f} MB, {bare / 1e6:,.1f} MB of it without a capture")
+    print(f"{'':<34} {each:>10,.0f} bytes a frame, its own bytes (about 16) among them")
+    told("filter: unit == 17 (until shown)", filtered(terminal, b"unit == 17"))
+    told("filter: not exception", filtered(terminal, b"not exception"))
+    terminal.close()
+
+
+def filtered(terminal: Terminal, text: bytes) -> float:
+    """Seconds from Enter to the last picture of the filtered list."""
+    terminal.key(b"\x1b")
+    terminal.drain(0.3)
+    terminal.key(b"/")
+    terminal.key(text)
+    begun = time.perf_counter()
+    os.write(terminal.fd, b"\r")
+    return terminal.drain(0.4, 60) - begun
+
+
+if __name__ == "__main__":
+    main()

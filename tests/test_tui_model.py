@@ -1,0 +1,328 @@
+"""The model behind the views holds what the analysis says, in any piece of it that is asked for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import analyzer
+import captures
+from analyzer.exports import export
+from analyzer.exports.registers import values_of
+from analyzer.findings.model import Severity
+from analyzer.frames import Batch, Frame, Kind
+from analyzer.model import goto, search
+from analyzer.model.bus import Bus
+from analyzer.model.clock import seconds, short
+from analyzer.model.notes import Notes, NotesError
+from analyzer.model.registers import history
+from analyzer.model.saving import save
+from analyzer.model.selection import Everything, Selection, conversations, frames_only, within
+from analyzer.model.source import CaptureSource
+from analyzer.model.table import COLUMNS, PIECE, ByteStore, Table
+from analyzer.simulation import Scenario, simulate
+from captures import samples
+from captures.chunks import Capture
+
+
+def read(capture: Capture, *, each: int = 0) -> Bus:
+    """The model of a capture, its rows fed as they come or `each` at a time."""
+    source = CaptureSource(capture, "bus")
+    bus = Bus.of(source)
+    for batch in source.batches(lambda: False):
+        for part in cut(batch, each) if each else (batch,):
+            bus.feed(part)
+    bus.close()
+    return bus
+
+
+def cut(batch: Batch, each: int) -> Iterator[Batch]:
+    """A batch in batches of some rows, requests from before them in `earlier`."""
+    for first in range(0, len(batch), each):
+        rows = batch.rows[first : first + each]
+        asked = {int(rows["request"][i]): first + i for i in range(len(rows)) if rows["request"][i] >= 0}
+        own = set(rows["index"].tolist())
+        earlier = {i: batch.request_of(row, i) or b"" for i, row in asked.items() if i not in own}
+        yield replace(batch, rows=rows, earlier=earlier)
+
+
+@pytest.fixture(scope="module")
+def troubled() -> Bus:
+    return read(captures.open(samples.path("troubled.jsonl")))
+
+
+@pytest.fixture(scope="module")
+def brutal() -> Capture:
+    made = simulate(Scenario("brutal", "precise", transactions=150, seed=5))
+    return Capture.of(made.line, made.chunks)
+
+
+def frames_of(bus: Bus) -> list[Frame]:
+    return [bus.frame(row) for row in range(bus.count) if not bus.is_noise(row)]
+
+
+def without_findings(frame: Frame) -> dict[str, object]:
+    return {key: value for key, value in frame.to_json().items() if key != "findings"}
+
+
+@pytest.mark.parametrize("each", [0, 1, 7])
+def test_rows_of_the_model_are_those_of_the_analysis(brutal: Capture, each: int) -> None:
+    bus = read(brutal, each=each)
+    known = analyzer.Analysis(brutal)
+    rows = known.rows()
+    assert bus.count == len(rows)
+    assert bus.frames == int((rows["kind"] != Kind.NOISE).sum())
+    assert b"".join(bus.captured(row) for row in range(bus.count)) == b"".join(
+        batch.data.tobytes() for batch in known.batches()
+    )
+    assert [without_findings(frame) for frame in frames_of(bus)] == [without_findings(f) for f in known.frames()]
+
+
+def test_findings_of_the_model_are_those_of_the_pipeline(brutal: Capture) -> None:
+    from analyzer.pipeline import analyse
+
+    expected = [
+        [finding.code for finding in analysed.batch.findings_of(row)]
+        for analysed in analyse(brutal)
+        for row in range(len(analysed.batch))
+    ]
+    bus = read(brutal)
+    assert [sorted(f.code for f in bus.findings(row)) for row in range(bus.count)] == [
+        sorted(codes) for codes in expected
+    ]
+    assert any(expected)
+    assert sum(bus.found.by_code.values()) == bus.found.count == sum(bus.found.by_severity.values())
+
+
+def test_a_request_and_its_answer_know_each_other(troubled: Bus) -> None:
+    for row in range(troubled.count):
+        partner = troubled.partner(row)
+        if troubled.is_noise(row):
+            assert partner is None
+        elif partner is not None and troubled.frame(row).row.request >= 0:
+            assert troubled.frame(partner).index == troubled.frame(row).row.request
+            assert troubled.partner(partner) is not None
+
+
+def test_a_batch_of_any_rows_reads_like_the_rows(troubled: Bus) -> None:
+    chosen = np.arange(3, troubled.count, 2)
+    batch = troubled.batch(chosen)
+    for place, row in enumerate(chosen.tolist()):
+        assert batch.bytes_of(place) == troubled.captured(row)
+        if not troubled.is_noise(row):
+            assert batch.frame(place).to_json() == troubled.frame(row).to_json()
+
+
+@pytest.mark.parametrize("each", [0, 1, 5])
+def test_registers_are_the_newest_values_that_frames_carry(each: int) -> None:
+    capture = captures.open(samples.path("healthy.jsonl"))
+    bus = read(capture, each=each)
+    expected: dict[tuple[int, str, str], list[int]] = {}
+    for frame in analyzer.Analysis(capture).frames():
+        values = values_of(frame, frame.fields())
+        for name, value in (values.numbers if values else {}).items():
+            expected.setdefault((frame.unit, values.area if values else "", name), []).append(value)
+    areas = ("coils", "discrete", "input", "holding")
+    found = bus.registers.all()
+    assert {(r.unit, areas[r.area], f"{'b' if r.area < 2 else 'r'}{r.address}"): r.value for r in found} == {
+        key: values[-1] for key, values in expected.items()
+    }
+    for register in found[:: max(1, len(found) // 10)]:
+        name = f"{'b' if register.area < 2 else 'r'}{register.address}"
+        values = expected[register.unit, areas[register.area], name]
+        assert [reading.value for reading in history(bus, register)] == values[-512:]
+        assert register.before == (values[-2] if len(values) > 1 else None)
+
+
+def test_selections_hold_the_rows_that_pass_whenever_they_are_asked(troubled: Bus) -> None:
+    for test in (frames_only, conversations, within(troubled.t_first, troubled.t_first + 3_000_000_000)):
+        selection = Selection(troubled, test)
+        assert selection.extend()
+        passed = np.flatnonzero(test(troubled, 0, 0, troubled.count))
+        assert selection.rows().tolist() == passed.tolist()
+        assert [selection.row(i) for i in range(selection.count)] == passed.tolist()
+        for row in range(troubled.count):
+            before = passed[passed <= row]
+            assert selection.position(row) == max(0, len(before) - 1)
+    assert Everything(troubled).position(10**9) == troubled.count - 1
+
+
+@given(st.lists(st.integers(1, 700_000), max_size=6), st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), max_size=4))
+@settings(max_examples=40, deadline=None)
+def test_bytes_are_kept_whatever_the_pieces(sizes: list[int], shares: list[tuple[float, float]]) -> None:
+    whole = np.arange(sum(sizes), dtype=np.uint32).astype(np.uint8)
+    store, at = ByteStore(), 0
+    for size in sizes:
+        assert store.append(whole[at : at + size]) == at
+        at += size
+    for begin, share in shares:
+        first = int(begin * at)
+        length = int(share * (at - first))
+        assert (store.get(first, length) == whole[first : first + length]).all()
+
+
+def test_a_table_over_several_pieces() -> None:
+    table, n = Table(), 3 * PIECE + 17
+    kinds = np.ones(n, np.uint8)
+    kinds[5::9] = 0
+    columns = {name: np.zeros(n, kind) for name, kind in COLUMNS.items()}
+    columns["kind"], columns["frame"] = kinds, (np.cumsum(kinds > 0) - (kinds > 0)).astype(np.uint32)
+    columns["start"] = columns["t_start"] = np.arange(n, dtype=np.int64) * 10
+    for first in range(0, n, 50_000):
+        table.append({name: column[first : first + 50_000] for name, column in columns.items()})
+    frames = np.flatnonzero(kinds)
+    some = np.concatenate((np.arange(0, len(frames), 9973), [len(frames) - 1, len(frames), -1]))
+    rows = [int(frames[i]) if 0 <= i < len(frames) else -1 for i in some.tolist()]
+    assert table.rows_of_frames(some).tolist() == rows
+    assert [table.row_of_frame(int(i)) for i in some.tolist() if i >= 0] == rows[:-1]
+    for row in (0, 1, PIECE - 1, PIECE, 2 * PIECE + 5, n - 1):
+        assert table.row_at_time(row * 10 + 3) == row
+        assert table.row_of_bytes(0, row * 10) == row
+    assert table.row_of_bytes(0, 7) == -1
+    assert sum(high - low for _, low, high in table.slices(10, n - 10)) == n - 20
+
+
+def test_search_finds_bytes_text_and_values(troubled: Bus) -> None:
+    def all_hits(hits: search.Hits) -> list[int]:
+        found, row = [], -1
+        while (hit := search.find(troubled, hits, row)) is not None:
+            found.append(hit)
+            row = hit
+        back, row = [], troubled.count
+        while (hit := search.find(troubled, hits, row, back=True)) is not None:
+            back.append(hit)
+            row = hit
+        assert back[::-1] == found
+        return found
+
+    rows = range(troubled.count)
+    assert all_hits(search.for_bytes("0x00,0x6B")) == [r for r in rows if b"\x00\x6b" in troubled.captured(r)]
+    words = [r for r in rows if not troubled.is_noise(r) and "discrete" in troubled.frame(r).summary()]
+    assert set(words) <= set(all_hits(search.for_text("Discrete")))
+    carried = all_hits(search.for_value("674"))
+    assert carried and all(b"\x02\xa2" in troubled.captured(row) for row in carried)
+    for make, wrong in ((search.for_bytes, "zz"), (search.for_text, " "), (search.for_value, "70000"),
+                        (search.for_value, "x"), (search.for_value, "inf")):  # fmt: skip
+        with pytest.raises(search.SearchError):
+            make(wrong)
+
+
+@pytest.mark.parametrize("order", ["ABCD", "CDAB", "BADC", "DCBA"])
+def test_search_finds_floats_in_every_order(order: str) -> None:
+    from buses import LINE
+    from diagnosed import Wire, with_crc
+
+    octets = dict(zip("ABCD", bytes.fromhex("43668000"), strict=True))  # 230.5
+    pair = bytes(octets[c] for c in order)
+    wire = Wire().polls(3)
+    wire.exchange(with_crc("110300000003"), with_crc(f"1103060001{pair.hex()}"))
+    bus = read(Capture.of(LINE, wire.chunks))
+    assert search.find(bus, search.for_value("230.5"), -1) == bus.count - 1
+    assert search.find(bus, search.for_value("231.5"), -1) is None
+
+
+def test_go_to_takes_numbers_times_steps_and_shares(troubled: Bus) -> None:
+    last = troubled.count - 1
+    assert troubled.frame(goto.place("12", troubled, 0)).index == 12
+    assert goto.place("100%", troubled, 0) == last
+    row = goto.place("5s", troubled, 0)
+    assert troubled.table.value("t_start", row) <= troubled.t_first + 5_000_000_000
+    assert goto.place("+10s", troubled, row) > row
+    assert goto.place("-1min", troubled, row) == 0
+    assert goto.place("08:29:55", troubled, 0) > 0
+    for wrong in ("", "abc", "9999999", "25:00:00", "5 apples"):
+        with pytest.raises(goto.GotoError):
+            goto.place(wrong, troubled, 0)
+
+
+def test_activity_counts_everything_once_near_and_far(troubled: Bus) -> None:
+    size = sum(len(troubled.captured(row)) for row in range(troubled.count))
+    near = troubled.activity.over(troubled, troubled.t_first, troubled.t_last + 1, 50)
+    assert near.octets.sum() == size
+    assert near.frames.sum() == troubled.frames
+    far = troubled.activity._counts
+    assert far[0].sum() == size
+
+
+def test_units_take_their_bytes(troubled: Bus) -> None:
+    octets = [0] * 256
+    for frame in frames_of(troubled):
+        octets[frame.unit] += frame.length
+    assert troubled.units.octets.tolist() == octets
+    assert troubled.units.means(1).size
+
+
+def test_the_report_can_be_asked_for_again_and_again() -> None:
+    capture = captures.open(samples.path("troubled.jsonl"))
+    source = CaptureSource(capture, "troubled.jsonl")
+    bus = read(capture)
+    from analyzer.reports import summarize
+
+    assert bus.report(source) == bus.report(source)
+    expected = summarize(capture, source="troubled.jsonl")
+    assert bus.report(source).transactions == expected.transactions
+
+
+def test_findings_by_code_and_severity(troubled: Bus) -> None:
+    log = troubled.found
+    everything = log.chosen(None, Severity.NOTE)
+    assert len(everything) == log.count
+    for code, count in log.by_code.items():
+        numbers = log.chosen(code, Severity.NOTE)
+        assert len(numbers) == count
+        assert {log.finding(int(i)).code for i in numbers} == {code}
+    errors = log.chosen(None, Severity.ERROR)
+    assert all(log.finding(int(i)).severity is Severity.ERROR for i in errors)
+    rows = [log.row(int(i)) for i in everything]
+    assert rows == sorted(rows)
+
+
+def test_saving_all_rows_is_the_export(tmp_path: Path, troubled: Bus) -> None:
+    capture = captures.open(samples.path("troubled.jsonl"))
+    source = CaptureSource(capture, "x")
+    assert save(troubled, source, np.arange(troubled.count), tmp_path / "saved.csv") == troubled.count
+    from analyzer.exports import ExportOptions
+
+    export(capture, tmp_path / "whole.csv", options=ExportOptions(noise=True))
+    assert (tmp_path / "saved.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
+    some = np.array([1, 4, 5])
+    save(troubled, source, some, tmp_path / "some.jsonl")
+    lines = [json.loads(line) for line in (tmp_path / "some.jsonl").read_text().splitlines()]
+    assert [line["index"] for line in lines] == [troubled.frame(int(row)).index for row in some]
+    assert lines[0]["request_start"] is not None
+
+
+def test_notes_are_kept_beside_the_capture(tmp_path: Path) -> None:
+    capture = tmp_path / "bus.jsonl"
+    notes = Notes.beside(capture)
+    assert notes.toggle((0, 12))
+    notes.comment((1, 40), "pump <start>")
+    notes.refer((0, 12))
+    again = Notes.beside(capture)
+    assert again == notes
+    assert not again.toggle((0, 12))
+    again.refer(None)
+    assert Notes.beside(capture).comments == {(1, 40): "pump <start>"}
+    assert [path.name for path in tmp_path.iterdir()] == ["bus.jsonl.rtuscope.json"]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"version": 9}', '{"version": 1, "bookmarks": [3]}', "\xff"])
+def test_foreign_notes_are_left_alone(tmp_path: Path, text: str) -> None:
+    capture = tmp_path / "bus.jsonl"
+    path = tmp_path / "bus.jsonl.rtuscope.json"
+    path.write_bytes(text.encode("latin-1"))
+    with pytest.raises(NotesError, match=r"bus\.jsonl\.rtuscope\.json"):
+        Notes.beside(capture)
+
+
+@given(st.integers(-(10**18), 10**18))
+def test_durations_fit_their_column(ns: int) -> None:
+    assert len(short(ns)) <= 7
+    assert abs(float(seconds(ns)) * 1e9 - ns) <= max(1000, abs(ns) * 1e-12)

@@ -1,0 +1,75 @@
+"""The main screens look as they did, on 80x24 and 160x50, dark and light; documentation's pictures are made here."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from pathlib import Path
+
+import pytest
+from pictures import compare
+
+import captures
+from analyzer.model.source import CaptureSource
+from analyzer.tui.app import Rtuscope
+from analyzer.tui.filterbar import FilterBar
+from analyzer.tui.pastepane import PasteText
+from analyzer.tui.registerlist import History
+from analyzer.tui.screen import BusScreen
+from captures import samples
+
+_DOCS = Path(__file__).parents[1] / "docs" / "pictures"
+_STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("frames", ("g", "1", "5", "enter", "tab", "home", "down", "tab", "tab")),
+    ("conversations", ("2",)),
+    ("findings", ("3", "home")),
+    ("units", ("4",)),
+    ("registers", ("5", "end")),
+    ("timeline", ("6", "right", "right", "right", "space", "right", "right")),
+    ("report", ("7",)),
+    ("paste", ("8",)),
+)
+_PASTED = "11 03 00 6B 00 03 76 87\n11 03 06 AE 41 56 52 43 40 49 AD"
+
+
+@pytest.mark.parametrize("light", [False, True], ids=["dark", "light"])
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)], ids=["80x24", "160x50"])
+def test_screens_look_as_they_did(size: tuple[int, int], light: bool) -> None:
+    asyncio.run(_look(size, light))
+
+
+async def _look(size: tuple[int, int], light: bool) -> None:
+    source = CaptureSource(captures.open(samples.path("troubled.jsonl")), "troubled.jsonl")
+    app = Rtuscope(source, light=light)
+    app.animation_level = "none"
+    async with app.run_test(size=size) as pilot:
+        screen = app.screen
+        assert isinstance(screen, BusScreen)
+        while not app.desk.bus.whole or screen.row is None:
+            await asyncio.sleep(0.01)
+        for name, keys in _STEPS:
+            await pilot.press(*keys)
+            if name == "paste":
+                screen.query_one(PasteText).load_text(_PASTED)
+                screen.query_one("#pieces").focus()
+            if name == "frames":
+                screen.query_one(FilterBar).use("unit in (1, 2, 17)")
+            for _ in range(200):
+                await pilot.pause(0.01)
+                if all(worker.is_finished for worker in app.workers):
+                    break
+            await pilot.pause(0.05)
+            while name == "registers" and "readings" not in screen.query_one("#history", History).title:
+                await pilot.pause(0.01)
+            if name != "report":  # its text is compared elsewhere
+                compare(f"{name}-{size[0]}x{size[1]}-{'light' if light else 'dark'}", screen)
+            if os.environ.get("RTUSCOPE_PICTURES") and size[0] == (160 if name == "frames" else 80):
+                _keep(app, name, light)
+
+
+def _keep(app: Rtuscope, name: str, light: bool) -> None:
+    """A picture for the documentation, where that shows it."""
+    _DOCS.mkdir(exist_ok=True)
+    if not light or name == "frames":
+        svg = app.export_screenshot(title="rtuscope", simplify=True)
+        (_DOCS / f"{name}{'-light' if light else ''}.svg").write_text(svg, encoding="utf-8")
