@@ -16,6 +16,7 @@ from captures.chunks import Capture
 
 # Where nothing but a read's end parts two senders, it may be taken for a frame's.
 HARD = {("collision", tap): 0.8 for tap in ("irq", "gateway", "untimed")}
+HARD["flow-control-loss", "untimed"] = 0.9  # the first frames, before anything is known of the bus
 NEVER_MIND = {"timing-blind", "poll-waste", "crc-collision"}  # true by chance anywhere
 
 Place = tuple[str, int, int]
