@@ -11,7 +11,7 @@ import pytest
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message_factory import GetMessageClass
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.writer import CompressionType, Writer
@@ -78,7 +78,6 @@ def by_index(file: Any, **options: Any) -> Any:
     return make_reader(file, **options).iter_messages()
 
 
-@settings(deadline=None)
 @given(drawn=lots, split=st.integers(0, 1), size=st.sampled_from([1, 200, 1 << 20]))
 def test_lots_are_what_single_messages_would_be(drawn: list[list[One]], split: int, size: int) -> None:
     # A data byte of 0 at the end of a head would be lost in numpy's type for bytes, so there is none.
@@ -129,7 +128,6 @@ EVERY = Message(
 )
 
 
-@settings(deadline=None)
 @given(data=st.data(), present=st.lists(st.booleans(), min_size=20, max_size=20))
 def test_rows_are_messages_that_protobuf_s_own_library_reads(data: st.DataObject, present: list[bool]) -> None:
     pool = DescriptorPool()
@@ -157,7 +155,6 @@ def test_rows_are_messages_that_protobuf_s_own_library_reads(data: st.DataObject
             assert getattr(message, field.name) == expected[field.name], field.name
 
 
-@settings(deadline=None)
 @given(st.lists(st.integers(0, (1 << 28) - 1), min_size=1))
 def test_padded_lengths_are_varints(sizes: list[int]) -> None:
     found = packed_length(sizes).astype("<u4").tobytes()
@@ -167,7 +164,6 @@ def test_padded_lengths_are_varints(sizes: list[int]) -> None:
         assert [byte >> 7 for byte in piece] == [1, 1, 1, 0]
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=60))
 def test_any_bytes_are_fields_or_refused(content: bytes) -> None:
     try:
@@ -177,7 +173,6 @@ def test_any_bytes_are_fields_or_refused(content: bytes) -> None:
     assert all(isinstance(value, int) or len(value) <= len(content) for _, value in found)
 
 
-@settings(deadline=None)
 @given(st.lists(st.integers(0, 90), max_size=40), st.randoms(use_true_random=False))
 def test_pieces_go_to_their_places(sizes: list[int], random: Any) -> None:
     data = np.frombuffer(random.randbytes(100), np.uint8)

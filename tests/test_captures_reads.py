@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from captures.text.reads import reads_in
@@ -19,7 +19,6 @@ def text_of(reads: list[tuple[int, bytes]], separators: tuple[str, str]) -> byte
     return "".join(lines).encode()
 
 
-@settings(deadline=None)
 @given(reads=reads, separators=st.sampled_from([(", ", ": "), (",", ":")]))
 def test_plain_lines_are_read(reads: list[tuple[int, bytes]], separators: tuple[str, str]) -> None:
     text = text_of(reads, separators)
@@ -31,7 +30,6 @@ def test_plain_lines_are_read(reads: list[tuple[int, bytes]], separators: tuple[
     assert data == b"".join(content for _, content in reads)
 
 
-@settings(deadline=None)
 @given(reads=reads, data=st.data())
 def test_a_changed_text_is_read_as_json_reads_it_or_not_at_all(
     reads: list[tuple[int, bytes]], data: st.DataObject

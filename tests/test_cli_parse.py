@@ -149,7 +149,7 @@ def test_colour_on_a_terminal():
         os.close(theirs)
 
 
-@settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     words=st.lists(st.text(st.characters(codec="utf-8"), max_size=30), max_size=5),
     options=st.sets(st.sampled_from(["--json", "--values"])),

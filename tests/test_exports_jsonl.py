@@ -139,7 +139,7 @@ def test_stopping_completes_the_file_with_what_came(bus, tmp_path):
     assert done.frames == len(out.read_text().splitlines()) == asked[-1]
 
 
-@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(chunks=streams())
 @pytest.mark.parametrize("suffix", ["jsonl", "csv", "mcap"])
 def test_any_bytes_are_exported(tmp_path, suffix, chunks):

@@ -140,7 +140,7 @@ def told(path):
     return found
 
 
-@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(pairs=st.lists(transactions(), min_size=1, max_size=12))
 def test_values_are_those_that_annotation_tells(tmp_path, pairs):
     """One by one from the annotated fields, and by columns: the same numbers at the same addresses."""
@@ -324,7 +324,7 @@ def test_times_before_the_epoch_are_0_in_the_index_and_kept_in_the_chunks(tmp_pa
     assert [chunk.t_ns for chunk in chunks(out)] == [-5_000_000_000, -4_900_000_000]
 
 
-@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(fed=streams())
 def test_any_capture_survives(tmp_path, fed):
     out = tmp_path / "any.mcap"

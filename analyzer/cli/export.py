@@ -21,7 +21,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", metavar="OUT", default="-", help="file to write; - is standard output (default)"
     )
-    parser.add_argument("--format", metavar="F", help="jsonl, csv or mcap; by default OUT's suffix tells, else jsonl")
+    parser.add_argument(
+        "--format", metavar="F", help="jsonl, csv, mcap or pcapng; by default OUT's suffix tells, else jsonl"
+    )
     parser.add_argument(
         "--noise", action="store_true", help="write the bytes between frames too, so that all bytes are there"
     )

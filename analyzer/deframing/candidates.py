@@ -108,7 +108,7 @@ def _marked(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
             if not len(start):
                 continue
             start, end = (
-                _counted(data, start, group) if isinstance(group, Counted) else _walked(data, start, group, rules)
+                _counted(data, start, group) if isinstance(group, Counted) else _walked(data, crc, start, group, rules)
             )
             right = crc.heads.take(start) == crc.tails.take(end)
             yield _Places(group.role, start[right], end[right])
@@ -124,13 +124,15 @@ def _counted(data: Bytes, start: Index, group: Counted) -> tuple[Index, Index]:
     return start, start + length[fits]
 
 
-def _walked(data: Bytes, start: Index, group: Walked, rules: Tables) -> tuple[Index, Index]:
+def _walked(data: Bytes, crc: Windows, start: Index, group: Walked, rules: Tables) -> tuple[Index, Index]:
     """The same, walk by walk, which is slow: first what arrays can rule out."""
     n = len(data)
     start = start[: int(np.searchsorted(start, n - group.reach, side="right"))]
     checks = rules.checks[group.role][group.function]
     for test in checks.hard if checks is not None else ():
         start = start[test(data, start)]
+    ends = [crc.tails[i + MIN_ADU : i + MAX_ADU + 1] == crc.heads[i] for i in start.tolist()]
+    start = start[[bool(right.any()) for right in ends]] if ends else start
     walks = [(i, group.length(data[i + 1 : i + MAX_ADU].tobytes())) for i in start.tolist()]
     pairs = [(i, i + k + OVERHEAD) for i, k in walks if k is not None and k > 0 and i + k + OVERHEAD <= n]
     found = np.array(pairs, np.intp).reshape(-1, 2)

@@ -13,10 +13,13 @@ from typing import Final, NamedTuple
 
 from dissectors.lengths import Role
 
+from ..frames import Kind, Rows
 from .candidates import CRC_BITS, predicted
 from .lattice import EMBEDDED, FITS, NOISE_BEGINS, NOISE_BYTE, Lattice, Step
+from .pieces import NOISE, evidence
 from .rules import MAX_ADU
 
+_KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
 WINDOWS: Final = (96, 384, 2048)  # bytes looked at: mostly a few frames do; the last at most waits for a decision
 _KNOWN_BITS: Final = 3.0
 _ALONE: Final = 15.0  # bits that frames end to end with silence behind them need
@@ -148,6 +151,20 @@ def margins(decision: Decision) -> list[tuple[float, Step | None]]:
                 mine = steps[i]
                 margin[i] = (difference, next((p for p in pieces if p.start < mine.end and p.end > mine.start), None))
     return margin
+
+
+def explained(steps: Sequence[Step], found: Sequence[tuple[float, Step | None]], offset: int) -> Rows:
+    """The evidence of steps (their margins apart) that begin at a stream offset, with what `margins` found."""
+    why = evidence(len(steps))
+    for row, step, (_, other) in zip(why, steps, found, strict=True):
+        row["silence"], row["conversation"] = step.silence, step.conversation
+        if step.candidate is not None:
+            row["length"] = step.candidate.structure
+            row["crc"] = 0.0 if step.candidate.damaged else CRC_BITS
+        if other is not None:
+            row["rival_start"], row["rival_length"] = offset + other.start, other.end - other.start
+            row["rival_kind"] = _KINDS[other.candidate.role if other.candidate else NOISE]
+    return why
 
 
 def _key(step: Step) -> tuple[int, int, int]:

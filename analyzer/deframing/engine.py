@@ -14,26 +14,24 @@ from numpy.typing import NDArray
 
 from dissectors.lengths import Role
 
-from ..frames import Kind
 from .broken import broken_windows
 from .candidates import CRC_BITS, GLITCHES, Candidates, search
-from .contest import WINDOWS, Decision, Event, decide, forced, margins, settled
+from .contest import WINDOWS, Decision, Event, decide, explained, forced, margins, settled
 from .damaged import damaged_answers, damaged_requests
-from .endings import plain_one
 from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice
 from .options import Options
 from .pieces import NOISE, NOTHING, Decided, Pieces, evidence
 from .places import SILENT, places
 from .prefix import windows
+from .readings import plain_one, plain_request
 from .repeats import Repeats, copied, relative, shifted
-from .rules import MAX_ADU, MIN_ADU, Bytes, Index
+from .rules import MAX_ADU, MIN_ADU, Bytes, Index, Mask
 from .runs import Runs, Stretch, plain_evidence, reach, runs_of
 from .silence import Trust, Turn, classes_of, next_checkpoint
 from .talk import REACH, Run, Talk
 from .tape import Character, Tape, Times
 from .unknown import unknown_windows
 
-_KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
 _PARTS_NOISE: Final = 6.0  # bits of a silence at which noise is cut in two
 _AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
@@ -120,7 +118,8 @@ class Engine:
         while at < stop:
             i = int(np.searchsorted(runs.start, at))
             if i < len(runs.start) and runs.start[i] == at:
-                moved = self._run(stretch, runs, i) if runs.clean[i] else self._ending(stretch, runs, i)
+                moved = self._run(stretch, runs, i) if runs.clean[i] else at
+                moved = moved if moved > at else self._plain(stretch, runs, i)
                 if moved > at:
                     at = moved
                     continue
@@ -177,34 +176,45 @@ class Engine:
             )
         margin = structure + np.float32(CRC_BITS + NOISE_BEGINS)
         free = np.zeros(len(start), np.bool_)
-        self._take(stretch, start, end, Decided(start + begin, end + begin, role, margin > 0, margin, free, why))
+        decided = Decided(start + begin, end + begin, role, margin > 0, margin, free, why)
+        self._take(stretch, start, end, runs.fits[i:last], decided)
         return int(end[-1])
 
-    def _ending(self, stretch: Stretch, runs: Runs, i: int) -> int:
-        """Take one of two intervals that begin alike, where it is plain which; the position behind it."""
+    def _plain(self, stretch: Stretch, runs: Runs, i: int) -> int:
+        """Take one frame at a place of two readings, where it is plain which; the position behind it."""
         at = int(runs.start[i])
         offset = self.tape.base + stretch.begin
-        if self.options.explain or (self._waiting and self._asked[1] != offset + at):
-            return at
-        asked = self._asked[0] - offset if self._waiting else None
-        if asked is not None and asked < 0:
+        if self.options.explain or (self._waiting and not offset <= self._asked[0] < self._asked[1] == offset + at):
             return at
         classes = self.tape.classes[stretch.begin : stretch.begin + len(stretch.data)]
-        found = plain_one(runs, i, stretch.data, classes, self.trust, asked)
-        if found is None:
-            return at
-        one = slice(found[0], found[0] + 1)
-        start, end, role = runs.start[one], runs.end[one], runs.role[one]
-        margin = np.array([found[1]], np.float32)
+        one, role = i, runs.role[i : i + 1]
+        if not runs.clean[i]:
+            asked = self._asked[0] - offset if self._waiting else None
+            found = plain_one(runs, i, stretch.data, classes, self.trust, asked)
+            if found is None:
+                return at
+            one, bits = found
+            role = runs.role[one : one + 1]
+        else:
+            alone = runs.either[i] and not self._waiting and not self._talk.said.pending
+            least = plain_request(runs, i, stretch.data, classes, self.trust) if alone else None
+            if least is None:
+                return at
+            bits, role = least, np.array([Role.REQUEST], np.uint8)
+        start, end = runs.start[one : one + 1], runs.end[one : one + 1]
+        margin = np.array([bits], np.float32)
         taped = start + stretch.begin, end + stretch.begin
-        self._take(stretch, start, end, Decided(*taped, role, margin > 0, margin, np.zeros(1, np.bool_)))
+        decided = Decided(*taped, role, margin > 0, margin, np.zeros(1, np.bool_))
+        self._take(stretch, start, end, margin < 0, decided)
         return int(end[0])
 
-    def _take(self, stretch: Stretch, start: Index, end: Index, decided: Decided) -> None:
+    def _take(self, stretch: Stretch, start: Index, end: Index, fits: Mask, decided: Decided) -> None:
         """Frames (`start` and `end` in the stretch) are decided without the lattice."""
         offset, role = self.tape.base + stretch.begin, decided.role
         first = max(0, int(np.searchsorted(start, end[-1] - REACH)) - 1)
-        run = Run(self.tape.data, self.tape.base, decided.start[first:], decided.end[first:], role[first:])
+        run = Run(
+            self.tape.data, self.tape.base, decided.start[first:], decided.end[first:], role[first:], fits[first:]
+        )
         self._talk.go_on(run)
         self._decide(decided)
         asks = role[-1] == Role.REQUEST
@@ -326,16 +336,7 @@ class Engine:
         role = np.array([s.candidate.role if s.candidate else NOISE for s in steps], np.uint8)
         found = margins(decision)
         margin = np.array([min(bits, _SURE) for bits, _ in found], np.float32)
-        why = evidence(len(steps)) if self.options.explain else None
-        for row, step, (_, other) in zip(() if why is None else why, steps, found, strict=False):
-            row["silence"], row["conversation"] = step.silence, step.conversation
-            if step.candidate is not None:
-                row["length"] = step.candidate.structure
-                row["crc"] = 0.0 if step.candidate.damaged else CRC_BITS
-            if other is not None:
-                kind = _KINDS[other.candidate.role if other.candidate else NOISE]
-                row["rival_start"], row["rival_length"] = base + other.start, other.end - other.start
-                row["rival_kind"] = kind
+        why = explained(steps, found, base) if self.options.explain else None
         for step in steps:
             if step.candidate is not None:
                 first = int(self.tape.data[origin + step.start])

@@ -39,6 +39,7 @@ class Runs(NamedTuple):
     second: Mask  # its role, though either, follows from that of the one before it
     asked: Index  # places of those that ask, though either, if silence agrees: the next one answers them
     doubt: Index  # places of those whose role only the lattice tells
+    fits: Mask  # that it answers the one before it
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +93,26 @@ def runs_of(found: Candidates, data: Bytes, known: int) -> Runs:
     last = np.repeat(lasts, lasts - heads + 1) if m else np.empty(0, np.intp)
     plain = _Plain(data, start, end, role, either, joined, known)
     return Runs(
-        start, end, plain.role, either, found.structure[first], clean, last, plain.second, plain.asked, plain.doubt
+        start,
+        end,
+        plain.role,
+        either,
+        found.structure[first],
+        clean,
+        last,
+        plain.second,
+        plain.asked,
+        plain.doubt,
+        _answering(data, start, plain.role, joined),
     )
+
+
+def _answering(data: Bytes, start: Index, role: NDArray[np.uint8], joined: Mask) -> Mask:
+    """Which intervals answer the one before them."""
+    fits = np.zeros(len(start), np.bool_)
+    after = 1 + np.flatnonzero(joined[1 : len(start)] & (role[1:] == Role.RESPONSE) & (role[:-1] == Role.REQUEST))
+    fits[after] = fitting(data, start[after - 1], start[after])
+    return fits
 
 
 class _Plain:

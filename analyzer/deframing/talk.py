@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from dissectors.lengths import Role
 
-from .conversation import fitting
 from .lattice import Pending, Said
-from .rules import Bytes, Index
+from .rules import Bytes, Index, Mask
 
 REACH: Final = 1300  # bytes: further back than a conversation reaches
 
@@ -31,11 +30,17 @@ class Run:
     start: Index
     end: Index
     role: NDArray[np.uint8]
+    fits: Mask  # that it answers the one before it
 
     @property
     def octets(self) -> int:
         """Bytes."""
         return int(self.end[-1] - self.start[0])
+
+    def part(self, first: int, last: int | None) -> Run:
+        """Some of its frames."""
+        some = slice(first, last)
+        return Run(self.data, self.base, self.start[some], self.end[some], self.role[some], self.fits[some])
 
     def frames(self) -> Iterator[tuple[bytes, int, int]]:
         """ADU, stream offset and role of each."""
@@ -45,11 +50,11 @@ class Run:
     def in_turns(self) -> Said | None:
         """The conversation after a run in which each request was answered by the next frame; None where it was not."""
         first = int(self.role[0] == Role.RESPONSE)  # that one answers what is before the run
-        start, role = self.start[first:], self.role[first:]
+        start, role, fits = self.start[first:], self.role[first:], self.fits[first:]
         asked, answers = start[0::2], start[1::2]
         if not len(asked) or (role[0::2] != Role.REQUEST).any() or (role[1::2] != Role.RESPONSE).any():
             return None
-        if not self.data.take(asked).all() or not fitting(self.data, asked[: len(answers)], answers).all():
+        if not fits[1::2].all() or not self.data.take(asked).all():
             return None  # a broadcast, or an answer to something else
         begin, end = int(asked[-1]), int(self.end[first:][0::2][-1])
         last = Pending.of(self.base + begin, self.data[begin:end].tobytes())
@@ -70,6 +75,9 @@ class Talk:
         said = self._said
         for run in self._runs:
             short = None if said.pending else run.in_turns()
+            if said.pending and len(run.start) > 1:  # mostly what the first one answers
+                said, run = said_after(said, run.part(0, 1)), run.part(1, None)
+                short = None if said.pending else run.in_turns()
             said = said_after(said, run) if short is None else short
         self.settle(said)
         return said

@@ -1,0 +1,184 @@
+"""pcapng for Wireshark: a packet a frame, dissected without any setting.
+
+A packet is of link type 252 (upper PDU): tags that name the dissector, then the bytes as captured. Frames go to
+`mbrtu`. Frames of ASCII mode and, if asked for, noise go to `data`, which shows bytes and claims nothing: Wireshark has
+no dissector of that mode, and an LRC is no CRC. A packet's time is that of its last stop bit.
+
+Direction stands in the packet flags (a request is outbound, a response inbound) and in the port tags: port 502 is the
+server's. Wireshark takes a hint from ports only where its preference `mbrtu.tcp.port` is 502; without that it guesses
+direction from lengths, and cannot tell a write's echo from its request. A wrong check value is flagged as a CRC error,
+and what was found about a frame is its packet comment.
+
+Blocks are packed by arrays: all of them are whole 32-bit words, so each field is one scatter over all packets.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analyzer.exports.encoding import explain_json
+from analyzer.exports.output import Output
+from analyzer.exports.sink import ExportOptions
+from analyzer.frames import Batch, Kind, Protocol
+from analyzer.version import __version__
+
+if TYPE_CHECKING:
+    from captures import Block, Capture, LineSettings
+
+_SECTION, _INTERFACE, _PACKET = 0x0A0D0D0A, 1, 6  # block types
+_COMMENT, _NAME, _FLAGS, _APPLICATION, _SPEED, _RESOLUTION = 1, 2, 2, 4, 8, 9  # options, by the block that they are of
+_INBOUND, _OUTBOUND, _CRC_ERROR = 1, 2, 1 << 24
+_UPPER_PDU: Final = 252  # link type: tags, then the PDU
+_DISSECTOR, _PORT_TYPE, _SOURCE, _DESTINATION = 12, 24, 25, 26  # tags
+_TCP: Final = 2
+_SERVER, _CLIENT = 502, 1502
+_MOST: Final = 1 << 17  # bytes of a row that are written: longer packets make Wireshark refuse the file
+_ABOUT: Final = "Port 502 is the server's: set the preference mbrtu.tcp.port to 502 and Wireshark knows each direction."
+
+Words = NDArray[np.uint32]
+_Ints = NDArray[np.int64]
+
+
+def _block(kind: int, body: bytes) -> bytes:
+    size = len(body) + 12
+    return struct.pack("<II", kind, size) + body + struct.pack("<I", size)
+
+
+def _option(code: int, value: bytes) -> bytes:
+    return struct.pack("<HH", code, len(value)) + value + bytes(-len(value) % 4)
+
+
+def _tags(dissector: bytes, source: int, destination: int) -> Words:
+    """What stands before the bytes of a packet; as long for any dissector."""
+    tags = struct.pack(">HH8s", _DISSECTOR, 8, dissector)
+    for tag, value in ((_PORT_TYPE, _TCP), (_SOURCE, source), (_DESTINATION, destination)):
+        tags += struct.pack(">HHI", tag, 4, value)
+    return np.frombuffer(tags + bytes(4), "<u4")
+
+
+# By kind: noise has no direction. Frames of ASCII mode have, and the dissector of noise.
+_PORTS: Final = ((0, 0), (_CLIENT, _SERVER), (_SERVER, _CLIENT))
+_RTU: Final = np.stack([_tags(b"data" if kind == Kind.NOISE else b"mbrtu", *_PORTS[kind]) for kind in Kind])
+_PLAIN: Final = np.stack([_tags(b"data", *_PORTS[kind]) for kind in Kind])
+_WAYS: Final = np.array([0, _OUTBOUND, _INBOUND], np.uint32)
+_BEFORE: Final = 7  # words of a packet block before its tags
+_TAGGED: Final = _RTU.shape[1]
+_AFTER: Final = 4  # words behind the bytes: the flags, the end of the options, the block's size
+
+
+class _Packets:
+    def __init__(self, out: Output, capture: Capture, options: ExportOptions) -> None:
+        self._out = out
+        self._options = options
+        self._line = capture.line
+        self._interfaces: dict[int, int] = {}  # by port, in order of appearance
+        about = _option(_COMMENT, _ABOUT.encode()) + _option(_APPLICATION, f"rtuscope {__version__}".encode())
+        out.write(_block(_SECTION, struct.pack("<IHHq", 0x1A2B3C4D, 1, 0, -1) + about + bytes(4)))
+        self._interface(0)
+
+    def block(self, block: Block) -> None:
+        """Raw chunks are not in this format."""
+
+    def rows(self, batch: Batch, first: int, last: int) -> None:
+        """A packet a row."""
+        kinds = batch.rows["kind"][first:last]
+        kept = np.arange(first, last) if self._options.noise else first + np.flatnonzero(kinds != Kind.NOISE)
+        if not len(kept):
+            return
+        ports = batch.rows["port"][kept]
+        for port in np.unique(ports).tolist():
+            self._interface(port)
+        interfaces = np.zeros(256, np.uint32)
+        interfaces[list(self._interfaces)] = list(self._interfaces.values())
+        self._out.write(_packets(batch, kept, interfaces[ports], _comments(batch, kept, self._options.explain)))
+
+    def batch(self, batch: Batch) -> None:
+        """Nothing here hangs on a whole batch."""
+
+    def close(self) -> None:
+        """Nothing is left: packets are written as they come."""
+
+    def _interface(self, port: int) -> None:
+        if port not in self._interfaces:
+            self._interfaces[port] = len(self._interfaces)
+            self._out.write(_interface(port, self._line))
+
+
+def _interface(port: int, line: LineSettings) -> bytes:
+    options = _option(_NAME, f"port {port}".encode()) + _option(_RESOLUTION, b"\x09")  # times in 10**-9 s
+    if line.baud is not None:
+        options += _option(_SPEED, struct.pack("<Q", int(line.baud)))
+    return _block(_INTERFACE, struct.pack("<HHI", _UPPER_PDU, 0, 0) + options + bytes(4))
+
+
+def _packets(batch: Batch, kept: NDArray[np.intp], interfaces: Words, comments: dict[int, bytes]) -> bytes:
+    """The blocks of some rows; `comments` holds options by a row's place in `kept`."""
+    rows = batch.rows[kept]
+    lengths = np.minimum(rows["length"], _MOST)
+    extra = np.zeros(len(rows), np.int64)
+    if comments:
+        extra[list(comments)] = [len(option) // 4 for option in comments.values()]
+    ends = _BEFORE + _TAGGED + (lengths + 3) // 4  # words, in a block, up to where the options begin
+    words = ends + extra + _AFTER
+    begins = np.cumsum(words) - words
+    packed = np.zeros(int(words.sum()), "<u4")
+
+    sizes = 4 * words
+    tags_size = 4 * _TAGGED
+    times = np.maximum(rows["t_end"], 0)  # the format has no times before its epoch
+    octets = (tags_size + lengths, tags_size + rows["length"])  # written, and as they were
+    for i, column in enumerate((_PACKET, sizes, interfaces, times >> 32, times & 0xFFFFFFFF, *octets)):
+        packed[begins + i] = column
+    kinds = rows["kind"]
+    tags = _RTU[kinds]
+    if (plain := rows["protocol"] != Protocol.RTU).any():
+        tags[plain] = _PLAIN[kinds[plain]]
+    packed[(begins + _BEFORE)[:, None] + np.arange(_TAGGED)] = tags
+    _copy(batch.data, rows["at"], packed.view(np.uint8), 4 * (begins + _BEFORE + _TAGGED), lengths)
+
+    behind = begins + ends
+    for place, option in comments.items():
+        packed[behind[place] : behind[place] + extra[place]] = np.frombuffer(option, "<u4")
+    behind = behind + extra
+    packed[behind] = 4 << 16 | _FLAGS  # the option's code, then its size
+    packed[behind + 1] = _WAYS[kinds] | np.where((kinds != Kind.NOISE) & ~rows["check"], _CRC_ERROR, 0)
+    packed[behind + 3] = sizes
+    return packed.tobytes()
+
+
+def _copy(data: NDArray[np.uint8], at: _Ints, out: NDArray[np.uint8], to: _Ints, lengths: _Ints) -> None:
+    """Stretches of `data` to their places in `out`."""
+    steps = np.arange(int(lengths.sum()))
+    done = np.cumsum(lengths) - lengths
+    out[np.repeat(to - done, lengths) + steps] = data[np.repeat(at - done, lengths) + steps]
+
+
+def _comments(batch: Batch, kept: NDArray[np.intp], explain: bool) -> dict[int, bytes]:
+    """Packet comments as options, by a row's place in `kept`: findings, and why the boundaries stand where they do."""
+    said: dict[int, list[str]] = {}
+    diagnosed: Any = batch  # findings are on a batch once a diagnosis has seen it
+    found = getattr(diagnosed, "findings", None)
+    if found is not None and len(found):
+        rows = batch.rows[kept]
+        marked = np.isin(rows["start"], found["start"])
+        for place in np.flatnonzero(marked).tolist():
+            said[place] = [finding.text for finding in diagnosed.findings_of(int(kept[place]))]
+    if explain and batch.evidence is not None:
+        for place in np.flatnonzero(batch.rows["kind"][kept] != Kind.NOISE).tolist():
+            if (why := explain_json(batch.frame(int(kept[place])))) is not None:
+                weights = ", ".join(f"{key} {value}" for key, value in why.items() if key != "runner_up")
+                said.setdefault(place, []).append(f"evidence in bits: {weights}")
+    return {
+        place: b"".join(_option(_COMMENT, text.encode()[:0xFFFF]) for text in texts)
+        for place, texts in said.items()
+        if texts
+    }
+
+
+def open_sink(out: Output, capture: Capture, options: ExportOptions) -> _Packets:
+    """Packets onto `out`."""
+    return _Packets(out, capture, options)
