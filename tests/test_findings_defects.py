@@ -16,6 +16,7 @@ from captures.chunks import Capture
 
 # Where nothing but a read's end parts two senders, it may be taken for a frame's.
 HARD = {("collision", tap): 0.8 for tap in ("irq", "gateway", "untimed")}
+HARD["flow-control-loss", "untimed"] = 0.9  # the first frames, before anything is known of the bus
 NEVER_MIND = {"timing-blind", "poll-waste", "crc-collision"}  # true by chance anywhere
 
 Place = tuple[str, int, int]
@@ -32,7 +33,12 @@ def place(finding: Finding | TruthFinding) -> Place:
     return finding.code, finding.start, finding.length if finding.start >= 0 else 0
 
 
-CASES = [(code, tap) for code, defect in sorted(defects().items()) for tap in defect.taps]
+# The tap that tells most, and another one in turn; benchmarks/score_findings.py goes through all of them.
+CASES = [
+    (code, tap)
+    for i, (code, defect) in enumerate(sorted(defects().items()))
+    for tap in dict.fromkeys((defect.taps[0], defect.taps[i % len(defect.taps)]))
+]
 
 
 @pytest.mark.parametrize(("code", "tap"), CASES)

@@ -366,27 +366,12 @@ class Engine:
         self._repeats.clear()
         tape, parts = self.tape, self.trust.parts(_PARTS_NOISE)
         self._learn(start, end, role)
-        start, end, piece = self._parted(start, end, role, parts)
+        start, end, piece = tape.parted(start, end, role == NOISE, parts)
         why = why[piece] if len(why) else why
         role, check, margin, contested = role[piece], check[piece], margin[piece], contested[piece]
         offsets = start + tape.base, end + tape.base
         times = tape.spans(start, end)
         self._out.append(Pieces(*offsets, role, check, *times, margin, contested, tape.gaps(start, end), why))
-
-    def _parted(
-        self, start: Index, end: Index, role: NDArray[np.uint8], parts: NDArray[np.bool_]
-    ) -> tuple[Index, Index, Index | slice]:
-        """Pieces with noise cut where a silence surely parts it, and which of the given pieces each is of."""
-        noise = np.flatnonzero(role == NOISE)
-        classes = self.tape.classes
-        cuts = [
-            low + 1 + np.flatnonzero(parts[classes[low + 1 : high]])
-            for low, high in zip(start[noise].tolist(), end[noise].tolist(), strict=True)
-        ]
-        if not any(map(len, cuts)):
-            return start, end, slice(None)
-        starts = np.sort(np.concatenate((start, *cuts)))
-        return starts, np.append(starts[1:], end[-1]), np.searchsorted(start, starts, side="right") - 1
 
     def _learn(self, start: Index, end: Index, role: NDArray[np.uint8]) -> None:
         """Let decided pieces teach what silences and glitches mean here."""

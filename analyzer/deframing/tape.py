@@ -182,6 +182,20 @@ class Tape:
         places: Index = self.group[groups[hits[first]]]
         return places
 
+    def parted(
+        self, start: Index, end: Index, cut: NDArray[np.bool_], parts: NDArray[np.bool_]
+    ) -> tuple[Index, Index, Index | slice]:
+        """Pieces, those to `cut` in two where a silence `parts` (by class); and which of the given ones each is of."""
+        some = np.flatnonzero(cut)
+        cuts = [
+            low + 1 + np.flatnonzero(parts[self.classes[low + 1 : high]])
+            for low, high in zip(start[some].tolist(), end[some].tolist(), strict=True)
+        ]
+        if not any(map(len, cuts)):
+            return start, end, slice(None)
+        starts = np.sort(np.concatenate((start, *cuts)))
+        return starts, np.append(starts[1:], end[-1]), np.searchsorted(start, starts, side="right") - 1
+
     def drop(self, count: int) -> None:
         """Forget the first `count` bytes: they are decided."""
         if not count:
