@@ -77,13 +77,11 @@ class Port:
     def change(self, settings: PortSettings) -> None:
         """Listen with other settings."""
         self.settings = settings
-        if self.tap is None:
-            return
         try:
-            self.tap.change(settings)
+            if self.tap is not None:
+                self.tap.change(settings)
         except PortGoneError as error:
             self.gone(error)
-            return
         self._tell_notices()
         self.desk.event(self.number, "settings", f"{settings.url}: {settings}", settings=settings.to_json())
 

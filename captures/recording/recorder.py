@@ -117,10 +117,17 @@ class Recorder:
 
     def settings(self, line: LineSettings) -> None:
         """The line is another from now on: that begins another file."""
-        if line != self._line:
+        if line == self._line:
+            return
+        self._line = line
+        if self.bytes or self._pending or self._uncommitted or self._file is None:
             self._commit()
-            self._line = line
             self._next()
+        else:  # nothing was heard with the old ones
+            self._file.close(whole=False)
+            self._file.part.unlink()
+            self._files -= 1
+            self._file = self._open()
 
     def close(self) -> None:
         """Put all on the disk and finish the file. What a full disk keeps from it is told, and the file is readable."""
