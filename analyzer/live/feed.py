@@ -9,34 +9,35 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from importlib import import_module
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analyzer.deframing.ascii import AsciiDeframer, looks_ascii
 from analyzer.deframing.options import Options
 from analyzer.deframing.stream import Deframer
-from analyzer.frames import ROW, Batch, Kind, Rows
+from analyzer.findings.diagnosis import Diagnosis
+from analyzer.findings.model import NOTHING, Findings
+from analyzer.frames import Batch, Kind, Rows
 from analyzer.transactions import TRANSACTION, Transactions
 from captures.chunks import Block
 from captures.line import LineSettings
 
 _FOREIGN: Final = re.compile(rb"[^:0-9A-Fa-f\r\n]")  # what no line in ASCII mode carries
 _LOOK: Final = 2048  # bytes: by then it is plain what a line speaks
-_NOTHING: Final = Batch(np.zeros(0, ROW), np.zeros(0, np.uint8))
 
 
 @dataclass(frozen=True, slots=True)
 class Fed:
     """What one step brought: rows, the transactions settled by then, and what was found, of these rows or earlier ones.
 
-    `findings` is None where there is no diagnosis.
+    `batch.findings` are those that speak of the batch's own rows.
     """
 
     batch: Batch
     transactions: Rows
-    findings: Rows | None
+    findings: Findings
 
 
 class Feed:
@@ -52,7 +53,7 @@ class Feed:
         self._deframer: Deframer | AsciiDeframer | None = None
         self._held: list[Block] = []  # until it is plain what the line speaks
         self._transactions = Transactions()
-        self._diagnosis = diagnosis(line, options)
+        self._diagnosis = Diagnosis(line, options)
 
     def feed(self, block: Block) -> Fed:
         """What these bytes make certain."""
@@ -62,13 +63,13 @@ class Feed:
             block = Block.joined(self._held)
             self._choose(block)
             if self._deframer is None:
-                return self._told(_NOTHING)
+                return self._told(Batch.empty())
             self._held = []
         return self._told(self._deframer.feed(block))
 
     def tick(self, now_ns: int) -> Fed:
         """What the silence up to `now_ns` makes certain."""
-        return self._told(_NOTHING if self._deframer is None else self._deframer.tick(now_ns))
+        return self._told(Batch.empty() if self._deframer is None else self._deframer.tick(now_ns))
 
     def restart(self, line: LineSettings, missed: Mapping[int, int] | None = None) -> Fed:
         """Bytes were missed (so many, by port), or the line is another from now on: what was certain before."""
@@ -79,16 +80,16 @@ class Feed:
         self._line = line
         self._deframer, self._held = None, []
         self._transactions = Transactions()
-        self._diagnosis = diagnosis(line, self._options)
+        self._diagnosis = Diagnosis(line, self._options)
         return last
 
     def nothing(self) -> Fed:
         """No step at all."""
-        return self._told(_NOTHING)
+        return self._told(Batch.empty())
 
     def close(self) -> Fed:
         """No more comes; the rest."""
-        batch = _NOTHING
+        batch = Batch.empty()
         if self._deframer is None and self._held:
             self._deframer = Deframer(self._line, self._options)
             batch = self._deframer.feed(Block.joined(self._held))
@@ -98,11 +99,8 @@ class Feed:
             batch = rest if not len(batch) else _joined(batch, rest)
         fed = self._told(batch)
         settled = self._transactions.close()
-        findings = fed.findings
-        if self._diagnosis is not None:
-            last = self._diagnosis.close(settled)
-            findings = last if findings is None else np.concatenate((findings, last))
-        return Fed(fed.batch, np.concatenate((fed.transactions, settled)), findings)
+        findings = np.concatenate((fed.findings, self._diagnosed(self._diagnosis.close(settled))))
+        return Fed(_said(fed.batch, findings), np.concatenate((fed.transactions, self._settled(settled))), findings)
 
     def _count(self, heard: Mapping[int, int]) -> None:
         for port, octets in heard.items():
@@ -121,10 +119,32 @@ class Feed:
 
     def _told(self, batch: Batch) -> Fed:
         if not len(batch):
-            return Fed(batch, np.zeros(0, TRANSACTION), None)
-        batch = self._placed(batch)
+            return Fed(batch, np.zeros(0, TRANSACTION), NOTHING)
         settled = self._transactions.feed(batch)
-        return Fed(batch, settled, None if self._diagnosis is None else self._diagnosis.feed(batch, settled))
+        findings = self._diagnosis.feed(batch, settled)
+        batch = self._placed(batch)
+        findings = self._diagnosed(findings)
+        return Fed(_said(batch, findings), self._settled(settled), findings)
+
+    def _settled(self, transactions: Rows) -> Rows:
+        if self._frames:
+            for name in ("request", "response"):
+                transactions[name][transactions[name] >= 0] += self._frames
+        return transactions
+
+    def _diagnosed(self, findings: Findings) -> Findings:
+        findings["index"][findings["index"] >= 0] += self._frames
+        if self._starts:
+            placed = findings["start"] >= 0
+            findings["start"][placed] += self._before()[findings["port"][placed]]
+        return findings
+
+    def _before(self) -> NDArray[np.int64]:
+        """Bytes before the present deframer's, by port."""
+        before = np.zeros(256, np.int64)
+        for port, start in self._starts.items():
+            before[port] = start
+        return before
 
     def _placed(self, batch: Batch) -> Batch:
         """Rows numbered and placed as if the deframer had been there from the beginning."""
@@ -136,9 +156,7 @@ class Feed:
             rows["request"][answers] += self._frames
             batch = replace(batch, earlier={index + self._frames: adu for index, adu in batch.earlier.items()})
         if self._starts:
-            before = np.zeros(256, np.int64)
-            for port, start in self._starts.items():
-                before[port] = start
+            before = self._before()
             rows["start"] += before[rows["port"]]
             rows["request_start"][answers] += before[rows["port"][answers]]
         if frames.any():
@@ -146,13 +164,15 @@ class Feed:
         return batch
 
 
-def diagnosis(line: LineSettings, options: Options) -> Any:
-    """A diagnosis of this line; None where the package has none."""
-    try:
-        home = import_module("analyzer.findings.diagnosis")
-    except ImportError:
-        return None
-    return home.Diagnosis(line, options)
+def _said(batch: Batch, findings: Findings) -> Batch:
+    """The batch with the findings that speak of its rows."""
+    if not len(findings) or not len(batch):
+        return replace(batch, findings=NOTHING)
+    mine = np.zeros(len(findings), np.bool_)
+    for port in np.flatnonzero(np.bincount(batch.rows["port"])).tolist():
+        starts = batch.rows["start"][batch.rows["port"] == port]
+        mine |= (findings["port"] == port) & (findings["start"] >= starts.min()) & (findings["start"] <= starts.max())
+    return replace(batch, findings=findings[mine])
 
 
 def octets_by_port(block: Block) -> dict[int, int]:

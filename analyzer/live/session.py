@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
 from analyzer.deframing.options import Options
-from analyzer.frames import Batch, Rows
+from analyzer.findings.model import Findings
+from analyzer.frames import Batch
 from captures.chunks import Block
 from captures.line import LineSettings
 from captures.live.wire import Event, Item, Tick
@@ -74,7 +75,7 @@ class Step:
         return self.fed.batch
 
     @property
-    def findings(self) -> Rows | None:
+    def findings(self) -> Findings:
         """What was found, of these rows or of earlier ones."""
         return self.fed.findings
 

@@ -36,6 +36,7 @@ class RecordingFile:
         self._chunks = ChunkChannel(self._writer, line, about=about)
         self._notes = NoteChannel(self._writer)
         self._finished = False
+        self.empty = True  # but for settings
         try:
             self._file.commit()
         except OSError:
@@ -52,6 +53,7 @@ class RecordingFile:
 
     def write(self, blocks: Sequence[Block], notes: Sequence[Note]) -> None:
         """Takes blocks and notes, which `commit` makes safe."""
+        self.empty = False
         if blocks:
             self._chunks.write(Block.joined(blocks))
         for note in notes:

@@ -124,9 +124,7 @@ class Recorder:
             self._commit()
             self._next()
         else:  # nothing was heard with the old ones
-            self._file.close(whole=False)
-            self._file.part.unlink()
-            self._files -= 1
+            self._discard(self._file)
             self._file = self._open()
 
     def close(self) -> None:
@@ -205,6 +203,9 @@ class Recorder:
         file, self._file = self._file, None
         if file is None:
             return
+        if file.empty and not self._blocks:
+            self._discard(file)
+            return
         while True:
             try:
                 file.finish()
@@ -222,6 +223,12 @@ class Recorder:
                 )
                 break
         self._uncommitted = None
+
+    def _discard(self, file: RecordingFile) -> None:
+        """Leave nothing of a file that holds nothing."""
+        file.close(whole=False)
+        file.part.unlink()
+        self._files -= 1
 
     def _open(self) -> RecordingFile:
         path = self._ring.next_name(time.time(), first=not self._files)
