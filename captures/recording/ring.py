@@ -1,7 +1,7 @@
 """Names and limits of a recording's files: when to begin the next one, and which of the old ones to give up.
 
-Files of a ring are named by the UTC time of their beginning, NAME-20261121T104500Z.mcap, so that they sort by age and
-a restarted recorder goes on where it was.
+Files of a ring are named by the UTC time of their beginning, NAME-20261121T104500.123Z.mcap, so that they sort by age
+and a restarted recorder goes on where it was.
 """
 
 from __future__ import annotations
@@ -9,14 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final
 
 from .mcapfile import PART
 
 SUFFIX: Final = ".mcap"
-_STAMP: Final = "%Y%m%dT%H%M%SZ"
 _LONGEST_S: Final = 86_400.0  # of one file, asked or not: its index is in memory
 _LARGEST: Final = 1 << 30
 _SHARES: Final = 20  # files of a ring, at least
@@ -61,19 +60,19 @@ class Ring:
     def __init__(self, path: Path, limits: Limits) -> None:
         self.path = path
         self.limits = limits
-        self._pattern = re.compile(rf"{re.escape(path.stem)}-\d{{8}}T\d{{6}}Z(?:-\d+)?{re.escape(path.suffix)}")
+        self._pattern = re.compile(rf"{re.escape(path.stem)}-\d{{8}}T\d{{6}}\.\d{{3}}Z{re.escape(path.suffix)}")
 
     def next_name(self, t_s: float, *, first: bool) -> Path:
         """The name of a file that begins at this time."""
         if first and not self.limits.rotates:
             return self.path
-        stamp = datetime.fromtimestamp(t_s, UTC).strftime(_STAMP)
-        for number in range(1, 1000):
-            extra = "" if number == 1 else f"-{number}"
-            name = self.path.with_name(f"{self.path.stem}-{stamp}{extra}{self.path.suffix}")
+        at = datetime.fromtimestamp(t_s, UTC)
+        while True:
+            stamp = at.isoformat(timespec="milliseconds").replace("-", "").replace(":", "").replace("+0000", "Z")
+            name = self.path.with_name(f"{self.path.stem}-{stamp}{self.path.suffix}")
             if not name.exists() and not name.with_name(name.name + PART).exists():
                 return name
-        raise FileExistsError(f"{self.path}: a thousand files of one second")
+            at += timedelta(milliseconds=1)
 
     def files(self) -> list[Path]:
         """The whole files, oldest first."""
