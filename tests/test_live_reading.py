@@ -6,6 +6,7 @@ import socket
 import threading
 import time
 import tty
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ def test_error_marks_are_taken_out_wherever_a_read_cuts_them(line, cuts):
     raw, unmarked = marked(line), Unmarked()
     places = [0, *sorted(min(cut, len(raw)) for cut in cuts), len(raw)]
     data, errors = b"", []
-    for low, high in zip(places, places[1:], strict=False):
+    for low, high in pairwise(places):
         part, wrong = unmarked.feed(raw[low:high])
         errors += [len(data) + at for at in wrong]
         data += part

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from .app import DONE, NO_FRAME
 from .quantities import seconds
 from .taps import tell
-from .terminal import coloured
+from .terminal import coloured, put
 
 if TYPE_CHECKING:
     from analyzer.live.conditions import Condition
@@ -130,8 +130,7 @@ class Watch:
         now = time.monotonic()
         if text:
             self._clear()
-            sys.stdout.write(text)
-            sys.stdout.flush()
+            put(text)
         if self._status_shown and (text or now >= self._next_status):
             self._next_status = now + _PERIOD_S
             width = shutil.get_terminal_size().columns

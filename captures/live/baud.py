@@ -27,8 +27,8 @@ _ORDER: Final = (
     (230400, "N"), (76800, "N"), (250000, "N"), (500000, "N"), (921600, "N"), (14400, "N"), (28800, "N"), (600, "N"),
 )  # fmt: skip
 _ENOUGH: Final = 160  # bytes that tell for certain
-_SOME: Final = 16  # bytes that tell something once the line is quiet
-_PATIENCE_NS: Final = 1_500_000_000  # after the first byte
+# Fewer tell something, too, so long (ns) after the first one: a fast line heard too slowly gives few.
+_PATIENCE: Final = ((16, 1_500_000_000), (4, 5_000_000_000))
 _SETTLE: Final = 0.85  # of the bytes explained and without error
 _ACCEPT: Final = 0.25  # at the least, after all were tried
 
@@ -77,7 +77,7 @@ class Search:
         """A try that is over by now; then `settings` are the next ones, or `found` is set."""
         octets = sum(len(block.data) for block in self.heard)
         waited = 0 if self._since is None else now_ns - self._since
-        if octets < _ENOUGH and not (octets >= _SOME and waited >= _PATIENCE_NS):
+        if octets < _ENOUGH and not any(octets >= some and waited >= patience for some, patience in _PATIENCE):
             return None
         errors = sum(len(block.errors) for block in self.heard)
         explained = self._judge(self.heard, self.settings)
