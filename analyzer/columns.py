@@ -24,7 +24,6 @@ from .frames import Batch, Kind, Protocol, adu_of
 _Ints = NDArray[np.int64]
 _CHECK: Final = 2  # bytes of the CRC
 _WORD: Final = 2  # bytes of a register
-_NONE: Final = np.zeros(1, np.int64)
 _ROLES: Final = {int(Kind.NOISE): None, int(Kind.REQUEST): Role.REQUEST, int(Kind.RESPONSE): Role.RESPONSE}
 
 
@@ -38,7 +37,7 @@ class AreaCode(IntEnum):
     HOLDING_REGISTERS = 4
 
 
-_AREA_CODES: Final = {
+AREA_CODES: Final[dict[str | None, AreaCode]] = {
     None: AreaCode.NONE,
     "0x": AreaCode.COILS,
     "1x": AreaCode.DISCRETE_INPUTS,
@@ -81,7 +80,7 @@ class _Block:
     rows: _Ints
     begins: _Ints
     counts: _Ints
-    read: Callable[[NDArray[np.uint8], _Ints, _Ints], _Ints]  # (bytes, begins, number of the value) to values
+    read: Callable[[_Decoding, _Ints, _Ints], NDArray[np.uint16]]  # (begins, number of the value) to values
 
 
 class _Decoding:
@@ -92,11 +91,16 @@ class _Decoding:
         n = len(rows)
         self.batch = batch
         self.data = batch.data
+        self.more: list[bytes] = []  # PDUs to stand behind them
+        self.size = len(batch.data)
         self.begins = rows["at"] + 1  # the PDU of each row: behind the unit
         self.ends = rows["at"] + rows["length"] - _CHECK
         if rows["protocol"].any():
             self._plain()
         self.asked_begins, self.asked_ends = self._requests()
+        if self.more:
+            self.data = np.concatenate((batch.data, np.frombuffer(b"".join(self.more), np.uint8)))
+        self.words = _words(self.data)
         self.address = np.full(n, -1, np.int32)
         self.quantity = np.full(n, -1, np.int32)
         self.area = np.zeros(n, np.uint8)
@@ -107,15 +111,16 @@ class _Decoding:
     def decoded(self) -> Decoded:
         """The columns."""
         rows, known = self.batch.rows, contents()
-        keys = rows["kind"].astype(np.uint16) << 8 | rows["function"]
-        keys[(rows["exception"] > 0) & (rows["kind"] == Kind.RESPONSE)] |= EXCEPTION
+        kind = rows["kind"].astype(np.uint16)
+        keys = kind << 8 | rows["function"]
+        keys[(rows["exception"] > 0) & (kind == Kind.RESPONSE)] |= EXCEPTION
         for key in np.flatnonzero(np.bincount(keys)).tolist():
             code, role = key & 0xFF, _ROLES[key >> 8]
             found = None if role is None else known.get((code & ~EXCEPTION, role))
             if role is None or found is None:
                 continue
             here = np.flatnonzero(keys == key)
-            self.area[here] = _AREA_CODES[found.area]
+            self.area[here] = AREA_CODES[found.area]
             if code & EXCEPTION:
                 self._exceptions(known[code & ~EXCEPTION, Role.REQUEST], here)
             else:
@@ -162,42 +167,55 @@ class _Decoding:
         """Values that have no fixed place, frame by frame: functions that do this are rare on a bus."""
         found = [list(values_listed(self.batch.frame(row).fields(), names)) for row in here.tolist()]
         counts = np.array([len(values) for values in found], np.int64)
-        flat = np.array([value for values in found for value in values], np.int64)
+        flat = np.array([value for values in found for value in values], np.uint16)
         self.counts[here] = counts
         self.blocks.append(_Block(here, np.cumsum(counts) - counts, counts, lambda _, begins, i: flat[begins + i]))
 
     def _number(self, place: Place, here: _Ints, width: int = _WORD) -> _Ints:
         """A number of each row, -1 where the bytes do not reach so far or no request is known."""
         begins, ends = (self.asked_begins, self.asked_ends) if place.asked else (self.begins, self.ends)
-        at = begins[here] + place.offset
-        there = at + width <= ends[here]
-        at = np.where(there, at, 0)
-        if width == 1:
-            return np.where(there, self.data[at].astype(np.int64), -1)
-        return np.where(there, _registers(self.data, at, _NONE), -1)
+        at = begins[here]
+        at += place.offset
+        short = at + width > ends[here]
+        at[short] = 0
+        value: _Ints = (self.data if width == 1 else self.words).take(at).astype(np.int64)
+        value[short] = -1
+        return value
 
     def _joined(self, offsets: _Ints) -> NDArray[np.uint16]:
         values = np.empty(int(offsets[-1]), np.uint16)
         for block in self.blocks:
-            total = int(block.counts.sum())
-            within = np.arange(total) - np.repeat(np.cumsum(block.counts) - block.counts, block.counts)
-            begins = np.repeat(block.begins, block.counts)
-            values[np.repeat(offsets[block.rows], block.counts) + within] = block.read(self.data, begins, within)
+            ends = np.cumsum(block.counts)
+            within = np.arange(int(ends[-1]) if len(ends) else 0)
+            within -= np.repeat(ends - block.counts, block.counts)
+            out = np.repeat(offsets[block.rows], block.counts)
+            out += within
+            values[out] = block.read(self, np.repeat(block.begins, block.counts), within)
         return values
 
     def _requests(self) -> tuple[_Ints, _Ints]:
         """Where the PDU of each row's request begins and ends in the bytes; -1 and -1 for none."""
         rows = self.batch.rows
         begins, ends = np.full(len(rows), -1, np.int64), np.full(len(rows), -1, np.int64)
-        answers = np.flatnonzero(rows["request"] >= 0)
-        frames = np.flatnonzero(rows["index"] >= 0)
+        asked = rows["request"].copy()
+        answers = np.flatnonzero(asked >= 0)
         if not len(answers):
             return begins, ends
-        asked = rows["request"][answers]
-        at = np.searchsorted(rows["index"][frames], asked)
-        request = frames[np.minimum(at, len(frames) - 1)]
-        here = rows["index"][request] == asked
-        begins[answers[here]], ends[answers[here]] = self.begins[request[here]], self.ends[request[here]]
+        index = rows["index"].copy()
+        frames = np.flatnonzero(index >= 0)
+        asked = asked[answers]
+        numbers = index[frames]
+        if numbers[-1] - numbers[0] == len(frames) - 1:  # one after the other, as long as nobody took some away
+            at = asked - numbers[0]
+            here = (at >= 0) & (at < len(frames))
+        else:
+            at = np.searchsorted(numbers, asked)
+            here = numbers[np.minimum(at, len(frames) - 1)] == asked
+        request = frames[np.where(here, at, 0)]
+        if not here.all():
+            begins[answers[here]], ends[answers[here]] = self.begins[request[here]], self.ends[request[here]]
+        else:
+            begins[answers], ends[answers] = self.begins[request], self.ends[request]
         for row, index in zip(answers[~here].tolist(), asked[~here].tolist(), strict=True):
             if (captured := self.batch.earlier.get(index)) is not None:
                 adu = adu_of(captured, int(rows["protocol"][row]))
@@ -213,20 +231,31 @@ class _Decoding:
 
     def _more(self, pdu: bytes) -> tuple[int, int]:
         """A PDU put behind the batch's bytes: where it begins and ends."""
-        begin = len(self.data)
-        self.data = np.concatenate((self.data, np.frombuffer(pdu, np.uint8)))
-        return begin, begin + len(pdu)
+        begin = self.size
+        self.more.append(pdu)
+        self.size += len(pdu)
+        return begin, self.size
 
 
-def _registers(data: NDArray[np.uint8], begins: _Ints, i: _Ints) -> _Ints:
-    at = begins + _WORD * i
-    found: _Ints = data[at].astype(np.int64) << 8 | data[at + 1]
+def _words(data: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """The big-endian number that begins at each byte."""
+    words = np.zeros(max(len(data), 1), np.uint16)
+    words[: len(data)] = data
+    words <<= 8
+    words[: max(len(data) - 1, 0)] |= data[1:]
+    return words
+
+
+def _registers(decoding: _Decoding, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
+    begins += _WORD * i
+    return decoding.words.take(begins)
+
+
+def _bits(decoding: _Decoding, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
+    begins += i >> 3
+    found: NDArray[np.uint16] = (decoding.data.take(begins) >> (i & 7).astype(np.uint8) & 1).astype(np.uint16)
     return found
 
 
-def _bits(data: NDArray[np.uint8], begins: _Ints, i: _Ints) -> _Ints:
-    return (data[begins + (i >> 3)] >> (i & 7).astype(np.uint8) & 1).astype(np.int64)
-
-
-def _outputs(data: NDArray[np.uint8], begins: _Ints, i: _Ints) -> _Ints:
-    return (_registers(data, begins, i) > 0).astype(np.int64)
+def _outputs(decoding: _Decoding, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
+    return (_registers(decoding, begins, i) > 0).astype(np.uint16)

@@ -22,6 +22,7 @@ _DAMAGED: Final = -9.0  # bits: answers are damaged now and then
 _LENGTH: Final = -3.0  # and not of the length that they should be
 _LONGER: Final = -2.0  # a byte too many
 _MUCH_LONGER: Final = -0.5  # and more, where a slice came twice, or another sender joined in
+_OTHER_COUNT: Final = -4.0  # as long as it should be, but its header says otherwise
 _BYTE: Final = -0.6  # a byte that nothing vouches for
 _SPARE: Final = 4  # bytes that a fault may have added
 _NEARLY: Final = -3.0  # a request that is a byte short or long: less sure to be one at all
@@ -52,6 +53,12 @@ def damaged_answers(
                         found[start, end] = Candidate(
                             start, end, Role.RESPONSE, _bits(end - start, length), damaged=True
                         )
+            due = predicted(header, 0, Role.RESPONSE) if len(header) >= _LEAST else None
+            end = start + (due or 0)
+            free = start not in taken and (start, end) not in found and end in places.ends
+            if due and free and data.startswith(header[:2], start) and not places.parted(start, end):
+                bits = _bits(due, due) + _OTHER_COUNT
+                found[start, end] = Candidate(start, end, Role.RESPONSE, bits, damaged=True)
             if data[start] not in GLITCHES:
                 break
     return list(found.values())

@@ -32,6 +32,7 @@ from .tape import Character, Tape, Times
 from .unknown import unknown_windows
 
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
+_PARTS_NOISE: Final = 3.0  # bits of a silence at which noise is cut in two
 _AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
 _SLICE: Final = 1 << 18  # bytes searched at once
@@ -226,7 +227,7 @@ class Engine:
         if decision.steps and all(s.candidate is not None for s in decision.steps):
             return decision
         closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self.options.idle_ns)) > 0
-        spots = places(data, silences, candidates, closed=closed, parts=self.trust.parts)
+        spots = places(data, silences, candidates, closed=closed, parts=self.trust.parts())
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
         more += broken_windows(data, stretch.crc, at, spots, candidates + more)
         more += damaged_requests(data, spots, candidates)
@@ -291,7 +292,7 @@ class Engine:
     ) -> None:
         """Pieces (indices of the tape) are decided: report them, learn from them."""
         tape = self.tape
-        parts = self.trust.parts
+        parts = self.trust.parts(_PARTS_NOISE)
         self._learn(start, end, role, int(start[0]), int(end[-1]))
         if (role == NOISE).any():
             start, end, piece = self._parted(start, end, role, parts)

@@ -28,7 +28,7 @@ TURNS: Final = len(_EDGES) + 2  # two more classes: the log says that the direct
 CLASSES: Final = TURNS + 2
 _CERTAIN: Final = 12.0  # bits: more than this no silence proves
 _TELLING: Final = 8.0  # bits: nor does it tell requests from responses better than this
-_PARTS: Final = 5.0  # bits: a silence that no frame has inside
+_PARTS: Final = 7.0  # bits: a silence that no frame has inside
 _UNANSWERED: Final = -8.0  # bits: at the most, for a request that nobody answers
 _UNIT: Final = 4.0  # bits: a unit that is or isn't on this bus
 _STEPS: Final = ((1 << 12, 1 << 7), (1 << 16, 1 << 12), (math.inf, 1 << 16))  # (upto, every), bytes
@@ -107,10 +107,9 @@ class Trust:
         """Bits, by Turn and class, that a frame starts after such a silence."""
         return self._tables
 
-    @property
-    def parts(self) -> NDArray[np.bool_]:
+    def parts(self, bits: float = _PARTS) -> NDArray[np.bool_]:
         """By class, whether such a silence surely parts two frames, whichever they are."""
-        surely: NDArray[np.bool_] = np.min(self._tables, axis=0) >= _PARTS
+        surely: NDArray[np.bool_] = np.min(self._tables, axis=0) >= bits
         return surely
 
     @property

@@ -76,6 +76,8 @@ def noise_json(batch: Batch, row: int) -> dict[str, Any]:
     }
     if values["port"]:
         line["port"] = int(values["port"])
+    if said := batch.findings_of(row):
+        line["findings"] = [finding.to_json() for finding in said]
     return line
 
 

@@ -94,9 +94,8 @@ class Examiner:
         free = row.row.start if first_flow is None or first_flow >= row.row.start else 0
         verdict = _told(_autopsy(row.captured, role, request, known, units, free, revision()))
         if not row.is_frame and (verdict.code == "crc-error" or verdict.certainty < _SURE):
-            if pending is None and _request_like(row.captured, units):
-                return Verdict("crc-error", 0.0, 1.0)
-            return None
+            like = _request_like(row.captured, known) if request is None else row.captured[:2] == request[:2]
+            return self._explains(pending, Verdict("crc-error", 0.0, 1.0)) if like else None
         return self._explains(pending, verdict)
 
     def _repeated(self, batch: Batch, place: int, row: Seen) -> Verdict | None:
@@ -159,9 +158,10 @@ def _beginning(data: bytes, request: bytes | None, known: Collection[bytes]) -> 
     return Verdict("truncated", 0.0, 1.0, length=lengths[0]) if lengths and len(data) == _LEAST - 1 else None
 
 
-def _request_like(data: bytes, units: frozenset[int]) -> bool:
-    """Whether noise is a request but for its check value: a unit of this bus, the length that its header predicts."""
-    return data[0] in units and len(data) == (pdu_length(data[1:], Role.REQUEST) or 0) + OVERHEAD
+def _request_like(data: bytes, known: Collection[bytes]) -> bool:
+    """Whether noise begins like a request of late, and is as long as that or as its own header predicts."""
+    lengths = {len(other) for other in known if other[:2] == data[:2]}
+    return bool(lengths) and len(data) in {*lengths, (pdu_length(data[1:], Role.REQUEST) or 0) + OVERHEAD}
 
 
 def _begins(data: bytes, request: bytes | None, units: frozenset[int]) -> bool:

@@ -60,6 +60,8 @@ class Rule:
     remedy: Words = ""
     clause: str = ""
     numbers: tuple[str, ...] = ()
+    loses: bool = False  # an answer each time
+    wastes: str = ""  # which of the numbers is time that was lost, in ms
 
     def on(self, rows: Rows, *numbers: Any) -> Findings:
         """A finding on each of these rows (ROW); `numbers` are arrays of their length, or one figure for all."""

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 from ..frames import Batch, Kind, Row
 
-_KEPT: Final = 32  # rows
+_KEPT: Final = 64  # rows
 
 
 class Seen(NamedTuple):

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dissectors.annotation import Context, Field, annotate, summary
 from dissectors.envelopes import Adu
 from dissectors.functions import function_name
 from dissectors.lengths import Role
+
+if TYPE_CHECKING:
+    from analyzer.findings.model import Finding
 
 
 class Part(NamedTuple):
@@ -41,6 +44,7 @@ class Found:
     t_start_ns: int | None = None
     t_end_ns: int | None = None
     response_time_ns: int | None = None
+    findings: tuple[Finding, ...] = ()
 
     @property
     def function(self) -> int | None:
@@ -93,7 +97,7 @@ class Found:
             "hex": self.adu.data.hex(),
             "fields": [field.to_json() for field in self.fields()],
             "confidence": round(self.confidence, 6),
-            "findings": [],
+            "findings": [finding.to_json() for finding in self.findings],
         }
         if self.missing:
             line["missing"] = self.missing

@@ -16,6 +16,7 @@ from dissectors.lengths import Role, pdu_length, rule
 
 from . import rtu
 from .model import Found, Noise, Part, Paste, Piece
+from .suspicion import with_findings
 from .turns import BOTH, Turn, possible, turns
 
 Envelope = Literal["auto", "rtu", "ascii", "tcp"]
@@ -35,7 +36,7 @@ def read(text: str, envelope: Envelope = "auto", role: Literal["auto", "request"
     size = sum(len(part.data) for part in parts)
     if size > LONGEST:
         raise PasteError(f"{size:,} bytes are too many to annotate; save them to a file and use rtuscope export")
-    return read_parts(parts, envelope, _ROLES[role])
+    return with_findings(read_parts(parts, envelope, _ROLES[role]))
 
 
 def _parts(text: str) -> list[Part]:

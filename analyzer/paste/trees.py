@@ -60,6 +60,11 @@ def _frame(frame: Found, style: Style, values: bool) -> Iterator[str]:
     problem = trouble(frame)
     if problem:
         yield f"{style.red}! {problem}{style.plain}"
+    for finding in frame.findings:
+        yield f"{style.red}! {finding.severity.name.lower()} {finding.code}: {finding.text}{style.plain}"
+        for head, words in (("likely", finding.cause), ("do", finding.remedy)):
+            if words:
+                yield f"{style.dim}  {head}: {words}{style.plain}"
     fields = frame.fields()
     yield from _table(fields, style)
     if values:

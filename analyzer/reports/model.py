@@ -5,6 +5,7 @@ Times are integer nanoseconds. Response times are measured ones only: where the 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -66,6 +67,25 @@ class ExceptionRow:
 
 
 @dataclass(frozen=True, slots=True)
+class FindingRow:
+    """All findings of one code: how often, what they cost, and the first of them in words."""
+
+    code: str
+    severity: str
+    count: int
+    lost_answers: int
+    lost_ms: float  # of the bus, waited in vain
+    units: Mapping[int, int]  # unit: how often; the most afflicted ones
+    text: str
+    cause: str
+    remedy: str
+    index: int | None  # frame of the first one; None for noise, or where the whole bus is meant
+    start: int
+    port: int
+    t_ns: int
+
+
+@dataclass(frozen=True, slots=True)
 class Load:
     """Share of the time in which something is on the wire, 0 to 1; None where times or line settings are not known."""
 
@@ -102,6 +122,7 @@ class Report:
     units: tuple[UnitRow, ...]
     functions: tuple[FunctionRow, ...]
     exceptions: tuple[ExceptionRow, ...]
+    findings: tuple[FindingRow, ...] = ()  # those that cost the bus most come first
 
     @property
     def span_ns(self) -> int | None:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import Final
 
+from . import findings
 from .model import Counts, Report, UnitRow
 
 _ROWS: Final = 24  # units on the page; --json has all
@@ -65,6 +66,7 @@ def _lines(report: Report) -> Iterator[str]:
     if report.exceptions:
         yield ""
         yield from _exceptions(report)
+    yield from findings.lines(report.findings)
 
 
 def _head(label: str, words: str) -> str:

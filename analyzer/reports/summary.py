@@ -12,15 +12,17 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer.frames import Batch, Kind, Rows
+from analyzer.frames import Kind, Rows
 from analyzer.passing import passing
-from analyzer.transactions import Status, Transactions
+from analyzer.transactions import Status
 from dissectors.functions import exception_name, function_name
 
 from .model import Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
 from .percentiles import Histogram
+from .troubles import Troubles
 
 if TYPE_CHECKING:
+    from analyzer.pipeline import Analysed
     from captures import Capture
 
 _SECOND: Final = 1_000_000_000
@@ -42,7 +44,7 @@ class Summary:
     def __init__(self, char_ns: float | None = None) -> None:
         """`char_ns`: time of one character on the line, for the load."""
         self._char_ns = char_ns
-        self._transactions = Transactions()
+        self._troubles = Troubles()
         self._counts = {name: np.zeros((256, 256), np.int64) for name in _COUNTERS}  # by unit and function
         self._exceptions: Counter[tuple[int, int, int]] = Counter()
         self._by_unit: dict[int, Histogram] = {}
@@ -63,9 +65,11 @@ class Summary:
     def bytes(self) -> int:
         return self._bytes
 
-    def feed(self, batch: Batch) -> None:
-        """Count a batch in."""
-        rows = batch.rows
+    def feed(self, analysed: Analysed) -> None:
+        """Count a batch in, with what was said of it."""
+        rows = analysed.batch.rows
+        self._settle(analysed.transactions)
+        self._troubles.add(analysed.findings, rows)
         if not len(rows):
             return
         noise = rows["kind"] == Kind.NOISE
@@ -83,11 +87,9 @@ class Summary:
         self._first = start if self._first is None else min(start, self._first)
         self._last = end if self._last is None else max(end, self._last)
         self._busy.add(rows["t_end"], lengths)
-        self._settle(self._transactions.feed(batch))
 
     def report(self, capture: Capture, *, source: str = "", partial: bool = False) -> Report:
-        """What it comes to; the transactions still open are closed by this."""
-        self._settle(self._transactions.close())
+        """What it comes to."""
         return Report(
             source=source,
             format=capture.format,
@@ -119,6 +121,7 @@ class Summary:
                 ExceptionRow(unit, function, code, exception_name(code), count)
                 for (unit, function, code), count in sorted(self._exceptions.items(), key=lambda item: -item[1])
             ),
+            findings=self._troubles.rows(),
         )
 
     def _stretches(self, rows: Rows, noise: NDArray[np.bool_]) -> int:
@@ -213,13 +216,13 @@ def summarize(
 
     `progress` is told (frames, bytes) after each batch; once `stop` says True the report is made of what came so far.
     """
-    from analyzer.pipeline import deframe
+    from analyzer.pipeline import analyse
 
     line = capture.line
     char_ns = line.char_bits * 1e9 / line.baud if line.baud and line.char_bits else None
     summary = Summary(char_ns)
-    for batch in deframe(passing(capture, stop=stop)):
-        summary.feed(batch)
+    for analysed in analyse(passing(capture, stop=stop)):
+        summary.feed(analysed)
         if progress is not None:
             progress(summary.frames, summary.bytes)
     return summary.report(capture, source=source, partial=stop is not None and stop())

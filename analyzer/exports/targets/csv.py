@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from analyzer.exports.encoding import explain_json
@@ -16,6 +17,7 @@ from analyzer.exports.sink import ExportOptions
 from analyzer.frames import Batch, Frame, Kind
 
 if TYPE_CHECKING:
+    from analyzer.findings.model import Finding
     from captures import Block, Capture
 
 COLUMNS: Final = (
@@ -39,6 +41,7 @@ COLUMNS: Final = (
     "confidence",
     "hex",
     "summary",
+    "findings",
 )
 EXPLAINED: Final = (
     "bits_length",
@@ -92,7 +95,8 @@ class _Table:
             cells["seconds"] = f"{(int(values['t_start']) - (self._zero or 0)) / 1e9:.6f}"
             cells["t_start_ns"] = int(values["t_start"])
             cells["t_end_ns"] = int(values["t_end"])
-        return cells | {"kind": "noise", "hex": batch.bytes_of(row).hex(" ").upper()}
+        noise = {"hex": batch.bytes_of(row).hex(" ").upper(), "findings": _words(batch.findings_of(row))}
+        return cells | {"kind": "noise"} | noise
 
     def _frame(self, frame: Frame) -> dict[str, Any]:
         cells: dict[str, Any] = {
@@ -110,6 +114,7 @@ class _Table:
             "confidence": f"{frame.confidence:.6f}",
             "hex": frame.adu.data.hex(" ").upper(),
             "summary": safe(frame.summary()),
+            "findings": _words(frame.findings),
         }
         if self._options.explain and (why := explain_json(frame)) is not None:
             rival = why["runner_up"]
@@ -129,6 +134,11 @@ class _Table:
         self._out.write(self._buffer.getvalue().encode())
         self._buffer.seek(0)
         self._buffer.truncate()
+
+
+def _words(findings: Sequence[Finding]) -> str:
+    """Findings in one cell."""
+    return safe("; ".join(f"{finding.code}: {finding.text}" for finding in findings))
 
 
 def safe(text: str) -> str:

@@ -25,6 +25,7 @@ from ..view import View
 from .strangers import BROADCAST_ANSWERED, MISMATCH
 
 _STRAY: Final = 4  # bytes that may have been an answer
+_ECHO_NS: Final = 5_000_000
 _SURE_ECHOES: Final = 3
 _ECHOING: Final = 0.3  # of all requests
 
@@ -40,8 +41,10 @@ NO_RESPONSE: Final = Rule(
     About.TRANSACTION,
     clause="[2] 2.4.1",
     numbers=("unit", "waited_ms", "function"),
+    loses=True,
+    wastes="waited_ms",
     text=_silent,
-    cause="likely no such unit, or without power; else a wrong baud rate or parity, swapped A and B, or a request that "
+    cause="no such unit, or one without power; else a wrong baud rate or parity, swapped A and B, or a request that "
     "reached it damaged",
     remedy="check the unit's power, address, line settings and wiring; take it out of the poll list if it is not there",
 )
@@ -64,6 +67,8 @@ LATE: Final = Rule(
     About.TRANSACTION,
     clause="[2] 2.4.1",
     numbers=("unit", "late_ms", "request"),
+    loses=True,
+    wastes="late_ms",
     text=lambda numbers: (
         f"this answers frame {numbers['request']:.0f}"
         + (f", {numbers['late_ms']:.4g} ms after it" if "late_ms" in numbers else "")
@@ -158,15 +163,19 @@ class Outcomes:
     def _outcome(self, view: View, known: Rows, i: int, *, quick: bool) -> Rule | None:
         """What became of a request without an answer, or of one that repeats the one before."""
         hasty = _hasty(known, i - 1, i, quick=quick)
-        if known["retry"][i] and (hasty or (self._echoing and not quick and _again(known, i - 1, i))):
-            return ECHO
-        if known["retry"][i] and i and known["unit"][i] == 0 and not quick and _again(known, i - 1, i):
-            return BROADCAST_ANSWERED
+        if known["retry"][i]:
+            again = _again(known, i - 1, i)
+            soon = not quick or known["t_start"][i] - known["t_request"][i - 1] < HASTE_NS
+            if again and soon and known["unit"][i] == 0:
+                return BROADCAST_ANSWERED
+            if (hasty and self._at_once(view, known, i)) or (again and not quick and self._echoing):
+                return ECHO
         if known["status"][i] != Status.UNANSWERED:
             return None
         if _answers_broadcast(known, i, quick=quick):
             return BROADCAST_ANSWERED
-        if (hasty or (not quick and self._differs(known, i - 1, i))) and _echoes(int(known["function"][i])):
+        differs = hasty if quick else self._differs(known, i - 1, i)
+        if differs and not known["retry"][i] and _echoes(int(known["function"][i])):
             return MISMATCH
         return None if self._excused(view, known, i, quick=quick) else NO_RESPONSE
 
@@ -192,13 +201,18 @@ class Outcomes:
         if i + 1 < len(known) and _hasty(known, i, i + 1, quick=quick):
             following = known[i + 1]
             if following["retry"]:
-                return True  # this one, shown again
+                return self._at_once(view, known, i + 1)  # this one, shown again
             return bool(following["status"] == Status.UNANSWERED and _echoes(int(following["function"])))
         if i + 1 < len(known) and self._echoing and known["retry"][i + 1] and _again(known, i, i + 1):
             return True
         if i + 1 < len(known) and not quick and self._differs(known, i, i + 1):
             return _echoes(int(known["function"][i]))
         return self._shown_twice(known, i)
+
+    def _at_once(self, view: View, known: Rows, i: int) -> bool:
+        """Whether a request came right behind the one before, as an echo does."""
+        near = _ECHO_NS + view.clock.verdict(int(known["request"][i])).wait_ns
+        return bool(known["t_start"][i] - known["t_request"][i - 1] < near)
 
     def _differs(self, known: Rows, i: int, after: int) -> bool:
         """Whether two unlike requests of one shape in a row, none answered, went to a unit that answers otherwise."""

@@ -41,6 +41,7 @@ BIT_FLIP: Final = Rule(
     About.FRAME,
     clause="[2] 2.5.1.2",
     numbers=("byte", "bit", "certainty"),
+    loses=True,
     text="one bit flipped: byte {byte:.0f} bit {bit:.0f} (0 the least significant); with it the CRC is right",
     cause=_NOISY_LINE,
     remedy=_LINE,
@@ -51,6 +52,7 @@ MISSING: Final = Rule(
     About.FRAME,
     clause="[2] 2.5.1.2",
     numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "second_value"),
+    loses=True,
     text=lambda numbers: (
         f"a byte is missing: {int(numbers['value']):02X} as byte {_places(numbers)} makes the CRC right"
     ),
@@ -63,6 +65,7 @@ EXTRA: Final = Rule(
     About.FRAME,
     clause="[2] 2.5.1.2",
     numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "second_value"),
+    loses=True,
     text=lambda numbers: (
         f"a byte too many: without {int(numbers['value']):02X}, byte {_places(numbers)}, the CRC is right"
     ),
@@ -75,7 +78,12 @@ TRUNCATED: Final = Rule(
     About.FRAME,
     clause="[2] 2.5.1.1",
     numbers=("bytes", "due", "certainty"),
-    text="the frame begins like one of {due:.0f} bytes and ends after {bytes:.0f}",
+    loses=True,
+    text=lambda numbers: (
+        "the frame begins like one"
+        + (f" of {numbers['due']:.0f} bytes" if "due" in numbers else "")
+        + f" and ends after {_bytes(numbers['bytes'])}"
+    ),
     cause="the sender's driver is switched off too early, or its buffer is too short; or the tap lost the end",
     remedy="check the sender's driver-enable timing; ask for fewer registers and see whether it helps",
 )
@@ -85,6 +93,7 @@ VARIANT: Final = Rule(
     About.FRAME,
     clause="[2] 6.2.2",
     numbers=("variant", "certainty"),
+    loses=True,
     text=lambda numbers: f"the check value is right by another convention: {VARIANTS[int(numbers['variant'])].name}",
     cause="the sender's firmware computes or sends its check value wrongly",
     remedy="the specification's is CRC-16/MODBUS, least significant byte first: have the firmware corrected",
@@ -94,6 +103,7 @@ REPEATED: Final = Rule(
     Severity.ERROR,
     About.FRAME,
     numbers=("byte", "length", "certainty"),
+    loses=True,
     text="{length:.0f} bytes from byte {byte:.0f} on come twice; once, they make the CRC right",
     cause="a buffer bug in a converter or driver between the line and the receiver",
     remedy="update the converter's driver or firmware, or use another one",
@@ -103,7 +113,8 @@ FLOW: Final = Rule(
     Severity.ERROR,
     About.FRAME,
     numbers=("lost", "certainty"),
-    text="{lost:.0f} bytes of 11 or 13 (XON, XOFF) are missing; with them the CRC is right",
+    loses=True,
+    text=lambda numbers: f"{_bytes(numbers['lost'])} of 11 or 13 (XON, XOFF) missing; put back, the CRC is right",
     cause="the capturing port has software flow control on and swallows these bytes",
     remedy="switch XON/XOFF off on the port (stty -ixon -ixoff)",
 )
@@ -113,6 +124,7 @@ COLLISION: Final = Rule(
     About.FRAME,
     clause="[2] 2.4.1",
     numbers=("bytes", "due", "certainty"),
+    loses=True,
     text=lambda numbers: (
         f"{numbers['bytes']:.0f} bytes that are no frame where an answer was due"
         + (f" of {numbers['due']:.0f}" if "due" in numbers else "")
@@ -127,6 +139,7 @@ CRC_ERROR: Final = Rule(
     About.FRAME,
     clause="[2] 2.5.1.2",
     numbers=("received", "computed"),
+    loses=True,
     text=lambda numbers: (
         f"the CRC is wrong ({_crc(numbers, 'received')}, {_crc(numbers, 'computed')} is right), and nothing simple "
         "explains it"
@@ -140,10 +153,15 @@ PARITY: Final = Rule(
     About.FRAME,
     clause="[2] 2.5.1",
     numbers=("marked_bytes", "bytes"),
+    loses=True,
     text="the UART marked {marked_bytes:.0f} of {bytes:.0f} bytes: wrong parity, or no stop bit where one was due",
     cause="the line is disturbed; where it is most frames, another baud rate or parity than the sender's",
     remedy="compare baud rate, parity and stop bits of tap and devices; then check the line",
 )
+
+
+def _bytes(count: float) -> str:
+    return "1 byte" if count == 1 else f"{count:.0f} bytes"
 
 
 def _crc(numbers: Mapping[str, float], name: str) -> str:

@@ -46,6 +46,7 @@ MISMATCH: Final = Rule(
     About.FRAME,
     clause="[1] 6",
     numbers=("unit", "function"),
+    loses=True,
     text="the answer of unit {unit:.0f} does not fit its request: byte count or quantity differ, or the echo does",
     cause="an answer to an earlier request, or a device that answers what it was not asked",
     remedy="compare with the request before; read fewer registers, and update the device's firmware",

@@ -1,0 +1,47 @@
+"""The display filter: `compile_filter("unit == 17 and exception").mask(table)`.
+
+One language for lists, exports, reports and live views. `docs/filters.md` is its reference, made from `fields`.
+A table is a batch (`BatchTable`) or whatever has its columns (`Table`).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from .errors import FilterError as FilterError
+
+if TYPE_CHECKING:
+    from .completion import Completion, complete
+    from .filter import Filter, check, compile_filter
+    from .table import BatchTable, Table, narrowed
+
+__all__ = [
+    "BatchTable",
+    "Completion",
+    "Filter",
+    "FilterError",
+    "Table",
+    "check",
+    "compile_filter",
+    "complete",
+    "narrowed",
+]
+
+_HOMES = {
+    "BatchTable": "table",
+    "Completion": "completion",
+    "Filter": "filter",
+    "Table": "table",
+    "check": "filter",
+    "compile_filter": "filter",
+    "complete": "completion",
+    "narrowed": "table",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

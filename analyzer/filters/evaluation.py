@@ -1,0 +1,115 @@
+"""Which rows pass: a tree over columns, slice by slice.
+
+Cheap tests look at whole slices. A dear one (bytes, contents, words) is asked only where the ones before it have left
+the matter open, in blocks of rows, so that a conjunction with a cheap test in it stays cheap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from captures.line import LineSettings
+
+from .errors import FilterError
+from .fields import Cost
+from .held import Mask
+from .parsing import cost
+from .piece import BLOCK, Each, Piece
+from .table import Table
+from .tree import And, Bound, Chars, Node, Not, Or, Same, Since, Spans, Test, parts
+
+_SLICE: Final = 1 << 16  # rows
+_FURTHEST: Final = 1 << 62
+
+
+def passing(node: Node, table: Table) -> Mask:
+    """Which rows of a table pass. Raises FilterError where a test cannot be made of it."""
+    node = resolved(node, table.line, table.origin_ns)
+    found = np.empty(len(table), np.bool_)
+    for first in range(0, len(table), _SLICE):
+        last = min(first + _SLICE, len(table))
+        found[first:last] = _passing(node, Piece(table, first, last), None)
+    return found
+
+
+def resolved(node: Node, line: LineSettings, origin_ns: int) -> Node:
+    """The same with all bounds as numbers. Raises FilterError for characters where the line's speed is not known."""
+    if isinstance(node, Test):
+        if not isinstance(node.wanted, Spans):
+            return node
+        spans = (
+            replace(span, low=_number(span.low, line, origin_ns), high=_number(span.high, line, origin_ns))
+            for span in node.wanted.spans
+        )
+        return replace(node, wanted=Spans(tuple(spans)))
+    inner = tuple(resolved(part, line, origin_ns) for part in parts(node))
+    return replace(node, parts=inner) if isinstance(node, And | Or) else replace(node, part=inner[0])
+
+
+def _number(bound: Bound | None, line: LineSettings, origin_ns: int) -> int | float | None:
+    if isinstance(bound, Chars):
+        if not line.baud:
+            raise FilterError("the line's speed is not known here: give the time in us or ms", bound.column)
+        return bound.count * (line.char_bits or 11) * 1e9 / line.baud
+    number = bound.ns + origin_ns if isinstance(bound, Since) else bound
+    return max(-_FURTHEST, min(number, _FURTHEST)) if isinstance(number, int) else number
+
+
+def _passing(node: Node, piece: Piece, asked: Mask | None) -> Mask:
+    """Which rows pass, of those that are asked for (None: all); what is said of others means nothing."""
+    if isinstance(node, Not):
+        return ~_passing(node.part, piece, asked)
+    if isinstance(node, And):
+        for part in node.parts:
+            if asked is not None and not asked.any():
+                break
+            found = _passing(part, piece, asked)
+            asked = found if asked is None else asked & found
+        assert asked is not None
+        return asked
+    if isinstance(node, Or):
+        passed = np.zeros(len(piece), np.bool_)
+        for part in node.parts:
+            dear = cost(part) >= Cost.BYTES
+            passed |= _passing(part, piece, (~passed if asked is None else asked & ~passed) if dear else asked)
+        return passed
+    if cost(node) >= Cost.BYTES and len(piece) > BLOCK:
+        return _by_blocks(node, piece, asked)
+    if isinstance(node, Same):
+        each = piece.each
+        found = np.zeros(len(piece), np.bool_)
+        found[each.rows[_of_values(node.part, each)]] = True
+        return found
+    held = node.field.get(piece, asked)
+    if node.wanted is None:
+        return held.known()
+    good = held.passing(node.wanted)
+    return held.known() & ~good if node.negated else good
+
+
+def _by_blocks(node: Test | Same, piece: Piece, asked: Mask | None) -> Mask:
+    found = np.zeros(len(piece), np.bool_)
+    for first in range(0, len(piece), BLOCK):
+        here = None if asked is None else asked[first : first + BLOCK]
+        if here is None or here.any():
+            found[first : first + BLOCK] = _passing(node, piece.block(first // BLOCK), here)
+    return found
+
+
+def _of_values(node: Node, each: Each) -> Mask:
+    """Which single values pass."""
+    if isinstance(node, Test):
+        assert node.field.each is not None
+        held = node.field.each(each)
+        if node.wanted is None:
+            return held.known()
+        good = held.passing(node.wanted)
+        return held.known() & ~good if node.negated else good
+    found = [_of_values(part, each) for part in parts(node)]
+    if isinstance(node, Not):
+        return ~found[0]
+    joined: Mask = (np.logical_and if isinstance(node, And) else np.logical_or).reduce(found)
+    return joined

@@ -1,0 +1,377 @@
+"""Kinds of fields: what each can be compared with, how that is written, and what it comes to.
+
+A kind turns what stands behind a field's name into something wanted (`tree.Wanted`), or says at which column it cannot.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from fnmatch import fnmatchcase
+from typing import Final, Protocol
+
+from ..columns import AREA_CODES, AreaCode
+from .errors import FilterError, meant
+from .tree import Bound, Chars, Octets, Part, Since, Span, Spans, Text, Wanted
+
+EQUAL: Final = ("==", "!=")
+ORDER: Final = ("<", "<=", ">", ">=")
+UNITS_NS: Final = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9}
+_MICRO: Final = {"µs": "us", "μs": "us"}
+_LONGEST: Final = 256  # bytes or characters to look for
+BITS: Final = (AreaCode.COILS, AreaCode.DISCRETE_INPUTS)
+REGISTERS: Final = (AreaCode.INPUT_REGISTERS, AreaCode.HOLDING_REGISTERS)
+_SHOWN: Final = {BITS[-1]: "000017, 10020, 1x20", REGISTERS[-1]: "40108, 400108, 4x108"}
+
+
+@dataclass(frozen=True, slots=True)
+class Literal:
+    """A value as it was written: a `number` (with a unit or without), an `address` (4x108), a `string` or a `word`."""
+
+    form: str
+    text: str
+    column: int
+    unit: str = ""
+
+    @property
+    def shown(self) -> str:
+        """As the user wrote it, nearly."""
+        return f"{self.text} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A value that can be completed: what is typed, and a word of help."""
+
+    text: str
+    help: str
+
+
+Item = tuple[Literal, Literal | None]  # a value, or a range of them
+
+
+class Kind(Protocol):
+    """A kind of field."""
+
+    @property
+    def operators(self) -> tuple[str, ...]:
+        """Those that it takes; `in` goes with `==`."""
+        ...
+
+    @property
+    def values(self) -> str:
+        """What it is compared with, for the reference."""
+        ...
+
+    def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
+        """What a comparison asks for; `!=` as `==`. Raises FilterError."""
+        ...
+
+    def choices(self) -> Iterable[Choice]:
+        """Values with a name."""
+        ...
+
+
+class Ordered:
+    """The part that all kinds of numbers share: comparisons are spans."""
+
+    operators: tuple[str, ...] = EQUAL + ORDER
+
+    def bound(self, literal: Literal, *, exact: bool = True) -> Bound:
+        """The number that a literal stands for; one that is only a bound may lie outside what there is."""
+        raise NotImplementedError
+
+    def area(self, literal: Literal) -> int | None:  # noqa: ARG002 - for kinds that have areas
+        """The only area that a literal speaks of."""
+        return None
+
+    def choices(self) -> Iterable[Choice]:
+        return ()
+
+    def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
+        return Spans(tuple(self._span(operator, low, high) for low, high in items))
+
+    def _span(self, operator: str, low: Literal, high: Literal | None) -> Span:
+        number, area = self.bound(low, exact=operator not in ORDER), self.area(low)
+        if high is not None:
+            last = self.bound(high)
+            if self.area(high) != area:
+                raise FilterError("both ends of a range must be of one area", high.column)
+            if type(last) is type(number) and _plain(last) < _plain(number):
+                raise FilterError(f"a range goes upwards: {high.shown}..{low.shown}", low.column)
+            return Span(number, last, area=area)
+        if operator in ORDER:
+            strict = operator in ("<", ">")
+            return Span(number, None, strict, area) if operator[0] == ">" else Span(None, number, strict, area)
+        return Span(number, number, area=area)
+
+
+@dataclass(frozen=True)
+class Number(Ordered):
+    """A number from `least` to `most`; `whole` ones also in hexadecimal."""
+
+    least: float
+    most: float
+    whole: bool = True
+
+    @property
+    def values(self) -> str:
+        most = "" if self.most >= 2**62 else f" to {self.most:g}" if self.most < 10**6 else f" to {self.most}"
+        return f"number, {self.least:g}{most}" if most else f"number, {self.least:g} and up"
+
+    def bound(self, literal: Literal, *, exact: bool = True) -> Bound:
+        number = plain_number(literal, "a number")
+        if self.whole and number != int(number):
+            raise FilterError(f"a whole number is needed, not {literal.text}", literal.column)
+        if exact and not self.least <= number <= self.most:
+            raise FilterError(f"{literal.text} is outside {self.values.removeprefix('number, ')}", literal.column)
+        return int(number) if self.whole else float(number)
+
+
+@dataclass(frozen=True)
+class Duration(Ordered):
+    """A time with its unit, in ns or in characters of the line."""
+
+    values = "time: us, ms, s, min, h, or chars (characters at the line's speed)"
+
+    def bound(self, literal: Literal, *, exact: bool = True) -> Bound:  # noqa: ARG002 - any time may be
+        return duration(literal)
+
+
+@dataclass(frozen=True)
+class Moment(Ordered):
+    """A time since the capture's first row, or an absolute one in quotes."""
+
+    values = 'time since the first row (12.5 s), or a date and time in quotes ("2026-11-21 08:29:51", UTC)'
+
+    def bound(self, literal: Literal, *, exact: bool = True) -> Bound:  # noqa: ARG002 - any time may be
+        if literal.form == "string":
+            return _absolute(literal)
+        since = duration(literal)
+        if isinstance(since, Chars):
+            raise FilterError("a moment is told in us, ms, s, min or h", literal.column)
+        assert not isinstance(since, Since)
+        return Since(since)
+
+
+@dataclass(frozen=True)
+class Named(Ordered):
+    """Numbers that have names; `numeric` ones are compared by the number as well.
+
+    With `contains` and `matches`, part of a name or a pattern stands for every name that has it.
+    """
+
+    what: str
+    names: Callable[[], Mapping[int, str]]
+    operators: tuple[str, ...] = EQUAL
+    numeric: bool = False
+    least: int = 0
+
+    @property
+    def values(self) -> str:
+        known = list(self.names().values())
+        listed = ", ".join(known) if len(known) <= 4 else f"name of {self.what}, such as {quoted(known[0])}"
+        return f"number, or {listed}" if self.numeric else listed
+
+    def choices(self) -> Iterable[Choice]:
+        return [Choice(quoted(name), f"{self.what} {number}") for number, name in self.names().items()]
+
+    def bound(self, literal: Literal, *, exact: bool = True) -> Bound:
+        if literal.form == "number" and self.numeric:
+            return Number(self.least, 255).bound(literal, exact=exact)
+        if literal.form not in ("word", "string"):
+            raise FilterError(f"a name of {self.what} is needed, not {literal.shown}", literal.column)
+        named = {spelled(name): number for number, name in self.names().items()}
+        number = named.get(spelled(literal.text))
+        if number is None:
+            near = meant(spelled(literal.text), named)
+            raise FilterError(f"no {self.what} {literal.text!r}{near or _all(named)}", literal.column)
+        return number
+
+    def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
+        if operator not in (Part.WITHIN.value, Part.PATTERN.value):
+            return super().wanted(operator, items)
+        spans = []
+        for literal, _ in items:
+            needle = a_text(literal).casefold()
+            for number, name in self.names().items():
+                folded = name.casefold()
+                if needle in folded if operator == Part.WITHIN.value else fnmatchcase(folded, needle):
+                    spans.append(Span(number, number))
+        return Spans(tuple(spans))
+
+
+@dataclass(frozen=True)
+class Flag(Ordered):
+    """True or false."""
+
+    operators = EQUAL
+    values = "true or false; its name alone means true"
+
+    def choices(self) -> Iterable[Choice]:
+        return (Choice("true", ""), Choice("false", ""))
+
+    def bound(self, literal: Literal, *, exact: bool = True) -> Bound:  # noqa: ARG002 - there are two
+        known = {"true": 1, "false": 0}
+        if literal.text.lower() not in known or literal.form != "word":
+            raise FilterError(f"true or false is needed, not {literal.shown}", literal.column)
+        return known[literal.text.lower()]
+
+
+@dataclass(frozen=True)
+class Addresses(Ordered):
+    """Addresses. Physical ones count from 0; where `areas` are named, numbers of 5 or 6 digits are logical ones."""
+
+    areas: tuple[AreaCode, ...] = ()
+
+    @property
+    def values(self) -> str:
+        if not self.areas:
+            return "physical address, 0 to 65535"
+        return f"logical number ({_SHOWN[self.areas[-1]]}), or a physical address below 10000"
+
+    def bound(self, literal: Literal, *, exact: bool = True) -> Bound:  # noqa: ARG002 - always checked
+        return self._read(literal)[1]
+
+    def area(self, literal: Literal) -> int | None:
+        return self._read(literal)[0]
+
+    def _read(self, literal: Literal) -> tuple[int | None, int]:
+        from dissectors.values import AREAS, ValueFormError, physical
+
+        digits = literal.form == "number" and literal.text.isdigit() and len(literal.text) >= 5 and not literal.unit
+        if not self.areas or not (digits or literal.form == "address"):
+            if literal.form == "address":
+                raise FilterError("a physical address is needed; logical ones go with register and bit", literal.column)
+            return None, _whole(literal, 0xFFFF)
+        try:
+            area, address = physical(literal.text)
+        except ValueFormError as error:
+            raise FilterError(str(error), literal.column) from error
+        if AREA_CODES[area] not in self.areas:
+            fit = "bit" if AREA_CODES[area] in BITS else "register"
+            raise FilterError(f"{literal.text} is a {AREAS[area]}: write {fit} == {literal.text}", literal.column)
+        return int(AREA_CODES[area]), address
+
+
+@dataclass(frozen=True)
+class Hex:
+    """Bytes, written in hexadecimal."""
+
+    operators = (*EQUAL, "contains")
+    values = 'bytes in quotes, such as "03 02" or "0302"'
+
+    def choices(self) -> Iterable[Choice]:
+        return ()
+
+    def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
+        return Octets(tuple(_octets(alone(item)) for item in items), whole=operator != Part.WITHIN.value)
+
+
+@dataclass(frozen=True)
+class Prose:
+    """Words; case does not matter."""
+
+    operators = (*EQUAL, "contains", "matches")
+    values = "text in quotes; with matches, * and ? stand for any characters and for one"
+
+    def choices(self) -> Iterable[Choice]:
+        return ()
+
+    def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
+        part = Part(operator) if operator in ("contains", "matches") else Part.WHOLE
+        return Text(tuple(a_text(alone(item)).casefold() for item in items), part)
+
+
+def plain_number(literal: Literal, what: str) -> Decimal:
+    """A number without a unit."""
+    if literal.form != "number":
+        raise FilterError(f"{what} is needed, not {literal.shown!r}", literal.column)
+    if literal.unit:
+        raise FilterError(f"a number without a unit is needed, not {literal.shown}", literal.column)
+    digits = literal.text.lower().lstrip("-")
+    if digits.startswith("0x"):
+        return Decimal(int(literal.text, 16))
+    return Decimal(literal.text)
+
+
+def duration(literal: Literal) -> Bound:
+    """A number with a unit of time: in ns, or characters."""
+    if literal.form != "number":
+        raise FilterError(f"a time such as 50 ms is needed, not {literal.shown!r}", literal.column)
+    unit = literal.unit.lower()
+    number = plain_number(Literal("number", literal.text, literal.column), "a time")
+    if unit in ("char", "chars"):
+        return Chars(float(number), literal.column)
+    if not unit:
+        if number == 0:
+            return 0
+        raise FilterError(f"a time needs a unit: {literal.text} us, ms, s, min, h or chars", literal.column)
+    ns = number * UNITS_NS[_MICRO.get(unit, unit)]
+    return int(ns) if ns == int(ns) else float(ns)
+
+
+def alone(item: Item) -> Literal:
+    """The value of an item that must not be a range."""
+    literal, high = item
+    if high is not None:
+        raise FilterError("a range needs numbers", literal.column)
+    return literal
+
+
+def a_text(literal: Literal) -> str:
+    """A text to look for."""
+    if literal.form not in ("string", "word"):
+        raise FilterError(f'a text in quotes is needed: "{literal.shown}"', literal.column)
+    if not 0 < len(literal.text) <= _LONGEST:
+        raise FilterError(f"a text of 1 to {_LONGEST} characters is needed", literal.column)
+    return literal.text
+
+
+def spelled(name: str) -> str:
+    """A name as it is compared: case, spaces, `_` and `-` do not matter."""
+    return re.sub(r"[\s_-]+", "-", name.strip().casefold())
+
+
+def quoted(name: str) -> str:
+    """A name as it is typed."""
+    return name if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) else f'"{name}"'
+
+
+def _whole(literal: Literal, most: int) -> int:
+    return int(Number(0, most).bound(literal))  # type: ignore[arg-type]
+
+
+def _octets(literal: Literal) -> bytes:
+    text = literal.text
+    bare = re.sub(r"0x|[\s,:-]+", "", text.lower())
+    if literal.form == "address" or literal.unit:
+        raise FilterError(f'bytes in quotes are needed, such as "03 02", not {literal.shown}', literal.column)
+    if not bare or re.search(r"[^0-9a-f]", bare) or len(bare) % 2:
+        raise FilterError(f'{text!r} is no row of bytes, two hexadecimal digits each: "03 02"', literal.column)
+    if len(bare) > 2 * _LONGEST:
+        raise FilterError(f"at most {_LONGEST} bytes can be looked for", literal.column)
+    return bytes.fromhex(bare)
+
+
+def _absolute(literal: Literal) -> int:
+    from datetime import UTC, datetime, timedelta
+
+    try:
+        moment = datetime.fromisoformat(literal.text.strip())
+    except ValueError as error:
+        raise FilterError(f'{literal.text!r} is no time: write "2026-11-21 08:29:51", UTC', literal.column) from error
+    if moment.tzinfo is None:
+        moment = moment.replace(tzinfo=UTC)
+    return (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
+
+
+def _plain(bound: Bound) -> float:
+    return bound.count if isinstance(bound, Chars) else bound.ns if isinstance(bound, Since) else bound
+
+
+def _all(named: Iterable[str]) -> str:
+    known = list(named)
+    return f"; there are {', '.join(known)}" if len(known) <= 8 else ""

@@ -1,0 +1,195 @@
+"""From text to tree: the grammar stands in `grammar.lark`, the fields in `fields.py`; here is how the two meet.
+
+Whatever is typed gives a tree or a FilterError with its column, in bounded time and depth.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from functools import cache
+from typing import Any, Final
+
+from lark import Lark, Token
+from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken, VisitError
+from lark.visitors import Transformer_NonRecursive, v_args
+
+from .errors import FilterError, meant
+from .fields import Cost, Field, by_name
+from .kinds import Addresses, Flag, Item, Literal
+from .tree import And, Node, Not, Or, Same, Span, Spans, Test, parts, tests
+
+LONGEST: Final = 4096  # characters
+_DEEPEST: Final = 50  # parentheses
+_NESTING: Final = re.compile(r"\"[^\"]*\"|'[^']*'|[()]")
+_FOUND: Final = re.compile(r"\w{1,30}|\S")
+
+# What can stand somewhere, in the order in which it is told.
+_EXPECTED: Final = {
+    "NAME": "a field such as unit or exception",
+    "NUMBER": "a value",
+    "STRING": "a value",
+    "WORD": "a value",
+    "COMPARED": "a comparison such as ==",
+    "IN": "'in'",
+    "HOLDS": "'contains'",
+    "UNIT": "a unit such as ms",
+    "DOTDOT": "a range",
+    "COMMA": "a comma",
+    "RPAR": "')'",
+    "RSQB": "']'",
+    "AND": "'and'",
+    "OR": "'or'",
+    "$END": "the end",
+}
+
+
+@cache
+def grammar() -> Lark:
+    """The parser."""
+    return Lark.open("grammar.lark", rel_to=__file__, parser="lalr", maybe_placeholders=True)
+
+
+def parsed(text: str) -> Node | None:
+    """The tree of a filter; None for an empty one, which everything passes. Raises FilterError."""
+    if not text.strip():
+        return None
+    if len(text) > LONGEST:
+        raise FilterError(f"a filter has at most {LONGEST:,} characters", LONGEST)
+    _check_depth(text)
+    try:
+        node: Node = _Builder().transform(grammar().parse(text))
+    except UnexpectedInput as error:
+        raise _explained(text, error) from None
+    except VisitError as error:
+        if isinstance(error.orig_exc, FilterError):
+            raise error.orig_exc from None
+        raise
+    return node
+
+
+def field_named(name: str, column: int) -> Field:
+    """The field of this name; FilterError where there is none."""
+    field = by_name().get(name.lower())
+    if field is None:
+        raise FilterError(f"no field {str(name)!r}{meant(name, by_name())}", column)
+    return field
+
+
+class _Builder(Transformer_NonRecursive[Token, Node]):
+    """Trees of the grammar to trees of tests; methods are named after the grammar's rules."""
+
+    def start(self, found: list[Node]) -> Node:
+        return found[0]
+
+    def any(self, found: list[Any]) -> Node:
+        return _joined(Or, found)
+
+    def all(self, found: list[Any]) -> Node:
+        node = _joined(And, found)
+        return _together(node) if isinstance(node, And) else node
+
+    @v_args(inline=True)
+    def negation(self, _sign: Token, part: Node) -> Node:
+        return part.part if isinstance(part, Not) else Not(part)
+
+    @v_args(inline=True)
+    def inner(self, part: Node) -> Node:
+        return part
+
+    @v_args(inline=True)
+    def bare(self, name: Token) -> Node:
+        return _bare(field_named(name, _at(name)))
+
+    @v_args(inline=True)
+    def comparison(self, name: Token, operator: Token, literal: Literal) -> Node:
+        return _test(name, str(operator).lower(), _at(operator), [(literal, None)])
+
+    @v_args(inline=True)
+    def membership(self, name: Token, operator: Token, items: list[Item]) -> Node:
+        return _test(name, "==", _at(operator), items)
+
+    @v_args(inline=True)
+    def exclusion(self, name: Token, operator: Token, _in: Token, items: list[Item]) -> Node:
+        return _test(name, "!=", _at(operator), items)
+
+    def items(self, found: list[Item | None]) -> list[Item]:
+        return [item for item in found if item is not None]
+
+    def item(self, found: list[Any]) -> Item:
+        return found[0], found[2] if len(found) > 2 else None
+
+    def literal(self, found: list[Token | None]) -> Literal:
+        value, unit = found[0], found[1] if len(found) > 1 else None
+        assert value is not None
+        text = str(value)[1:-1] if value.type == "STRING" else str(value)
+        return Literal(value.type.lower(), text, _at(value), str(unit or ""))
+
+
+def _bare(field: Field) -> Test:
+    """A field's name alone: a flag is true; of the others, the row has it."""
+    return Test(field, Spans((Span(1, 1),)) if isinstance(field.kind, Flag) else None)
+
+
+def _test(name: Token, operator: str, column: int, items: list[Item]) -> Test:
+    field = field_named(name, _at(name))
+    operator = "==" if operator == "=" else operator
+    if operator not in field.kind.operators:
+        raise FilterError(f"{field.name} takes {', '.join(field.kind.operators)} and in, not {operator}", column)
+    return Test(field, field.kind.wanted("==" if operator == "!=" else operator, items), operator == "!=")
+
+
+def _joined(join: type[And] | type[Or], found: Iterable[Node | Token]) -> Node:
+    """Parts under one node, those that cost less first; parts that are joined alike become parts of it."""
+    flat: list[Node] = []
+    for part in found:
+        if not isinstance(part, Token):
+            flat += part.parts if isinstance(part, join) else (part,)
+    return flat[0] if len(flat) == 1 else join(tuple(sorted(flat, key=cost)))
+
+
+def cost(node: Node) -> Cost:
+    """What the dearest test of a node costs."""
+    return max(test.field.cost for test in tests(node))
+
+
+def _together(node: And) -> Node:
+    """Tests of addresses and of values that are joined by `and` speak of the same value."""
+    mine = [part for part in node.parts if _of_values(part)]
+    told = {isinstance(test.field.kind, Addresses) for part in mine for test in tests(part)}
+    if len(told) < 2:
+        return node
+    return _joined(And, [*(part for part in node.parts if not _of_values(part)), Same(And(tuple(mine)))])
+
+
+def _of_values(node: Node) -> bool:
+    """Whether every test of a node can be made of a single value."""
+    return not isinstance(node, Same) and all(map(_of_values, parts(node))) and all(t.field.each for t in tests(node))
+
+
+def _check_depth(text: str) -> None:
+    """Parentheses are what makes trees deep: double negations go, and what is joined alike becomes flat."""
+    depth = 0
+    for match in _NESTING.finditer(text):
+        depth += {"(": 1, ")": -1}.get(match[0], 0)
+        if depth > _DEEPEST:
+            raise FilterError(f"parentheses stand more than {_DEEPEST} deep", match.start())
+
+
+def _at(token: Token) -> int:
+    return token.start_pos or 0
+
+
+def _explained(text: str, error: UnexpectedInput) -> FilterError:
+    """A syntax error in the words of the language."""
+    if isinstance(error, UnexpectedCharacters):
+        at, awaited = error.pos_in_stream or 0, error.allowed
+        if text[at] in "\"'":
+            return FilterError("the quote is not closed", at)
+    else:
+        assert isinstance(error, UnexpectedToken)
+        at, awaited = (len(text.rstrip()) if error.token.type == "$END" else _at(error.token)), error.accepts
+    listed = list(dict.fromkeys(words for name, words in _EXPECTED.items() if name in (awaited or ())))
+    expected = " or ".join([*filter(None, [", ".join(listed[:-1])]), *listed[-1:]])
+    found = _FOUND.match(text, at)
+    return FilterError(f"expected {expected}, not {found[0]!r}" if found else f"expected {expected}", at)

@@ -1,0 +1,161 @@
+"""What a filter is asked about: n rows in wire order, as columns. A batch is one; a view with a model of its own, too.
+
+Only what a filter needs is asked for: columns one by one, bytes and words of few rows at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from captures.line import LineSettings
+
+from ..findings.model import NOTHING
+from ..frames import ROW, Batch, Rows
+from ..transactions import TRANSACTION, Status
+
+# The columns that `Table.column` is asked for: those of ROW by their names and types, and what became of requests.
+PLAIN: Final = (
+    "index", "start", "length", "t_start", "response_ns", "gap_before", "gap_most", "confidence",
+    "kind", "unit", "function", "exception", "check", "port", "protocol", "errors",
+)  # fmt: skip
+OUTCOMES: Final = ("retry", "late", "unanswered")  # bool; retry and unanswered of a request, late of an answer
+
+
+class Table(Protocol):
+    """Rows in wire order.
+
+    `origin_ns` is `t_start` of the capture's first row, which times count from.
+    """
+
+    @property
+    def line(self) -> LineSettings: ...
+
+    @property
+    def origin_ns(self) -> int: ...
+
+    def __len__(self) -> int: ...
+
+    def column(self, name: str) -> NDArray[Any]:
+        """One of PLAIN or OUTCOMES, a value a row."""
+        ...
+
+    def findings(self) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]:
+        """Rows that findings stand on, ascending, and the rule of each (`FINDING["rule"]`)."""
+        ...
+
+    def batch(self, first: int, last: int) -> Batch:
+        """Rows `first` to `last` (excluded) with their bytes, and in `earlier` the requests that stand before them."""
+        ...
+
+
+class BatchTable:
+    """The rows of a batch.
+
+    What became of requests is told by `transactions` (TRANSACTION), and what was found by `batch.findings`; without
+    them nothing is late, repeated or unanswered, and no row has findings.
+    """
+
+    def __init__(
+        self, batch: Batch, line: LineSettings, *, transactions: Rows | None = None, origin_ns: int | None = None
+    ) -> None:
+        self.whole = batch
+        self.line = line
+        self._transactions = np.zeros(0, TRANSACTION) if transactions is None else transactions
+        first = int(batch.rows["t_start"][0]) if len(batch) else 0
+        self.origin_ns = first if origin_ns is None else origin_ns
+
+    def __len__(self) -> int:
+        return len(self.whole)
+
+    def column(self, name: str) -> NDArray[Any]:
+        """See `Table`."""
+        return self._outcomes[name] if name in OUTCOMES else self.whole.rows[name]
+
+    @cached_property
+    def _outcomes(self) -> Mapping[str, NDArray[np.bool_]]:
+        known = self._transactions
+        marks = {name: np.zeros(len(self), np.bool_) for name in OUTCOMES}
+        for name, of, which in (
+            ("retry", "request", known["retry"]),
+            ("unanswered", "request", known["status"] == Status.UNANSWERED),
+            ("late", "response", known["late"]),
+        ):
+            marks[name][self._places(known[of][which])] = True
+        return marks
+
+    def _places(self, indices: NDArray[np.int64]) -> NDArray[np.intp]:
+        """The rows of frames by their indices, those that are here."""
+        frames = np.flatnonzero(self.whole.rows["index"] >= 0)
+        numbers = self.whole.rows["index"][frames]
+        indices = indices[np.isin(indices, numbers)]
+        return frames[np.searchsorted(numbers, indices)]
+
+    def findings(self) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]:
+        """See `Table`."""
+        return self._found
+
+    @cached_property
+    def _found(self) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]:
+        found = NOTHING if self.whole.findings is None else self.whole.findings
+        found = found[found["start"] >= 0]  # the others speak of the bus as a whole
+        rows = self.whole.rows
+        places = np.full(len(found), -1, np.int64)
+        for port in np.unique(found["port"]).tolist():
+            here = np.flatnonzero(rows["port"] == port)
+            mine = np.flatnonzero(found["port"] == port)
+            if not len(here):
+                continue
+            starts, meant = rows["start"][here], found["start"][mine]
+            at = np.searchsorted(starts, meant, side="right") - 1
+            row = here[np.maximum(at, 0)]
+            inside = (at >= 0) & (meant < rows["start"][row] + rows["length"][row])
+            places[mine] = np.where(inside, row, -1)
+        order = np.argsort(places, kind="stable")
+        order = order[places[order] >= 0]
+        return places[order], found["rule"][order]
+
+    def batch(self, first: int, last: int) -> Batch:
+        """See `Table`."""
+        if first <= 0 and last >= len(self):
+            return self.whole
+        rows = self.whole.rows[first:last].copy()
+        if not len(rows):
+            return Batch(np.zeros(0, ROW), self.whole.data[:0])
+        low, high = int(rows["at"].min()), int((rows["at"] + rows["length"]).max())
+        earlier = requests_of(self.whole, np.arange(first, last))
+        rows["at"] -= low
+        return Batch(rows, self.whole.data[low:high], earlier)
+
+
+def requests_of(batch: Batch, chosen: NDArray[np.intp]) -> Mapping[int, bytes]:
+    """The bytes of the requests that some rows of a batch answer and that are not among those rows, by index."""
+    rows = batch.rows
+    asked = rows["request"][chosen]
+    outside = np.flatnonzero((asked >= 0) & ~np.isin(asked, rows["index"][chosen]))
+    found = {}
+    for place in outside.tolist():
+        index = int(asked[place])
+        captured = batch.request_of(int(chosen[place]), index)
+        if captured is not None:
+            found[index] = captured
+    return found
+
+
+def narrowed(batch: Batch, passed: NDArray[np.bool_]) -> Batch:
+    """A batch of those rows alone that passed, readable as before: requests that did not are in `earlier`."""
+    chosen = np.flatnonzero(passed)
+    if len(chosen) == len(batch):
+        return batch
+    findings = batch.findings
+    if findings is not None and len(findings):
+        rows = batch.rows[chosen]
+        spots = set(zip(rows["port"].tolist(), rows["start"].tolist(), strict=True))
+        about = zip(findings["port"].tolist(), findings["start"].tolist(), strict=True)
+        findings = findings[[start < 0 or (port, start) in spots for port, start in about]]
+    evidence = None if batch.evidence is None else batch.evidence[chosen]
+    return Batch(batch.rows[chosen], batch.data, requests_of(batch, chosen), evidence, findings)

@@ -1,0 +1,68 @@
+"""The diagnosis of a paste: its frames as rows of a bus, without times that mean anything.
+
+Frames of all envelopes are put as RTU, which the rules of content and conversation speak of; a wrong check value is
+examined in RTU alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from analyzer.deframing.options import Options
+from analyzer.findings.diagnosis import Diagnosis
+from analyzer.findings.model import Finding, describe
+from analyzer.frames import NO_GAP, ROW, Batch, Kind, Rows
+from analyzer.transactions import Transactions
+from captures.line import LineSettings
+from dissectors.checks import crc_bytes
+from dissectors.lengths import Role
+
+from .model import Found
+
+_SAID: Final = 10_000  # findings: a paste is read by people
+
+
+def findings(frames: Sequence[Found]) -> list[tuple[Finding, ...]]:
+    """What is wrong with each of these frames."""
+    sent = [_as_rtu(frame) for frame in frames]
+    batch = Batch(_rows(frames, sent), np.frombuffer(b"".join(sent), np.uint8))
+    transactions, diagnosis = Transactions(), Diagnosis(LineSettings(), Options())
+    told = list(diagnosis.feed(batch, transactions.feed(batch)))
+    told += list(diagnosis.close(transactions.close()))
+    found: list[list[Finding]] = [[] for _ in frames]
+    for row in told[:_SAID]:
+        if row["index"] >= 0:
+            found[int(row["index"])].append(describe(row))
+    return [tuple(each) for each in found]
+
+
+def _as_rtu(frame: Found) -> bytes:
+    adu = frame.adu
+    if adu.protocol == "rtu":
+        return adu.data
+    body = bytes((adu.unit or 0,)) + adu.pdu
+    return body + crc_bytes(body)
+
+
+def _rows(frames: Sequence[Found], sent: Sequence[bytes]) -> Rows:
+    rows = np.zeros(len(frames), ROW)
+    lengths = np.array([len(data) for data in sent])
+    rows["index"] = np.arange(len(frames))
+    rows["length"], rows["start"] = lengths, np.cumsum(lengths) - lengths
+    rows["at"] = rows["start"]
+    rows["request"] = rows["request_start"] = rows["response_ns"] = -1
+    rows["gap_before"] = rows["gap_most"] = rows["gap_least"] = NO_GAP
+    rows["reads"] = 1
+    at = {frame.start: i for i, frame in enumerate(frames)}
+    for row, frame, data in zip(rows, frames, sent, strict=True):
+        row["kind"] = Kind.REQUEST if frame.role is Role.REQUEST else Kind.RESPONSE
+        row["unit"] = data[0] if data else 0
+        row["function"] = frame.function or 0
+        row["exception"] = frame.exception or 0
+        row["check"] = frame.check_ok is not False
+        if frame.request_start in at:
+            row["request"] = at[frame.request_start]
+    return rows

@@ -1,0 +1,76 @@
+"""The findings' part of the report page: the three that cost the bus most with their remedy, then all by code."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from .model import FindingRow
+
+_WORST: Final = 3
+_UNITS: Final = 5  # named in a line
+_WIDTH: Final = 80
+
+
+def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
+    """Nothing where there are none."""
+    if not findings:
+        return
+    worst = [row for row in findings if row.severity != "note"][:_WORST]
+    if worst:
+        yield ""
+        yield "what costs this bus most" if len(worst) > 1 else "what costs this bus something"
+    for number, row in enumerate(worst, 1):
+        yield from _wrapped(f"{number}. {row.code}, {_times(row)}{_cost(row)}{_among(row)}", "   ", first="")
+        where = (
+            "" if row.start < 0 else f"at byte {row.start:,}" + ("" if row.index is None else f", frame {row.index:,}")
+        )
+        yield from _wrapped(f"{row.text}{f' ({where})' if where else ''}", "   ")
+        if row.cause:
+            yield from _wrapped(f"likely: {row.cause}", "   ")
+        if row.remedy:
+            yield from _wrapped(f"do: {row.remedy}", "   ")
+    yield ""
+    yield f"{'finding':<24}{'severity':<10}{'count':>9}{'answers lost':>14}{'time lost':>12}"
+    for row in findings:
+        lost = f"{row.lost_answers:,}" if row.lost_answers else "-"
+        time = _seconds(row.lost_ms) if row.lost_ms else "-"
+        yield f"{row.code:<24}{row.severity:<10}{row.count:>9,}{lost:>14}{time:>12}"
+
+
+def _where(row: FindingRow) -> str:
+    if row.start < 0:
+        return ""
+    frame = "" if row.index is None else f", frame {row.index:,}"
+    return f" (first at byte {row.start:,}{frame})"
+
+
+def _times(row: FindingRow) -> str:
+    return "once" if row.count == 1 else f"{row.count:,} times"
+
+
+def _cost(row: FindingRow) -> str:
+    if not row.lost_answers:
+        return ""
+    answers = "1 answer" if row.lost_answers == 1 else f"{row.lost_answers:,} answers"
+    return f", {answers} and {_seconds(row.lost_ms)} lost"
+
+
+def _among(row: FindingRow) -> str:
+    shares = [f"{unit} ({count:,})" if len(row.units) > 1 else f"{unit}" for unit, count in row.units.items()][:_UNITS]
+    if not shares:
+        return ""
+    more = " and others" if len(row.units) > _UNITS else ""
+    return f": unit{'s' if len(row.units) > 1 else ''} {', '.join(shares)}{more}"
+
+
+def _seconds(ms: float) -> str:
+    if ms < 1000:
+        return f"{ms:.3g} ms"
+    return f"{ms / 1000:,.3g} s" if ms < 1e6 else f"{ms / 1000:,.0f} s"
+
+
+def _wrapped(words: str, indent: str, first: str | None = None) -> list[str]:
+    begin = indent if first is None else first
+    return textwrap.wrap(words, _WIDTH, initial_indent=begin, subsequent_indent=indent, break_on_hyphens=False)

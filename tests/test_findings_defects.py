@@ -1,0 +1,83 @@
+"""Each code is found where it is, and nothing else is said: captures with one kind of defect."""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import cache
+
+import pytest
+
+from analyzer.findings.model import Finding, describe
+from analyzer.pipeline import analyse
+from analyzer.simulation import Scenario, simulate
+from analyzer.simulation.defects import defects
+from analyzer.simulation.truth import TruthFinding
+from captures.chunks import Capture
+
+# Where damaged frames come without a silence between them, nothing says where one ends and the other begins.
+HARD = {("flow-control-loss", tap): 0.1 for tap in ("irq", "ftdi16", "gateway", "untimed")}
+NEVER_MIND = {"timing-blind", "poll-waste", "crc-collision"}  # true by chance anywhere
+
+Place = tuple[str, int, int]
+
+
+@cache
+def diagnosed(code: str, tap: str) -> tuple[list[TruthFinding], list[Finding]]:
+    made = simulate(Scenario("clean", tap, transactions=160, seed=21, defect=code))
+    found = [describe(row) for part in analyse(Capture.of(made.line, made.chunks)) for row in part.findings]
+    return list(made.findings), found
+
+
+def place(finding: Finding | TruthFinding) -> Place:
+    return finding.code, finding.start, finding.length if finding.start >= 0 else 0
+
+
+CASES = [(code, tap) for code, defect in sorted(defects().items()) for tap in defect.taps]
+
+
+@pytest.mark.parametrize(("code", "tap"), CASES)
+def test_found_where_it_is(code: str, tap: str) -> None:
+    truth, found = diagnosed(code, tap)
+    due = Counter(map(place, truth))
+    hits = due & Counter(map(place, found))
+    allowed = max(1, round((1 - HARD.get((code, tap), 0.98)) * due.total()))
+    assert due
+    assert hits.total() >= due.total() - allowed, sorted((due - hits).elements())[:5]
+
+
+@pytest.mark.parametrize(("code", "tap"), CASES)
+def test_nothing_else_is_said(code: str, tap: str) -> None:
+    truth, found = diagnosed(code, tap)
+    due = set(map(place, truth))
+    also = {(other, finding.start) for finding in truth for other in finding.also}
+    extra = [f for f in found if place(f) not in due and (f.code, f.start) not in also and f.code not in NEVER_MIND]
+    allowed = len(truth) if (code, tap) in HARD else max(2, round(0.02 * len(truth)))
+    assert len(extra) <= allowed, [(f.code, f.start, f.text) for f in extra[:5]]
+
+
+def test_the_byte_and_the_bit_are_named() -> None:
+    truth, found = diagnosed("bit-flip", "precise")
+    told = {f.start: f.numbers for f in found if f.code == "bit-flip"}
+    right = [told[t.start]["byte"] == t.detail["byte"] and told[t.start]["bit"] == t.detail["bit"]
+             for t in truth if t.start in told]  # fmt: skip
+    assert sum(right) >= 0.98 * len(right)
+
+
+@pytest.mark.parametrize("code", ["byte-missing", "byte-extra"])
+def test_the_place_is_among_those_named(code: str) -> None:
+    truth, found = diagnosed(code, "precise")
+    told = {f.start: f.numbers for f in found if f.code == code}
+    right = 0
+    for defect in truth:
+        numbers = told.get(defect.start, {})
+        spans = [
+            (numbers.get(a, -1), numbers.get(b, -1)) for a, b in (("first", "last"), ("second_first", "second_last"))
+        ]
+        right += any(low <= defect.detail["byte"] <= high for low, high in spans)
+    assert right >= 0.95 * len(truth)
+
+
+def test_the_convention_of_a_check_value_is_named() -> None:
+    truth, found = diagnosed("crc-variant", "precise")
+    texts = {f.start: f.text for f in found if f.code == "crc-variant"}
+    assert all(t.detail["variant"] in texts[t.start] for t in truth)

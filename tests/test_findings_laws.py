@@ -1,0 +1,127 @@
+"""Laws of the diagnosis: it hangs on bytes and times alone, speaks of rows that are there, and forgets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from buses import LINE, streams
+from hypothesis import given, settings
+
+from analyzer.deframing.stream import Deframer
+from analyzer.findings.diagnosis import Diagnosis
+from analyzer.findings.model import FINDING, Findings, describe
+from analyzer.findings.registry import About, codes, rules
+from analyzer.frames import Kind
+from analyzer.pipeline import Analysed, analyse
+from analyzer.simulation import Scenario, simulate
+from analyzer.transactions import Transactions
+from captures.chunks import Block, Capture, Chunk
+from captures.line import LineSettings
+
+
+def streamed(feeds: Sequence[Chunk | Block], line: LineSettings = LINE) -> Findings:
+    """The findings of the live form: fed as the bytes come, nothing held back."""
+    deframer, transactions, diagnosis = Deframer(line), Transactions(), Diagnosis(line)
+    found = [np.zeros(0, FINDING)]
+    for batch in [*(deframer.feed(feed) for feed in feeds), deframer.close()]:
+        found.append(diagnosis.feed(batch, transactions.feed(batch)))
+    found.append(diagnosis.close(transactions.close()))
+    return np.concatenate(found)
+
+
+def same(one: Findings, other: Findings) -> bool:
+    return sorted(map(repr, one.tolist())) == sorted(map(repr, other.tolist()))
+
+
+def held(chunks: Sequence[Chunk], line: LineSettings = LINE) -> list[Analysed]:
+    return list(analyse(Capture.of(line, chunks)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(streams())
+def test_chunks_and_blocks_and_held_rows_give_the_same_findings(chunks: list[Chunk]) -> None:
+    whole = streamed([Block.from_chunks(chunks)])
+    assert same(whole, streamed(chunks))
+    assert same(whole, np.concatenate([np.zeros(0, FINDING), *(a.findings for a in held(chunks))]))
+
+
+@pytest.mark.parametrize(("wire", "tap"), [("brutal", "precise"), ("noisy", "irq"), ("brutal", "gateway")])
+def test_the_same_on_a_long_bus_however_it_is_fed(wire: str, tap: str) -> None:
+    made = simulate(Scenario(wire, tap, transactions=300, seed=5))
+    whole = streamed([Block.from_chunks(made.chunks)], made.line)
+    pieces = [Block.from_chunks(made.chunks[i : i + 37]) for i in range(0, len(made.chunks), 37)]
+    assert len(whole) > 50
+    assert same(whole, streamed(pieces, made.line))
+    assert same(whole, np.concatenate([a.findings for a in held(made.chunks, made.line)]))
+
+
+@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
+def test_a_finding_stands_on_a_row_of_its_batch_or_on_the_bus(tap: str) -> None:
+    made = simulate(Scenario("brutal", tap, transactions=300, seed=3))
+    analysed = held(made.chunks, made.line)
+    for part in analysed:
+        rows = part.batch.rows
+        starts = dict(zip(rows["start"].tolist(), rows["index"].tolist(), strict=True))
+        for finding in map(describe, part.findings):
+            if finding.start < 0:
+                assert part is analysed[-1]
+                assert finding.index is None
+            elif finding.index is not None:
+                assert starts[finding.start] == finding.index
+            else:
+                assert finding.start in starts
+        told = [f for i in range(len(part.batch)) for f in part.batch.findings_of(i)]
+        assert len(told) == sum(f["start"] >= 0 for f in part.findings)
+
+
+def test_state_does_not_grow() -> None:
+    """Requests that nobody answers, noise and damage without end: what is remembered stays small."""
+    import pickle
+
+    made = simulate(Scenario("brutal", "precise", transactions=2000, seed=1))
+    deframer, transactions, diagnosis = Deframer(made.line), Transactions(), Diagnosis(made.line)
+    sizes = []
+    for i in range(0, len(made.chunks), 2000):
+        batch = deframer.feed(Block.from_chunks(made.chunks[i : i + 2000]))
+        diagnosis.feed(batch, transactions.feed(batch))
+        sizes.append(len(pickle.dumps(diagnosis.__dict__)))
+    assert max(sizes[len(sizes) // 2 :]) < 2 * max(sizes[: len(sizes) // 2])
+    assert max(sizes) < 2_000_000
+
+
+def test_every_code_of_the_table_has_a_rule_with_words() -> None:
+    from buses import shared
+
+    table = [
+        line.split("|")[1].strip().strip("`")
+        for line in shared("design/findings.md").read_text().splitlines()
+        if line.startswith("| `")
+    ]
+    assert sorted(table) == list(codes())
+
+
+@pytest.mark.parametrize("rule", rules(), ids=codes())
+def test_a_rule_says_something_whatever_is_known(rule) -> None:
+    """Words need no figure that may be unknown, and are sentences without a full stop."""
+    assert len(rule.numbers) == len(set(rule.numbers))
+    for about in (rule.text, rule.cause, rule.remedy):
+        assert about, rule.code
+    assert isinstance(rule.about, About)
+    assert rule.wastes in ("", *rule.numbers)
+    ones = dict.fromkeys(rule.numbers, 1.0)
+    for words in (rule.text, rule.cause, rule.remedy):
+        said = rule.words(words, ones)
+        assert said.strip() == said and said and not said.endswith(".")
+        assert "\n" not in said
+
+
+def test_rows_of_noise_carry_findings_too() -> None:
+    made = simulate(Scenario("glitch", "precise", transactions=100, seed=2))
+    noisy = [
+        batch.batch.findings_of(i)
+        for batch in held(made.chunks, made.line)
+        for i in np.flatnonzero(batch.batch.rows["kind"] == Kind.NOISE).tolist()
+    ]
+    assert sum(bool(said) for said in noisy) > 0.9 * len(noisy)
