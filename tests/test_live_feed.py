@@ -99,8 +99,7 @@ class Scripted:
         self.go = threading.Event()
 
     def items(self):
-        for item in self._items:
-            yield item
+        yield from self._items
         self.go.set()
 
     def judge(self, frames, noise):

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
+from analyzer.deframing.directions import NOTE
 from captures.chunks import Block
 from captures.line import LineSettings
 from captures.live.baud import Search
@@ -17,6 +18,7 @@ from .scoring import explained
 
 _DOUBT: Final = 600  # bytes of which hardly any makes sense: the settings are doubted
 _SENSE: Final = 0.05
+_SENSE_OF_TWO: Final = 0.5
 
 
 class TapSource:
@@ -37,6 +39,7 @@ class TapSource:
         seek: bool = True,
     ) -> None:
         self._ports = list(ports)
+        self._directions = ["request", "response"]  # of the first port and the second
         self._free_parity = free_parity
         self._tap: str | None = None
         self._seek = seek and ports[0].is_device and ports[0].baud is None
@@ -50,7 +53,8 @@ class TapSource:
     @property
     def line(self) -> LineSettings:
         """What is known of the line."""
-        return self._ports[0].line(self._tap)
+        line = self._ports[0].line(self._tap)
+        return line if len(self._ports) < 2 else replace(line, notes={NOTE: ",".join(self._directions)})
 
     @property
     def seeking(self) -> bool:
@@ -68,7 +72,7 @@ class TapSource:
                     yield from self._sought(item)
                 else:
                     yield item  # recorded even while the settings are doubted
-                    yield from self._doubt(item)
+                    yield from self._swapped(item) if len(self._ports) > 1 else self._doubt(item)
 
     def judge(self, frames: int, noise: int) -> None:
         """Settings that stopped making sense are sought anew."""
@@ -76,7 +80,8 @@ class TapSource:
         self._nonsense += noise
         total = self._sense + self._nonsense
         if total > _DOUBT:
-            self._doubted = self._doubted or (self._sense < _SENSE * total and self._seek)
+            share = _SENSE if len(self._ports) == 1 else _SENSE_OF_TWO
+            self._doubted = self._doubted or self._sense < share * total
             self._sense = self._nonsense = 0
 
     def close(self) -> None:
@@ -135,7 +140,8 @@ class TapSource:
 
     def _doubt(self, item: Block | Tick) -> Iterator[Item]:
         """Seek anew once hardly anything makes sense, while what comes is recorded all the same."""
-        if not self._doubted:
+        if not (self._doubted and self._seek):
+            self._doubted = False
             return
         if self._search is None:
             now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
@@ -147,6 +153,15 @@ class TapSource:
                     if found.kind == "settled":
                         self._doubted = False
                     yield found
+
+    def _swapped(self, item: Block | Tick) -> Iterator[Item]:
+        """Two taps that make no sense are the other way round, most likely."""
+        if self._doubted:
+            self._doubted = False
+            self._directions.reverse()
+            now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
+            hears = " and ".join(f"{p.url} hears {d}s" for p, d in zip(self._ports, self._directions, strict=True))
+            yield Event(now, 0, "settled", f"that made no sense; the other way round: {hears}", {})
 
     def _set(self, settings: PortSettings) -> None:
         self._unheard += 1
