@@ -93,6 +93,7 @@ class Scripted:
     """A source that gives items when it is told to."""
 
     line = LINE
+    waits = False
 
     def __init__(self, items):
         self._items = items
@@ -149,6 +150,15 @@ def test_bytes_that_the_analysis_cannot_take_are_recorded_and_counted():
         for row in range(len(step.batch)):
             start, length = int(step.batch.rows["start"][row]), int(step.batch.rows["length"][row])
             assert step.batch.bytes_of(row) == sent[start : start + length]
+
+
+def test_a_replay_waits_for_the_analysis_and_misses_nothing():
+    source = Scripted([Block.from_chunks([chunk]) for chunk in spaced(POLL * 200)])
+    source.waits = True
+    with Session(source, backlog=500) as session:
+        steps = list(session.steps())
+    assert sum(step.missed for step in steps) == 0
+    assert sum(len(step.batch) for step in steps) == 400
 
 
 def test_what_the_source_raises_comes_out_where_the_steps_are_taken():

@@ -3,14 +3,18 @@
 import json
 import os
 import select
+import signal
+import struct
+import subprocess
+import sys
 import threading
 import time
 from itertools import pairwise
 
 import pytest
 from buses import LINE, adu, spaced
-from livebus import pty
-from running import ran, refused
+from livebus import eventually, pty
+from running import START, environment, ran, refused
 
 import captures
 from analyzer.live.replaying import Replay
@@ -20,6 +24,10 @@ from captures.chunks import Block, Capture, Chunk
 from captures.live.wire import Tick
 
 HEALTHY, TROUBLED = samples.path("healthy.jsonl"), samples.path("troubled.jsonl")
+if os.name == "posix":
+    import fcntl
+    import termios
+
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
 
 
@@ -179,3 +187,69 @@ def test_arguments_that_cannot_be_used_are_refused(capsys, arguments, words):
     done = ran(capsys, "replay", HEALTHY, *arguments)
     assert done.status == 2
     assert words in done.err.splitlines()[-1]
+
+
+class Terminal:
+    """A command on a terminal of its own, 100 columns wide."""
+
+    def __init__(self, *arguments):
+        self._master, slave = os.openpty()
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 100, 0, 0))
+        command = [sys.executable, "-c", START, *map(str, arguments)]
+        self.process = subprocess.Popen(
+            command, stdin=slave, stdout=slave, stderr=slave, env=environment(TERM="xterm"), start_new_session=True
+        )
+        os.close(slave)
+        self.screen = ""
+
+    def press(self, keys):
+        os.write(self._master, keys.encode())
+
+    def shows(self, words):
+        """Whether these words come up soon."""
+        return eventually(lambda: self._look() and words in self.screen)
+
+    def ended(self):
+        """Status, once it is over."""
+        while self._look():
+            pass
+        os.close(self._master)
+        return self.process.wait(10)
+
+    def _look(self):
+        try:
+            ready = select.select([self._master], [], [], 5)[0]
+            self.screen += os.read(self._master, 65536).decode() if ready else ""
+        except OSError:  # the last one who had it open is gone
+            return False
+        return True
+
+
+@posix
+def test_on_a_terminal_keys_pause_step_and_end_a_replay_and_a_status_line_stands_below():
+    terminal = Terminal("replay", HEALTHY, "--speed", "0.01")
+    assert terminal.shows("frames/s")
+    assert terminal.shows("x0.01")
+    terminal.press("+")
+    assert terminal.shows("x0.02")
+    terminal.press(" ")
+    assert terminal.shows("PAUSED")
+    terminal.press("...")
+    assert terminal.shows("read 3 holding registers from 107")
+    terminal.press("q")
+    assert terminal.ended() == 0
+    assert all(len(line) < 100 + 40 for line in terminal.screen.replace("\r", "\n").split("\n"))  # with colours
+
+
+@posix
+def test_ctrl_c_on_a_terminal_ends_a_sniff_in_order(tmp_path):
+    master, name = pty()
+    terminal = Terminal("sniff", name, "--baud", "19200", "-o", tmp_path / "bus.mcap")
+    assert terminal.shows("listening")
+    os.write(master, adu("1103006b0003"))
+    assert terminal.shows("read 3 holding registers")
+    terminal.process.send_signal(signal.SIGINT)
+    assert terminal.ended() == 0
+    assert "Traceback" not in terminal.screen
+    assert "recorded" in terminal.screen
+    assert not captures.open(tmp_path / "bus.mcap").damage

@@ -21,7 +21,7 @@ rtuscope simulate bus.jsonl --transactions 20
 rtuscope replay bus.jsonl --speed 10
 rtuscope replay bus.jsonl --speed max --filter 'exception'"""
 
-_KEYS = "keys: space pauses, . steps, + and - change the speed"
+_KEYS = "keys: space pauses, . steps, + and - change the speed, q ends"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -90,6 +90,8 @@ def _press(replay: Replay, key: str) -> None:
         replay.pause()
     elif key in (".", "s", "\r", "\n"):
         replay.step()
+    elif key == "q":
+        replay.close()
     elif key in ("+", "-", "=") and replay.speed is not None:
         replay.set_speed(replay.speed * (0.5 if key == "-" else 2.0))
 

@@ -23,6 +23,8 @@ _PIECE: Final = 1 << 16  # bytes at once at full speed
 class Replay:
     """Plays `capture` at `speed` times its own; None is as fast as it goes. Pause, step and speed at any time."""
 
+    waits = True
+
     def __init__(self, capture: Capture, speed: float | None = 1.0) -> None:
         self._capture = capture
         self._change = threading.Condition()

@@ -24,11 +24,18 @@ from captures.recording.notes import Note
 from .feed import Fed, Feed, octets_by_port
 
 _BACKLOG: Final = 4 << 20  # bytes that wait for the analysis at most
+_PATIENCE_S: Final = 0.2
 _NOTED: Final = frozenset({"lost", "opened", "clock", "settled", "gap"})  # events that stand in the record
 
 
 class Source(Protocol):
-    """Where items come from: a tap, a replay."""
+    """Where items come from: a tap, a replay.
+
+    `waits`: it can be made to wait for an analysis that is behind; a bus can't.
+    """
+
+    @property
+    def waits(self) -> bool: ...
 
     @property
     def line(self) -> LineSettings:
@@ -98,7 +105,8 @@ class Session:
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._backlog = backlog
         self._waiting = 0  # bytes queued
-        self._lock = threading.Lock()
+        self._lock = threading.Condition()
+        self._stopped = False
         self._missed: dict[int, int] = {}  # the other thread's: bytes not queued, by port
         self._newest = 0
         self._thread = threading.Thread(target=self._pump, daemon=True)
@@ -113,6 +121,7 @@ class Session:
 
     def stop(self) -> None:
         """End soon: `steps` gives what there is, then ends."""
+        self._stopped = True
         self._source.close()
 
     def steps(self) -> Iterator[Step]:
@@ -148,6 +157,7 @@ class Session:
             return self._judged(Step(part.t_ns, self._feed.tick(part.t_ns)))
         with self._lock:
             self._waiting -= len(part.data)
+            self._lock.notify()
         fed = self._feed.feed(part)
         return self._judged(Step(int(part.t_ns[-1]), fed, heard=len(part.data), marked=len(part.errors)))
 
@@ -191,7 +201,10 @@ class Session:
         """Queue it, but for bytes that the analysis is too far behind to take."""
         if isinstance(item, Block):
             with self._lock:
-                full = self._waiting + len(item.data) > (self._backlog // 2 if self._missed else self._backlog)
+                while self._source.waits and self._waiting > 0 and not self._stopped:
+                    self._lock.wait(_PATIENCE_S)
+                room = (self._backlog // 2 if self._missed else self._backlog) - self._waiting
+                full = len(item.data) > room and not self._source.waits
                 self._waiting += 0 if full else len(item.data)
             if full:
                 for port, octets in octets_by_port(item).items():

@@ -28,6 +28,8 @@ class TapSource:
     heard while they were sought is given from the first byte that was heard with those found.
     """
 
+    waits = False
+
     def __init__(
         self,
         ports: Sequence[PortSettings],

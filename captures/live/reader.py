@@ -136,25 +136,29 @@ def _by_waiting(ports: list[Port], desk: Desk, out: _Pipe) -> None:
     commands = _Commands()
     if not all(port.open() for port in ports):
         return
+    clock, taps = desk.clock, None
     while True:
-        now = desk.clock.now()
-        away = [port for port in ports if port.tap is None]
-        until = min([desk.deadline, *(port.retry_ns for port in away)])
-        by_descriptor = {p.tap.descriptor: p for p in ports if p.tap is not None and p.tap.descriptor is not None}
-        waiting = [0, *by_descriptor]
-        ready, _, _ = select.select(waiting, [1] if out.waiting else [], [], max(0, until - now) / 1e9)
+        if taps != [port.tap for port in ports]:
+            taps = [port.tap for port in ports]
+            away = [port for port in ports if port.tap is None]
+            by_descriptor = {p.tap.descriptor: p for p in ports if p.tap is not None and p.tap.descriptor is not None}
+            waiting = [0, *by_descriptor]
+        until = min([desk.deadline, *(port.retry_ns for port in away)]) if away else desk.deadline
+        wait = (until - clock.now()) / 1e9
+        ready, _, _ = select.select(waiting, [1] if out.waiting else [], [], wait if wait > 0 else 0)
         for descriptor in ready:
-            if descriptor in by_descriptor:
+            if descriptor:
                 by_descriptor[descriptor].read()
         if 0 in ready:
             given = commands.take()
             if given is None:
                 return
             _obey(given, ports)
-        now = desk.clock.now()
+        now = clock.now()
         if desk.deadline <= now and (not ready or _quiet(by_descriptor)):
             desk.due(now)
-        out.push()
+        if out.waiting:
+            out.push()
         for port in away:
             if port.retry_ns <= now and not port.open():
                 return
