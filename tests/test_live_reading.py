@@ -3,6 +3,8 @@
 import os
 import select
 import socket
+import subprocess
+import sys
 import threading
 import time
 import tty
@@ -14,6 +16,7 @@ from buses import adu
 from hypothesis import given
 from hypothesis import strategies as st
 from livebus import pty
+from running import environment
 
 from analyzer.frames import Kind
 from analyzer.live.session import Session
@@ -288,3 +291,16 @@ def test_what_each_of_two_taps_hears_is_known_and_a_wrong_guess_is_mended():
         assert ((last["kind"] == Kind.REQUEST) == (last["port"] == int(swapped))).all()
         assert (last["request"][last["kind"] == Kind.RESPONSE] >= 0).all()
         assert session.line.notes["directions"] == ("response,request" if swapped else "request,response")
+
+
+def test_what_runs_everywhere_needs_nothing_of_posix():
+    """On Windows there is no termios, no fcntl; nothing may import them before it knows where it is."""
+    code = (
+        "import sys, types; "
+        "sys.modules.update(termios=None, fcntl=None, tty=None, serial=types.ModuleType('serial')); "
+        "import captures.live.reader, captures.live.listening, captures.live.ports, captures.recording.recorder, "
+        "analyzer.live.tapsource, analyzer.live.session, analyzer.cli.sniff, analyzer.cli.record, analyzer.cli.replay, "
+        "analyzer.cli.ports, analyzer.cli.repair, analyzer.cli.keys"
+    )
+    done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True)
+    assert done.returncode == 0, done.stderr.decode()

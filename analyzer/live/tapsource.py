@@ -49,7 +49,7 @@ class TapSource:
         self._sense = self._nonsense = 0
         self._doubted = False
         self._unheard = 0  # changes of settings that the reader has not made yet
-        quiet_ns = max(min(QUIET_NS, idle_ns), self._silence_ns())
+        quiet_ns = min(QUIET_NS, idle_ns)
         self._listening = Listening(ports, quiet_ns=quiet_ns, idle_ns=idle_ns, wait=wait, blocking=blocking)
 
     @property
@@ -89,11 +89,6 @@ class TapSource:
     def close(self) -> None:
         """End soon."""
         self._listening.close()
-
-    def _silence_ns(self) -> int:
-        """3.5 characters of the line."""
-        port = self._ports[0]
-        return 0 if port.baud is None else int(3.5 * port.char_bits * 1e9 / port.baud)
 
     def _opened(self, event: Event) -> Iterator[Item]:
         if event.port:

@@ -58,10 +58,17 @@ class Desk:
     def __init__(self, clock: Clock, send: Callable[[bytes], None], quiet_ns: int, idle_ns: int) -> None:
         self.clock = clock
         self._send = send
-        self._steps = sorted({quiet_ns, max(idle_ns, quiet_ns)})  # after the last byte: when to tick
+        self._quiet, self._idle = quiet_ns, idle_ns
+        self._steps: list[int] = []  # after the last byte: when to tick
+        self.listen_for(0)
         self._held: list[bytes] = []
         self._since = 0  # when the first of them came
         self._last = clock.now()  # the newest read, or beat
+
+    def listen_for(self, silence_ns: int) -> None:
+        """The line's own silences are so long: shorter ones are no news."""
+        quiet = max(self._quiet, silence_ns)
+        self._steps = sorted({quiet, max(self._idle, quiet)})
         self._ticked = len(self._steps)
 
     def read(self, t_ns: int, port: int, data: bytes, errors: list[int]) -> None:

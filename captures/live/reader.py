@@ -83,6 +83,7 @@ class Port:
         except PortGoneError as error:
             self.gone(error)
         self._tell_notices()
+        self.desk.listen_for(settings.silence_ns)
         self.desk.event(self.number, "settings", f"{settings.url}: {settings}", settings=settings.to_json())
 
     def read(self) -> None:
@@ -111,6 +112,7 @@ def main(arguments: str) -> None:
     out = _Pipe(blocking=os.name != "posix")
     desk = Desk(clock, out.send, given["quiet_ns"], given["idle_ns"])
     settings = [PortSettings.from_json(values) for values in given["ports"]]
+    desk.listen_for(max(each.silence_ns for each in settings))
     blocking = bool(given["blocking"]) or os.name != "posix"
     ports = [Port(number, each, desk, blocking, given["wait"]) for number, each in enumerate(settings)]
     try:

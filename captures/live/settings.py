@@ -35,6 +35,11 @@ class PortSettings:
         """Bits of a character on the line, start and stop bits included."""
         return 1 + self.data_bits + (self.parity != "N") + round(self.stop_bits)
 
+    @property
+    def silence_ns(self) -> int:
+        """Ten characters: longer than the pause between two reads of an 8-byte FIFO amid a frame. 0 without a rate."""
+        return 0 if self.baud is None else int(10 * self.char_bits * 1e9 / self.baud)
+
     def __str__(self) -> str:
         """As people write it: `9600 8N1`."""
         return f"{self.baud or '?'} {self.data_bits}{self.parity}{self.stop_bits:g}"
