@@ -22,12 +22,12 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from .desk import Clock, Desk
+from .pipes import Commands, Pipe
 from .ports import Identity
 from .settings import PortSettings
 from .tap import PortError, PortGoneError, Tap
 
 _RETRY_NS: Final = 500_000_000
-_BACKLOG: Final = 64 << 20  # bytes kept for a listener that does not take them
 
 
 @dataclass
@@ -109,7 +109,7 @@ def main(arguments: str) -> None:
     given = json.loads(arguments)
     _prefer()
     clock = Clock()
-    out = _Pipe(blocking=os.name != "posix")
+    out = Pipe(blocking=os.name != "posix")
     desk = Desk(clock, out.send, given["quiet_ns"], given["idle_ns"])
     settings = [PortSettings.from_json(values) for values in given["ports"]]
     desk.listen_for(max(each.silence_ns for each in settings))
@@ -133,9 +133,9 @@ def _has_descriptor(settings: PortSettings) -> bool:
     return settings.is_device or settings.url.startswith("socket://")
 
 
-def _by_waiting(ports: list[Port], desk: Desk, out: _Pipe) -> None:
+def _by_waiting(ports: list[Port], desk: Desk, out: Pipe) -> None:
     """All ports, commands and the pipe in one wait."""
-    commands = _Commands()
+    commands = Commands()
     if not all(port.open() for port in ports):
         return
     clock, taps = desk.clock, None
@@ -236,58 +236,6 @@ def _command(brought: queue.SimpleQueue[tuple[Any, ...]]) -> None:
 def _obey(commands: list[dict[str, Any]], ports: list[Port]) -> None:
     for command in commands:
         ports[command["port"]].change(PortSettings.from_json(command["settings"]))
-
-
-class _Commands:
-    """Lines of standard input, as they come."""
-
-    def __init__(self) -> None:
-        self._rest = b""
-
-    def take(self) -> list[dict[str, Any]] | None:
-        """The commands that came; None at the end."""
-        data = os.read(0, 1 << 16)
-        if not data:
-            return None
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        return [json.loads(line) for line in lines if line]
-
-
-class _Pipe:
-    """Standard output; what it does not take at once is kept, up to a limit."""
-
-    def __init__(self, *, blocking: bool) -> None:
-        self._kept = bytearray()
-        if not blocking:
-            os.set_blocking(1, False)
-
-    @property
-    def waiting(self) -> bool:
-        return bool(self._kept)
-
-    def send(self, data: bytes) -> None:
-        """Write, or keep; a listener that is stuck for good ends this process, which must not eat all memory."""
-        self._kept += data
-        if len(self._kept) > _BACKLOG:
-            raise SystemExit("the listener takes nothing")
-        self.push()
-
-    def push(self) -> None:
-        """Write what is kept, as far as it goes."""
-        while self._kept:
-            try:
-                written = os.write(1, self._kept)
-            except BlockingIOError:
-                return
-            except OSError:  # the listener is gone
-                raise SystemExit(0) from None
-            del self._kept[:written]
-
-    def drain(self) -> None:
-        """Write all of it, waiting for the listener."""
-        if self._kept:
-            os.set_blocking(1, True)
-            self.push()
 
 
 def _prefer() -> None:

@@ -26,7 +26,9 @@ from .ring import SUFFIX, Limits, Ring
 
 _PERIOD_S: Final = 0.5  # between commits
 _PENDING: Final = 1 << 18  # bytes that are committed at once
-_MEMORY: Final = 32 << 20  # bytes kept while the disk takes nothing
+_MEMORY: Final = 64 << 20  # bytes kept while the disk takes nothing
+_READ_BYTES: Final = 18  # that a read costs besides its data
+_LUMP: Final = 256  # blocks that are joined
 _FULL: Final = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
@@ -60,7 +62,9 @@ class Recorder:
         self._files = 0
         self._blocks: list[Block] = []
         self._notes: list[Note] = []
-        self._pending = 0
+        self._lumps = 0  # of the blocks, those that were joined already
+        self._pending = 0  # bytes of the line in them
+        self._memory = 0  # bytes that wait for the disk, about
         self._uncommitted: int | None = None  # bytes of the line that the file holds and the disk has not taken
         self._lost_from = 0
         self._committed = time.monotonic()
@@ -89,7 +93,7 @@ class Recorder:
     def write(self, block: Block) -> None:
         """Take a block; not while so much waits for a full disk that memory would run out."""
         size = len(block.data)
-        if self._pending + (self._uncommitted or 0) + size > _MEMORY:
+        if self._memory + size + _READ_BYTES * len(block) > _MEMORY:
             if not self._lost_from:
                 self._lost_from = int(block.t_ns[0])
                 self._tell("recording: memory for what the disk does not take is used up: bytes are lost from now on")
@@ -97,6 +101,10 @@ class Recorder:
             return
         self._blocks.append(block)
         self._pending += size
+        self._memory += size + _READ_BYTES * len(block)
+        if len(self._blocks) - self._lumps >= _LUMP:  # each has a price of its own
+            self._blocks[self._lumps :] = [Block.joined(self._blocks[self._lumps :])]
+            self._lumps += 1
 
     def note(self, note: Note) -> None:
         """Take a note."""
@@ -158,11 +166,12 @@ class Recorder:
             self._lost_from = 0
         self._file.write(self._blocks, self._notes)
         self._uncommitted = self._pending
-        self._blocks, self._notes, self._pending = [], [], 0
+        self._blocks, self._notes, self._pending, self._lumps = [], [], 0, 0
 
     def _settle(self) -> None:
         self.bytes += self._uncommitted or 0
         self._uncommitted = None
+        self._memory = sum(len(block.data) + _READ_BYTES * len(block) for block in self._blocks)
         if self._complaint:
             self._complaint = ""
             self._tell("recording: goes on")
