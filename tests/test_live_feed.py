@@ -103,7 +103,7 @@ class Scripted:
         yield from self._items
         self.go.set()
 
-    def judge(self, frames, noise):
+    def judge(self, heard, sense):
         pass
 
     def close(self):

@@ -12,15 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from buses import adu
 from hypothesis import given
 from hypothesis import strategies as st
-from livebus import pty
+from livebus import eventually, pty
 from running import environment
 
-from analyzer.frames import Kind
-from analyzer.live.session import Session
-from analyzer.live.tapsource import TapSource
 from captures.chunks import Block
 from captures.live.listening import Listening
 from captures.live.parmrk import Unmarked
@@ -75,27 +71,44 @@ def test_records_come_through_a_pipe_however_it_cuts_them(reads, size):
     ]  # fmt: skip
 
 
+class Heard:
+    """What came so far, for those who must wait for it: a busy machine's reader may be late by any time."""
+
+    def __init__(self):
+        self.items, self.data = [], bytearray()
+
+    def add(self, item):
+        self.items.append(item)
+        if isinstance(item, Block):
+            self.data += item.data.tobytes()
+
+    def waits(self, count):
+        """Until so many bytes came."""
+        assert eventually(lambda: len(self.data) >= count)
+
+    def opened(self, times):
+        """Until ports were opened so often."""
+        assert eventually(lambda: sum(isinstance(i, Event) and i.kind == "opened" for i in self.items) >= times)
+
+
 def heard(listening, talk, *, until=b""):
-    """All items from a tap while `talk` runs; it ends when `until` was heard, or when `talk` is over."""
-    items, data = [], b""
+    """All items from a tap while `talk(so_far)` runs; it ends when `until` was heard, or when `talk` is over."""
+    so_far = Heard()
 
     def talking():
-        talk()
+        so_far.opened(1)
+        talk(so_far)
         if not until:
             listening.close()
 
-    thread = None
+    thread = threading.Thread(target=talking)
+    thread.start()
     for item in listening.items():
-        items.append(item)
-        if isinstance(item, Event) and item.kind == "opened" and thread is None:
-            thread = threading.Thread(target=talking)
-            thread.start()
-        if isinstance(item, Block):
-            data += item.data.tobytes()
-            if until and data.endswith(until):
-                listening.close()
+        so_far.add(item)
+        if until and so_far.data.endswith(until):
+            listening.close()
     thread.join()
-    return items
+    return so_far.items
 
 
 def joined(items):
@@ -108,29 +121,28 @@ def test_every_byte_comes_with_the_time_of_its_read(blocking):
     master, name = pty()
     sent = []
 
-    def talk():
+    def talk(so_far):
         for number in range(12):
             sent.append(time.time_ns())
             os.write(master, bytes([number, 0xFF, 0x00]))
-            time.sleep(0.02)
+            so_far.waits(3 * number + 3)
 
     with Listening([PortSettings(name, 19200)], blocking=blocking) as listening:
         block = joined(heard(listening, talk))
     assert block.data.tobytes() == b"".join(bytes([number, 0xFF, 0x00]) for number in range(12))
     assert (np.diff(block.t_ns) >= 0).all()
-    late = [int(t) - at for t, at in zip(block.t_ns, sent, strict=True)]
-    assert min(late) > -2_000_000  # what the anchor to the wall clock is worth
-    assert sorted(late)[6] < 20_000_000
+    for t_ns, before, after in zip(block.t_ns.tolist(), sent, [*sent[1:], time.time_ns()], strict=True):
+        assert before - 2_000_000 <= t_ns <= after + 2_000_000  # what the anchor to the wall clock is worth
 
 
 @posix
 def test_silence_is_told_soon_after_the_last_byte_and_never_before_bytes_that_came():
     master, name = pty()
 
-    def talk():
+    def talk(_):
         for _ in range(3):
             os.write(master, b"\x01\x02\x03")
-            time.sleep(0.15)
+            time.sleep(0.3)
 
     with Listening([PortSettings(name)], quiet_ns=8_000_000, idle_ns=40_000_000) as listening:
         items = heard(listening, talk)
@@ -147,12 +159,13 @@ def test_silence_is_told_soon_after_the_last_byte_and_never_before_bytes_that_ca
 def test_two_taps_are_merged_by_time():
     (first, one), (second, two) = pty(), pty()
 
-    def talk():
-        for _ in range(5):
+    def talk(so_far):
+        so_far.opened(2)
+        for number in range(5):
             os.write(first, b"ask")
-            time.sleep(0.01)
+            so_far.waits(9 * number + 3)
             os.write(second, b"answer")
-            time.sleep(0.01)
+            so_far.waits(9 * number + 9)
 
     with Listening([PortSettings(one), PortSettings(two)]) as listening:
         block = joined(heard(listening, talk))
@@ -166,7 +179,7 @@ def test_two_taps_are_merged_by_time():
 def test_a_tap_never_writes_a_byte(blocking):
     master, name = pty()
     with Listening([PortSettings(name, 9600)], blocking=blocking) as listening:
-        heard(listening, lambda: (os.write(master, b"\x01\x03\x00\x00\xff\x11\x13" * 50), time.sleep(0.1)))
+        heard(listening, lambda so_far: (os.write(master, b"\x01\x03\x00\x00\xff\x11\x13" * 50), so_far.waits(350)))
     assert not select.select([master], [], [], 0)[0]  # nothing stands there to be read
 
 
@@ -199,13 +212,13 @@ def test_an_adapter_that_is_unplugged_comes_back_by_itself(tmp_path, blocking):
         for descriptor in plugged[-1]:
             os.close(descriptor)
 
-    def talk():
+    def talk(so_far):
         os.write(plugged[0][0], b"before")
-        time.sleep(0.2)
+        so_far.waits(6)
         unplug()
         time.sleep(0.3)
         plug()
-        time.sleep(1.2)
+        so_far.opened(2)
         os.write(plugged[1][0], b"after")
 
     plug()
@@ -221,7 +234,7 @@ def test_a_gateways_socket_is_a_tap():
     server = socket.create_server(("127.0.0.1", 0))
     url = f"socket://127.0.0.1:{server.getsockname()[1]}"
 
-    def talk():
+    def talk(_):
         connection, _ = server.accept()
         connection.sendall(b"\x01\x03\xff\x00")
         time.sleep(0.1)
@@ -262,35 +275,6 @@ def test_a_port_that_another_program_holds_is_said_to_be_in_use():
 def test_ports_are_listed_with_what_is_known():
     for port in ports():
         assert set(port.to_json()) >= {"device", "description", "usb", "serial", "driver", "latency_ms", "used_by"}
-
-
-@posix
-def test_what_each_of_two_taps_hears_is_known_and_a_wrong_guess_is_mended():
-    echo, poll, values = adu("110600010005"), adu("1103006b0003"), bytes.fromhex("110306ae415652434049ad")
-    for swapped in (False, True):
-        (client, one), (server, two) = pty(), pty()
-        ports = [PortSettings(two if swapped else one, 19200), PortSettings(one if swapped else two, 19200)]
-
-        def talk(session, client=client, server=server):
-            time.sleep(0.2)
-            for request, response in [(poll, values), (echo, echo)] * 120:
-                os.write(client, request)
-                time.sleep(0.002)
-                os.write(server, response)
-                time.sleep(0.002)
-            time.sleep(0.1)
-            session.stop()
-
-        with Session(TapSource(ports)) as session:
-            thread = threading.Thread(target=talk, args=(session,))
-            thread.start()
-            rows = np.concatenate([step.batch.rows for step in session.steps()])
-            thread.join()
-        last = rows[-40:]
-        assert (last["kind"] != Kind.NOISE).all()
-        assert ((last["kind"] == Kind.REQUEST) == (last["port"] == int(swapped))).all()
-        assert (last["request"][last["kind"] == Kind.RESPONSE] >= 0).all()
-        assert session.line.notes["directions"] == ("response,request" if swapped else "request,response")
 
 
 def test_what_runs_everywhere_needs_nothing_of_posix():

@@ -15,7 +15,7 @@ from typing import Any, Final, Protocol
 
 from analyzer.deframing.options import Options
 from analyzer.findings.model import Findings
-from analyzer.frames import Batch
+from analyzer.frames import Batch, Kind
 from captures.chunks import Block
 from captures.line import LineSettings
 from captures.live.wire import Event, Item, Tick
@@ -44,8 +44,8 @@ class Source(Protocol):
     def items(self) -> Iterator[Item]:
         """What comes, until `close`; waits for it. An event `settled` tells that `line` is another from then on."""
 
-    def judge(self, frames: int, noise: int) -> None:
-        """What the newest bytes came to: how many are in frames, how many are noise."""
+    def judge(self, heard: int, sense: int) -> None:
+        """So many bytes more were analysed, and so many more are frames with a right check value."""
 
     def close(self) -> None:
         """End soon; may be called by another thread, or by a signal."""
@@ -163,9 +163,8 @@ class Session:
 
     def _judged(self, step: Step) -> Step:
         rows = step.batch.rows
-        if len(rows):
-            sense = (rows["kind"] != 0) & rows["check"]
-            self._source.judge(int(rows["length"][sense].sum()), int(rows["length"][~sense].sum()))
+        sense = (rows["kind"] != Kind.NOISE) & rows["check"]
+        self._source.judge(step.heard, int(rows["length"][sense].sum()))
         return step
 
     def _pump(self) -> None:

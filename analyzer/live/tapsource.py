@@ -16,7 +16,7 @@ from captures.live.wire import Event, Item, Tick
 
 from .scoring import explained
 
-_DOUBT: Final = 600  # bytes of which hardly any makes sense: the settings are doubted
+_DOUBT: Final = 400  # bytes of which hardly any makes sense: the settings are doubted
 _SENSE: Final = 0.05
 _SENSE_OF_TWO: Final = 0.5
 
@@ -41,12 +41,13 @@ class TapSource:
         seek: bool = True,
     ) -> None:
         self._ports = list(ports)
+        self._asked = ports[0]  # what was not given is sought, however often
         self._directions = ["request", "response"]  # of the first port and the second
         self._free_parity = free_parity
         self._tap: str | None = None
         self._seek = seek and ports[0].is_device and ports[0].baud is None
         self._search: Search | None = None
-        self._sense = self._nonsense = 0
+        self._heard = self._sense = 0  # bytes analysed of late, and those of them that are frames
         self._doubted = False
         self._unheard = 0  # changes of settings that the reader has not made yet
         quiet_ns = min(QUIET_NS, idle_ns)
@@ -76,15 +77,14 @@ class TapSource:
                     yield item  # recorded even while the settings are doubted
                     yield from self._swapped(item) if len(self._ports) > 1 else self._doubt(item)
 
-    def judge(self, frames: int, noise: int) -> None:
+    def judge(self, heard: int, sense: int) -> None:
         """Settings that stopped making sense are sought anew."""
-        self._sense += frames
-        self._nonsense += noise
-        total = self._sense + self._nonsense
-        if total > _DOUBT:
+        self._heard += heard
+        self._sense += sense
+        if self._heard > _DOUBT:
             share = _SENSE if len(self._ports) == 1 else _SENSE_OF_TWO
-            self._doubted = self._doubted or self._sense < share * total
-            self._sense = self._nonsense = 0
+            self._doubted = self._doubted or self._sense < share * self._heard
+            self._heard = self._sense = 0
 
     def close(self) -> None:
         """End soon."""
@@ -107,7 +107,7 @@ class TapSource:
             yield Event(event.t_ns, 0, "settled", f"listening: {self._words()}", {})
 
     def _begin(self) -> None:
-        self._search = Search(self._ports[0], explained, free_parity=self._free_parity)
+        self._search = Search(self._asked, explained, free_parity=self._free_parity)
         self._set(self._search.settings)
 
     def _sought(self, item: Block | Tick) -> Iterator[Item]:
