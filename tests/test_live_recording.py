@@ -85,6 +85,17 @@ def test_a_recording_of_nothing_leaves_no_file(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_what_happened_before_the_settings_were_known_is_in_the_record(tmp_path):
+    recorder = Recorder(tmp_path / "bus.mcap", LineSettings(), tell=pytest.fail)
+    recorder.note(Note(10**18, "opened", "open"))
+    recorder.tick()
+    recorder.settings(LINE)
+    recorder.close()
+    assert [file.name for file in tmp_path.iterdir()] == ["bus.mcap"]
+    assert captures.open(tmp_path / "bus.mcap").line == LINE
+    assert read(tmp_path / "bus.mcap") == [Note(10**18, "opened", "open")]
+
+
 def test_other_settings_of_the_line_begin_another_file(tmp_path):
     recorder = Recorder(tmp_path / "bus.mcap", LineSettings(), tell=pytest.fail)
     recorder.settings(LINE)  # found before anything was heard

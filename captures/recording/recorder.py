@@ -58,6 +58,7 @@ class Recorder:
         self.lost = 0  # of the line, given up while the disk was full
         self._ring = Ring(path, limits)
         self._line, self._about, self._tell = line, dict(about or {}), tell
+        self._line_known = line != LineSettings()  # until then the file may have to begin anew
         self._file: RecordingFile | None = None
         self._files = 0
         self._blocks: list[Block] = []
@@ -125,6 +126,7 @@ class Recorder:
 
     def settings(self, line: LineSettings) -> None:
         """The line is another from now on: that begins another file."""
+        self._line_known = True
         if line == self._line:
             return
         self._line = line
@@ -137,6 +139,7 @@ class Recorder:
 
     def close(self) -> None:
         """Put all on the disk and finish the file. What a full disk keeps from it is told, and the file is readable."""
+        self._line_known = True
         self._commit()
         self._finish()
 
@@ -158,7 +161,7 @@ class Recorder:
 
     def _hand_over(self) -> None:
         """Give the file what is pending."""
-        if self._file is None or not (self._blocks or self._notes):
+        if self._file is None or not (self._blocks or (self._notes and self._line_known)):
             return
         if self._lost_from and self._blocks:
             text = f"{self.lost:,} bytes were lost while the disk was full"
