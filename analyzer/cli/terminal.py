@@ -74,6 +74,14 @@ def interruptible() -> Iterator[Stop]:
         signal.signal(signal.SIGINT, before)
 
 
+def put(text: str) -> None:
+    """Write all of a text to standard output, now: unbuffered, a stream may take part of it when a signal comes."""
+    data = memoryview(text.encode(sys.stdout.encoding, "backslashreplace"))
+    while data:
+        data = data[sys.stdout.buffer.write(data) :]
+    sys.stdout.buffer.flush()
+
+
 def coloured(stream: IO[str]) -> bool:
     """Whether escape sequences are welcome there."""
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":

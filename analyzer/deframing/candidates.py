@@ -41,6 +41,11 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.start)
 
+    def of(self, role: Role) -> Candidates:
+        """Those of one role."""
+        mine = self.role == role
+        return Candidates(self.start[mine], self.end[mine], self.role[mine], self.structure[mine])
+
 
 def search(data: Bytes, crc: Windows) -> Candidates:
     """All candidates that lie whole in `data`."""

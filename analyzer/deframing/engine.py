@@ -43,9 +43,11 @@ _NOWHERE: Final = (-1, -1)
 class Engine:
     """Decides, in stream order, what every byte is. `feed` as bytes come, `take` what was decided."""
 
-    def __init__(self, character: Character, options: Options) -> None:
+    def __init__(self, character: Character, options: Options, role: Role | None = None) -> None:
+        """`role`: the only one that frames of this port have, where that is known."""
         self.tape = Tape(character)
         self.options = options
+        self._role = role
         self.trust = Trust()
         self._talk = Talk()
         self._vendor: set[int] = set()
@@ -137,7 +139,9 @@ class Engine:
         return at
 
     def _whole(self, found: Candidates, begin: int) -> Candidates:
-        """Candidates that no long silence cuts."""
+        """Candidates that no long silence cuts, of the role that this port has."""
+        if self._role is not None:
+            found = found.of(self._role)
         if not len(found):
             return found
         low, high = begin + int(found.start[0]), begin + int(found.end.max())
@@ -301,6 +305,7 @@ class Engine:
         more += broken_windows(data, stretch.crc, at, spots, candidates + more)
         more += damaged_requests(data, spots, candidates)
         more += damaged_answers(data, tape.base + origin, spots, candidates, self._talk.said.pending)
+        more = [candidate for candidate in more if self._role in (None, candidate.role)]
         if not more and (decision.steps or len(data) < WINDOWS[-1]):
             return decision
         candidates = sorted(candidates + more, key=lambda c: (c.start, c.end, c.role))

@@ -16,6 +16,7 @@ from captures.chunks import Block, Chunk
 from captures.line import LineSettings
 
 from ..frames import GAPS, ROW, Batch, Kind, Rows
+from .directions import role_of
 from .engine import Engine
 from .options import Options
 from .pairing import Pairer
@@ -86,7 +87,7 @@ class Deframer:
 
     def _engine(self, port: int) -> Engine:
         if port not in self._engines:
-            self._engines[port] = Engine(character(self._line), self._options)
+            self._engines[port] = Engine(character(self._line), self._options, role_of(self._line, port))
         return self._engines[port]
 
     def _give(self, *, last: bool) -> Batch:

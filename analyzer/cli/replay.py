@@ -1,0 +1,113 @@
+"""`rtuscope replay`: a capture again, in its own time: into the view of `sniff`, or onto a port."""
+
+from __future__ import annotations
+
+import argparse
+from argparse import ArgumentTypeError
+from typing import TYPE_CHECKING
+
+from .app import DONE, NO_FRAME, UsageError
+from .inputs import add_capture_arguments, load_functions, open_capture, tell_damage
+from .keys import keys
+from .taps import tell
+from .watching import Watch, add_view_arguments, ended_by_signals
+
+if TYPE_CHECKING:
+    from analyzer.live.replaying import Replay
+    from captures import Capture
+
+EXAMPLE = """\
+rtuscope simulate bus.jsonl --transactions 20
+rtuscope replay bus.jsonl --speed 10
+rtuscope replay bus.jsonl --speed max --filter 'exception'"""
+
+_KEYS = "keys: space pauses, . steps, + and - change the speed, q ends"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    add_capture_arguments(parser)
+    parser.add_argument(
+        "--speed",
+        type=_speed,
+        default=1.0,
+        metavar="X",
+        help="times as fast as it was, or max (1); on a terminal: " + _KEYS,
+    )
+    port = parser.add_argument_group("onto a port (this transmits)")
+    port.add_argument("--to", metavar="PORT", help="play the bytes onto this port instead of showing them")
+    port.add_argument("--only", choices=("requests", "responses"), help="only frames of this direction")
+    port.add_argument("--baud", type=int, metavar="N", help="bit/s of the port; by default the capture's")
+    port.add_argument("--parity", choices=("N", "E", "O"), help="by default the capture's")
+    add_view_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Play it."""
+    load_functions(arguments)
+    capture = open_capture(arguments)
+    if arguments.to is not None:
+        return _onto_port(arguments, capture)
+    if arguments.only is not None:
+        raise UsageError("--only is for --to PORT; to show one direction: --filter request")
+    from analyzer.live.replaying import Replay
+    from analyzer.live.session import Session
+
+    replay = Replay(capture, arguments.speed)
+    session = Session(replay)
+    if arguments.tui:
+        from analyzer.live.view import show
+
+        return show(session, arguments.capture)
+    watch = Watch(arguments, session, extra=lambda: _how(replay))
+    with keys(lambda key: _press(replay, key)) as keyboard:
+        if keyboard:
+            tell(_KEYS)
+        with session, ended_by_signals(session.stop):
+            status = watch.run()
+    tell_damage(arguments.capture, capture)
+    return status
+
+
+def _onto_port(arguments: argparse.Namespace, capture: Capture) -> int:
+    from analyzer.live.playing import play
+    from captures.live.settings import PortSettings
+
+    line = capture.line
+    port = PortSettings(
+        arguments.to, arguments.baud or line.baud, arguments.parity or line.parity or "N", line.stop_bits or 1
+    )
+    ended: list[bool] = []
+    tell(f"transmitting on {port.url}, {port}")
+    with ended_by_signals(lambda: ended.append(True)):
+        sent = play(capture, port, speed=arguments.speed, only=arguments.only, stop=lambda: bool(ended))
+    tell(f"{sent:,} bytes sent")
+    return DONE if sent else NO_FRAME
+
+
+def _press(replay: Replay, key: str) -> None:
+    if key == " ":
+        replay.pause()
+    elif key in (".", "s", "\r", "\n"):
+        replay.step()
+    elif key == "q":
+        replay.close()
+    elif key in ("+", "-", "=") and replay.speed is not None:
+        replay.set_speed(replay.speed * (0.5 if key == "-" else 2.0))
+
+
+def _how(replay: Replay) -> str:
+    speed = "max" if replay.speed is None else f"x{replay.speed:g}"
+    return f"  {speed}{'  PAUSED' if replay.paused else ''}"
+
+
+def _speed(text: str) -> float | None:
+    if text == "max":
+        return None
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = 0.0
+    if not 0.001 <= speed <= 1e6:
+        raise ArgumentTypeError(f"{text!r} is neither max nor a number from 0.001 to 1000000")
+    return speed

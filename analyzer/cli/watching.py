@@ -1,0 +1,174 @@
+"""A session shown on a terminal or written to a pipe: what `sniff` and `replay` have in common."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Final
+
+from .app import DONE, NO_FRAME
+from .quantities import seconds
+from .taps import tell
+from .terminal import coloured, put
+
+if TYPE_CHECKING:
+    from analyzer.live.conditions import Condition
+    from analyzer.live.recent import Shown
+    from analyzer.live.session import Session, Step
+
+_PERIOD_S: Final = 0.25
+_SILENT: Final = frozenset({"settings"})  # events that are not told
+
+
+def add_view_arguments(parser: argparse.ArgumentParser) -> None:
+    """What is shown, and when to stop."""
+    view = parser.add_argument_group("the view")
+    view.add_argument("--json", action="store_true", help="an object a line, as rtuscope export writes them")
+    view.add_argument("--noise", action="store_true", help="with --json: lines for the bytes in no frame, too")
+    view.add_argument("--filter", metavar="FILTER", help="show only frames that pass, such as 'unit == 17'")
+    view.add_argument("--count", type=int, metavar="N", help="stop after N frames shown")
+    view.add_argument("--duration", type=seconds, metavar="TIME", help="stop after this time: 90s, 15min, 12h")
+    view.add_argument("--until", metavar="FILTER", help="stop after a frame that passes: 'finding == \"no-response\"'")
+    view.add_argument(
+        "--trigger", metavar="FILTER", help="show (and record) only what is around frames that pass; see --before"
+    )
+    view.add_argument("--before", type=seconds, default=10.0, metavar="TIME", help="before a trigger (10s)")
+    view.add_argument("--after", type=seconds, default=10.0, metavar="TIME", help="after a trigger (10s)")
+    view.add_argument("--tui", action="store_true", help="show it in the terminal interface")
+
+
+class Watch:
+    """Shows steps as they come. `stop` ends the session."""
+
+    def __init__(
+        self,
+        arguments: argparse.Namespace,
+        session: Session,
+        *,
+        extra: Callable[[], str] = str,
+        fire: Callable[[int], None] | None = None,
+    ) -> None:
+        """`extra`: more words for the status line; `fire` is told the time of each trigger."""
+        from analyzer.live.lines import JsonLines, TextLines
+        from analyzer.live.recent import Recent
+        from analyzer.live.status import Status
+        from analyzer.live.window import Window
+
+        self._arguments, self._session, self._extra, self._fire = arguments, session, extra, fire
+        width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+        self._lines = (
+            JsonLines(noise=arguments.noise) if arguments.json else TextLines(colour=coloured(sys.stdout), width=width)
+        )
+        self.status = Status(session.line)
+        self._recent = Recent()
+        self._filter, self._until = _condition(arguments.filter), _condition(arguments.until)
+        self._trigger = _condition(arguments.trigger)
+        self._window: Window[str] = Window(int(arguments.before * 1e9), int(arguments.after * 1e9))
+        self._shown = 0
+        self._over = False
+        self._status_shown = sys.stderr.isatty()
+        self._next_status = 0.0
+
+    def run(self) -> int:
+        """Show the session to its end; the exit status."""
+        from analyzer.live.recent import of_the_bus
+
+        for step in self._session.steps():
+            if self._over:
+                continue  # what the session still gives while it ends
+            self.status.line = self._session.line
+            self.status.feed(step)
+            for event in step.events:
+                if event.kind not in _SILENT and event.text:
+                    tell(event.text)
+            out = []
+            for shown in self._recent.feed(step):
+                out.append(self._row(shown, step))
+                if self._over:
+                    break
+            out += [self._lines.bus(finding) for finding in of_the_bus(step)]
+            self._write("".join(out))
+            if self._arguments.duration and self.status.elapsed_ns >= self._arguments.duration * 1e9:
+                self._end()
+        self._clear()
+        if self._status_shown:
+            print(f"{self.status}{self._extra()}", file=sys.stderr)
+        return DONE if self.status.frames else NO_FRAME
+
+    def _row(self, shown: Shown, step: Step) -> str:
+        """The lines of a row, if it is to be shown; with it, perhaps, lines from before a trigger."""
+        line = self._session.line
+        wanted = self._filter is None or self._filter.holds(shown, step, line)
+        text = self._lines.of(shown) if wanted else ""
+        if self._trigger is not None:
+            text = self._triggered(text, shown, fired=self._trigger.holds(shown, step, line))
+        if text and not shown.late and int(shown.batch.rows["index"][shown.row]) >= 0:
+            self._shown += 1
+        if self._until is not None and self._until.holds(shown, step, line):
+            self._end()
+        if self._arguments.count and self._shown >= self._arguments.count:
+            self._end()
+        return text
+
+    def _triggered(self, text: str, shown: Shown, *, fired: bool) -> str:
+        t_ns = int(shown.batch.rows["t_end"][shown.row])
+        before = self._window.fire(t_ns) if fired else []
+        if fired and self._fire is not None:
+            self._fire(t_ns)
+        return "".join([*before, *self._window.offer(t_ns, text)])
+
+    def _end(self) -> None:
+        self._over = True
+        self._session.stop()
+
+    def _write(self, text: str) -> None:
+        now = time.monotonic()
+        if text:
+            self._clear()
+            put(text)
+        if self._status_shown and (text or now >= self._next_status):
+            self._next_status = now + _PERIOD_S
+            width = shutil.get_terminal_size().columns
+            sys.stderr.write(f"\r\x1b[K{f'{self.status}{self._extra()}'[: width - 1]}")
+            sys.stderr.flush()
+
+    def _clear(self) -> None:
+        if self._status_shown:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+
+def _condition(text: str | None) -> Condition | None:
+    if text is None:
+        return None
+    from analyzer.live.conditions import Condition
+
+    return Condition(text)
+
+
+@contextmanager
+def ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
+    """SIGINT, SIGTERM and SIGHUP call `stop`; a second SIGINT ends at once."""
+    asked = False
+
+    def handler(number: int, _frame: object) -> None:
+        nonlocal asked
+        if asked and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        asked = True
+        stop()
+
+    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
+    before = {}
+    with suppress(ValueError):  # not the main thread: signals are another's business
+        before = {number: signal.signal(number, handler) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, old in before.items():
+            signal.signal(number, old)

@@ -1,0 +1,35 @@
+"""A bus while it happens: from a tap or a replay to frames, findings and a recording.
+
+    from analyzer.live import Session, TapSource
+    from captures.live.settings import PortSettings
+
+    with Session(TapSource([PortSettings("/dev/ttyUSB0", 19200, "E")])) as session:
+        for step in session.steps():
+            for frame in step.batch.frames():
+                print(frame.t_end_ns, frame.summary())
+
+`session` puts bytes on the disk first and analyses them then, `feed` is that analysis, `tapsource` and `replaying` are
+where bytes come from, `scoring` judges line settings, `lines` and `status` are what a person sees, `window` keeps what
+was around a trigger.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .replaying import Replay
+    from .session import Session, Step
+    from .tapsource import TapSource
+
+__all__ = ["Replay", "Session", "Step", "TapSource"]
+
+_HOMES = {"Replay": "replaying", "Session": "session", "Step": "session", "TapSource": "tapsource"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

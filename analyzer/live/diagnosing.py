@@ -1,0 +1,80 @@
+"""Transactions and findings of rows while they come: at once where something looks wrong, else a few times a second.
+
+Rules look at columns, which costs the same for one frame as for a hundred. So frames that are as they should be wait a
+moment for their diagnosis, and the first one that is not brings theirs along.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from analyzer.deframing.options import Options
+from analyzer.findings.diagnosis import Diagnosis
+from analyzer.findings.model import NOTHING, Findings
+from analyzer.frames import Batch, Kind, Rows
+from analyzer.transactions import TRANSACTION, Transactions
+from captures.line import LineSettings
+
+_WAIT_NS: Final = 300_000_000
+_ROWS: Final = 128  # waiting at most
+_NONE: Final[tuple[Rows, Findings]] = np.zeros(0, TRANSACTION), NOTHING
+
+
+class Diagnosing:
+    """Batches in, settled transactions and findings out; both may speak of batches before."""
+
+    def __init__(self, line: LineSettings, options: Options) -> None:
+        self._transactions = Transactions()
+        self._diagnosis = Diagnosis(line, options)
+        self._held: list[Batch] = []
+        self._rows = 0
+        self._since = 0
+        self._asking = False  # the last frame was a request
+
+    def feed(self, batch: Batch, now_ns: int) -> tuple[Rows, Findings]:
+        """What is to be said by now, with these rows (which may be none)."""
+        if len(batch):
+            self._since = self._since if self._held else now_ns
+            self._held.append(batch)
+            self._rows += len(batch)
+        if not self._held or (
+            self._rows < _ROWS and now_ns < self._since + _WAIT_NS and not (len(batch) and self._odd(batch))
+        ):
+            return _NONE
+        return self._say()
+
+    def close(self) -> tuple[Rows, Findings]:
+        """No more comes: the rest, and what concerns the bus as a whole."""
+        settled, findings = self._say() if self._held else _NONE
+        last = self._transactions.close()
+        found = self._diagnosis.close(last)
+        return np.concatenate((settled, last)), np.concatenate((findings, found))
+
+    def _say(self) -> tuple[Rows, Findings]:
+        batch = joined(self._held)
+        self._held, self._rows = [], 0
+        settled = self._transactions.feed(batch)
+        return settled, self._diagnosis.feed(batch, settled)
+
+    def _odd(self, batch: Batch) -> bool:
+        """Whether any of these rows is not what a healthy bus says."""
+        rows = batch.rows
+        asking = (rows["kind"] == Kind.REQUEST) & (rows["unit"] > 0)
+        before = np.append(self._asking, asking[:-1])
+        self._asking = bool(asking[-1])
+        healthy = rows["check"] & (rows["exception"] == 0) & (rows["errors"] == 0)
+        healthy &= np.where(rows["kind"] == Kind.REQUEST, ~before, rows["request"] >= 0)
+        return not bool(healthy.all())
+
+
+def joined(batches: list[Batch]) -> Batch:
+    """Batches as one, at least one."""
+    if len(batches) == 1:
+        return batches[0]
+    rows = np.concatenate([batch.rows for batch in batches])
+    sizes = np.cumsum([0, *(len(batch.data) for batch in batches)])
+    rows["at"] += np.repeat(sizes[:-1], [len(batch) for batch in batches])
+    earlier = {index: adu for batch in batches for index, adu in batch.earlier.items()}
+    return Batch(rows, np.concatenate([batch.data for batch in batches]), earlier)

@@ -1,0 +1,126 @@
+"""A frame in one line, for people and for programs."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any, Final
+
+import orjson
+
+from analyzer.exports.encoding import noise_json
+from analyzer.findings.model import Finding, Severity
+from analyzer.frames import Batch, Frame, Kind
+from analyzer.reports.page import duration
+
+from .recent import Shown
+
+_SENSIBLE_NS: Final = 1_000_000_000 * 86_400 * 365  # times before 1971 count from a beginning of their own
+_KEPT: Final = 4096  # summaries: polls repeat
+_MARKS: Final = {Severity.ERROR: "!", Severity.WARNING: "?", Severity.NOTE: "-"}
+_COLOURS: Final = {Severity.ERROR: "31", Severity.WARNING: "33", Severity.NOTE: "2"}
+_INDENT: Final = " " * 16
+
+
+class TextLines:
+    """Lines for a person: time, direction, unit, function, what it says, response time; findings below it."""
+
+    def __init__(self, *, colour: bool, width: int | None, noise: bool = True) -> None:
+        """`width`: longer lines are cut; None: none are. `noise`: bytes in no frame are shown, too."""
+        self._colour, self._width, self._noise = colour, width, noise
+        self._summaries: dict[tuple[bytes, bytes | None, int, int], str] = {}
+
+    def of(self, shown: Shown) -> str:
+        """The lines of a row, each with its end; empty where there is nothing to show."""
+        kind = int(shown.batch.rows["kind"][shown.row])
+        lines = []
+        if kind != Kind.NOISE:
+            frame = shown.batch.frame(shown.row)
+            if shown.late:
+                lines.append(self._cut(f"{_clock(frame.t_end_ns)}   #{frame.index}: {self._words(frame)}", "2"))
+            else:
+                lines.append(self._frame(frame))
+        elif self._noise or shown.findings:
+            lines.append(self._cut(_noise(shown.batch, shown.row), "2"))
+        lines += [self._finding(finding) for finding in shown.findings]
+        return "".join(lines)
+
+    def bus(self, finding: Finding) -> str:
+        """A finding about the bus as a whole."""
+        return self._finding(finding)
+
+    def _frame(self, frame: Frame) -> str:
+        arrow = ">" if frame.row.kind == Kind.REQUEST else "<"
+        took = "" if frame.response_time_ns is None else f"   {duration(frame.response_time_ns)}"
+        check = "" if frame.crc_ok else "   WRONG CHECK VALUE"
+        head = f"{_clock(frame.t_end_ns)} {arrow} {frame.unit:3d} {frame.function:02X} "
+        words = self._words(frame)
+        if self._width is not None:
+            room = self._width - len(head) - len(took) - len(check)
+            words = words if len(words) <= room else words[: max(room - 1, 0)] + "…"
+        colour = "31" if check else "33" if frame.exception is not None else ""
+        return self._painted(f"{head}{words}{took}{check}", colour)
+
+    def _finding(self, finding: Finding) -> str:
+        text = f"{_INDENT}{_MARKS[finding.severity]} {finding.code}: {finding.text}"
+        return self._cut(text, _COLOURS[finding.severity])
+
+    def _words(self, frame: Frame) -> str:
+        key = (frame.captured, frame.request_bytes, frame.row.kind, frame.row.protocol)
+        words = self._summaries.get(key)
+        if words is None:
+            if len(self._summaries) >= _KEPT:
+                self._summaries.clear()
+            words = self._summaries[key] = frame.summary()
+        return words
+
+    def _cut(self, line: str, colour: str) -> str:
+        if self._width is not None and len(line) > self._width:
+            line = line[: self._width - 1] + "…"
+        return self._painted(line, colour)
+
+    def _painted(self, line: str, colour: str) -> str:
+        return f"\x1b[{colour}m{line}\x1b[0m\n" if self._colour and colour else f"{line}\n"
+
+
+class JsonLines:
+    """The objects of `rtuscope export`, a line each; a finding made later comes as one of kind `finding`."""
+
+    def __init__(self, *, noise: bool = False) -> None:
+        self._noise = noise
+
+    def of(self, shown: Shown) -> str:
+        """The lines of a row."""
+        kind = int(shown.batch.rows["kind"][shown.row])
+        if shown.late:
+            return "".join(self.bus(finding) for finding in shown.findings)
+        if kind != Kind.NOISE:
+            return _dumped(shown.batch.frame(shown.row).to_json())
+        return _dumped(noise_json(shown.batch, shown.row)) if self._noise else ""
+
+    def bus(self, finding: Finding) -> str:
+        """A finding by itself: about a frame of before (`index`), a stretch of bytes, or the bus."""
+        where: dict[str, Any] = {"kind": "finding", "index": finding.index}
+        if finding.start >= 0:
+            where |= {"start": finding.start, "length": finding.length, "t_ns": finding.t_ns}
+        if finding.port:
+            where["port"] = finding.port
+        return _dumped({**where, **finding.to_json()})
+
+
+def _dumped(line: dict[str, Any]) -> str:
+    return orjson.dumps(line, option=orjson.OPT_APPEND_NEWLINE).decode()
+
+
+def _noise(batch: Batch, row: int) -> str:
+    data = batch.bytes_of(row)
+    shown = data[:16].hex(" ").upper() + (" …" if len(data) > 16 else "")
+    plural = "byte" if len(data) == 1 else "bytes"
+    return f"{_clock(int(batch.rows['t_end'][row]))} ~ {len(data)} {plural} in no frame: {shown}"
+
+
+def _clock(t_ns: int) -> str:
+    """The time of day here, to the millisecond; seconds where the capture's clock began at zero."""
+    if t_ns < _SENSIBLE_NS:
+        return f"{t_ns / 1e9:12.3f}"
+    seconds, rest = divmod(t_ns, 1_000_000_000)
+    return f"{datetime.fromtimestamp(seconds):%H:%M:%S}.{rest // 1_000_000:03d}"

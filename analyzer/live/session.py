@@ -1,0 +1,243 @@
+"""One session: bytes to the disk first, then to the analysis, then to whoever looks.
+
+A thread takes what the source gives, hands it to the recorder and queues it; the analysis runs where `steps` is
+iterated. Where that falls behind, or its output is held up, bytes are recorded all the same, and those that were not
+analysed are counted and said (`Step.missed`).
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final, Protocol
+
+from analyzer.deframing.options import Options
+from analyzer.findings.model import Findings
+from analyzer.frames import Batch, Kind
+from captures.chunks import Block
+from captures.line import LineSettings
+from captures.live.wire import Event, Item, Tick
+from captures.recording.notes import Note
+
+from .feed import Fed, Feed, octets_by_port
+
+_BACKLOG: Final = 4 << 20  # bytes that wait for the analysis at most
+_PATIENCE_S: Final = 0.2
+_NOTED: Final = frozenset({"lost", "opened", "clock", "settled", "gap"})  # events that stand in the record
+
+
+class Source(Protocol):
+    """Where items come from: a tap, a replay.
+
+    `waits`: it can be made to wait for an analysis that is behind; a bus can't.
+    """
+
+    @property
+    def waits(self) -> bool: ...
+
+    @property
+    def line(self) -> LineSettings:
+        """The line's settings, as far as they are known by now."""
+
+    def items(self) -> Iterator[Item]:
+        """What comes, until `close`; waits for it. An event `settled` tells that `line` is another from then on."""
+
+    def judge(self, heard: int, sense: int) -> None:
+        """So many bytes more were analysed, and so many more are frames with a right check value."""
+
+    def close(self) -> None:
+        """End soon; may be called by another thread, or by a signal."""
+
+
+class Sink(Protocol):
+    """What records: `captures.recording.recorder.Recorder`, or something before it."""
+
+    def write(self, block: Block) -> None: ...
+
+    def note(self, note: Note) -> None: ...
+
+    def settings(self, line: LineSettings) -> None: ...
+
+    def tick(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What came to light at once. `heard` are bytes of the line, `marked` those of them with an error of their own."""
+
+    t_ns: int
+    fed: Fed
+    events: list[Event] = field(default_factory=list)
+    heard: int = 0
+    marked: int = 0
+    missed: int = 0  # bytes that were not analysed
+
+    @property
+    def batch(self) -> Batch:
+        """The rows."""
+        return self.fed.batch
+
+    @property
+    def findings(self) -> Findings:
+        """What was found, of these rows or of earlier ones."""
+        return self.fed.findings
+
+
+class Session:
+    """A source being recorded and analysed. A context manager: the recording is closed when it is left."""
+
+    def __init__(
+        self,
+        source: Source,
+        *,
+        recorder: Sink | None = None,
+        options: Options = Options(),  # noqa: B008 - frozen
+        backlog: int = _BACKLOG,
+    ) -> None:
+        self.line = source.line
+        self._source = source
+        self._recorder = recorder
+        self._feed = Feed(source.line, options)
+        self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._backlog = backlog
+        self._waiting = 0  # bytes queued
+        self._lock = threading.Condition()
+        self._stopped = False
+        self._missed: dict[int, int] = {}  # the other thread's: bytes not queued, by port
+        self._newest = 0
+        self._thread = threading.Thread(target=self._pump, daemon=True)
+
+    def __enter__(self) -> Session:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+        self._thread.join()
+
+    def stop(self) -> None:
+        """End soon: `steps` gives what there is, then ends."""
+        self._stopped = True
+        self._source.close()
+
+    def steps(self) -> Iterator[Step]:
+        """What comes to light, step by step; a quiet line gives empty ones a few times a second.
+
+        Raises what the source or the recorder raised.
+        """
+        over = False
+        while not over:
+            items = [self._queue.get()]
+            while not self._queue.empty():
+                items.append(self._queue.get())
+            for part in _grouped(items):
+                if isinstance(part, BaseException):
+                    raise part
+                if part is None:
+                    over = True
+                    break
+                step = self._step(part)
+                self._newest = max(self._newest, step.t_ns)
+                yield step
+        yield Step(self._newest, self._feed.close())
+
+    def _step(self, part: Block | Tick | Event | _Missed) -> Step:
+        if isinstance(part, _Missed):
+            return Step(part.t_ns, self._feed.restart(self.line, part.octets), missed=sum(part.octets.values()))
+        if isinstance(part, Event):
+            if part.kind != "settled":
+                return Step(part.t_ns, self._feed.nothing(), [part])
+            self.line = self._source.line
+            return Step(part.t_ns, self._feed.restart(self.line), [part])
+        if isinstance(part, Tick):
+            return self._judged(Step(part.t_ns, self._feed.tick(part.t_ns)))
+        with self._lock:
+            self._waiting -= len(part.data)
+            self._lock.notify()
+        fed = self._feed.feed(part)
+        return self._judged(Step(int(part.t_ns[-1]), fed, heard=len(part.data), marked=len(part.errors)))
+
+    def _judged(self, step: Step) -> Step:
+        rows = step.batch.rows
+        sense = (rows["kind"] != Kind.NOISE) & rows["check"]
+        self._source.judge(step.heard, int(rows["length"][sense].sum()))
+        return step
+
+    def _pump(self) -> None:
+        """The other thread: what the source gives, to the disk and into the queue."""
+        try:
+            try:
+                for item in self._source.items():
+                    self._record(item)
+                    self._offer(item)
+                    if self._recorder is not None:
+                        self._recorder.tick()
+                self._tell_missed()
+            finally:
+                if self._recorder is not None:
+                    self._recorder.close()
+        except BaseException as error:  # raised again where the steps are taken
+            self._queue.put(error)
+        else:
+            self._queue.put(None)
+
+    def _record(self, item: Item) -> None:
+        if self._recorder is None:
+            return
+        if isinstance(item, Block):
+            self._recorder.write(item)
+        elif isinstance(item, Event):
+            if item.kind == "settled":
+                self._recorder.settings(self._source.line)
+            if item.kind in _NOTED:
+                self._recorder.note(Note(item.t_ns, item.kind, item.text))
+
+    def _offer(self, item: Item) -> None:
+        """Queue it, but for bytes that the analysis is too far behind to take."""
+        if isinstance(item, Block):
+            with self._lock:
+                while self._source.waits and self._waiting > 0 and not self._stopped:
+                    self._lock.wait(_PATIENCE_S)
+                room = (self._backlog // 2 if self._missed else self._backlog) - self._waiting
+                full = len(item.data) > room and not self._source.waits
+                self._waiting += 0 if full else len(item.data)
+            if full:
+                for port, octets in octets_by_port(item).items():
+                    self._missed[port] = self._missed.get(port, 0) + octets
+                return
+            self._tell_missed(int(item.t_ns[0]))
+        self._queue.put(item)
+
+    def _tell_missed(self, t_ns: int = 0) -> None:
+        if self._missed:
+            self._queue.put(_Missed(t_ns, self._missed))
+            self._missed = {}
+
+
+@dataclass(frozen=True, slots=True)
+class _Missed:
+    """Bytes, by port, that were not queued before what follows."""
+
+    t_ns: int
+    octets: dict[int, int]
+
+
+def _grouped(items: list[Any]) -> Iterator[Any]:
+    """Items in order, blocks that follow each other as one: a listener that is behind catches up by larger steps."""
+    blocks: list[Block] = []
+    for item in items:
+        if isinstance(item, Block):
+            blocks.append(item)
+            continue
+        if isinstance(item, Tick) and blocks and item is not items[-1]:
+            continue  # more came since
+        if blocks:
+            yield Block.joined(blocks)
+            blocks = []
+        yield item
+    if blocks:
+        yield Block.joined(blocks)

@@ -1,0 +1,74 @@
+"""How the bus and the session are doing, in one line: load, frames a second, errors, what was dropped."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+import numpy as np
+
+from analyzer.frames import Kind
+from captures.line import LineSettings
+
+from .session import Step
+
+_WINDOW_NS: Final = 2_000_000_000
+
+
+class Status:
+    """Counts steps. `errors` are frames with a wrong check value and stretches of noise, `marked` bytes with an error
+    of the UART's, `missed` bytes that were not analysed live."""
+
+    def __init__(self, line: LineSettings) -> None:
+        self.line = line
+        self.bytes = self.frames = self.errors = self.marked = self.missed = 0
+        self._recent: deque[tuple[int, int, int]] = deque()  # time, bytes, frames
+        self._first: int | None = None
+
+    def feed(self, step: Step) -> None:
+        """Count it."""
+        rows = step.batch.rows
+        frames = int(np.count_nonzero(rows["kind"] != Kind.NOISE))
+        self.frames += frames
+        self.errors += len(rows) - int(np.count_nonzero((rows["kind"] != Kind.NOISE) & rows["check"]))
+        self.bytes += step.heard
+        self.marked += step.marked
+        self.missed += step.missed
+        if not step.t_ns:
+            return
+        self._first = step.t_ns if self._first is None else self._first
+        self._recent.append((step.t_ns, step.heard, frames))
+        while self._recent[0][0] < step.t_ns - _WINDOW_NS:
+            self._recent.popleft()
+
+    @property
+    def elapsed_ns(self) -> int:
+        """From the first step to the newest."""
+        return 0 if self._first is None or not self._recent else self._recent[-1][0] - self._first
+
+    @property
+    def frames_per_s(self) -> float:
+        """Of the last two seconds."""
+        return sum(frames for *_, frames in self._recent) / self._span_s
+
+    @property
+    def load(self) -> float | None:
+        """Share of the last two seconds in which the line was busy; None where its speed is not known."""
+        if not self.line.baud:
+            return None
+        octets = sum(heard for _, heard, _ in self._recent)
+        return min(1.0, octets * (self.line.char_bits or 11) / self.line.baud / self._span_s)
+
+    def __str__(self) -> str:
+        load = "" if self.load is None else f"load {self.load:.0%}  "
+        marked = f"  {self.marked:,} parity or framing" if self.marked else ""
+        missed = f"  NOT ANALYSED LIVE {self.missed:,} bytes" if self.missed else ""
+        minutes, seconds = divmod(self.elapsed_ns // 1_000_000_000, 60)
+        return (
+            f"{minutes // 60:d}:{minutes % 60:02d}:{seconds:02d}  {load}{self.frames_per_s:.0f} frames/s  "
+            f"{self.frames:,} frames  {self.errors:,} errors{marked}{missed}"
+        )
+
+    @property
+    def _span_s(self) -> float:
+        return min(_WINDOW_NS, max(self.elapsed_ns, 500_000_000)) / 1e9

@@ -1,0 +1,173 @@
+"""Taps as a session's source: what the reader gives, and the line's settings sought where they are not known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Final
+
+from analyzer.deframing.directions import NOTE
+from captures.chunks import Block
+from captures.line import LineSettings
+from captures.live.baud import Search
+from captures.live.listening import IDLE_NS, QUIET_NS, Listening
+from captures.live.settings import PortSettings
+from captures.live.wire import Event, Item, Tick
+
+from .scoring import explained
+
+_DOUBT: Final = 400  # bytes of which hardly any makes sense: the settings are doubted
+_SENSE: Final = 0.05
+_SENSE_OF_TWO: Final = 0.5
+
+
+class TapSource:
+    """One tap, or two of which each hears one direction.
+
+    A device whose `baud` is None has its settings sought by listening: rate, and parity if `free_parity`. What was
+    heard while they were sought is given from the first byte that was heard with those found.
+    """
+
+    waits = False
+
+    def __init__(
+        self,
+        ports: Sequence[PortSettings],
+        *,
+        idle_ns: int = IDLE_NS,
+        wait: bool = False,
+        free_parity: bool = True,
+        blocking: bool = False,
+        seek: bool = True,
+    ) -> None:
+        self._ports = list(ports)
+        self._asked = ports[0]  # what was not given is sought, however often
+        self._directions = ["request", "response"]  # of the first port and the second
+        self._free_parity = free_parity
+        self._tap: str | None = None
+        self._seek = seek and ports[0].is_device and ports[0].baud is None
+        self._search: Search | None = None
+        self._heard = self._sense = 0  # bytes analysed of late, and those of them that are frames
+        self._doubted = False
+        self._unheard = 0  # changes of settings that the reader has not made yet
+        quiet_ns = min(QUIET_NS, idle_ns)
+        self._listening = Listening(ports, quiet_ns=quiet_ns, idle_ns=idle_ns, wait=wait, blocking=blocking)
+
+    @property
+    def line(self) -> LineSettings:
+        """What is known of the line."""
+        line = self._ports[0].line(self._tap)
+        return line if len(self._ports) < 2 else replace(line, notes={NOTE: ",".join(self._directions)})
+
+    @property
+    def seeking(self) -> bool:
+        """Whether the line's settings are being sought."""
+        return self._search is not None
+
+    def items(self) -> Iterator[Item]:
+        """What the taps give. PortError where one can't be listened to."""
+        with self._listening as listening:
+            for item in listening.items():
+                if isinstance(item, Event):
+                    yield item
+                    yield from self._opened(item)
+                elif self._search is not None and not self._doubted:
+                    yield from self._sought(item)
+                else:
+                    yield item  # recorded even while the settings are doubted
+                    yield from self._swapped(item) if len(self._ports) > 1 else self._doubt(item)
+
+    def judge(self, heard: int, sense: int) -> None:
+        """Settings that stopped making sense are sought anew."""
+        self._heard += heard
+        self._sense += sense
+        if self._heard > _DOUBT:
+            share = _SENSE if len(self._ports) == 1 else _SENSE_OF_TWO
+            self._doubted = self._doubted or self._sense < share * self._heard
+            self._heard = self._sense = 0
+
+    def close(self) -> None:
+        """End soon."""
+        self._listening.close()
+
+    def _opened(self, event: Event) -> Iterator[Item]:
+        if event.port:
+            return
+        if event.kind == "settings":
+            self._unheard -= 1
+        if event.kind != "opened":
+            return
+        self._tap = event.more["tap"]
+        if self._tap == "pty":  # has no rate, so there is none to find
+            self._seek = False
+        if self._seek and self._search is None and not event.more["back"]:
+            self._begin()
+            yield Event(event.t_ns, 0, "seeking", f"seeking the line's settings, from {self._trying()} on", {})
+        else:
+            yield Event(event.t_ns, 0, "settled", f"listening: {self._words()}", {})
+
+    def _begin(self) -> None:
+        self._search = Search(self._asked, explained, free_parity=self._free_parity)
+        self._set(self._search.settings)
+
+    def _sought(self, item: Block | Tick) -> Iterator[Item]:
+        """Feed the search; what it heard with the settings that it found is given."""
+        search = self._search
+        assert search is not None
+        if self._unheard:  # these were heard with other settings
+            return
+        now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
+        if isinstance(item, Block):
+            search.feed(item)
+        done = search.step(now)
+        if done is None:
+            return
+        if search.found is None:
+            self._set(search.settings)
+            yield Event(now, 0, "trying", f"{done}; trying {search.settings}", {})
+            return
+        self._search = None
+        changed = search.found != done.settings
+        self._ports = [replace(search.found, url=port.url) for port in self._ports]
+        yield Event(now, 0, "settled", f"{done}: listening with {search.found}", {"settings": search.found.to_json()})
+        if changed:
+            self._set(search.found)
+        else:
+            yield from search.heard
+
+    def _doubt(self, item: Block | Tick) -> Iterator[Item]:
+        """Seek anew once hardly anything makes sense, while what comes is recorded all the same."""
+        if not (self._doubted and self._seek):
+            self._doubted = False
+            return
+        if self._search is None:
+            now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
+            self._begin()
+            yield Event(now, 0, "seeking", f"{self._words()} makes no sense any more: seeking the settings anew", {})
+        else:
+            for found in self._sought(item):
+                if isinstance(found, Event):
+                    if found.kind == "settled":
+                        self._doubted = False
+                    yield found
+
+    def _swapped(self, item: Block | Tick) -> Iterator[Item]:
+        """Two taps that make no sense are the other way round, most likely."""
+        if self._doubted:
+            self._doubted = False
+            self._directions.reverse()
+            now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
+            hears = " and ".join(f"{p.url} hears {d}s" for p, d in zip(self._ports, self._directions, strict=True))
+            yield Event(now, 0, "settled", f"that made no sense; the other way round: {hears}", {})
+
+    def _set(self, settings: PortSettings) -> None:
+        self._unheard += 1
+        for number, port in enumerate(self._ports):
+            self._listening.change(number, replace(settings, url=port.url))
+
+    def _trying(self) -> str:
+        return "?" if self._search is None else str(self._search.settings)
+
+    def _words(self) -> str:
+        port = self._ports[0]
+        return str(port) if port.baud is not None else "no rate to set"

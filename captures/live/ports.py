@@ -1,0 +1,125 @@
+"""The serial ports of this machine, and what is known of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from .latency import latency_ms
+from .settings import PortSettings
+
+
+@dataclass(frozen=True, slots=True)
+class PortInfo:
+    """A serial port; None for what the system does not tell.
+
+    `link` is a name that stays the same wherever the adapter is plugged in; `used_by` are programs that have it open,
+    as far as this user may see them.
+    """
+
+    device: str
+    description: str | None = None
+    usb: str | None = None  # VID:PID in hex
+    serial: str | None = None
+    manufacturer: str | None = None
+    driver: str | None = None
+    link: str | None = None
+    latency_ms: int | None = None
+    allowed: bool = True  # this user may open it
+    used_by: list[str] = field(default_factory=list)
+
+    def to_json(self) -> dict[str, Any]:
+        """All of it."""
+        return asdict(self)
+
+
+def ports() -> list[PortInfo]:
+    """The ports that are there, by name; those of a mainboard only where there is hardware behind them."""
+    from serial.tools import list_ports
+
+    links, users = _links(), _users()
+    return sorted((_info(port, links, users) for port in list_ports.comports()), key=lambda info: info.device)
+
+
+def _info(port: Any, links: dict[str, str], users: dict[str, list[str]]) -> PortInfo:
+    def known(text: str | None) -> str | None:
+        return None if text in (None, "", "n/a") else text
+
+    driver = Path(os.path.realpath(f"/sys/class/tty/{port.name}/device/driver")).name
+    return PortInfo(
+        device=port.device,
+        description=known(port.description),
+        usb=None if port.vid is None else f"{port.vid:04x}:{port.pid:04x}",
+        serial=known(port.serial_number),
+        manufacturer=known(port.manufacturer),
+        driver=None if driver == "driver" else driver,
+        link=links.get(os.path.realpath(port.device)),
+        latency_ms=latency_ms(port.device),
+        allowed=os.name == "nt" or os.access(port.device, os.R_OK | os.W_OK),
+        used_by=users.get(os.path.realpath(port.device), []),
+    )
+
+
+def _links() -> dict[str, str]:
+    """Lasting names by device."""
+    links: dict[str, str] = {}
+    with suppress(OSError):
+        for link in sorted(Path("/dev/serial/by-id").iterdir()):
+            links.setdefault(os.path.realpath(link), str(link))
+    return links
+
+
+def _users() -> dict[str, list[str]]:
+    """Programs that hold a terminal device open, by device, as far as /proc shows them."""
+    users: dict[str, list[str]] = {}
+    for process, device in _open_devices():
+        with suppress(OSError):
+            name = (process / "comm").read_text().strip()
+            known = users.setdefault(device, [])
+            if (who := f"{name} ({process.name})") not in known:
+                known.append(who)
+    return users
+
+
+def _open_devices() -> Iterator[tuple[Path, str]]:
+    with suppress(OSError):
+        for process in Path("/proc").glob("[0-9]*"):
+            with suppress(OSError):
+                for descriptor in (process / "fd").iterdir():
+                    with suppress(OSError):
+                        target = os.readlink(descriptor)  # noqa: PTH115 - a string is wanted
+                        if target.startswith("/dev/tty"):
+                            yield process, target
+
+
+@dataclass
+class Identity:
+    """Which adapter a port was, so that it is found again when it comes back under another name."""
+
+    known: bool = False
+    _usb: tuple[Any, ...] | None = None
+
+    def learn(self, settings: PortSettings) -> None:
+        """Remember what is open now."""
+        self.known = True
+        if settings.is_device:
+            self._usb = next((usb for device, usb in _usb_adapters() if device == os.path.realpath(settings.url)), None)
+
+    def found(self, settings: PortSettings) -> PortSettings:
+        """The settings with the name that the adapter has now; as they are where it has none, or its own."""
+        if self._usb is None or Path(settings.url).exists():
+            return settings
+        names = [device for device, usb in _usb_adapters() if usb == self._usb]
+        return replace(settings, url=names[0]) if len(names) == 1 else settings
+
+
+def _usb_adapters() -> list[tuple[str, tuple[Any, ...]]]:
+    """USB ports by device, with what tells one adapter from another."""
+    from serial.tools import list_ports
+
+    found = [port for port in list_ports.comports() if port.vid is not None and port.serial_number]
+    return [(os.path.realpath(p.device), (p.vid, p.pid, p.serial_number, p.interface)) for p in found]

@@ -1,0 +1,248 @@
+"""`sniff` and `record` on buses of real stacks: everything that was said is seen, paired and recorded, nothing else."""
+
+import json
+import logging
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import tty
+
+import pytest
+from livebus import TeeBus, eventually, pty, served
+from pymodbus.client import ModbusSerialClient
+from running import START, environment, ran, refused
+
+import captures
+from captures.recording.notes import read
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
+REQUEST, ANSWER = bytes.fromhex("1103006b00037687"), bytes.fromhex("110306ae415652434049ad")
+
+
+class Running:
+    """A command in a process of its own, listening."""
+
+    def __init__(self, *arguments):
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", START, *map(str, arguments)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=environment(),
+        )
+        self.said = []
+        while not self.said or b"listening" not in self.said[-1]:
+            self.said.append(self.process.stderr.readline())
+            assert self.said[-1], "the command ended"
+
+    def ended(self, number=signal.SIGTERM):
+        """Status, output and what was said after it got this signal; None: it ends by itself."""
+        if number is not None:
+            self.process.send_signal(number)
+        out, said = self.process.communicate(timeout=30)
+        return self.process.returncode, out, b"".join([*self.said, said]).decode()
+
+
+def frames(out):
+    """The frames among JSON lines, without what depends on when they were read."""
+    lines = [json.loads(line) for line in out.splitlines()]
+    return [
+        {key: value for key, value in line.items() if key not in ("findings", "confidence")}
+        for line in lines
+        if "direction" in line
+    ]
+
+
+def stalled(asked, answer):
+    """An echo so late, on a machine so busy, that nobody could tell it from the client asking again."""
+    return asked["hex"] == answer["hex"] and answer["t_start_ns"] - asked["t_end_ns"] > 25_000_000
+
+
+def exported(path):
+    done = subprocess.run([sys.executable, "-c", START, "export", str(path)], capture_output=True, env=environment())
+    return done.stdout
+
+
+def poll(port, count, seed):
+    """A client's requests of many kinds, in bursts and with pauses."""
+    chance = random.Random(seed)
+    client = ModbusSerialClient(port, baudrate=115200, timeout=2, retries=0)
+    client.connect()
+    for number in range(count):
+        unit, at = (1, 2, 17)[number % 3], chance.randrange(90)
+        kind = chance.randrange(5)
+        if kind < 2:
+            done = client.read_holding_registers(at, count=chance.randint(1, 20), device_id=unit)
+        elif kind == 2:
+            done = client.read_coils(at, count=chance.randint(1, 90), device_id=unit)
+        elif kind == 3:
+            done = client.write_register(at, chance.randrange(4000), device_id=unit)
+        else:
+            done = client.write_registers(at, [chance.randrange(4000) for _ in range(5)], device_id=unit)
+        assert not done.isError()
+        if chance.random() < 0.02:
+            time.sleep(0.03)
+    client.close()
+
+
+def test_all_that_real_stacks_say_is_sniffed_paired_and_recorded(tmp_path):
+    logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
+    with TeeBus(10 / 115200) as bus:
+        sniff = Running("sniff", bus.tap_port, "--baud", "115200", "--json", "-o", tmp_path / "bus.mcap")
+        with served(bus):
+            poll(bus.client_port, 1000, seed=1)
+        time.sleep(0.2)
+        status, out, said = sniff.ended()
+    assert status == 0, said
+    found = frames(out)
+    assert [frame["hex"] for frame in found] == [data for _, data in bus.frames()]
+    assert len(found) == 2000
+    for number, (asked, answer) in enumerate(zip(found[::2], found[1::2], strict=True)):
+        if stalled(asked, answer):
+            continue
+        assert (asked["direction"], answer["direction"]) == ("request", "response"), number
+        assert answer["request_start"] == asked["start"]
+    assert frames(exported(tmp_path / "bus.mcap")) == found
+    assert [note.kind for note in read(tmp_path / "bus.mcap")] == ["opened", "settled"]
+
+
+@pytest.mark.skipif(not shutil.which("mbpoll"), reason="mbpoll is not installed")
+def test_mbpoll_is_sniffed_by_a_blocking_read_too():
+    with TeeBus(10 / 19200, burst=3) as bus:
+        sniff = Running("sniff", bus.tap_port, "--baud", "19200", "--json", "--blocking-read")
+        with served(bus):
+            for kind in ("4", "3", "0"):
+                command = f"mbpoll -m rtu -b 19200 -P none -a 1,2,17 -t {kind} -c 5 -1".split()
+                subprocess.run([*command, bus.client_port], capture_output=True, timeout=30, check=True)
+        time.sleep(0.2)
+        _, out, _ = sniff.ended()
+    found = frames(out)
+    assert [(frame["direction"], frame["hex"]) for frame in found] == bus.frames()
+    assert len(found) == 18
+
+
+@pytest.mark.parametrize("command", ["sniff", "record"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_it_cleanly_with_a_whole_recording(tmp_path, command, number):
+    master, name = pty()
+    running = Running(command, name, "--baud", "9600", "-o", tmp_path / "bus.mcap")
+    os.write(master, REQUEST)
+    time.sleep(0.03)
+    os.write(master, ANSWER)
+    time.sleep(0.1)
+    status, _, said = running.ended(number)
+    assert status == 0, said
+    assert "Traceback" not in said
+    assert [file.name for file in tmp_path.iterdir()] == ["bus.mcap"]
+    capture = captures.open(tmp_path / "bus.mcap")
+    assert b"".join(chunk.data for chunk in capture.chunks()) == REQUEST + ANSWER
+    assert not capture.damage
+    assert (capture.line.baud, capture.line.char_bits, capture.line.tap) == (9600, 10, "pty")
+
+
+def test_frames_are_shown_in_a_line_each_while_the_bus_goes_on():
+    master, name = pty()
+    sniff = Running("sniff", name, "--baud", "9600", "--count", "2")
+    os.write(master, REQUEST)
+    line = sniff.process.stdout.readline().decode()
+    assert line.endswith(">  17 03 read 3 holding registers from 107 (40108)\n")
+    os.write(master, ANSWER)
+    status, out, _ = sniff.ended(None)
+    assert status == 0
+    assert "<  17 03 3 registers: 44609 22098 17216" in out.decode()
+
+
+def test_a_silent_bus_holds_no_frame():
+    _, name = pty()
+    status, out, _ = Running("sniff", name, "--duration", "0.3s").ended(None)
+    assert (status, out) == (1, b"")
+
+
+def test_a_pipe_that_closes_ends_it_and_the_recording_is_whole(tmp_path):
+    master, name = pty()
+    sniff = Running("sniff", name, "-o", tmp_path / "bus.mcap")
+    sniff.process.stdout.close()
+    for _ in range(3):
+        os.write(master, REQUEST)
+        time.sleep(0.1)
+    assert sniff.process.wait(10) == 0
+    sniff.process.stderr.close()
+    assert not captures.open(tmp_path / "bus.mcap").damage
+
+
+def test_a_reader_that_takes_nothing_does_not_hold_up_the_recording(tmp_path):
+    master, name = pty()
+    sniff = Running("sniff", name, "--json", "--noise", "-o", tmp_path / "bus.mcap")
+    sent = b""
+    for number in range(300):  # far more lines than a pipe holds, and nobody reads them
+        data = (REQUEST + ANSWER) * 4
+        os.write(master, data)
+        sent += data
+        time.sleep(0.002 if number < 299 else 1.2)
+    part = tmp_path / "bus.mcap.part"
+    assert eventually(lambda: b"".join(chunk.data for chunk in captures.open(part).chunks()) == sent)
+    _, out, _ = sniff.ended()
+    assert "".join(frame["hex"] for frame in frames(out)) == sent.hex()
+
+
+def test_an_adapter_unplugged_while_recording_is_a_gap_in_the_record(tmp_path):
+    link = tmp_path / "tty"
+    first = os.openpty()
+    tty.setraw(first[1])
+    link.symlink_to(os.ttyname(first[1]))
+    record = Running("record", link, "--baud", "9600", "-o", tmp_path / "bus.mcap")
+    os.write(first[0], REQUEST)
+    part = tmp_path / "bus.mcap.part"
+    assert eventually(lambda: b"".join(chunk.data for chunk in captures.open(part).chunks()) == REQUEST)
+    link.unlink()
+    for descriptor in first:
+        os.close(descriptor)
+    while b"lost" not in record.said[-1]:
+        record.said.append(record.process.stderr.readline())
+    second, name = pty()
+    link.symlink_to(name)
+    while b"is back" not in record.said[-1]:
+        record.said.append(record.process.stderr.readline())
+    os.write(second, ANSWER)
+    time.sleep(0.2)
+    status, _, said = record.ended()
+    assert status == 0, said
+    chunks = list(captures.open(tmp_path / "bus.mcap").chunks())
+    assert b"".join(chunk.data for chunk in chunks) == REQUEST + ANSWER
+    notes = [note for note in read(tmp_path / "bus.mcap") if note.kind in ("lost", "opened")]
+    assert [note.kind for note in notes] == ["opened", "lost", "opened"]
+    assert chunks[0].t_ns < notes[1].t_ns < notes[2].t_ns < chunks[-1].t_ns
+
+
+def test_a_line_whose_settings_make_no_difference_needs_none():
+    master, name = pty()  # no --baud: it is sought, but a pseudo-terminal has none
+    sniff = Running("sniff", name, "--count", "1")
+    os.write(master, REQUEST)
+    status, out, said = sniff.ended(None)
+    assert status == 0
+    assert "no rate to set" in said
+    assert b"read 3 holding registers" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["/dev/no-such-port"], "no such port"),
+        (["/dev/ttyS0", "--idle-ms", "1"], "--idle-ms 1 is not in 5 to 5000"),
+        (["/dev/ttyS0", "--baud", "fast"], "--baud fast is not a rate"),
+        (["/dev/ttyS0", "--port2", "/dev/ttyS0"], "the same port"),
+        (["/dev/ttyS0", "-o", "bus.jsonl"], "suffix .mcap"),
+        (["/dev/ttyS0", "--keep", "seven"], "'seven' is neither a time"),
+        (["/dev/ttyS0", "--duration", "-1s"], "expected one argument"),
+    ],
+)
+def test_arguments_that_cannot_be_used_are_refused_in_one_line(capsys, arguments, words):
+    assert words in refused(capsys, "sniff", *arguments)
+
+
+def test_ports_lists_what_there_is(capsys):
+    assert isinstance(json.loads(ran(capsys, "ports", "--json").out), list)
+    assert ran(capsys, "ports").status == 0
