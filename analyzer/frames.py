@@ -185,12 +185,16 @@ class Batch:
         if self.findings is None:
             return places
         for port in np.flatnonzero(np.bincount(self.findings["port"])).tolist():
-            starts = np.sort(self.rows["start"][self.rows["port"] == port])
+            rows = self.rows[self.rows["port"] == port]
+            order = np.argsort(rows["start"], kind="stable")
+            starts = rows["start"][order]
+            ends = starts + rows["length"][order]
             mine = np.flatnonzero((self.findings["port"] == port) & (self.findings["start"] >= 0))
-            holders = np.searchsorted(starts, self.findings["start"][mine], side="right") - 1
-            for place, holder in zip(mine.tolist(), holders.tolist(), strict=True):
-                if holder >= 0:
-                    places.setdefault((port, int(starts[holder])), []).append(place)
+            spoken = self.findings["start"][mine]
+            holders = np.searchsorted(starts, spoken, side="right") - 1
+            here = (holders >= 0) & (spoken < ends[holders])  # else its row is not among these
+            for place, holder in zip(mine[here].tolist(), holders[here].tolist(), strict=True):
+                places.setdefault((port, int(starts[holder])), []).append(place)
         return places
 
     def request_of(self, row: int, index: int) -> bytes | None:

@@ -229,11 +229,11 @@ def filled(folder):
 
 @posix
 def test_a_full_disk_pauses_the_recording_and_loses_nothing(tmp_path):
-    with small_disk(tmp_path / "disk") as folder:
+    with small_disk(tmp_path / "disk", "400k") as folder:
         said = []
         recorder = Recorder(folder / "bus.mcap", LINE, tell=said.append)
         chance = random.Random(3)
-        sent = [chance.randbytes(2000) for _ in range(40)]
+        sent = [chance.randbytes(5000) for _ in range(40)]
         filler = None
         for number, data in enumerate(sent):
             if number == 10:

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from carried import values_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import analyzer
 import captures
 from analyzer.exports import export
-from analyzer.exports.registers import values_of
 from analyzer.findings.model import Severity
 from analyzer.frames import Batch, Frame, Kind
 from analyzer.model import goto, search
