@@ -32,7 +32,7 @@ def test_help_tells_the_example(capsys, command):
         assert f"  {line}\n" in done.out
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", sorted(COMMANDS.keys() - {"sniff", "record"}))  # those need a tap
 def test_the_example_works(capsys, command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for line in load(command).EXAMPLE.splitlines():
