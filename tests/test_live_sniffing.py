@@ -4,6 +4,7 @@ import json
 import logging
 import os
 import random
+import shlex
 import shutil
 import signal
 import subprocess
@@ -17,6 +18,8 @@ from pymodbus.client import ModbusSerialClient
 from running import START, environment, ran, refused
 
 import captures
+from analyzer.cli.app import Parser
+from analyzer.cli.commands import load
 from captures.recording.notes import read
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
@@ -241,6 +244,14 @@ def test_a_line_whose_settings_make_no_difference_needs_none():
 )
 def test_arguments_that_cannot_be_used_are_refused_in_one_line(capsys, arguments, words):
     assert words in refused(capsys, "sniff", *arguments)
+
+
+@pytest.mark.parametrize("command", ["sniff", "record"])
+def test_the_examples_can_be_typed(command):
+    parser = Parser()
+    load(command).configure(parser)
+    for line in load(command).EXAMPLE.splitlines():
+        assert parser.parse_args(shlex.split(line)[2:]).port
 
 
 def test_ports_lists_what_there_is(capsys):

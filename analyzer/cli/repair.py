@@ -8,7 +8,9 @@ from pathlib import Path
 
 from .app import DONE, NO_FRAME, UsageError
 
-EXAMPLE = "rtuscope repair bus.mcap.part"
+EXAMPLE = """\
+rtuscope simulate bus.mcap --transactions 20
+rtuscope repair bus.mcap -o whole.mcap"""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
