@@ -200,7 +200,7 @@ class Bus:
         at = piece["at"][places].astype(np.int64)
         out["at"], out["gap_least"] = at - at[0], NO_GAP
         frames = out["kind"] != Kind.NOISE
-        out["index"] = np.where(frames, piece["frame"][places], -1)
+        out["index"] = np.where(frames, piece["frame"][places].astype(np.int64), -1)
         asked = np.where(out["kind"] == Kind.RESPONSE, piece["partner"][places], -1).astype(np.int64)
         answers = np.flatnonzero(asked >= 0)
         out["request"] = out["request_start"] = -1
