@@ -87,12 +87,12 @@ def test_any_reader_finds_schema_messages_times_and_metadata() -> None:
     assert set(content.port) == {1}
 
 
-def test_messages_hold_at_most_a_second_and_64_kib() -> None:
-    chunks = [Chunk(i * SECOND // 3, bytes(9000)) for i in range(30)]
+def test_messages_hold_at_most_ten_seconds_and_64_kib() -> None:
+    chunks = [Chunk(i * 10 * SECOND // 3, bytes(9000)) for i in range(30)]
     messages = make_reader(io.BytesIO(shared_file([Block.from_chunks(chunks)]))).iter_messages(topics=[TOPIC])
     contents = [decoded(schema, message) for schema, _, message in messages]
     assert len(contents) > 5
-    assert all(sum(content.sizes) <= 1 << 16 and content.after_ns[-1] < SECOND for content in contents)
+    assert all(sum(content.sizes) <= 1 << 16 and content.after_ns[-1] < 10 * SECOND for content in contents)
     assert sum(len(content.sizes) for content in contents) == 30
 
 

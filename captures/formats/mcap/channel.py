@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from captures.formats.mcap.writer import ArrayWriter
 
 BATCH_BYTES: Final = 1 << 16
-BATCH_NS: Final = 1_000_000_000
+BATCH_NS: Final = 10_000_000_000
 
 
 class ChunkChannel:
@@ -58,10 +58,10 @@ class ChunkChannel:
 
 
 def _cuts(block: Block) -> list[int]:
-    """Where messages begin among the chunks, and where the last ends: each at so many bytes or at a second."""
+    """Where messages begin among the chunks, and where the last ends: each at so many bytes or after so much time."""
     newest = np.maximum.accumulate(block.t_ns)
-    seconds, pieces = (newest - newest[0]) // BATCH_NS, block.offsets[:-1] // BATCH_BYTES
-    new = np.flatnonzero((seconds[1:] != seconds[:-1]) | (pieces[1:] != pieces[:-1])) + 1
+    spans, pieces = (newest - newest[0]) // BATCH_NS, block.offsets[:-1] // BATCH_BYTES
+    new = np.flatnonzero((spans[1:] != spans[:-1]) | (pieces[1:] != pieces[:-1])) + 1
     return [0, *new.tolist(), len(block)]
 
 
