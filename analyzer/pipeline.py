@@ -110,7 +110,7 @@ class _Held:
             yield Analysed(replace(batch, findings=found), settled, found)
         if self._last and not self._batches and len(self._findings):
             found, self._findings = self._findings, self._findings[:0]
-            yield Analysed(Batch.empty(), np.zeros(0, TRANSACTION), found)
+            yield Analysed(replace(Batch.empty(), findings=found), np.zeros(0, TRANSACTION), found)
 
 
 def _behind(batch: Batch) -> int:

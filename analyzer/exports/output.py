@@ -25,8 +25,10 @@ class Output:
         self._at = 0
 
     def write(self, data: bytes) -> int:
-        """Write all of it."""
-        self._stream.write(data)
+        """Write all of it: a stream without a buffer (PYTHONUNBUFFERED) may take less at a time."""
+        left = memoryview(data)
+        while len(left):
+            left = left[self._stream.write(left) or 0 :]
         self._at += len(data)
         return len(data)
 
