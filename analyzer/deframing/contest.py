@@ -7,7 +7,7 @@ so a stream fed byte by byte and a whole file come to the same decisions at the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -60,6 +60,31 @@ def decide(lattice: Lattice, data: bytes, events: Sequence[Event], idle_bits: fl
         if event.cut:  # (it was idle before, so what a clock's tick decided then is decided alike without one)
             return settled(lattice)
     return UNDECIDED
+
+
+def go_on(
+    lattice: Lattice,
+    data: bytes,
+    events: Sequence[Event],
+    idle_bits: float,
+    first: Decision,
+    wanted: Callable[[int], bool],
+) -> list[Decision]:
+    """A decision that left no noise, and those that follow it at once, as long as they are `wanted` (at a position).
+
+    Each is what a lattice begun at its own place would decide: only the work of beginning one is saved.
+    """
+    found = [first]
+    while True:
+        steps = found[-1].steps
+        at = steps[-1].end
+        if at != lattice.position or not wanted(at):
+            return found
+        lattice.restart(steps[-1].said)
+        decision = decide(lattice, data, [event for event in events if event.position > at], idle_bits)
+        if not decision.steps or any(step.candidate is None for step in decision.steps):
+            return found
+        found.append(decision)
 
 
 def settled(lattice: Lattice) -> Decision:

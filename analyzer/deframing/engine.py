@@ -16,7 +16,7 @@ from dissectors.lengths import Role
 
 from .broken import broken_windows
 from .candidates import CRC_BITS, GLITCHES, Candidates, search
-from .contest import WINDOWS, Decision, Event, decide, explained, forced, margins, settled
+from .contest import WINDOWS, Decision, Event, decide, explained, forced, go_on, margins, settled
 from .damaged import damaged_answers, damaged_requests
 from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice
 from .options import Options
@@ -131,7 +131,7 @@ class Engine:
             if moved > at:
                 at = moved
                 continue
-            moved = self._contest(stretch, at, quiet=quiet, final=final)
+            moved = self._contest(stretch, runs, at, quiet=quiet, final=final)
             if moved == at:
                 self._stuck = self.tape.base + begin + at, self.tape.base + upto
                 break
@@ -236,7 +236,7 @@ class Engine:
             and not (tape.classes[begin:upto] >= SILENT).any()
         )
 
-    def _contest(self, stretch: Stretch, at: int, *, quiet: bool, final: bool) -> int:
+    def _contest(self, stretch: Stretch, runs: Runs, at: int, *, quiet: bool, final: bool) -> int:
         """Decide from `at` on through the lattice; the position reached, `at` if more must be known."""
         n = len(stretch.data)
         for window in WINDOWS:
@@ -245,14 +245,16 @@ class Engine:
             if not whole and window < WINDOWS[-1] and not stretch.any(at, limit):
                 continue
             self._repeats.looked(limit - at)
-            decision = self._explain(stretch, at, limit, quiet=quiet and whole, final=final and whole)
-            if decision.steps or whole:
+            decisions = self._explain(stretch, runs, at, limit, quiet=quiet and whole, final=final and whole)
+            if decisions[0].steps or whole:
                 break
-        if not decision.steps:
+        if not decisions[0].steps:
             return at
-        self._steps(decision, stretch.begin + at)
-        self._talk.settle(decision.steps[-1].said)
-        return at + decision.steps[-1].end
+        for decision in decisions:
+            self._steps(decision, stretch.begin + at)
+        last = decisions[-1].steps[-1]
+        self._talk.settle(last.said)
+        return at + last.end
 
     def _again(self, stretch: Stretch, at: int, stop: int) -> int:
         """Take from `at` on what repeats what was just decided; the position behind it."""
@@ -271,7 +273,9 @@ class Engine:
         self._asked = _NOWHERE
         return at + moved
 
-    def _explain(self, stretch: Stretch, at: int, limit: int, *, quiet: bool, final: bool) -> Decision:
+    def _explain(
+        self, stretch: Stretch, runs: Runs, at: int, limit: int, *, quiet: bool, final: bool
+    ) -> list[Decision]:
         """The certain steps in [at, limit): by declared candidates, and where those leave noise by all that there are.
 
         `quiet`: the line was quiet at `limit`; `final`: nothing comes after it.
@@ -284,21 +288,30 @@ class Engine:
         candidates = stretch.candidates(at, limit)
         idle_bits = max(0.0, self.trust.evidence[Turn.REQUEST][self._idle_class])
 
-        def decided(candidates: list[Candidate], *, force: bool) -> Decision:
+        limits = next_checkpoint(tape.base + origin) - tape.base - origin
+
+        def contested(position: int) -> bool:
+            """Whether what begins there is for the lattice, too, and silences are still worth the same."""
+            i = int(np.searchsorted(runs.start, at + position))
+            here = i < len(runs.start) and runs.start[i] == at + position
+            return position < limits and here and not (runs.clean[i] and not runs.either[i])
+
+        def decided(candidates: list[Candidate], *, force: bool) -> list[Decision]:
             lattice = Lattice(data, tape.base + origin, classes, self.trust, candidates, self._talk.said)
-            decision = decide(
-                lattice, data, self._events(origin, len(data), candidates, classes, quiet=quiet), idle_bits
-            )
+            events = self._events(origin, len(data), candidates, classes, quiet=quiet)
+            decision = decide(lattice, data, events, idle_bits)
             if decision.steps:
-                return decision
+                plain = all(step.candidate is not None and not step.candidate.damaged for step in decision.steps)
+                return go_on(lattice, data, events, idle_bits, decision, contested) if plain else [decision]
             if final:
                 lattice.advance(len(data))
-                return settled(lattice)
-            return forced(lattice, len(data)) if force else decision
+                return [settled(lattice)]
+            return [forced(lattice, len(data)) if force else decision]
 
-        decision = decided(candidates, force=False)
-        if decision.steps and all(s.candidate is not None for s in decision.steps):
-            return decision
+        decisions = decided(candidates, force=False)
+        steps = decisions[0].steps
+        if steps and all(s.candidate is not None for s in steps):
+            return decisions
         closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self.options.idle_ns)) > 0
         spots = places(data, silences, candidates, closed=closed, parts=self.trust.parts())
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
@@ -306,10 +319,10 @@ class Engine:
         more += damaged_requests(data, spots, candidates)
         more += damaged_answers(data, tape.base + origin, spots, candidates, self._talk.said.pending)
         more = [candidate for candidate in more if self._role in (None, candidate.role)]
-        if not more and (decision.steps or len(data) < WINDOWS[-1]):
-            return decision
+        if not more and (steps or len(data) < WINDOWS[-1]):
+            return decisions
         candidates = sorted(candidates + more, key=lambda c: (c.start, c.end, c.role))
-        return decided(candidates, force=len(data) == WINDOWS[-1])
+        return decided(candidates, force=len(data) == WINDOWS[-1])[:1]
 
     def _events(
         self, origin: int, size: int, candidates: list[Candidate], classes: list[int], *, quiet: bool

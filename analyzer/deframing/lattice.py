@@ -174,6 +174,12 @@ class Lattice:
                 continue
             self._move(min(ends, start, position))
 
+    def restart(self, said: Said) -> None:
+        """What is before the position advanced to is decided; `said` is the conversation up to there."""
+        self._flight.clear()
+        self._before = said
+        self.paths = [Path(0.0, None, said, -1)]
+
     def _move(self, position: int) -> None:
         """Let survivors run on as noise to `position`; let the frames that end there join them."""
         steps = self._data[self.position : position]
