@@ -112,18 +112,6 @@ def test_parse_imports_nothing_heavy():
     assert done.returncode == 0, done.stderr
 
 
-def test_parse_starts_in_less_than_three_times_the_import_of_construct():
-    def best(*arguments):
-        times = []
-        for _ in range(9):
-            begun = time.perf_counter()
-            subprocess.run([sys.executable, *arguments], capture_output=True, env=environment(), check=True, timeout=60)
-            times.append(time.perf_counter() - begun)
-        return min(times)
-
-    assert best("-c", START, "parse", "11 03 00 6B 00 03 76 87") < 3 * best("-c", "import construct")
-
-
 def test_a_reader_that_has_had_enough_ends_it_quietly(tmp_path, capsys):
     bus = tmp_path / "bus.jsonl"
     assert ran(capsys, "simulate", bus, "--transactions", "2000").status == 0

@@ -151,7 +151,7 @@ import sys
 sys.modules[{name!r}] = None
 import analyzer
 try:
-    analyzer.open({str(path("mbpoll.mcap"))!r}).to_polars()
+    analyzer.open({str(path("mbpoll.mcap"))!r}).to_{"arrow" if name == "pyarrow" else name}()
 except ImportError as error:
     print(error)
 """
