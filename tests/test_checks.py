@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from itertools import product
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -80,7 +79,8 @@ def test_addresses_of_writes(rule: str, passed: bool) -> None:
     assert judged(rule, WRITES).passed is passed
 
 
-@pytest.mark.parametrize(("share", "compared"), product(("p50", "p95", "p99", "max", "min", "mean"), ("<", ">=")))
+@pytest.mark.parametrize("compared", ["<", ">="])
+@pytest.mark.parametrize("share", ["p50", "p95", "p99", "max", "min", "mean"])
 def test_response_times(share: str, compared: str) -> None:
     slow, soon = judged(f"{share} response_time {compared} 9 ms", HEALTHY), f"{share} RESPONSE_TIME {compared} 11ms"
     assert slow.passed is (compared == ">=")
@@ -132,7 +132,10 @@ def test_mistakes_are_pointed_at(capsys: pytest.CaptureFixture[str], rule: str, 
     assert words in said
 
 
-@given(st.text() | st.lists(st.sampled_from("no at most of unit where 4x0-1 : findings < 5 % p95 ' writes".split())))
+WORDS = ["no", "at", "most", "of", "unit", "where", "4x0-1", ":", "findings", "<", "5", "%", "p95", "'", "writes"]
+
+
+@given(st.text() | st.lists(st.sampled_from(WORDS)))
 def test_any_text_gives_a_rule_or_an_error(text: str | list[str]) -> None:
     text = text if isinstance(text, str) else " ".join(text)
     try:
@@ -232,7 +235,7 @@ def test_check_says_by_the_status_whether_errors_were_found(capsys: pytest.Captu
     assert done.status == 1
     assert done.out == ran(capsys, command, troubled).out
     assert ran(capsys, command, healthy, "--check").status == 0
-    assert ran(capsys, command, troubled, "--check", "--filter", "finding == retry").status == 0
+    assert ran(capsys, command, troubled, "--check", "--filter", "not severity == error").status == 0
 
 
 def test_parse_can_check_too(capsys: pytest.CaptureFixture[str]) -> None:
@@ -245,7 +248,7 @@ def test_parse_can_check_too(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("command", ["report", "export", "check"])
-def test_limits_are_taken_and_refused(capsys: pytest.CaptureFixture[str], command: str, tmp_path: Path) -> None:
+def test_limits_are_taken_and_refused(capsys: pytest.CaptureFixture[str], command: str) -> None:
     healthy = samples.path("healthy.jsonl")
     flags = ["--t15-ms", "0.75", "--t35-ms", "1.75", "--turnaround-ms", "200", "--idle-ms", "5"]
     assert ran(capsys, command, healthy, *flags).status == 0
