@@ -58,7 +58,9 @@ class Seen:
         values = self.batch.rows[row]
         if not text:
             noise = values["kind"] == Kind.NOISE
-            text = "bytes in no frame" if noise else self.batch.frame(row).summary()
+            said = self.batch.findings_of(row) if noise else ()
+            text = f"bytes in no frame{''.join(f'; {each.text}' for each in said[:1])}" if noise else ""
+            text = text or self.batch.frame(row).summary()
         index = int(values["index"])
         return Place(
             harmless(text),

@@ -34,7 +34,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_capture_arguments(parser)
     parser.add_argument(
-        "--rule", metavar="RULE", action="append", default=[], help="a rule that must hold; may be given again"
+        "--rule",
+        metavar="RULE",
+        action="append",
+        default=[],
+        help="a rule that must hold (--list says which there are); may be given again",
     )
     parser.add_argument(
         "--rules", metavar="FILE", action="append", default=[], help="a TOML file of rules (docs/check.md)"

@@ -66,9 +66,11 @@ class _Units:
     def feed(self, seen: Seen) -> None:
         rows = seen.batch.rows
         whole_ones = (rows["kind"] != Kind.NOISE) & rows["check"] & (rows["unit"] > 0)
-        self._seen.update(np.unique(rows["unit"][whole_ones]).tolist())
+        units, where = np.unique(rows["unit"][whole_ones], return_index=True)
+        new = ~np.isin(units, list(self.allowed | self._seen))
+        strange = np.sort(np.flatnonzero(whole_ones)[where[new]])  # the first frame of each
+        self._seen.update(units.tolist())
         self._answered.update(np.unique(rows["unit"][whole_ones & (rows["kind"] == Kind.RESPONSE)]).tolist())
-        strange = np.flatnonzero(whole_ones & ~np.isin(rows["unit"], list(self.allowed)))
         self._places.add(strange, lambda row: seen.place(row, f"unit {rows['unit'][row]}"))
 
     def verdict(self, report: Report) -> Verdict:  # noqa: ARG002
