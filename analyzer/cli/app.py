@@ -1,6 +1,7 @@
 """From arguments to an exit status, with every trouble told in one line.
 
-0: done. 1: the input holds no frame. 2: unusable arguments or input. 130: ended by Ctrl-C, what was done kept.
+0: done. 1: the input holds no frame, or what was asserted of it does not hold. 2: unusable arguments or input.
+130: ended by Ctrl-C, what was done kept.
 Exceptions of this project's own packages carry a message for the user; those of the operating system get one here.
 Any other is a defect: it is told in one line as well, and RTUSCOPE_DEBUG=1 shows where it came from.
 """
@@ -20,6 +21,7 @@ from .commands import COMMANDS, Command, load
 
 DONE: Final = 0
 NO_FRAME: Final = 1
+FAILED: Final = 1
 UNUSABLE: Final = 2
 INTERRUPTED: Final = 130
 

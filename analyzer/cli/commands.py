@@ -13,6 +13,7 @@ COMMANDS: Final[dict[str, str]] = {
     "open": "the terminal interface: a capture, or a prompt to paste bytes at",
     "export": "write a capture's frames as JSON lines, CSV or MCAP",
     "report": "the bus in one page: units, functions, response times, load, errors",
+    "check": "assert rules on a capture, for test benches and CI",
     "sniff": "listen to a tap and show frames as they come; record them with -o",
     "record": "only record a tap, unattended, for days",
     "replay": "play a capture in its own time into the view of sniff, or onto a port",

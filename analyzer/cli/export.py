@@ -5,8 +5,18 @@ from __future__ import annotations
 import argparse
 import sys
 
-from .app import DONE, INTERRUPTED, NO_FRAME
-from .inputs import add_capture_arguments, add_filter_argument, chosen_filter, load_functions, open_capture, tell_damage
+from .app import DONE, FAILED, INTERRUPTED, NO_FRAME
+from .inputs import (
+    add_capture_arguments,
+    add_check_argument,
+    add_filter_argument,
+    add_limit_arguments,
+    chosen_filter,
+    chosen_limits,
+    load_functions,
+    open_capture,
+    tell_damage,
+)
 from .terminal import Progress, interruptible
 
 EXAMPLE = """\
@@ -30,6 +40,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--noise", action="store_true", help="write the bytes between frames too, so that all bytes are there"
     )
     parser.add_argument("--explain", action="store_true", help="tell why each frame's boundaries stand where they do")
+    add_check_argument(parser)
+    add_limit_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -37,6 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     from analyzer.exports import ExportOptions, export
 
     load_functions(arguments)
+    limits = chosen_limits(arguments)
     capture = open_capture(arguments)
     chosen = chosen_filter(arguments, capture.line)
     progress = Progress(f"export {arguments.capture}")
@@ -46,6 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.output,
             name=arguments.format,
             options=ExportOptions(explain=arguments.explain, noise=arguments.noise, filter=chosen),
+            limits=limits,
             progress=progress,
             stop=stop,
         )
@@ -60,4 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not done.frames and not (chosen is not None and "noise" in chosen.fields):
         print(f"rtuscope: {arguments.capture}: no Modbus frame found in {done.bytes:,} bytes", file=sys.stderr)
         return NO_FRAME
+    if arguments.check and done.errors:
+        print(f"rtuscope: {arguments.capture}: {done.errors:,} findings of severity error", file=sys.stderr)
+        return FAILED
     return DONE

@@ -5,17 +5,25 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
 from .app import UsageError
 
 if TYPE_CHECKING:
+    from analyzer.deframing.options import Options
     from analyzer.filters import Filter
     from captures import Capture
     from captures.line import LineSettings
 
 _GROUP: Final = b"[rtuscope.functions]"
+_LIMITS: Final = (  # flag, option, least and most in ms, help
+    ("--t15-ms", "t15_ns", 0.01, 5000.0, "longest silence inside a frame (1.5 characters)"),
+    ("--t35-ms", "t35_ns", 0.01, 5000.0, "least silence between frames (3.5 characters)"),
+    ("--turnaround-ms", "turnaround_ns", 0.0, 60000.0, "least pause after a broadcast, 100 if not given"),
+    ("--idle-ms", "idle_ns", 5.0, 5000.0, "silence after which the line counts as quiet, 50 if not given"),
+)
 _TOLD: Final = 5  # complaints printed; the rest are counted
 
 
@@ -49,6 +57,44 @@ def chosen_filter(arguments: argparse.Namespace, line: LineSettings) -> Filter |
         return compile_filter(arguments.filter, line)
     except FilterError as error:
         raise UsageError(f"--filter: {error}") from error
+
+
+def add_limit_arguments(parser: argparse.ArgumentParser) -> None:
+    """--t15-ms and the like: what of the line's timing is set otherwise than the specification has it."""
+    group = parser.add_argument_group("timing, where the line is set otherwise than the specification has it")
+    for flag, _, least, most, words in _LIMITS:
+        group.add_argument(flag, metavar="MS", type=_milliseconds(least, most), help=f"{words} ({least:g} to {most:g})")
+
+
+def _milliseconds(least: float, most: float) -> Callable[[str], int]:
+    def limit(text: str) -> int:
+        try:
+            number = float(text)
+        except ValueError:
+            number = float("nan")
+        if not least <= number <= most:
+            raise argparse.ArgumentTypeError(f"{text!r} is no time from {least:g} to {most:g} ms")
+        return round(number * 1e6)
+
+    return limit
+
+
+def chosen_limits(arguments: argparse.Namespace) -> Options:
+    """The options that were given."""
+    from analyzer.deframing.options import Options
+
+    given = {name: getattr(arguments, flag[2:].replace("-", "_")) for flag, name, *_ in _LIMITS}
+    t15, t35 = given["t15_ns"], given["t35_ns"]
+    if t15 is not None and t35 is not None and t15 > t35:
+        raise UsageError(f"--t15-ms {t15 / 1e6:g} is longer than --t35-ms {t35 / 1e6:g}")
+    return Options(**{name: value for name, value in given.items() if value is not None})
+
+
+def add_check_argument(parser: argparse.ArgumentParser) -> None:
+    """--check."""
+    parser.add_argument(
+        "--check", action="store_true", help="exit status 1 where a finding of severity error is among the findings"
+    )
 
 
 def load_functions(arguments: argparse.Namespace) -> None:

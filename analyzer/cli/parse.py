@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
-from .app import DONE, NO_FRAME, UsageError
-from .inputs import add_functions_argument, load_functions
+from .app import DONE, FAILED, NO_FRAME, UsageError
+from .inputs import add_check_argument, add_functions_argument, load_functions
 from .terminal import coloured
 
 EXAMPLE = """\
@@ -33,6 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--values", action="store_true", help="registers as 32- and 64-bit integers and floats in every byte order"
     )
+    add_check_argument(parser)
     add_functions_argument(parser)
 
 
@@ -54,6 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
             print(json.dumps(line, separators=(",", ":")))
     else:
         sys.stdout.write(tree(paste, colour=coloured(sys.stdout), values=arguments.values))
+    if arguments.check and paste.errors:
+        return FAILED
     return DONE if paste.holds_a_frame else NO_FRAME
 
 

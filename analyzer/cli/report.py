@@ -6,11 +6,21 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from .app import DONE, INTERRUPTED, NO_FRAME
-from .inputs import add_capture_arguments, add_filter_argument, chosen_filter, load_functions, open_capture
+from .app import DONE, FAILED, INTERRUPTED, NO_FRAME
+from .inputs import (
+    add_capture_arguments,
+    add_check_argument,
+    add_filter_argument,
+    add_limit_arguments,
+    chosen_filter,
+    chosen_limits,
+    load_functions,
+    open_capture,
+)
 from .terminal import Progress, interruptible
 
 if TYPE_CHECKING:
+    from analyzer.deframing.options import Options
     from analyzer.filters import Filter
     from captures import Capture
 
@@ -26,23 +36,38 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_capture_arguments(parser)
     add_filter_argument(parser)
     parser.add_argument("--json", action="store_true", help="the same facts as JSON")
+    add_check_argument(parser)
+    add_limit_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print it."""
     load_functions(arguments)
+    limits = chosen_limits(arguments)
     capture = open_capture(arguments)
     chosen = chosen_filter(arguments, capture.line)
-    return show(capture, str(arguments.capture), as_json=arguments.json, filter=chosen)
+    source = str(arguments.capture)
+    return show(capture, source, as_json=arguments.json, filter=chosen, options=limits, check=arguments.check)
 
 
-def show(capture: Capture, source: str, *, as_json: bool, filter: Filter | None = None) -> int:
-    """Report on an open capture; returns the exit status."""
+def show(
+    capture: Capture,
+    source: str,
+    *,
+    as_json: bool,
+    filter: Filter | None = None,
+    options: Options | None = None,
+    check: bool = False,
+) -> int:
+    """Report on an open capture; returns the exit status, with `check` 1 where there are errors."""
+    from analyzer.deframing.options import Options
     from analyzer.reports import summarize, text
 
     progress = Progress(f"report {source}")
     with interruptible() as stop:
-        report = summarize(capture, source=source, filter=filter, progress=progress, stop=stop)
+        report = summarize(
+            capture, source=source, filter=filter, options=options or Options(), progress=progress, stop=stop
+        )
     progress.clear()
     if as_json:
         import json
@@ -52,4 +77,6 @@ def show(capture: Capture, source: str, *, as_json: bool, filter: Filter | None 
         sys.stdout.write(text(report))
     if report.partial:
         return INTERRUPTED
+    if check and any(row.severity == "error" for row in report.findings):
+        return FAILED
     return DONE if report.frames else NO_FRAME

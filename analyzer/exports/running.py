@@ -7,7 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from analyzer.deframing.options import Options
+from analyzer.findings.model import Severity
+from analyzer.findings.registry import rules
 from analyzer.frames import Kind
 from analyzer.passing import passing
 from captures import Capture
@@ -26,6 +30,7 @@ class Exported:
     frames: int
     bytes: int  # of the line, in frames and noise
     partial: bool  # stopped before the capture's end
+    errors: int = 0  # findings of that severity, on the rows written and on the bus as a whole
 
 
 def export(
@@ -34,35 +39,40 @@ def export(
     *,
     name: str | None = None,
     options: ExportOptions = _PLAIN,
+    limits: Options = Options(),  # noqa: B008 - frozen
     progress: Callable[[int, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Exported:
     """Write a capture's frames to a file (`-` is standard output), by suffix or by format `name`.
 
+    `limits` are how to deframe and diagnose; `explain` in them is that of `options`.
+
     The capture's own file is never written over. `progress` is told (frames, bytes) now and
     then; once `stop` says True the file is completed with what came so far. Raises ExportError and FilterError.
     """
-    from analyzer.pipeline import Options, analyse
+    from analyzer.pipeline import analyse
 
     module = target(out, name)
     if options.filter is not None:
         if why := getattr(module, "WHOLE", ""):
             raise ExportError(f"{out}: cannot be filtered: {why}")
         options = replace(options, noise=options.noise or "noise" in options.filter.fields)
-    frames = octets = 0
+    frames = octets = errors = 0
+    grave = _errors()
 
     def stopped() -> bool:
         return stop is not None and stop()
 
     with output(out, source=capture.path) as written:
         sink = module.open_sink(written, capture, options)
-        stream = analyse(passing(capture, look=sink.block, stop=stopped), Options(explain=options.explain))
+        stream = analyse(passing(capture, look=sink.block, stop=stopped), replace(limits, explain=options.explain))
         if options.filter is not None:
             from analyzer.filters.stream import filtered
 
             stream = filtered(stream, options.filter, capture.line)
         for analysed in stream:
             batch = analysed.batch
+            errors += int(np.count_nonzero(grave[analysed.findings["rule"]]))
             for first in range(0, len(batch), _ROWS):
                 if stopped():
                     break
@@ -75,4 +85,9 @@ def export(
             else:
                 sink.batch(batch)
         sink.close()
-    return Exported(frames, octets, stopped())
+    return Exported(frames, octets, stopped(), errors)
+
+
+def _errors() -> NDArray[np.bool_]:
+    """Which rules, by number, find errors."""
+    return np.array([rule.severity >= Severity.ERROR for rule in rules()])

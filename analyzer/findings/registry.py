@@ -49,7 +49,8 @@ class Rule:
     """The declaration of a finding.
 
     `numbers` names its evidence, at most eight figures; `clause` is where the specification has it ([1] application
-    protocol V1.1b3, [2] serial line V1.02). Words are templates over the evidence (`{unit:.0f}`), or functions of it.
+    protocol V1.1b3, [2] serial line V1.02); `when` says in words what is found. The other words are templates over
+    the evidence (`{unit:.0f}`), or functions of it.
     """
 
     code: str
@@ -59,6 +60,7 @@ class Rule:
     cause: Words = ""
     remedy: Words = ""
     clause: str = ""
+    when: str = ""
     numbers: tuple[str, ...] = ()
     loses: bool = False  # an answer each time
     wastes: str = ""  # which of the numbers is time that was lost, in ms

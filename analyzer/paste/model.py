@@ -150,6 +150,11 @@ class Paste:
         """Whether a frame, right or damaged, is there whole."""
         return any(not frame.missing for frame in self.frames())
 
+    @property
+    def errors(self) -> int:
+        """How many findings are errors."""
+        return sum(finding.severity.name == "ERROR" for frame in self.frames() for finding in frame.findings)
+
     def to_json(self, *, noise: bool = False) -> Iterator[dict[str, Any]]:
         """A JSON object a frame, and a piece of noise if asked."""
         index = 0

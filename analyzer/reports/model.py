@@ -20,6 +20,7 @@ class Times:
     p95_ns: int | None = None
     p99_ns: int | None = None
     max_ns: int | None = None
+    mean_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,12 +21,13 @@ _BINS: Final = math.ceil(math.log(1_000_000_000_000 / _LOW_NS) / _STEP) + 1
 class Histogram:
     """Times seen so far."""
 
-    __slots__ = ("_bins", "_max", "_min")
+    __slots__ = ("_bins", "_max", "_min", "_sum")
 
     def __init__(self) -> None:
         self._bins = np.zeros(_BINS, np.int64)
         self._min = np.iinfo(np.int64).max
         self._max = 0
+        self._sum = 0
 
     def add(self, times_ns: NDArray[np.int64]) -> None:
         """Count some; at least one, none negative."""
@@ -34,6 +35,7 @@ class Histogram:
         self._bins += np.bincount(np.minimum(scaled.astype(np.intp), _BINS - 1), minlength=_BINS)
         self._min = min(self._min, int(times_ns.min()))
         self._max = max(self._max, int(times_ns.max()))
+        self._sum += int(times_ns.sum())
 
     def times(self) -> Times:
         """What they come to (nearest rank)."""
@@ -47,4 +49,4 @@ class Histogram:
             middle = round(_LOW_NS * math.exp((place + 0.5) * _STEP))
             return min(max(middle, self._min), self._max)
 
-        return Times(count, self._min, at(0.50), at(0.95), at(0.99), self._max)
+        return Times(count, self._min, at(0.50), at(0.95), at(0.99), self._max, self._sum // count)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from analyzer.deframing.options import Options
 from analyzer.frames import Kind, Rows
 from analyzer.passing import passing
 from analyzer.transactions import Status
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from analyzer.filters import Filter
     from analyzer.pipeline import Analysed
     from captures import Capture
+    from captures.line import LineSettings
 
 _SECOND: Final = 1_000_000_000
 _DOUBTFUL: Final = 0.5
@@ -58,6 +60,11 @@ class Summary:
         self._first: int | None = None
         self._last: int | None = None
         self._busy = _Busiest()
+
+    @classmethod
+    def of(cls, line: LineSettings) -> Summary:
+        """An empty one, for a line of these settings."""
+        return cls(line.char_bits * 1e9 / line.baud if line.baud and line.char_bits else None)
 
     @property
     def frames(self) -> int:
@@ -212,6 +219,7 @@ def summarize(
     *,
     source: str = "",
     filter: Filter | None = None,
+    options: Options = Options(),  # noqa: B008 - frozen
     progress: Callable[[int, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Report:
@@ -222,9 +230,8 @@ def summarize(
     from analyzer.pipeline import analyse
 
     line = capture.line
-    char_ns = line.char_bits * 1e9 / line.baud if line.baud and line.char_bits else None
-    summary = Summary(char_ns)
-    stream = analyse(passing(capture, stop=stop))
+    summary = Summary.of(line)
+    stream = analyse(passing(capture, stop=stop), options)
     if filter is not None:
         from analyzer.filters.stream import filtered
 

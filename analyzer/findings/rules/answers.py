@@ -39,6 +39,7 @@ NO_RESPONSE: Final = Rule(
     "no-response",
     Severity.ERROR,
     About.TRANSACTION,
+    when="nobody answers a request",
     clause="[2] 2.4.1",
     numbers=("unit", "waited_ms", "function"),
     loses=True,
@@ -52,6 +53,7 @@ RETRY: Final = Rule(
     "retry",
     Severity.NOTE,
     About.TRANSACTION,
+    when="the same request comes again after no answer or a damaged one",
     clause="[2] 2.4.1",
     numbers=("unit", "after_ms"),
     text=lambda numbers: (
@@ -65,6 +67,7 @@ LATE: Final = Rule(
     "late-response",
     Severity.ERROR,
     About.TRANSACTION,
+    when="an answer comes after the master has gone on to its next request",
     clause="[2] 2.4.1",
     numbers=("unit", "late_ms", "request"),
     loses=True,
@@ -82,6 +85,7 @@ ECHO: Final = Rule(
     "echo",
     Severity.NOTE,
     About.TRANSACTION,
+    when="the tap shows each sent frame twice",
     numbers=("after_ms",),
     text=lambda numbers: (
         "the same frame once more" + (f", {numbers['after_ms']:.3g} ms after itself" if "after_ms" in numbers else "")

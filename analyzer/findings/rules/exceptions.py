@@ -53,6 +53,7 @@ EXCEPTION: Final = Rule(
     "exception",
     Severity.WARNING,
     About.FRAME,
+    when="a unit answers by an exception",
     clause="[1] 7",
     numbers=("code", "function", "unit"),
     text=_text,

@@ -42,6 +42,7 @@ SLOW: Final = Rule(
     "slow-device",
     Severity.WARNING,
     About.BUS,
+    when="a unit's response time stands out against the others or its own past",
     numbers=("unit", "p50_ms", "p95_ms", "usual_ms", "own_past"),
     text=lambda numbers: (
         f"unit {numbers['unit']:.0f} answers in {numbers['p50_ms']:.3g} ms (median; 95 % within "
@@ -56,6 +57,7 @@ WASTE: Final = Rule(
     "poll-waste",
     Severity.NOTE,
     About.BUS,
+    when="reads repeat or adjoin that one request could do",
     numbers=("unit", "function", "requests", "first_address", "quantity", "saved_ms"),
     text=lambda numbers: (
         f"{numbers['requests']:.0f} polls of unit {numbers['unit']:.0f} ({function_name(int(numbers['function']))}) "
@@ -70,6 +72,7 @@ SATURATED: Final = Rule(
     "bus-saturated",
     Severity.WARNING,
     About.BUS,
+    when="the load takes so much of the line that the master has hardly any idle time left",
     numbers=("load_percent", "idle_percent"),
     text="{load_percent:.0f} % of the time bytes are on the line, and the master pauses for {idle_percent:.0f} % only",
     cause="more is polled than the line can carry at this speed",

@@ -64,6 +64,7 @@ NOISE: Final = Rule(
     "noise",
     Severity.WARNING,
     About.NOISE,
+    when="bytes stand between frames, or right beside them",
     numbers=("pattern", "bytes", "unit"),
     text=_text,
     cause=lambda numbers: _CAUSES[Pattern(int(numbers["pattern"]))].format(_sender(numbers)),

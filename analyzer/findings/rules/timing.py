@@ -25,6 +25,7 @@ GAP_INSIDE: Final = Rule(
     "gap-in-frame",
     Severity.WARNING,
     About.FRAME,
+    when="a silence inside a frame is longer than 1.5 characters",
     clause="[2] 2.5.1.1",
     numbers=("gap_ms", "characters", "byte", "t35_ms"),
     text=lambda numbers: (
@@ -39,6 +40,7 @@ GAP_SHORT: Final = Rule(
     "gap-too-short",
     Severity.WARNING,
     About.FRAME,
+    when="the silence before a frame is shorter than 3.5 characters",
     clause="[2] 2.5.1.1",
     numbers=("gap_ms", "characters", "due_ms", "is_response"),
     text=lambda numbers: (
@@ -61,6 +63,7 @@ TURNAROUND: Final = Rule(
     "turnaround-short",
     Severity.WARNING,
     About.FRAME,
+    when="a request comes sooner than 100 ms after a broadcast",
     clause="[2] 2.4.1",
     numbers=("pause_ms", "due_ms"),
     text="a request {pause_ms:.3g} ms after a broadcast; {due_ms:.0f} ms are due, as no answer says when all are done",
@@ -93,6 +96,7 @@ BLIND: Final = Rule(
     "timing-blind",
     Severity.NOTE,
     About.BUS,
+    when="the times of this tap cannot show the silences that the specification sets",
     clause="[2] 2.5.1.1",
     numbers=("off_by_ms", "bytes_a_read"),
     text=_blind,

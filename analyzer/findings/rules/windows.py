@@ -21,6 +21,7 @@ COLLISION: Final = Rule(
     "crc-collision",
     Severity.NOTE,
     About.FRAME,
+    when="a window of bytes has a right CRC, but a better explanation covers it",
     clause="[2] 2.5.1.2",
     numbers=("window_start", "window_length", "windows"),
     text="{window_length:.0f} bytes from byte {window_start:.0f} on have a right CRC, but are part of this frame",

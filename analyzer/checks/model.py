@@ -1,0 +1,168 @@
+"""Rules and what became of them, as values: the same facts behind the lines, the JSON and JUnit's XML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analyzer.columns import Decoded, decode
+from analyzer.filters.table import BatchTable
+from analyzer.findings.model import Findings
+from analyzer.frames import Batch, Kind, Rows
+from analyzer.reports import Report
+from dissectors.text import harmless
+
+SHOWN: Final = 5  # places that an outcome names
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a rule is broken: `index` of the frame (None for noise and the bus as a whole), `start` and `length` of the
+    bytes in their port's stream, `t_ns` when; `text` says what is there."""
+
+    text: str
+    index: int | None
+    start: int
+    length: int
+    port: int
+    t_ns: int
+
+    @property
+    def words(self) -> str:
+        """In one line."""
+        where = [] if self.index is None else [f"frame {self.index:,}"]
+        where += [f"byte {self.start:,}"] if self.start >= 0 else []
+        return f"{', '.join(where)}: {self.text}" if where else self.text
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A part of a capture: a batch with its findings, the transactions that began in it, and as a table to filter."""
+
+    batch: Batch
+    transactions: Rows
+    findings: Findings
+    table: BatchTable
+
+    @cached_property
+    def decoded(self) -> Decoded:
+        return decode(self.batch)
+
+    def place(self, row: int, text: str = "") -> Place:
+        """A row as a place; without `text` the frame tells itself."""
+        values = self.batch.rows[row]
+        if not text:
+            noise = values["kind"] == Kind.NOISE
+            said = self.batch.findings_of(row) if noise else ()
+            text = f"bytes in no frame{''.join(f'; {each.text}' for each in said[:1])}" if noise else ""
+            text = text or self.batch.frame(row).summary()
+        index = int(values["index"])
+        return Place(
+            harmless(text),
+            None if index < 0 else index,
+            int(values["start"]),
+            int(values["length"]),
+            int(values["port"]),
+            int(values["t_start"]),
+        )
+
+
+class Places:
+    """Counts what breaks a rule, and keeps the first of it."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.first: list[Place] = []
+
+    def add(self, which: NDArray[np.intp], place: Callable[[int], Place]) -> None:
+        """Those of these numbers; `place` makes one of a number."""
+        self.count += len(which)
+        self.first += [place(number) for number in which[: SHOWN - len(self.first)].tolist()]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Whether a rule holds, what was measured, and the first places where it does not."""
+
+    passed: bool
+    measured: str
+    places: tuple[Place, ...] = ()
+
+
+class Measure(Protocol):
+    """A rule at work on one capture."""
+
+    def feed(self, seen: Seen) -> None:
+        """Look at the next part."""
+
+    def verdict(self, report: Report) -> Verdict:
+        """What it comes to at the end, which `report` sums up."""
+        ...
+
+
+@dataclass(frozen=True)
+class Check:
+    """A rule ready for use: `start()` begins a measure of it. A broken one of severity `warning` only warns."""
+
+    text: str
+    start: Callable[[], Measure] = field(repr=False)
+    name: str = ""
+    severity: str = "error"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of one rule."""
+
+    name: str
+    check: str
+    severity: str
+    passed: bool
+    measured: str
+    places: tuple[Place, ...]
+
+    @property
+    def word(self) -> str:
+        """PASS, FAIL or WARN."""
+        return "PASS" if self.passed else "WARN" if self.severity == "warning" else "FAIL"
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    """What became of all rules on one capture; `partial` where it ended before the capture did."""
+
+    source: str
+    frames: int
+    partial: bool
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether no rule fails."""
+        return all(outcome.word != "FAIL" for outcome in self.outcomes)
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain values."""
+        rules = [{**asdict(outcome), "result": outcome.word.lower()} for outcome in self.outcomes]
+        return {
+            "source": self.source,
+            "passed": self.passed,
+            "frames": self.frames,
+            "partial": self.partial,
+            "rules": rules,
+        }
+
+
+def plural(count: int, one: str, many: str) -> str:
+    """A count with its noun."""
+    return f"{count:,} {one if count == 1 else many}"
+
+
+def joined(numbers: Iterable[int]) -> str:
+    """Numbers in order, with commas."""
+    return ", ".join(map(str, sorted(numbers)))

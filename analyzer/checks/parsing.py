@@ -1,0 +1,72 @@
+"""From a line of text to a rule: the grammar is put together from the forms. Any text gives a rule or a CheckError."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from functools import cache
+from typing import Any, Final
+
+from lark import Lark, Token, Tree
+from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
+
+from analyzer.filters.errors import FilterError
+from captures.line import LineSettings
+
+from .errors import CheckError
+from .forms import SHOWN, TERMINALS, forms
+from .model import Check
+
+LONGEST: Final = 4096  # characters
+_FOUND: Final = re.compile(r"[\w-]{1,30}|\S")
+
+
+def compile_check(text: str, line: LineSettings | None = None, *, name: str = "", severity: str = "error") -> Check:
+    """A rule from its text, for a line of these settings. Raises CheckError."""
+    if len(text) > LONGEST:
+        raise CheckError(f"a rule has at most {LONGEST:,} characters", LONGEST)
+    try:
+        tree = _grammar().parse(text)
+    except UnexpectedInput as error:
+        raise _explained(text, error) from None
+    form = forms()[int(str(tree.data).removeprefix("form_"))]
+    try:
+        start = form.make(line or LineSettings(), *map(_plain, tree.children))
+    except CheckError:
+        raise
+    except FilterError as error:  # of the parts that the display filter reads
+        raise CheckError(error.message, error.column) from None
+    return Check(text.strip(), start, name, severity)
+
+
+@cache
+def _grammar() -> Lark:
+    rules = "".join(f"form_{number}: {form.grammar}\n" for number, form in enumerate(forms()))
+    start = "?start: " + " | ".join(f"form_{number}" for number in range(len(forms())))
+    return Lark(f"{start}\n{rules}{TERMINALS}", parser="lalr", maybe_placeholders=True)
+
+
+def _plain(child: Any) -> Any:
+    """A terminal, or those of a list."""
+    return list(child.children) if isinstance(child, Tree) else child
+
+
+def at(token: Token) -> int:
+    """The column of a terminal."""
+    return token.start_pos or 0
+
+
+def _explained(text: str, error: UnexpectedInput) -> CheckError:
+    """A syntax error in the words of the language."""
+    awaited: Iterable[str]
+    if isinstance(error, UnexpectedCharacters):
+        place, awaited = error.pos_in_stream or 0, error.allowed or ()
+    else:
+        assert isinstance(error, UnexpectedToken)
+        place = len(text.rstrip()) if error.token.type == "$END" else at(error.token)
+        awaited = error.accepts or error.expected
+    literal = {terminal.name: terminal.pattern for terminal in _grammar().terminals}
+    listed = sorted(dict.fromkeys(SHOWN.get(name) or f"'{literal[name].value}'" for name in awaited if name != "WS"))
+    expected = " or ".join([*filter(None, [", ".join(listed[:-1])]), *listed[-1:]])
+    found = _FOUND.match(text, place)
+    return CheckError(f"expected {expected}, not {found[0]!r}" if found else f"expected {expected}", place)

@@ -1,0 +1,1 @@
+"""The forms of rules, a family a file; nothing lists the files."""

@@ -1,0 +1,135 @@
+"""What becomes of requests: whether they are answered, and how soon."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from operator import ge, gt, le, lt
+from typing import Any, Final
+
+import numpy as np
+from lark import Token
+
+from analyzer.filters.kinds import Literal, duration
+from analyzer.frames import Rows
+from analyzer.reports import Report
+from analyzer.reports.model import Times
+from analyzer.reports.page import duration as worded
+from analyzer.transactions import Status
+from captures.line import LineSettings
+
+from ..forms import Start, form
+from ..model import Place, Places, Seen, Verdict
+from ..parsing import at
+from .counts import whole
+
+COMPARE: Final[dict[str, Callable[[Any, Any], Any]]] = {"<": lt, "<=": le, ">": gt, ">=": ge}
+
+
+@dataclass
+class _Answered:
+    """Counts polls and those that nobody answered; the capture's end may cut the last one off."""
+
+    unit: int | None
+
+    def __post_init__(self) -> None:
+        self._places = Places()
+        self._polls = 0
+        self._silent: int | None = None  # the newest request without an answer
+        self._last = -1
+
+    def feed(self, seen: Seen) -> None:
+        polls = _of_unit(seen.transactions, self.unit)
+        polls = polls[polls["status"] != Status.BROADCAST]
+        self._polls += len(polls)
+        self._last = max(self._last, int(seen.batch.rows["index"].max(initial=-1)))
+        bad = np.flatnonzero((polls["status"] == Status.UNANSWERED) | (polls["status"] == Status.DAMAGED))
+        if len(bad):
+            newest = polls[bad[-1]]
+            self._silent = int(newest["request"]) if newest["status"] == Status.UNANSWERED else None
+        self._places.add(bad, lambda number: _place(polls[number], _FATE[Status(int(polls[number]["status"]))]))
+
+    def verdict(self, report: Report) -> Verdict:  # noqa: ARG002
+        count, first, polls = self._places.count, self._places.first, self._polls
+        tail = ""
+        if self._silent is not None and self._silent == self._last:
+            count, polls, tail = count - 1, polls - 1, "; the last one was still open when the capture ended"
+            first = [place for place in first if place.index != self._silent]
+        words = f"{polls - count:,} of {polls:,} polls answered{tail}" if polls else "no polls seen"
+        return Verdict(polls > 0 and not count, words, tuple(first))
+
+
+_FATE: Final = {Status.UNANSWERED: "no answer", Status.DAMAGED: "answered by a damaged frame"}
+
+
+@form("every-poll-answered", '"every"i "poll"i ["of"i "unit"i NUMBER] "answered"i',
+      "each request to a unit gets a whole answer, which an exception is too", "every poll answered",
+      "every poll of unit 17 answered")  # fmt: skip
+def every_poll(line: LineSettings, unit: Token | None) -> Start:  # noqa: ARG001
+    number = None if unit is None else whole(unit, 255)
+    return lambda: _Answered(number)
+
+
+@dataclass
+class _Soon:
+    """Compares one figure of the response times."""
+
+    share: str
+    unit: int | None
+    compared: str
+    bound_ns: float
+    bound: str
+
+    def __post_init__(self) -> None:
+        self._places = Places()
+
+    def feed(self, seen: Seen) -> None:
+        known = _of_unit(seen.transactions, self.unit)
+        if self.compared in ("<", "<="):
+            over = (known["response_ns"] >= 0) & ~COMPARE[self.compared](known["response_ns"], self.bound_ns)
+            self._places.add(
+                np.flatnonzero(over),
+                lambda number: _place(known[number], f"answered after {worded(int(known[number]['response_ns']))}"),
+            )
+
+    def verdict(self, report: Report) -> Verdict:
+        times = report.times
+        if self.unit is not None:
+            times = next((row.times for row in report.units if row.unit == self.unit), Times())
+        figure = getattr(times, f"{self.share}_ns")
+        if figure is None:
+            return Verdict(False, "unknown: no response time could be measured")
+        words = f"{self.share} {worded(figure)}, {times.count:,} measured"
+        if COMPARE[self.compared](figure, self.bound_ns):
+            return Verdict(True, words)
+        beyond = f", {self._places.count:,} not {self.compared} {self.bound}" if self._places.count else ""
+        return Verdict(False, words + beyond, tuple(self._places.first))
+
+
+@form("response-time", 'SHARE "response_time"i ["of"i "unit"i NUMBER] COMPARED NUMBER [UNIT]',
+      "a percentile (good to 0.5 %), the mean or an end of the measured response times", "p95 response_time < 80 ms",
+      "max response_time of unit 17 <= 0.5 s")  # fmt: skip
+def response_time(
+    line: LineSettings,  # noqa: ARG001
+    share: Token,
+    unit: Token | None,
+    compared: Token,
+    number: Token,
+    suffix: Token | None,
+) -> Start:
+    bound = duration(Literal("number", str(number), at(number), str(suffix or "")))
+    assert isinstance(bound, int | float)
+    which = None if unit is None else whole(unit, 255)
+    return lambda: _Soon(share.lower(), which, str(compared), bound, f"{number} {suffix or 'ms'}")
+
+
+def _of_unit(known: Rows, unit: int | None) -> Rows:
+    return known if unit is None else known[known["unit"] == unit]
+
+
+def _place(row: np.void, text: str) -> Place:
+    """A request as a place."""
+    text = f"unit {row['unit']}, function {row['function']:02X}: {text}"
+    return Place(
+        text, int(row["request"]), int(row["start"]), int(row["length"]), int(row["port"]), int(row["t_start"])
+    )

@@ -1,0 +1,129 @@
+"""How often something may happen: findings by code or severity, and plain words for what people ask for most."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from lark import Token
+from numpy.typing import NDArray
+
+from analyzer.filters import Filter, compile_filter
+from analyzer.filters.errors import meant
+from analyzer.filters.kinds import spelled
+from analyzer.findings.model import Findings, Severity, describe
+from analyzer.findings.registry import codes, rules
+from analyzer.reports import Report
+from captures.line import LineSettings
+from dissectors.text import harmless
+
+from ..errors import CheckError
+from ..forms import Start, form
+from ..model import Place, Places, Seen, Verdict, plural
+from ..parsing import at
+
+# Plain words, and the display filter that they stand for.
+WORDS: Final = {
+    "crc-errors": "crc_ok == false or finding in (bit-flip, byte-extra, byte-missing, bytes-repeated, collision, "
+    "crc-error, crc-variant, flow-control-loss, truncated)",  # damaged ones lie in noise, too
+    "timeouts": "finding == no-response",
+    "retries": "retry",
+    "exceptions": "exception",
+    "noise": "noise",
+}
+
+
+@dataclass
+class _Findings:
+    """Counts findings of some rules."""
+
+    wanted: NDArray[np.bool_]  # by the number of the rule
+    most: int
+
+    def __post_init__(self) -> None:
+        self._places = Places()
+
+    def feed(self, seen: Seen) -> None:
+        found = seen.findings
+        self._places.add(np.flatnonzero(self.wanted[found["rule"]]), lambda number: _told(found, number))
+
+    def verdict(self, report: Report) -> Verdict:  # noqa: ARG002
+        count = self._places.count
+        return Verdict(count <= self.most, plural(count, "finding", "findings"), tuple(self._places.first))
+
+
+def _told(found: Findings, number: int) -> Place:
+    finding = describe(found[number])
+    text = harmless(f"{finding.code}: {finding.text}")
+    return Place(text, finding.index, finding.start, finding.length, finding.port, finding.t_ns)
+
+
+@dataclass
+class Passing:
+    """Counts rows that pass one filter, and of those the ones that do not pass another."""
+
+    chosen: Filter
+    most: int | None = 0
+    due: Filter | None = None
+
+    def __post_init__(self) -> None:
+        self._places = Places()
+        self._chosen = 0
+
+    def feed(self, seen: Seen) -> None:
+        mask = self.chosen.mask(seen.table)
+        self._chosen += int(mask.sum())
+        if self.due is not None:
+            mask &= ~self.due.mask(seen.table)
+        self._places.add(np.flatnonzero(mask), seen.place)
+
+    def verdict(self, report: Report) -> Verdict:  # noqa: ARG002
+        count, first = self._places.count, tuple(self._places.first)
+        if self.due is None:
+            return Verdict(count <= (self.most or 0), f"{count:,} found", first)
+        words = f"{self._chosen - count:,} of {self._chosen:,} are so"
+        return Verdict(not count and self._chosen > 0, words if self._chosen else "none passes the first filter", first)
+
+
+def _counted(thing: list[Token], most: int, line: LineSettings) -> Start:
+    """At most so many of what these words name."""
+    name = spelled(" ".join(thing))
+    if name in WORDS:
+        wanted = compile_filter(WORDS[name], line)
+        return lambda: Passing(wanted, most)
+    if name not in codes():
+        near = meant(name, [*WORDS, *codes()]).replace("crc-errors", "crc errors")
+        raise CheckError(
+            f"nothing is called {' '.join(thing)!r}{near or '; docs/findings.md has all codes'}", at(thing[0])
+        )
+    mask = np.array([code == name for code in codes()])
+    return lambda: _Findings(mask, most)
+
+
+@form("no-findings", '"no"i "findings"i ["of"i "severity"i WORD]', "nothing was found; or nothing so grave or graver",
+      "no findings", "no findings of severity warning")  # fmt: skip
+def no_findings(line: LineSettings, severity: Token | None) -> Start:  # noqa: ARG001
+    grades = {grade.name.lower(): grade for grade in Severity}
+    if severity is not None and severity.lower() not in grades:
+        raise CheckError(f"severities are {', '.join(grades)}, not {str(severity)!r}", at(severity))
+    least = Severity.NOTE if severity is None else grades[severity.lower()]
+    mask = np.array([rule.severity >= least for rule in rules()])
+    return lambda: _Findings(mask, 0)
+
+
+@form("no", '"no"i thing', "this never happens", "no crc errors", "no late-response")
+def none_of(line: LineSettings, thing: list[Token]) -> Start:
+    return _counted(thing, 0, line)
+
+
+@form("at-most", '"at"i "most"i NUMBER thing', "this happens so often at most", "at most 3 retries")
+def at_most(line: LineSettings, number: Token, thing: list[Token]) -> Start:
+    return _counted(thing, whole(number), line)
+
+
+def whole(number: Token, most: int = 1 << 62) -> int:
+    """A terminal as a whole number."""
+    if not number.isdigit() or int(number) > most:
+        raise CheckError(f"a whole number{'' if most >> 60 else f' up to {most}'} is needed, not {number}", at(number))
+    return int(number)

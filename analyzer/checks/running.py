@@ -1,0 +1,58 @@
+"""One pass over a capture for all rules, in flat memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from analyzer.filters.table import BatchTable
+from analyzer.passing import passing
+from analyzer.pipeline import Options, analyse
+from analyzer.reports import Summary
+from analyzer.transactions import TRANSACTION
+from captures import Capture
+
+from .model import Check, Outcome, Results, Seen
+
+
+def run(
+    capture: Capture,
+    checks: Sequence[Check],
+    *,
+    source: str = "",
+    options: Options = Options(),  # noqa: B008 - frozen
+    progress: Callable[[int, int], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> Results:
+    """What becomes of each rule.
+
+    `progress` is told (frames, bytes) after each batch; once `stop` says True, what came so far is judged. Raises
+    FilterError where a filter counts in characters and the line's speed is not known.
+    """
+    measures = [check.start() for check in checks]
+    summary = Summary.of(capture.line)
+    origin_ns: int | None = None
+    waiting = np.zeros(0, TRANSACTION)  # transactions whose answer stands in a batch to come
+    for analysed in analyse(passing(capture, stop=stop), options):
+        rows = analysed.batch.rows
+        if origin_ns is None and len(rows):
+            origin_ns = int(rows["t_start"][0])
+        known = np.concatenate((waiting, analysed.transactions))
+        table = BatchTable(analysed.batch, capture.line, transactions=known, origin_ns=origin_ns)
+        seen = Seen(analysed.batch, analysed.transactions, analysed.findings, table)
+        for measure in measures:
+            measure.feed(seen)
+        waiting = known[known["response"] > rows["index"].max(initial=-1)]
+        summary.feed(analysed)
+        if progress is not None:
+            progress(summary.frames, summary.bytes)
+    partial = stop is not None and stop()
+    report = summary.report(capture, source=source, partial=partial)
+    outcomes = []
+    for check, measure in zip(checks, measures, strict=True):
+        verdict = measure.verdict(report)
+        places = () if verdict.passed else verdict.places
+        name = check.name or check.text
+        outcomes.append(Outcome(name, check.text, check.severity, verdict.passed, verdict.measured, places))
+    return Results(source, report.frames, partial, tuple(outcomes))
