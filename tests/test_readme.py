@@ -24,7 +24,11 @@ def test_the_report_of_the_bundled_sample(capsys: pytest.CaptureFixture[str]) ->
     shown = re.search(r"```text\n(capture .*?)\n\.\.\.\n```", README, re.DOTALL)
     assert shown is not None
     assert main(["demo"]) == 0
-    assert capsys.readouterr().out.startswith(shown[1])
+    report = capsys.readouterr().out
+    assert report.startswith(shown[1])
+    worst = re.search(r"```text\n(what costs .*?)\n```", README, re.DOTALL)
+    assert worst is not None
+    assert worst[1] in report
 
 
 def test_the_vendor_function(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
