@@ -22,12 +22,14 @@ from .terminal import Progress, interruptible
 if TYPE_CHECKING:
     from analyzer.deframing.options import Options
     from analyzer.filters import Filter
+    from analyzer.reports import Report
     from captures import Capture
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
 rtuscope report bus.jsonl
 rtuscope report bus.jsonl --filter 'function == 3'
+rtuscope report bus.jsonl --html bus.html
 rtuscope report bus.jsonl --json"""
 
 
@@ -35,7 +37,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_capture_arguments(parser)
     add_filter_argument(parser)
-    parser.add_argument("--json", action="store_true", help="the same facts as JSON")
+    shape = parser.add_mutually_exclusive_group()
+    shape.add_argument("--json", action="store_true", help="the same facts as JSON")
+    shape.add_argument("--html", metavar="FILE", help="write one HTML page to send on, with charts and examples")
     add_check_argument(parser)
     add_limit_arguments(parser)
 
@@ -47,6 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
     capture = open_capture(arguments)
     chosen = chosen_filter(arguments, capture.line)
     source = str(arguments.capture)
+    if arguments.html is not None:
+        return write_page(capture, source, arguments.html, filter=chosen, options=limits, check=arguments.check)
     return show(capture, source, as_json=arguments.json, filter=chosen, options=limits, check=arguments.check)
 
 
@@ -75,6 +81,42 @@ def show(
         print(json.dumps(report.to_json(), indent=2))
     else:
         sys.stdout.write(text(report))
+    return _status(report, check=check)
+
+
+def write_page(
+    capture: Capture,
+    source: str,
+    path: str,
+    *,
+    filter: Filter | None = None,
+    options: Options | None = None,
+    check: bool = False,
+) -> int:
+    """Write the report on an open capture as HTML; returns the exit status, as `show` does."""
+    from analyzer.deframing.options import Options
+    from analyzer.exports.output import output
+    from analyzer.reports import summarize
+    from analyzer.reports.html import Sights, page
+
+    progress, sights = Progress(f"report {source}"), Sights()
+    with output(path, source=capture.path) as file:  # an unusable name is told before the work, not after it
+        with interruptible() as stop:
+            report = summarize(
+                capture,
+                source=source,
+                filter=filter,
+                options=options or Options(),
+                progress=progress,
+                stop=stop,
+                watch=sights.feed,
+            )
+        progress.clear()
+        file.write(page(report, sights).encode())
+    return _status(report, check=check)
+
+
+def _status(report: Report, *, check: bool) -> int:
     if report.partial:
         return INTERRUPTED
     if check and any(row.severity == "error" for row in report.findings):

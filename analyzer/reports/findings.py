@@ -22,7 +22,7 @@ def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
         yield ""
         yield "what costs this bus most" if len(worst) > 1 else "what costs this bus something"
     for number, row in enumerate(worst, 1):
-        yield from _wrapped(f"{number}. {row.code}, {_times(row)}{_cost(row)}{_among(row)}", "   ", first="")
+        yield from _wrapped(f"{number}. {row.code}, {cost(row)}", "   ", first="")
         where = (
             "" if row.start < 0 else f"at byte {row.start:,}" + ("" if row.index is None else f", frame {row.index:,}")
         )
@@ -35,26 +35,17 @@ def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
     yield f"{'finding':<24}{'severity':<10}{'count':>9}{'answers lost':>14}{'time lost':>12}"
     for row in findings:
         lost = f"{row.lost_answers:,}" if row.lost_answers else "-"
-        time = _seconds(row.lost_ms) if row.lost_ms else "-"
+        time = seconds(row.lost_ms) if row.lost_ms else "-"
         yield f"{row.code:<24}{row.severity:<10}{row.count:>9,}{lost:>14}{time:>12}"
 
 
-def _where(row: FindingRow) -> str:
-    if row.start < 0:
-        return ""
-    frame = "" if row.index is None else f", frame {row.index:,}"
-    return f" (first at byte {row.start:,}{frame})"
-
-
-def _times(row: FindingRow) -> str:
-    return "once" if row.count == 1 else f"{row.count:,} times"
-
-
-def _cost(row: FindingRow) -> str:
-    if not row.lost_answers:
-        return ""
-    answers = "1 answer" if row.lost_answers == 1 else f"{row.lost_answers:,} answers"
-    return f", {answers} and {_seconds(row.lost_ms)} lost"
+def cost(row: FindingRow) -> str:
+    """How often it was found, what that cost, and which units it met."""
+    words = "once" if row.count == 1 else f"{row.count:,} times"
+    if row.lost_answers:
+        answers = "1 answer" if row.lost_answers == 1 else f"{row.lost_answers:,} answers"
+        words += f", {answers} and {seconds(row.lost_ms)} lost"
+    return words + _among(row)
 
 
 def _among(row: FindingRow) -> str:
@@ -65,7 +56,8 @@ def _among(row: FindingRow) -> str:
     return f": unit{'s' if len(row.units) > 1 else ''} {', '.join(shares)}{more}"
 
 
-def _seconds(ms: float) -> str:
+def seconds(ms: float) -> str:
+    """A time that was lost."""
     if ms < 1000:
         return f"{ms:.3g} ms"
     return f"{ms / 1000:,.3g} s" if ms < 1e6 else f"{ms / 1000:,.0f} s"

@@ -35,31 +35,12 @@ def text(report: Report) -> str:
 
 
 def _lines(report: Report) -> Iterator[str]:
-    yield _head("capture", ", ".join(part for part in (report.source, report.format) if part) or "unnamed")
-    if report.filter:
-        yield _head("filter", f"{harmless(report.filter)} (what follows covers what passes)")
-    yield _head("line", _line(report))
-    yield _head("span", _span(report))
-    for loss in report.damage[:_LOSSES]:
-        yield _head("damaged", loss)
-    if report.damage_count > _LOSSES:
-        yield _head("", f"and {report.damage_count - _LOSSES:,} more such places")
-    if report.partial:
-        yield _head("partial", "ended before the capture did; what follows covers the part read")
-    yield _head("bytes", _bytes(report))
+    for label, words in facts(report):
+        yield f"{label:<9} {words}"
     if not report.frames:
         yield ""
-        yield "No frame passes the filter." if report.filter else "No Modbus frame was found."
+        yield nothing(report)
         return
-    frames = f"{report.frames:,}: {report.requests:,} requests, {report.responses:,} responses"
-    if report.damaged_frames:
-        frames += f"; {report.damaged_frames:,} with a wrong check value"
-    yield _head("frames", frames)
-    if report.doubtful_frames:
-        yield _head("", f"{report.doubtful_frames:,} of them doubtful (confidence under 0.5)")
-    yield from _transactions(report.transactions)
-    yield _head("load", _load(report))
-    yield _head("response", _response(report))
     if report.units:
         yield ""
         yield from _units(report)
@@ -73,8 +54,36 @@ def _lines(report: Report) -> Iterator[str]:
     yield from findings.lines(report.findings)
 
 
-def _head(label: str, words: str) -> str:
-    return f"{label:<9} {words}"
+def facts(report: Report) -> Iterator[tuple[str, str]]:
+    """The bus in brief: a label with its words; an empty label goes on with the one before."""
+    yield "capture", ", ".join(part for part in (report.source, report.format) if part) or "unnamed"
+    if report.filter:
+        yield "filter", f"{harmless(report.filter)} (what follows covers what passes)"
+    yield "line", _line(report)
+    yield "span", _span(report)
+    for loss in report.damage[:_LOSSES]:
+        yield "damaged", loss
+    if report.damage_count > _LOSSES:
+        yield "", f"and {report.damage_count - _LOSSES:,} more such places"
+    if report.partial:
+        yield "partial", "ended before the capture did; what follows covers the part read"
+    yield "bytes", _bytes(report)
+    if not report.frames:
+        return
+    frames = f"{report.frames:,}: {report.requests:,} requests, {report.responses:,} responses"
+    if report.damaged_frames:
+        frames += f"; {report.damaged_frames:,} with a wrong check value"
+    yield "frames", frames
+    if report.doubtful_frames:
+        yield "", f"{report.doubtful_frames:,} of them doubtful (confidence under 0.5)"
+    yield from _transactions(report.transactions)
+    yield "load", _load(report)
+    yield "response", _response(report)
+
+
+def nothing(report: Report) -> str:
+    """What to say where there is no frame."""
+    return "No frame passes the filter." if report.filter else "No Modbus frame was found."
 
 
 def _line(report: Report) -> str:
@@ -108,7 +117,7 @@ def _bytes(report: Report) -> str:
     return words
 
 
-def _transactions(counts: Counts) -> Iterator[str]:
+def _transactions(counts: Counts) -> Iterator[tuple[str, str]]:
     parts = [f"{counts.answered:,} answered"]
     for number, words in (
         (counts.exceptions, "by exception"),
@@ -118,11 +127,11 @@ def _transactions(counts: Counts) -> Iterator[str]:
     ):
         if number:
             parts.append(f"{number:,} {words}")
-    yield _head("requests", f"{counts.requests:,}: {', '.join(parts)}")
+    yield "requests", f"{counts.requests:,}: {', '.join(parts)}"
     again = [plural(counts.retries, "retry", "retries")] if counts.retries else []
     again += [plural(counts.late, "late answer", "late answers")] if counts.late else []
     if again:
-        yield _head("", ", ".join(again))
+        yield "", ", ".join(again)
 
 
 def _load(report: Report) -> str:

@@ -222,9 +222,11 @@ def summarize(
     options: Options = Options(),  # noqa: B008 - frozen
     progress: Callable[[int, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
+    watch: Callable[[Analysed], None] | None = None,
 ) -> Report:
     """Deframe a capture and report on it, or on what passes a filter (`analyzer.filters.stream`).
 
+    `watch` sees every batch too, for a page that shows more than the counts.
     `progress` is told (frames, bytes) after each batch; once `stop` says True the report is made of what came so far.
     """
     from analyzer.pipeline import analyse
@@ -238,6 +240,8 @@ def summarize(
         stream = filtered(stream, filter, line)
     for analysed in stream:
         summary.feed(analysed)
+        if watch is not None:
+            watch(analysed)
         if progress is not None:
             progress(summary.frames, summary.bytes)
     report = summary.report(capture, source=source, partial=stop is not None and stop())

@@ -1,0 +1,169 @@
+"""Geometry of the page's charts: arrays and times in, places in a drawing out. The template draws them as SVG."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analyzer.reports.model import UnitRow
+from analyzer.reports.page import duration
+
+from .timeline import Timeline
+
+WIDTH: Final = 900  # of a drawing, in its own units; it scales with the page
+_LEFT: Final = 54
+_RIGHT: Final = 12
+_LOAD: Final = 110  # height of the load's lane
+_TROUBLE: Final = 46  # and of the troubles' lane below
+_GAP: Final = 12
+_ROW: Final = 26
+_TICKS: Final = 8
+_STEPS_S: Final = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400)
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """A place on an axis, and what stands there."""
+
+    at: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """An upright bar, and what to say of it."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    kind: str
+    title: str
+
+
+@dataclass(frozen=True, slots=True)
+class TimeChart:
+    """Load above, troubles below, time along."""
+
+    left: float
+    right: float
+    base: float  # bottom of the load's lane
+    foot: float  # bottom of the troubles' lane
+    height: float
+    area: str  # path of the load
+    top: str  # what the top of the load's lane means
+    most: int  # troubles in the fullest bin
+    bars: tuple[Bar, ...]
+    ticks: tuple[Tick, ...]
+    bin: str  # how long a bin is
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """One unit's response times on the axis."""
+
+    unit: int
+    y: float
+    least: float
+    p50: float
+    p95: float
+    most: float
+    title: str
+
+
+@dataclass(frozen=True, slots=True)
+class RangeChart:
+    """A line a unit, times along on a logarithmic scale."""
+
+    left: float
+    right: float
+    height: float
+    rows: tuple[Range, ...]
+    ticks: tuple[Tick, ...]
+
+
+def time_chart(timeline: Timeline, span_ns: int, char_ns: float | None) -> TimeChart:
+    """The bus over time; with `char_ns` (time of a character) as load, else as bytes a second."""
+    count = timeline.used(span_ns)
+    full = count * timeline.width_ns
+    step = (WIDTH - _LEFT - _RIGHT) / count
+    rate = timeline.octets[:count] * 1e9 / timeline.width_ns
+    if char_ns:
+        share = np.minimum(rate * char_ns / 1e9, 1.0)
+        ceiling = next(limit for limit in (0.05, 0.1, 0.25, 0.5, 1.0) if limit >= share.max() or limit == 1.0)
+        heights, top = share / ceiling, f"{ceiling:.0%}"
+    else:
+        most_rate = max(float(rate.max()), 1.0)
+        heights, top = rate / most_rate, f"{most_rate:,.0f} B/s"
+    base, foot = 10.0 + _LOAD, 10.0 + _LOAD + _GAP + _TROUBLE
+    area = f"M{_LEFT} {base:g}"
+    for i, height in enumerate(heights.tolist()):
+        area += f"V{base - height * _LOAD:.1f}H{_LEFT + (i + 1) * step:.1f}"
+    area += f"V{base:g}Z"
+    most = int((timeline.errors[:count] + timeline.warnings[:count]).max())
+    ticks = tuple(Tick(_LEFT + at / full * (WIDTH - _LEFT - _RIGHT), duration(at)) for at in _round_times(full))
+    bars = tuple(_trouble_bars(timeline, count, step, foot, max(most, 1)))
+    width = duration(timeline.width_ns)
+    return TimeChart(_LEFT, WIDTH - _RIGHT, base, foot, foot + 26, area, top, most, bars, ticks, width)
+
+
+def _trouble_bars(timeline: Timeline, count: int, step: float, foot: float, most: int) -> list[Bar]:
+    bars = []
+    for i in np.flatnonzero(timeline.errors[:count] + timeline.warnings[:count]).tolist():
+        y = foot
+        for kind, number in (("error", int(timeline.errors[i])), ("warning", int(timeline.warnings[i]))):
+            if number:
+                height = max(number / most * _TROUBLE, 3.0)
+                y -= height
+                title = f"{number:,} {kind}{'' if number == 1 else 's'} at {duration(i * timeline.width_ns)}"
+                bars.append(Bar(_LEFT + i * step, y, max(step - 0.6, 1.5), height, kind, title))
+    return bars
+
+
+def _round_times(full_ns: int) -> range:
+    """Round times from 0 to the end, few enough to be told apart."""
+    least = full_ns / _TICKS
+    if least <= 1e9:
+        power = 10 ** math.floor(math.log10(max(least, 1e3)))
+        step = next(int(power * n) for n in (1, 2, 5, 10) if power * n >= least or n == 10)
+    else:
+        days = math.ceil(least / 86_400e9) * 86_400
+        step = next((s for s in _STEPS_S if s * 1e9 >= least), days) * 1_000_000_000
+    return range(0, full_ns + 1, step)
+
+
+def range_chart(units: Sequence[UnitRow]) -> RangeChart | None:
+    """Response times of units that have some; None where none has."""
+    rows = []
+    for unit in units:
+        times = unit.times
+        if None not in (four := (times.min_ns, times.p50_ns, times.p95_ns, times.max_ns)):
+            rows.append((unit.unit, [max(value or 0, 1_000) for value in four], times.count))
+    if not rows:
+        return None
+    low = math.floor(math.log10(min(four[0] for _, four, _ in rows)))
+    high = max(math.ceil(math.log10(max(four[3] for _, four, _ in rows))), low + 1)
+    wide = WIDTH - _LEFT - _RIGHT - 20
+
+    def place(ns: float) -> float:
+        return round(_LEFT + (math.log10(ns) - low) / (high - low) * wide, 1)
+
+    made = tuple(
+        Range(
+            unit,
+            _ROW * (i + 0.5) + 4,
+            place(four[0]),
+            place(four[1]),
+            place(four[2]),
+            place(four[3]),
+            f"unit {unit}: min {duration(four[0])}, p50 {duration(four[1])}, p95 {duration(four[2])}, "
+            f"max {duration(four[3])} ({count:,} measured)",
+        )
+        for i, (unit, four, count) in enumerate(rows)
+    )
+    ticks = tuple(Tick(place(10.0**power), duration(10**power)) for power in range(low, high + 1))
+    return RangeChart(_LEFT, WIDTH - _RIGHT, _ROW * len(made) + 34, made, ticks)

@@ -1,0 +1,66 @@
+"""Examples of what was found: of each rule the first two places, with the frame or the noise that they are in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analyzer.findings.model import Finding, Findings, describe
+from analyzer.frames import Batch, Frame, Kind
+
+_EACH: Final = 2
+_NOISE: Final = 32  # bytes kept of a stretch of noise
+
+
+@dataclass(frozen=True, slots=True)
+class Example:
+    """One finding with the bytes that it is about.
+
+    `frame` is None for noise, of which `noise` holds the bytes from the finding on, the first ones; `length` is how
+    many there are.
+    """
+
+    finding: Finding
+    frame: Frame | None
+    noise: bytes
+    length: int
+
+
+class Examples:
+    """The first findings of each rule that have a place."""
+
+    def __init__(self) -> None:
+        self._by_rule: dict[int, list[Example]] = {}
+        self._by_code: dict[str, list[Example]] = {}
+
+    def of(self, code: str) -> list[Example]:
+        """Those of one code; none where it speaks of the bus as a whole."""
+        return self._by_code.get(code, [])
+
+    def add(self, batch: Batch, findings: Findings) -> None:
+        """Keep what is still missing."""
+        for number in np.flatnonzero(np.bincount(findings["rule"])).tolist():
+            kept = self._by_rule.setdefault(number, [])
+            mine = findings[(findings["rule"] == number) & (findings["start"] >= 0)] if len(kept) < _EACH else ()
+            for row in mine[: _EACH - len(kept)]:
+                example = _example(batch, row)
+                if example is not None:
+                    kept.append(example)
+                    self._by_code[example.finding.code] = kept
+
+
+def _example(batch: Batch, row: np.void) -> Example | None:
+    """The finding with the row that holds its first byte; None where this batch has no such row."""
+    rows, start = batch.rows, row["start"]
+    held = (rows["port"] == row["port"]) & (rows["start"] <= start) & (start < rows["start"] + rows["length"])
+    places = np.flatnonzero(held)
+    if not len(places):
+        return None
+    place = int(places[0])
+    finding = describe(row)
+    if rows["kind"][place] != Kind.NOISE:
+        return Example(finding, batch.frame(place), b"", finding.length)
+    noise = batch.bytes_of(place)[int(start - rows["start"][place]) :]
+    return Example(finding, None, noise[:_NOISE], len(noise))

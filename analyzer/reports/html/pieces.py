@@ -1,0 +1,97 @@
+"""A frame laid out for reading: its bytes cut at its top-level fields, each with its words, the bytes meant marked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from analyzer.frames import Frame, Protocol, adu_of
+from analyzer.reports.page import duration
+from dissectors.annotation import Field, annotate
+from dissectors.lengths import Role
+
+from .examples import Example
+
+_BYTES: Final = 16  # shown of one field
+_TEXT: Final = 72
+
+
+@dataclass(frozen=True, slots=True)
+class Octet:
+    """A byte as two hexadecimal digits, marked where a finding means it."""
+
+    hex: str
+    marked: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One field: its bytes, or the first of them, and what it says."""
+
+    name: str
+    octets: tuple[Octet, ...]
+    more: int  # bytes left out
+    text: str
+    problem: str
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """Bytes with a line of words above them."""
+
+    title: str
+    words: str
+    pieces: tuple[Piece, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """An example, ready for the page: what was found, and the frames, a request before its answer."""
+
+    text: str
+    strips: tuple[Strip, ...]
+
+
+def shown(example: Example, origin_ns: int | None) -> Shown:
+    """Lay an example out; `origin_ns` is the time that counts as 0, None where the capture has no times."""
+    finding, frame = example.finding, example.frame
+    if frame is None:
+        octets = tuple(Octet(f"{byte:02X}", True) for byte in example.noise)
+        piece = Piece("", octets, example.length - len(octets), "", "")
+        title = " · ".join(("noise", *_place(finding.start, finding.port, finding.t_ns, origin_ns)))
+        return Shown(finding.text, (Strip(title, "bytes in no frame", (piece,)),))
+    strips = []
+    if frame.request_bytes is not None:
+        asked = adu_of(frame.request_bytes, frame.row.protocol)
+        fields = annotate(asked, Role.REQUEST)
+        strips.append(Strip("the request before it", "", _pieces(fields, asked.data, range(0))))
+    strips.append(_strip(frame, finding.start, finding.length, origin_ns))
+    return Shown(finding.text, tuple(strips))
+
+
+def _strip(frame: Frame, start: int, length: int, origin_ns: int | None) -> Strip:
+    first = start - frame.start
+    partly = length < frame.length and frame.row.protocol == Protocol.RTU  # else the frame as a whole is meant
+    marks = range(first, first + length) if partly else range(0)
+    parts = [f"frame {frame.index:,}", frame.direction, *_place(frame.start, frame.port, frame.t_start_ns, origin_ns)]
+    if frame.response_time_ns is not None:
+        parts.append(f"{duration(frame.response_time_ns)} after its request")
+    return Strip(" · ".join(parts), frame.summary(), _pieces(frame.fields(), frame.adu.data, marks))
+
+
+def _place(start: int, port: int, t_ns: int, origin_ns: int | None) -> list[str]:
+    parts = [f"byte {start:,}" + (f" of port {port}" if port else "")]
+    if origin_ns is not None:
+        parts.append(f"at {(t_ns - origin_ns) / 1e9:,.6f} s")
+    return parts
+
+
+def _pieces(fields: tuple[Field, ...], data: bytes, marks: range) -> tuple[Piece, ...]:
+    made = []
+    for field in fields:
+        places = range(field.start, field.start + field.length)
+        octets = tuple(Octet(f"{data[i]:02X}", i in marks) for i in places[:_BYTES])
+        text = field.text if len(field.text) <= _TEXT else field.text[: _TEXT - 1] + "…"
+        problem = field.problem or ""
+        made.append(Piece(field.name.replace("_", " "), octets, len(places) - len(octets), text, problem))
+    return tuple(made)
