@@ -105,7 +105,9 @@ def time_chart(timeline: Timeline, span_ns: int, char_ns: float | None) -> TimeC
         area += f"V{base - height * _LOAD:.1f}H{_LEFT + (i + 1) * step:.1f}"
     area += f"V{base:g}Z"
     most = int((timeline.errors[:count] + timeline.warnings[:count]).max())
-    ticks = tuple(Tick(_LEFT + at / full * (WIDTH - _LEFT - _RIGHT), duration(at)) for at in _round_times(full))
+    ticks = tuple(
+        Tick(_LEFT + at / full * (WIDTH - _LEFT - _RIGHT), duration(at) if at else "0") for at in _round_times(full)
+    )
     bars = tuple(_trouble_bars(timeline, count, step, foot, max(most, 1)))
     width = duration(timeline.width_ns)
     return TimeChart(_LEFT, WIDTH - _RIGHT, base, foot, foot + 26, area, top, most, bars, ticks, width)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from analyzer.findings.model import Finding
 from analyzer.frames import Frame, Protocol, adu_of
 from analyzer.reports.page import duration
 from dissectors.annotation import Field, annotate
@@ -65,18 +66,26 @@ def shown(example: Example, origin_ns: int | None) -> Shown:
         asked = adu_of(frame.request_bytes, frame.row.protocol)
         fields = annotate(asked, Role.REQUEST)
         strips.append(Strip("the request before it", "", _pieces(fields, asked.data, range(0))))
-    strips.append(_strip(frame, finding.start, finding.length, origin_ns))
+    strips.append(_strip(frame, finding, origin_ns))
     return Shown(finding.text, tuple(strips))
 
 
-def _strip(frame: Frame, start: int, length: int, origin_ns: int | None) -> Strip:
-    first = start - frame.start
-    partly = length < frame.length and frame.row.protocol == Protocol.RTU  # else the frame as a whole is meant
-    marks = range(first, first + length) if partly else range(0)
+def _strip(frame: Frame, finding: Finding, origin_ns: int | None) -> Strip:
+    marks = _meant(frame, finding)
     parts = [f"frame {frame.index:,}", frame.direction, *_place(frame.start, frame.port, frame.t_start_ns, origin_ns)]
     if frame.response_time_ns is not None:
         parts.append(f"{duration(frame.response_time_ns)} after its request")
     return Strip(" · ".join(parts), frame.summary(), _pieces(frame.fields(), frame.adu.data, marks))
+
+
+def _meant(frame: Frame, finding: Finding) -> range:
+    """The bytes of the frame that the finding points at; none where it means the frame as a whole."""
+    if frame.row.protocol != Protocol.RTU:
+        return range(0)
+    if {"byte", "bit"} <= finding.numbers.keys():
+        return range(int(finding.numbers["byte"]), int(finding.numbers["byte"]) + 1)
+    first = finding.start - frame.start
+    return range(first, first + finding.length) if finding.length < frame.length else range(0)
 
 
 def _place(start: int, port: int, t_ns: int, origin_ns: int | None) -> list[str]:

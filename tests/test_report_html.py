@@ -1,0 +1,120 @@
+"""The report as an HTML page: the text report's facts, nothing from elsewhere, nothing that a device could inject."""
+
+import html
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from buses import CHAR_NS, LINE, adu, spaced
+from hypothesis import given
+from hypothesis import strategies as st
+from running import ran, refused
+
+import captures
+from analyzer.findings.model import NOTHING
+from analyzer.frames import ROW
+from analyzer.reports import summarize
+from analyzer.reports.html import Sights, page
+from analyzer.reports.html.timeline import Timeline
+from analyzer.reports.page import facts
+from captures import Capture, samples
+
+SECOND = 1_000_000_000
+
+
+def made(capture, source=""):
+    sights = Sights()
+    report = summarize(capture, source=source, watch=sights.feed)
+    return report, page(report, sights)
+
+
+def test_it_says_what_the_text_report_says():
+    report, made_page = made(captures.open(samples.path("troubled.jsonl")), "bus")
+    words = html.unescape(made_page)
+    for _, fact in facts(report):
+        assert fact in words
+    for row in report.findings:
+        assert row.code in words
+        assert row.text in words
+    for row in report.findings[:3]:
+        assert row.cause in words
+        assert row.remedy in words
+    for row in report.functions:
+        assert row.name in words
+    assert words.count("<svg") == 2
+    assert "<mark>22</mark>" in words  # the flipped byte of the first bit-flip
+
+
+@pytest.mark.parametrize("name", samples.names())
+def test_nothing_comes_from_elsewhere(name):
+    _, made_page = made(captures.open(samples.path(name)), name)
+    for reference in ("http", "src=", "href", "<script", "<link", "url(", "@import"):
+        assert reference not in made_page, reference
+
+
+def test_what_files_and_devices_say_stays_text():
+    evil = b"<script>alert(1)</script>\x1b[31m"
+    answer = adu((b"\x11\x2b\x0e\x01\x01\x00\x00\x01\x00" + bytes([len(evil)]) + evil).hex())
+    slow = bytearray(answer)
+    slow[-3] ^= 1  # a damaged frame is shown as an example
+    chunks = spaced([adu("112b0e0100"), answer, adu("112b0e0100"), bytes(slow)] * 3, gap_ns=10_000_000)
+    report, made_page = made(Capture.of(LINE, chunks), "<script>\u202e")
+    assert report.findings
+    assert "alert(1)" in made_page
+    assert "<script" not in made_page
+    assert "\x1b" not in made_page
+    assert "\u202e" not in made_page
+
+
+def test_a_capture_without_anything():
+    report, made_page = made(Capture.of(LINE, []))
+    assert not report.frames
+    assert "No Modbus frame was found." in made_page
+    assert "<svg" not in made_page
+
+
+def test_a_capture_without_times_draws_none(capsys, tmp_path):
+    log = tmp_path / "log.txt"
+    log.write_text("".join(frame.hex(" ") + "\n" for frame in [adu("1103006b0003"), adu("110306ae4156524340")] * 3))
+    assert ran(capsys, "report", log, "--html", tmp_path / "p.html").status == 0
+    assert "<svg" not in (tmp_path / "p.html").read_text()
+
+
+def test_the_command_writes_a_file_and_never_over_the_capture(capsys, tmp_path):
+    bus = tmp_path / "bus.jsonl"
+    shutil.copy(samples.path("troubled.jsonl"), bus)
+    before = bus.read_bytes()
+    assert "is the capture that is being read" in refused(capsys, "report", bus, "--html", bus)
+    assert bus.read_bytes() == before
+    done = ran(capsys, "report", bus, "--html", tmp_path / "page.html")
+    assert (done.status, done.out, done.err) == (0, "", "")
+    assert (tmp_path / "page.html").read_text().startswith("<!DOCTYPE html>")
+    assert "no such folder" in refused(capsys, "report", bus, "--html", tmp_path / "none" / "page.html")
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 3600 * SECOND), st.integers(1, 256)), min_size=1, max_size=30), st.integers(1, 5)
+)
+def test_the_timeline_loses_no_byte_however_long_it_grows(frames, batch):
+    timeline, at, rows = Timeline(), 0, np.zeros(len(frames), ROW)
+    for row, (silence, length) in zip(rows, frames, strict=True):
+        row["t_start"], row["t_end"], row["length"] = at + silence, at + silence + length * CHAR_NS, length
+        at = int(row["t_end"])
+    for first in range(0, len(rows), batch):
+        timeline.add(rows[first : first + batch], NOTHING)
+    assert timeline.octets.sum() == pytest.approx(rows["length"].sum())
+    assert at - int(rows["t_start"][0]) <= len(timeline.octets) * timeline.width_ns
+
+
+def test_a_browser_draws_it(tmp_path):
+    browser = shutil.which("chromium")
+    if browser is None:
+        pytest.skip("no chromium on this machine")
+    _, made_page = made(captures.open(samples.path("troubled.jsonl")), "bus")
+    (tmp_path / "p.html").write_text(made_page)
+    picture = tmp_path / "p.png"
+    command = [browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
+    command += ["--window-size=1000,1400", f"--screenshot={picture}", (tmp_path / "p.html").as_uri()]
+    subprocess.run(command, check=True, capture_output=True, timeout=60)
+    assert picture.stat().st_size > 20_000  # a blank page of this size has 7 kB
