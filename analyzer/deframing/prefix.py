@@ -43,23 +43,24 @@ class _Tables(NamedTuple):
     initial: U16  # A^-k FFFF, for a slice at any phase
 
 
-def _step(register: int) -> int:
-    return (register >> 8) ^ CRC_TABLE[register & 0xFF]
-
-
 @cache
 def _tables() -> _Tables:
+    registers = np.arange(1 << 16)
+    steps = (registers >> 8) ^ np.array(CRC_TABLE)[registers & 0xFF]
+    fixed = int(np.flatnonzero(steps == registers)[1])  # the first is 0
+    step = steps.tolist()
     orbit = [CRC_TABLE[1]]
-    while (register := _step(orbit[-1])) != orbit[0]:
+    while (register := step[orbit[-1]]) != orbit[0]:
         orbit.append(register)
-    log = {register: k for k, register in enumerate(orbit)}
-    fixed = next(s for s in range(1, 1 << 16) if _step(s) == s)
-    powers = np.array(orbit + orbit + [0] * PERIOD, np.uint16)
+    period = np.array(orbit, np.uint16)
+    log = np.full(1 << 16, 2 * PERIOD)
+    log[period] = np.arange(PERIOD)
+    powers = np.concatenate((period, period, np.zeros_like(period)))
 
     def split(register: int) -> tuple[int, int]:
         """The logarithm of a register's even part, and its odd part."""
-        odd = 0 if register in log or not register else fixed
-        return log.get(register ^ odd, 2 * PERIOD), odd
+        odd = 0 if log[register] < PERIOD or not register else fixed
+        return int(log[register ^ odd]), odd
 
     parts = [split(CRC_TABLE[b]) for b in range(256)]
     log_initial, odd_initial = split(0xFFFF)
