@@ -48,11 +48,10 @@ def _tables() -> _Tables:
     registers = np.arange(1 << 16)
     steps = (registers >> 8) ^ np.array(CRC_TABLE)[registers & 0xFF]
     fixed = int(np.flatnonzero(steps == registers)[1])  # the first is 0
-    step = steps.tolist()
-    orbit = [CRC_TABLE[1]]
-    while (register := step[orbit[-1]]) != orbit[0]:
-        orbit.append(register)
-    period = np.array(orbit, np.uint16)
+    orbit, leap = np.array([CRC_TABLE[1]]), steps
+    while len(orbit) < PERIOD:  # `leap` goes as many steps as there are
+        orbit, leap = np.concatenate((orbit, leap[orbit])), leap[leap]
+    period = orbit[:PERIOD].astype(np.uint16)
     log = np.full(1 << 16, 2 * PERIOD)
     log[period] = np.arange(PERIOD)
     powers = np.concatenate((period, period, np.zeros_like(period)))
