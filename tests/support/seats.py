@@ -1,0 +1,108 @@
+"""A user at the interface, for tests: what is pressed, what is seen."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from textual.pilot import Pilot
+
+import captures
+from analyzer.model.source import CaptureSource, Source
+from analyzer.tui.app import Rtuscope
+from analyzer.tui.help import Help
+from analyzer.tui.prompts import Ask, Choose
+from analyzer.tui.screen import BusScreen
+from captures import samples
+
+
+class Seat:
+    """A user at the interface."""
+
+    def __init__(self, app: Rtuscope, pilot: Pilot[None]) -> None:
+        self.app, self.pilot = app, pilot
+
+    @property
+    def screen(self) -> BusScreen:
+        screen = self.app.screen_stack[0]
+        assert isinstance(screen, BusScreen)
+        return screen
+
+    @property
+    def row(self) -> int:
+        assert self.screen.row is not None
+        return self.screen.row
+
+    @property
+    def bus(self) -> Any:
+        return self.app.desk.bus
+
+    async def press(self, *keys: str) -> None:
+        await self.pilot.press(*keys)
+        await self.settle()
+
+    async def type(self, text: str) -> None:
+        await self.pilot.press(*("space" if c == " " else c for c in text))
+        await self.settle()
+
+    async def settle(self) -> None:
+        """Workers are done and their messages handled."""
+        await self.pilot.pause()
+        for _ in range(400):
+            if all(worker.is_finished or (self.app.desk.source.live and worker.group in ("load", "select"))
+                   for worker in self.app.workers):  # fmt: skip
+                break
+            if any(isinstance(screen, Ask | Choose | Help) for screen in self.app.screen_stack):
+                break
+            await asyncio.sleep(0.01)
+        await self.pilot.pause()
+
+    async def until(self, wanted: Callable[[], bool]) -> None:
+        for _ in range(500):
+            if wanted():
+                return
+            await asyncio.sleep(0.01)
+        raise AssertionError("it did not come")
+
+    def shown(self) -> str:
+        """What the terminal shows, as text."""
+        return "\n".join(
+            "".join(segment.text for segment in strip) for strip in self.app.screen._compositor.render_strips()
+        )
+
+    def notices(self) -> list[str]:
+        return [notice.message for notice in self.app._notifications]
+
+
+@asynccontextmanager
+async def seat(source: Source, *, size: tuple[int, int] = (100, 30), view: str = "frames") -> AsyncIterator[Seat]:
+    app = Rtuscope(source, view=view)
+    async with app.run_test(size=size) as pilot:
+        sitting = Seat(app, pilot)
+        if not source.live:
+            await sitting.until(lambda: sitting.bus.whole and (not sitting.bus.count or sitting.screen.row is not None))
+            await sitting.settle()
+        yield sitting
+
+
+def using(source: Source, work: Callable[[Seat], Awaitable[None]], **options: Any) -> None:
+    async def main() -> None:
+        async with seat(source, **options) as sitting:
+            await work(sitting)
+
+    asyncio.run(main())
+
+
+def sample_in(folder: Path) -> Path:
+    """The troubled sample, where notes may be kept beside it."""
+    path = folder / "troubled.jsonl"
+    shutil.copy(samples.path("troubled.jsonl"), path)
+    return path
+
+
+def opened(path: Path) -> CaptureSource:
+    return CaptureSource(captures.open(path), path.name)

@@ -1,0 +1,279 @@
+"""The views of the interface beside the list of frames, live lists, and captures out of the ordinary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from seats import Seat, opened, sample_in, using
+
+import captures
+from analyzer.frames import Batch
+from analyzer.model.source import CaptureSource, Nothing
+from analyzer.tui.details import Details
+from analyzer.tui.filterbar import FilterBar
+from analyzer.tui.findings import FindingList
+from analyzer.tui.help import Help
+from analyzer.tui.pastepane import PasteText, PieceList
+from analyzer.tui.registerlist import History, RegisterList
+from analyzer.tui.timeline import Timeline
+from analyzer.tui.unitlist import UnitList
+from captures import samples
+from captures.chunks import Capture, Chunk
+from captures.line import LineSettings
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    return sample_in(tmp_path)
+
+
+def test_views_of_conversations_findings_units_registers_timeline_and_report(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        screen = sitting.screen
+        await sitting.press("2")
+        kinds = [sitting.bus.table.value("kind", screen.talk.rows.row(i)) for i in range(screen.talk.count())]
+        assert kinds.count(1) == 112
+        await sitting.press("down", "c")
+        await sitting.press("3")
+        found = screen.query_one(FindingList)
+        assert found.count() == sitting.bus.found.count > 0
+        await sitting.press("s", "s")
+        assert 0 < found.count() < sitting.bus.found.count
+        await sitting.press("s", "o")
+        assert (
+            found.code == sorted(sitting.bus.found.by_code)[0]
+            and found.count() == sitting.bus.found.by_code[found.code]
+        )
+        await sitting.press("O", "down", "down", "enter")
+        assert screen.view == "frames" and sitting.bus.findings(sitting.row)
+        await sitting.press("4")
+        units = screen.query_one(UnitList)
+        await sitting.until(lambda: units.count() > 0)
+        assert [unit.unit for unit in units.report.units] == [1, 2, 9, 17]  # type: ignore[union-attr]
+        await sitting.press("down", "enter")
+        assert screen.query_one(FilterBar).text == "unit == 2" and screen.view == "frames"
+        await sitting.press("escape", "5")
+        registers = screen.query_one(RegisterList)
+        assert registers.count() == len(sitting.bus.registers)
+        await sitting.press("end")
+        await sitting.until(lambda: "readings" in screen.query_one("#history", History).title)
+        before = sitting.shown()
+        await sitting.press("v")
+        assert sitting.shown() != before and "s16" in sitting.shown()
+        await sitting.press("enter")
+        assert screen.view == "frames"
+        await sitting.press("7")
+        await sitting.until(lambda: "troubled.jsonl" in sitting.shown() and "response" in sitting.shown())
+
+    using(opened(capture), work, size=(120, 40))
+
+
+def test_the_timeline_zooms_and_chooses_a_span(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("6")
+        timeline = sitting.screen.query_one(Timeline)
+        whole = timeline.t_end - timeline.t_start
+        await sitting.press("right", "right", "plus", "plus")
+        assert timeline.t_end - timeline.t_start < whole / 3
+        await sitting.press("minus", "0")
+        assert timeline.t_end - timeline.t_start == whole
+        await sitting.press("home", "space", *["right"] * 8)
+        assert "span" in sitting.shown()
+        await sitting.press("enter")
+        frames = sitting.screen.frames
+        assert sitting.screen.view == "frames" and 0 < frames.count() < sitting.bus.count
+        await sitting.press("escape")
+        assert frames.count() == sitting.bus.count
+        await sitting.press("6", "0", "end", "enter")
+        assert sitting.row > sitting.bus.count // 2
+
+    using(opened(capture), work)
+
+
+def test_pasting_reads_what_parse_reads_and_remembers() -> None:
+    async def work(sitting: Seat) -> None:
+        text = sitting.screen.query_one(PasteText)
+        assert text.has_focus
+        text.load_text("11 03 00 6B 00 03 76 87\n11 03 06 AE 41 56 52 43 40 49 AD")
+        await sitting.settle()
+        pieces = sitting.screen.query_one(PieceList)
+        assert pieces.count() == 2 and "read 3 holding registers from 107" in sitting.shown()
+        await sitting.press("tab", "down")
+        assert "40108: 44609" in sitting.shown()
+        await sitting.press("tab", "end", "tab", "tab", "ctrl+l")
+        assert pieces.count() == 0
+        text.load_text("zz")
+        await sitting.settle()
+        assert "no hex bytes" in sitting.shown()
+        text.load_text(":1103006B00037E")
+        await sitting.settle()
+        assert pieces.count() == 1
+        await sitting.press("ctrl+up")
+        assert text.text.startswith("11 03 00 6B")
+        await sitting.press("ctrl+down")
+        assert text.text == ":1103006B00037E"
+        for digit in "12":
+            await sitting.press(digit)
+        assert text.text.endswith("12")
+
+    using(Nothing(), work, view="paste")
+
+
+def test_help_palette_themes_and_quit(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("question_mark")
+        assert isinstance(sitting.app.screen, Help) and "display filter" in sitting.shown()
+        await sitting.press("down", "escape")
+        dark = sitting.app.theme
+        await sitting.press("d")
+        assert sitting.app.theme != dark
+        await sitting.press("ctrl+p")
+        await sitting.type("View: Reg")
+        await sitting.until(lambda: "View: Registers" in sitting.shown())
+        await sitting.press("enter")
+        await sitting.until(lambda: sitting.screen.view == "registers")
+        await sitting.press("q")
+        assert not sitting.app.is_running or sitting.app._exit
+
+    using(opened(capture), work)
+
+
+def test_the_mouse_chooses_rows_bytes_and_views(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.pilot.click("#frames", offset=(10, 5))
+        await sitting.settle()
+        assert sitting.row == 4
+        await sitting.pilot.click("#octets", offset=(9, 1))
+        await sitting.settle()
+        details = sitting.screen.query_one(Details)
+        assert details.item is not None and details.item.label == "function"
+        await sitting.pilot.click("#tabs", offset=(24, 0))
+        await sitting.settle()
+        assert sitting.screen.view != "frames"
+
+    using(opened(capture), work)
+
+
+class Live:
+    """A tap that gives what it is told to."""
+
+    name, timed, live, path = "/dev/ttyUSB0 [bold]", True, True, None
+    line = LineSettings(baud=19200, char_bits=10)
+
+    def __init__(self) -> None:
+        from queue import Queue
+
+        known = captures.open(samples.path("healthy.jsonl"))
+        self.batches_of = list(CaptureSource(known, "").batches(lambda: False))
+        self.queue: Queue[Batch | None] = Queue()
+
+    def batches(self, stop: Callable[[], bool]) -> Iterator[Batch]:
+        from queue import Empty
+
+        while not stop():
+            try:
+                batch = self.queue.get(timeout=0.01)
+            except Empty:
+                yield Batch.empty()
+                continue
+            if batch is None:
+                raise OSError("the adapter is gone: \x1b[31mreplug it")
+            yield batch
+
+    def notices(self) -> list[str]:
+        return []
+
+    def give(self, first: int, last: int) -> None:
+        """Rows of the healthy sample."""
+        whole = self.batches_of[0]
+        rows = whole.rows[first:last]
+        asked = {int(r["request"]): whole.request_of(first + i, int(r["request"])) or b"" for i, r in enumerate(rows)
+                 if r["request"] >= 0}  # fmt: skip
+        self.queue.put(Batch(rows, whole.data, asked))
+
+
+def test_a_live_list_follows_until_the_user_looks_back() -> None:
+    tap = Live()
+
+    async def work(sitting: Seat) -> None:
+        frames = sitting.screen.frames
+        tap.give(0, 40)
+        await sitting.until(lambda: frames.cursor == 39)
+        tap.give(40, 60)
+        await sitting.until(lambda: frames.cursor == 59)
+        assert "following" in sitting.shown()
+        await sitting.press("up")
+        tap.give(60, 80)
+        await sitting.until(lambda: frames.count() == 80)
+        await sitting.pilot.pause(0.2)
+        assert frames.cursor == 58 and "21 below" in sitting.shown()
+        await sitting.press("F")
+        assert frames.cursor == 79
+        await sitting.press("slash")
+        sitting.screen.query_one(FilterBar).line.value = "unit > 0"
+        await sitting.pilot.press("enter")
+        tap.give(80, 90)
+        await sitting.until(lambda: frames.count() == 90)
+        tap.queue.put(None)
+        await sitting.until(lambda: sitting.bus.whole)
+        await sitting.pilot.pause(0.1)
+        assert any("the adapter is gone: \\x1b[31mreplug it" in notice for notice in sitting.notices())
+
+    using(tap, work)
+
+
+def test_hostile_text_is_shown_harmless() -> None:
+    """A device that names itself in escape sequences and markup; a file name that does."""
+    from dissectors.checks import crc_bytes
+
+    said = b"\x1b[2J[red]x[/red]\x07\xc2\x9b31m"
+    body = bytes((17, 0x2B, 0x0E, 1, 1, 0, 0, 1, 0, len(said))) + said
+    request = bytes.fromhex("112b0e0100")
+    chunks = [Chunk(10_000_000 * (i + 1), frame + crc_bytes(frame)) for i, frame in enumerate((request, body) * 3)]
+    capture = Capture.of(LineSettings(baud=19200, char_bits=10, tap="[bold]tap\x1b]0;x\x07"), chunks)
+
+    async def work(sitting: Seat) -> None:
+        for view in "12345678":
+            await sitting.press(view)
+            shown = sitting.shown()
+            assert "\x1b" not in shown and "\x07" not in shown and "\x9b" not in shown
+        await sitting.press("ctrl+l", "escape", "1", "down")
+        assert sitting.row == 1
+        assert "\\x1b[2J[red]x[/red]" in sitting.shown()
+
+    using(CaptureSource(capture, "[link=x]\x1b[31m.jsonl"), work, size=(160, 40))
+
+
+def test_a_damaged_file_opens_with_what_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "cut.jsonl"
+    text = samples.path("healthy.jsonl").read_text()
+    path.write_text(text[: len(text) // 2] + "\n[red]broken\n")
+
+    async def work(sitting: Seat) -> None:
+        assert sitting.bus.frames > 10
+        assert any("line" in notice for notice in sitting.notices())
+
+    using(opened(path), work)
+
+
+def test_no_capture_no_times_and_no_frames() -> None:
+    untimed = Capture.of(LineSettings(), [Chunk(0, bytes.fromhex("1103006b00037687"))] * 3, timed=False)
+
+    async def look(sitting: Seat) -> None:
+        for view in "12345678":
+            await sitting.press(view)
+            if view == "6":
+                assert "no times" in sitting.shown()
+        await sitting.press("ctrl+l", "escape", "1", "t", "r", "c", "right_square_bracket", "apostrophe", "n", "escape")
+        assert sitting.bus.count == 3
+
+    using(CaptureSource(untimed, "dump"), look)
+
+    async def empty(sitting: Seat) -> None:
+        for key in "1346":
+            await sitting.press(key, "down", "enter", "m", "y", "e", "c", "space", "escape")
+        assert sitting.bus.count == 0
+
+    using(CaptureSource(Capture.of(LineSettings(), []), "empty"), empty)
