@@ -121,6 +121,9 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--healthy", action="store_true", help="score captures with nothing wrong")
     options = parser.parse_args(arguments)
     taps = options.taps.split(",")
+    for kind, given, known in (("code", options.codes, defects()), ("tap", taps, TAPS)):
+        if strange := sorted(set(given) - set(known)):
+            parser.error(f"no such {kind}: {', '.join(strange)}; there are {', '.join(known)}")
     if options.healthy:
         return healthy(taps, options.seeds)
     tallies: defaultdict[str, Tally] = defaultdict(Tally)
