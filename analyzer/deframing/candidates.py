@@ -169,19 +169,6 @@ def _weigh(
     return start[keep], end[keep], structure[keep]
 
 
-def lengths_at(data: bytes, start: int) -> list[tuple[int, Role]]:
-    """Predicted ADU lengths at one offset, per role; a length beyond the data is a frame that may still come.
-
-    Roles that the bytes rule out are left out; a header that is not whole yet gives MIN_ADU, the least it can be.
-    """
-    found = []
-    for role in (Role.REQUEST, Role.RESPONSE):
-        length = predicted(data, start, role)
-        if length is not None:
-            found.append((length, role))
-    return found
-
-
 def predicted(data: bytes, start: int, role: Role) -> int | None:
     """The ADU length that the header at `start` predicts for a role, MIN_ADU while the header is not whole, or None."""
     from dissectors.lengths import pdu_length, rule

@@ -15,10 +15,14 @@ from dissectors.lengths import Role
 
 from ..frames import Kind, Rows
 from .candidates import CRC_BITS, predicted
-from .lattice import EMBEDDED, FITS, NOISE_BEGINS, NOISE_BYTE, Lattice, Step
+from .lattice import EMBEDDED, FITS, NOISE_BEGINS, NOISE_BYTE, Candidate, Lattice, Step
+from .options import Options
 from .pieces import NOISE, evidence
 from .rules import MAX_ADU
+from .silence import Trust
+from .tape import Tape
 
+_AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
 WINDOWS: Final = (96, 384, 2048)  # bytes looked at: mostly a few frames do; the last at most waits for a decision
 _KNOWN_BITS: Final = 3.0
@@ -45,6 +49,36 @@ class Decision(NamedTuple):
     rivals: list[tuple[float, Step | None]]  # (bits behind, last step)
 
 
+def events_in(
+    tape: Tape,
+    options: Options,
+    trust: Trust,
+    origin: int,
+    size: int,
+    candidates: Sequence[Candidate],
+    classes: Sequence[int],
+    *,
+    quiet: bool,
+) -> list[Event]:
+    """Where something may be decided, in stream order, in the `size` bytes from index `origin` of the tape.
+
+    `classes` are those of the silences there; `quiet`: the line was quiet at the end.
+    """
+    idle = set((tape.quiet(origin, origin + size + 1, options.idle_ns) - origin).tolist())
+    cut = set((tape.quiet(origin, origin + size + 1, options.cut_ns) - origin).tolist())
+    if quiet:
+        idle.add(size)
+    edge = origin + size == tape.ready
+    spots = sorted({c.end for c in candidates} | idle | cut)
+    against = [max(bits) < _AGAINST for bits in zip(*trust.evidence, strict=True)]  # by class
+    events = []
+    for p in spots:
+        inner = p < len(classes)
+        silent = classes[p] > 0 if inner else edge
+        events.append(Event(p, p in idle, p in cut, p in idle or silent, not (inner and against[classes[p]])))
+    return [event for event in events if event.position > 0]
+
+
 UNDECIDED: Final = Decision([], [])
 
 
@@ -58,7 +92,7 @@ def decide(lattice: Lattice, data: bytes, events: Sequence[Event], idle_bits: fl
             if frames and not _awaited(data, frames, steps, event, lattice, idle_bits):
                 return Decision(steps[: steps.index(frames[-1]) + 1], lattice.rivals())
         if event.cut:  # (it was idle before, so what a clock's tick decided then is decided alike without one)
-            return settled(lattice)
+            return settled(lattice, event.position)
     return UNDECIDED
 
 
@@ -82,13 +116,19 @@ def go_on(
             return found
         lattice.restart(steps[-1].said)
         decision = decide(lattice, data, [event for event in events if event.position > at], idle_bits)
-        if not decision.steps or any(step.candidate is None for step in decision.steps):
+        if not only_frames(decision):
             return found
         found.append(decision)
 
 
-def settled(lattice: Lattice) -> Decision:
-    """The best path as it stands: nothing can change it any more."""
+def only_frames(decision: Decision) -> bool:
+    """Whether something was decided and no byte of it is noise."""
+    return bool(decision.steps) and all(step.candidate is not None for step in decision.steps)
+
+
+def settled(lattice: Lattice, position: int) -> Decision:
+    """The best path to a position as it stands: nothing can change it any more."""
+    lattice.advance(position)
     return Decision(lattice.steps(), lattice.rivals())
 
 

@@ -16,7 +16,19 @@ from dissectors.lengths import Role
 
 from .broken import broken_windows
 from .candidates import CRC_BITS, GLITCHES, Candidates, search
-from .contest import WINDOWS, Decision, Event, decide, explained, forced, go_on, margins, settled
+from .contest import (
+    WINDOWS,
+    Decision,
+    Event,
+    decide,
+    events_in,
+    explained,
+    forced,
+    go_on,
+    margins,
+    only_frames,
+    settled,
+)
 from .damaged import damaged_answers, damaged_requests
 from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice
 from .options import Options
@@ -33,7 +45,6 @@ from .tape import Character, Tape, Times
 from .unknown import unknown_windows
 
 _PARTS_NOISE: Final = 6.0  # bits of a silence at which noise is cut in two
-_AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _SURE: Final = 64.0  # bits: what cannot be doubted
 _SLICE: Final = 1 << 20  # bytes searched at once
 _MUCH: Final = 1 << 16  # bytes: fed at once, more will follow, or a quiet line
@@ -296,22 +307,20 @@ class Engine:
             here = i < len(runs.start) and runs.start[i] == at + position
             return position < limits and here and not (runs.clean[i] and not runs.either[i])
 
-        def decided(candidates: list[Candidate], *, force: bool) -> list[Decision]:
+        def begun(candidates: list[Candidate]) -> tuple[Lattice, list[Event]]:
             lattice = Lattice(data, tape.base + origin, classes, self.trust, candidates, self._talk.said)
-            events = self._events(origin, len(data), candidates, classes, quiet=quiet)
-            decision = decide(lattice, data, events, idle_bits)
-            if decision.steps:
-                plain = all(step.candidate is not None and not step.candidate.damaged for step in decision.steps)
-                return go_on(lattice, data, events, idle_bits, decision, contested) if plain else [decision]
-            if final:
-                lattice.advance(len(data))
-                return [settled(lattice)]
-            return [forced(lattice, len(data)) if force else decision]
+            return lattice, events_in(
+                tape, self.options, self.trust, origin, len(data), candidates, classes, quiet=quiet
+            )
 
-        decisions = decided(candidates, force=False)
-        steps = decisions[0].steps
-        if steps and all(s.candidate is not None for s in steps):
-            return decisions
+        lattice, events = begun(candidates)
+        decision = decide(lattice, data, events, idle_bits)
+        if only_frames(decision):
+            return go_on(lattice, data, events, idle_bits, decision, contested)
+        if final and not decision.steps:
+            decision = settled(lattice, len(data))
+            if only_frames(decision):
+                return [decision]
         closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self.options.idle_ns)) > 0
         spots = places(data, silences, candidates, closed=closed, parts=self.trust.parts())
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
@@ -319,29 +328,15 @@ class Engine:
         more += damaged_requests(data, spots, candidates)
         more += damaged_answers(data, tape.base + origin, spots, candidates, self._talk.said.pending)
         more = [candidate for candidate in more if self._role in (None, candidate.role)]
-        if not more and (steps or len(data) < WINDOWS[-1]):
-            return decisions
-        candidates = sorted(candidates + more, key=lambda c: (c.start, c.end, c.role))
-        return decided(candidates, force=len(data) == WINDOWS[-1])[:1]
-
-    def _events(
-        self, origin: int, size: int, candidates: list[Candidate], classes: list[int], *, quiet: bool
-    ) -> list[Event]:
-        """Where something may be decided, in stream order."""
-        tape, options = self.tape, self.options
-        idle = set((tape.quiet(origin, origin + size + 1, options.idle_ns) - origin).tolist())
-        cut = set((tape.quiet(origin, origin + size + 1, options.cut_ns) - origin).tolist())
-        if quiet:
-            idle.add(size)
-        edge = origin + size == tape.ready
-        spots = sorted({c.end for c in candidates} | idle | cut)
-        against = [max(bits) < _AGAINST for bits in zip(*self.trust.evidence, strict=True)]  # by class
-        events = []
-        for p in spots:
-            inner = p < len(classes)
-            silent = classes[p] > 0 if inner else edge
-            events.append(Event(p, p in idle, p in cut, p in idle or silent, not (inner and against[classes[p]])))
-        return [event for event in events if event.position > 0]
+        if not more and (decision.steps or len(data) < WINDOWS[-1]):
+            return [decision]
+        lattice, events = begun(sorted(candidates + more, key=lambda c: (c.start, c.end, c.role)))
+        decision = decide(lattice, data, events, idle_bits)
+        if not decision.steps and final:
+            decision = settled(lattice, len(data))
+        elif not decision.steps and len(data) == WINDOWS[-1]:
+            decision = forced(lattice, len(data))
+        return [decision]
 
     def _steps(self, decision: Decision, origin: int) -> None:
         """Take steps of the lattice."""

@@ -15,7 +15,9 @@ was around a trigger.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from analyzer.lazy import lazily
 
 if TYPE_CHECKING:
     from .replaying import Replay
@@ -27,9 +29,4 @@ __all__ = ["Replay", "Session", "Step", "TapSource"]
 _HOMES = {"Replay": "replaying", "Session": "session", "Step": "session", "TapSource": "tapsource"}
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+__getattr__ = lazily(__name__, _HOMES)

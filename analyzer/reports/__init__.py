@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from analyzer.lazy import lazily
+
 if TYPE_CHECKING:
     from .model import Report
     from .page import text
@@ -14,9 +16,4 @@ __all__ = ["Report", "Summary", "summarize", "text"]
 _HOME = {"Report": "model", "Summary": "summary", "summarize": "summary", "text": "page"}
 
 
-def __getattr__(name: str) -> object:
-    from importlib import import_module
-
-    if name in _HOME:
-        return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = lazily(__name__, _HOME)

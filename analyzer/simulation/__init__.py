@@ -15,7 +15,9 @@ was where; `defects` put one thing that is wrong on a healthy bus. The same scen
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from analyzer.lazy import lazily
 
 if TYPE_CHECKING:
     from analyzer.simulation.bus import Simulation, simulate, write
@@ -40,14 +42,7 @@ _HOMES = {
 __all__ = ["TAPS", "WIRES", "Scenario", "Simulation", "Tap", "TruthFinding", "TruthFrame", "Wire", "simulate", "write"]
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__ = lazily(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:
