@@ -10,7 +10,7 @@ import pytest
 from analyzer.cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
-README = (ROOT / "README.md").read_text()
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_parsed_frame(capsys: pytest.CaptureFixture[str]) -> None:
