@@ -70,7 +70,8 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     yield "bytes", _bytes(report)
     if not report.frames:
         return
-    frames = f"{report.frames:,}: {report.requests:,} requests, {report.responses:,} responses"
+    frames = f"{report.frames:,}: {plural(report.requests, 'request', 'requests')}, "
+    frames += plural(report.responses, "response", "responses")
     if report.damaged_frames:
         frames += f"; {report.damaged_frames:,} with a wrong check value"
     yield "frames", frames
