@@ -15,6 +15,8 @@ from analyzer.model.bus import Bus
 from analyzer.model.source import CaptureSource
 from analyzer.pipeline import analyse
 from analyzer.recorded import deaf_times, notes_of
+from analyzer.tui.desk import Desk
+from analyzer.tui.rows import UNHEARD, ended
 from captures import Block, Chunk
 from captures.recording.notes import Note
 from captures.recording.recorder import Recorder
@@ -63,6 +65,9 @@ def test_no_unit_is_blamed_for_an_answer_that_fell_into_a_gap(tmp_path: Path) ->
         bus.feed(batch)
     bus.close()
     assert bus.found.by_code["no-response"] == 1
+    assert [bus.unheard(row) for row in (8, 15)] == [True, False]
+    desk = Desk(source, bus)
+    assert [ended(desk, row).text for row in (8, 15)] == [UNHEARD, "none"]
     assert any("nothing heard for 680 ms" in notice for notice in source.notices())
 
 
@@ -74,8 +79,9 @@ def test_the_report_says_when_nothing_was_heard(tmp_path: Path, capsys: pytest.C
     clock = Note(START + 6 * SECOND, "clock", "the computer's clock was set, or it slept: now +3.000 s")
     path = recording(tmp_path, [*NOTES, clock], deaf=True)
     page = ran(capsys, "report", path).out
-    assert "recorded  nothing heard for 680 ms from 2023-11-14 22:13:24 UTC: /dev/ttyUSB0: lost" in page
+    assert "recorded  nothing heard for 680 ms from 2023-11-14 22:13:24 UTC: /dev/ttyUSB0:\n          lost (" in page
     assert "the computer's clock was set" in page
+    assert max(map(len, page.splitlines()[1:])) <= 80
     assert "no unit is blamed" in page
     report = json.loads(ran(capsys, "report", path, "--json").out)
     assert [note["kind"] for note in report["notes"]] == ["opened", "lost", "opened", "clock"]

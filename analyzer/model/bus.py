@@ -199,6 +199,12 @@ class Bus:
         gap = self.table.value("gap_before", row)
         return gap if self.timed and row > 0 and gap > NO_GAP else None
 
+    def unheard(self, row: int) -> bool:
+        """Whether the recording heard nothing for some of the time between a request and the row behind it."""
+        end = self.table.value("t_end", row)
+        until = self.table.value("t_start", row + 1) if row + 1 < self.count else end
+        return any(time.from_ns <= until and (time.to_ns is None or end <= time.to_ns) for time in self.deaf)
+
     def batch(self, rows: NDArray[np.int64]) -> Batch:
         """Rows, ascending, all of one piece, as what the pipeline gives; bytes between them are in its data too."""
         number = int(rows[0]) // PIECE

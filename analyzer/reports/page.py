@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Final
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, Final
 
 from dissectors.text import harmless
 
@@ -17,6 +18,8 @@ from .model import Counts, Report, UnitRow
 if TYPE_CHECKING:
     from analyzer.recorded import Deaf
 
+_WIDTH: Final = 80
+_UNBROKEN: Final[dict[str, Any]] = {"break_long_words": False, "break_on_hyphens": False}  # names, ports
 _ROWS: Final = 24  # units on the page; --json has all
 _EXCEPTIONS: Final = 10
 _LOSSES: Final = 3
@@ -40,7 +43,7 @@ def text(report: Report) -> str:
 
 def _lines(report: Report) -> Iterator[str]:
     for label, words in facts(report):
-        yield f"{label:<9} {words}"
+        yield from wrap(words, _WIDTH, initial_indent=f"{label:<9} ", subsequent_indent=" " * 10, **_UNBROKEN)
     if not report.frames:
         yield ""
         yield nothing(report)
@@ -51,7 +54,7 @@ def _lines(report: Report) -> Iterator[str]:
         yield ""
         yield from _functions(report)
         yield ""
-        yield "requests = ok + exc (exceptions) + none (unanswered) + bad (damaged answers) + broadcasts"
+        yield "requests: ok + exc (exceptions) + none (unanswered) + bad (damaged) + broadcasts"
     if report.exceptions:
         yield ""
         yield from _exceptions(report)
