@@ -114,3 +114,11 @@ def test_a_log_without_times_has_no_response_times(capsys, tmp_path):
     assert "response  unknown: no times in this capture" in page
     frames = [json.loads(line) for line in ran(capsys, "export", log).out.splitlines()]
     assert [frame["response_time_ns"] for frame in frames] == [None, None]
+
+
+def test_the_words_of_a_log_are_skipped_not_damage(capsys, tmp_path):
+    log = tmp_path / "bus.log"
+    log.write_text(f"log started\n{REQUEST.hex(' ')}\n{ANSWER.hex(' ')}\n")
+    page = ran(capsys, "report", log).out
+    assert "skipped   line 1: no bytes found in 'log started'" in page
+    assert "damaged" not in page.split("requests")[0]

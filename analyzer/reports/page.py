@@ -72,8 +72,9 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
         yield "filter", f"{harmless(report.filter)} (what follows covers what passes)"
     yield "line", _line(report)
     yield "span", _span(report)
+    label = "skipped" if report.format == "text" else "damaged"  # a log's words between its bytes are no damage
     for loss in report.damage[:_LOSSES]:
-        yield "damaged", loss
+        yield label, loss
     if report.damage_count > _LOSSES:
         yield "", f"and {report.damage_count - _LOSSES:,} more such places"
     yield from _recording(report)
