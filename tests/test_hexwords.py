@@ -297,3 +297,10 @@ def test_a_long_line_takes_little_time() -> None:
     start = time.process_time()
     assert [words.data for words in read_text(data.hex())] == [data]
     assert time.process_time() - start < 2
+
+
+@pytest.mark.parametrize(
+    "text", ["11  x" + " " * 900_000 + "y", "1\t" * 400_000, "1\tIRP_MJ_READ\t" + "ab\t" * 300_000]
+)
+def test_no_line_takes_for_ever(text: str) -> None:
+    assert read_line(text) is None

@@ -61,6 +61,7 @@ _TOKENS = re.compile(r"[^\s,;:|._-]+")
 _LABEL_END = re.compile(r"[:>=\])}|,\"'-](?=\s)|[:>=\])}|](?=[0-9A-Fa-f])")
 _WRAPPING = " \t\r\n,;:|=>[](){}\"'-"
 _ODD = "an odd number of hex digits in {} at column {}: write each byte with two digits"
+_ROW = 400  # characters of a hex viewer's row at most
 _LABEL_LOOK = 300  # characters in which the label before the bytes ends
 _SIMPLE_ESCAPES = {"0": 0, "a": 7, "b": 8, "t": 9, "n": 10, "v": 11, "f": 12, "r": 13, "e": 27}
 _ESCAPE = re.compile(r"\\(?:x([0-9A-Fa-f]{1,2})|([0-7]{1,3})|(.))|([^\\])", re.DOTALL)
@@ -123,7 +124,7 @@ def unescape(text: str) -> bytes:
 
 def _columns(text: str) -> Found | None:
     """A row of a hex viewer, with or without an offset: bytes, a gap, and the same bytes as characters."""
-    match = _COLUMNS.match(text)
+    match = _COLUMNS.match(text) if len(text) <= _ROW else None
     if match is None:
         return None
     data = bytes.fromhex(match["bytes"])
