@@ -16,6 +16,7 @@ from .deframing.stream import Deframer
 from .findings.diagnosis import Diagnosis
 from .findings.model import FINDING, Findings
 from .frames import Batch, Rows
+from .recorded import deaf_times, excused, notes_of
 from .transactions import TRANSACTION, Transactions
 
 _BLOCK = 1 << 20  # bytes read at once
@@ -64,14 +65,14 @@ def analyse(capture: Capture, options: Options = Options()) -> Iterator[Analysed
     A batch is held back until nothing more can be said of its rows, which the next ones decide.
     """
     transactions, diagnosis = Transactions(), Diagnosis(capture.line, options)
-    held = _Held()
+    held, deaf = _Held(), deaf_times(notes_of(capture))
     for batch in deframe(capture, options):
         settled = transactions.feed(batch)
-        held.add(batch, settled, diagnosis.feed(batch, settled))
+        held.add(batch, settled, excused(diagnosis.feed(batch, settled), deaf))
         bounds = (transactions.open_from, diagnosis.open_from)
         yield from held.ready(min((bound for bound in bounds if bound is not None), default=None))
     settled = transactions.close()
-    held.end(settled, diagnosis.close(settled))
+    held.end(settled, excused(diagnosis.close(settled), deaf))
     yield from held.ready(None)
 
 

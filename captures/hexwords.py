@@ -45,20 +45,21 @@ def read_line(text: str) -> Words | None:
 def read_text(text: str) -> list[Words]:
     """All bytes of a text, in order, an item for each run of bytes; lines of one dump are put together.
 
-    Lines without bytes are passed over, as long as any line has some. Raises HexError where none has, or where digits
-    that are meant as bytes do not come in pairs.
+    Lines without bytes are passed over, as long as any line has some. Where no line has hex bytes, decimal ones are
+    looked for. Raises HexError where there are none either, or where digits that are meant as bytes do not come in
+    pairs.
     """
-    reader = LineReader()
     lines = text.splitlines()
 
-    def pieces() -> Iterator[Piece]:
+    def pieces(reader: LineReader) -> Iterator[Piece]:
         for number, line in enumerate(lines, 1):
             reading = reader.read(line, number)
             if not reading.pieces:
                 _check(reading, number if len(lines) > 1 else 0)
             yield from reading.pieces
 
-    found = [_words(piece) for piece in joined(pieces())]
+    found = [_words(piece) for piece in joined(pieces(LineReader()))]
+    found = found or [_words(piece) for piece in joined(pieces(LineReader(decimal=True)))]
     if not found:
         shown = " ".join(text.split())
         raise HexError(f"no hex bytes found in {shown[:60]!r}" if shown else "no hex bytes: the text is empty")

@@ -53,6 +53,43 @@ LOGS = {
         + "".join(f"<{b:02X}>" for b in ANSWER)
         + "\n[107]: \t555\n"
     ),
+    "mbpoll -v": (
+        "debug enabled\nSet mode=rtu\niGetIntList(17)\nInteger found: 17\niCount=1\nSet rtu baudrate=9600\n"
+        "Set rtu parity=none\nSet function=4\nSet start reference=108\nSet number of values=3\n"
+        "Set device=/dev/ttyUSB0\nmbpoll 1.0-0 - FieldTalk(tm) Modbus(R) Master Simulator\n"
+        "This program comes with ABSOLUTELY NO WARRANTY.\n"
+        "This is free software, and you are welcome to redistribute it\n"
+        "under certain conditions; type 'mbpoll -w' for details.\n\n"
+        "Opening /dev/ttyUSB0 at 9600 bauds (N, 8, 1)\nSet response timeout to 1 sec, 0 us\n"
+        "Protocol configuration: Modbus RTU\nSlave configuration...: address = [17]\n"
+        "                        start reference = 108, count = 3\n"
+        "Communication.........: /dev/ttyUSB0,       9600-8N1 \n"
+        "                        t/o 1.00 s, poll rate 1000 ms\n"
+        "Data type.............: 16-bit register, output (holding) register table\n\n-- Polling slave 17...\n"
+        + "".join(f"[{b:02X}]" for b in REQUEST)
+        + "\nWaiting for a confirmation...\n"
+        + "".join(f"<{b:02X}>" for b in ANSWER)
+        + "\n[108]: \t555\n"
+    ),
+    "ModScan, decimal": ("".join(f"[{b:03}]" for b in REQUEST) + "\n" + "".join(f"[{b:03}]" for b in ANSWER) + "\n"),
+    "Serial Port Monitor, table": (
+        "#\tTime\tFunction\tDirection\tStatus\tData\tData (chars)\tData length\tPort\n"
+        f"12\t21.11.2026 10:15:31.123\tIRP_MJ_WRITE\tDOWN\tSTATUS_SUCCESS\t{SPACED}\t...k..v.\t8\tCOM3\n"
+        f"13\t21.11.2026 10:15:31.140\tIRP_MJ_READ\tUP\tSTATUS_SUCCESS\t{ANSWERED}\t....\t11\tCOM3\n"
+    ),
+    "Serial Port Monitor, dump": (
+        "[23/10/2008 10:38:33.123]\n1  IRP_MJ_DEVICE_CONTROL - Request operates a serial port\n   STATUS_SUCCESS\n"
+        "         IOCTL_SERIAL_GET_BAUD_RATE - Returns the baud rate that is currently set for a COM port\n"
+        f"            BaudRate - 9600\n{'-' * 40}\n[23/10/2008 10:38:34.123]\n"
+        "37  IRP_MJ_WRITE - Request transfers data from a client to a COM port (COM5)\n   STATUS_SUCCESS\n"
+        f"         {SPACED}                           ...k..v.\n{'-' * 40}\n[23/10/2008 10:38:34.140]\n"
+        "39  IRP_MJ_READ - Request transfers data from a COM port to a client (COM5)\n   STATUS_SUCCESS\n"
+        f"         {ANSWERED}                  ...+...d...\n"
+    ),
+    "Free Serial Analyzer": (
+        f"[21/11/2026 10:15:31.123] Written data (COM3)\t\n    {SPACED}   ...k..v.        \t\n"
+        f"[21/11/2026 10:15:31.140] Read data (COM3)\t\n    {ANSWERED}   ...+...d..      \t\n"
+    ),
     "ESPHome": (
         f"[18:10:41.123][D][uart_debug:113]: >>> {REQUEST.hex(':').upper()}\n"
         "[18:10:41.130][D][sensor:094]: 'Power': Sending state 11.00000 W with 2 decimals of accuracy\n"
@@ -69,8 +106,8 @@ LOGS = {
     ),
     "RealTerm": f"1226390000.123,{SPACED}\n1226390000.140,{ANSWERED}\n",
 }
-UNTIMED = {"plain", "Modbus Poll", "Modbus Poll, older", "libmodbus", "Node.js"}
-UNMARKED = {"plain", "brackets", "jpnevulator", "Node.js", "RealTerm"}
+UNTIMED = {"plain", "Modbus Poll", "Modbus Poll, older", "libmodbus", "Node.js", "mbpoll -v", "ModScan, decimal"}
+UNMARKED = {"plain", "brackets", "jpnevulator", "Node.js", "RealTerm", "ModScan, decimal"}
 
 
 def log(folder: Path, text: str | bytes, name: str = "bus.log") -> Capture:
@@ -147,11 +184,19 @@ def test_a_time_above_the_bytes(tmp_path: Path) -> None:
     assert chunks[1].t_ns - chunks[0].t_ns == 17 * MS
 
 
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
-def test_text_as_windows_writes_it(tmp_path: Path, encoding: str) -> None:
-    capture = log(tmp_path, LOGS["brackets"].replace("\n", "\r\n").encode(encoding))
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1251"])
+@pytest.mark.parametrize("word", ["Frame", "Кадр"])
+def test_text_as_windows_writes_it(tmp_path: Path, encoding: str, word: str) -> None:
+    lines = LOGS["brackets"].replace("] ", f"] {word}: ").replace("\n", "\r\n")
+    capture = log(tmp_path, lines.encode(encoding))
     assert [chunk.data for chunk in capture.chunks()] == [REQUEST, ANSWER]
     assert not capture.damage
+
+
+def test_words_in_windows_1251_are_read_in_notes_and_marks(tmp_path: Path) -> None:
+    capture = log(tmp_path, f"привет\nПринято: {SPACED}\n".encode("cp1251"))
+    assert [(chunk.data, chunk.mark) for chunk in capture.chunks()] == [(REQUEST, Mark.RX)]
+    assert "привет" in capture.damage[0].what
 
 
 def test_ascii_mode_frames_keep_their_characters(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def test_the_example_of_the_first_help_works(capsys):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["frobnicate"], "invalid choice: 'frobnicate'"),
+        (["frobnicate"], "no command 'frobnicate'"),
         (["--frobnicate"], "unrecognized arguments"),
         (["export"], "required: CAPTURE"),
         (["parse", "--as", "canbus", "11"], "invalid choice: 'canbus'"),
@@ -171,3 +171,11 @@ def test_a_terminal_without_our_characters_gets_escapes():
     done = spawned("parse", "11 03 10" + " 00" * 16 + " 00 00", PYTHONIOENCODING="ascii")
     assert "defect" not in done.err
     assert done.out.isascii()
+
+
+def test_a_word_that_is_no_command_says_what_to_do(capsys, tmp_path):
+    assert refused(capsys, "exprot", "bus.jsonl") == "no command 'exprot': did you mean export? (see rtuscope --help)"
+    capture = tmp_path / "bus.jsonl"
+    capture.write_text("")
+    assert f"rtuscope open {capture}" in refused(capsys, capture)
+    assert "there are parse, open" in refused(capsys, "11")

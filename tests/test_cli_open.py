@@ -100,6 +100,25 @@ def test_the_demo_reports_on_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
     assert done.status == 0 and done.out.startswith("capture")
 
 
+def test_limits_are_checked_and_go_along_to_the_browser(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = samples.path("healthy.jsonl")
+    assert "longer than --t35-ms" in refused(capsys, "open", path, "--t15-ms", "3", "--t35-ms", "2")
+    given: list[str] = []
+
+    class Server:
+        def __init__(self, command: str, **_: object) -> None:
+            given.append(command)
+
+        def serve(self) -> None:
+            pass
+
+    monkeypatch.setattr("textual_serve.server.Server", Server)
+    ran(capsys, "open", path, "--web", "--t35-ms", "2.5", "--idle-ms", "20")
+    assert given[0].endswith("--t35-ms 2.5 --idle-ms 20")
+
+
 def test_a_pipe_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     assert "needs a terminal" in refused(capsys, "open", samples.path("troubled.jsonl"))
 

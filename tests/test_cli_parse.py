@@ -159,3 +159,12 @@ def test_no_text_makes_a_traceback(capsys, words, options):
     assert done.status in (0, 1, 2)
     assert "defect" not in done.err
     assert done.err.count("\n") == (done.status == 2)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "cp1251", "utf-8-sig"])
+def test_text_in_any_encoding_of_windows(tmp_path, encoding):
+    log = tmp_path / "log.txt"
+    log.write_bytes(f"Запрос: {REQUEST}\r\nОтвет: {ANSWER}\r\n".encode(encoding))
+    done = spawned("parse", "--json", stdin=log.read_bytes())
+    assert (done.status, done.err) == (0, "")
+    assert [json.loads(line)["direction"] for line in done.out.splitlines()] == ["request", "response"]

@@ -102,3 +102,23 @@ def test_the_demo_reports_on_the_bundled_sample(capsys):
     assert done.status == 0
     assert "requests" in done.out
     assert json.loads(ran(capsys, "demo", "--json").out)["frames"] > 20
+
+
+def test_a_log_without_times_has_no_response_times(capsys, tmp_path):
+    log = tmp_path / "bus.log"
+    log.write_text(f"Tx:000001-{REQUEST.hex(' ')}\nRx:000002-{ANSWER.hex(' ')}\n")
+    report = json.loads(ran(capsys, "report", log, "--json").out)
+    assert (report["timed"], report["transactions"]["answered"], report["times"]["count"]) == (False, 1, 0)
+    page = ran(capsys, "report", log).out
+    assert "1 request, 1 response" in page
+    assert "response  unknown: no times in this capture" in page
+    frames = [json.loads(line) for line in ran(capsys, "export", log).out.splitlines()]
+    assert [frame["response_time_ns"] for frame in frames] == [None, None]
+
+
+def test_the_words_of_a_log_are_skipped_not_damage(capsys, tmp_path):
+    log = tmp_path / "bus.log"
+    log.write_text(f"log started\n{REQUEST.hex(' ')}\n{ANSWER.hex(' ')}\n")
+    page = ran(capsys, "report", log).out
+    assert "skipped   line 1: no bytes found in 'log started'" in page
+    assert "damaged" not in page.split("requests")[0]

@@ -43,6 +43,11 @@ SHAPES = [
     "11;03;00;6B;00;03;76;87",
     "11.03.00.6B.00.03.76.87",
     "11h 03h 00h 6Bh 00h 03h 76h 87h",
+    "16#11 16#03 16#00 16#6B 16#00 16#03 16#76 16#87",
+    "($11, $03, $00, $6B, $00, $03, $76, $87)",
+    "&H11 &H03 &H00 &H6B &H00 &H03 &H76 &H87",
+    "10:15:31.223 RX  0000  11 03 00 6b 00 03 76 87                           ...k..v.",
+    "     11 03 00 6b 00 03 76 87                           ...k..v.",
     "<Buffer 11 03 00 6b 00 03 76 87>",
     '{"type":"Buffer","data":[17,3,0,107,0,3,118,135]}',
     "0000  11 03 00 6b 00 03 76 87                           ...k..v.",
@@ -141,6 +146,55 @@ def test_words_times_dates_and_sizes_are_not_bytes(text: str) -> None:
     assert read_line(text) is None
     with pytest.raises(HexError, match="no hex bytes"):
         read_text(text)
+
+
+@pytest.mark.parametrize("text", ["baudrate=9600", "Set rtu baudrate=19200", "baudrate=115200", "address = 1000"])
+def test_settings_among_bytes_are_not_bytes(text: str) -> None:
+    assert [words.data for words in read_text(f"{text}\n11 03 00 6B 00 03 76 87")] == [REQUEST]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "17 3 0 107 0 3 118 135",
+        "17,3,0,107,0,3,118,135",
+        "bytes([17, 3, 0, 107, 0, 3, 118, 135])",
+        "[17][03][00][107][00][03][118][135]",
+        "<017><003><000><107><000><003><118><135>",
+        "10:15:31.123 RX: 17 3 0 107 0 3 118 135",
+    ],
+)
+def test_decimal_bytes(text: str) -> None:
+    assert [words.data for words in read_text(text)] == [REQUEST]
+
+
+def test_decimal_numbers_beside_hex_are_not_bytes() -> None:
+    text = "values: 17 3 0 107 0 3 118 135\n11 03 00 6B 00 03 76 87"
+    assert [words.data for words in read_text(text)] == [REQUEST]
+    for numbers in ("100 200 300 400", "1 2 3", "17 3 0 7"):
+        with pytest.raises(HexError):
+            read_text(numbers)
+
+
+def test_characters_beside_sixteen_bytes_with_a_gap_between_eights() -> None:
+    data = bytes.fromhex("110314AE41565243404900410042004300440045")
+    first, last = data[:16], data[16:]
+    shown = "".join(chr(byte) if 0x20 < byte < 0x7F else "." for byte in data)
+    dump = (
+        f"RX  0000  {first[:8].hex(' ')}  {first[8:].hex(' ')}  {shown[:16]}\n    0010  {last.hex(' ')}    {shown[16:]}"
+    )
+    assert b"".join(words.data for words in read_text(dump)) == data
+    assert [words.data for words in read_text(f"RX: {first[:8].hex(' ')}  {first[8:].hex(' ')}")] == [first]
+    assert [words.data for words in read_text("  7E 32 35  ~25")] == [b"~25"]
+
+
+@pytest.mark.parametrize(
+    ("text", "mark"), [("Запрос: {}", 1), ("Передано {}", 1), ("Ответ: {}", 2), ("принято: {}", 2)]
+)
+def test_russian_words_are_marks(text: str, mark: int) -> None:
+    words = read_line(text.format("11 03 00 6B 00 03 76 87"))
+    assert words is not None
+    assert (words.data, words.mark) == (REQUEST, mark)
 
 
 @pytest.mark.parametrize(
@@ -243,3 +297,10 @@ def test_a_long_line_takes_little_time() -> None:
     start = time.process_time()
     assert [words.data for words in read_text(data.hex())] == [data]
     assert time.process_time() - start < 2
+
+
+@pytest.mark.parametrize(
+    "text", ["11  x" + " " * 900_000 + "y", "1\t" * 400_000, "1\tIRP_MJ_READ\t" + "ab\t" * 300_000]
+)
+def test_no_line_takes_for_ever(text: str) -> None:
+    assert read_line(text) is None

@@ -17,7 +17,7 @@ import analyzer
 import captures
 from analyzer.exports import export
 from analyzer.findings.model import Severity
-from analyzer.frames import Batch, Frame, Kind
+from analyzer.frames import NO_GAP, Batch, Frame, Kind
 from analyzer.model import goto, search
 from analyzer.model.bus import Bus
 from analyzer.model.clock import seconds, short
@@ -25,6 +25,7 @@ from analyzer.model.notes import Notes, NotesError
 from analyzer.model.registers import history
 from analyzer.model.saving import save
 from analyzer.model.selection import Everything, Selection, conversations, frames_only, within
+from analyzer.model.shorttimes import ShortTimes
 from analyzer.model.source import CaptureSource
 from analyzer.model.table import COLUMNS, PIECE, ByteStore, Table
 from analyzer.simulation import Scenario, simulate
@@ -326,3 +327,16 @@ def test_foreign_notes_are_left_alone(tmp_path: Path, text: str) -> None:
 def test_durations_fit_their_column(ns: int) -> None:
     assert len(short(ns)) <= 7
     assert abs(float(seconds(ns)) * 1e9 - ns) <= max(1000, abs(ns) * 1e-12)
+
+
+@given(
+    st.lists(st.one_of(st.integers(-1, 1 << 31), st.integers(-1, 1 << 62), st.just(NO_GAP)), min_size=1, max_size=40)
+)
+def test_short_times_give_what_was_put_in(times: list[int]) -> None:
+    column = ShortTimes(len(times) + 1)
+    column[: len(times)] = np.array(times, np.int64)
+    assert column[: len(times)].tolist() == times
+    assert column[: len(times)].dtype == np.int64
+    column[np.array([0])] = times[-1]
+    assert int(column[0]) == times[-1]
+    assert column.nbytes == (8 if any(abs(t) >= 1 << 31 for t in times if t != NO_GAP) else 4) * (len(times) + 1)

@@ -277,3 +277,27 @@ def test_no_capture_no_times_and_no_frames() -> None:
         assert sitting.bus.count == 0
 
     using(CaptureSource(Capture.of(LineSettings(), []), "empty"), empty)
+
+
+def test_keys_pressed_while_it_starts_do_not_go_to_the_filter(capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    focused: list[str] = []
+    monkeypatch.setattr(FilterBar, "on_descendant_focus", lambda _: focused.append("filter"))
+
+    async def work(sitting: Seat) -> None:
+        assert focused == []
+        await sitting.press("/")
+        assert focused == ["filter"]
+
+    using(opened(capture), work)
+
+
+def test_a_narrow_terminal_shows_what_frames_say(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        frames = sitting.screen.frames
+        assert "gap" in "".join(piece.text for piece in frames.head(80))
+        narrow = "".join(piece.text for piece in frames.head(40))
+        assert "gap" not in narrow
+        assert len(narrow) <= 36
+        assert sum(len(piece.text) for piece in frames.pieces(0, 40)) <= 40
+
+    using(opened(capture), work)

@@ -73,10 +73,26 @@ def _run(arguments: list[str]) -> int:
         parser = Parser(prog=f"rtuscope {arguments[0]}", **_look(arguments[0], command))
         command.configure(parser)
         return command.run(parser.parse_args(arguments[1:]))
+    if arguments and not arguments[0].startswith("-"):
+        raise UsageError(_unknown(arguments[0]))
     parser = _parser(())
     parser.parse_args(arguments)
     parser.print_help()
     return DONE
+
+
+def _unknown(word: str) -> str:
+    """What to do about a first word that is no command: mistyped, or a capture whose command was left out."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(word, COMMANDS, 1)
+    if near:
+        meant = f"did you mean {near[0]}?"
+    elif os.path.isfile(word):  # noqa: PTH113 - pathlib takes 4 ms to import
+        meant = f"to look into it: rtuscope open {word}"
+    else:
+        meant = f"there are {', '.join(COMMANDS)}"
+    return f"no command {word!r}: {meant} (see rtuscope --help)"
 
 
 def _parser(filled: Iterable[str]) -> Parser:

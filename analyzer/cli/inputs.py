@@ -90,6 +90,12 @@ def chosen_limits(arguments: argparse.Namespace) -> Options:
     return Options(**{name: value for name, value in given.items() if value is not None})
 
 
+def given_limits(arguments: argparse.Namespace) -> list[str]:
+    """The flags that `chosen_limits` reads, as they would be given again."""
+    given = ((flag, getattr(arguments, flag[2:].replace("-", "_"))) for flag, *_ in _LIMITS)
+    return [word for flag, ns in given if ns is not None for word in (flag, f"{ns / 1e6:.9g}")]
+
+
 def add_check_argument(parser: argparse.ArgumentParser) -> None:
     """--check."""
     parser.add_argument(

@@ -8,7 +8,7 @@ import shlex
 import sys
 
 from .app import DONE, UsageError
-from .inputs import add_functions_argument, load_functions
+from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, given_limits, load_functions
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
@@ -30,6 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--host", default="127.0.0.1", help="with --web: address to listen at (127.0.0.1)")
     parser.add_argument("--port", type=int, default=_PORT, help=f"with --web: port to listen at ({_PORT})")
     add_functions_argument(parser)
+    add_limit_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -37,6 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     import captures
 
     load_functions(arguments)
+    limits = chosen_limits(arguments)
     capture = None if arguments.capture is None else captures.open(arguments.capture)
     if arguments.web:
         serve(arguments)
@@ -48,7 +50,8 @@ def run(arguments: argparse.Namespace) -> int:
     if capture is None:
         show(Nothing(), view="paste", light=arguments.light)
     else:
-        show(CaptureSource(capture, capture.path.name if capture.path else "capture"), light=arguments.light)
+        name = capture.path.name if capture.path else "capture"
+        show(CaptureSource(capture, name, limits), light=arguments.light)
     return DONE
 
 
@@ -69,6 +72,7 @@ def serve(arguments: argparse.Namespace) -> None:
     command += ["--light"] if arguments.light else []
     for path in arguments.functions:
         command += ["--functions", path]
+    command += given_limits(arguments)
     if arguments.host not in ("127.0.0.1", "localhost", "::1"):
         print(
             f"rtuscope: anybody who reaches {arguments.host}:{arguments.port} sees this capture; there is no password",

@@ -14,6 +14,7 @@ rtuscope parse 11 03 00 6B 00 03 76 87
 rtuscope parse 11 03 00 6B 00 03 76 87 11 03 06 AE 41 56 52 43 40 49 AD
 rtuscope parse --json :1103006B00037E"""
 _LONGEST = 8 << 20  # characters of text: no paste is longer
+_HEAD = 1 << 16  # bytes by which text is told from other data
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -80,4 +81,11 @@ def _text(arguments: argparse.Namespace) -> str:
         data = sys.stdin.buffer.read(_LONGEST + 1)
     if len(data) > _LONGEST:
         raise UsageError(f"over {_LONGEST >> 20} MiB of text is no paste; rtuscope export reads captures of any size")
-    return data.decode("utf-8", "replace")
+    from captures.text import encodings
+
+    if encodings.is_binary(data[:_HEAD]):
+        raise UsageError(
+            f"{_source(arguments)}: bytes, not text: parse reads hex (xxd -p FILE | rtuscope parse); "
+            "a capture is read by rtuscope export FILE.bin"
+        )
+    return encodings.decoded(data)

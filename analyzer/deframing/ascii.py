@@ -82,14 +82,16 @@ class AsciiDeframer:
         data = np.concatenate([data for _, data, *_ in parts]) if parts else np.empty(0, np.uint8)
         decoded = [adu for *_, adus, _, _ in parts for adu in adus]
         frames = np.flatnonzero(rows["kind"] != Kind.NOISE)
-        if not self._timed:
-            rows["t_start"] = rows["t_end"] = 0
         rows["at"] = np.cumsum(rows["length"]) - rows["length"]
         rows["index"][frames] = np.arange(self._frames, self._frames + len(frames))
         self._frames += len(frames)
         head = np.concatenate([h for *_, h, _ in parts]) if parts else np.empty(0, np.int64)
         tail = np.concatenate([t for *_, t in parts]) if parts else np.empty(0, np.int64)
-        return Batch(rows, data, self._pair(rows, frames, decoded, head, tail))
+        earlier = self._pair(rows, frames, decoded, head, tail)
+        if not self._timed:
+            rows["t_start"] = rows["t_end"] = 0
+            rows["response_ns"] = -1
+        return Batch(rows, data, earlier)
 
     def _pair(
         self, rows: Rows, frames: NDArray[np.intp], adus: list[Adu], head: NDArray[np.int64], tail: NDArray[np.int64]

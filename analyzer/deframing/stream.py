@@ -102,13 +102,14 @@ class Deframer:
 
     def _batch(self, loose: _Loose) -> Batch:
         rows = loose.rows
-        if not self._timed:  # a source without a clock: better no times than made-up ones
-            rows["t_start"] = rows["t_end"] = 0
         frames = rows["kind"] != Kind.NOISE
         count = int(frames.sum())
         rows["index"][frames] = np.arange(self._frames, self._frames + count)
         self._frames += count
         earlier = self._pairer.pair(rows, loose.data, loose.head, loose.tail)
+        if not self._timed:  # a source without a clock: better no times than made-up ones
+            rows["t_start"] = rows["t_end"] = 0
+            rows["response_ns"] = -1
         return Batch(rows, loose.data, earlier, loose.why if self._options.explain else None)
 
 

@@ -14,7 +14,7 @@ from ..frames import Batch, Kind
 from .held import Mask, Several, Values, Words
 from .table import Table
 
-BLOCK: Final = 4096  # rows whose bytes are fetched at once
+BLOCK: Final = 1 << 14  # rows whose bytes are fetched at once
 
 
 class Piece:

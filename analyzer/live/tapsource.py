@@ -59,11 +59,6 @@ class TapSource:
         line = self._ports[0].line(self._tap)
         return line if len(self._ports) < 2 else replace(line, notes={NOTE: ",".join(self._directions)})
 
-    @property
-    def seeking(self) -> bool:
-        """Whether the line's settings are being sought."""
-        return self._search is not None
-
     def items(self) -> Iterator[Item]:
         """What the taps give. PortError where one can't be listened to."""
         with self._listening as listening:

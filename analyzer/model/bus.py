@@ -7,15 +7,17 @@ noise among them; a number stands for the same row for ever.
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analyzer.deframing.options import Options
 from analyzer.findings.diagnosis import Diagnosis
 from analyzer.frames import NO_GAP, ROW, Batch, Frame, Kind, Row, Rows
 from analyzer.pipeline import Analysed
+from analyzer.recorded import Deaf, excused
 from analyzer.reports.summary import Summary
 from analyzer.transactions import Transactions
 from captures.line import LineSettings
@@ -23,14 +25,13 @@ from captures.line import LineSettings
 from .activity import Activity
 from .found import FindingLog
 from .registers import Registers
+from .source import CaptureSource, Source
 from .table import PIECE, ByteStore, State, Table
 from .units import Units
 
 if TYPE_CHECKING:
     from analyzer.findings.model import Finding
     from analyzer.reports.model import Report
-
-    from .source import Source
 
 _COPIED = ("start", "length", "t_start", "t_end", "response_ns", "confidence", "kind", "unit", "function",
            "exception", "check", "port", "protocol", "gap_before", "gap_most", "errors")  # fmt: skip
@@ -47,9 +48,10 @@ _LEFT_OUT: Final[dict[str, Any]] = {
 class Bus:
     """The model of one source."""
 
-    def __init__(self, line: LineSettings, *, timed: bool = True) -> None:
+    def __init__(self, line: LineSettings, *, timed: bool = True, options: Options = Options()) -> None:  # noqa: B008
         self.line = line
         self.timed = timed
+        self.deaf: Sequence[Deaf] = ()  # times in which a recording heard nothing
         self.table = Table()
         self.store = ByteStore()
         self.found = FindingLog()
@@ -62,14 +64,19 @@ class Bus:
         self.whole = False  # nothing more comes
         self.t_first = self.t_last = 0
         self._transactions = Transactions()
-        self._diagnosis = Diagnosis(line)
+        self._diagnosis = Diagnosis(line, options)
         self._summary = Summary(self.char_ns)
         self._lock = threading.Lock()
+        self._capture: CaptureSource | None = None
 
     @classmethod
     def of(cls, source: Source) -> Bus:
         """An empty model for a source."""
-        return cls(source.line, timed=source.timed)
+        if not isinstance(source, CaptureSource):
+            return cls(source.line, timed=source.timed)
+        bus = cls(source.line, timed=source.timed, options=source.options)
+        bus._capture = source
+        return bus
 
     @property
     def char_ns(self) -> float | None:
@@ -87,12 +94,14 @@ class Bus:
         """Take in the next rows."""
         if not len(batch):
             return
+        if not self.table.count and self._capture is not None:
+            self.deaf = self._capture.deaf
         first = self.table.count
         self._append(batch)
         self._join(batch.rows, first)
         settled = self._transactions.feed(batch)
         self._settle(settled)
-        findings = self._diagnosis.feed(batch, settled)
+        findings = excused(self._diagnosis.feed(batch, settled), self.deaf)
         self.found.add(findings, self.table)
         self.registers.feed(self, batch, first)
         self.activity.feed(batch.rows)
@@ -105,7 +114,7 @@ class Bus:
         """Nothing more comes."""
         settled = self._transactions.close()
         self._settle(settled)
-        findings = self._diagnosis.close(settled)
+        findings = excused(self._diagnosis.close(settled), self.deaf)
         self.found.add(findings, self.table)
         with self._lock:
             self._summary.feed(Analysed(Batch.empty(), settled, findings))
@@ -189,6 +198,12 @@ class Bus:
         """Silence before a row; None before the first one and where the tap cannot tell."""
         gap = self.table.value("gap_before", row)
         return gap if self.timed and row > 0 and gap > NO_GAP else None
+
+    def unheard(self, row: int) -> bool:
+        """Whether the recording heard nothing for some of the time between a request and the row behind it."""
+        end = self.table.value("t_end", row)
+        until = self.table.value("t_start", row + 1) if row + 1 < self.count else end
+        return any(time.from_ns <= until and (time.to_ns is None or end <= time.to_ns) for time in self.deaf)
 
     def batch(self, rows: NDArray[np.int64]) -> Batch:
         """Rows, ascending, all of one piece, as what the pipeline gives; bytes between them are in its data too."""

@@ -61,7 +61,6 @@ class Registers:
         self._before = np.zeros(0, np.int32)
         self._t = np.zeros(0, np.int64)
         self._row = np.zeros(0, np.int32)
-        self.version = 0  # grows when one is seen that never was before
 
     def __len__(self) -> int:
         return int((self._row >= 0).sum())
@@ -81,8 +80,6 @@ class Registers:
         older[last] = False
         before = np.where(self._row >= 0, self._value.astype(np.int32), -1)
         before[slots[older]] = values[older]
-        if (self._row[seen] < 0).any():
-            self.version += 1
         self._before[seen] = before[seen]
         self._value[seen] = values[last]
         self._t[seen] = batch.rows["t_end"][rows[last]]

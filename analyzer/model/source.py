@@ -8,8 +8,12 @@ to look at `stop` meanwhile.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
+
+from analyzer.deframing.options import Options
+from analyzer.recorded import Deaf, deaf_times, notes_of
 
 if TYPE_CHECKING:
     from analyzer.frames import Batch
@@ -49,6 +53,7 @@ class Source(Protocol):
 
 
 _FIRST = 1 << 16  # bytes: a first screen is there at once
+_TOLD: Final = 2  # times in which a recording heard nothing; the timeline and the report have all
 
 
 class CaptureSource:
@@ -56,9 +61,10 @@ class CaptureSource:
 
     live = False
 
-    def __init__(self, capture: Capture, name: str) -> None:
+    def __init__(self, capture: Capture, name: str, options: Options = Options()) -> None:  # noqa: B008 - frozen
         self.capture = capture
         self.name = name
+        self.options = options
 
     @property
     def line(self) -> LineSettings:
@@ -76,9 +82,26 @@ class CaptureSource:
         from analyzer.passing import passing
         from analyzer.pipeline import deframe
 
-        return deframe(passing(self.capture, stop=stop), first=_FIRST)
+        return deframe(passing(self.capture, stop=stop), self.options, first=_FIRST)
+
+    @cached_property
+    def deaf(self) -> Sequence[Deaf]:
+        """Times in which a recording heard nothing. They are read from the file: not for the thread that draws."""
+        return deaf_times(notes_of(self.capture))
 
     def notices(self) -> Sequence[str]:
+        return [*self._unheard(), *self._damage()]
+
+    def _unheard(self) -> Sequence[str]:
+        if "deaf" not in self.__dict__ or not self.deaf:  # not read yet, or none
+            return ()
+        from analyzer.reports.page import unheard
+
+        lines = [unheard(time) for time in self.deaf[:_TOLD]]
+        more = len(self.deaf) - len(lines)
+        return [*lines, f"and {more:,} more such times"] if more else lines
+
+    def _damage(self) -> Sequence[str]:
         lines = [str(loss) for loss in self.capture.damage[:5]]
         more = self.capture.damage_count - len(lines)
         return [*lines, f"and {more:,} more such places"] if more > 0 and lines else lines

@@ -1,8 +1,7 @@
 """Rows kept as compact columns, in pieces of 65,536, and their bytes.
 
 One thread appends, any thread reads rows that it was told of; what is written later to a row (its answer, its state,
-its mark) is a single number each. Columns take 84 bytes a row; the bytes themselves are
-kept once, in row order.
+its mark) is a single number each. Columns take 71 bytes a row; the bytes themselves are kept once, in row order.
 """
 
 from __future__ import annotations
@@ -12,6 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .shorttimes import ShortTimes
 
 PIECE: Final = 1 << 16  # rows
 _BYTES: Final = 1 << 20
@@ -41,7 +42,7 @@ COLUMNS: Final[dict[str, type[np.generic]]] = {
     "state": np.uint8,  # what became of a request: see `State`
     "mark": np.uint8,  # the gravest finding's severity, 0 for none
 }
-ROW_BYTES: Final = sum(np.dtype(kind).itemsize for kind in COLUMNS.values())
+_SHORT: Final = frozenset({"response_ns", "gap_before", "gap_most"})  # times that nearly always are
 
 
 class State:
@@ -56,7 +57,7 @@ class Table:
     """The columns."""
 
     def __init__(self) -> None:
-        self._pieces: list[dict[str, Column]] = []
+        self._pieces: list[dict[str, Column | ShortTimes]] = []
         self.count = 0
 
     def append(self, columns: Mapping[str, Column]) -> None:
@@ -66,14 +67,14 @@ class Table:
         while done < n:
             place = (self.count + done) % PIECE
             if place == 0:
-                self._pieces.append({name: np.empty(PIECE, kind) for name, kind in COLUMNS.items()})
+                self._pieces.append(_empty_piece())
             size = min(PIECE - place, n - done)
             for name, values in columns.items():
                 self._pieces[-1][name][place : place + size] = values[done : done + size]
             done += size
         self.count += n
 
-    def piece(self, number: int) -> Mapping[str, Column]:
+    def piece(self, number: int) -> Mapping[str, Column | ShortTimes]:
         """Columns of rows `number * PIECE` and on, as far as they are there."""
         size = min(PIECE, self.count - number * PIECE)
         whole = self._pieces[number]
@@ -188,7 +189,11 @@ class Table:
     @property
     def nbytes(self) -> int:
         """Memory of the columns."""
-        return len(self._pieces) * PIECE * ROW_BYTES
+        return sum(column.nbytes for piece in self._pieces for column in piece.values())
+
+
+def _empty_piece() -> dict[str, Column | ShortTimes]:
+    return {name: ShortTimes(PIECE) if name in _SHORT else np.empty(PIECE, kind) for name, kind in COLUMNS.items()}
 
 
 class ByteStore:

@@ -7,7 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from analyzer.recorded import Deaf
+    from captures.recording.notes import Note
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +84,7 @@ class FindingRow:
     text: str
     cause: str
     remedy: str
+    clause: str  # of the specification that it rests on, or empty
     index: int | None  # frame of the first one; None for noise, or where the whole bus is meant
     start: int
     port: int
@@ -125,6 +130,8 @@ class Report:
     exceptions: tuple[ExceptionRow, ...]
     filter: str = ""  # what the rest of the report is narrowed to
     findings: tuple[FindingRow, ...] = ()  # those that cost the bus most come first
+    notes: tuple[Note, ...] = ()  # of a recording: what happened besides bytes
+    deaf: tuple[Deaf, ...] = ()  # of a recording: when it heard nothing
 
     @property
     def span_ns(self) -> int | None:

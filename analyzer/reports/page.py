@@ -7,16 +7,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
-from typing import Final
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, Final
 
 from dissectors.text import harmless
 
 from . import findings
 from .model import Counts, Report, UnitRow
 
+if TYPE_CHECKING:
+    from analyzer.recorded import Deaf
+
+_WIDTH: Final = 80
+_UNBROKEN: Final[dict[str, Any]] = {"break_long_words": False, "break_on_hyphens": False}  # names, ports
 _ROWS: Final = 24  # units on the page; --json has all
 _EXCEPTIONS: Final = 10
 _LOSSES: Final = 3
+_HAPPENED: Final = 4  # of a recording
 _EPOCH_NS: Final = 10**17  # times after 1973 are taken for a clock's, others count from the start of the capture
 _COLUMNS: Final = (  # head, width, which of Counts
     ("requests", 9, "requests"),
@@ -35,8 +42,12 @@ def text(report: Report) -> str:
 
 
 def _lines(report: Report) -> Iterator[str]:
+    long = {words for _, words in _recording(report)}
     for label, words in facts(report):
-        yield f"{label:<9} {words}"
+        if words not in long:
+            yield f"{label:<9} {words}"
+            continue
+        yield from wrap(words, _WIDTH, initial_indent=f"{label:<9} ", subsequent_indent=" " * 10, **_UNBROKEN)
     if not report.frames:
         yield ""
         yield nothing(report)
@@ -47,7 +58,7 @@ def _lines(report: Report) -> Iterator[str]:
         yield ""
         yield from _functions(report)
         yield ""
-        yield "requests = ok + exc (exceptions) + none (unanswered) + bad (damaged answers) + broadcasts"
+        yield "requests: ok + exc (exceptions) + none (unanswered) + bad (damaged) + broadcasts"
     if report.exceptions:
         yield ""
         yield from _exceptions(report)
@@ -61,16 +72,19 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
         yield "filter", f"{harmless(report.filter)} (what follows covers what passes)"
     yield "line", _line(report)
     yield "span", _span(report)
+    label = "skipped" if report.format == "text" else "damaged"  # a log's words between its bytes are no damage
     for loss in report.damage[:_LOSSES]:
-        yield "damaged", loss
+        yield label, loss
     if report.damage_count > _LOSSES:
         yield "", f"and {report.damage_count - _LOSSES:,} more such places"
+    yield from _recording(report)
     if report.partial:
         yield "partial", "ended before the capture did; what follows covers the part read"
     yield "bytes", _bytes(report)
     if not report.frames:
         return
-    frames = f"{report.frames:,}: {report.requests:,} requests, {report.responses:,} responses"
+    frames = f"{report.frames:,}: {plural(report.requests, 'request', 'requests')}, "
+    frames += plural(report.responses, "response", "responses")
     if report.damaged_frames:
         frames += f"; {report.damaged_frames:,} with a wrong check value"
     yield "frames", frames
@@ -103,9 +117,39 @@ def _span(report: Report) -> str:
         return "unknown: " + ("no times in this capture" if not report.timed else nothing)
     words = duration(report.span_ns)
     if report.t_start_ns is not None and report.t_start_ns > _EPOCH_NS:
-        first = datetime.fromtimestamp(report.t_start_ns / 1e9, UTC)
-        words += f", from {first:%Y-%m-%d %H:%M:%S} UTC"
+        words += f", from {moment(report.t_start_ns)}"
     return words
+
+
+def moment(t_ns: int) -> str:
+    """A time of a clock."""
+    return f"{datetime.fromtimestamp(t_ns / 1e9, UTC):%Y-%m-%d %H:%M:%S} UTC"
+
+
+def _recording(report: Report) -> Iterator[tuple[str, str]]:
+    """When the recorder heard nothing, and when its clock was set."""
+    said = [(time.from_ns, unheard(time)) for time in report.deaf]
+    said += [
+        (note.t_ns, f"at {moment(note.t_ns)}: {harmless(note.text)}") for note in report.notes if note.kind == "clock"
+    ]
+    label = "recorded"
+    for _, words in sorted(said)[:_HAPPENED]:
+        yield label, words
+        label = ""
+    if len(said) > _HAPPENED:
+        yield "", f"and {plural(len(said) - _HAPPENED, 'more such time', 'more such times')} (--json has all)"
+    if report.deaf:
+        yield "", "no unit is blamed for an answer that was missed then"
+
+
+def unheard(time: Deaf) -> str:
+    """A time without ears, in words."""
+    text = harmless(time.text)
+    if time.to_ns is None:
+        return f"nothing heard from {moment(time.from_ns)} to the end: {text}"
+    if time.to_ns == time.from_ns:
+        return f"at {moment(time.from_ns)}: {text}"
+    return f"nothing heard for {duration(time.to_ns - time.from_ns)} from {moment(time.from_ns)}: {text}"
 
 
 def _bytes(report: Report) -> str:

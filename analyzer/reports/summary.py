@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from analyzer.deframing.options import Options
 from analyzer.frames import Kind, Rows
 from analyzer.passing import passing
+from analyzer.recorded import deaf_times, notes_of
 from analyzer.transactions import Status
 from dissectors.functions import exception_name, function_name
 
@@ -99,6 +100,7 @@ class Summary:
 
     def report(self, capture: Capture, *, source: str = "", partial: bool = False) -> Report:
         """What it comes to."""
+        notes = notes_of(capture)
         return Report(
             source=source,
             format=capture.format,
@@ -131,6 +133,8 @@ class Summary:
                 for (unit, function, code), count in sorted(self._exceptions.items(), key=lambda item: -item[1])
             ),
             findings=self._troubles.rows(),
+            notes=tuple(notes),
+            deaf=tuple(deaf_times(notes)),
         )
 
     def _stretches(self, rows: Rows, noise: NDArray[np.bool_]) -> int:

@@ -86,6 +86,7 @@ def _row(rule: Rule, kind: _Kind, wait_ms: float) -> FindingRow:
         text=example.text,
         cause=example.cause,
         remedy=example.remedy,
+        clause=example.clause,
         index=example.index,
         start=example.start,
         port=example.port,

@@ -15,6 +15,8 @@ from .paint import Piece, fitted
 if TYPE_CHECKING:
     from .desk import Desk
 
+_NARROW = 60  # columns from which on there is room for the silence before a row
+_OUTCOMES = {"none": "no answer", "bcast": "broadcast", words.UNHEARD: "answer not heard", "": "…"}
 _WIDE = 100  # columns from which on there is room for the answer's time
 
 
@@ -76,7 +78,8 @@ class FrameList(Lines):
         if not self.desk.bus.timed:
             title = ""
         answers = f"{'answer':>{answer}} " if answer else ""
-        return [Piece(f"  {'#':>{number}} {title:>{time}} {'gap':>6}     unit fn {answers} what")]
+        gap = f" {'gap':>6}" if width >= _NARROW else ""
+        return [Piece(f"  {'#':>{number}} {title:>{time}}{gap}     unit fn {answers} what")]
 
     def pieces(self, line: int, width: int) -> Sequence[Piece]:
         row = self.rows.row(line)
@@ -92,7 +95,7 @@ class FrameList(Lines):
             words.marks(desk, row),
             Piece(f"{index:>{number}} ", "dim"),
             Piece(f"{desk.time(row, before):>{time}} "),
-            Piece(f"{short(desk.bus.gap_ns(row)):>6} ", "dim"),
+            Piece(f"{short(desk.bus.gap_ns(row)):>6} " if width >= _NARROW else "", "dim"),
             Piece(f" {words.joint(desk, row)} ", kind),
             Piece(f"{unit:>4} {function:>2} ", kind),
         ]
@@ -102,7 +105,9 @@ class FrameList(Lines):
         else:
             pieces.append(Piece(" "))
         said, about = words.words(desk, row)
-        if not answer and ended.kind == "error" and not about:
+        if not answer and ended.text == words.UNHEARD:
+            about.append(Piece("  answer not heard", "dim"))
+        elif not answer and ended.kind == "error" and not about:
             about.append(Piece(f"  {'unanswered' if ended.text == 'none' else 'bad answer'}", "error"))
         taken = sum(len(piece.text) for piece in pieces)
         return [*pieces, *words.shared(said, about, max(0, width - taken))]
@@ -130,7 +135,7 @@ class ConversationList(FrameList):
             about += more
         ended = words.ended(desk, row if answer < 0 else answer)
         if answer < 0 and words.direction(desk, row) == "request":
-            outcome = {"none": "no answer", "bcast": "broadcast", "": "…"}.get(ended.text, ended.text)
+            outcome = _OUTCOMES.get(ended.text, ended.text)
             said = [Piece(outcome, ended.kind)]
         grave = max(table.value("mark", row), 0 if answer < 0 else table.value("mark", answer))
         mark = words.marks(desk, row)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 SEVERITY: Final = ("", "note", "warning", "error")  # component class by mark
 LETTER: Final = (" ", "N", "W", "E")
+UNHEARD: Final = "unheard"  # an answer that the recording may have missed
 _NOISE_BYTES: Final = 12
 _ENDED: Final = {
     Status.UNANSWERED: ("none", "error"),
@@ -94,6 +95,8 @@ def ended(desk: Desk, row: int) -> Piece:
         return Piece(short(time if time >= 0 else None), "")
     if kind == Kind.REQUEST and table.value("partner", row) < 0:
         status = table.value("state", row) & State.STATUS
+        if status == Status.UNANSWERED + 1 and desk.bus.unheard(row):
+            return Piece(UNHEARD, "dim")
         if status:
             return Piece(*_ENDED.get(Status(status - 1), ("", "")))
     return Piece("", "")

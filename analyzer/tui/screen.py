@@ -60,6 +60,7 @@ _UNUSED = {  # actions that mean nothing in a view
 class BusScreen(Jumping, Keeping, Studying, Working, Screen[None]):
     """Everything about one source."""
 
+    AUTO_FOCUS = ""  # else keys pressed while it starts would go to the filter, its first widget
     BINDINGS: ClassVar[list[BindingType]] = [
         *(Binding(str(i), f"view('{view.id}')", view.name, show=False) for i, view in enumerate(VIEWS, 1)),
         Binding("slash", "filter", "Filter", key_display="/"),

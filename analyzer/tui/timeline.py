@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .desk import Desk
 
 _BLOCKS: Final = " ▁▂▃▄▅▆▇█"
+_DEAF: Final = "░"
 _LABEL: Final = 8  # columns left of the plot
 _BELOW: Final = 5  # lines under it
 _ABOVE: Final = 2
@@ -149,13 +150,27 @@ class Timeline(Painted, can_focus=True):
         label = f"{top:.0%}" if y == 0 else "0%" if y == plot - 1 else ""
         if not self.desk.bus.char_ns:
             label = ""
-        span = self._span_columns()
+        span, deaf = self._span_columns(), self._deaf_columns()
         pieces = [Piece(f"{label:>{_LABEL - 1}} ", "dim")]
         for i, cell in enumerate(cells.tolist()):
             inside = span is not None and span[0] <= i <= span[1]
             kind = "accent" if i == self.cursor else "strong" if inside else "request"
-            pieces.append(Piece(_BLOCKS[cell] if cell or i != self.cursor else "┊", kind))
+            if i in deaf and not cell:
+                pieces.append(Piece(_DEAF, kind if i == self.cursor else "error"))
+            else:
+                pieces.append(Piece(_BLOCKS[cell] if cell or i != self.cursor else "┊", kind))
         return pieces
+
+    def _deaf_columns(self) -> set[int]:
+        """Columns of times in which a recording heard nothing."""
+        columns: set[int] = set()
+        scale = self.columns / max(self.t_end - self.t_start, 1)
+        for time in self.desk.bus.deaf:
+            to = self.t_end if time.to_ns is None else time.to_ns
+            if time.from_ns <= self.t_end and to >= self.t_start:
+                low, high = (int((t - self.t_start) * scale) for t in (time.from_ns, to))
+                columns |= set(range(max(low, 0), min(high, self.columns - 1) + 1))
+        return columns
 
     def _marks(self, counts: NDArray[np.int64], kind: str, glyphs: str) -> list[Piece]:
         half = max(1, int(counts.max()) // 2)
@@ -168,6 +183,8 @@ class Timeline(Painted, can_focus=True):
         frames, troubles = int(bins.frames[i]), int(bins.troubles[i])
         said = f" at {at:.6f} s: {plural(frames, 'frame', 'frames')}{load}, {plural(troubles, 'trouble', 'troubles')}"
         span = self._span()
+        if i in self._deaf_columns():
+            said += "; the recorder heard nothing here"
         more = f"   span {short(span[1] - span[0])}, enter shows it" if span else ""
         return [Piece(said), Piece(more, "accent")]
 

@@ -84,8 +84,8 @@ def recognise(path: Path) -> Format:
         if likeliest and scores[likeliest] > 0:
             return known[likeliest]
     raise CaptureError(
-        f"{path}: neither its content nor its suffix {path.suffix!r} is that of a capture: name the format, one of "
-        f"{_listed(list(formats()))}"
+        f"{path}: neither its content nor its suffix {path.suffix!r} is that of a capture: name it .bin if it is the "
+        f"raw bytes of a line, .txt if it is a log (formats: {_listed(list(formats()))})"
     )
 
 

@@ -20,12 +20,12 @@ from captures.errors import CaptureError
 from captures.files import HEAD_BYTES, line_batches, opened, read_head
 from captures.formats import Format
 from captures.line import LineSettings
+from captures.text import encodings
 from captures.text.loglines import LineReader, Piece, joined
 
 _LOOK_LINES = 400  # lines by which a log is judged
 _JOIN_BYTES = 1 << 16  # a dump of any length comes in chunks of this size
 _BLOCK_CHUNKS = 1 << 14
-_UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +34,11 @@ class _Reader:
     line: LineSettings
     timed: bool
     first_ns: int  # time for bytes before the first line with a time
+    decimal: bool
 
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:
         with opened(self.path) as file:
-            chunks = self._chunks(joined(_pieces(file, note), _JOIN_BYTES), note)
+            chunks = self._chunks(joined(_pieces(file, self.decimal, note), _JOIN_BYTES), note)
             while held := list(_up_to(chunks, max_bytes)):
                 yield Block.from_chunks(held, timed=self.timed)
 
@@ -62,15 +63,15 @@ def _up_to(chunks: Iterator[Chunk], max_bytes: int) -> Iterator[Chunk]:
             return
 
 
-def _pieces(file: BinaryIO, note: Note) -> Iterator[Piece]:
-    reader = LineReader()
-    start = file.read(2)
+def _pieces(file: BinaryIO, decimal: bool, note: Note) -> Iterator[Piece]:
+    reader = LineReader(decimal)
+    codec = encodings.utf16(file.read(HEAD_BYTES))
     file.seek(0)
-    if start in _UTF16:  # what PowerShell's > writes
-        file = cast(BinaryIO, codecs.EncodedFile(file, "utf-8", "utf-16", "replace"))
+    if codec is not None:
+        file = cast(BinaryIO, codecs.EncodedFile(file, "utf-8", codec, "replace"))
     for number, lines in line_batches(file, note, 1 << 16):
         for i, line in enumerate(lines, number):
-            reading = reader.read(line.decode("utf-8", "replace").removeprefix("\ufeff"), i)
+            reading = reader.read(encodings.line_of(line).removeprefix("\ufeff"), i)
             if reading.problem is not None:
                 note(f"line {i}", reading.problem)
             yield from reading.pieces
@@ -80,37 +81,39 @@ def _pieces(file: BinaryIO, note: Note) -> Iterator[Piece]:
 class _Look:
     """What the head of a file promises."""
 
-    lines: int = 0
+    lines: int = 0  # that say anything; a tool's own lines without bytes do not count
     with_bytes: int = 0
     times: tuple[int, ...] = ()
     problem: tuple[str, int] | None = None
+    decimal: bool = False
 
 
 def _look(head: bytes) -> _Look:
-    if not _is_text(head):
+    """What a file promises that begins like this; decimal numbers are bytes only where there is no hex."""
+    if encodings.is_binary(head):
         return _Look()
-    text = head.decode("utf-16" if head.startswith(_UTF16) else "utf-8", "replace")
-    lines = text.removeprefix("\ufeff").split("\n")
+    look = _looked(head, decimal=False)
+    if look.with_bytes:
+        return look
+    decimal = _looked(head, decimal=True)
+    return decimal if decimal.with_bytes else look
+
+
+def _looked(head: bytes, *, decimal: bool) -> _Look:
+    lines = encodings.decoded(head).split("\n")
     if len(head) >= HEAD_BYTES and len(lines) > 1:
         lines.pop()  # cut by the end of the head
-    reader, seen, with_bytes, problem = LineReader(), 0, 0, None
+    reader, seen, with_bytes, problem = LineReader(decimal), 0, 0, None
     times: list[int] = []
     for number, line in enumerate(lines[:_LOOK_LINES], 1):
-        seen += bool(line.strip())
         reading = reader.read(line, number)
+        seen += bool(reading.pieces or reading.problem)
         if reading.pieces:
             with_bytes += 1
             times.extend(piece.t_ns for piece in reading.pieces[:1] if piece.t_ns is not None)
         elif reading.problem and problem is None:
             problem = (reading.problem, number)
-    return _Look(seen, with_bytes, tuple(times), problem)
-
-
-def _is_text(head: bytes) -> bool:
-    if head.startswith(_UTF16):
-        return True
-    control = sum(head.count(code) for code in range(32) if code not in (7, 8, 9, 10, 12, 13, 27))
-    return control * 100 <= len(head)
+    return _Look(seen, with_bytes, tuple(times), problem, decimal)
 
 
 def _sniff(head: bytes) -> float:
@@ -123,14 +126,14 @@ def _read(path: Path) -> _Reader:
     head = read_head(path)
     look = _look(head)
     if not look.with_bytes:
-        if not _is_text(head):
-            raise CaptureError(f"{path}: not text: name a binary capture .bin, or say what format it has")
+        if encodings.is_binary(head):
+            raise CaptureError(f"{path}: not text: name it .bin if it is the raw bytes of a line")
         if look.problem is None:
             raise CaptureError(f"{path}: no hex bytes found: the file holds only empty lines and comments")
         what, number = look.problem
         raise CaptureError(f"{path}: no hex bytes found, first at line {number}: {what}")
     timed = 2 * len(look.times) > look.with_bytes
-    return _Reader(path, LineSettings(), timed, look.times[0] if timed else 0)
+    return _Reader(path, LineSettings(), timed, look.times[0] if timed else 0, look.decimal)
 
 
 FORMAT = Format("text", (".txt", ".log", ".hex", ".asc", ".out", ".csv"), _sniff, _read)

@@ -62,15 +62,28 @@ class NoteChannel:
 
 
 def read(path: Path) -> list[Note]:
-    """The notes of a recording in time order, as far as the file is whole; none where it is no recording."""
-    from mcap.reader import NonSeekingReader
+    """The notes of a recording in time order, as far as the file is whole; none where it is no recording.
+
+    Of a whole file only the parts that hold notes are read.
+    """
+    from mcap.reader import McapReader, NonSeekingReader, SeekingReader
 
     notes: list[Note] = []
     try:
         with path.open("rb") as file:
-            for _, _, message in NonSeekingReader(file).iter_messages(topics=[TOPIC], log_time_order=False):
+            reader: McapReader = SeekingReader(file)
+            try:
+                summary = reader.get_summary()
+            except Exception:  # cut: read from its beginning as far as it goes
+                summary = None
+            if summary is None:
+                file.seek(0)
+                reader = NonSeekingReader(file)
+            elif all(channel.topic != TOPIC for channel in summary.channels.values()):
+                return []
+            for _, _, message in reader.iter_messages(topics=[TOPIC], log_time_order=False):
                 said: dict[str, Any] = json.loads(message.data)
                 notes.append(Note(message.log_time, str(said["name"]), str(said["message"])))
-    except Exception:  # a cut or foreign file: what was whole is given
+    except Exception:  # a damaged or foreign file: what was whole is given
         pass
     return sorted(notes, key=lambda note: note.t_ns)

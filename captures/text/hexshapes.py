@@ -33,13 +33,14 @@ _EDGE = r"(?<![0-9A-Za-z_])"
 _END = r"(?![0-9A-Za-z_])"
 _PLAIN = re.compile(rf"\s*{_H}{{2}}(?:[ \t]+{_H}{{2}})*\s*", re.ASCII)
 _ASCII = re.compile(rf"(?<![0-9A-Za-z_]):((?:{_H}{{2}}){{3,300}}){_END}")
-_SQUARE = re.compile(rf"\[{_H}{{2}}\](?:\s*\[{_H}{{2}}\])+")
-_ANGLE = re.compile(rf"<{_H}{{2}}>(?:\s*<{_H}{{2}}>)+")
+_SQUARE = re.compile(rf"(?<!\])\[{_H}{{2}}\](?:\s*\[{_H}{{2}}\])+(?!\s*\[\d)")
+_ANGLE = re.compile(rf"(?<!>)<{_H}{{2}}>(?:\s*<{_H}{{2}}>)+(?!\s*<\d)")
 _NODE = re.compile(rf"<Buffer((?:\s+{_H}{{2}})+)(\s*\.\.\.[^>]*)?\s*>")
 _NODE_JSON = re.compile(r'\{\s*"type"\s*:\s*"Buffer"\s*,\s*"data"\s*:\s*\[([\d,\s]*)\]\s*\}')
 _QUOTED = re.compile(r"""[bB]?(["'])((?:[^\\]|\\.)*?)\1""")
 _ESCAPED = re.compile(r"\\x(?:[^\\\s]|\\[xX0abfnrtv'\"\\])*")
-_PREFIXED = re.compile(rf"{_EDGE}0[xX]{_H}+(?:[\s,;|]+0[xX]{_H}+)*{_END}")
+_SIGN = r"(?:0[xX]|16#|\$|&[hH])"  # C, PLC languages, Pascal, Basic
+_PREFIXED = re.compile(rf"{_EDGE}{_SIGN}{_H}+(?:[\s,;|]+{_SIGN}{_H}+)*{_END}")
 _SUFFIXED = re.compile(rf"{_EDGE}{_H}{{2}}[hH](?:[\s,;]+{_H}{{2}}[hH])+{_END}")
 _DUMP = re.compile(
     rf"^\s*(?:0x)?(?P<offset>{_H}{{4,8}})(?:(?P<colon>:)\s*|\s+)"
@@ -47,13 +48,20 @@ _DUMP = re.compile(
     rf"{_H}{{4}}(?: {_H}{{4}}){{0,7}}(?: {_H}{{2}})?)(?=\s|$)"
 )
 _RUN = re.compile(
-    rf"{_EDGE}(?:{_H}{{2}}(?:(?P<gap>[ \t]{{1,3}}){_H}{{2}}(?:(?P=gap){_H}{{2}})*|"
+    rf"{_EDGE}(?:(?P<halves>{_H}{{2}}(?: {_H}{{2}}){{7}}  {_H}{{2}}(?: {_H}{{2}}){{0,7}})|"
+    rf"{_H}{{2}}(?:(?P<gap>[ \t]{{1,3}}){_H}{{2}}(?:(?P=gap){_H}{{2}})*|"
     rf"(?P<sign>[-:,;._|]|, ){_H}{{2}}(?:(?P=sign){_H}{{2}})*)|(?:{_H}{{2}}){{4,}}){_END}"
 )
+_COLUMNS = re.compile(
+    rf"^\s*(?:{_H}{{4,8}}:?\s+)?(?P<bytes>{_H}{{2}}(?:[ \t]{{1,2}}{_H}{{2}}){{0,31}})[ \t]{{2,}}(?P<text>\S.*?)\s*$"
+)
+_DECIMALS = re.compile(r"(?<![\w.:])\d{1,3}(?:[\s,;|\[\]<>]+\d{1,3}){3,}(?![\w.:])", re.ASCII)
+_NUMBER = re.compile(r"\s*\d{1,6}\s*", re.ASCII)
 _TOKENS = re.compile(r"[^\s,;:|._-]+")
 _LABEL_END = re.compile(r"[:>=\])}|,\"'-](?=\s)|[:>=\])}|](?=[0-9A-Fa-f])")
 _WRAPPING = " \t\r\n,;:|=>[](){}\"'-"
 _ODD = "an odd number of hex digits in {} at column {}: write each byte with two digits"
+_ROW = 400  # characters of a hex viewer's row at most
 _LABEL_LOOK = 300  # characters in which the label before the bytes ends
 _SIMPLE_ESCAPES = {"0": 0, "a": 7, "b": 8, "t": 9, "n": 10, "v": 11, "f": 12, "r": 13, "e": 27}
 _ESCAPE = re.compile(r"\\(?:x([0-9A-Fa-f]{1,2})|([0-7]{1,3})|(.))|([^\\])", re.DOTALL)
@@ -63,6 +71,8 @@ def find(text: str) -> list[Found]:
     """All bytes in a text without times and marks; empty where there are none. Raises HexError for halves of bytes."""
     if _PLAIN.fullmatch(text):
         return [Found(bytes.fromhex(text))]
+    if "  " in text and (columns := _columns(text)) is not None:
+        return [columns]
     for sign, pattern, decode in _EXPLICIT:
         if sign in text:
             read = map(decode, pattern.finditer(text))
@@ -70,6 +80,15 @@ def find(text: str) -> list[Found]:
                 return found
     tail = _tail(text)
     return [tail] if tail is not None else _in_prose(text)
+
+
+def decimals(text: str) -> list[Found]:
+    """Bytes as decimal numbers, four or more in a row: 0 to 255 each, one at least of three digits.
+
+    `10 20 30 40` could be hex as well; so this is asked only of a text in which no hex bytes were found.
+    """
+    rows = (re.findall(r"\d+", match[0]) for match in _DECIMALS.finditer(text))
+    return [Found(bytes(map(int, row))) for row in rows if max(map(int, row)) < 256 and max(map(len, row)) == 3]
 
 
 def strict(text: str) -> Found | None:
@@ -101,6 +120,21 @@ def unescape(text: str) -> bytes:
         else:
             out += plain.encode("utf-8", "replace")
     return bytes(out)
+
+
+def _columns(text: str) -> Found | None:
+    """A row of a hex viewer, with or without an offset: bytes, a gap, and the same bytes as characters."""
+    match = _COLUMNS.match(text) if len(text) <= _ROW else None
+    if match is None:
+        return None
+    data = bytes.fromhex(match["bytes"])
+    shown = match["text"].ljust(len(data))
+    if len(shown) != len(data):
+        return None
+    for byte, char in zip(data, shown, strict=True):
+        if char != chr(byte) if 0x20 < byte < 0x7F else char.isascii() and char.isalnum():
+            return None
+    return Found(data)
 
 
 def _ascii_frame(match: re.Match[str]) -> Found | None:
@@ -135,7 +169,7 @@ def _escaped(match: re.Match[str]) -> Found | None:
 
 
 def _prefixed(match: re.Match[str]) -> Found | None:
-    words = re.findall(rf"0[xX]({_H}+)", match[0])
+    words = re.findall(rf"{_SIGN}({_H}+)", match[0])
     if len(words) == 1 and len(words[0]) < 8:
         before, after = match.string[: match.start()], match.string[match.end() :]
         if re.search(r"[A-Za-z0-9]", after) or re.search(r"[A-Za-z0-9][^:>=\]]*$", before):
@@ -157,6 +191,9 @@ _EXPLICIT: tuple[tuple[str, re.Pattern[str], Callable[[re.Match[str]], Found | N
     ("\\", _ESCAPED, _escaped),
     ("x", _PREFIXED, _prefixed),
     ("X", _PREFIXED, _prefixed),
+    ("$", _PREFIXED, _prefixed),
+    ("#", _PREFIXED, _prefixed),
+    ("&", _PREFIXED, _prefixed),
     ("h", _SUFFIXED, _pairs),
     ("H", _SUFFIXED, _pairs),
     (":", _ASCII, _ascii_frame),
@@ -166,6 +203,8 @@ _EXPLICIT: tuple[tuple[str, re.Pattern[str], Callable[[re.Match[str]], Found | N
 def _tail(text: str) -> Found | None:
     """Bare digits that are all of the text, or all that follows a label."""
     for start in (0, *(match.end() for match in _LABEL_END.finditer(text, 0, _LABEL_LOOK))):
+        if start and text[start - 1] == "=" and _NUMBER.fullmatch(text, start):
+            return None  # baudrate=19200
         if (found := _pure(text[start:], start)) is not None:
             return found
     return None
@@ -202,7 +241,7 @@ def _in_prose(text: str) -> list[Found]:
     runs = []
     for match in _RUN.finditer(text):
         digits = re.sub(rf"[^{_H[1:-1]}]", "", match[0])
-        bare = match["gap"] is None and match["sign"] is None
+        bare = match["gap"] is None and match["sign"] is None and match["halves"] is None
         if bare and not (re.search(r"\d", digits) and re.search(r"[A-Fa-f]", digits)):
             continue  # a number or a word
         if not bare and len(digits) < 6:

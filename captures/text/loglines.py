@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from captures.text import stamps
-from captures.text.hexshapes import Found, HexError, dump_line, find, strict, unescape
+from captures.text.hexshapes import Found, HexError, decimals, dump_line, find, strict, unescape
 from captures.text.marks import NONE, segments
 from captures.text.tools import MARK_WORDS, SHAPES, Role, Shape
 
@@ -69,8 +69,12 @@ class _Header:
 
 @dataclass(slots=True)
 class LineReader:
-    """Reads a log line by line; bytes of a tool's second report of the same bytes are left out."""
+    """Reads a log line by line; bytes of a tool's second report of the same bytes are left out.
 
+    With `decimal` bytes are decimal numbers; that is for a text in which no others were found.
+    """
+
+    decimal: bool = False
     _header: _Header | None = None
     _dump: tuple[int, int] | None = None  # bytes of the dump so far, offset of its first line
     _days: int = 0
@@ -88,6 +92,8 @@ class LineReader:
         if not text.strip():
             return Reading()
         try:
+            if self.decimal:
+                return self._any_line(text, number)
             return self._tool_line(text, number) or self._dump_line(text, number) or self._any_line(text, number)
         except HexError as error:
             return Reading(problem=str(error), halved=True)
@@ -128,6 +134,9 @@ class LineReader:
         t_ns = self._time(stamps.find(_whole_fraction(groups.get("time") or ""))[0])
         length = int(groups["length"]) if groups.get("length") else None
         if shape.role is Role.HEADER:
+            above = self._header
+            if t_ns is None and above is not None and above.fresh:
+                t_ns = above.t_ns  # its time stands in a line of its own
             self._header = _Header(mark, t_ns, "", length)
             return Reading()
         found = Found(unescape(groups["hex"])) if shape.role is Role.STRING else _payload(groups["hex"])
@@ -169,7 +178,7 @@ class LineReader:
         problem, mark = None, NONE
         for segment in segments(bare):
             mark = NONE if segment.arrow and pieces else segment.mark or (NONE if pieces else mark)
-            for found in find(segment.text) if _WORD.search(segment.text) else ():
+            for found in (decimals if self.decimal else find)(segment.text) if _WORD.search(segment.text) else ():
                 pieces.append(Piece(found.data, number, text, found.ascii, mark, t_ns))
                 problem = f"the text shows the first {len(found.data)} bytes only" if found.cut else problem
         if not pieces:
@@ -181,8 +190,8 @@ class LineReader:
         return Reading(tuple(pieces), problem)
 
     def _no_bytes(self, text: str, t_ns: int | None, bare: str, mark: int) -> Reading:
-        if not bare.strip() and t_ns is None:
-            return Reading()  # a comment
+        if not _WORD.search(bare) and t_ns is None and not mark:
+            return Reading()  # a comment, or a rule between entries
         if (match := _JPNEVULATOR.match(text)) is not None:
             self._header = _Header(mark, t_ns, match["label"], None)
             return Reading()

@@ -13,14 +13,16 @@ from dataclasses import dataclass
 NONE, TX, RX = 0, 1, 2
 
 _WORDS = {
-    TX: "tx txd send sending sent transmit transmitted transmitting request req query outgoing",
-    RX: "rx rxd recv rcvd receive receiving received response resp reply answer incoming",
+    TX: "tx txd send sending sent transmit transmitted transmitting request req query outgoing "
+    "запрос отправка отправлено отправлен передача передано послано",
+    RX: "rx rxd recv rcvd receive receiving received response resp reply answer incoming "
+    "ответ приём прием принято принят получено получен",
 }
 _MARK_OF = {word: mark for mark, words in _WORDS.items() for word in words.split()}
 _SHOUTED = {"OUT": TX, "IN": RX}  # too common as words: marks only in capitals and with a sign behind
 _ARROW_OF = {">": TX, "→": TX, "⇒": TX, "▶": TX, "<": RX, "←": RX, "⇐": RX, "◀": RX}
 _CANDIDATE = re.compile(
-    r"(?<![A-Za-z0-9_])(?P<word>[A-Za-z]{2,12})(?![A-Za-z])(?P<sign>\s*[:\]>|])?|"
+    r"(?<![A-Za-zА-Яа-яЁё0-9_])(?P<word>[A-Za-zА-Яа-яЁё]{2,12})(?![A-Za-zА-Яа-яЁё])(?P<sign>\s*[:\]>|])?|"
     r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*[<>](?=\s))"
 )
 

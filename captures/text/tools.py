@@ -32,7 +32,7 @@ class Shape:
     mark: int = NONE
 
 
-MARK_WORDS = {">": TX, ">>>": TX, "tx": TX, "send": TX, "write": TX, "irp_mj_write": TX}
+MARK_WORDS = {">": TX, ">>>": TX, "tx": TX, "send": TX, "write": TX, "written": TX, "irp_mj_write": TX}
 MARK_WORDS |= {"<": RX, "<<<": RX, "rx": RX, "recv": RX, "read": RX, "irp_mj_read": RX, "processing": RX}
 _STRACE = r"^(?:\[pid +\d+\] |\d+ +)?(?:(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?|\d{9,10}\.\d+) )?"
 
@@ -84,9 +84,11 @@ SHAPES = (
         Role.NOTHING,
         re.compile(
             r"^(?:Waiting for an? (?:confirmation|indication)|Opening /|-- Polling|\[\d+\]:\s|Bytes flushed|"
-            r"ERROR |(?:Read|Write) .* failed:|mbpoll \d|Protocol configuration:|Slave configuration:|"
-            r"Communication\.+:|Data type\.+:|Written \d|Copyright |This program comes|to redistribute|"
-            r"under certain|\s+(?:address|start|baudrate|t/o)\b)"
+            r"debug enabled|Set (?:mode|device|function|rtu|number|start|response|timeout|daddr)\b|iGet\w*List\(|"
+            r"Integer found:|iCount=|\d+ bytes flushed|"
+            r"ERROR |(?:Read|Write) .* failed:|mbpoll \d|Protocol configuration:|Slave configuration\.*:|"
+            r"Communication\.+:|Data type\.+:|Written \d|Copyright |This program comes|"
+            r"This is free software|to redistribute|under certain|\s+(?:address|start|baudrate|t/o)\b)"
         ),
     ),
     Shape(
@@ -106,7 +108,37 @@ SHAPES = (
             r"(?P<hex>(?:[0-9A-Fa-f]{2}(?:\s|$))+)(?P<cut>\.\.\.)?\s*$"
         ),
     ),
-    Shape("PortMon", Role.NOTHING, re.compile(r"^\d+\s.*\b(?:IRP_MJ_\w+|IOCTL_\w+)\b")),
+    Shape(
+        "serial port monitors, table",
+        Role.BYTES,
+        re.compile(
+            r"^\d+\t(?:(?P<time>[^\t]*\d:\d\d:\d\d[^\t]*)\t)?(?:[^\t]*\t){0,12}?(?P<mark>IRP_MJ_READ|IRP_MJ_WRITE)\t"
+            r"(?:[^\t]*\t){0,12}?(?P<hex>[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})+) ?(?:\t|$)"
+        ),
+    ),
+    Shape(
+        "Eltima Serial Port Monitor",
+        Role.HEADER,
+        re.compile(r"^\d+\s+(?P<mark>IRP_MJ_READ|IRP_MJ_WRITE) - Request transfers data\b"),
+    ),
+    Shape(
+        "Eltima Serial Port Monitor",
+        Role.NOTHING,
+        re.compile(r"^\s+(?:STATUS_\w+|IOCTL_\w+ - .*|(?=[A-Za-z]*[g-zG-Z])[A-Za-z]+ - \w+)\s*$"),
+    ),
+    Shape(
+        "Free Serial Analyzer",
+        Role.HEADER,
+        re.compile(r"^\[(?P<time>\d[^\]]+)\] (?P<mark>Written|Read) data \(\S+\)\s*$"),
+    ),
+    Shape(
+        "PortMon",
+        Role.NOTHING,
+        re.compile(
+            r"^\d+\s.*\b(?:IRP_MJ_(?!READ|WRITE)\w+|IOCTL_\w+|"
+            r"IRP_MJ_(?:READ|WRITE)\b(?!.*\b[0-9A-Fa-f]{2} [0-9A-Fa-f]{2}\b))"
+        ),
+    ),
     Shape("sigrok uart", Role.BYTES, re.compile(r"^\d+-\d+ uart-\d+: (?P<hex>[0-9A-Fa-f]{2})\s*$")),
     Shape("sigrok uart", Role.NOTHING, re.compile(r"^\d+-\d+ uart-\d+: \D")),
 )

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from analyzer.recorded import Deaf
 from analyzer.reports.model import UnitRow
-from analyzer.reports.page import duration
+from analyzer.reports.page import duration, unheard
 
 from .timeline import Timeline
 
@@ -58,6 +59,7 @@ class TimeChart:
     top: str  # what the top of the load's lane means
     most: int  # troubles in the fullest bin
     bars: tuple[Bar, ...]
+    deaf: tuple[Bar, ...]  # times in which the recorder heard nothing
     ticks: tuple[Tick, ...]
     bin: str  # how long a bin is
 
@@ -86,7 +88,7 @@ class RangeChart:
     ticks: tuple[Tick, ...]
 
 
-def time_chart(timeline: Timeline, span_ns: int, char_ns: float | None) -> TimeChart:
+def time_chart(timeline: Timeline, span_ns: int, char_ns: float | None, deaf: Sequence[Deaf] = ()) -> TimeChart:
     """The bus over time; with `char_ns` (time of a character) as load, else as bytes a second."""
     count = timeline.used(span_ns)
     full = count * timeline.width_ns
@@ -109,8 +111,17 @@ def time_chart(timeline: Timeline, span_ns: int, char_ns: float | None) -> TimeC
         Tick(_LEFT + at / full * (WIDTH - _LEFT - _RIGHT), duration(at) if at else "0") for at in _round_times(full)
     )
     bars = tuple(_trouble_bars(timeline, count, step, foot, max(most, 1)))
+    shut = tuple(_deaf_bars(deaf, timeline.origin_ns or 0, full, foot))
     width = duration(timeline.width_ns)
-    return TimeChart(_LEFT, WIDTH - _RIGHT, base, foot, foot + 26, area, top, most, bars, ticks, width)
+    return TimeChart(_LEFT, WIDTH - _RIGHT, base, foot, foot + 26, area, top, most, bars, shut, ticks, width)
+
+
+def _deaf_bars(deaf: Sequence[Deaf], origin_ns: int, full_ns: int, foot: float) -> Iterator[Bar]:
+    scale = (WIDTH - _LEFT - _RIGHT) / full_ns
+    for time in deaf:
+        begin = min(max(time.from_ns - origin_ns, 0), full_ns)
+        end = full_ns if time.to_ns is None else min(max(time.to_ns - origin_ns, 0), full_ns)
+        yield Bar(_LEFT + begin * scale, 10.0, max((end - begin) * scale, 1.5), foot - 10.0, "deaf", unheard(time))
 
 
 def _trouble_bars(timeline: Timeline, count: int, step: float, foot: float, most: int) -> list[Bar]:

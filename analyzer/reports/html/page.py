@@ -49,7 +49,7 @@ def page(report: Report, sights: Sights) -> str:
             (row, findings.cost(row), [shown(example, origin) for example in sights.examples.of(row.code)])
             for row in worst[:_CARDS]
         ],
-        time=time_chart(sights.timeline, span, char_ns) if span and report.frames else None,
+        time=time_chart(sights.timeline, span, char_ns, report.deaf) if span and report.frames else None,
         load_known=char_ns is not None,
         response=range_chart(report.units),
         version=__version__,
