@@ -6,20 +6,19 @@ has a good explanation. One cause, one finding: such a stretch is no noise any m
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dissectors.lengths import Role, pdu_length, revision, rule
 
-from ..frames import Batch, Kind, Protocol, Rows
+from ..frames import Batch, Kind, Protocol
 from .autopsy import Case, Part, Verdict, autopsy, divided
 from .autopsy.case import OVERHEAD
 from .trail import Seen, Trail
+from .view import View
 
 HASTE_NS: Final = 50_000_000  # sooner than any master gives up waiting
 _HARD_NS: Final = 1_500_000  # what comes sooner belongs to the frame before
@@ -32,43 +31,37 @@ _NEAR: Final = 2.0  # bits by which an explanation may lose to "nothing explains
 _CUT_NEAR: Final = 6.0  # the same for that the frame is cut short: its length alone says so
 _SURE: Final = 0.5  # certainty from which noise is explained
 _GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
-_FLOW: Final = (0x11, 0x13)  # XON and XOFF
+_IS_FLOW: Final = np.isin(np.arange(256), (0x11, 0x13))  # XON and XOFF
 
 
 class Examiner:
     """Looks at rows in turn; remembers the last ones, and whether a port has ever given an 11 or 13."""
 
-    def __init__(self) -> None:
-        self._trail = Trail()
+    def __init__(self, trail: Trail) -> None:
+        self._trail = trail
         self._flow_at: dict[int, int] = {}  # port: where its first 11 or 13 came
-        self._explained: deque[int] = deque(maxlen=_KEPT)
+        self.explained: dict[int, None] = {}  # requests of late, by index, whose answer came damaged
 
-    @property
-    def explained(self) -> frozenset[int]:
-        """Requests of late, by index, whose answer came damaged."""
-        return frozenset(self._explained)
-
-    def examine(self, batch: Batch) -> Mapping[int, Sequence[Part]]:
+    def examine(self, view: View) -> dict[int, Sequence[Part]]:
         """What happened to the damaged rows of a batch, by row: one part, or several frames that ran together."""
-        rows = batch.rows
-        for port in np.flatnonzero(np.bincount(rows["port"])).tolist():
+        batch = view.batch
+        for port in view.ports:
             if port not in self._flow_at:
-                self._watch_flow(batch, port)
-        found = {}
-        for place in _suspects(rows).tolist():
+                self._watch_flow(view, port)
+        found: dict[int, Sequence[Part]] = {}
+        for place in _suspects(view):
             row = Seen.of(batch, place)
             verdict = self._verdict(batch, place, row)
             parts = self._divided(batch, place, row) if verdict is None or verdict.code in _VAGUE else []
             if verdict is not None or parts:
                 found[place] = parts or [Part(0, row.row.length, verdict or Verdict("crc-error", 0.0))]
-        self._trail.go_on(batch)
         return found
 
-    def _watch_flow(self, batch: Batch, port: int) -> None:
-        for hit in np.flatnonzero(np.isin(batch.data, _FLOW)).tolist():
-            row = int(np.searchsorted(batch.rows["at"], hit, side="right")) - 1
-            if int(batch.rows["port"][row]) == port:
-                self._flow_at[port] = int(batch.rows["start"][row] + hit - batch.rows["at"][row])
+    def _watch_flow(self, view: View, port: int) -> None:
+        for hit in np.flatnonzero(_IS_FLOW.take(view.batch.data)).tolist():
+            row = int(view.column("at").searchsorted(hit, side="right")) - 1
+            if int(view.column("port")[row]) == port:
+                self._flow_at[port] = int(view.column("start")[row] + hit - view.column("at")[row])
                 return
 
     def _divided(self, batch: Batch, place: int, row: Seen) -> list[Part]:
@@ -128,7 +121,9 @@ class Examiner:
     def _explains(self, pending: Seen | None, verdict: Verdict | None) -> Verdict | None:
         """The verdict on what is, or was, the answer to a request."""
         if pending is not None:
-            self._explained.append(pending.row.index)
+            self.explained[pending.row.index] = None
+            if len(self.explained) > _KEPT:
+                del self.explained[next(iter(self.explained))]
         return verdict
 
     def _said_before(self, batch: Batch, place: int) -> tuple[Seen | None, frozenset[bytes], frozenset[int]]:
@@ -149,11 +144,13 @@ class Examiner:
         return pending, frozenset(known), frozenset(units)
 
 
-def _suspects(rows: Rows) -> NDArray[np.intp]:
-    """Rows that need an autopsy: damaged frames in RTU mode, and noise that is long enough."""
-    noise = (rows["kind"] == Kind.NOISE) & (rows["length"] <= _MOST)
-    wrong = (rows["kind"] != Kind.NOISE) & ~rows["check"]
-    return np.flatnonzero((noise | wrong) & (rows["protocol"] == Protocol.RTU))
+def _suspects(view: View) -> list[int]:
+    """Rows that need an autopsy: damaged frames in RTU mode, and noise that is not too long."""
+    noise = view.noise[view.column("length")[view.noise] <= _MOST] if len(view.noise) else view.noise
+    if not len(noise) and not len(view.damaged):
+        return []
+    protocol = view.column("protocol")
+    return [row for row in sorted([*noise.tolist(), *view.damaged.tolist()]) if protocol[row] == Protocol.RTU]
 
 
 def _soon(row: Seen, pending: Seen) -> bool:

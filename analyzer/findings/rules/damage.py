@@ -185,7 +185,7 @@ _RULES: Final = {r.code: r for r in (BIT_FLIP, MISSING, EXTRA, TRUNCATED, VARIAN
 def damage(view: View) -> Iterator[Findings]:
     """Damaged frames, and the noise that was one."""
     rows = view.rows
-    marked = np.flatnonzero(rows["errors"] > 0)
+    marked = np.flatnonzero(view.column("errors"))
     if len(marked):
         yield PARITY.on(rows[marked], rows["errors"][marked], rows["length"][marked])
     for place, parts in view.verdicts.items():

@@ -65,6 +65,8 @@ EXCEPTION: Final = Rule(
 @looks_for(EXCEPTION)
 def exceptions(view: View) -> Iterator[Findings]:
     """Every exception answer with a right check value."""
-    raised = view.rows[np.flatnonzero((view.rows["exception"] > 0) & view.rows["check"])]
+    raised = np.flatnonzero(view.column("exception"))
     if len(raised):
-        yield EXCEPTION.on(raised, raised["exception"], raised["function"], raised["unit"])
+        rows = view.rows[raised]
+        rows = rows[rows["check"]]
+        yield EXCEPTION.on(rows, rows["exception"], rows["function"], rows["unit"])

@@ -34,7 +34,8 @@ COLLISION: Final = Rule(
 def inner_windows(view: View) -> Iterator[Findings]:
     """Frames with such a window inside them."""
     rows = view.rows
-    places = np.flatnonzero(rows["contested"] & rows["check"])
+    places = np.flatnonzero(view.column("contested"))
+    places = places[rows["check"][places]]
     if not len(places):
         return
     lengths = rows["length"][places]
