@@ -29,7 +29,8 @@ class Spread:
     def bins(values: NDArray[Any]) -> NDArray[np.intp]:
         """Where values are counted; negative ones as 0."""
         places = np.log2(np.maximum(values, 0).astype(np.float64) + 1.0) * _STEPS
-        return np.minimum(places, _BINS - 1).astype(np.intp)
+        bins: NDArray[np.intp] = np.minimum(places, _BINS - 1).astype(np.intp)
+        return bins
 
     def add(self, values: NDArray[Any]) -> None:
         """Count values in."""

@@ -236,8 +236,8 @@ def codes(view: View) -> Iterator[Findings]:
 
 def _right(view: View, places: NDArray[np.intp]) -> Rows:
     """Those of these rows whose check value is right."""
-    rows = view.rows[places]
-    return rows[rows["check"]]
+    right: Rows = view.rows[places[view.column("check")[places]]]
+    return right
 
 
 def _reserved(code: int) -> bool:
