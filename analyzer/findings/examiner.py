@@ -18,7 +18,7 @@ from ..frames import Batch, Kind, Protocol
 from .autopsy import Case, Part, Verdict, autopsy, divided
 from .autopsy.case import OVERHEAD
 from .trail import Seen, Trail
-from .view import View
+from .view import View, where
 
 HASTE_NS: Final = 50_000_000  # sooner than any master gives up waiting
 _HARD_NS: Final = 1_500_000  # what comes sooner belongs to the frame before
@@ -58,7 +58,7 @@ class Examiner:
         return found
 
     def _watch_flow(self, view: View, port: int) -> None:
-        for hit in np.flatnonzero(_IS_FLOW.take(view.batch.data)).tolist():
+        for hit in where(_IS_FLOW.take(view.batch.data)).tolist():
             row = int(view.column("at").searchsorted(hit, side="right")) - 1
             if int(view.column("port")[row]) == port:
                 self._flow_at[port] = int(view.column("start")[row] + hit - view.column("at")[row])

@@ -22,7 +22,7 @@ from ..clock import FIRST, UNKNOWN
 from ..examiner import HASTE_NS
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
-from ..view import View
+from ..view import View, where
 from .strangers import BROADCAST_ANSWERED, MISMATCH
 
 _STRAY: Final = 4  # bytes that may have been an answer
@@ -163,19 +163,19 @@ class Outcomes:
     def _take(self, view: View) -> None:
         """Count new transactions, and hold those that may have to be looked at."""
         status, again, units = view.settled("status"), view.settled("retry"), view.settled("unit")
-        odd = np.flatnonzero((status == _UNANSWERED) | again | view.settled("late"))
+        odd = where((status == _UNANSWERED) | again | view.settled("late"))
         near = np.zeros(len(status) + 2, np.bool_)  # one before and one behind them
         near[odd] = near[odd + 1] = near[odd + 2] = True
         near[[1, -3, -2]] = True
-        kept = np.flatnonzero(near[1:-1])
+        kept = where(near[1:-1])
         if self._first_ones == self._requests:
             self._first_ones += int(view.settled("request").searchsorted(FIRST))
         self._echoes_at += [self._requests + i for i in odd.tolist() if again[i] and status[i] != _UNANSWERED]
         answered = status == _ANSWERED
-        for unit in np.flatnonzero(np.bincount(units[answered])).tolist():
+        for unit in where(np.bincount(units[answered])).tolist():
             if unit not in self._answering:
                 self._answering[unit] = self._requests + int(np.argmax(answered & (units == unit)))
-        self._held = np.concatenate((self._held, view.transactions[kept]))
+        self._held = np.concatenate((self._held, view.transactions[kept]), dtype=TRANSACTION)
         self._numbers = np.concatenate((self._numbers, kept + self._requests))
         self._requests += len(status)
 

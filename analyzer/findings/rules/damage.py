@@ -9,8 +9,6 @@ from collections.abc import Iterator, Mapping
 from math import nan
 from typing import Final
 
-import numpy as np
-
 from dissectors.checks import crc16
 from dissectors.crc_variants import VARIANTS
 
@@ -18,7 +16,7 @@ from ...frames import Rows
 from ..autopsy import Part, Verdict
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
-from ..view import View
+from ..view import View, where
 
 _NOISY_LINE: Final = "interference, a missing or doubled termination, a loose screw, or two drivers at once"
 _LINE: Final = "check termination at both ends, shield and common; lower the baud rate to see whether it helps"
@@ -185,7 +183,7 @@ _RULES: Final = {r.code: r for r in (BIT_FLIP, MISSING, EXTRA, TRUNCATED, VARIAN
 def damage(view: View) -> Iterator[Findings]:
     """Damaged frames, and the noise that was one."""
     rows = view.rows
-    marked = np.flatnonzero(view.column("errors"))
+    marked = where(view.column("errors"))
     if len(marked):
         yield PARITY.on(rows[marked], rows["errors"][marked], rows["length"][marked])
     for place, parts in view.verdicts.items():

@@ -24,7 +24,7 @@ from ..model import Findings, Severity
 from ..pending import Pending
 from ..registry import About, Rule, looks_for
 from ..spread import Spread
-from ..view import View
+from ..view import View, where
 
 _ANSWERS: Final = 10  # of a unit, from which its times are compared
 _TIMES_SLOWER: Final = 4.0
@@ -95,7 +95,7 @@ class Pace:
 
     def __call__(self, view: View) -> Iterator[Findings]:
         if len(view.transactions):
-            measured = np.flatnonzero((view.settled("response_ns") >= 0) & ~view.settled("late"))
+            measured = where((view.settled("response_ns") >= 0) & ~view.settled("late"))
             self._waiting.add(view.settled("unit")[measured], view.settled("response_ns")[measured])
             if len(self._waiting) >= _AT_ONCE:
                 self._count()
@@ -107,7 +107,7 @@ class Pace:
             return
         units, times = self._waiting.take()
         bins = Spread.bins(times)
-        for unit in np.flatnonzero(np.bincount(units)).tolist():
+        for unit in where(np.bincount(units)).tolist():
             own = bins[units == unit]
             self._all.setdefault(unit, Spread()).count(own)
             early = self._early.setdefault(unit, Spread())
@@ -252,25 +252,31 @@ class Busy:
         self._octets = self._paused = self._requests = 0
         self._first: int | None = None
         self._last = 0
-        self._quiet_from = -1  # end of the newest row, if the master may go on after it
+        self._waiting = Pending()  # kinds, starts and ends
 
     def __call__(self, view: View) -> Iterator[Findings]:
         if len(view.rows) and view.timed:
             starts, ends = view.column("t_start"), view.column("t_end")
-            asks = np.flatnonzero((view.kind[1:] == Kind.REQUEST) & (view.kind[:-1] == Kind.RESPONSE)) + 1
-            self._paused += int(np.maximum(starts[asks] - ends[asks - 1], 0).sum())
-            self._requests += len(asks)
-            if self._quiet_from >= 0 and view.kind[0] == Kind.REQUEST:
-                self._paused += max(int(starts[0]) - self._quiet_from, 0)
-                self._requests += 1
+            self._waiting.add(view.kind, starts, ends)
             self._octets += len(view.batch.data)
             self._first = int(starts[0]) if self._first is None else self._first
             self._last = int(ends[-1])
-            self._quiet_from = self._last if view.kind[-1] == Kind.RESPONSE else -1
+            if len(self._waiting) >= _AT_ONCE:
+                self._count()
         return iter(())
+
+    def _count(self) -> None:
+        """Count in the pauses between what waits; its last row waits for the next one."""
+        if len(self._waiting):
+            kind, starts, ends = self._waiting.take()
+            asks = where((kind[1:] == Kind.REQUEST) & (kind[:-1] == Kind.RESPONSE))
+            self._paused += int(np.maximum(starts[asks + 1] - ends[asks], 0).sum())
+            self._requests += len(asks)
+            self._waiting.add(*(column[-1:].copy() for column in (kind, starts, ends)))
 
     def close(self, view: View) -> Iterator[Findings]:
         """Whether the line is full."""
+        self._count()
         span = self._last - (self._first or 0)
         if not view.line.baud or span < _SPAN_NS or self._requests < _REQUESTS:
             return

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Final
 
 import numpy as np
@@ -22,7 +22,7 @@ from ...deframing.rules import MAX_ADU
 from ...frames import Protocol, Rows
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
-from ..view import View
+from ..view import View, where
 
 _LAST_UNIT: Final = 247
 _EXCEPTION: Final = 0x80
@@ -134,6 +134,7 @@ class _Limits:
 
     offset: int
     width: int
+    functions: set[int]
     low: NDArray[np.int64]
     high: NDArray[np.int64]
 
@@ -160,8 +161,9 @@ def _checks(_revision: int) -> _Checks:
             elif isinstance(check, Choice) and name == "output_value":
                 coils.append((code, check))
             elif isinstance(check, Bound) and name.startswith("quantity"):
-                of_all = _Limits(check.offset, check.width, np.zeros(256, np.int64), np.full(256, 1 << 16))
+                of_all = _Limits(check.offset, check.width, set(), np.zeros(256, np.int64), np.full(256, 1 << 16))
                 limits = quantities.setdefault((check.offset, check.width), of_all)
+                limits.functions.add(code)
                 limits.low[code], limits.high[code] = check.low, check.high
     return _Checks(tuple(quantities.values()), tuple(sizes), tuple(coils))
 
@@ -173,24 +175,26 @@ def limits(view: View) -> Iterator[Findings]:
         return
     checks, rows = _checks(revision()), view.rows
     for known in checks.quantities:
+        if known.functions.isdisjoint(view.asked_functions):
+            continue
         codes, quantity = view.requested, view.numbers(known.offset, known.width)
         low, high = known.low.take(codes), known.high.take(codes)
-        wrong = np.flatnonzero((quantity >= 0) & ((quantity < low) | (quantity > high)))
+        wrong = where((quantity >= 0) & ((quantity < low) | (quantity > high)))
         if len(wrong):
             yield QUANTITY.on(rows[view.requests[wrong]], quantity[wrong], low[wrong], high[wrong], codes[wrong])
     for code, size in checks.sizes:
         if code in view.asked_functions:
-            here = np.flatnonzero(view.requested == code)
+            here = where(view.requested == code)
             quantity, count = (view.numbers(*at)[here] for at in ((size.quantity_offset, 2), (size.count_offset, 1)))
             due = taken(quantity, size.bits)
-            wrong = np.flatnonzero((quantity >= 0) & (count >= 0) & (count != due))
+            wrong = where((quantity >= 0) & (count >= 0) & (count != due))
             if len(wrong):
                 yield BYTE_COUNT.on(rows[view.requests[here[wrong]]], count[wrong], quantity[wrong], due[wrong], code)
     for code, coil in checks.coils:
         if code in view.asked_functions:
-            here = np.flatnonzero(view.requested == code)
+            here = where(view.requested == code)
             value = view.numbers(coil.offset, coil.width)[here]
-            wrong = np.flatnonzero((value >= 0) & ~np.isin(value, coil.values))
+            wrong = where((value >= 0) & ~np.isin(value, coil.values))
             if len(wrong):
                 yield COIL_VALUE.on(rows[view.requests[here[wrong]]], value[wrong])
 
@@ -199,7 +203,7 @@ def limits(view: View) -> Iterator[Findings]:
 def padding(view: View) -> Iterator[Findings]:
     """Answers whose last byte holds more bits than the request asked for, and not as zeros."""
     functions = view.column("function")[view.responses]
-    for code in np.flatnonzero(np.bincount(functions)).tolist():
+    for code in where(np.bincount(functions)).tolist():
         for relation in relations(code):
             if not isinstance(relation, Asked) or not relation.bits:
                 continue
@@ -208,7 +212,7 @@ def padding(view: View) -> Iterator[Findings]:
             quantity = view.asked(here, relation.quantity_offset)
             last = view.data.take(view.last_byte(here))
             used = quantity & 7
-            wrong = np.flatnonzero((quantity > 0) & (used > 0) & (last >> used > 0))
+            wrong = where((quantity > 0) & (used > 0) & (last >> used > 0))
             if len(wrong):
                 yield PADDING.on(view.rows[here[wrong]], 8 - used[wrong], last[wrong])
 
@@ -216,19 +220,19 @@ def padding(view: View) -> Iterator[Findings]:
 @looks_for(RESERVED_UNIT, RESERVED_FUNCTION, INVALID_FUNCTION, TOO_LONG)
 def codes(view: View) -> Iterator[Findings]:
     """Units, function codes and lengths that the specification does not know."""
-    reserved = _right(view, np.flatnonzero(view.column("unit") > _LAST_UNIT))
+    reserved = _right(view, where(view.column("unit") > _LAST_UNIT))
     if len(reserved):
         yield RESERVED_UNIT.on(reserved, reserved["unit"])
     for code in view.asked_functions:
         if code & _EXCEPTION or not code:
             yield INVALID_FUNCTION.on(view.rows[view.requests[view.requested == code]], code)
-        elif _reserved(code):
+        elif _reserved(code, revision()):
             yield RESERVED_FUNCTION.on(view.rows[view.requests[view.requested == code]], code)
     for place in view.strays.tolist():
         code = int(view.data[view.plain.at[place] + 1])
-        if code and not code & _EXCEPTION and _reserved(code):
+        if code and not code & _EXCEPTION and _reserved(code, revision()):
             yield RESERVED_FUNCTION.on(view.rows[place : place + 1], code)
-    long = _right(view, np.flatnonzero(view.column("length") > MAX_ADU))
+    long = _right(view, where(view.column("length") > MAX_ADU))
     long = long[long["protocol"] == Protocol.RTU]
     if len(long):
         yield TOO_LONG.on(long, long["length"])
@@ -240,5 +244,6 @@ def _right(view: View, places: NDArray[np.intp]) -> Rows:
     return right
 
 
-def _reserved(code: int) -> bool:
+@lru_cache(maxsize=512)
+def _reserved(code: int, _revision: int) -> bool:
     return function_class(code) in ("reserved", "unassigned")

@@ -16,7 +16,7 @@ from ...frames import NO_GAP, Kind, Rows
 from ..clock import UNKNOWN, silences
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
-from ..view import View
+from ..view import View, where
 
 _TIMER_NS: Final = 10e6  # a tap this far off, or more, accuses nobody
 _TOLERANCE: Final = 0.02  # of a limit
@@ -156,7 +156,7 @@ def _worth_a_look(view: View) -> NDArray[np.intp]:
     if t15 < UNKNOWN and (view.clock.best().fine or not view.clock.known):
         before = view.column("gap_before")
         odd = (view.column("gap_most") > t15) | ((before < t35) & (before != NO_GAP))
-        look = np.union1d(look, np.flatnonzero(odd))
+        look = np.union1d(look, where(odd))
     if len(look):
         rows = view.rows[look]
         look = look[(rows["kind"] != Kind.NOISE) & rows["check"] & (rows["protocol"] == 0)]
@@ -166,12 +166,13 @@ def _worth_a_look(view: View) -> NDArray[np.intp]:
 def _after_broadcasts(view: View) -> NDArray[np.intp]:
     """Rows right behind a broadcast; but a device's answer to it is no request that came too soon."""
     rows, found = view.rows, []
-    newest = next(view.trail.back(view.batch, 0), None)
-    if newest is not None and newest.row.kind == Kind.REQUEST and newest.row.unit == 0:
-        found += [0] if view.bytes_of(0)[1:-2] != newest.captured[1:-2] else []
-    for sent in view.to_all.tolist():
-        if rows["kind"][sent] == Kind.REQUEST and sent + 1 < len(rows):
-            found += [sent + 1] if view.bytes_of(sent + 1)[1:-2] != view.bytes_of(sent)[1:-2] else []
+    newest = view.trail.newest
+    if newest["unit"][0] == 0 and newest["kind"][0] == Kind.REQUEST:
+        sent = next(view.trail.back(view.batch, 0))
+        found += [0] if view.bytes_of(0)[1:-2] != sent.captured[1:-2] else []
+    for place in view.to_all.tolist():
+        if rows["kind"][place] == Kind.REQUEST and place + 1 < len(rows):
+            found += [place + 1] if view.bytes_of(place + 1)[1:-2] != view.bytes_of(place)[1:-2] else []
     return np.array(found, np.intp)
 
 
@@ -179,7 +180,7 @@ def _silences(view: View, rows: Rows, before: Rows, jitter: NDArray[np.float64])
     t15, t35 = silences(view.line, view.options)
     character = (view.line.char_bits or 11) * 1e9 / (view.line.baud or 1)
     off = np.maximum(-rows["gap_least"], jitter) + _TOLERANCE * t15
-    inside = np.flatnonzero((rows["gap_most"] != NO_GAP) & (rows["gap_most"] - off > t15))
+    inside = where((rows["gap_most"] != NO_GAP) & (rows["gap_most"] - off > t15))
     if len(inside):
         gaps = rows["gap_most"][inside]
         yield GAP_INSIDE.on(rows[inside], gaps / 1e6, gaps / character, rows["gap_at"][inside], t35 / 1e6)
@@ -187,7 +188,7 @@ def _silences(view: View, rows: Rows, before: Rows, jitter: NDArray[np.float64])
     alike = np.logical_and.reduce([rows[name] == before[name] for name in ("kind", "unit", "function", "length")])
     short &= ~alike  # the tap shows it twice: no master and no unit sends so soon
     short &= (rows["gap_before"] != NO_GAP) & (rows["gap_before"] + jitter + _TOLERANCE * t35 < t35)
-    found = np.flatnonzero(short)
+    found = where(short)
     if len(found):
         gaps = rows["gap_before"][found]
         response = rows["kind"][found] == Kind.RESPONSE
@@ -199,6 +200,6 @@ def _turnarounds(view: View, rows: Rows, before: Rows, off: NDArray[np.float64])
     after = (rows["kind"] == Kind.REQUEST) & before["check"] & (before["kind"] == Kind.REQUEST)
     after &= (before["unit"] == 0) & (before["port"] == rows["port"]) & (off < _TIMER_NS)
     pause = rows["t_start"] - before["t_end"]
-    found = np.flatnonzero(after & (pause + np.where(after, off, 0) < due))
+    found = where(after & (pause + np.where(after, off, 0) < due))
     if len(found):
         yield TURNAROUND.on(rows[found], pause[found] / 1e6, due / 1e6)

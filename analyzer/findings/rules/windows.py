@@ -15,7 +15,7 @@ from ...deframing.candidates import search
 from ...deframing.prefix import windows
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
-from ..view import View
+from ..view import View, where
 
 COLLISION: Final = Rule(
     "crc-collision",
@@ -34,7 +34,7 @@ COLLISION: Final = Rule(
 def inner_windows(view: View) -> Iterator[Findings]:
     """Frames with such a window inside them."""
     rows = view.rows
-    places = np.flatnonzero(view.column("contested"))
+    places = where(view.column("contested"))
     places = places[rows["check"][places]]
     if not len(places):
         return
