@@ -57,7 +57,7 @@ class Trail:
         """This batch is done."""
         if not len(batch):
             return
-        self._earlier.append(_end(batch))
+        self._earlier.append(batch if len(batch) <= _KEPT else _end(batch))
         self._rows += min(len(batch), _KEPT)
         while self._rows - len(self._earlier[0]) >= _KEPT:
             self._rows -= len(self._earlier.popleft())
@@ -66,6 +66,6 @@ class Trail:
 def _end(batch: Batch) -> Batch:
     """The last rows of a batch and their bytes, which hold on to no more than themselves."""
     rows = batch.rows[-_KEPT:].copy()
-    first = int(rows["at"].min())
+    first = int(rows["at"][0])
     rows["at"] -= first
     return Batch(rows, batch.data[first:].copy())

@@ -147,7 +147,7 @@ class View:
     @cached_property
     def requested(self) -> NDArray[np.uint8]:
         """The function codes of the requests as they were sent."""
-        return self.function_bytes(self.requests)
+        return self.data.take(self._asked_at)
 
     @cached_property
     def asked_functions(self) -> list[int]:
@@ -155,11 +155,19 @@ class View:
         codes: list[int] = where(np.bincount(self.requested)).tolist()
         return codes
 
+    @cached_property
+    def _asked_at(self) -> NDArray[np.intp]:
+        return self.pdu(self.requests)
+
+    @cached_property
+    def _asked_length(self) -> NDArray[np.int64]:
+        length: NDArray[np.int64] = self.plain.length[self.requests] - 3
+        return length
+
     def numbers(self, offset: int, width: int) -> NDArray[np.int64]:
         """The number of 1 or 2 bytes at a PDU offset of each of the `requests`; -1 where one does not reach so far."""
         if (offset, width) not in self._numbers:
-            at, reached = self.pdu(self.requests) + offset, self.reaches(self.requests, offset + width)
-            short = where(~reached)
+            at, short = self._asked_at + offset, where(self._asked_length < offset + width)
             at[short] = 0
             self._numbers[offset, width] = found = number_at(self.data, at, width)
             found[short] = -1

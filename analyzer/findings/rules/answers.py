@@ -140,6 +140,7 @@ class Outcomes:
         self._held: Rows = np.zeros(0, TRANSACTION)  # odd ones, their neighbours, and the newest
         self._numbers: NDArray[np.int64] = np.zeros(0, np.int64)  # and how many came before each
         self._judged = 0  # of them, 1 once there is one
+        self._odd = -1  # the number of the newest odd one
         self._requests = 0  # so far
         self._first_ones = 0  # of them, among the first frames: what those show counts for them, too
         self._echoes = 0  # requests that were answered when they came a second time, as far as all are judged
@@ -164,6 +165,8 @@ class Outcomes:
         """Count new transactions, and hold those that may have to be looked at."""
         status, again, units = view.settled("status"), view.settled("retry"), view.settled("unit")
         odd = where((status == _UNANSWERED) | again | view.settled("late"))
+        if len(odd):
+            self._odd = self._requests + int(odd[-1])
         near = np.zeros(len(status) + 2, np.bool_)  # one before and one behind them
         near[odd] = near[odd + 1] = near[odd + 2] = True
         near[[1, -3, -2]] = True
@@ -183,7 +186,8 @@ class Outcomes:
         """Judge those held, up to one, and keep the newest of them beside what is left."""
         if upto <= self._judged:
             return
-        yield from self._judge(view, self._judged, upto)
+        if self._odd >= self._numbers[self._judged]:
+            yield from self._judge(view, self._judged, upto)
         done = bisect_left(self._echoes_at, int(self._numbers[upto - 1]))
         self._echoes += done
         del self._echoes_at[:done]

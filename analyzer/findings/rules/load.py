@@ -5,8 +5,8 @@ Said at the end, of all that was seen. Times count only as far as the tap's cloc
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
 from functools import cache
 from statistics import median
 from typing import Final
@@ -154,34 +154,34 @@ class Polls:
 
     def __init__(self) -> None:
         self._count: Counter[tuple[int, int, int, int]] = Counter()
-        self._waiting = Pending()
+        self._waiting: defaultdict[tuple[int, int], Pending] = defaultdict(Pending)
 
     def __call__(self, view: View) -> Iterator[Findings]:
-        if not len(view.requests):
-            return iter(())
-        units = view.column("unit")[view.requests].astype(np.int64)
-        for address, quantity, reads in _places(revision()):
-            polls = units << 40 | view.requested.astype(np.int64) << 32
-            polls |= view.numbers(address, 2) << 16 | view.numbers(quantity, 2)
-            told = (view.numbers(address, 2) >= 0) & (view.numbers(quantity, 2) >= 0)
-            self._waiting.add(polls[reads.take(view.requested) & told])
-        if len(self._waiting) >= _AT_ONCE:
-            self._add()
+        for (address, quantity), functions in _places(revision()).items():
+            if not functions.isdisjoint(view.asked_functions):
+                waiting = self._waiting[address, quantity]
+                units = view.column("unit")[view.requests]
+                waiting.add(units, view.requested, view.numbers(address, 2), view.numbers(quantity, 2))
+                if len(waiting) >= _AT_ONCE:
+                    self._add(waiting, functions)
         return iter(())
 
-    def _add(self) -> None:
-        """Count in what waits."""
-        if not len(self._waiting):
+    def _add(self, waiting: Pending, functions: set[int]) -> None:
+        """Count in what waits, of these functions."""
+        if not len(waiting):
             return
-        found = np.unique(self._waiting.take()[0], return_counts=True)
-        for key, count in zip(*(part.tolist() for part in found), strict=True):
+        units, codes, addresses, quantities = waiting.take()
+        here = where(np.isin(codes, list(functions)) & (addresses >= 0) & (quantities >= 0))
+        keys = (units.astype(np.int64) << 40 | codes.astype(np.int64) << 32 | addresses << 16 | quantities)[here]
+        for key, count in zip(*(part.tolist() for part in np.unique(keys, return_counts=True)), strict=True):
             poll = (key >> 40, key >> 32 & 0xFF, key >> 16 & 0xFFFF, key & 0xFFFF)
             if poll in self._count or len(self._count) < _POLLS:
                 self._count[poll] += count
 
     def close(self, view: View) -> Iterator[Findings]:
         """Blocks of polls that one could do."""
-        self._add()
+        for at, functions in _places(revision()).items():
+            self._add(self._waiting[at], functions)
         found = []
         for (unit, code), polls in self._recurring().items():
             most = next(check.high for check in _bounds(code))
@@ -203,17 +203,16 @@ class Polls:
 
 
 @cache
-def _places(_revision: int) -> tuple[tuple[int, int, NDArray[np.bool_]], ...]:
-    """Where requests that read, and do nothing else, have address and quantity, and which functions (256) do it so."""
-    found: dict[tuple[int, int], NDArray[np.bool_]] = {}
+def _places(_revision: int) -> Mapping[tuple[int, int], set[int]]:
+    """Where requests that read, and do nothing else, have address and quantity: which functions have them so."""
+    found: defaultdict[tuple[int, int], set[int]] = defaultdict(set)
     for code, role in RULES:
         places = layout(code, role)
         if role is not Role.REQUEST or set(places) != {"starting_address", "quantity"}:
             continue
         if any(isinstance(relation, Asked) for relation in relations(code)):
-            at = places["starting_address"][0], places["quantity"][0]
-            found.setdefault(at, np.zeros(256, np.bool_))[code] = True
-    return tuple((*at, reads) for at, reads in found.items())
+            found[places["starting_address"][0], places["quantity"][0]].add(code)
+    return found
 
 
 def _bounds(code: int) -> list[Bound]:

@@ -220,9 +220,10 @@ def padding(view: View) -> Iterator[Findings]:
 @looks_for(RESERVED_UNIT, RESERVED_FUNCTION, INVALID_FUNCTION, TOO_LONG)
 def codes(view: View) -> Iterator[Findings]:
     """Units, function codes and lengths that the specification does not know."""
-    reserved = _right(view, where(view.column("unit") > _LAST_UNIT))
-    if len(reserved):
-        yield RESERVED_UNIT.on(reserved, reserved["unit"])
+    unit = where(view.column("unit") > _LAST_UNIT)
+    if len(unit):
+        rows = _right(view, unit)
+        yield RESERVED_UNIT.on(rows, rows["unit"])
     for code in view.asked_functions:
         if code & _EXCEPTION or not code:
             yield INVALID_FUNCTION.on(view.rows[view.requests[view.requested == code]], code)
@@ -232,10 +233,11 @@ def codes(view: View) -> Iterator[Findings]:
         code = int(view.data[view.plain.at[place] + 1])
         if code and not code & _EXCEPTION and _reserved(code, revision()):
             yield RESERVED_FUNCTION.on(view.rows[place : place + 1], code)
-    long = _right(view, where(view.column("length") > MAX_ADU))
-    long = long[long["protocol"] == Protocol.RTU]
+    long = where(view.column("length") > MAX_ADU)
     if len(long):
-        yield TOO_LONG.on(long, long["length"])
+        rows = _right(view, long)
+        rows = rows[rows["protocol"] == Protocol.RTU]
+        yield TOO_LONG.on(rows, rows["length"])
 
 
 def _right(view: View, places: NDArray[np.intp]) -> Rows:

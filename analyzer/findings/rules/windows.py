@@ -33,9 +33,8 @@ COLLISION: Final = Rule(
 @looks_for(COLLISION)
 def inner_windows(view: View) -> Iterator[Findings]:
     """Frames with such a window inside them."""
-    rows = view.rows
-    places = where(view.column("contested"))
-    places = places[rows["check"][places]]
+    rows, places = view.rows, where(view.column("contested"))
+    places = places[view.column("check")[places]]
     if not len(places):
         return
     lengths = rows["length"][places]
