@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from dissectors.lengths import Echo, relations
 
 from ...frames import Rows
+from ...records import joined, picked
 from ...transactions import NEVER, TRANSACTION, Status
 from ..clock import FIRST, UNKNOWN
 from ..examiner import HASTE_NS
@@ -178,7 +179,7 @@ class Outcomes:
         for unit in where(np.bincount(units[answered])).tolist():
             if unit not in self._answering:
                 self._answering[unit] = self._requests + int(np.argmax(answered & (units == unit)))
-        self._held = np.concatenate((self._held, view.transactions[kept]), dtype=TRANSACTION)
+        self._held = joined((self._held, picked(view.transactions, kept)))
         self._numbers = np.concatenate((self._numbers, kept + self._requests))
         self._requests += len(status)
 
