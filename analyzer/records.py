@@ -21,7 +21,8 @@ def joined(parts: Sequence[Records]) -> Records:
 
 def picked(rows: Records, which: NDArray[Any]) -> Records:
     """`rows[which]`, by places or by a mask: a copy."""
-    return _opaque(rows)[which].view(rows.dtype)
+    found: Records = _opaque(rows)[which].view(rows.dtype)
+    return found
 
 
 def _opaque(rows: Records) -> Records:

@@ -14,8 +14,8 @@ import numpy as np
 
 from dissectors.lengths import Role, pdu_length, revision, rule
 
-from ..frames import Batch, Kind, Protocol
-from .autopsy import Case, Part, Verdict, autopsy, divided
+from ..frames import NO_GAP, Batch, Kind, Protocol, Row
+from .autopsy import Case, Part, Verdict, autopsy, divided, joined
 from .autopsy.case import OVERHEAD
 from .trail import Seen, Trail
 from .view import View, where
@@ -23,7 +23,7 @@ from .view import View, where
 HASTE_NS: Final = 50_000_000  # sooner than any master gives up waiting
 _HARD_NS: Final = 1_500_000  # what comes sooner belongs to the frame before
 _TWICE: Final = 2  # bytes
-_VAGUE: Final = ("collision", "crc-error", "truncated")  # what frames that ran together are easily taken for
+VAGUE: Final = ("collision", "crc-error", "truncated")  # what frames that ran together are easily taken for
 _LEAST: Final = 4  # bytes of noise that may be a damaged frame
 _MOST: Final = 400
 _KEPT: Final = 4096  # requests
@@ -40,6 +40,7 @@ class Examiner:
     def __init__(self, trail: Trail) -> None:
         self._trail = trail
         self._flow_at: dict[int, int] = {}  # port: where its first 11 or 13 came
+        self._vague: tuple[int, int] | None = None  # port and end of the newest row, if its verdict may yet change
         self.explained: dict[int, None] = {}  # requests of late, by index, whose answer came damaged
 
     def examine(self, view: View) -> dict[int, Sequence[Part]]:
@@ -51,10 +52,16 @@ class Examiner:
         found: dict[int, Sequence[Part]] = {}
         for place in _suspects(view):
             row = Seen.of(batch, place)
+            if whole := self._joined(batch, place, row):
+                found.pop(place - 1, None)
+                found[place] = [whole]
+                continue
             verdict = self._verdict(batch, place, row)
-            parts = self._divided(batch, place, row) if verdict is None or verdict.code in _VAGUE else []
+            parts = self._divided(batch, place, row) if verdict is None or verdict.code in VAGUE else []
             if verdict is not None or parts:
                 found[place] = parts or [Part(0, row.row.length, verdict or Verdict("crc-error", 0.0))]
+            vague = row.is_frame and verdict is not None and verdict.code in VAGUE
+            self._vague = (row.row.port, row.row.start + row.row.length) if vague else None
         return found
 
     def _watch_flow(self, view: View, port: int) -> None:
@@ -64,19 +71,38 @@ class Examiner:
                 self._flow_at[port] = int(view.column("start")[row] + hit - view.column("at")[row])
                 return
 
+    def _joined(self, batch: Batch, place: int, row: Seen) -> Part | None:
+        """That noise is the rest of the damaged answer before it, which explains both better than either by itself."""
+        if row.is_frame or row.row.errors or (row.row.port, row.row.start) != self._vague:
+            return None
+        if row.row.gap_before > HASTE_NS:
+            return None
+        pending, known, units = self._said_before(batch, place)
+        before = next(self._trail.back(batch, place))
+        if pending is None or before.row.errors or before.row.start + before.row.length != row.row.start:
+            return None
+        case = Case(before.captured, None, pending.captured, known, units, flow_free=self._flow_free(before.row))
+        found = joined(case, after=row.captured)
+        verdict = _told(found.verdict)
+        sure = verdict.repaired is not None or (verdict.code == "collision" and len(row.captured) >= _LEAST)
+        if not found.after or not sure:
+            return None
+        self._vague = None
+        return Part(-before.row.length, before.row.length + row.row.length, verdict)
+
     def _divided(self, batch: Batch, place: int, row: Seen) -> list[Part]:
         """The frames that a stretch was before flow control ran them together, on a port that gives no 11 and 13."""
-        free = self._flow_free(row)
+        free = self._flow_free(row.row)
         if not free or len(row.captured) <= 2 * _LEAST or row.row.errors:
             return []
         pending, known, units = self._said_before(batch, place)
         request = None if pending is None else pending.captured
         return divided(Case(row.captured, None, request, known, units, flow_free=free))
 
-    def _flow_free(self, row: Seen) -> int:
+    def _flow_free(self, row: Row) -> int:
         """How many bytes the port had given without any 11 or 13; 0 where there were some."""
-        first = self._flow_at.get(row.row.port)
-        return row.row.start if first is None or first >= row.row.start else 0
+        first = self._flow_at.get(row.port)
+        return row.start if first is None or first >= row.start else 0
 
     def _verdict(self, batch: Batch, place: int, row: Seen) -> Verdict | None:
         """What happened to a row; None where it is noise that nothing ties to a frame."""
@@ -99,7 +125,7 @@ class Examiner:
             return None
         if row.row.errors:
             return self._explains(pending, None)
-        verdict = _told(_autopsy(row.captured, role, request, known, units, self._flow_free(row), revision()))
+        verdict = _told(_autopsy(row.captured, role, request, known, units, self._flow_free(row.row), revision()))
         if not row.is_frame and (verdict.code == "crc-error" or verdict.certainty < _SURE):
             like = _request_like(row.captured, known) if request is None else row.captured[:2] == request[:2]
             return self._explains(pending, Verdict("crc-error", 0.0, 1.0)) if like else None
@@ -111,6 +137,8 @@ class Examiner:
         size = len(row.captured)
         if before is None or not before.row.check or size < _TWICE or not row.row.gap_before < _HARD_NS:
             return None
+        if before.row.kind == Kind.REQUEST and row.row.gap_before == NO_GAP and size >= len(before.captured) - 1:
+            return None  # rather its echo, which lost its first byte
         if size > len(before.captured) or not before.captured.endswith(row.captured):
             return None
         if _GLITCHES.issuperset(row.captured):

@@ -86,7 +86,8 @@ def _supposed(case: Case, prior: float) -> Iterator[Verdict]:
             return
         length, bits = predicted + OVERHEAD, 0.0
     lost = length - len(data)
-    if 1 <= lost <= min(_MOST_LOST, length // 4):
+    searched = len(data) <= _REACH.get(lost, 0)  # and no place found for them
+    if 1 <= lost <= min(_MOST_LOST, length // 4) and not searched:
         yield Verdict(
             "flow-control-loss", prior + bits + log2(comb(length, lost)) - _RARE * lost, length=length, lost=lost
         )
