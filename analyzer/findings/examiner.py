@@ -7,6 +7,7 @@ has a good explanation. One cause, one finding: such a stretch is no noise any m
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
@@ -54,7 +55,7 @@ class Examiner:
             row = Seen.of(batch, place)
             if whole := self._joined(batch, place, row):
                 found.pop(place - 1, None)
-                found[place] = [whole]
+                found[place], self._vague = whole, None
                 continue
             verdict = self._verdict(batch, place, row)
             parts = self._divided(batch, place, row) if verdict is None or verdict.code in VAGUE else []
@@ -71,24 +72,26 @@ class Examiner:
                 self._flow_at[port] = int(view.column("start")[row] + hit - view.column("at")[row])
                 return
 
-    def _joined(self, batch: Batch, place: int, row: Seen) -> Part | None:
-        """That noise is the rest of the damaged answer before it, which explains both better than either by itself."""
+    def _joined(self, batch: Batch, place: int, row: Seen) -> list[Part]:
+        """That noise is the rest of the damaged frame before it, which explains both better than either by itself."""
         if row.is_frame or row.row.errors or (row.row.port, row.row.start) != self._vague:
-            return None
-        if row.row.gap_before > HASTE_NS:
-            return None
-        pending, known, units = self._said_before(batch, place)
+            return []
         before = next(self._trail.back(batch, place))
-        if pending is None or before.row.errors or before.row.start + before.row.length != row.row.start:
-            return None
-        case = Case(before.captured, None, pending.captured, known, units, flow_free=self._flow_free(before.row))
+        if before.row.errors or row.row.gap_before > HASTE_NS or before.row.start + before.row.length != row.row.start:
+            return []
+        pending, known, units = self._said_before(batch, place)
+        request = None if pending is None else pending.captured
+        role = None if pending else Role.REQUEST if before.row.kind == Kind.REQUEST else Role.RESPONSE
+        case = Case(before.captured, role, request, known, units, flow_free=self._flow_free(before.row))
         found = joined(case, after=row.captured)
-        verdict = _told(found.verdict)
-        sure = verdict.repaired is not None or (verdict.code == "collision" and len(row.captured) >= _LEAST)
-        if not found.after or not sure:
-            return None
-        self._vague = None
-        return Part(-before.row.length, before.row.length + row.row.length, verdict)
+        verdict, size = _told(found.verdict), len(before.captured)
+        collided = verdict.code == "collision" and len(row.captured) >= _LEAST
+        if found.after and (verdict.repaired is not None or collided):
+            return [Part(-size, size + len(row.captured), verdict)]
+        if not case.flow_free:
+            return []
+        both = replace(case, data=before.captured + row.captured, role=None)
+        return [part._replace(start=part.start - size) for part in divided(both)]
 
     def _divided(self, batch: Batch, place: int, row: Seen) -> list[Part]:
         """The frames that a stretch was before flow control ran them together, on a port that gives no 11 and 13."""

@@ -221,9 +221,8 @@ def _told(view: View, place: int, part: Part) -> Iterator[Findings]:
     if part.start < 0:
         before = next(view.trail.back(view.batch, place))
         here["index"], here["t_start"] = before.row.index, before.row.t_start
-        data = before.captured + data
-    else:
-        data = data[part.start : part.start + part.length]
+        data = (before.captured + data)[before.row.length + part.start :]
+    data = data[max(part.start, 0) :][: part.length]
     here["start"] += part.start
     here["length"] = part.length
     if verdict.code == REPEATED.code and verdict.repaired and verdict.length == len(data):

@@ -144,8 +144,8 @@ class Strangers:
                     return None, None, False
             elif before.row.kind == Kind.REQUEST:
                 return (before, answered, True) if before.row.check else (None, None, False)
-            elif not before.row.check and before.row.request < 0:
-                return None, None, False
+            elif not before.row.check:
+                return None, None, False  # it may have held more than one answer
             elif before.row.request >= 0 and answered is None:
                 answered = before
         return None, None, True
