@@ -19,7 +19,7 @@ from .sent import BYTE, likelihood
 from .verdict import Place, Verdict
 
 XON_XOFF: Final = frozenset((0x11, 0x13))
-_PRIOR: Final = -4.0
+_PRIOR: Final = -2.5
 _SEEN: Final = -16.0  # bits: this port does let them through
 _A_BYTE: Final = 0.0085  # bits that each byte says which is neither: one in 170 should be
 _MOST: Final = 10.0  # bits that their absence is worth
