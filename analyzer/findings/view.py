@@ -173,6 +173,11 @@ class View:
             found[short] = -1
         return self._numbers[offset, width]
 
+    def right(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Those of these rows whose check value is right."""
+        found: NDArray[np.intp] = places[self.column("check")[places]] if len(places) else places
+        return found
+
     def bytes_of(self, row: int) -> bytes:
         """The captured bytes of a row."""
         return self.batch.bytes_of(row)

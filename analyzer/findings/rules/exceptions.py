@@ -63,8 +63,7 @@ EXCEPTION: Final = Rule(
 @looks_for(EXCEPTION)
 def exceptions(view: View) -> Iterator[Findings]:
     """Every exception answer with a right check value."""
-    raised = where(view.column("exception"))
+    raised = view.right(where(view.column("exception")))
     if len(raised):
         rows = view.rows[raised]
-        rows = rows[rows["check"]]
         yield EXCEPTION.on(rows, rows["exception"], rows["function"], rows["unit"])

@@ -82,15 +82,10 @@ BROADCAST_READ: Final = Rule(
 def broadcast_reads(view: View) -> Iterator[Findings]:
     """Requests to unit 0 of functions that read."""
     rows = view.rows
-    reads = [row for row in _right(view, Kind.REQUEST) if _reads(int(rows["function"][row]))]
+    sent = [row for row in view.right(view.to_all).tolist() if rows["kind"][row] == Kind.REQUEST]
+    reads = [row for row in sent if _reads(int(rows["function"][row]))]
     if reads:
         yield BROADCAST_READ.on(rows[reads], rows["function"][reads])
-
-
-def _right(view: View, kind: Kind) -> list[int]:
-    """Rows of this kind to or of unit 0 whose check value is right."""
-    rows, found = view.rows, view.to_all.tolist()
-    return [row for row in found if rows["kind"][row] == kind and rows["check"][row]]
 
 
 def _reads(function: int) -> bool:
@@ -107,7 +102,7 @@ class Strangers:
 
     def __call__(self, view: View) -> Iterator[Findings]:
         rows, asks = view.rows, view.requests
-        answers = _right(view, Kind.RESPONSE)
+        answers = [row for row in view.right(view.to_all).tolist() if rows["kind"][row] == Kind.RESPONSE]
         if answers:
             yield BROADCAST_ANSWERED.on(rows[answers], 0, rows["function"][answers])
         for place in view.strays.tolist():

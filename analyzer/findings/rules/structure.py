@@ -19,7 +19,7 @@ from dissectors.lengths import RULES, Asked, Role, Sized, layout, relations, rev
 from dissectors.limits import Bound, Choice, taken
 
 from ...deframing.rules import MAX_ADU
-from ...frames import Protocol, Rows
+from ...frames import Protocol
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
 from ..view import View, where
@@ -222,7 +222,7 @@ def codes(view: View) -> Iterator[Findings]:
     """Units, function codes and lengths that the specification does not know."""
     unit = where(view.column("unit") > _LAST_UNIT)
     if len(unit):
-        rows = _right(view, unit)
+        rows = view.rows[view.right(unit)]
         yield RESERVED_UNIT.on(rows, rows["unit"])
     for code in view.asked_functions:
         if code & _EXCEPTION or not code:
@@ -235,15 +235,9 @@ def codes(view: View) -> Iterator[Findings]:
             yield RESERVED_FUNCTION.on(view.rows[place : place + 1], code)
     long = where(view.column("length") > MAX_ADU)
     if len(long):
-        rows = _right(view, long)
+        rows = view.rows[view.right(long)]
         rows = rows[rows["protocol"] == Protocol.RTU]
         yield TOO_LONG.on(rows, rows["length"])
-
-
-def _right(view: View, places: NDArray[np.intp]) -> Rows:
-    """Those of these rows whose check value is right."""
-    right: Rows = view.rows[places[view.column("check")[places]]]
-    return right
 
 
 @lru_cache(maxsize=512)

@@ -33,8 +33,7 @@ COLLISION: Final = Rule(
 @looks_for(COLLISION)
 def inner_windows(view: View) -> Iterator[Findings]:
     """Frames with such a window inside them."""
-    rows, places = view.rows, where(view.column("contested"))
-    places = places[view.column("check")[places]]
+    rows, places = view.rows, view.right(where(view.column("contested")))
     if not len(places):
         return
     lengths = rows["length"][places]
