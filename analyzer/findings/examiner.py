@@ -41,7 +41,7 @@ class Examiner:
     def __init__(self, trail: Trail) -> None:
         self._trail = trail
         self._flow_at: dict[int, int] = {}  # port: where its first 11 or 13 came
-        self._vague: tuple[int, int] | None = None  # port and end of the newest row, if its verdict may yet change
+        self._vague: tuple[int, int, str] | None = None  # port, end and verdict of the newest row, if that may change
         self.explained: dict[int, None] = {}  # requests of late, by index, whose answer came damaged
 
     def examine(self, view: View) -> dict[int, Sequence[Part]]:
@@ -61,8 +61,9 @@ class Examiner:
             parts = self._divided(batch, place, row) if verdict is None or verdict.code in VAGUE else []
             if verdict is not None or parts:
                 found[place] = parts or [Part(0, row.row.length, verdict or Verdict("crc-error", 0.0))]
-            vague = row.is_frame and verdict is not None and verdict.code in VAGUE
-            self._vague = (row.row.port, row.row.start + row.row.length) if vague else None
+            self._vague = None
+            if row.is_frame and verdict is not None and verdict.code in VAGUE:
+                self._vague = row.row.port, row.row.start + row.row.length, verdict.code
         return found
 
     def _watch_flow(self, view: View, port: int) -> None:
@@ -74,7 +75,7 @@ class Examiner:
 
     def _joined(self, batch: Batch, place: int, row: Seen) -> list[Part]:
         """That noise is the rest of the damaged frame before it, which explains both better than either by itself."""
-        if row.is_frame or row.row.errors or (row.row.port, row.row.start) != self._vague:
+        if row.is_frame or row.row.errors or self._vague is None or (row.row.port, row.row.start) != self._vague[:2]:
             return []
         before = next(self._trail.back(batch, place))
         if before.row.errors or row.row.gap_before > HASTE_NS or before.row.start + before.row.length != row.row.start:
@@ -85,7 +86,8 @@ class Examiner:
         case = Case(before.captured, role, request, known, units, flow_free=self._flow_free(before.row))
         found = joined(case, after=row.captured)
         verdict, size = _told(found.verdict), len(before.captured)
-        collided = verdict.code == "collision" and len(row.captured) >= _LEAST
+        more = len(row.captured) >= _LEAST or self._vague[2] == "collision"  # a byte or two alone show no second sender
+        collided = verdict.code == "collision" and more and not _GLITCHES.issuperset(row.captured)
         if found.after and (verdict.repaired is not None or collided):
             return [Part(-size, size + len(row.captured), verdict)]
         if not case.flow_free:
