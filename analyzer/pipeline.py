@@ -17,6 +17,7 @@ from .findings.diagnosis import Diagnosis
 from .findings.model import FINDING, Findings
 from .frames import Batch, Rows
 from .recorded import deaf_times, excused, notes_of
+from .records import joined
 from .transactions import TRANSACTION, Transactions
 
 _BLOCK = 1 << 20  # bytes read at once
@@ -80,13 +81,13 @@ class _Held:
     """Batches that wait for their findings."""
 
     def __init__(self) -> None:
-        self._batches: list[Batch] = []
+        self._batches: list[tuple[Batch, int]] = []  # and the index that the first frame behind has, at least
         self._transactions: Rows = np.zeros(0, TRANSACTION)
         self._findings: Findings = np.zeros(0, FINDING)
         self._last = False
 
     def add(self, batch: Batch, transactions: Rows, findings: Findings) -> None:
-        self._batches.append(batch)
+        self._batches.append((batch, int(batch.rows["index"].max()) + 1))
         self._say(transactions, findings)
 
     def end(self, transactions: Rows, findings: Findings) -> None:
@@ -94,19 +95,19 @@ class _Held:
         self._last = True
 
     def _say(self, transactions: Rows, findings: Findings) -> None:
-        self._transactions = np.concatenate((self._transactions, transactions))
-        self._findings = np.concatenate((self._findings, findings))
+        self._transactions = joined((self._transactions, transactions))
+        self._findings = joined((self._findings, findings))
 
     def ready(self, open_from: int | None) -> Iterator[Analysed]:
         """Batches whose frames all come before the first one of which more may be said."""
-        while self._batches and (open_from is None or _behind(self._batches[0]) <= open_from):
-            batch = self._batches.pop(0)
+        while self._batches and (open_from is None or self._batches[0][1] <= open_from):
+            batch, behind = self._batches.pop(0)
             if self._last and not self._batches:
                 mine = np.ones(len(self._findings), np.bool_)
             else:
                 mine = _about(self._findings, batch)
             found, self._findings = self._findings[mine], self._findings[~mine]
-            begun = int(np.searchsorted(self._transactions["request"], _behind(batch)))
+            begun = int(np.searchsorted(self._transactions["request"], behind))
             settled, self._transactions = self._transactions[:begun], self._transactions[begun:]
             yield Analysed(replace(batch, findings=found), settled, found)
         if self._last and not self._batches and len(self._findings):
@@ -114,19 +115,16 @@ class _Held:
             yield Analysed(replace(Batch.empty(), findings=found), np.zeros(0, TRANSACTION), found)
 
 
-def _behind(batch: Batch) -> int:
-    """The index that the first frame behind a batch has, at least."""
-    return int(batch.rows["index"].max()) + 1
-
-
 def _about(findings: Findings, batch: Batch) -> NDArray[np.bool_]:
     """Which findings speak of rows of this batch."""
     mine = np.zeros(len(findings), np.bool_)
     rows = batch.rows
-    for port in np.flatnonzero(np.bincount(rows["port"])).tolist():
-        here = rows[rows["port"] == port]
-        first, last = int(here["start"].min()), int((here["start"] + here["length"]).max())
-        mine |= (findings["port"] == port) & (findings["start"] >= first) & (findings["start"] < last)
+    ports = np.ascontiguousarray(rows["port"])
+    for port in np.flatnonzero(np.bincount(ports)).tolist():
+        here = np.flatnonzero(ports == port)
+        first, last = rows[here[0]], rows[here[-1]]  # a port's rows lie in order, without a gap
+        after = findings["start"] >= first["start"]
+        mine |= (findings["port"] == port) & after & (findings["start"] < last["start"] + last["length"])
     return mine
 
 

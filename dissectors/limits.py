@@ -9,7 +9,10 @@ structure is hard. Numbers are big-endian.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 _LISTED: Final = 6  # values that a message names
 
@@ -104,6 +107,9 @@ Check = Bound | Choice | Multiple
 Relation = Echo | Asked
 
 
-def taken(quantity: int, bits: bool) -> int:
-    """The bytes that a quantity of bits or of registers takes."""
-    return (quantity + 7) // 8 if bits else 2 * quantity
+_Q = TypeVar("_Q", int, "NDArray[Any]")
+
+
+def taken(quantity: _Q, bits: bool) -> _Q:
+    """The bytes that a quantity of bits or of registers takes; of many quantities, put as an array of integers."""
+    return (quantity + 7) >> 3 if bits else 2 * quantity

@@ -57,6 +57,30 @@ def test_the_same_on_a_long_bus_however_it_is_fed(wire: str, tap: str) -> None:
     assert same(whole, np.concatenate([a.findings for a in held(made.chunks, made.line)]))
 
 
+@pytest.mark.parametrize(
+    ("defect", "tap", "seed"),
+    [
+        ("collision", "irq", 0),
+        ("collision", "gateway", 3),
+        ("byte-missing", "irq", 3),
+        ("flow-control-loss", "ftdi16", 2),
+    ],
+)
+def test_the_same_where_a_damaged_frame_and_the_noise_behind_it_are_one(defect: str, tap: str, seed: int) -> None:
+    """Chunk by chunk a frame comes before the rest of it does."""
+    made = simulate(Scenario("clean", tap, transactions=200, seed=seed, defect=defect))
+    whole = streamed([Block.from_chunks(made.chunks)], made.line)
+    over_two_rows = 0
+    for part in held(made.chunks, made.line):
+        rows = part.batch.rows
+        for found in part.findings[part.findings["start"] >= 0]:
+            row = rows[int(rows["start"].searchsorted(found["start"], side="right")) - 1]
+            over_two_rows += int(found["start"] + found["length"] > row["start"] + row["length"])
+    assert over_two_rows
+    assert same(whole, streamed(made.chunks, made.line))
+    assert same(whole, np.concatenate([a.findings for a in held(made.chunks, made.line)]))
+
+
 @pytest.mark.parametrize("tap", ["precise", "ftdi16"])
 def test_a_finding_stands_on_a_row_of_its_batch_or_on_the_bus(tap: str) -> None:
     made = simulate(Scenario("brutal", tap, transactions=300, seed=3))

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.lengths import Asked, Echo, relations
+from dissectors.limits import taken
 
-from .rules import Bytes, Index, Mask, asked_bytes, field
+from .rules import Bytes, Index, Mask, field
 
 
 def fitting(data: Bytes, requests: Index, responses: Index) -> Mask:
@@ -24,7 +25,7 @@ def fitting(data: Bytes, requests: Index, responses: Index) -> Mask:
             if isinstance(relation, Asked):
                 quantity = field(data, request + relation.quantity_offset + 1, 2)
                 count = field(data, response + relation.count_offset + 1, 1)
-                agree &= count == (asked_bytes(quantity, relation.bits) & 0xFF)
+                agree &= count == (taken(quantity, relation.bits) & 0xFF)
             else:
                 agree &= _echoed(data, request, response, relation)
         fits[which] = agree

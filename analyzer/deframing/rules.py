@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.lengths import RULES, Bound, Choice, Multiple, Role, Rule, Sized, revision
+from dissectors.limits import taken
 
 Bytes = NDArray[np.uint8]
 Index = NDArray[np.intp]
@@ -103,7 +104,7 @@ def _check(check: Bound | Choice | Multiple | Sized) -> tuple[Callable[[Bytes, I
 
     def sized(data: Bytes, at: Index) -> Mask:
         quantity = field(data, at + check.quantity_offset + 1, 2)
-        fits: Mask = field(data, at + check.count_offset + 1, 1) == asked_bytes(quantity, check.bits)
+        fits: Mask = field(data, at + check.count_offset + 1, 1) == taken(quantity, check.bits)
         return fits
 
     return sized, 8.0
@@ -112,11 +113,6 @@ def _check(check: Bound | Choice | Multiple | Sized) -> tuple[Callable[[Bytes, I
 def _within(value: Index, low: int, high: int) -> Mask:
     inside: Mask = (value >= low) & (value <= high)
     return inside
-
-
-def asked_bytes(quantity: Index, bits: bool) -> Index:
-    """The byte count that a quantity of bits or of registers takes."""
-    return (quantity + 7) >> 3 if bits else quantity * 2
 
 
 def _reach(check: Bound | Choice | Multiple | Sized) -> int:

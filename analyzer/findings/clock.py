@@ -14,8 +14,8 @@ first frames themselves and so is known only when they have passed.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Mapping
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 
 from ..deframing.options import Options
-from ..frames import NO_GAP, Rows
+from ..frames import NO_GAP
+from .pending import Pending
 from .spread import Spread
 
 FIRST: Final = 32  # frames of the first verdict
@@ -34,7 +35,7 @@ _MEMORY: Final = 8192  # frames, beyond which old ones fade
 _BYTE_BY_BYTE: Final = 0.9  # reads a byte
 _QUANTILE: Final = 0.995
 _MARGIN: Final = 1.2
-_COLUMNS: Final = ("protocol", "reads", "length", "gap_before", "gap_most", "gap_least")
+COLUMNS: Final = ("protocol", "reads", "length", "gap_before", "gap_most", "gap_least")
 _KEPT: Final = 512  # verdicts
 _USUAL_NS: Final = 5_000_000  # a read from user space, where nothing tells more
 _FAST_BAUD: Final = 19200  # [2] 2.5.1.1: above it, both times are fixed
@@ -77,36 +78,38 @@ class Clock:
         self._reads = self._octets = self._shared = self._counted = 0.0
         self._late = Spread()  # frames by their least silence, if negative
         self._astray = Spread()  # frames of several reads by their silence that is farthest from none
-        self._verdicts: deque[tuple[int, Verdict]] = deque(maxlen=_KEPT)
+        self._waiting = Pending()  # frames since the newest checkpoint
+        self._since: list[int] = []  # from which frame on each verdict holds
+        self._verdicts: list[Verdict] = []
+        self._best = Verdict()
 
-    def feed(self, rows: Rows, frames: NDArray[np.intp]) -> None:
-        """Learn from those rows that are frames."""
-        columns = {name: rows[name][frames] for name in _COLUMNS}
-        low, count = 0, len(frames)
-        while low < count:
-            high = min(count, low + self._next - self._frames)
-            self._learn({name: column[low:high] for name, column in columns.items()})
-            self._frames += high - low
-            low = high
-            if self._frames == self._next:
-                self._conclude()
-                self._next += self._next if self._next < _EVERY else _EVERY
+    def feed(self, frames: Sequence[NDArray[Any]]) -> None:
+        """Learn from frames, in their order, given by `COLUMNS`."""
+        self._waiting.add(*frames)
+        if self._frames + len(self._waiting) < self._next:
+            return
+        columns, low = self._waiting.take(), 0
+        while (high := low + self._next - self._frames) <= len(columns[0]):
+            self._learn(*(column[low:high] for column in columns))
+            self._frames, low = self._next, high
+            self._conclude()
+            self._next += self._next if self._next < _EVERY else _EVERY
+        self._waiting.add(*(column[low:].copy() for column in columns))
 
     def close(self) -> None:
         """No more frames come: the first verdict is made of those there were."""
         if not self._verdicts:
+            if len(self._waiting):
+                self._learn(*self._waiting.take())
             self._conclude()
 
     def verdict(self, index: int) -> Verdict:
         """What was known at a frame; nothing, as long as the first verdict is to come."""
-        for first, verdict in reversed(self._verdicts):
-            if index >= first:
-                return verdict
-        return self._verdicts[0][1] if self._verdicts else Verdict()
+        return self._verdicts[max(bisect_right(self._since, index) - 1, 0)] if self._verdicts else Verdict()
 
     def best(self) -> Verdict:
-        """The verdict by which most may be said, of those that are kept."""
-        return max((verdict for _, verdict in self._verdicts), key=lambda v: (v.fine, -v.wait_ns), default=Verdict())
+        """The verdict so far by which most may be said."""
+        return self._best
 
     @property
     def known(self) -> bool:
@@ -114,33 +117,47 @@ class Clock:
         return bool(self._verdicts)
 
     def newest(self) -> Verdict:
-        """The verdict of now."""
-        return self._verdicts[-1][1] if self._verdicts else self._now()
+        """The verdict of now; nothing before the first one."""
+        return self._verdicts[-1] if self._verdicts else Verdict()
 
     def _conclude(self) -> None:
-        self._verdicts.append((0 if not self._verdicts else self._frames, self._now()))
+        self._since.append(self._frames if self._verdicts else 0)
+        self._verdicts.append(self._now())
+        self._best = max(self._best, self._verdicts[-1], key=lambda verdict: (verdict.fine, -verdict.wait_ns))
+        if len(self._verdicts) > _KEPT:
+            del self._since[0], self._verdicts[0]
         if self._counted > _MEMORY:
             for name in ("_reads", "_octets", "_shared", "_counted"):
                 setattr(self, name, getattr(self, name) / 2)
             self._late.fade()
             self._astray.fade()
 
-    def _learn(self, frames: Mapping[str, NDArray[Any]]) -> None:
-        if frames["protocol"].any():
+    def _learn(
+        self,
+        protocol: NDArray[Any],
+        reads: NDArray[Any],
+        length: NDArray[Any],
+        before: NDArray[Any],
+        most: NDArray[Any],
+        least: NDArray[Any],
+    ) -> None:
+        if protocol.any():
             return  # ASCII mode has other silences
-        self._counted += len(frames["reads"])
-        self._reads += float(frames["reads"].sum())
-        self._octets += float(frames["length"].sum())
-        self._shared += float((frames["gap_before"] == NO_GAP).sum())
-        several = frames["gap_least"] != NO_GAP
-        early = np.where(frames["gap_before"] == NO_GAP, 0, np.maximum(-frames["gap_before"], 0))
+        self._counted += len(reads)
+        self._reads += float(reads.sum())
+        self._octets += float(length.sum())
+        shared = before == NO_GAP
+        self._shared += float(np.count_nonzero(shared))
+        early = np.maximum(-before, 0)
+        early[shared] = 0
+        several = least != NO_GAP
         if several.any():
-            most, least = frames["gap_most"][several], frames["gap_least"][several]
-            self._late.add(np.maximum(-least, early[several]))
-            farthest = np.maximum(np.abs(most), np.abs(least))
-            self._astray.add(np.maximum(farthest, early[several]))
-        if (early[~several] > 0).any():
-            self._astray.add(early[~several])
+            least, first = least[several], early[several]
+            self._late.add(np.maximum(-least, first))
+            self._astray.add(np.maximum(np.maximum(np.abs(most[several]), np.abs(least)), first))
+            early = early[~several]
+        if early.any():
+            self._astray.add(early)
 
     def _now(self) -> Verdict:
         if not self._octets:

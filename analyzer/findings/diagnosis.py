@@ -7,18 +7,21 @@ brought it to light; `open_from` says from which frame on more may still be said
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
 from ..deframing.options import Options
 from ..frames import Batch, Rows
 from ..transactions import TRANSACTION
-from .clock import Clock
+from .clock import COLUMNS, Clock
 from .examiner import Examiner
-from .model import FINDING, Findings
+from .model import NOTHING, Findings
 from .registry import fresh_looks
+from .trail import Trail
 from .view import View
 
 
@@ -30,7 +33,8 @@ class Diagnosis:
         self._options = options
         self._looks = fresh_looks()
         self._clock = Clock(line)
-        self._examiner = Examiner()
+        self._trail = Trail()
+        self._examiner = Examiner(self._trail)
         self._timed = False
         self._now = 0
 
@@ -44,8 +48,10 @@ class Diagnosis:
         """What this batch, and the transactions that it settles, bring to light."""
         self._timed = self._timed or bool(batch.rows["t_end"].any())
         view = self._view(batch, transactions)
-        self._clock.feed(batch.rows, view.frames)
-        return _ordered(found for look in self._looks for found in look(view))
+        self._clock.feed([_of(view.column(name), view.frames) for name in COLUMNS])
+        found = _ordered(found for look in self._looks for found in look(view))
+        self._trail.go_on(batch)
+        return found
 
     def close(self, transactions: Rows | None = None) -> Findings:
         """What the end brings to light: the last transactions, and what concerns the bus as a whole."""
@@ -57,16 +63,31 @@ class Diagnosis:
         return _ordered(last)
 
     def _view(self, batch: Batch, transactions: Rows) -> View:
-        verdicts = self._examiner.examine(batch)
-        explained = self._examiner.explained
         if len(batch):
             self._now = int(batch.rows["t_end"][-1])
-        return View(
-            batch, transactions, self._line, self._options, self._timed, self._clock, verdicts, explained, self._now
+        view = View(
+            batch,
+            transactions,
+            self._line,
+            self._options,
+            self._timed,
+            self._clock,
+            self._trail,
+            self._examiner.explained,
+            self._now,
         )
+        view.verdicts.update(self._examiner.examine(view))
+        return view
+
+
+def _of(column: NDArray[Any], rows: NDArray[np.intp]) -> NDArray[Any]:
+    return column if len(rows) == len(column) else column[rows]
 
 
 def _ordered(parts: Iterable[Findings]) -> Findings:
     """Findings in wire order, those about the whole bus last."""
-    found = np.concatenate([np.zeros(0, FINDING), *parts])
-    return found[np.lexsort((found["rule"], found["start"], found["t"], found["start"] < 0))]
+    found = list(parts)
+    if not found:
+        return NOTHING
+    every = np.concatenate(found)
+    return every[np.lexsort((every["rule"], every["start"], every["t"], every["start"] < 0))]

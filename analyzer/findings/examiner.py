@@ -6,25 +6,25 @@ has a good explanation. One cause, one finding: such a stretch is no noise any m
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dissectors.lengths import Role, pdu_length, revision, rule
 
-from ..frames import Batch, Kind, Protocol, Rows
-from .autopsy import Case, Part, Verdict, autopsy, divided
+from ..frames import NO_GAP, Batch, Kind, Protocol, Row
+from .autopsy import Case, Part, Verdict, autopsy, divided, joined
 from .autopsy.case import OVERHEAD
 from .trail import Seen, Trail
+from .view import View, where
 
 HASTE_NS: Final = 50_000_000  # sooner than any master gives up waiting
 _HARD_NS: Final = 1_500_000  # what comes sooner belongs to the frame before
 _TWICE: Final = 2  # bytes
-_VAGUE: Final = ("collision", "crc-error", "truncated")  # what frames that ran together are easily taken for
+VAGUE: Final = ("collision", "crc-error", "truncated")  # what frames that ran together are easily taken for
 _LEAST: Final = 4  # bytes of noise that may be a damaged frame
 _MOST: Final = 400
 _KEPT: Final = 4096  # requests
@@ -32,58 +32,82 @@ _NEAR: Final = 2.0  # bits by which an explanation may lose to "nothing explains
 _CUT_NEAR: Final = 6.0  # the same for that the frame is cut short: its length alone says so
 _SURE: Final = 0.5  # certainty from which noise is explained
 _GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
-_FLOW: Final = (0x11, 0x13)  # XON and XOFF
+_IS_FLOW: Final = np.isin(np.arange(256), (0x11, 0x13))  # XON and XOFF
 
 
 class Examiner:
     """Looks at rows in turn; remembers the last ones, and whether a port has ever given an 11 or 13."""
 
-    def __init__(self) -> None:
-        self._trail = Trail()
+    def __init__(self, trail: Trail) -> None:
+        self._trail = trail
         self._flow_at: dict[int, int] = {}  # port: where its first 11 or 13 came
-        self._explained: deque[int] = deque(maxlen=_KEPT)
+        self._vague: tuple[int, int, str] | None = None  # port, end and verdict of the newest row, if that may change
+        self.explained: dict[int, None] = {}  # requests of late, by index, whose answer came damaged
 
-    @property
-    def explained(self) -> frozenset[int]:
-        """Requests of late, by index, whose answer came damaged."""
-        return frozenset(self._explained)
-
-    def examine(self, batch: Batch) -> Mapping[int, Sequence[Part]]:
+    def examine(self, view: View) -> dict[int, Sequence[Part]]:
         """What happened to the damaged rows of a batch, by row: one part, or several frames that ran together."""
-        rows = batch.rows
-        for port in np.flatnonzero(np.bincount(rows["port"])).tolist():
+        batch = view.batch
+        for port in view.ports:
             if port not in self._flow_at:
-                self._watch_flow(batch, port)
-        found = {}
-        for place in _suspects(rows).tolist():
+                self._watch_flow(view, port)
+        found: dict[int, Sequence[Part]] = {}
+        for place in _suspects(view):
             row = Seen.of(batch, place)
+            if whole := self._joined(batch, place, row):
+                found.pop(place - 1, None)
+                found[place], self._vague = whole, None
+                continue
             verdict = self._verdict(batch, place, row)
-            parts = self._divided(batch, place, row) if verdict is None or verdict.code in _VAGUE else []
+            parts = self._divided(batch, place, row) if verdict is None or verdict.code in VAGUE else []
             if verdict is not None or parts:
                 found[place] = parts or [Part(0, row.row.length, verdict or Verdict("crc-error", 0.0))]
-        self._trail.go_on(batch)
+            self._vague = None
+            if row.is_frame and verdict is not None and verdict.code in VAGUE:
+                self._vague = row.row.port, row.row.start + row.row.length, verdict.code
         return found
 
-    def _watch_flow(self, batch: Batch, port: int) -> None:
-        for hit in np.flatnonzero(np.isin(batch.data, _FLOW)).tolist():
-            row = int(np.searchsorted(batch.rows["at"], hit, side="right")) - 1
-            if int(batch.rows["port"][row]) == port:
-                self._flow_at[port] = int(batch.rows["start"][row] + hit - batch.rows["at"][row])
+    def _watch_flow(self, view: View, port: int) -> None:
+        for hit in where(_IS_FLOW.take(view.batch.data)).tolist():
+            row = int(view.column("at").searchsorted(hit, side="right")) - 1
+            if int(view.column("port")[row]) == port:
+                self._flow_at[port] = int(view.column("start")[row] + hit - view.column("at")[row])
                 return
+
+    def _joined(self, batch: Batch, place: int, row: Seen) -> list[Part]:
+        """That noise is the rest of the damaged frame before it, which explains both better than either by itself."""
+        if row.is_frame or row.row.errors or self._vague is None or (row.row.port, row.row.start) != self._vague[:2]:
+            return []
+        before = next(self._trail.back(batch, place))
+        if before.row.errors or row.row.gap_before > HASTE_NS or before.row.start + before.row.length != row.row.start:
+            return []
+        pending, known, units = self._said_before(batch, place)
+        request = None if pending is None else pending.captured
+        role = None if pending else Role.REQUEST if before.row.kind == Kind.REQUEST else Role.RESPONSE
+        case = Case(before.captured, role, request, known, units, flow_free=self._flow_free(before.row))
+        found = joined(case, after=row.captured)
+        verdict, size = _told(found.verdict), len(before.captured)
+        more = len(row.captured) >= _LEAST or self._vague[2] == "collision"  # a byte or two alone show no second sender
+        collided = verdict.code == "collision" and more and not _GLITCHES.issuperset(row.captured)
+        if found.after and (verdict.repaired is not None or collided):
+            return [Part(-size, size + len(row.captured), verdict)]
+        if not case.flow_free:
+            return []
+        both = replace(case, data=before.captured + row.captured, role=None)
+        return [part._replace(start=part.start - size) for part in divided(both)]
 
     def _divided(self, batch: Batch, place: int, row: Seen) -> list[Part]:
         """The frames that a stretch was before flow control ran them together, on a port that gives no 11 and 13."""
-        free = self._flow_free(row)
+        free = self._flow_free(row.row)
         if not free or len(row.captured) <= 2 * _LEAST or row.row.errors:
             return []
         pending, known, units = self._said_before(batch, place)
         request = None if pending is None else pending.captured
         return divided(Case(row.captured, None, request, known, units, flow_free=free))
 
-    def _flow_free(self, row: Seen) -> int:
+    def _flow_free(self, row: Row) -> int:
         """How many bytes the port had given without any 11 or 13; 0 where there were some."""
-        first = self._flow_at.get(row.row.port)
-        return row.row.start if first is None or first >= row.row.start else 0
+        first = self._flow_at.get(row.port)
+        return row.start if first is None or first >= row.start else 0
 
     def _verdict(self, batch: Batch, place: int, row: Seen) -> Verdict | None:
         """What happened to a row; None where it is noise that nothing ties to a frame."""
@@ -106,7 +130,7 @@ class Examiner:
             return None
         if row.row.errors:
             return self._explains(pending, None)
-        verdict = _told(_autopsy(row.captured, role, request, known, units, self._flow_free(row), revision()))
+        verdict = _told(_autopsy(row.captured, role, request, known, units, self._flow_free(row.row), revision()))
         if not row.is_frame and (verdict.code == "crc-error" or verdict.certainty < _SURE):
             like = _request_like(row.captured, known) if request is None else row.captured[:2] == request[:2]
             return self._explains(pending, Verdict("crc-error", 0.0, 1.0)) if like else None
@@ -118,6 +142,8 @@ class Examiner:
         size = len(row.captured)
         if before is None or not before.row.check or size < _TWICE or not row.row.gap_before < _HARD_NS:
             return None
+        if before.row.kind == Kind.REQUEST and row.row.gap_before == NO_GAP and size >= len(before.captured) - 1:
+            return None  # rather its echo, which lost its first byte
         if size > len(before.captured) or not before.captured.endswith(row.captured):
             return None
         if _GLITCHES.issuperset(row.captured):
@@ -128,7 +154,9 @@ class Examiner:
     def _explains(self, pending: Seen | None, verdict: Verdict | None) -> Verdict | None:
         """The verdict on what is, or was, the answer to a request."""
         if pending is not None:
-            self._explained.append(pending.row.index)
+            self.explained[pending.row.index] = None
+            if len(self.explained) > _KEPT:
+                del self.explained[next(iter(self.explained))]
         return verdict
 
     def _said_before(self, batch: Batch, place: int) -> tuple[Seen | None, frozenset[bytes], frozenset[int]]:
@@ -149,11 +177,13 @@ class Examiner:
         return pending, frozenset(known), frozenset(units)
 
 
-def _suspects(rows: Rows) -> NDArray[np.intp]:
-    """Rows that need an autopsy: damaged frames in RTU mode, and noise that is long enough."""
-    noise = (rows["kind"] == Kind.NOISE) & (rows["length"] <= _MOST)
-    wrong = (rows["kind"] != Kind.NOISE) & ~rows["check"]
-    return np.flatnonzero((noise | wrong) & (rows["protocol"] == Protocol.RTU))
+def _suspects(view: View) -> list[int]:
+    """Rows that need an autopsy: damaged frames in RTU mode, and noise that is not too long."""
+    noise = view.noise[view.column("length")[view.noise] <= _MOST] if len(view.noise) else view.noise
+    if not len(noise) and not len(view.damaged):
+        return []
+    protocol = view.column("protocol")
+    return [row for row in sorted([*noise.tolist(), *view.damaged.tolist()]) if protocol[row] == Protocol.RTU]
 
 
 def _soon(row: Seen, pending: Seen) -> bool:

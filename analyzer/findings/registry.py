@@ -6,7 +6,7 @@ A module of `analyzer.findings.rules` holds declarations and looks; nothing list
 
     @looks_for(SILENT_UNIT)
     def silent_unit(view: View) -> Iterator[Findings]:
-        yield SILENT_UNIT.on(view.rows[suspicious], view.rows["unit"][suspicious])
+        yield SILENT_UNIT.on(view.rows[suspicious], view.column("unit")[suspicious])
 
 A look is called with each `View` in turn. One that remembers is a class without arguments, made anew for each diagnosis
 and called the same way; it may have `close(view)` for what only the end shows, and `open_from`, the index of the first

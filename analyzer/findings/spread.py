@@ -25,10 +25,20 @@ class Spread:
         """How many values there are, old ones that faded counted less."""
         return float(self._counts.sum())
 
+    @staticmethod
+    def bins(values: NDArray[Any]) -> NDArray[np.intp]:
+        """Where values are counted; negative ones as 0."""
+        places = np.log2(np.maximum(values, 0).astype(np.float64) + 1.0) * _STEPS
+        bins: NDArray[np.intp] = np.minimum(places, _BINS - 1).astype(np.intp)
+        return bins
+
     def add(self, values: NDArray[Any]) -> None:
-        """Count values in; negative ones as 0."""
-        bins = np.log2(np.maximum(values, 0).astype(np.float64) + 1.0) * _STEPS
-        self._counts += np.bincount(np.minimum(bins, _BINS - 1).astype(np.intp), minlength=_BINS)
+        """Count values in."""
+        self.count(self.bins(values))
+
+    def count(self, bins: NDArray[np.intp]) -> None:
+        """Count values in, given by their `bins`."""
+        self._counts += np.bincount(bins, minlength=_BINS)
 
     def fade(self) -> None:
         """Let all values so far count half."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,19 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 
 from ..deframing.options import Options
-from ..deframing.rules import field
+from ..deframing.rules import field as number_at
 from ..frames import Batch, Kind, Rows, adu_of
 from .autopsy import Part
 from .clock import Clock
+from .trail import Trail
+
+_NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
+
+
+def where(mask: NDArray[Any]) -> NDArray[np.intp]:
+    """Places where a column is true or not 0: `np.flatnonzero` without its detours, which small batches feel."""
+    places: NDArray[np.intp] = mask.nonzero()[0]
+    return places
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,11 +35,6 @@ class Plain:
     data: NDArray[np.uint8]
     at: NDArray[np.int64]
     length: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, batch: Batch) -> Plain:
-        """Of a batch in RTU mode: its own bytes."""
-        return cls(batch.data, batch.rows["at"], batch.rows["length"])
 
 
 def _decoded(batch: Batch) -> Plain:
@@ -43,9 +48,13 @@ def _decoded(batch: Batch) -> Plain:
     return Plain(np.frombuffer(b"".join(parts), np.uint8), np.cumsum(length) - length, length)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class View:
-    """One batch, seen by the rules; the columns that several rules need are made once."""
+    """One batch, seen by the rules; what several rules need is made once, when the first one asks.
+
+    A row is wide and most rules look at few columns of it: `column` gives one by itself, and the properties tell which
+    rows may concern a rule at all.
+    """
 
     batch: Batch
     transactions: Rows  # TRANSACTION, settled by this batch
@@ -53,55 +62,121 @@ class View:
     options: Options
     timed: bool  # whether the capture has times
     clock: Clock
-    verdicts: Mapping[int, Sequence[Part]]  # what happened to damaged rows, by row
+    trail: Trail  # the rows before this batch
     explained: Collection[int]  # requests (by index) whose answer came damaged
     now: int  # ns, end of the newest row
+    verdicts: dict[int, Sequence[Part]] = field(default_factory=dict)  # what happened to damaged rows, by row
+    _columns: dict[str, NDArray[Any]] = field(default_factory=dict)
+    _settled: dict[str, NDArray[Any]] = field(default_factory=dict)
+    _numbers: dict[tuple[int, int], NDArray[np.int64]] = field(default_factory=dict)
 
     @property
     def rows(self) -> Rows:
         return self.batch.rows
 
+    def column(self, name: str) -> NDArray[Any]:
+        """A column of the rows, its values side by side."""
+        if name not in self._columns:
+            self._columns[name] = np.ascontiguousarray(self.batch.rows[name])
+        return self._columns[name]
+
+    def settled(self, name: str) -> NDArray[Any]:
+        """A column of the transactions in the same way."""
+        if name not in self._settled:
+            self._settled[name] = np.ascontiguousarray(self.transactions[name])
+        return self._settled[name]
+
     @cached_property
     def plain(self) -> Plain:
         """The bytes of the frames as unit, PDU and two bytes more, whatever their envelope."""
-        return _decoded(self.batch) if self.rows["protocol"].any() else Plain.of(self.batch)
+        if self.column("protocol").any():
+            return _decoded(self.batch)
+        return Plain(self.batch.data, self.column("at"), self.column("length"))
 
     @property
     def data(self) -> NDArray[np.uint8]:
         """The bytes that `pdu` points into."""
         return self.plain.data
 
-    @cached_property
+    @property
     def kind(self) -> NDArray[np.uint8]:
         """Kind of each row."""
-        return np.ascontiguousarray(self.rows["kind"])
+        return self.column("kind")
+
+    @cached_property
+    def ports(self) -> list[int]:
+        """Ports that rows came from."""
+        ports: list[int] = where(np.bincount(self.column("port"))).tolist()
+        return ports
 
     @cached_property
     def frames(self) -> NDArray[np.intp]:
         """Rows that are frames."""
-        return np.flatnonzero(self.kind != Kind.NOISE)
+        return where(self.kind)
 
     @cached_property
-    def good(self) -> NDArray[np.intp]:
-        """Rows that are frames with a right check value."""
-        return np.flatnonzero((self.kind != Kind.NOISE) & self.rows["check"])
+    def noise(self) -> NDArray[np.intp]:
+        """Rows that are not."""
+        return where(self.kind == _NOISE)
+
+    @cached_property
+    def damaged(self) -> NDArray[np.intp]:
+        """Rows that are frames with a wrong check value."""
+        return where((self.kind != _NOISE) & ~self.column("check"))
 
     @cached_property
     def requests(self) -> NDArray[np.intp]:
-        """Of those the requests."""
-        asks: NDArray[np.intp] = self.good[self.kind[self.good] == Kind.REQUEST]
-        return asks
-
-    @cached_property
-    def requested(self) -> NDArray[np.uint8]:
-        """Their function codes as they were sent."""
-        return self.function_bytes(self.requests)
+        """Rows that are requests with a right check value."""
+        return where((self.kind == _REQUEST) & self.column("check"))
 
     @cached_property
     def responses(self) -> NDArray[np.intp]:
-        """And the responses."""
-        answers: NDArray[np.intp] = self.good[self.kind[self.good] == Kind.RESPONSE]
-        return answers
+        """And responses."""
+        return where((self.kind == _RESPONSE) & self.column("check"))
+
+    @cached_property
+    def strays(self) -> NDArray[np.intp]:
+        """Of those the ones that answer no request."""
+        return self.responses[self.column("request")[self.responses] < 0]
+
+    @cached_property
+    def to_all(self) -> NDArray[np.intp]:
+        """Rows that are frames of unit 0, the broadcast's."""
+        return where((self.kind != _NOISE) & (self.column("unit") == 0))
+
+    @cached_property
+    def requested(self) -> NDArray[np.uint8]:
+        """The function codes of the requests as they were sent."""
+        return self.data.take(self._asked_at)
+
+    @cached_property
+    def asked_functions(self) -> list[int]:
+        """Each of them once, in order."""
+        codes: list[int] = where(np.bincount(self.requested)).tolist()
+        return codes
+
+    @cached_property
+    def _asked_at(self) -> NDArray[np.intp]:
+        return self.pdu(self.requests)
+
+    @cached_property
+    def _asked_length(self) -> NDArray[np.int64]:
+        length: NDArray[np.int64] = self.plain.length[self.requests] - 3
+        return length
+
+    def numbers(self, offset: int, width: int) -> NDArray[np.int64]:
+        """The number of 1 or 2 bytes at a PDU offset of each of the `requests`; -1 where one does not reach so far."""
+        if (offset, width) not in self._numbers:
+            at, short = self._asked_at + offset, where(self._asked_length < offset + width)
+            at[short] = 0
+            self._numbers[offset, width] = found = number_at(self.data, at, width)
+            found[short] = -1
+        return self._numbers[offset, width]
+
+    def right(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Those of these rows whose check value is right."""
+        found: NDArray[np.intp] = places[self.column("check")[places]] if len(places) else places
+        return found
 
     def bytes_of(self, row: int) -> bytes:
         """The captured bytes of a row."""
@@ -130,21 +205,20 @@ class View:
         """The two-byte number at a PDU offset of the requests that these rows answer; -1 where it is not known."""
         asked = np.full(len(answers), -1, np.int64)
         places = self.request_rows(answers)
-        here = np.flatnonzero(places >= 0)
+        here = where(places >= 0)
         here = here[self.reaches(places[here], offset + 2)]
-        asked[here] = field(self.data, self.pdu(places[here]) + offset, 2)
-        for i in np.flatnonzero(places < 0).tolist():
-            captured = self.batch.request_of(int(answers[i]), int(self.rows["request"][answers[i]]))
-            pdu = b"" if captured is None else adu_of(captured, int(self.rows["protocol"][answers[i]])).pdu
+        asked[here] = number_at(self.data, self.pdu(places[here]) + offset, 2)
+        for i in where(places < 0).tolist():
+            captured = self.batch.request_of(int(answers[i]), int(self.column("request")[answers[i]]))
+            pdu = b"" if captured is None else adu_of(captured, int(self.column("protocol")[answers[i]])).pdu
             if len(pdu) >= offset + 2:
                 asked[i] = int.from_bytes(pdu[offset : offset + 2], "big")
         return asked
 
     def request_rows(self, answers: NDArray[np.intp]) -> NDArray[np.intp]:
         """The rows of this batch that these rows answer; -1 where the request lies in an earlier batch."""
-        frames = self.frames
-        first = int(self.rows["index"][frames[0]]) if len(frames) else 0
-        number = self.rows["request"][answers] - first
-        inside = (number >= 0) & (self.rows["request"][answers] >= 0)
-        places: NDArray[np.intp] = np.where(inside, frames.take(np.where(inside, number, 0)), -1)
+        frames, requests = self.frames, self.column("request")[answers]
+        first = int(self.column("index")[frames[0]]) if len(frames) else 0
+        inside = requests >= first  # and so not -1
+        places: NDArray[np.intp] = np.where(inside, frames.take(np.where(inside, requests - first, 0)), -1)
         return places

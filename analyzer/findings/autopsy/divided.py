@@ -23,7 +23,10 @@ _LOST: Final = 3
 
 
 class Part(NamedTuple):
-    """One of the frames: where it begins in the stretch, how many bytes of it there are, what happened to it."""
+    """One of the frames: where it begins in the stretch, how many bytes of it there are, what happened to it.
+
+    `start` is negative where the stretch is but the rest of a frame that began in the row before.
+    """
 
     start: int
     length: int

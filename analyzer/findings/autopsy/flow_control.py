@@ -21,6 +21,7 @@ from .verdict import Place, Verdict
 XON_XOFF: Final = frozenset((0x11, 0x13))
 _PRIOR: Final = -4.0
 _SEEN: Final = -16.0  # bits: this port does let them through
+_NONE_YET: Final = 1.5  # bits: it has not let one through so far
 _A_BYTE: Final = 0.0085  # bits that each byte says which is neither: one in 170 should be
 _MOST: Final = 10.0  # bits that their absence is worth
 _ENOUGH: Final = 400  # bytes, to go by their absence alone
@@ -37,7 +38,7 @@ def swallowed(case: Case) -> Iterator[Verdict]:
         return
     prior = _PRIOR
     if case.flow_free is not None:
-        prior += min(_A_BYTE * case.flow_free, _MOST) if case.flow_free else _SEEN
+        prior += min(_NONE_YET + _A_BYTE * case.flow_free, _MOST) if case.flow_free else _SEEN
     fits = [fit for lost, reach in _REACH.items() if len(case.data) <= reach for fit in _solved(case, lost)]
     if fits:
         best = max(fits)
@@ -86,7 +87,8 @@ def _supposed(case: Case, prior: float) -> Iterator[Verdict]:
             return
         length, bits = predicted + OVERHEAD, 0.0
     lost = length - len(data)
-    if 1 <= lost <= min(_MOST_LOST, length // 4):
+    searched = len(data) <= _REACH.get(lost, 0)  # and no place found for them
+    if 1 <= lost <= min(_MOST_LOST, length // 4) and not searched:
         yield Verdict(
             "flow-control-loss", prior + bits + log2(comb(length, lost)) - _RARE * lost, length=length, lost=lost
         )

@@ -7,8 +7,9 @@ master repeats itself or goes on so soon.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Final
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,18 +17,20 @@ from numpy.typing import NDArray
 from dissectors.lengths import Echo, relations
 
 from ...frames import Rows
+from ...records import joined, picked
 from ...transactions import NEVER, TRANSACTION, Status
 from ..clock import FIRST, UNKNOWN
 from ..examiner import HASTE_NS
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
-from ..view import View
+from ..view import View, where
 from .strangers import BROADCAST_ANSWERED, MISMATCH
 
 _STRAY: Final = 4  # bytes that may have been an answer
 _ECHO_NS: Final = 5_000_000
 _SURE_ECHOES: Final = 3
 _ECHOING: Final = 0.3  # of all requests
+_ANSWERED, _UNANSWERED, _DAMAGED = int(Status.ANSWERED), int(Status.UNANSWERED), int(Status.DAMAGED)
 
 
 def _silent(numbers: Mapping[str, float]) -> str:
@@ -95,22 +98,63 @@ ECHO: Final = Rule(
 )
 
 
-@looks_for(NO_RESPONSE, RETRY, LATE, ECHO, MISMATCH, BROADCAST_ANSWERED)
+class _Asked(NamedTuple):
+    """A transaction's columns (TRANSACTION), and how many came before it."""
+
+    request: int
+    response: int
+    start: int
+    length: int
+    response_start: int
+    response_length: int
+    t_start: int
+    t_request: int
+    t_response: int
+    response_ns: int
+    t_next: int
+    garbage: int
+    unit: int
+    function: int
+    exception: int
+    status: int
+    retry: bool
+    late: bool
+    port: int
+    number: int
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        return self.unit, self.function, self.length, self.port
+
+
+_RULES: Final = (NO_RESPONSE, RETRY, LATE, ECHO, MISMATCH, BROADCAST_ANSWERED)
+
+
+@looks_for(*_RULES)
 class Outcomes:
-    """Transactions in order; the newest waits for the one that comes after it."""
+    """Transactions in order; the newest waits for the one that comes after it.
+
+    Nearly all went well: of these only those beside an odd one are looked at.
+    """
 
     def __init__(self) -> None:
-        self._held: Rows = np.zeros(0, TRANSACTION)
+        self._held: Rows = np.zeros(0, TRANSACTION)  # odd ones, their neighbours, and the newest
+        self._numbers: NDArray[np.int64] = np.zeros(0, np.int64)  # and how many came before each
         self._judged = 0  # of them, 1 once there is one
-        self._echoes = self._requests = 0  # so far; of the first ones, before any is judged
-        self._answering: set[int] = set()  # units that have answered
+        self._odd = -1  # the number of the newest odd one
+        self._requests = 0  # so far
+        self._first_ones = 0  # of them, among the first frames: what those show counts for them, too
+        self._echoes = 0  # requests that were answered when they came a second time, as far as all are judged
+        self._echoes_at: list[int] = []  # the numbers of further ones
+        self._answering: dict[int, int] = {}  # units, and the number of the first request that each answered
 
     @property
     def open_from(self) -> int | None:
         return int(self._held["request"][self._judged]) if len(self._held) > self._judged else None
 
     def __call__(self, view: View) -> Iterator[Findings]:
-        self._held = np.concatenate((self._held, view.transactions))
+        if len(view.transactions):
+            self._take(view)
         if view.clock.known and len(self._held) and self._held["request"][-1] >= FIRST:
             yield from self._go_on(view, len(self._held) - 1)
 
@@ -118,162 +162,164 @@ class Outcomes:
         """No transaction comes after the newest."""
         yield from self._go_on(view, len(self._held))
 
+    def _take(self, view: View) -> None:
+        """Count new transactions, and hold those that may have to be looked at."""
+        status, again, units = view.settled("status"), view.settled("retry"), view.settled("unit")
+        odd = where((status == _UNANSWERED) | again | view.settled("late"))
+        if len(odd):
+            self._odd = self._requests + int(odd[-1])
+        near = np.zeros(len(status) + 2, np.bool_)  # one before and one behind them
+        near[odd] = near[odd + 1] = near[odd + 2] = True
+        near[[1, -3, -2]] = True
+        kept = where(near[1:-1])
+        if self._first_ones == self._requests:
+            self._first_ones += int(view.settled("request").searchsorted(FIRST))
+        self._echoes_at += [self._requests + i for i in odd.tolist() if again[i] and status[i] != _UNANSWERED]
+        answered = status == _ANSWERED
+        for unit in where(np.bincount(units[answered])).tolist():
+            if unit not in self._answering:
+                self._answering[unit] = self._requests + int(np.argmax(answered & (units == unit)))
+        self._held = joined((self._held, picked(view.transactions, kept)))
+        self._numbers = np.concatenate((self._numbers, kept + self._requests))
+        self._requests += len(status)
+
     def _go_on(self, view: View, upto: int) -> Iterator[Findings]:
         """Judge those held, up to one, and keep the newest of them beside what is left."""
-        known, first = self._held, self._judged
-        if not self._requests:  # what the first frames show counts for them, too
-            self._count(known, 0, int(np.searchsorted(known["request"], FIRST)))
-        if upto > first:
-            yield from self._judge(view, known, first, upto)
-            self._held, self._judged = known[upto - 1 :].copy(), 1
+        if upto <= self._judged:
+            return
+        if self._odd >= self._numbers[self._judged]:
+            yield from self._judge(view, self._judged, upto)
+        done = bisect_left(self._echoes_at, int(self._numbers[upto - 1]))
+        self._echoes += done
+        del self._echoes_at[:done]
+        self._held, self._numbers, self._judged = self._held[upto - 1 :], self._numbers[upto - 1 :], 1
 
-    def _judge(self, view: View, known: Rows, first: int, last: int) -> Iterator[Findings]:
-        """Say what is to be said of transactions first to last (excluded); their neighbours are looked at, too."""
-        late = np.flatnonzero(known["late"][first:last] & (known["response"][first:last] >= 0)) + first
-        if len(late):
-            clocked = [view.clock.verdict(index).wait_ns < UNKNOWN for index in known["response"][late].tolist()]
-            yield _late(known[late], np.array(clocked) & view.timed)
-        silent_ones = known["status"][first:last] == Status.UNANSWERED
-        odd = np.flatnonzero(silent_ones | known["retry"][first:last]) + first
-        found: dict[Rule, list[int]] = {rule: [] for rule in (NO_RESPONSE, RETRY, MISMATCH, BROADCAST_ANSWERED, ECHO)}
-        for i in odd.tolist():
-            self._count(known, first, i)
-            first = i
-            quick = view.timed and view.clock.verdict(int(known["request"][i])).wait_ns < HASTE_NS / 2
+    def _judge(self, view: View, first: int, upto: int) -> Iterator[Findings]:
+        """Say what is to be said of those held from `first` to `upto` (excluded)."""
+        known = [
+            _Asked._make((*row, number))
+            for row, number in zip(self._held.tolist(), self._numbers.tolist(), strict=True)
+        ]
+        found: dict[Rule, list[int]] = {rule: [] for rule in _RULES}
+        for i in range(first, upto):
+            this = known[i]
+            if this.late and this.response >= 0:
+                found[LATE].append(i)
+            if this.status != _UNANSWERED and not this.retry:
+                continue
+            quick = view.timed and view.clock.verdict(this.request).wait_ns < HASTE_NS / 2
             rule = self._outcome(view, known, i, quick=quick)
             if rule is not None:
                 found[rule].append(i)
-            if known["retry"][i] and rule is not ECHO and rule is not BROADCAST_ANSWERED:
+            if this.retry and rule is not ECHO and rule is not BROADCAST_ANSWERED:
                 found[RETRY].append(i)
-        self._count(known, first, last)
         for rule, which in found.items():
             if which:
-                clocked = [view.clock.verdict(index).wait_ns < UNKNOWN for index in known["request"][which].tolist()]
-                timed = np.array(clocked) & view.timed
-                yield _on(rule, known[which], *self._evidence(rule, known, np.array(which), timed))
+                spoken = "response" if rule is LATE else "request"
+                clocked = [view.clock.verdict(index).wait_ns < UNKNOWN for index in self._held[spoken][which].tolist()]
+                yield _said(rule, self._held, np.array(which), np.array(clocked) & view.timed)
 
-    def _count(self, known: Rows, first: int, last: int) -> None:
-        """Count requests, and those that were answered when they came a second time; the first frames only once."""
-        if self._requests:
-            first = max(first, int(np.searchsorted(known["request"][:last], FIRST)))
-        if first < last:
-            status = known["status"][first:last]
-            self._requests += last - first
-            self._echoes += int((known["retry"][first:last] & (status != Status.UNANSWERED)).sum())
-            units = known["unit"][first:last][status == Status.ANSWERED]
-            self._answering.update(np.flatnonzero(np.bincount(units)).tolist())
+    def _echoing(self, number: int) -> bool:
+        """Whether nearly every request before this one came twice: that is the tap's doing."""
+        requests = max(number, self._first_ones)
+        echoes = self._echoes + bisect_left(self._echoes_at, requests)
+        return echoes >= _SURE_ECHOES and echoes >= _ECHOING * requests
 
-    @property
-    def _echoing(self) -> bool:
-        """Whether nearly every request comes twice: that is the tap's doing."""
-        return self._echoes >= _SURE_ECHOES and self._echoes >= _ECHOING * self._requests
-
-    def _outcome(self, view: View, known: Rows, i: int, *, quick: bool) -> Rule | None:
+    def _outcome(self, view: View, known: Sequence[_Asked], i: int, *, quick: bool) -> Rule | None:
         """What became of a request without an answer, or of one that repeats the one before."""
-        hasty = _hasty(known, i - 1, i, quick=quick)
-        if known["retry"][i]:
-            again = _again(known, i - 1, i)
-            soon = not quick or known["t_start"][i] - known["t_request"][i - 1] < HASTE_NS
-            if again and soon and known["unit"][i] == 0:
+        this, before = known[i], known[i - 1] if i else None
+        hasty = _hasty(before, this, quick=quick)
+        if this.retry and before is not None:
+            again = _again(before, this)
+            soon = not quick or this.t_start - before.t_request < HASTE_NS
+            if again and soon and this.unit == 0:
                 return BROADCAST_ANSWERED
-            if (hasty and self._at_once(view, known, i)) or (again and not quick and self._echoing):
+            if (hasty and _at_once(view, before, this)) or (again and not quick and self._echoing(this.number)):
                 return ECHO
-        if known["status"][i] != Status.UNANSWERED:
+        if this.status != _UNANSWERED:
             return None
-        if _answers_broadcast(known, i, quick=quick):
+        if _answers_broadcast(before, this, quick=quick):
             return BROADCAST_ANSWERED
-        differs = hasty if quick else self._differs(known, i - 1, i)
-        if differs and not known["retry"][i] and _echoes(int(known["function"][i])):
+        differs = hasty if quick else self._differs(before, this)
+        if differs and not this.retry and _echoes(this.function):
             return MISMATCH
-        return None if self._excused(view, known, i, quick=quick) else NO_RESPONSE
+        behind = known[i + 1] if i + 1 < len(known) else None
+        return None if self._excused(view, before, this, behind, quick=quick) else NO_RESPONSE
 
-    def _evidence(
-        self, rule: Rule, known: Rows, which: NDArray[np.intp], timed: NDArray[np.bool_]
-    ) -> tuple[object, ...]:
-        """The figures of a rule for some transactions; `timed`: whether their times mean anything."""
-        these, before = known[which], known[np.maximum(which - 1, 0)]
-        if rule is NO_RESPONSE:
-            waited = (these["t_next"] - these["t_request"]) / 1e6
-            return these["unit"], np.where(timed, waited, np.nan), these["function"]
-        if rule is RETRY:
-            failed = (which > 0) & np.isin(before["status"], (Status.UNANSWERED, Status.DAMAGED)) & timed
-            return these["unit"], np.where(failed, (these["t_start"] - before["t_start"]) / 1e6, np.nan)
-        if rule is ECHO:
-            return (np.where(timed, np.maximum(these["t_start"] - before["t_request"], 0) / 1e6, np.nan),)
-        return these["unit"], these["function"]
-
-    def _excused(self, view: View, known: Rows, i: int, *, quick: bool) -> bool:
+    def _excused(self, view: View, before: _Asked | None, this: _Asked, behind: _Asked | None, *, quick: bool) -> bool:
         """Whether something else explains that this request has no answer."""
-        if known["t_next"][i] == NEVER or known["garbage"][i] >= _STRAY or int(known["request"][i]) in view.explained:
+        if this.t_next == NEVER or this.garbage >= _STRAY or this.request in view.explained:
             return True
-        if i + 1 < len(known) and _hasty(known, i, i + 1, quick=quick):
-            following = known[i + 1]
-            if following["retry"]:
-                return self._at_once(view, known, i + 1)  # this one, shown again
-            return bool(following["status"] == Status.UNANSWERED and _echoes(int(following["function"])))
-        if i + 1 < len(known) and self._echoing and known["retry"][i + 1] and _again(known, i, i + 1):
+        if behind is not None and _hasty(this, behind, quick=quick):
+            if behind.retry:
+                return _at_once(view, this, behind)  # this one, shown again
+            return behind.status == _UNANSWERED and _echoes(behind.function)
+        echoing = self._echoing(this.number)
+        if behind is not None and echoing and behind.retry and _again(this, behind):
             return True
-        if i + 1 < len(known) and not quick and self._differs(known, i, i + 1):
-            return _echoes(int(known["function"][i]))
-        return self._shown_twice(known, i)
+        if behind is not None and not quick and self._differs(this, behind):
+            return _echoes(this.function)
+        return echoing and _shown_twice(before, this)
 
-    def _at_once(self, view: View, known: Rows, i: int) -> bool:
-        """Whether a request came right behind the one before, as an echo does."""
-        near = _ECHO_NS + view.clock.verdict(int(known["request"][i])).wait_ns
-        return bool(known["t_start"][i] - known["t_request"][i - 1] < near)
-
-    def _differs(self, known: Rows, i: int, after: int) -> bool:
+    def _differs(self, before: _Asked | None, this: _Asked) -> bool:
         """Whether two unlike requests of one shape in a row, none answered, went to a unit that answers otherwise."""
-        if not _again(known, i, after) or known["retry"][after] or int(known["unit"][after]) not in self._answering:
+        if before is None or not _again(before, this) or this.retry:
             return False
-        return bool(known["status"][i] == Status.UNANSWERED == known["status"][after])
-
-    def _shown_twice(self, known: Rows, i: int) -> bool:
-        """Whether this is a write's true echo, on a bus where the tap's copy of the write was taken for it."""
-        if not self._echoing or i == 0:
+        if self._answering.get(this.unit, self._requests) >= max(this.number, self._first_ones):
             return False
-        before, this = known[i - 1], known[i]
-        same = all(before[name] == this[name] for name in ("unit", "function", "length", "port"))
-        return bool(same and before["response"] == this["request"] - 1 and _echoes(int(this["function"])))
+        return before.status == _UNANSWERED == this.status
 
 
-def _again(known: Rows, i: int, after: int) -> bool:
+def _at_once(view: View, before: _Asked, this: _Asked) -> bool:
+    """Whether a request came right behind the one before, as an echo does."""
+    return this.t_start - before.t_request < _ECHO_NS + view.clock.verdict(this.request).wait_ns
+
+
+def _shown_twice(before: _Asked | None, this: _Asked) -> bool:
+    """Whether this is a write's true echo, on a bus where the tap's copy of the write was taken for it."""
+    same = before is not None and before.shape == this.shape and before.response == this.request - 1
+    return same and _echoes(this.function)
+
+
+def _again(before: _Asked, this: _Asked) -> bool:
     """Whether these are two frames in a row, of one shape."""
-    if i < 0 or known["request"][after] != known["request"][i] + 1:
-        return False
-    return all(known[name][i] == known[name][after] for name in ("unit", "function", "length", "port"))
+    return this.request == before.request + 1 and this.shape == before.shape
 
 
-def _hasty(known: Rows, i: int, after: int, *, quick: bool) -> bool:
+def _hasty(before: _Asked | None, this: _Asked, *, quick: bool) -> bool:
     """Whether a request of the same shape came right behind an unanswered one, sooner than a master gives up."""
-    if i < 0 or not quick:
+    if before is None or not quick or before.status != _UNANSWERED or not _again(before, this):
         return False
-    if known["status"][i] != Status.UNANSWERED or not _again(known, i, after):
-        return False
-    return bool(known["t_start"][after] - known["t_request"][i] < HASTE_NS)
+    return this.t_start - before.t_request < HASTE_NS
 
 
-def _answers_broadcast(known: Rows, i: int, *, quick: bool) -> bool:
+def _answers_broadcast(before: _Asked | None, this: _Asked, *, quick: bool) -> bool:
     """Whether this is the answer of a device to the broadcast before, which reads like a request to that device."""
-    if i == 0 or not quick:
+    if before is None or not quick or before.unit or before.shape[1:] != this.shape[1:]:
         return False
-    before, this = known[i - 1], known[i]
-    same = all(before[name] == this[name] for name in ("function", "length", "port"))
-    soon = this["t_start"] - before["t_request"] < HASTE_NS
-    follows = before["unit"] == 0 and this["request"] == before["request"] + 1
-    return bool(same and soon and follows and _echoes(int(this["function"])))
+    soon = this.t_start - before.t_request < HASTE_NS
+    return soon and this.request == before.request + 1 and _echoes(this.function)
 
 
 def _echoes(function: int) -> bool:
     return any(isinstance(relation, Echo) for relation in relations(function))
 
 
-def _on(rule: Rule, transactions: Rows, *numbers: object) -> Findings:
-    columns = (transactions[name] for name in ("request", "start", "length", "port", "t_start"))
-    return rule.at(*columns, *numbers)
-
-
-def _late(which: Rows, timed: NDArray[np.bool_]) -> Findings:
-    behind = np.where(timed, (which["t_response"] - which["t_request"]) / 1e6, np.nan)
-    columns = (which[name] for name in ("response", "response_start", "response_length", "port", "t_response"))
-    return LATE.at(*columns, which["unit"], behind, which["request"])
+def _said(rule: Rule, held: Rows, which: NDArray[np.intp], timed: NDArray[np.bool_]) -> Findings:
+    """What a rule says of some transactions; `timed`: whether their times mean anything."""
+    these, before = held[which], held[np.maximum(which - 1, 0)]
+    columns = (these[name] for name in ("request", "start", "length", "port", "t_start"))
+    if rule is LATE:
+        columns = (these[name] for name in ("response", "response_start", "response_length", "port", "t_response"))
+        behind = np.where(timed, (these["t_response"] - these["t_request"]) / 1e6, np.nan)
+        return rule.at(*columns, these["unit"], behind, these["request"])
+    if rule is NO_RESPONSE:
+        waited = np.where(timed, (these["t_next"] - these["t_request"]) / 1e6, np.nan)
+        return rule.at(*columns, these["unit"], waited, these["function"])
+    if rule is RETRY:
+        failed = (which > 0) & np.isin(before["status"], (_UNANSWERED, _DAMAGED)) & timed
+        return rule.at(*columns, these["unit"], np.where(failed, (these["t_start"] - before["t_start"]) / 1e6, np.nan))
+    if rule is ECHO:
+        later = np.maximum(these["t_start"] - before["t_request"], 0) / 1e6
+        return rule.at(*columns, np.where(timed, later, np.nan))
+    return rule.at(*columns, these["unit"], these["function"])

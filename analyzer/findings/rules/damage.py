@@ -9,16 +9,15 @@ from collections.abc import Iterator, Mapping
 from math import nan
 from typing import Final
 
-import numpy as np
-
 from dissectors.checks import crc16
 from dissectors.crc_variants import VARIANTS
 
 from ...frames import Rows
 from ..autopsy import Part, Verdict
+from ..examiner import VAGUE
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
-from ..view import View
+from ..view import View, where
 
 _NOISY_LINE: Final = "interference, a missing or doubled termination, a loose screw, or two drivers at once"
 _LINE: Final = "check termination at both ends, shield and common; lower the baud rate to see whether it helps"
@@ -182,23 +181,48 @@ _RULES: Final = {r.code: r for r in (BIT_FLIP, MISSING, EXTRA, TRUNCATED, VARIAN
 
 
 @looks_for(*_RULES.values(), CRC_ERROR, PARITY)
-def damage(view: View) -> Iterator[Findings]:
-    """Damaged frames, and the noise that was one."""
-    rows = view.rows
-    marked = np.flatnonzero(rows["errors"] > 0)
-    if len(marked):
-        yield PARITY.on(rows[marked], rows["errors"][marked], rows["length"][marked])
-    for place, parts in view.verdicts.items():
-        for part in parts:
-            yield from _told(view, place, part)
+class Damage:
+    """Damaged frames, and the noise that was one; what is vague about the last row waits for the one behind it."""
+
+    def __init__(self) -> None:
+        self._waiting: list[Findings] = []
+
+    @property
+    def open_from(self) -> int | None:
+        return int(self._waiting[0]["index"][0]) if self._waiting else None
+
+    def __call__(self, view: View) -> Iterator[Findings]:
+        rows = view.rows
+        if not len(rows):
+            return
+        marked = where(view.column("errors"))
+        if len(marked):
+            yield PARITY.on(rows[marked], rows["errors"][marked], rows["length"][marked])
+        waiting, self._waiting = self._waiting, []
+        if 0 not in view.verdicts or view.verdicts[0][0].start >= 0:  # else its rest was still to come
+            yield from waiting
+        for place, parts in view.verdicts.items():
+            told = [found for part in parts for found in _told(view, place, part)]
+            if place == len(rows) - 1 and rows["kind"][place] and parts[0].verdict.code in VAGUE:
+                self._waiting = told
+            else:
+                yield from told
+
+    def close(self, view: View) -> Iterator[Findings]:  # noqa: ARG002 - a look's signature
+        """Nothing comes behind the last row."""
+        yield from self._waiting
 
 
 def _told(view: View, place: int, part: Part) -> Iterator[Findings]:
-    """The finding of one part of a row."""
-    here, verdict = view.rows[place : place + 1].copy(), part.verdict
+    """The finding of one part of a row, or of a row and the one before it."""
+    here, data, verdict = view.rows[place : place + 1].copy(), view.bytes_of(place), part.verdict
     if here["errors"][0]:
         return
-    data = view.bytes_of(place)[part.start : part.start + part.length]
+    if part.start < 0:
+        before = next(view.trail.back(view.batch, place))
+        here["index"], here["t_start"] = before.row.index, before.row.t_start
+        data = (before.captured + data)[before.row.length + part.start :]
+    data = data[max(part.start, 0) :][: part.length]
     here["start"] += part.start
     here["length"] = part.length
     if verdict.code == REPEATED.code and verdict.repaired and verdict.length == len(data):

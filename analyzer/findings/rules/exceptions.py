@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-import numpy as np
-
 from dissectors.functions import exception_meaning, exception_name, function_name
 
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
-from ..view import View
+from ..view import View, where
 
 # What devices really mean by a code: (likely cause, remedy).
 _USES: Final[Mapping[int, tuple[str, str]]] = {
@@ -65,6 +63,7 @@ EXCEPTION: Final = Rule(
 @looks_for(EXCEPTION)
 def exceptions(view: View) -> Iterator[Findings]:
     """Every exception answer with a right check value."""
-    raised = view.rows[np.flatnonzero((view.rows["exception"] > 0) & view.rows["check"])]
+    raised = view.right(where(view.column("exception")))
     if len(raised):
-        yield EXCEPTION.on(raised, raised["exception"], raised["function"], raised["unit"])
+        rows = view.rows[raised]
+        yield EXCEPTION.on(rows, rows["exception"], rows["function"], rows["unit"])

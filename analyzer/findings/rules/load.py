@@ -5,24 +5,26 @@ Said at the end, of all that was seen. Times count only as far as the tap's cloc
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
+from functools import cache
 from statistics import median
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dissectors.functions import function_name
-from dissectors.lengths import Asked, Role, layout, relations, rule
+from dissectors.lengths import RULES, Asked, Role, layout, relations, revision, rule
 from dissectors.limits import Bound
 
-from ...deframing.rules import field
 from ...frames import Kind
 from ..clock import UNKNOWN
 from ..model import Findings, Severity
+from ..pending import Pending
 from ..registry import About, Rule, looks_for
 from ..spread import Spread
-from ..view import View
+from ..view import View, where
 
 _ANSWERS: Final = 10  # of a unit, from which its times are compared
 _TIMES_SLOWER: Final = 4.0
@@ -31,6 +33,7 @@ _EARLY: Final = 64  # answers that are a unit's past
 _RECENT: Final = 512  # and of late, after which older ones count half
 _POLLS: Final = 4096  # distinct ones remembered
 _ROUNDS: Final = 5  # a poll that came so often recurs
+_AT_ONCE: Final = 8192  # polls, or response times, that are counted in one pass
 _ALIKE: Final = 2.0  # and as often as the one beside it
 _MOST: Final = 8  # findings of one kind
 _LOADED: Final = 0.6
@@ -88,32 +91,45 @@ class Pace:
         self._all: dict[int, Spread] = {}
         self._early: dict[int, Spread] = {}
         self._late: dict[int, Spread] = {}
+        self._waiting = Pending()  # units and response times
 
     def __call__(self, view: View) -> Iterator[Findings]:
-        measured = view.transactions[(view.transactions["response_ns"] >= 0) & ~view.transactions["late"]]
-        for unit in np.flatnonzero(np.bincount(measured["unit"])).tolist():
-            times = measured["response_ns"][measured["unit"] == unit]
-            self._all.setdefault(unit, Spread()).add(times)
-            early = self._early.setdefault(unit, Spread())
-            first = max(0, _EARLY - len(early))
-            early.add(times[:first])
-            self._recent(unit, times[first:])
+        if len(view.transactions):
+            measured = where((view.settled("response_ns") >= 0) & ~view.settled("late"))
+            self._waiting.add(view.settled("unit")[measured], view.settled("response_ns")[measured])
+            if len(self._waiting) >= _AT_ONCE:
+                self._count()
         return iter(())
 
-    def _recent(self, unit: int, times: np.ndarray) -> None:
+    def _count(self) -> None:
+        """Count in what waits."""
+        if not len(self._waiting):
+            return
+        units, times = self._waiting.take()
+        bins = Spread.bins(times)
+        for unit in where(np.bincount(units)).tolist():
+            own = bins[units == unit]
+            self._all.setdefault(unit, Spread()).count(own)
+            early = self._early.setdefault(unit, Spread())
+            first = max(0, _EARLY - len(early))
+            early.count(own[:first])
+            self._recent(unit, own[first:])
+
+    def _recent(self, unit: int, bins: NDArray[np.intp]) -> None:
         """Count in times that fade as others come, in steps that do not hang on the batches."""
         late = self._late.setdefault(unit, Spread())
-        done = len(self._all[unit]) - len(times)
-        while len(times):
+        done = len(self._all[unit]) - len(bins)
+        while len(bins):
             room = _RECENT - done % _RECENT
-            late.add(times[:room])
-            done += len(times[:room])
-            times = times[room:]
+            late.count(bins[:room])
+            done += len(bins[:room])
+            bins = bins[room:]
             if done % _RECENT == 0:
                 late.fade()
 
     def close(self, view: View) -> Iterator[Findings]:
         """Units that stand out."""
+        self._count()
         off = view.clock.newest().wait_ns
         medians = {unit: spread.quantile(0.5) or 0.0 for unit, spread in self._all.items() if len(spread) >= _ANSWERS}
         for unit, own in sorted(medians.items()):
@@ -138,29 +154,34 @@ class Polls:
 
     def __init__(self) -> None:
         self._count: Counter[tuple[int, int, int, int]] = Counter()
+        self._waiting: defaultdict[tuple[int, int], Pending] = defaultdict(Pending)
 
     def __call__(self, view: View) -> Iterator[Findings]:
-        rows = view.rows
-        for code in np.flatnonzero(np.bincount(view.requested, minlength=256)).tolist():
-            places = layout(code, Role.REQUEST)
-            if not any(isinstance(r, Asked) for r in relations(code)) or set(places) != {
-                "starting_address",
-                "quantity",
-            }:
-                continue
-            here = view.requests[view.requested == code]
-            here = here[view.reaches(here, places["quantity"][0] + 2)]
-            address = field(view.data, view.pdu(here) + places["starting_address"][0], 2)
-            quantity = field(view.data, view.pdu(here) + places["quantity"][0], 2)
-            keys = (rows["unit"][here].astype(np.int64) << 32) | (address << 16) | quantity
-            for key, count in zip(*(part.tolist() for part in np.unique(keys, return_counts=True)), strict=True):
-                poll = (key >> 32, code, key >> 16 & 0xFFFF, key & 0xFFFF)
-                if poll in self._count or len(self._count) < _POLLS:
-                    self._count[poll] += count
+        for (address, quantity), functions in _places(revision()).items():
+            if not functions.isdisjoint(view.asked_functions):
+                waiting = self._waiting[address, quantity]
+                units = view.column("unit")[view.requests]
+                waiting.add(units, view.requested, view.numbers(address, 2), view.numbers(quantity, 2))
+                if len(waiting) >= _AT_ONCE:
+                    self._add(waiting, functions)
         return iter(())
+
+    def _add(self, waiting: Pending, functions: set[int]) -> None:
+        """Count in what waits, of these functions."""
+        if not len(waiting):
+            return
+        units, codes, addresses, quantities = waiting.take()
+        here = where(np.isin(codes, list(functions)) & (addresses >= 0) & (quantities >= 0))
+        keys = (units.astype(np.int64) << 40 | codes.astype(np.int64) << 32 | addresses << 16 | quantities)[here]
+        for key, count in zip(*(part.tolist() for part in np.unique(keys, return_counts=True)), strict=True):
+            poll = (key >> 40, key >> 32 & 0xFF, key >> 16 & 0xFFFF, key & 0xFFFF)
+            if poll in self._count or len(self._count) < _POLLS:
+                self._count[poll] += count
 
     def close(self, view: View) -> Iterator[Findings]:
         """Blocks of polls that one could do."""
+        for at, functions in _places(revision()).items():
+            self._add(self._waiting[at], functions)
         found = []
         for (unit, code), polls in self._recurring().items():
             most = next(check.high for check in _bounds(code))
@@ -179,6 +200,19 @@ class Polls:
             if count >= _ROUNDS and quantity:
                 recurring.setdefault((unit, code), []).append((address, quantity, count))
         return recurring
+
+
+@cache
+def _places(_revision: int) -> Mapping[tuple[int, int], set[int]]:
+    """Where requests that read, and do nothing else, have address and quantity: which functions have them so."""
+    found: defaultdict[tuple[int, int], set[int]] = defaultdict(set)
+    for code, role in RULES:
+        places = layout(code, role)
+        if role is not Role.REQUEST or set(places) != {"starting_address", "quantity"}:
+            continue
+        if any(isinstance(relation, Asked) for relation in relations(code)):
+            found[places["starting_address"][0], places["quantity"][0]].add(code)
+    return found
 
 
 def _bounds(code: int) -> list[Bound]:
@@ -217,24 +251,31 @@ class Busy:
         self._octets = self._paused = self._requests = 0
         self._first: int | None = None
         self._last = 0
-        self._quiet_from = -1  # end of the newest row, if the master may go on after it
+        self._waiting = Pending()  # kinds, starts and ends
 
     def __call__(self, view: View) -> Iterator[Findings]:
-        rows = view.rows
-        if len(rows) and view.timed:
-            ends = np.append(self._quiet_from, rows["t_end"])
-            answered = np.append(self._quiet_from >= 0, view.kind == Kind.RESPONSE)
-            asks = np.flatnonzero((view.kind == Kind.REQUEST) & answered[:-1])
-            self._paused += int(np.maximum(rows["t_start"][asks] - ends[asks], 0).sum())
-            self._requests += len(asks)
-            self._octets += int(rows["length"].sum())
-            self._first = int(rows["t_start"][0]) if self._first is None else self._first
-            self._last = int(rows["t_end"][-1])
-            self._quiet_from = self._last if view.kind[-1] == Kind.RESPONSE else -1
+        if len(view.rows) and view.timed:
+            starts, ends = view.column("t_start"), view.column("t_end")
+            self._waiting.add(view.kind, starts, ends)
+            self._octets += len(view.batch.data)
+            self._first = int(starts[0]) if self._first is None else self._first
+            self._last = int(ends[-1])
+            if len(self._waiting) >= _AT_ONCE:
+                self._count()
         return iter(())
+
+    def _count(self) -> None:
+        """Count in the pauses between what waits; its last row waits for the next one."""
+        if len(self._waiting):
+            kind, starts, ends = self._waiting.take()
+            asks = where((kind[1:] == Kind.REQUEST) & (kind[:-1] == Kind.RESPONSE))
+            self._paused += int(np.maximum(starts[asks + 1] - ends[asks], 0).sum())
+            self._requests += len(asks)
+            self._waiting.add(*(column[-1:].copy() for column in (kind, starts, ends)))
 
     def close(self, view: View) -> Iterator[Findings]:
         """Whether the line is full."""
+        self._count()
         span = self._last - (self._first or 0)
         if not view.line.baud or span < _SPAN_NS or self._requests < _REQUESTS:
             return

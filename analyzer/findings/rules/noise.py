@@ -86,8 +86,7 @@ class Noise:
     """Rows in turn; a stretch at the end waits for the next one."""
 
     def __init__(self) -> None:
-        self._before = np.zeros(1, ROW)
-        self._said_before = False  # that row was noise, and is explained otherwise
+        self._said_before = False  # the row before was noise, and is explained otherwise
         self._waiting: _Stretch | None = None
         self._frames = 0
 
@@ -102,12 +101,11 @@ class Noise:
         if self._waiting is not None:
             yield from self._judge(view, self._waiting, rows[:1], explained=0 in view.verdicts)
             self._waiting = None
-        noise = (rows["kind"] == Kind.NOISE) & (rows["errors"] == 0)
         first = int(view.frames[0]) if len(view.frames) else len(rows)
-        for place in np.flatnonzero(noise).tolist():
-            if place in view.verdicts:
+        for place in view.noise.tolist():
+            if place in view.verdicts or rows["errors"][place]:
                 continue
-            before = rows[place - 1 : place] if place else self._before
+            before = rows[place - 1 : place] if place else view.trail.newest
             told = place - 1 in view.verdicts and before["kind"][0] == Kind.NOISE if place else self._said_before
             if told and _hard(rows["gap_before"][place], view):
                 continue
@@ -117,10 +115,9 @@ class Noise:
                 yield from self._judge(view, stretch, rows[place + 1 : place + 2], explained=place + 1 in view.verdicts)
             else:
                 self._waiting = stretch._replace(row=stretch.row.copy(), before=stretch.before.copy())
-        self._before = rows[-1:].copy()
         self._said_before = len(rows) - 1 in view.verdicts and bool(rows["kind"][-1] == Kind.NOISE)
-        indices = rows["index"]
-        self._frames = max(self._frames, int(indices.max()) + 1)
+        if len(view.frames):
+            self._frames = int(rows["index"][view.frames[-1]]) + 1
 
     def close(self, view: View) -> Iterator[Findings]:
         """Nothing comes after the last stretch."""

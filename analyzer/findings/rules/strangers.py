@@ -14,7 +14,7 @@ from dissectors.registry import function_class
 from ...frames import Kind, adu_of
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
-from ..trail import Seen, Trail
+from ..trail import Seen
 from ..view import View
 
 _GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
@@ -82,8 +82,8 @@ BROADCAST_READ: Final = Rule(
 def broadcast_reads(view: View) -> Iterator[Findings]:
     """Requests to unit 0 of functions that read."""
     rows = view.rows
-    sent = view.requests[rows["unit"][view.requests] == 0]
-    reads = [row for row in sent.tolist() if _reads(int(rows["function"][row]))]
+    sent = [row for row in view.right(view.to_all).tolist() if rows["kind"][row] == Kind.REQUEST]
+    reads = [row for row in sent if _reads(int(rows["function"][row]))]
     if reads:
         yield BROADCAST_READ.on(rows[reads], rows["function"][reads])
 
@@ -98,25 +98,17 @@ class Strangers:
     """Answers with a right check value that belong to no request."""
 
     def __init__(self) -> None:
-        self._trail = Trail()
         self._asked = False  # a request has been seen: before it, answers belong to what was before the capture
 
     def __call__(self, view: View) -> Iterator[Findings]:
-        rows = view.rows
-        answers, asks = view.responses, view.requests
-        first = int(asks[0]) if len(asks) else len(rows)
-        yield from self._plain_zeros(view, answers[rows["unit"][answers] == 0])
-        strange = answers[rows["request"][answers] < 0]
-        strange = strange[rows["unit"][strange] != 0]
-        for place in strange.tolist():
-            if self._asked or place > first:
+        rows, asks = view.rows, view.requests
+        answers = [row for row in view.right(view.to_all).tolist() if rows["kind"][row] == Kind.RESPONSE]
+        if answers:
+            yield BROADCAST_ANSWERED.on(rows[answers], 0, rows["function"][answers])
+        for place in view.strays.tolist():
+            if rows["unit"][place] and (self._asked or (len(asks) and place > asks[0])):
                 yield from self._judge(view, place)
         self._asked = self._asked or len(asks) > 0
-        self._trail.go_on(view.batch)
-
-    def _plain_zeros(self, view: View, answers: np.ndarray) -> Iterator[Findings]:
-        if len(answers):
-            yield BROADCAST_ANSWERED.on(view.rows[answers], 0, view.rows["function"][answers])
 
     def _judge(self, view: View, place: int) -> Iterator[Findings]:
         answer = Seen.of(view.batch, place)
@@ -141,14 +133,14 @@ class Strangers:
     def _request_before(self, view: View, place: int) -> tuple[Seen | None, Seen | None, bool]:
         """The newest request before a row, the answer that it got, and whether nothing damaged stands between."""
         answered = None
-        for before in self._trail.back(view.batch, place):
+        for before in view.trail.back(view.batch, place):
             if not before.is_frame:
                 if not _GLITCHES.issuperset(before.captured):
                     return None, None, False
             elif before.row.kind == Kind.REQUEST:
                 return (before, answered, True) if before.row.check else (None, None, False)
-            elif not before.row.check and before.row.request < 0:
-                return None, None, False
+            elif not before.row.check:
+                return None, None, False  # it may have held more than one answer
             elif before.row.request >= 0 and answered is None:
                 answered = before
         return None, None, True

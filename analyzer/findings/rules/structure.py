@@ -7,19 +7,22 @@ are looked at. What a client asks is judged once, on the request; an answer that
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, lru_cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.functions import function_class, function_name
-from dissectors.lengths import Asked, Role, Sized, layout, relations, rule
-from dissectors.limits import Bound, Choice
+from dissectors.lengths import RULES, Asked, Role, Sized, layout, relations, revision
+from dissectors.limits import Bound, Choice, taken
 
-from ...deframing.rules import MAX_ADU, asked_bytes, field
+from ...deframing.rules import MAX_ADU
+from ...frames import Protocol
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
-from ..view import View
+from ..view import View, where
 
 _LAST_UNIT: Final = 247
 _EXCEPTION: Final = 0x80
@@ -125,82 +128,118 @@ TOO_LONG: Final = Rule(
 )
 
 
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    """The limits of a quantity that stands at one place, by function code; of other functions, none."""
+
+    offset: int
+    width: int
+    functions: set[int]
+    low: NDArray[np.int64]
+    high: NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class _Checks:
+    """What requests are held to here, out of all that is declared."""
+
+    quantities: tuple[_Limits, ...]
+    sizes: tuple[tuple[int, Sized], ...]  # by function code
+    coils: tuple[tuple[int, Choice], ...]
+
+
+@cache
+def _checks(_revision: int) -> _Checks:
+    quantities: dict[tuple[int, int], _Limits] = {}
+    sizes, coils = [], []
+    for (code, role), known in RULES.items():
+        names = {place: name for name, (place, _) in layout(code, role).items()} if role is Role.REQUEST else {}
+        for check in known.checks if role is Role.REQUEST else ():
+            name = "" if isinstance(check, Sized) else names.get(check.offset, "")
+            if isinstance(check, Sized):
+                sizes.append((code, check))
+            elif isinstance(check, Choice) and name == "output_value":
+                coils.append((code, check))
+            elif isinstance(check, Bound) and name.startswith("quantity"):
+                of_all = _Limits(check.offset, check.width, set(), np.zeros(256, np.int64), np.full(256, 1 << 16))
+                limits = quantities.setdefault((check.offset, check.width), of_all)
+                limits.functions.add(code)
+                limits.low[code], limits.high[code] = check.low, check.high
+    return _Checks(tuple(quantities.values()), tuple(sizes), tuple(coils))
+
+
 @looks_for(QUANTITY, BYTE_COUNT, COIL_VALUE)
 def limits(view: View) -> Iterator[Findings]:
     """Requests that break a check of their declaration."""
-    requests, functions = view.requests, view.requested
-    for code in np.flatnonzero(np.bincount(functions, minlength=256)).tolist():
-        known = rule(code, Role.REQUEST)
-        if known is None or not known.checks:
+    if not len(view.requests):
+        return
+    checks, rows = _checks(revision()), view.rows
+    for known in checks.quantities:
+        if known.functions.isdisjoint(view.asked_functions):
             continue
-        here = requests[functions == code]
-        for check in known.checks:
-            if isinstance(check, Sized):
-                yield from _sized(view, here, check, code)
-            elif isinstance(check, Bound | Choice):
-                yield from _valued(view, here, check, code)
-
-
-def _sized(view: View, here: NDArray[np.intp], check: Sized, code: int) -> Iterator[Findings]:
-    here = here[view.reaches(here, max(check.count_offset + 1, check.quantity_offset + 2))]
-    at = view.pdu(here)
-    quantity = field(view.data, at + check.quantity_offset, 2)
-    count = field(view.data, at + check.count_offset, 1)
-    due = asked_bytes(quantity, check.bits)
-    wrong = count != due
-    if wrong.any():
-        yield BYTE_COUNT.on(view.rows[here[wrong]], count[wrong], quantity[wrong], due[wrong], code)
-
-
-def _valued(view: View, here: NDArray[np.intp], check: Bound | Choice, code: int) -> Iterator[Findings]:
-    names = {place: name for name, (place, _) in layout(code, Role.REQUEST).items()}
-    name = names.get(check.offset, "")
-    here = here[view.reaches(here, check.offset + check.width)]
-    value = field(view.data, view.pdu(here) + check.offset, check.width)
-    if isinstance(check, Bound) and name.startswith("quantity"):
-        wrong = (value < check.low) | (value > check.high)
-        if wrong.any():
-            yield QUANTITY.on(view.rows[here[wrong]], value[wrong], check.low, check.high, code)
-    elif isinstance(check, Choice) and name == "output_value":
-        wrong = ~np.isin(value, check.values)
-        if wrong.any():
-            yield COIL_VALUE.on(view.rows[here[wrong]], value[wrong])
+        codes, quantity = view.requested, view.numbers(known.offset, known.width)
+        low, high = known.low.take(codes), known.high.take(codes)
+        wrong = where((quantity >= 0) & ((quantity < low) | (quantity > high)))
+        if len(wrong):
+            yield QUANTITY.on(rows[view.requests[wrong]], quantity[wrong], low[wrong], high[wrong], codes[wrong])
+    for code, size in checks.sizes:
+        if code in view.asked_functions:
+            here = where(view.requested == code)
+            quantity, count = (view.numbers(*at)[here] for at in ((size.quantity_offset, 2), (size.count_offset, 1)))
+            due = taken(quantity, size.bits)
+            wrong = where((quantity >= 0) & (count >= 0) & (count != due))
+            if len(wrong):
+                yield BYTE_COUNT.on(rows[view.requests[here[wrong]]], count[wrong], quantity[wrong], due[wrong], code)
+    for code, coil in checks.coils:
+        if code in view.asked_functions:
+            here = where(view.requested == code)
+            value = view.numbers(coil.offset, coil.width)[here]
+            wrong = where((value >= 0) & ~np.isin(value, coil.values))
+            if len(wrong):
+                yield COIL_VALUE.on(rows[view.requests[here[wrong]]], value[wrong])
 
 
 @looks_for(PADDING)
 def padding(view: View) -> Iterator[Findings]:
     """Answers whose last byte holds more bits than the request asked for, and not as zeros."""
-    rows = view.rows
-    functions = rows["function"][view.responses]
-    for code in np.flatnonzero(np.bincount(functions, minlength=256)).tolist():
+    functions = view.column("function")[view.responses]
+    for code in where(np.bincount(functions)).tolist():
         for relation in relations(code):
             if not isinstance(relation, Asked) or not relation.bits:
                 continue
             here = view.responses[functions == code]
-            here = here[(rows["request"][here] >= 0) & (view.function_bytes(here) == code)]
+            here = here[(view.column("request")[here] >= 0) & (view.function_bytes(here) == code)]
             quantity = view.asked(here, relation.quantity_offset)
             last = view.data.take(view.last_byte(here))
             used = quantity & 7
-            wrong = (quantity > 0) & (used > 0) & (last >> used > 0)
-            if wrong.any():
-                yield PADDING.on(rows[here[wrong]], 8 - used[wrong], last[wrong])
+            wrong = where((quantity > 0) & (used > 0) & (last >> used > 0))
+            if len(wrong):
+                yield PADDING.on(view.rows[here[wrong]], 8 - used[wrong], last[wrong])
 
 
 @looks_for(RESERVED_UNIT, RESERVED_FUNCTION, INVALID_FUNCTION, TOO_LONG)
 def codes(view: View) -> Iterator[Findings]:
     """Units, function codes and lengths that the specification does not know."""
-    rows = view.rows
-    stray = view.responses[rows["request"][view.responses] < 0]
-    reserved = np.flatnonzero((rows["unit"] > _LAST_UNIT) & rows["check"])
-    if len(reserved):
-        yield RESERVED_UNIT.on(rows[reserved], rows["unit"][reserved])
-    for frames, functions in ((view.requests, view.requested), (stray, view.function_bytes(stray))):
-        for code in np.flatnonzero(np.bincount(functions, minlength=256)).tolist():
-            if code & _EXCEPTION or not code:
-                if frames is view.requests:
-                    yield INVALID_FUNCTION.on(rows[frames[functions == code]], code)
-            elif function_class(code) in ("reserved", "unassigned"):
-                yield RESERVED_FUNCTION.on(rows[frames[functions == code]], code)
-    long = np.flatnonzero((rows["length"] > MAX_ADU) & rows["check"] & (rows["protocol"] == 0))
+    unit = where(view.column("unit") > _LAST_UNIT)
+    if len(unit):
+        rows = view.rows[view.right(unit)]
+        yield RESERVED_UNIT.on(rows, rows["unit"])
+    for code in view.asked_functions:
+        if code & _EXCEPTION or not code:
+            yield INVALID_FUNCTION.on(view.rows[view.requests[view.requested == code]], code)
+        elif _reserved(code, revision()):
+            yield RESERVED_FUNCTION.on(view.rows[view.requests[view.requested == code]], code)
+    for place in view.strays.tolist():
+        code = int(view.data[view.plain.at[place] + 1])
+        if code and not code & _EXCEPTION and _reserved(code, revision()):
+            yield RESERVED_FUNCTION.on(view.rows[place : place + 1], code)
+    long = where(view.column("length") > MAX_ADU)
     if len(long):
-        yield TOO_LONG.on(rows[long], rows["length"][long])
+        rows = view.rows[view.right(long)]
+        rows = rows[rows["protocol"] == Protocol.RTU]
+        yield TOO_LONG.on(rows, rows["length"])
+
+
+@lru_cache(maxsize=512)
+def _reserved(code: int, _revision: int) -> bool:
+    return function_class(code) in ("reserved", "unassigned")

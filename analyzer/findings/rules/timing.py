@@ -12,11 +12,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frames import NO_GAP, ROW, Kind, Rows
+from ...frames import NO_GAP, Kind, Rows
 from ..clock import UNKNOWN, silences
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
-from ..view import View
+from ..view import View, where
 
 _TIMER_NS: Final = 10e6  # a tap this far off, or more, accuses nobody
 _TOLERANCE: Final = 0.02  # of a limit
@@ -110,8 +110,6 @@ class Timing:
     """Frames with the row before each; the first ones wait for the clock's first verdict."""
 
     def __init__(self) -> None:
-        self._before: Rows = np.zeros(1, ROW)  # the newest row
-        self._captured = b""
         self._waiting: list[tuple[Rows, Rows]] = []
         self._frames = 0
 
@@ -120,16 +118,12 @@ class Timing:
         return int(self._waiting[0][0]["index"][0]) if self._waiting else None
 
     def __call__(self, view: View) -> Iterator[Findings]:
-        rows = view.rows
-        if not len(rows):
-            return
-        places = _worth_a_look(view, self._before, self._captured)
-        before = rows[np.maximum(places - 1, 0)]
-        if len(places) and places[0] == 0:
-            before[0] = self._before[0]
-        self._before, self._captured = rows[-1:].copy(), view.bytes_of(len(rows) - 1)
+        rows, places = view.rows, _worth_a_look(view)
         self._frames += len(view.frames)
         if len(places):
+            before = rows[np.maximum(places - 1, 0)]
+            if places[0] == 0:
+                before[0] = view.trail.newest[0]
             self._waiting.append((rows[places], before))
         if view.clock.known:
             yield from self._judge(view)
@@ -153,30 +147,40 @@ class Timing:
             yield from _turnarounds(view, rows, before, np.array([v.wait_ns for v in verdicts]))
 
 
-def _worth_a_look(view: View, newest: Rows, captured: bytes) -> NDArray[np.intp]:
-    """Rows whose silences break a limit at first sight, or that follow a broadcast."""
-    rows = view.rows
-    if not view.timed:
+def _worth_a_look(view: View) -> NDArray[np.intp]:
+    """Frames whose silences break a limit at first sight, or that follow a broadcast."""
+    if not view.timed or not len(view.rows):
         return np.zeros(0, np.intp)
+    look = _after_broadcasts(view)
     t15, t35 = silences(view.line, view.options)
-    look = np.zeros(len(rows), np.bool_)
     if t15 < UNKNOWN and (view.clock.best().fine or not view.clock.known):
-        before = rows["gap_before"]
-        look |= (rows["gap_most"] > t15) | ((before < t35) & (before != NO_GAP))
-    follows = (np.flatnonzero((view.kind[:-1] == Kind.REQUEST) & (rows["unit"][:-1] == 0)) + 1).tolist()
-    if newest["kind"][0] == Kind.REQUEST and newest["unit"][0] == 0:
-        follows.append(0)
-    for place in follows:  # a device's answer to the broadcast is no request that came too soon
-        sent = view.bytes_of(place - 1) if place else captured
-        look[place] |= view.bytes_of(place)[1:-2] != sent[1:-2]
-    return np.flatnonzero(look & (view.kind != Kind.NOISE) & rows["check"] & (rows["protocol"] == 0))
+        before = view.column("gap_before")
+        odd = (view.column("gap_most") > t15) | ((before < t35) & (before != NO_GAP))
+        look = np.union1d(look, where(odd))
+    if len(look):
+        rows = view.rows[look]
+        look = look[(rows["kind"] != Kind.NOISE) & rows["check"] & (rows["protocol"] == 0)]
+    return look
+
+
+def _after_broadcasts(view: View) -> NDArray[np.intp]:
+    """Rows right behind a broadcast; but a device's answer to it is no request that came too soon."""
+    rows, found = view.rows, []
+    newest = view.trail.newest
+    if newest["unit"][0] == 0 and newest["kind"][0] == Kind.REQUEST:
+        sent = next(view.trail.back(view.batch, 0))
+        found += [0] if view.bytes_of(0)[1:-2] != sent.captured[1:-2] else []
+    for place in view.to_all.tolist():
+        if rows["kind"][place] == Kind.REQUEST and place + 1 < len(rows):
+            found += [place + 1] if view.bytes_of(place + 1)[1:-2] != view.bytes_of(place)[1:-2] else []
+    return np.array(found, np.intp)
 
 
 def _silences(view: View, rows: Rows, before: Rows, jitter: NDArray[np.float64]) -> Iterator[Findings]:
     t15, t35 = silences(view.line, view.options)
     character = (view.line.char_bits or 11) * 1e9 / (view.line.baud or 1)
     off = np.maximum(-rows["gap_least"], jitter) + _TOLERANCE * t15
-    inside = np.flatnonzero((rows["gap_most"] != NO_GAP) & (rows["gap_most"] - off > t15))
+    inside = where((rows["gap_most"] != NO_GAP) & (rows["gap_most"] - off > t15))
     if len(inside):
         gaps = rows["gap_most"][inside]
         yield GAP_INSIDE.on(rows[inside], gaps / 1e6, gaps / character, rows["gap_at"][inside], t35 / 1e6)
@@ -184,7 +188,7 @@ def _silences(view: View, rows: Rows, before: Rows, jitter: NDArray[np.float64])
     alike = np.logical_and.reduce([rows[name] == before[name] for name in ("kind", "unit", "function", "length")])
     short &= ~alike  # the tap shows it twice: no master and no unit sends so soon
     short &= (rows["gap_before"] != NO_GAP) & (rows["gap_before"] + jitter + _TOLERANCE * t35 < t35)
-    found = np.flatnonzero(short)
+    found = where(short)
     if len(found):
         gaps = rows["gap_before"][found]
         response = rows["kind"][found] == Kind.RESPONSE
@@ -196,6 +200,6 @@ def _turnarounds(view: View, rows: Rows, before: Rows, off: NDArray[np.float64])
     after = (rows["kind"] == Kind.REQUEST) & before["check"] & (before["kind"] == Kind.REQUEST)
     after &= (before["unit"] == 0) & (before["port"] == rows["port"]) & (off < _TIMER_NS)
     pause = rows["t_start"] - before["t_end"]
-    found = np.flatnonzero(after & (pause + np.where(after, off, 0) < due))
+    found = where(after & (pause + np.where(after, off, 0) < due))
     if len(found):
         yield TURNAROUND.on(rows[found], pause[found] / 1e6, due / 1e6)

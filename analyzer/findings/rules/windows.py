@@ -15,7 +15,7 @@ from ...deframing.candidates import search
 from ...deframing.prefix import windows
 from ..model import Findings, Severity
 from ..registry import About, Rule, looks_for
-from ..view import View
+from ..view import View, where
 
 COLLISION: Final = Rule(
     "crc-collision",
@@ -33,8 +33,7 @@ COLLISION: Final = Rule(
 @looks_for(COLLISION)
 def inner_windows(view: View) -> Iterator[Findings]:
     """Frames with such a window inside them."""
-    rows = view.rows
-    places = np.flatnonzero(rows["contested"] & rows["check"])
+    rows, places = view.rows, view.right(where(view.column("contested")))
     if not len(places):
         return
     lengths = rows["length"][places]
