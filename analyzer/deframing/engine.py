@@ -30,12 +30,12 @@ from .contest import (
     settled,
 )
 from .damaged import damaged_answers, damaged_requests
-from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice
+from .lattice import GLITCH_RUN, Candidate, Lattice
 from .options import Options
 from .pieces import NOISE, NOTHING, Decided, Pieces, evidence
 from .places import SILENT, places
 from .prefix import windows
-from .readings import plain_one, plain_request
+from .readings import plain_one
 from .repeats import Repeats, copied, relative, shifted
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index, Mask
 from .runs import Runs, Stretch, plain_evidence, reach, runs_of
@@ -131,8 +131,7 @@ class Engine:
         while at < stop:
             i = int(np.searchsorted(runs.start, at))
             if i < len(runs.start) and runs.start[i] == at:
-                moved = self._run(stretch, runs, i) if runs.clean[i] else at
-                moved = moved if moved > at else self._plain(stretch, runs, i)
+                moved = (self._run if runs.clean[i] else self._plain)(stretch, runs, i)
                 if moved > at:
                     at = moved
                     continue
@@ -177,7 +176,7 @@ class Engine:
         if runs.end[last - 1] > limit:
             last = max(i + 1, i + int(np.searchsorted(runs.end[i:last], limit, side="right")))
         classes = self.tape.classes[begin : begin + len(data)]
-        last = reach(runs, i, last, classes, self.trust, waiting=self._waiting)
+        last, margin = reach(runs, i, last, data, classes, self.trust, self._talk, waiting=self._waiting)
         if last <= i:
             return at
         start, end, role = runs.start[i:last], runs.end[i:last], runs.role[i:last]
@@ -189,7 +188,6 @@ class Engine:
             why["silence"], why["conversation"] = plain_evidence(
                 data, start, end, role, classes.take(start), self.trust, self._talk.said
             )
-        margin = structure + np.float32(CRC_BITS + NOISE_BEGINS)
         decided = Decided(start + begin, end + begin, role, margin > 0, margin, margin < 0, why)
         self._take(stretch, start, end, runs.fits[i:last], decided)
         return int(end[-1])
@@ -201,21 +199,12 @@ class Engine:
         if self.options.explain or (self._waiting and not offset <= self._asked[0] < self._asked[1] == offset + at):
             return at
         classes = self.tape.classes[stretch.begin : stretch.begin + len(stretch.data)]
-        one, role = i, runs.role[i : i + 1]
-        if not runs.clean[i]:
-            asked = self._asked[0] - offset if self._waiting else None
-            found = plain_one(runs, i, stretch.data, classes, self.trust, asked)
-            if found is None:
-                return at
-            one, bits = found
-            role = runs.role[one : one + 1]
-        else:
-            alone = runs.either[i] and not self._waiting and not self._talk.said.pending
-            least = plain_request(runs, i, stretch.data, classes, self.trust) if alone else None
-            if least is None:
-                return at
-            bits, role = least, np.array([Role.REQUEST], np.uint8)
-        start, end = runs.start[one : one + 1], runs.end[one : one + 1]
+        asked = self._asked[0] - offset if self._waiting else None
+        found = plain_one(runs, i, stretch.data, classes, self.trust, asked)
+        if found is None:
+            return at
+        one, bits = found
+        start, end, role = runs.start[one : one + 1], runs.end[one : one + 1], runs.role[one : one + 1]
         margin = np.array([bits], np.float32)
         taped = start + stretch.begin, end + stretch.begin
         self._take(stretch, start, end, margin < 0, Decided(*taped, role, margin > 0, margin, margin < 0))

@@ -90,7 +90,6 @@ class Trust:
     """
 
     def __init__(self) -> None:
-        self._tables: list[list[float]] = []
         self._unit_bits: list[float] = []
         self._starts = [counts.copy() for counts in _FIRST]
         self._inside = _prior(0.83, 0.15, 0.015, 0.005, 60.0)
@@ -106,6 +105,11 @@ class Trust:
     def evidence(self) -> list[list[float]]:
         """Bits, by Turn and class, that a frame starts after such a silence."""
         return self._tables
+
+    @property
+    def table(self) -> NDArray[np.float64]:
+        """The same as an array."""
+        return self._table
 
     def parts(self, bits: float = _PARTS) -> NDArray[np.bool_]:
         """By class, whether such a silence surely parts two frames, whichever they are."""
@@ -183,7 +187,8 @@ class Trust:
         either = _smooth(sum(self._starts, np.zeros(CLASSES)))
         starts = np.clip(np.log2(either / _smooth(self._inside)), -_CERTAIN, _CERTAIN)
         tells = [np.clip(np.log2(_smooth(counts) / either), -_TELLING, _TELLING) for counts in self._starts]
-        self._tables = [(starts + tell).tolist() for tell in tells]
+        self._table = np.array([starts + tell for tell in tells])
+        self._tables: list[list[float]] = self._table.tolist()
         self._unanswered_bits = min(-1.0, max(_UNANSWERED, math.log2(self._again / self._requests)))
         share = self._units / self._units.sum()
         self._unit_bits = np.clip(np.log2(share * 256), -_UNIT, _UNIT).tolist()
