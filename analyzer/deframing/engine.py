@@ -32,7 +32,7 @@ from .contest import (
 from .damaged import damaged_answers, damaged_requests
 from .lattice import GLITCH_RUN, Candidate, Lattice
 from .options import Options
-from .pieces import NOISE, NOTHING, Decided, Pieces, evidence
+from .pieces import NOISE, Decided, Pieces, evidence, joined
 from .places import SILENT, places
 from .prefix import windows
 from .readings import plain_one
@@ -69,8 +69,8 @@ class Engine:
         self._fresh: list[Decided] = []
         self._repeats = Repeats()
         self._idle_class = int(classes_of(np.array([options.idle_ns]), character.ns)[0])
+        self._learnt: list[Decided] = []  # since the work began
         self._out: list[Pieces] = []
-        self._decided: list[Bytes] = []
 
     def feed(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8], errors: Index) -> None:
         """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each, bytes that came marked."""
@@ -89,12 +89,10 @@ class Engine:
         self.tape.close()
         self._work(len(self.tape), quiet=True, final=True)
 
-    def take(self) -> tuple[Pieces, Bytes]:
-        """What was decided since the last call, and its bytes."""
+    def take(self) -> list[Pieces]:
+        """What was decided since the last call."""
         out, self._out = self._out, []
-        decided, self._decided = self._decided, []
-        pieces = Pieces(*(np.concatenate(columns) for columns in zip(NOTHING, *out, strict=True)))
-        return pieces, np.concatenate(decided) if decided else np.empty(0, np.uint8)
+        return out
 
     @property
     def undecided_ns(self) -> int | None:
@@ -115,7 +113,8 @@ class Engine:
                 break
         if begin:
             self._flush()
-            self._decided.append(tape.data[:begin])
+            decided, self._learnt = joined(self._learnt), []
+            self._out.append(Pieces(tape.base, tape.data[:begin], decided, tape.seen(decided.start, decided.end)))
             tape.drop(begin)
 
     def _slice(self, begin: int, upto: int, stop: int, *, quiet: bool, final: bool) -> int:
@@ -348,32 +347,25 @@ class Engine:
         self._decide(Decided(start + origin, end + origin, role, check, margin, weighed, why))
 
     def _decide(self, decided: Decided) -> None:
-        """Pieces are decided; they are reported and learnt from at the next checkpoint, or when work is done."""
+        """Pieces are decided; they are learnt from at the next checkpoint, or when work is done."""
         self._fresh.append(decided)
         if self.tape.base + int(decided.end[-1]) >= next_checkpoint(self.trust.checkpoint):
             self._flush()
 
     def _flush(self) -> None:
-        """Report fresh pieces, learn from them."""
+        """Learn from fresh pieces."""
         if not self._fresh:
             return
-        start, end, role, check, margin, contested = (
-            np.concatenate([decided[i] for decided in self._fresh]) for i in range(6)
-        )  # fmt: skip
-        whys = [decided.why for decided in self._fresh if decided.why is not None]
-        why = np.concatenate(whys) if whys else NOTHING.why
-        if len(why):
+        start, end, role, check, margin, contested, why = joined(self._fresh)
+        if why is not None:
             why["margin"] = margin
         self._fresh.clear()
         self._repeats.clear()
-        tape, parts = self.tape, self.trust.parts(_PARTS_NOISE)
+        parts = self.trust.parts(_PARTS_NOISE)
         self._learn(start, end, role)
-        start, end, piece = tape.parted(start, end, role == NOISE, parts)
-        why = why[piece] if len(why) else why
-        role, check, margin, contested = role[piece], check[piece], margin[piece], contested[piece]
-        offsets = start + tape.base, end + tape.base
-        times = tape.spans(start, end)
-        self._out.append(Pieces(*offsets, role, check, *times, margin, contested, tape.gaps(start, end), why))
+        start, end, piece = self.tape.parted(start, end, role == NOISE, parts)
+        why = None if why is None else why[piece]
+        self._learnt.append(Decided(start, end, role[piece], check[piece], margin[piece], contested[piece], why))
 
     def _learn(self, start: Index, end: Index, role: NDArray[np.uint8]) -> None:
         """Let decided pieces teach what silences and glitches mean here."""
