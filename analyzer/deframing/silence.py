@@ -24,6 +24,7 @@ _EDGES: Final = np.array(
     [0.25, 0.75, 1.25, 1.75, 2.5, 3.5, 5, 7, 10, 14, 20, 28, 40, 57, 80, 113, 160, 226, 320, 453, 640, 905, 1280, 2560,
      5120]
 )  # characters  # fmt: skip
+_CLASS_OF: Final = (np.digitize(np.arange(4 * _EDGES[-1] + 1) / 4, _EDGES) + 1).astype(np.uint8)  # by quarters of one
 TURNS: Final = len(_EDGES) + 2  # two more classes: the log says that the direction turned, to TX or to RX
 CLASSES: Final = TURNS + 2
 _CERTAIN: Final = 12.0  # bits: more than this no silence proves
@@ -37,7 +38,8 @@ _MEMORY: Final = 1e6  # bytes: beyond it old counts fade, since taps are re-plug
 
 def classes_of(silence_ns: NDArray[np.int64], char_ns: float) -> NDArray[np.uint8]:
     """Classes (1 and up) of the silences before groups."""
-    return (np.digitize(silence_ns / char_ns, _EDGES) + 1).astype(np.uint8)
+    quarters = np.clip(silence_ns / char_ns * 4, 0, len(_CLASS_OF) - 1)
+    return _CLASS_OF.take(quarters.astype(np.intp))
 
 
 def _prior(same_group: float, short: float, middle: float, long: float, weight: float) -> NDArray[np.float64]:
@@ -200,7 +202,7 @@ class Trust:
 
 def _histogram(classes: NDArray[np.uint8]) -> NDArray[np.intp]:
     """How often each class stands there; most bytes are inside a read, class 0."""
-    told = classes[classes != 0]
+    told = classes.compress(classes != 0)
     counts = np.bincount(told, minlength=CLASSES)
     counts[0] = len(classes) - len(told)
     return counts
