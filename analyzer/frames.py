@@ -47,15 +47,6 @@ class Direction(IntEnum):
 
 
 NO_GAP = -(1 << 62)  # a silence of which nothing is known
-_GAPS = [
-    ("gap_before", np.int64),  # ns, silence before it by the reads' times; NO_GAP where one read brought both
-    ("gap_most", np.int64),  # longest and least silence between the reads that brought it; NO_GAP in one read
-    ("gap_least", np.int64),  # negative where a read came late and the next one did not
-    ("gap_at", np.int32),  # byte before which the longest silence stands
-    ("reads", np.int32),  # how many reads brought it
-    ("errors", np.uint16),  # bytes that the UART marked, for parity or framing
-]
-GAPS = np.dtype(_GAPS)  # what the reads say of a row
 ROW = np.dtype(
     [
         ("index", np.int64),  # number of the frame, 0, 1, 2 ...; -1 for noise
@@ -76,7 +67,13 @@ ROW = np.dtype(
         ("port", np.uint8),
         ("protocol", np.uint8),  # Protocol
         ("contested", np.bool_),  # other explanations of its bytes were weighed
-        *_GAPS,
+        # What the reads say of it:
+        ("gap_before", np.int64),  # ns, silence before it by the reads' times; NO_GAP where one read brought both
+        ("gap_most", np.int64),  # longest and least silence between the reads that brought it; NO_GAP in one read
+        ("gap_least", np.int64),  # negative where a read came late and the next one did not
+        ("gap_at", np.int32),  # byte before which the longest silence stands
+        ("reads", np.int32),  # how many reads brought it
+        ("errors", np.uint16),  # bytes that the UART marked, for parity or framing
     ]
 )
 

@@ -11,7 +11,7 @@ answers in the order in which it was asked, which shows only when the second ans
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,13 +92,14 @@ class Transactions:
         kind = np.ascontiguousarray(rows["kind"])
         requests = np.flatnonzero((kind == Kind.REQUEST) & rows["check"])  # nobody answers a damaged one
         responses = np.flatnonzero(kind == Kind.RESPONSE)
-        responses = responses[rows["request"][responses] >= 0]
+        responses = responses[_at(rows, "request", responses) >= 0]
         frames = np.flatnonzero(kind)
         if len(frames):
             self._frames = int(rows["index"][frames[-1]]) + 1
         known = len(self._open)
-        opened = _opened(rows, requests)
-        self._open = np.concatenate((self._open, opened)) if known else opened
+        opened = np.zeros(known + len(requests), TRANSACTION)
+        opened[:known], self._open = self._open, opened
+        _begin(opened[known:], rows, requests)
         ends = self._octets + np.cumsum(rows["length"])
         self._places = np.concatenate((self._places, ends[requests]))
         self._octets = int(ends[-1])
@@ -144,7 +145,7 @@ class Transactions:
         bounds = np.append(requests, len(rows))
         between = np.diff(total[bounds]) if known == 0 else np.diff(np.append(0, total[bounds]))
         self._open["garbage"][first:] += between
-        starts = rows["t_start"][requests]
+        starts = _at(rows, "t_start", requests)
         if known:
             self._open["t_next"][first:-1] = starts
         elif len(requests):
@@ -152,18 +153,18 @@ class Transactions:
 
     def _answer(self, rows: Rows, responses: NDArray[np.intp]) -> None:
         asked = np.ascontiguousarray(self._open["request"])
-        wanted = rows["request"][responses]
+        wanted = _at(rows, "request", responses)
         place = np.searchsorted(asked, wanted)
         found = place < len(asked)
         found[found] = asked[place[found]] == wanted[found]
         place, responses = place[found], responses[found]
         for name, column in _OF_ANSWER.items():
-            self._open[name][place] = rows[column][responses]
-        status = np.where(rows["exception"][responses] > 0, np.uint8(Status.EXCEPTION), np.uint8(Status.ANSWERED))
-        status[~rows["check"][responses]] = Status.DAMAGED
+            self._open[name][place] = _at(rows, column, responses)
+        status = np.where(_at(rows, "exception", responses) > 0, np.uint8(Status.EXCEPTION), np.uint8(Status.ANSWERED))
+        status[~_at(rows, "check", responses)] = Status.DAMAGED
         self._open["status"][place] = status
         following = np.append(asked[1:], np.iinfo(np.int64).max)
-        late = following[place] < rows["index"][responses]
+        late = following[place] < _at(rows, "index", responses)
         self._open["late"][place] = late
         for at in place[late].tolist():
             self._put_in_order(at)
@@ -234,14 +235,18 @@ def _shared(one: bytes, two: bytes) -> int:
     return head + tail
 
 
-def _opened(rows: Rows, requests: NDArray[np.intp]) -> Rows:
-    """Transactions of requests that nobody has answered yet."""
-    opened = np.zeros(len(requests), TRANSACTION)
+def _begin(opened: Rows, rows: Rows, requests: NDArray[np.intp]) -> None:
+    """Fill in transactions of requests that nobody has answered yet."""
     for name in ("unit", "function", "port", "start", "length", "t_start"):
-        opened[name] = rows[name][requests]
-    opened["request"], opened["t_request"] = rows["index"][requests], rows["t_end"][requests]
+        opened[name] = _at(rows, name, requests)
+    opened["request"], opened["t_request"] = _at(rows, "index", requests), _at(rows, "t_end", requests)
     for name in ("response", "response_start", "response_length", "t_response", "response_ns"):
         opened[name] = -1
     opened["t_next"] = NEVER
     opened["status"] = np.where(opened["unit"] == 0, np.uint8(Status.BROADCAST), np.uint8(Status.UNANSWERED))
-    return opened
+
+
+def _at(rows: Rows, name: str, which: NDArray[np.intp]) -> NDArray[Any]:
+    """A column of some rows; the copy of it lies closer together than rows do."""
+    found: NDArray[Any] = rows[name].copy().take(which)
+    return found

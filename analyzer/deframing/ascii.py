@@ -19,12 +19,12 @@ from dissectors.answers import Expectation, expectation
 from dissectors.envelopes import Adu, ascii_frames
 from dissectors.lengths import Role, pdu_length
 
-from ..frames import GAPS, ROW, Batch, Kind, Protocol, Rows
+from ..frames import ROW, Batch, Kind, Protocol, Rows
 from .options import Options
 from .pairing import Pairer
 from .rules import Bytes
 from .stream import character
-from .tape import Tape, among
+from .tape import GAPS, Tape, among
 
 _LONGEST: Final = 513 + 4  # characters of a frame ([2] 2.5.2), and some that a fault may have added
 _FRAME: Final = re.compile(rb"[:>][0-9A-Fa-f]{6,%d}(?:\r\n?|\n)" % _LONGEST)
@@ -135,10 +135,10 @@ class AsciiDeframer:
         rows["protocol"] = Protocol.ASCII
         head = tail = np.empty(0, np.int64)
         if pieces:
-            rows["t_start"], rows["t_end"], head, tail = tape.spans(starts, ends)
-            gaps = tape.gaps(starts, ends)
-            for name in GAPS.names or ():
-                rows[name] = gaps[name]
+            seen = tape.seen(starts, ends)
+            rows["t_start"], rows["t_end"], head, tail = seen[:4]
+            for name in GAPS:
+                rows[name] = getattr(seen, name)
         rows["confidence"] = 1.0
         adus = []
         for row, (_, _, adu) in zip(rows, pieces, strict=True):

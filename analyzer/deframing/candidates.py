@@ -109,28 +109,31 @@ def _marked(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
         some = np.flatnonzero(marks != 0)
         marks = marks.take(some)
         for i, group in enumerate(marked.groups):
-            start = some[marks & np.uint8(1 << i) != 0]
+            start = some.compress(marks & np.uint8(1 << i) != 0)
             if not len(start):
                 continue
-            start, end = (
-                _counted(data, start, group) if isinstance(group, Counted) else _walked(data, crc, start, group, rules)
-            )
-            right = crc.heads.take(start) == crc.tails.take(end)
-            yield _Places(group.role, start[right], end[right])
+            if isinstance(group, Counted):
+                yield _Places(group.role, *_counted(data, crc, start, group))
+            else:
+                yield _Places(group.role, *_walked(data, crc, start, group, rules))
 
 
-def _counted(data: Bytes, start: Index, group: Counted) -> tuple[Index, Index]:
-    """Starts and predicted ends, in the data, of a group's functions."""
+def _counted(data: Bytes, crc: Windows, start: Index, group: Counted) -> tuple[Index, Index]:
+    """Starts and ends of a group's functions."""
     n = len(data)
     start = start[: int(np.searchsorted(start, n - group.offset - group.width, side="right"))]
-    length = group.base.take(data.take(start + 1)) + group.scale * field(data, start + group.offset, group.width)
-    fits = (length <= MAX_ADU) & (start + length <= n)
-    start = start[fits]
-    return start, start + length[fits]
+    end = field(data, start + group.offset, group.width)
+    end *= group.scale
+    end += group.base
+    end += start
+    right = crc.heads.take(start) == crc.tails.take(end, mode="clip")
+    start, end = start.compress(right), end.compress(right)
+    fits = (end - start <= MAX_ADU) & (end <= n)
+    return start[fits], end[fits]
 
 
 def _walked(data: Bytes, crc: Windows, start: Index, group: Walked, rules: Tables) -> tuple[Index, Index]:
-    """The same, walk by walk, which is slow: first what arrays can rule out."""
+    """Of a function that takes a walk, which is slow: first what arrays can rule out."""
     n = len(data)
     start = start[: int(np.searchsorted(start, n - group.reach, side="right"))]
     checks = rules.checks[group.role][group.function]
@@ -141,7 +144,8 @@ def _walked(data: Bytes, crc: Windows, start: Index, group: Walked, rules: Table
     walks = [(i, group.length(data[i + 1 : i + MAX_ADU].tobytes())) for i in start.tolist()]
     pairs = [(i, i + k + OVERHEAD) for i, k in walks if k is not None and k > 0 and i + k + OVERHEAD <= n]
     found = np.array(pairs, np.intp).reshape(-1, 2)
-    return found[:, 0], found[:, 1]
+    right = crc.heads.take(found[:, 0]) == crc.tails.take(found[:, 1])
+    return found[right, 0], found[right, 1]
 
 
 def _weigh(

@@ -30,12 +30,12 @@ from .contest import (
     settled,
 )
 from .damaged import damaged_answers, damaged_requests
-from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice
+from .lattice import GLITCH_RUN, Candidate, Lattice
 from .options import Options
-from .pieces import NOISE, NOTHING, Decided, Pieces, evidence
+from .pieces import NOISE, Decided, Pieces, evidence, joined
 from .places import SILENT, places
 from .prefix import windows
-from .readings import plain_one, plain_request
+from .readings import plain_one
 from .repeats import Repeats, copied, relative, shifted
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index, Mask
 from .runs import Runs, Stretch, plain_evidence, reach, runs_of
@@ -69,8 +69,8 @@ class Engine:
         self._fresh: list[Decided] = []
         self._repeats = Repeats()
         self._idle_class = int(classes_of(np.array([options.idle_ns]), character.ns)[0])
+        self._learnt: list[Decided] = []  # since the work began
         self._out: list[Pieces] = []
-        self._decided: list[Bytes] = []
 
     def feed(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8], errors: Index) -> None:
         """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each, bytes that came marked."""
@@ -89,12 +89,10 @@ class Engine:
         self.tape.close()
         self._work(len(self.tape), quiet=True, final=True)
 
-    def take(self) -> tuple[Pieces, Bytes]:
-        """What was decided since the last call, and its bytes."""
+    def take(self) -> list[Pieces]:
+        """What was decided since the last call."""
         out, self._out = self._out, []
-        decided, self._decided = self._decided, []
-        pieces = Pieces(*(np.concatenate(columns) for columns in zip(NOTHING, *out, strict=True)))
-        return pieces, np.concatenate(decided) if decided else np.empty(0, np.uint8)
+        return out
 
     @property
     def undecided_ns(self) -> int | None:
@@ -115,7 +113,8 @@ class Engine:
                 break
         if begin:
             self._flush()
-            self._decided.append(tape.data[:begin])
+            decided, self._learnt = joined(self._learnt), []
+            self._out.append(Pieces(tape.base, tape.data[:begin], decided, tape.seen(decided.start, decided.end)))
             tape.drop(begin)
 
     def _slice(self, begin: int, upto: int, stop: int, *, quiet: bool, final: bool) -> int:
@@ -131,8 +130,7 @@ class Engine:
         while at < stop:
             i = int(np.searchsorted(runs.start, at))
             if i < len(runs.start) and runs.start[i] == at:
-                moved = self._run(stretch, runs, i) if runs.clean[i] else at
-                moved = moved if moved > at else self._plain(stretch, runs, i)
+                moved = (self._run if runs.clean[i] else self._plain)(stretch, runs, i)
                 if moved > at:
                     at = moved
                     continue
@@ -177,7 +175,7 @@ class Engine:
         if runs.end[last - 1] > limit:
             last = max(i + 1, i + int(np.searchsorted(runs.end[i:last], limit, side="right")))
         classes = self.tape.classes[begin : begin + len(data)]
-        last = reach(runs, i, last, classes, self.trust, waiting=self._waiting)
+        last, margin = reach(runs, i, last, data, classes, self.trust, self._talk, waiting=self._waiting)
         if last <= i:
             return at
         start, end, role = runs.start[i:last], runs.end[i:last], runs.role[i:last]
@@ -189,7 +187,6 @@ class Engine:
             why["silence"], why["conversation"] = plain_evidence(
                 data, start, end, role, classes.take(start), self.trust, self._talk.said
             )
-        margin = structure + np.float32(CRC_BITS + NOISE_BEGINS)
         decided = Decided(start + begin, end + begin, role, margin > 0, margin, margin < 0, why)
         self._take(stretch, start, end, runs.fits[i:last], decided)
         return int(end[-1])
@@ -201,21 +198,12 @@ class Engine:
         if self.options.explain or (self._waiting and not offset <= self._asked[0] < self._asked[1] == offset + at):
             return at
         classes = self.tape.classes[stretch.begin : stretch.begin + len(stretch.data)]
-        one, role = i, runs.role[i : i + 1]
-        if not runs.clean[i]:
-            asked = self._asked[0] - offset if self._waiting else None
-            found = plain_one(runs, i, stretch.data, classes, self.trust, asked)
-            if found is None:
-                return at
-            one, bits = found
-            role = runs.role[one : one + 1]
-        else:
-            alone = runs.either[i] and not self._waiting and not self._talk.said.pending
-            least = plain_request(runs, i, stretch.data, classes, self.trust) if alone else None
-            if least is None:
-                return at
-            bits, role = least, np.array([Role.REQUEST], np.uint8)
-        start, end = runs.start[one : one + 1], runs.end[one : one + 1]
+        asked = self._asked[0] - offset if self._waiting else None
+        found = plain_one(runs, i, stretch.data, classes, self.trust, asked)
+        if found is None:
+            return at
+        one, bits = found
+        start, end, role = runs.start[one : one + 1], runs.end[one : one + 1], runs.role[one : one + 1]
         margin = np.array([bits], np.float32)
         taped = start + stretch.begin, end + stretch.begin
         self._take(stretch, start, end, margin < 0, Decided(*taped, role, margin > 0, margin, margin < 0))
@@ -359,32 +347,25 @@ class Engine:
         self._decide(Decided(start + origin, end + origin, role, check, margin, weighed, why))
 
     def _decide(self, decided: Decided) -> None:
-        """Pieces are decided; they are reported and learnt from at the next checkpoint, or when work is done."""
+        """Pieces are decided; they are learnt from at the next checkpoint, or when work is done."""
         self._fresh.append(decided)
         if self.tape.base + int(decided.end[-1]) >= next_checkpoint(self.trust.checkpoint):
             self._flush()
 
     def _flush(self) -> None:
-        """Report fresh pieces, learn from them."""
+        """Learn from fresh pieces."""
         if not self._fresh:
             return
-        start, end, role, check, margin, contested = (
-            np.concatenate([decided[i] for decided in self._fresh]) for i in range(6)
-        )  # fmt: skip
-        whys = [decided.why for decided in self._fresh if decided.why is not None]
-        why = np.concatenate(whys) if whys else NOTHING.why
-        if len(why):
+        start, end, role, check, margin, contested, why = joined(self._fresh)
+        if why is not None:
             why["margin"] = margin
         self._fresh.clear()
         self._repeats.clear()
-        tape, parts = self.tape, self.trust.parts(_PARTS_NOISE)
+        parts = self.trust.parts(_PARTS_NOISE)
         self._learn(start, end, role)
-        start, end, piece = tape.parted(start, end, role == NOISE, parts)
-        why = why[piece] if len(why) else why
-        role, check, margin, contested = role[piece], check[piece], margin[piece], contested[piece]
-        offsets = start + tape.base, end + tape.base
-        times = tape.spans(start, end)
-        self._out.append(Pieces(*offsets, role, check, *times, margin, contested, tape.gaps(start, end), why))
+        start, end, piece = self.tape.parted(start, end, role == NOISE, parts)
+        why = None if why is None else why[piece]
+        self._learnt.append(Decided(start, end, role[piece], check[piece], margin[piece], contested[piece], why))
 
     def _learn(self, start: Index, end: Index, role: NDArray[np.uint8]) -> None:
         """Let decided pieces teach what silences and glitches mean here."""

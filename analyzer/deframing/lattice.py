@@ -87,9 +87,15 @@ class Said:
 
     def ask(self, request: Pending) -> Said:
         """After a request. A broadcast is never answered, but some devices do."""
-        adu = request.adu  # asked once more, it is open once
-        near = tuple(p for p in self.pending[1 - _PENDING :] if p.start >= request.start - _REACH and p.adu != adu)
-        return Said((*near, request), request.adu[0] == 0, request.adu)
+        return Said((*self._near(request.start, request.adu), request), request.adu[0] == 0, request.adu)
+
+    def exchanged(self, start: int, adu: bytes) -> Said:
+        """After a request and, right behind it, its answer."""
+        return Said(self._near(start, adu), True, adu)
+
+    def _near(self, start: int, adu: bytes) -> tuple[Pending, ...]:
+        """What stays outstanding when another request begins at `start`; asked once more, it is open once."""
+        return tuple(p for p in self.pending[1 - _PENDING :] if p.start >= start - _REACH and p.adu != adu)
 
     def answers(self, adu: bytes) -> int | None:
         """Which pending request a response answers: the newest that fits."""

@@ -7,7 +7,7 @@ back over the requests that are still open, the newest that fits first.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from dissectors.answers import expectation
 
 from ..frames import Kind, Rows
 from .conversation import fitting
-from .rules import Bytes
+from .rules import Bytes, Index
 
 _REACH: Final = 4096  # bytes back
 _OPEN: Final = 8  # requests at most
@@ -35,6 +35,18 @@ class _Open:
     adu: bytes
 
 
+class _PairedBy(NamedTuple):
+    """The columns of rows by which frames are paired."""
+
+    kind: NDArray[np.uint8]
+    port: NDArray[np.uint8]
+    start: NDArray[np.int64]
+    length: NDArray[np.int64]
+    at: NDArray[np.int64]
+    t_start: NDArray[np.int64]
+    t_end: NDArray[np.int64]
+
+
 class Pairer:
     """Fills `request`, `request_start` and `response_ns` of rows, in wire order, batch after batch."""
 
@@ -48,26 +60,32 @@ class Pairer:
         `head` and `tail` number the reads that brought the first and last byte of each row; a response that came in
         one read with its request has no known response time.
         """
-        frames = np.flatnonzero(rows["kind"] != Kind.NOISE)
-        place = self._place + np.cumsum(rows["length"]) - rows["length"]
-        self._place += int(rows["length"].sum())
+        columns = _PairedBy(*(rows[name].copy() for name in _PairedBy._fields))  # side by side: rows are far apart
+        frames = np.flatnonzero(columns.kind != Kind.NOISE)
+        ends = self._place + np.cumsum(columns.length)
+        place = ends - columns.length
+        self._place = int(ends[-1]) if len(ends) else self._place
         earlier: dict[int, bytes] = {}
         if not len(frames):
             return earlier
-        kind = rows["kind"].take(frames)
-        at = rows["at"].take(frames)
-        follows = np.flatnonzero((kind[1:] == Kind.RESPONSE) & (kind[:-1] == Kind.REQUEST)) + 1
-        follows = follows[rows["port"].take(frames[follows]) == rows["port"].take(frames[follows - 1])]
-        follows = follows[fitting(data, at[follows - 1], at[follows])]
-        answers, asked = frames[follows], frames[follows - 1]
-        rows["request"][answers] = rows["index"][asked]
-        rows["request_start"][answers] = rows["start"][asked]
-        timed = tail[asked] != head[answers]
-        waited = np.maximum(rows["t_start"][answers] - rows["t_end"][asked], 0)
-        rows["response_ns"][answers] = np.where(timed, waited, -1)
+        kind, at, port = columns.kind.take(frames), columns.at.take(frames), columns.port.take(frames)
+        follows = (kind[1:] == Kind.RESPONSE) & (kind[:-1] == Kind.REQUEST) & (port[1:] == port[:-1])
+        follows = np.flatnonzero(follows) + 1
+        follows = follows.compress(fitting(data, at.take(follows - 1), at.take(follows)))
+        answers, asked = frames.take(follows), frames.take(follows - 1)
+        waited = np.maximum(columns.t_start.take(answers) - columns.t_end.take(asked), 0)
+        waited[tail.take(asked) == head.take(answers)] = -1
+        for name, values in (
+            ("request", rows["index"].copy().take(asked)),
+            ("request_start", columns.start.take(asked)),
+            ("response_ns", waited),
+        ):
+            column = np.full(len(rows), -1)
+            column[answers] = values
+            rows[name] = column
         settled = np.zeros(len(frames), np.bool_)
         settled[follows] = settled[follows - 1] = True
-        for i in np.flatnonzero(~settled).tolist():
+        for i in _near(np.flatnonzero(~settled), kind).tolist():
             row = int(frames[i])
             begin = int(rows["at"][row])
             adu = data[begin : begin + int(rows["length"][row])].tobytes()
@@ -97,3 +115,11 @@ class Pairer:
         rows["request"][row] = found.index
         rows["request_start"][row] = found.start
         rows["response_ns"][row] = -1 if read == found.read else max(0, int(rows["t_start"][row]) - found.t_end)
+
+
+def _near(loose: Index, kind: NDArray[np.uint8]) -> Index:
+    """Of frames (numbers in `kind`) that are not paired, the responses, and the requests that may be open then."""
+    number = np.arange(len(loose))
+    looks = np.append(np.flatnonzero(kind.take(loose) == Kind.RESPONSE), len(loose))
+    near: Index = loose[looks[np.searchsorted(looks, number)] - number <= _OPEN]
+    return near

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..frames import EVIDENCE, GAPS, Rows
-from .rules import Index
-from .tape import Times
+from ..frames import EVIDENCE, Rows
+from .rules import Bytes, Index
+from .tape import Seen
 
 NOISE: Final = 2  # the role of a piece that is no frame
 
@@ -27,20 +28,21 @@ class Decided(NamedTuple):
 
 
 class Pieces(NamedTuple):
-    """Decided pieces of the stream, end to end."""
+    """Decided pieces of the stream, end to end, with all that is known of them."""
 
-    start: NDArray[np.int64]  # offset in the stream
-    end: NDArray[np.int64]
-    role: NDArray[np.uint8]  # Role, or NOISE
-    check: NDArray[np.bool_]  # CRC right
-    t_start: Times  # ns, estimates of first start bit and last stop bit
-    t_end: Times
-    head: Times  # number of the read that brought the first byte
-    tail: Times  # and of the one that brought the last
-    margin: NDArray[np.float32]  # bits over the next best explanation
-    contested: NDArray[np.bool_]  # decided by the lattice
-    gaps: Rows  # GAPS
-    why: Rows  # EVIDENCE; none where it is not wanted
+    offset: int  # where the first begins in the stream
+    data: Bytes  # all their bytes
+    decided: Decided  # indices are those of `data`
+    seen: Seen
+
+
+def joined(parts: Sequence[Decided]) -> Decided:
+    """Pieces that follow each other, at least one part of them."""
+    if len(parts) == 1:
+        return parts[0]
+    start, end, role, check, margin, contested = (np.concatenate([part[i] for part in parts]) for i in range(6))
+    whys = [part.why for part in parts if part.why is not None]
+    return Decided(start, end, role, check, margin, contested, np.concatenate(whys) if whys else None)
 
 
 def evidence(n: int) -> Rows:
@@ -48,7 +50,3 @@ def evidence(n: int) -> Rows:
     why = np.zeros(n, EVIDENCE)
     why["rival_start"] = -1
     return why
-
-
-_TYPES: Final = (np.int64, np.int64, np.uint8, np.bool_, *[np.int64] * 4, np.float32, np.bool_, GAPS, EVIDENCE)
-NOTHING: Final = Pieces(*(np.empty(0, t) for t in _TYPES))

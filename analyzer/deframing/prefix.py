@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from dissectors.checks import CRC_TABLE
 
 PERIOD: Final = 32767
-_SLICE: Final = 1 << 17  # bytes worked on at once: what stays in the cache
+_SLICE: Final = 1 << 16  # bytes worked on at once: what stays in the cache
 
 U16 = NDArray[np.uint16]
 
@@ -36,9 +36,8 @@ class Windows(NamedTuple):
 
 
 class _Tables(NamedTuple):
-    powers: U16  # A^k T[1] over two periods, then zeros
-    logs: NDArray[np.intp]  # of T[b]; into the zeros where T[b] has none
-    odd: U16  # A's fixed point where T[b] is odd, else 0
+    powers: U16  # A^k T[1] over two periods, then zeros; then the same with A's fixed point
+    logs: NDArray[np.intp]  # of T[b]; into the zeros where T[b] has none; into the second half where it is odd
     turns: NDArray[np.intp]  # -(k + 1) mod PERIOD, for a slice at any phase
     initial: U16  # A^-k FFFF, for a slice at any phase
 
@@ -54,22 +53,20 @@ def _tables() -> _Tables:
     period = orbit[:PERIOD].astype(np.uint16)
     log = np.full(1 << 16, 2 * PERIOD)
     log[period] = np.arange(PERIOD)
-    powers = np.concatenate((period, period, np.zeros_like(period)))
+    even = np.concatenate((period, period, np.zeros_like(period)))
+    powers = np.concatenate((even, even ^ np.uint16(fixed)))
 
-    def split(register: int) -> tuple[int, int]:
-        """The logarithm of a register's even part, and its odd part."""
-        odd = 0 if log[register] < PERIOD or not register else fixed
-        return int(log[register ^ odd]), odd
+    def place(register: int) -> int:
+        """Where the powers of a register begin."""
+        odd = register != 0 and log[register] >= PERIOD
+        return int(log[register ^ fixed]) + len(even) if odd else int(log[register])
 
-    parts = [split(CRC_TABLE[b]) for b in range(256)]
-    log_initial, odd_initial = split(0xFFFF)
     k = np.arange(PERIOD + _SLICE + 1)
     return _Tables(
         powers,
-        np.array([p[0] for p in parts], np.intp),
-        np.array([p[1] for p in parts], np.uint16),
+        np.array([place(CRC_TABLE[b]) for b in range(256)], np.intp),
         ((-k - 1) % PERIOD).astype(np.intp),
-        powers[log_initial + (-k % PERIOD)] ^ np.uint16(odd_initial),
+        powers[place(0xFFFF) + (-k % PERIOD)],
     )
 
 
@@ -85,9 +82,19 @@ def windows(data: NDArray[np.uint8]) -> Windows:
         turned = tables.logs.take(piece)
         turned += tables.turns[phase : phase + n]
         steps = tables.powers.take(turned)
-        steps ^= tables.odd.take(piece)
         steps[0] ^= tails[begin]
-        np.bitwise_xor.accumulate(steps, out=tails[begin + 1 : begin + n + 1])
+        tails[begin + 1 : begin + n + 1] = _running(steps)
         np.bitwise_xor(tails[begin : begin + n], tables.initial[phase : phase + n], out=heads[begin : begin + n])
     heads[-1] = tails[-1] ^ tables.initial[len(data) % PERIOD]
     return Windows(heads, tails)
+
+
+def _running(steps: U16) -> U16:
+    """The exclusive or of each entry and all before it: four entries at once as the lanes of a word, then the words."""
+    words = np.zeros(-(-len(steps) // 4), "<u8")
+    lanes = words.view("<u2")
+    lanes[: len(steps)] = steps
+    words ^= words << 16
+    words ^= words << 32
+    words[1:] ^= np.bitwise_xor.accumulate(words >> 48)[:-1] * 0x0001_0001_0001_0001
+    return lanes[: len(steps)]

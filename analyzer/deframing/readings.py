@@ -2,9 +2,8 @@
 
 Zeros behind a right CRC leave it right, so a request whose check value ends in 00 reads as a shorter answer too, and an
 answer followed by a stray 00 as a longer one. Almost always the frames around tell: the one that begins where one of
-the two ends, and answers it; the request before, that one of the two answers. A write that nobody answers, a broadcast
-among them, reads as an echo too, but nothing was asked. What is taken here the lattice would take as well: the bits
-counted are the least that it could give.
+the two ends, and answers it; the request before, that one of the two answers. As in `runs`, what is taken here the
+lattice would take as well.
 """
 
 from __future__ import annotations
@@ -59,24 +58,6 @@ def plain_one(
                 more += min(0.0, tables[Turn.REQUEST][behind] - tables[Turn.AGAIN][behind])
                 return (mine, more) if more >= _ENOUGH else None
     return None
-
-
-def plain_request(runs: Runs, i: int, data: Bytes, silences: NDArray[np.uint8], trust: Trust) -> float | None:
-    """By how many bits interval i, which reads as a request and as its echo, is a request that nobody answers.
-
-    Nothing is asked before it. None where that is not plain.
-    """
-    start = runs.start
-    if i + 1 >= len(start) or not runs.clean[i + 1] or start[i + 1] != runs.end[i] or runs.role[i + 1] != Role.REQUEST:
-        return None
-    if fitting(data, start[i : i + 1], start[i + 1 : i + 2])[0]:
-        return None
-    tables = trust.evidence
-    before, behind = int(silences[start[i]]), int(silences[start[i + 1]])
-    bits = -UNASKED + tables[Turn.REQUEST][before] - tables[Turn.RESPONSE][before]
-    if data[start[i]]:  # a broadcast is not answered by anybody
-        bits += trust.unanswered_bits + tables[Turn.AGAIN][behind] - tables[Turn.REQUEST][behind]
-    return bits if bits >= _ENOUGH / 2 else None
 
 
 def _worth(data: Bytes, response: int) -> float:

@@ -7,7 +7,7 @@ tables by function code, which speak of every offset of a block at once. Offsets
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Final
@@ -29,13 +29,14 @@ MAX_ADU: Final = 256  # [2] 2.5.1; what the rules predict may exceed it, the wir
 
 @dataclass(frozen=True, slots=True)
 class Counted:
-    """Functions of a role whose length hangs on a count at the same place: base[function] + scale * field."""
+    """Functions of a role whose length hangs on a count at the same place in the same way: base + scale * field."""
 
     role: Role
     offset: int
     width: int
     scale: int
-    base: NDArray[np.intp]  # shape 256; 0 where the function is not of this group
+    base: int
+    functions: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,10 +92,9 @@ def _check(check: Bound | Choice | Multiple | Sized) -> tuple[Callable[[Bytes, I
             math.log2(span / (min(check.high, span - 1) - check.low + 1)),
         )
     if isinstance(check, Choice):
-        values = np.array(check.values)
         return (
-            lambda data, at: np.isin(field(data, at + check.offset + 1, check.width), values),
-            8 * check.width - math.log2(len(values)),
+            lambda data, at: _among(field(data, at + check.offset + 1, check.width), check.values),
+            8 * check.width - math.log2(len(check.values)),
         )
     if isinstance(check, Multiple):
         return (
@@ -113,6 +113,13 @@ def _check(check: Bound | Choice | Multiple | Sized) -> tuple[Callable[[Bytes, I
 def _within(value: Index, low: int, high: int) -> Mask:
     inside: Mask = (value >= low) & (value <= high)
     return inside
+
+
+def _among(value: Index, values: Sequence[int]) -> Mask:
+    found = np.zeros(len(value), np.bool_)
+    for one in values:
+        found |= value == one
+    return found
 
 
 def _reach(check: Bound | Choice | Multiple | Sized) -> int:
@@ -140,7 +147,7 @@ def tables() -> Tables:
 @cache
 def _tables(_revision: int) -> Tables:
     fixed: dict[int, dict[Role, Mask]] = {}
-    counted: dict[tuple[Role, int, int, int], NDArray[np.intp]] = {}
+    counted: dict[tuple[Role, int, int, int, int], list[int]] = {}
     walked: list[Walked] = []
     checks: dict[Role, list[Checks | None]] = {role: [None] * 256 for role in Role}
     known = np.zeros(256, np.bool_)
@@ -153,13 +160,13 @@ def _tables(_revision: int) -> Tables:
             reach = max((_reach(check) for check in rule.checks), default=MIN_ADU)
             walked.append(Walked(rule.role, rule.function, rule.walk, reach))
         elif rule.count is not None:
-            key = (rule.role, rule.count.offset + 1, rule.count.width, rule.count.scale)
-            table = counted.setdefault(key, np.zeros(256, np.intp))
-            table[rule.function] = (rule.base or 0) + OVERHEAD
+            base = (rule.base or 0) + OVERHEAD
+            key = (rule.role, rule.count.offset + 1, rule.count.width, rule.count.scale, base)
+            counted.setdefault(key, []).append(rule.function)
         else:
             of_length = fixed.setdefault((rule.base or 0) + OVERHEAD, {})
             of_length.setdefault(rule.role, np.zeros(256, np.bool_))[rule.function] = True
-    groups: list[Counted | Walked] = [*(Counted(*key, base) for key, base in counted.items()), *walked]
+    groups: list[Counted | Walked] = [*(Counted(*key, tuple(functions)) for key, functions in counted.items()), *walked]
     return Tables(
         tuple((length, tuple(fixed[length].items())) for length in sorted(fixed)),
         tuple(_marked(groups[i : i + 8]) for i in range(0, len(groups), 8)),
@@ -171,7 +178,6 @@ def _tables(_revision: int) -> Tables:
 def _marked(groups: list[Counted | Walked]) -> Marked:
     table = bytearray(256)
     for i, group in enumerate(groups):
-        found = [group.function] if isinstance(group, Walked) else np.flatnonzero(group.base).tolist()
-        for function in found:
+        for function in (group.function,) if isinstance(group, Walked) else group.functions:
             table[function] |= 1 << i
     return Marked(bytes(table), tuple(groups))

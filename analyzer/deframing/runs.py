@@ -1,9 +1,11 @@
 """Where candidates tile the bytes with no rival: the path is forced, and whole runs of frames are taken as arrays.
 
 An interval (start, end) that no other one overlaps needs no lattice; most need no thought about their role either.
-Some do: a write's echo reads as request and as response. Request and echo side by side are told apart here by their
-places, as the lattice would; whatever is not plain is left to it. What hangs on bytes and places alone is worked out
-for a whole slice at once (`runs_of`); what silence has to say is asked when a run is taken (`reach`).
+Some do: a write's echo reads as request and as response. Request and echo side by side, and a request that nobody
+answers, are told apart here by their places, as the lattice would; whatever is not plain is left to it. What hangs on
+bytes and places alone is worked out for a whole slice at once (`runs_of`); what silence has to say is asked when a run
+is taken (`reach`). What is taken here the lattice would take as well: the bits counted are the least that it could
+give.
 """
 
 from __future__ import annotations
@@ -14,16 +16,19 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.lengths import Role
-
-from .candidates import Candidates
+from .candidates import CRC_BITS, Candidates
 from .conversation import fitting
-from .lattice import CONTRARY, FITS, FITS_EXCEPTION, UNASKED, Candidate, Said
+from .lattice import CONTRARY, FITS, FITS_EXCEPTION, NOISE_BEGINS, UNASKED, Candidate, Said
 from .prefix import Windows
 from .rules import Bytes, Index, Mask
 from .silence import Trust, Turn
+from .talk import REACH, Talk
 
 _PLAIN: Final = -4.0  # bits by which silence may speak against a role that the places speak for
+_SURE: Final = 10.0  # bits for an echo, and not the request once more, where requests go unanswered
+_ENOUGH: Final = 6.0  # bits for a request that nobody answers over an answer that nobody asked for
+_NEVER: Final = -(1 << 62)
+_ASKS, _ANSWERS, _AGAIN = int(Turn.REQUEST), int(Turn.RESPONSE), int(Turn.AGAIN)
 
 
 class Runs(NamedTuple):
@@ -37,9 +42,18 @@ class Runs(NamedTuple):
     clean: Mask  # no other interval overlaps it
     last: Index  # the last interval of the run that each is in
     second: Mask  # its role, though either, follows from that of the one before it
-    asked: Index  # places of those that ask, though either, if silence agrees: the next one answers them
     doubt: Index  # places of those whose role only the lattice tells
+    asks: Asks
     fits: Mask  # that it answers the one before it
+
+
+class Asks(NamedTuple):
+    """Intervals that read as request and as response, and ask, if silence agrees: the next one answers, or nobody."""
+
+    place: Index
+    alone: Mask  # nobody answers it
+    waits: Mask  # the one before it, in its run, wants an answer
+    late: Mask  # the same was asked shortly before, and nobody answered
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,34 +106,42 @@ def runs_of(found: Candidates, data: Bytes, known: int) -> Runs:
     lasts = np.append(heads[1:] - 1, m - 1)[: len(heads)]
     last = np.repeat(lasts, lasts - heads + 1) if m else np.empty(0, np.intp)
     plain = _Plain(data, start, end, role, either, joined, known)
-    return Runs(
-        start,
-        end,
-        plain.role,
-        either,
-        found.structure[first],
-        clean,
-        last,
-        plain.second,
-        plain.asked,
-        plain.doubt,
-        _answering(data, start, plain.role, joined),
-    )
+    fits = _answering(data, start, plain.role, joined)
+    late = _late(data, start, plain.role, fits, plain.ask)
+    asks = Asks(plain.ask, plain.alone, plain.waits, late)
+    structure = found.structure[first]
+    return Runs(start, end, plain.role, either, structure, clean, last, plain.second, plain.doubt, asks, fits)
 
 
 def _answering(data: Bytes, start: Index, role: NDArray[np.uint8], joined: Mask) -> Mask:
     """Which intervals answer the one before them."""
     fits = np.zeros(len(start), np.bool_)
-    after = 1 + np.flatnonzero(joined[1 : len(start)] & (role[1:] == Role.RESPONSE) & (role[:-1] == Role.REQUEST))
+    after = 1 + np.flatnonzero(joined[1 : len(start)] & (role[1:] > role[:-1]))
     fits[after] = fitting(data, start[after - 1], start[after])
     return fits
+
+
+def _late(data: Bytes, start: Index, role: NDArray[np.uint8], fits: Mask, places: Index) -> Mask:
+    """Whether at `places` a late answer may stand: to a request of that unit and function, not long before."""
+
+    def key(which: Index) -> Index:
+        at = start[which]
+        return (data.take(at).astype(np.intp) << 8 | data.take(at + 1)) << 32 | at
+
+    if not len(places):
+        return np.empty(0, np.bool_)
+    unanswered = np.append(~fits[1:], True)
+    asked = np.sort(np.append(key(np.flatnonzero((role == _ASKS) & unanswered)), _NEVER))
+    mine = key(places)
+    late: Mask = mine - asked[np.searchsorted(asked, mine) - 1] <= REACH
+    return late
 
 
 class _Plain:
     """The roles that follow from bytes and places.
 
-    Plain are two frames of which the second may answer the first, where no third could take part and nothing is
-    pending before them.
+    Plain are two frames of which the second may answer the first, where no third could take part; and a request that
+    the next frame, a request too, does not answer, where nothing waits for an answer.
     """
 
     def __init__(
@@ -128,11 +150,12 @@ class _Plain:
         m = len(start)
         self.role = role
         self.second = np.zeros(m, np.bool_)
-        self.asked = self.doubt = np.empty(0, np.intp)
+        self.ask = self.doubt = np.empty(0, np.intp)
+        self.alone = self.waits = np.empty(0, np.bool_)
         some = np.flatnonzero(either)
         if not len(some):
             return
-        asks, answers = either | (role == Role.REQUEST), either | (role == Role.RESPONSE)
+        asks, answers = either | (role == _ASKS), either | (role == _ANSWERS)
         # Whatever follows the intervals of interest, joined or not; two at the most begin at one place.
         near = np.zeros(m + 1, np.bool_)
         near[some] = near[some + 1] = near[some - 1] = True  # (-1 is the spare place at the end)
@@ -155,36 +178,54 @@ class _Plain:
         pair[:-1] = answered[: m - 1] & joined[1:m] & ~answered[1:m] & followed[1:m]
         pair[1:] &= ~(answered[: m - 1] & joined[1:m])
         self.second[1:] = pair[:-1]
-        self.role = role.copy()
-        self.role[pair & either], self.role[self.second & either] = Role.REQUEST, Role.RESPONSE
-        pending = np.zeros(m, np.bool_)
-        pending[1:] = joined[1:m] & (self.role[:-1] == Role.REQUEST)
-        first = pair & either
-        self.doubt = np.flatnonzero(either & ~(first & ~pending) & ~self.second)
-        self.asked = np.flatnonzero(first & ~pending)
         self.second &= either
+        self.role = role.copy()
+        self.role[pair & either], self.role[self.second] = _ASKS, _ANSWERS
+        open_ones = some[~self.second[some]]
+        waits = joined[open_ones] & (self.role[open_ones - 1] == _ASKS) & (data.take(start[open_ones - 1]) != 0)
+        alone = ~answered[open_ones] & joined[open_ones + 1] & ~waits
+        alone &= self.role[np.minimum(open_ones + 1, m - 1)] == _ASKS
+        plain = pair[open_ones] | alone
+        self.ask, self.alone, self.waits = open_ones[plain], alone[plain], waits[plain]
+        self.doubt = open_ones[~plain]
 
 
-def reach(runs: Runs, i: int, last: int, silences: NDArray[np.uint8], trust: Trust, *, waiting: bool) -> int:
-    """How far, from interval i on and before `last`, roles are plain: the first one that is not.
+def reach(
+    runs: Runs, i: int, last: int, data: Bytes, silences: NDArray[np.uint8], trust: Trust, talk: Talk, *, waiting: bool
+) -> tuple[int, NDArray[np.float32]]:
+    """How far, from interval i on and before `last`, roles are plain: the first one that is not; and by how many bits.
 
-    `waiting`: the frame before is a request that wants an answer.
+    `waiting`: the frame before is a request that wants an answer; `talk` is the conversation up to it.
     """
     at = int(np.searchsorted(runs.doubt, i))
     if at < len(runs.doubt):
         last = min(last, int(runs.doubt[at]))
-    low, high = np.searchsorted(runs.asked, (i, last))
-    if low < high:
-        asked = runs.asked[low:high]
-        if waiting and asked[0] == i:
-            return i
-        tables = np.array(trust.evidence)
-        before, between = silences.take(runs.start[asked]), silences.take(runs.start[asked + 1])
-        told = tables[Turn.REQUEST][before] - tables[Turn.RESPONSE][before] >= _PLAIN
-        told &= tables[Turn.RESPONSE][between] - tables[Turn.AGAIN][between] >= _PLAIN
+    low, high = np.searchsorted(runs.asks.place, (i, last))
+    place, alone, waits, late = (column[low:high] for column in runs.asks)
+    if len(place):
+        start = runs.start[place]
+        if place[0] == i:
+            waits = np.append(waiting, waits[1:])
+        early = np.flatnonzero((start < REACH) & (alone | waits))
+        if len(early):  # what was asked before may be before these bytes
+            asked = {pending.adu[:2] for pending in talk.said.pending}
+            late = late.copy()
+            late[early] |= [data[s : s + 2].tobytes() in asked for s in start[early].tolist()]
+        table = trust.table
+        before, behind = silences.take(start), silences.take(runs.end[place])
+        first = table[np.where(waits, _AGAIN, _ASKS), before] - table[_ANSWERS, before]
+        echo = table[_ANSWERS, behind] - table[_AGAIN, behind]
+        answered = (first >= _PLAIN) & (echo >= np.where(waits, _SURE + trust.unanswered_bits, _PLAIN))
+        unanswered = trust.unanswered_bits + table[_AGAIN, behind] - table[_ASKS, behind]
+        bits = first - UNASKED + np.where(data.take(start) != 0, unanswered, 0.0)  # a broadcast is not answered
+        told = np.where(alone, (bits >= _ENOUGH) & ~waits, answered) & ~(late & (alone | waits))
         if not told.all():
-            last = int(asked[int(np.argmin(told))])
-    return last
+            high = int(np.argmin(told))
+            last, place, alone, bits = int(place[high]), place[:high], alone[:high], bits[:high]
+    margin = runs.structure[i:last] + np.float32(CRC_BITS + NOISE_BEGINS)
+    if len(place):
+        margin[place[alone] - i] = bits[alone]
+    return last, margin
 
 
 def plain_evidence(
@@ -200,15 +241,15 @@ def plain_evidence(
 
     `classes` are those of the silences before the frames; `said` is the conversation before the first.
     """
-    asks = (role == Role.REQUEST) & (data.take(start) != 0)
+    asks = (role == _ASKS) & (data.take(start) != 0)
     pending = np.append(not said.answered, asks[:-1])
-    turns = np.where(asks & pending, Turn.AGAIN, role)
+    turns = np.where(asks & pending, _AGAIN, role)
     conversation = np.where(asks & pending, trust.unanswered_bits, 0.0)
-    answers = np.flatnonzero((role[1:] == Role.RESPONSE) & (role[:-1] == Role.REQUEST)) + 1
+    answers = np.flatnonzero(role[1:] > role[:-1]) + 1
     fits = fitting(data, start[answers - 1], start[answers])
     failed = data.take(start[answers] + 1) & 0x80 != 0
     conversation[answers] = np.where(fits, np.where(failed, FITS_EXCEPTION, FITS), CONTRARY)
-    if role[0] == Role.RESPONSE:
+    if role[0] == _ANSWERS:
         known = said.answers(data[start[0] : end[0]].tobytes()) is not None
         conversation[0] = FITS if known else UNASKED if said.answered else CONTRARY
-    return np.array(trust.evidence)[turns, classes], conversation
+    return trust.table[turns, classes], conversation

@@ -24,6 +24,7 @@ _EDGES: Final = np.array(
     [0.25, 0.75, 1.25, 1.75, 2.5, 3.5, 5, 7, 10, 14, 20, 28, 40, 57, 80, 113, 160, 226, 320, 453, 640, 905, 1280, 2560,
      5120]
 )  # characters  # fmt: skip
+_CLASS_OF: Final = (np.digitize(np.arange(4 * _EDGES[-1] + 1) / 4, _EDGES) + 1).astype(np.uint8)  # by quarters of one
 TURNS: Final = len(_EDGES) + 2  # two more classes: the log says that the direction turned, to TX or to RX
 CLASSES: Final = TURNS + 2
 _CERTAIN: Final = 12.0  # bits: more than this no silence proves
@@ -37,7 +38,8 @@ _MEMORY: Final = 1e6  # bytes: beyond it old counts fade, since taps are re-plug
 
 def classes_of(silence_ns: NDArray[np.int64], char_ns: float) -> NDArray[np.uint8]:
     """Classes (1 and up) of the silences before groups."""
-    return (np.digitize(silence_ns / char_ns, _EDGES) + 1).astype(np.uint8)
+    quarters = np.clip(silence_ns / char_ns * 4, 0, len(_CLASS_OF) - 1)
+    return _CLASS_OF.take(quarters.astype(np.intp))
 
 
 def _prior(same_group: float, short: float, middle: float, long: float, weight: float) -> NDArray[np.float64]:
@@ -90,7 +92,6 @@ class Trust:
     """
 
     def __init__(self) -> None:
-        self._tables: list[list[float]] = []
         self._unit_bits: list[float] = []
         self._starts = [counts.copy() for counts in _FIRST]
         self._inside = _prior(0.83, 0.15, 0.015, 0.005, 60.0)
@@ -106,6 +107,11 @@ class Trust:
     def evidence(self) -> list[list[float]]:
         """Bits, by Turn and class, that a frame starts after such a silence."""
         return self._tables
+
+    @property
+    def table(self) -> NDArray[np.float64]:
+        """The same as an array."""
+        return self._table
 
     def parts(self, bits: float = _PARTS) -> NDArray[np.bool_]:
         """By class, whether such a silence surely parts two frames, whichever they are."""
@@ -183,7 +189,8 @@ class Trust:
         either = _smooth(sum(self._starts, np.zeros(CLASSES)))
         starts = np.clip(np.log2(either / _smooth(self._inside)), -_CERTAIN, _CERTAIN)
         tells = [np.clip(np.log2(_smooth(counts) / either), -_TELLING, _TELLING) for counts in self._starts]
-        self._tables = [(starts + tell).tolist() for tell in tells]
+        self._table = np.array([starts + tell for tell in tells])
+        self._tables: list[list[float]] = self._table.tolist()
         self._unanswered_bits = min(-1.0, max(_UNANSWERED, math.log2(self._again / self._requests)))
         share = self._units / self._units.sum()
         self._unit_bits = np.clip(np.log2(share * 256), -_UNIT, _UNIT).tolist()
@@ -195,7 +202,7 @@ class Trust:
 
 def _histogram(classes: NDArray[np.uint8]) -> NDArray[np.intp]:
     """How often each class stands there; most bytes are inside a read, class 0."""
-    told = classes[classes != 0]
+    told = classes.compress(classes != 0)
     counts = np.bincount(told, minlength=CLASSES)
     counts[0] = len(classes) - len(told)
     return counts

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from captures.chunks import Block, Chunk
 from captures.line import LineSettings
 
-from ..frames import GAPS, ROW, Batch, Kind, Rows
+from ..frames import ROW, Batch, Kind, Rows
 from .directions import role_of
 from .engine import Engine
 from .options import Options
 from .pairing import Pairer
-from .pieces import Pieces
+from .pieces import Pieces, evidence
 from .rules import Bytes
-from .tape import Character, among
+from .tape import GAPS, Character, among
 
 _KIND_OF_ROLE: Final = np.array([Kind.REQUEST, Kind.RESPONSE, Kind.NOISE], np.uint8)
 _UNKNOWN_CHARACTER_NS: Final = 1e6  # 10 bits at 9600 bit/s, about: only the scale of the silence classes hangs on it
@@ -91,9 +91,9 @@ class Deframer:
         return self._engines[port]
 
     def _give(self, *, last: bool) -> Batch:
-        taken = [_Loose.of(port, *engine.take()) for port, engine in sorted(self._engines.items())]
+        taken = [_Loose.of(port, pieces) for port, engine in sorted(self._engines.items()) for pieces in engine.take()]
         if len(self._engines) < 2 and not len(self._held.rows):
-            return self._batch(taken[0] if taken else _Loose.nothing())
+            return self._batch(_Loose.joined(taken))
         loose = _Loose.joined([self._held, *taken])
         undecided = [t for t in (e.undecided_ns for e in self._engines.values()) if t is not None]
         until = None if last else min([*undecided, *([] if self._now is None else [self._now])], default=None)
@@ -121,32 +121,33 @@ class _Loose:
 
     @classmethod
     def nothing(cls) -> _Loose:
-        engine = Engine(Character(1.0, known=False), Options())
-        return cls.of(0, *engine.take())
+        none = np.empty(0, np.int64)
+        return cls(np.empty(0, ROW), np.empty(0, np.uint8), none, none, evidence(0))
 
     @classmethod
-    def of(cls, port: int, pieces: Pieces, data: Bytes) -> _Loose:
-        rows = np.zeros(len(pieces.start), ROW)
-        at = pieces.start - pieces.start[0] if len(rows) else pieces.start
-        rows["start"], rows["length"], rows["at"] = pieces.start, pieces.end - pieces.start, at
-        rows["t_start"], rows["t_end"] = pieces.t_start, pieces.t_end
+    def of(cls, port: int, pieces: Pieces) -> _Loose:
+        data, decided, seen = pieces.data, pieces.decided, pieces.seen
+        at, length = decided.start, decided.end - decided.start
+        kind = _KIND_OF_ROLE.take(decided.role)
+        framed = kind != Kind.NOISE
+        function = data.take(np.minimum(at + 1, len(data) - 1))
+        failed = np.flatnonzero(framed & (function & 0x80 != 0) & (length >= 3))
+        rows = np.zeros(len(at), ROW)
+        rows["start"], rows["length"], rows["at"] = at + pieces.offset, length, at
+        rows["t_start"], rows["t_end"] = seen.t_start, seen.t_end
         rows["index"] = rows["request"] = rows["request_start"] = rows["response_ns"] = -1
-        rows["kind"] = _KIND_OF_ROLE.take(pieces.role)
-        rows["check"], rows["port"], rows["contested"] = pieces.check, port, pieces.contested
-        for name in GAPS.names or ():
-            rows[name] = pieces.gaps[name]
-        rows["confidence"] = 1.0 / (1.0 + np.exp2(-np.maximum(pieces.margin, 0.0)))
-        frames = np.flatnonzero(rows["kind"] != Kind.NOISE)
-        head = at.take(frames)
-        functions = data.take(np.minimum(head + 1, len(data) - 1))
-        failed = (functions & 0x80 != 0) & (rows["length"][frames] >= 3)
-        rows["unit"][frames] = data.take(head)
-        rows["function"][frames] = functions & 0x7F
-        rows["exception"][frames[failed]] = data.take(head[failed] + 2)
-        return cls(rows, data, pieces.head, pieces.tail, pieces.why)
+        rows["kind"], rows["check"], rows["port"], rows["contested"] = kind, decided.check, port, decided.contested
+        for name in GAPS:
+            rows[name] = getattr(seen, name)
+        rows["confidence"] = 1.0 / (1.0 + np.exp2(-np.maximum(decided.margin, 0.0)))
+        rows["unit"], rows["function"] = data.take(at) * framed, (function & 0x7F) * framed
+        rows["exception"][failed] = data.take(at[failed] + 2)
+        return cls(rows, data, seen.head, seen.tail, evidence(0) if decided.why is None else decided.why)
 
     @classmethod
     def joined(cls, parts: list[_Loose]) -> _Loose:
+        if len(parts) < 2:
+            return parts[0] if parts else cls.nothing()
         shift = 0
         for part in parts:
             part.rows["at"] += shift

@@ -6,7 +6,6 @@ reach of its beginning are gone through.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -37,29 +36,9 @@ class Run:
         """Bytes."""
         return int(self.end[-1] - self.start[0])
 
-    def part(self, first: int, last: int | None) -> Run:
-        """Some of its frames."""
-        some = slice(first, last)
-        return Run(self.data, self.base, self.start[some], self.end[some], self.role[some], self.fits[some])
-
-    def frames(self) -> Iterator[tuple[bytes, int, int]]:
-        """ADU, stream offset and role of each."""
-        for s, e, r in zip(self.start.tolist(), self.end.tolist(), self.role.tolist(), strict=True):
-            yield self.data[s:e].tobytes(), self.base + s, r
-
-    def in_turns(self) -> Said | None:
-        """The conversation after a run in which each request was answered by the next frame; None where it was not."""
-        first = int(self.role[0] == Role.RESPONSE)  # that one answers what is before the run
-        start, role, fits = self.start[first:], self.role[first:], self.fits[first:]
-        asked, answers = start[0::2], start[1::2]
-        if not len(asked) or (role[0::2] != Role.REQUEST).any() or (role[1::2] != Role.RESPONSE).any():
-            return None
-        if not fits[1::2].all() or not self.data.take(asked).all():
-            return None  # a broadcast, or an answer to something else
-        begin, end = int(asked[-1]), int(self.end[first:][0::2][-1])
-        last = Pending.of(self.base + begin, self.data[begin:end].tobytes())
-        open_one = len(asked) > len(answers)
-        return Said((last,) if open_one else (), not open_one, last.adu)
+    def adu(self, i: int) -> bytes:
+        """The bytes of one."""
+        return self.data[self.start[i] : self.end[i]].tobytes()
 
 
 class Talk:
@@ -74,11 +53,7 @@ class Talk:
         """The conversation up to now."""
         said = self._said
         for run in self._runs:
-            short = None if said.pending else run.in_turns()
-            if said.pending and len(run.start) > 1:  # mostly what the first one answers
-                said, run = said_after(said, run.part(0, 1)), run.part(1, None)
-                short = None if said.pending else run.in_turns()
-            said = said_after(said, run) if short is None else short
+            said = said_after(said, run)
         self.settle(said)
         return said
 
@@ -102,10 +77,25 @@ class Talk:
 
 
 def said_after(said: Said, run: Run) -> Said:
-    """The conversation after a run, frame by frame."""
-    for adu, offset, role in run.frames():
-        if role == Role.REQUEST:
-            said = said.ask(Pending.of(offset, adu))
+    """The conversation after a run: exchange by exchange, and at once where nothing is open."""
+    n = len(run.start)
+    asks = run.role == Role.REQUEST
+    answered = np.append(asks[:-1] & run.fits[1:], False)
+    odd = [*np.flatnonzero(~(answered | np.append(False, answered[:-1]))).tolist(), n]
+    i = k = 0
+    while i < n:
+        while odd[k] < i:
+            k += 1
+        if odd[k] > i:
+            if not said.pending:
+                i = odd[k] - 2  # only the last exchange before it matters
+            said = said.exchanged(run.base + int(run.start[i]), run.adu(i))
+            i += 2
+            continue
+        adu = run.adu(i)
+        if asks[i]:
+            said = said.ask(Pending.of(run.base + int(run.start[i]), adu))
         elif (which := said.answers(adu)) is not None:
             said = said.answer(which)
+        i += 1
     return said

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..frames import GAPS, NO_GAP, Rows
+from ..frames import NO_GAP
 from .rules import Bytes, Index
 from .silence import TURNS, classes_of
 
@@ -21,6 +21,24 @@ _LONG_READ: Final = 1 << 16  # bytes
 
 
 _NONE_MARKED: Final[Index] = np.empty(0, np.intp)
+
+
+class Seen(NamedTuple):
+    """What the reads say of pieces: columns, those from `gap_before` on as in `ROW`."""
+
+    t_start: Times  # ns, estimates of first start bit and last stop bit
+    t_end: Times
+    head: Times  # number of the read that brought the first byte
+    tail: Times  # and of the one that brought the last
+    gap_before: Times
+    gap_most: Times
+    gap_least: Times
+    gap_at: NDArray[np.int32]
+    reads: Times
+    errors: NDArray[np.uint16]
+
+
+GAPS: Final = Seen._fields[Seen._fields.index("gap_before") :]  # those that a row has under the same names
 
 
 class Character(NamedTuple):
@@ -129,48 +147,38 @@ class Tape:
         previous = self.time[first - 1 : last - 1] if first else np.append(self._before[0], self.time[: last - 1])
         return self.group[first:last][self.time[first:last] - previous >= least_ns]
 
-    def spans(self, starts: Index, ends: Index) -> tuple[Times, Times, Times, Times]:
-        """Best estimates of first start bit and last stop bit of pieces, ns; and which reads brought them.
-
-        A read returns at or after its last byte, so every group bounds a piece's times from above. Where the line's
-        speed is not known, nothing is made up: both are the times of the reads. Reads are the numbers, from the
-        stream's beginning, of the groups that hold a piece's first and last byte.
-        """
-        head = np.searchsorted(self.group, starts, side="right") - 1
-        tail = np.searchsorted(self.group, ends - 1, side="right") - 1
+    def seen(self, starts: Index, ends: Index) -> Seen:
+        """What the reads say of pieces that lie end to end, at least one."""
+        bounds = np.append(starts, ends[-1])
+        group = np.searchsorted(self.group, bounds, side="right") - 1
+        begins = self.group[group] == bounds
+        head, tail = group[:-1], group[1:] - begins[1:]
         limits = np.append(self.group[1:], len(self.data))
-        late = limits[tail] - ends  # bytes that came in the same read after it
-        t_end = self.time[tail] - self._wire(late)
-        first = np.minimum(limits[head], ends) - starts
-        later = np.maximum(limits[head] - ends, 0)
-        t_start = self.time[head] - self._wire(first + later)
-        return np.minimum(t_start, t_end - self._wire(ends - starts)), t_end, head + self._gone, tail + self._gone
+        t_end = self.time[tail] - self._wire(limits[tail] - ends)  # what came in the same read after it, too
+        t_start = self.time[head] - self._wire(limits[head] - starts)
+        t_start = np.minimum(t_start, t_end - self._wire(ends - starts))
+        known = np.append(self._silence, np.full(len(limits) - len(self._silence), NO_GAP))
+        if self._partial and starts[0] == 0:
+            begins[0] = False
+        most, least = np.full(len(starts), NO_GAP), np.full(len(starts), NO_GAP)
+        at, errors = np.zeros(len(starts), np.int32), np.zeros(len(starts), np.uint16)
+        several = np.flatnonzero(tail > head)
+        if len(several):
+            within = np.ravel(np.column_stack((head[several] + 1, tail[several] + 1)))
+            known = np.append(known, NO_GAP)  # a spare one: the last piece may end where all do
+            most[several] = np.maximum.reduceat(known, within)[::2]
+            least[several] = np.minimum.reduceat(known, within)[::2]
+            at[several] = self._places(known, head[several], tail[several], most[several]) - starts[several]
+        if len(self._errors):
+            errors[:] = np.diff(np.searchsorted(self._errors, bounds))
+        before = np.where(begins[:-1], known[head], NO_GAP)
+        numbers = head + self._gone, tail + self._gone
+        return Seen(t_start, t_end, *numbers, before, most, least, at, tail - head + 1, errors)
 
     def _wire(self, count: Index) -> Times:
         """How long so many bytes take on the wire."""
         taken: Times = np.rint(count * self._wire_ns).astype(np.int64)
         return taken
-
-    def gaps(self, starts: Index, ends: Index) -> Rows:
-        """What the reads say of pieces (GAPS): silences before and inside them, bytes that the UART marked."""
-        gaps = np.zeros(len(starts), GAPS)
-        head = np.searchsorted(self.group, starts, side="right") - 1
-        tail = np.searchsorted(self.group, ends - 1, side="right") - 1
-        known = np.append(self._silence, np.full(len(self.group) - len(self._silence) + 1, NO_GAP))
-        begins = (self.group[head] == starts) & ((starts > 0) | (not self._partial))
-        gaps["gap_before"] = np.where(begins, known[head], NO_GAP)
-        gaps["gap_most"] = gaps["gap_least"] = NO_GAP
-        gaps["reads"] = tail - head + 1
-        several = np.flatnonzero(tail > head)
-        if len(several):
-            bounds = np.ravel(np.column_stack((head[several] + 1, tail[several] + 1)))
-            most = np.maximum.reduceat(known, bounds)[::2]
-            gaps["gap_most"][several] = most
-            gaps["gap_least"][several] = np.minimum.reduceat(known, bounds)[::2]
-            gaps["gap_at"][several] = self._places(known, head[several], tail[several], most) - starts[several]
-        if len(self._errors):
-            gaps["errors"] = np.diff(np.searchsorted(self._errors, np.column_stack((starts, ends))), axis=1)[:, 0]
-        return gaps
 
     def _places(self, silence: Times, head: Index, tail: Index, most: Times) -> Index:
         """The byte before which each piece's longest silence stands; pieces are of groups head to tail."""
