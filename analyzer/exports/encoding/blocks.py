@@ -15,7 +15,7 @@ from dissectors.blocks import Bits, Registers
 from dissectors.slots import Block
 
 from .forms import Rows
-from .jsontext import encoded, insides, middle, parted
+from .jsontext import encoded, inside, insides, middle, parted
 from .pieces import Ints, Store
 from .sheet import Cursor, within
 from .source import Source
@@ -52,7 +52,7 @@ class RegisterPieces(_BlockPieces):
     def __init__(self, block: Block, part: Registers, store: Store) -> None:
         super().__init__(block, RegisterText(part, store), store)
         self._part = part
-        _, _, self._known, _ = parted(part.child(0, 0, "", None))
+        self._known = inside(part.words(0))
         self._place = store.table(self._placed)
         self._value = store.table_of_many(lambda values: [_VALUE % (value, value) for value in values], "register")
         self._words = store.table_of_many(lambda values: insides(list(map(part.words, values))), (Registers, "words"))
@@ -85,7 +85,7 @@ class RegisterPieces(_BlockPieces):
 
     def _before_words(self, key: int) -> bytes:
         """What a text has before a register's value in words: its address."""
-        words = parted(self._part.child(0, 0, "", key - 1 if key else None))[2]
+        words = inside(self._part.child(0, 0, "", key - 1 if key else None).text)
         if not words.endswith(self._known):
             raise AssertionError(f"{words!r} does not end with {self._known!r}")
         return words[: len(words) - len(self._known)]

@@ -133,10 +133,17 @@ class Table:
             self._near = wider
         found: Pieces = self._near.take(numbers)
         if not found.all():
-            unknown = np.unique(numbers[found == _UNKNOWN])
+            unknown = self._once(numbers[found == _UNKNOWN])
             self._near[unknown] = self._added(unknown.tolist())
             found = self._near.take(numbers)
         return found
+
+    def _once(self, unknown: Ints) -> Ints:
+        """Each of these numbers once: where one stands several times, its place keeps what was written there last."""
+        marks = np.arange(len(unknown))
+        self._near[unknown] = marks
+        once: Ints = unknown[self._near.take(unknown) == marks]
+        return once
 
     def _take_far(self, numbers: Ints) -> Pieces:
         distinct, where = np.unique(numbers, return_inverse=True)

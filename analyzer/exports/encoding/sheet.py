@@ -1,7 +1,7 @@
 """Lines set from pieces, thousands at once, and copied into one text.
 
-Every piece is copied with the `REACH` bytes from its beginning on, in the order of the text: what was too much of one is
-written over by the next. So numpy moves pieces of any size in one go; the few longer ones get their rest behind that.
+Every piece is copied with the `REACH` bytes from its beginning on, in the order of the text: what was too much of one
+is written over by the next. So numpy moves pieces of any size in one go; longer ones get their rest behind that.
 """
 
 from __future__ import annotations

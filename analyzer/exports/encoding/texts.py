@@ -38,8 +38,8 @@ class RegisterText:
 
     def _digits(self, values: list[int]) -> list[bytes]:
         """Each value as one of a line that is not its first."""
-        text, between = self._part.text, self._between
-        return [between + said for said in insides([text((value,)) for value in values])]
+        between = self._between
+        return [between + said for said in insides(list(map(self._part.digits, values)))]
 
 
 class BitText:
