@@ -91,8 +91,13 @@ class Registers(Counted):
 
     def text(self, value: Sequence[int]) -> str:
         """The registers on one line."""
-        text = " ".join(map(str, value[: self.shown]))
+        text = " ".join(map(self.digits, value[: self.shown]))
         return f"{text} … {len(value)} in all" if len(value) > self.shown else text
+
+    @staticmethod
+    def digits(register: int) -> str:
+        """One register in that line."""
+        return str(register)
 
     def words(self, register: int) -> str:
         """One register, its address apart."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 from pathlib import Path
 
 import pytest
@@ -272,7 +273,8 @@ def test_other_formats_can_be_added(monkeypatch: pytest.MonkeyPatch, tmp_path: P
         def load() -> Format:
             raise ImportError("missing")
 
-    monkeypatch.setattr(formats, "entry_points", lambda group: [Broken, Entry] if group == "rtuscope.captures" else [])
+    offered = {"rtuscope.captures": [Broken, Entry]}
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: offered.get(group, []))
     formats.foreign_formats.cache_clear()
     try:
         assert log(tmp_path, "VENDOR\x00", "capture.vnd").format == "vendor"

@@ -41,6 +41,7 @@ class Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit status."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy would start threads for algebra that nothing here does
     _tolerant(sys.stdout)
     _tolerant(sys.stderr)
     arguments = list(sys.argv[1:] if argv is None else argv)

@@ -24,7 +24,7 @@ class Output:
         self._stream = stream
         self._at = 0
 
-    def write(self, data: bytes) -> int:
+    def write(self, data: bytes | memoryview) -> int:
         """Write all of it: a stream without a buffer (PYTHONUNBUFFERED) may take less at a time."""
         left = memoryview(data)
         while len(left):

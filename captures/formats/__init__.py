@@ -12,7 +12,6 @@ import pkgutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import BinaryIO
 
@@ -50,6 +49,8 @@ def formats() -> dict[str, Format]:
 @cache
 def foreign_formats() -> dict[str, Format]:
     """The formats that other distributions bring, by name; one that fails to load is left out."""
+    from importlib.metadata import entry_points  # slow to import, and seldom needed
+
     found: dict[str, Format] = {}
     for entry in entry_points(group=ENTRY_POINTS):
         try:
@@ -74,7 +75,8 @@ def recognise(path: Path) -> Format:
     head = read_head(path)
     if kind := other_kind(head):
         raise CaptureError(f"{path}: not a capture but {kind}")
-    for known in (formats(), foreign_formats()):
+    for registry in (formats, foreign_formats):
+        known = registry()
         scores = {name: float(known[name].sniff(head)) for name in known}
         likeliest = max(known, key=lambda name: scores[name], default=None)
         if likeliest and scores[likeliest] >= CERTAIN:
@@ -91,8 +93,8 @@ def recognise(path: Path) -> Format:
 
 def for_writing(path: Path) -> Format:
     """The format that this name's suffix asks for; CaptureError lists the suffixes that can be written."""
-    for known in (formats(), foreign_formats()):
-        writable = {name: found for name, found in known.items() if found.write is not None}
+    for registry in (formats, foreign_formats):
+        writable = {name: found for name, found in registry().items() if found.write is not None}
         if (found := _by_suffix(writable, path, {})) is not None:
             return found
     suffixes = [suffix for found in formats().values() if found.write for suffix in found.suffixes]

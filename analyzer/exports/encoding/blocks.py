@@ -15,81 +15,103 @@ from dissectors.blocks import Bits, Registers
 from dissectors.slots import Block
 
 from .forms import Rows
-from .jsontext import encoded, inside, middle, parted
-from .pieces import Cursor, Ints, Store, within
+from .jsontext import encoded, inside, insides, middle, parted
+from .pieces import Ints, Store
+from .sheet import Cursor, within
 from .source import Source
 from .texts import BitText, RegisterText, bits_of
 
-_SECOND: Final = 1  # place of the second of two pieces behind the first
 _FIELDS: Final = b'","fields":['
+_VALUE: Final = b'%d,"raw":"%04x","text":"'  # `middle` of a register
 
 
-class RegisterPieces:
+class _BlockPieces:
+    """The JSON of a block up to its values' fields."""
+
+    def __init__(self, block: Block, text: RegisterText | BitText, store: Store) -> None:
+        self._at = 1 + block.offset
+        self._head = store.table(lambda octets: _head(block, octets))
+        self._text = text
+
+    def sizes(self, rows: Rows) -> Ints:
+        """Pieces of each block up to there."""
+        return 3 + self._text.sizes(rows.blocks)
+
+    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
+        """These pieces."""
+        held = rows.blocks
+        cursor.put(self._head.take(held.octets))
+        cursor.put(source.hex(held.begins, held.octets, cursor.sheet))
+        cursor.put(b'","text":"')
+        self._text.put(held, source, cursor)
+
+
+class RegisterPieces(_BlockPieces):
     """The JSON of a block of registers."""
 
     def __init__(self, block: Block, part: Registers, store: Store) -> None:
-        self._block = block
+        super().__init__(block, RegisterText(part, store), store)
         self._part = part
-        at = 1 + block.offset
-        self._head = store.table(lambda octets: _head(block, octets))
-        self._text = RegisterText(part, store)
-        self._place = store.table(lambda i: (b"," if i else _FIELDS) + parted(part.child(at + 2 * i, 0, "", None))[0])
-        self._value = store.table(self._valued, (Registers, "value"))
-        self._address = store.table(self._addressed, (Registers, part.area))
+        self._known = inside(part.words(0))
+        self._place = store.table(self._placed)
+        self._value = store.table_of_many(lambda values: [_VALUE % (value, value) for value in values], "register")
+        self._words = store.table_of_many(lambda values: insides(list(map(part.words, values))), (Registers, "words"))
+        self._before = store.table(self._before_words, (Registers, "before", part.area))
+        self._behind = store.table(self._behind_words, (Registers, "behind", part.area))
 
     def sizes(self, rows: Rows) -> Ints:
         """Pieces of each block."""
-        held = rows.blocks
-        return 4 + self._text.sizes(held) + 5 * held.counts
+        return super().sizes(rows) + 5 * rows.blocks.counts + 1
 
     def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
         """The pieces of these blocks."""
+        super().put(rows, source, cursor)
         held = rows.blocks
-        cursor.put(self._head.take(held.octets))
-        cursor.put_texts(source.hex(held.begins, held.octets))
-        cursor.put(b'","text":"')
-        self._text.put(held, source, cursor)
         i = within(held.counts)
         values = source.words(np.repeat(held.begins, held.counts) + 2 * i)
-        value, address = self._value.take(values), self._address.take(held.addresses(i))
-        cursor.spread(held.counts, self._place.take(i), value, address, value + _SECOND, address + _SECOND)
+        addresses = held.addresses(i)
+        cursor.spread(
+            held.counts,
+            self._place.take(i),
+            self._value.take(values),
+            self._before.take(addresses),
+            self._words.take(values),
+            self._behind.take(addresses),
+        )
         cursor.put(b"]}")
 
-    def _valued(self, value: int) -> tuple[bytes, ...]:
-        """What hangs on a value: what stands before its text, and its text."""
-        return middle(value, f"{value:04x}"), inside(self._part.words(value))
+    def _placed(self, i: int) -> bytes:
+        return (b"," if i else _FIELDS) + parted(self._part.child(self._at + 2 * i, 0, "", None))[0]
 
-    def _addressed(self, key: int) -> tuple[bytes, ...]:
-        """What hangs on a register's address: what stands before its value in words, and what behind them."""
-        _, _, known, _ = parted(self._part.child(0, 0, "", None))
-        _, _, words, behind = parted(self._part.child(0, 0, "", key - 1 if key else None))
-        return _before(words, known), behind
+    def _before_words(self, key: int) -> bytes:
+        """What a text has before a register's value in words: its address."""
+        words = inside(self._part.child(0, 0, "", key - 1 if key else None).text)
+        if not words.endswith(self._known):
+            raise AssertionError(f"{words!r} does not end with {self._known!r}")
+        return words[: len(words) - len(self._known)]
+
+    def _behind_words(self, key: int) -> bytes:
+        return parted(self._part.child(0, 0, "", key - 1 if key else None))[3]
 
 
-class BitPieces:
+class BitPieces(_BlockPieces):
     """The JSON of a block of coils or inputs."""
 
     def __init__(self, block: Block, part: Bits, store: Store) -> None:
+        super().__init__(block, BitText(part, store), store)
         self._part = part
-        self._at = 1 + block.offset
-        self._head = store.table(lambda octets: _head(block, octets))
-        self._text = BitText(part, store)
         self._place = store.table(self._placed)
         self._rest = store.table(self._addressed, (Bits, part.area))
         self._padding = store.table(self._padded)
 
     def sizes(self, rows: Rows) -> Ints:
         """Pieces of each block."""
-        held = rows.blocks
-        return 5 + self._text.sizes(held) + 2 * held.counts
+        return super().sizes(rows) + 2 * rows.blocks.counts + 2
 
     def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
         """The pieces of these blocks."""
+        super().put(rows, source, cursor)
         held = rows.blocks
-        cursor.put(self._head.take(held.octets))
-        cursor.put_texts(source.hex(held.begins, held.octets))
-        cursor.put(b'","text":"')
-        self._text.put(held, source, cursor)
         i = within(held.counts)
         octet, bit = i >> 3, i & 7
         byte = source.octets(np.repeat(held.begins, held.counts) + octet)
@@ -130,10 +152,3 @@ def _head(block: Block, octets: int) -> bytes:
     """A block's field up to its bytes."""
     first, middle, _, _ = parted(block.described(bytes(octets)))
     return b"," + first + middle[: middle.index(b'"raw":"') + len(b'"raw":"')]
-
-
-def _before(words: bytes, known: bytes) -> bytes:
-    """What a text has before one that it ends with."""
-    if not words.endswith(known):
-        raise AssertionError(f"{words!r} does not end with {known!r}")
-    return words[: len(words) - len(known)]

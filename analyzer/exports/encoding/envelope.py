@@ -9,18 +9,13 @@ import orjson
 
 from analyzer.frames import Batch, Frame, Kind, Protocol, Row, Rows, adu_of
 
-from .pieces import Cursor, Ints, Sheet, Store
+from .pieces import Ints, Store
+from .sheet import Cursor
 from .source import Source
 from .whole import explain_json
 
-HEAD: Final = 5  # pieces before the fields
+HEAD: Final = 15  # pieces before the fields
 TAIL: Final = 2  # pieces behind them
-
-_PLACE: Final = b'{"index":%d,"start":%d,"length":%d,"t_start_ns":%d,"t_end_ns":%d'
-_COLUMNS: Final = ("index", "start", "length", "t_start", "t_end")
-_UNPAIRED: Final = b'null,"response_time_ns":null,"hex":"'
-_UNTIMED: Final = b'%d,"response_time_ns":null,"hex":"'
-_TIMED: Final = b'%d,"response_time_ns":%d,"hex":"'
 
 
 class Envelope:
@@ -28,6 +23,7 @@ class Envelope:
 
     def __init__(self, store: Store, explain: bool) -> None:
         self._explain = explain
+        self._length = store.table(lambda length: b',"length":%d,"t_start_ns":' % length)
         self._unit = store.table(self._units)
         self._function = store.table(self._functions)
         self._confidence = store.table(self._confidences)
@@ -35,15 +31,25 @@ class Envelope:
 
     def put_head(self, rows: Rows, here: Ints, source: Source, cursor: Cursor) -> None:
         """`HEAD` pieces of each of these rows of a batch, `"hex"` the last of them, its quote not closed."""
-        cursor.put_texts([_PLACE % row for row in zip(*(rows[name].tolist() for name in _COLUMNS), strict=True)])
+        cursor.put(b'{"index":')
+        cursor.put_numbers(rows["index"])
+        cursor.put(b',"start":')
+        cursor.put_numbers(rows["start"])
+        cursor.put(self._length.take(rows["length"]))
+        cursor.put_numbers(rows["t_start"])
+        cursor.put(b',"t_end_ns":')
+        cursor.put_numbers(rows["t_end"])
         kind, protocol, unit = (rows[name].astype(np.int64) for name in ("kind", "protocol", "unit"))
         cursor.put(self._unit.take(kind << 9 | protocol << 8 | unit))
         function, exception, check = (rows[name].astype(np.int64) for name in ("function", "exception", "check"))
         cursor.put(self._function.take(function << 9 | exception << 1 | check))
-        cursor.put(_pairing(rows, cursor.sheet))
+        cursor.put_known(rows["request_start"], b"null")
+        cursor.put(b',"response_time_ns":')
+        cursor.put_known(np.where(rows["request_start"] >= 0, rows["response_ns"], -1), b"null")
+        cursor.put(b',"hex":"')
         plain = rows["protocol"] == Protocol.RTU
         texts = np.empty(len(rows), np.int64)
-        texts[plain] = cursor.sheet.texts(source.hex(rows["at"][plain], rows["length"][plain]))
+        texts[plain] = source.hex(rows["at"][plain], rows["length"][plain], cursor.sheet)
         captured = ((source.pdus.batch.bytes_of(int(row)), Protocol.ASCII) for row in here[~plain])
         texts[~plain] = cursor.sheet.texts([adu_of(*each).data.hex().encode() for each in captured])
         cursor.put(texts)
@@ -51,16 +57,18 @@ class Envelope:
     def put_tail(self, rows: Rows, here: Ints, batch: Batch, cursor: Cursor) -> None:
         """`TAIL` pieces of each row: the line's end is the last of them."""
         cursor.put(self._confidence.take(rows["confidence"].view(np.uint32).astype(np.int64)))
-        ends = self._end.take(rows["port"].astype(np.int64)).astype(np.int64)
+        ends = self._end.take(rows["port"].astype(np.int64))
         special = np.arange(len(rows)) if self._explain else _told(batch, rows)
         if len(special):
-            ends[special] = cursor.sheet.texts([self._special(batch.frame(int(row))) for row in here[special]])
+            ends[special] = cursor.sheet.texts([self._special(batch, row) for row in here[special].tolist()])
         cursor.put(ends)
 
-    def _special(self, frame: Frame) -> bytes:
-        line = frame.to_json(fields=False)
+    def _special(self, batch: Batch, row: int) -> bytes:
+        line: dict[str, Any] = {"findings": [finding.to_json() for finding in batch.findings_of(row)]}
+        if port := int(batch.rows["port"][row]):
+            line["port"] = port
         if self._explain:
-            line["explain"] = explain_json(frame)
+            line["explain"] = explain_json(batch.frame(row))
         return _end(line)
 
     @staticmethod
@@ -77,19 +85,6 @@ class Envelope:
     def _confidences(key: int) -> bytes:
         line = _json(_frame(confidence=float(np.uint32(key).view(np.float32))))
         return line[line.index(b',"confidence":') : line.index(b"[]")]
-
-
-def _pairing(rows: Rows, sheet: Sheet) -> Ints:
-    """What each row answers, and how long that took."""
-    found = np.full(len(rows), sheet.store.fixed(_UNPAIRED))
-    asked, took = rows["request_start"], rows["response_ns"]
-    timed = (asked >= 0) & (took >= 0)
-    found[timed] = sheet.texts(
-        [_TIMED % pair for pair in zip(asked[timed].tolist(), took[timed].tolist(), strict=True)]
-    )
-    untimed = (asked >= 0) & (took < 0)
-    found[untimed] = sheet.texts([_UNTIMED % start for start in asked[untimed].tolist()])
-    return found
 
 
 def _told(batch: Batch, rows: Rows) -> Ints:

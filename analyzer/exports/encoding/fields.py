@@ -14,7 +14,8 @@ from dissectors.slots import Slot, Slots
 from .blocks import block_pieces
 from .forms import Part, Rows, looked
 from .jsontext import encoded
-from .pieces import Cursor, Ints, Store
+from .pieces import Ints, Store
+from .sheet import Cursor
 from .source import Source
 
 

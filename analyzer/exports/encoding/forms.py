@@ -21,7 +21,8 @@ from dissectors.functions import function
 from dissectors.lengths import Role
 from dissectors.slots import Block, Look, Slots, exception_slots, slots
 
-from .pieces import Cursor, Ints
+from .pieces import Ints
+from .sheet import Cursor
 from .source import Source
 
 _LEAST: Final = 4  # bytes of an RTU frame that has a check value

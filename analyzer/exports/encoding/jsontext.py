@@ -19,6 +19,11 @@ def inside(text: str) -> bytes:
     return orjson.dumps(text)[1:-1]
 
 
+def insides(texts: list[str]) -> list[bytes]:
+    """What stands between the quotes of each of some texts; a quote in one would have a backslash before it."""
+    return orjson.dumps(texts)[2:-2].split(b'","') if texts else []
+
+
 def middle(value: int | bool, raw: str) -> bytes:
     """What `parted` gives as the second part, for a number or truth value."""
     said = ("true" if value else "false") if value is True or value is False else value

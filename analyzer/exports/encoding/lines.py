@@ -19,11 +19,13 @@ from dissectors.lengths import Role
 from .envelope import HEAD, TAIL, Envelope
 from .fields import fields
 from .forms import Forms, Group
-from .jsontext import encoded, middle, parted
-from .pieces import Ints, Sheet, Store
+from .jsontext import encoded, parted
+from .pieces import Ints, Store
+from .sheet import Sheet
 from .source import Source, kept
 from .whole import Whole, noise_json
 
+_VALUE: Final = b'%d,"raw":"%02x%02x","text":"'  # `middle` of a check value, whose low byte comes first
 _CHECK: Final = 2  # bytes of it
 _AROUND: Final = 4  # pieces around a form's: unit and function before, the check value's two behind
 
@@ -42,11 +44,11 @@ class JsonLines:
         )
         self._function = self._store.table(_function)
         self._check_place = self._store.table(lambda at: b"," + parted(_check(at, 0))[0])
-        self._ok = b"".join(parted(_check(0, 0))[2:]) + b"]"
-        self._check_value = self._store.table(self._right)
+        self._ok = _VALUE + (b"".join(parted(_check(0, 0))[2:]) + b"]").replace(b"%", b"%%")
+        self._check_value = self._store.table_of_many(self._right)
         self._pdus: Pdus | None = None
 
-    def text(self, batch: Batch, first: int, last: int) -> Iterator[bytes]:
+    def text(self, batch: Batch, first: int, last: int) -> Iterator[memoryview]:
         """The lines of rows `first` to `last` (excluded), in parts; take them before asking for more."""
         self._store.settle()
         if self._pdus is None or self._pdus.batch is not batch:
@@ -89,7 +91,7 @@ class JsonLines:
         at = lengths - _CHECK
         tail.put(self._check_place.take(at))
         at += begins
-        checks = self._check_value.take(source.octets(at) | source.octets(at + 1) << 8).astype(np.int64)
+        checks = self._check_value.take(source.octets(at) | source.octets(at + 1) << 8)
         wrong = np.flatnonzero(~rows["check"][formed])
         if len(wrong):
             places = zip(begins[wrong].tolist(), lengths[wrong].tolist(), strict=True)
@@ -97,8 +99,9 @@ class JsonLines:
             checks[wrong] = sheet.texts([_rest(check_fields(rtu(frame), len(frame) - _CHECK)[0]) for frame in frames])
         tail.put(checks)
 
-    def _right(self, crc: int) -> bytes:
-        return middle(crc, crc.to_bytes(_CHECK, "little").hex()) + self._ok
+    def _right(self, checks: list[int]) -> list[bytes]:
+        text = self._ok
+        return [text % (crc, crc & 0xFF, crc >> 8) for crc in checks]
 
 
 def _rest(check: Field) -> bytes:

@@ -1,188 +1,166 @@
-"""Pieces of text that were made once and are looked up by number, and lines set from them.
+"""Pieces of text that were made once and are looked up by number.
 
-A line is a row of pieces. Each piece that was ever made has a place in one array, the store; tables give the places of
-those that hang on a number, so that a sheet of thousands of lines is set, taken and joined without a step of Python a
-piece. What is kept is bounded: a store that has grown too large is begun anew before the next sheet.
+The bytes of all pieces ever made stand in one array, the store. A piece is a number: where it begins there and how many
+bytes it has. Tables give the pieces that hang on a number; so thousands of lines are set and copied (`sheet`) without
+a step of Python a piece. What is kept is bounded: a store that has grown too large is begun anew before the next sheet.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 Ints = NDArray[np.int64]
-Places = NDArray[np.int32]
-Make = Callable[[int], bytes | tuple[bytes, ...]]
+Bytes = NDArray[np.uint8]
+Pieces = NDArray[np.int64]  # as `pieces` makes them
+Make = Callable[[int], bytes]
+MakeAll = Callable[[list[int]], list[bytes]]
 
-_KEPT: Final = 48 << 20  # bytes of all pieces
-_OVERHEAD: Final = 33 + 8  # of a bytes object, and of the reference to it
-_DENSE: Final = 1 << 21  # numbers up to this have their place in an array, which grows as they come
+REACH: Final = 128
+
+_KEPT: Final = 16 << 20  # bytes of all pieces
+_DENSE: Final = 1 << 21  # numbers up to this have their piece in an array, which grows as they come
 _LEAST: Final = 1 << 8
-_JOINED: Final = 4096  # pieces at once: what they make stays in the processor's cache
-_UNKNOWN: Final = -1
+_SIZE_BITS: Final = 24
+_UNKNOWN: Final = 0  # no piece: the store's first byte is not used
+
+
+def pieces(begins: Ints, sizes: Ints) -> Pieces:
+    """Pieces from where they begin and how many bytes they have."""
+    return begins << _SIZE_BITS | sizes
+
+
+def begins_of(pieces: Pieces) -> Ints:
+    """Where pieces begin."""
+    return pieces >> _SIZE_BITS
+
+
+def sizes_of(pieces: Pieces) -> Ints:
+    """How many bytes they have."""
+    return pieces & ((1 << _SIZE_BITS) - 1)
 
 
 class Store:
-    """All pieces, and the tables of their places."""
+    """The bytes of all pieces, and the tables of them."""
 
     def __init__(self, kept: int = _KEPT) -> None:
         self._kept = kept
         self._tables: dict[Hashable, Table] = {}
         self._fixed: dict[bytes, int] = {}
-        self._begin()
-
-    def _begin(self) -> None:
-        self._pieces = np.empty(_LEAST, object)
-        self._count = 0
-        self._size = 0
+        self._bytes: Bytes = np.empty(1 << 16, np.uint8)
+        self._used = 1
 
     def table(self, make: Make, name: Hashable = None) -> Table:
         """A table of pieces, made by number (0 or more) when they are first asked for; of one name there is one."""
+        return self.table_of_many(lambda numbers: list(map(make, numbers)), name)
+
+    def table_of_many(self, make: MakeAll, name: Hashable = None) -> Table:
+        """The same, of pieces that are made faster many at once."""
         if name is None:
             name = len(self._tables)
         if name not in self._tables:
             self._tables[name] = Table(self, make)
         return self._tables[name]
 
-    def fixed(self, piece: bytes) -> int:
-        """The place of a piece that is always the same."""
-        if piece not in self._fixed:
-            self._fixed[piece] = self.add([piece])
-        return self._fixed[piece]
+    def fixed(self, text: bytes) -> int:
+        """The piece of a text that is always the same."""
+        if text not in self._fixed:
+            self._fixed[text] = int(self.add([text])[0])
+        return self._fixed[text]
 
-    def add(self, pieces: list[bytes]) -> int:
-        """Keep some pieces in neighbouring places; the first one's."""
-        first = self._count
-        self._count += len(pieces)
-        if self._count > len(self._pieces):
-            self._pieces = np.concatenate((self._pieces, np.empty(self._count, object)))
-        self._pieces[first : self._count] = pieces
-        self._size += sum(map(len, pieces)) + _OVERHEAD * len(pieces)
-        return first
+    def add(self, texts: list[bytes]) -> Pieces:
+        """Keep some texts."""
+        sizes = sizes_in(texts)
+        begins = self._used + np.cumsum(sizes) - sizes
+        text = b"".join(texts)
+        self._reserve(len(text))
+        self._bytes[self._used : self._used + len(text)] = np.frombuffer(text, np.uint8)
+        self._used += len(text)
+        return pieces(begins, sizes)
 
     def settle(self) -> None:
         """Between two sheets: forget all if it is too much."""
-        if self._size > self._kept:
-            self._begin()
+        if self._used > self._kept:
+            self._used = 1
             self._fixed.clear()
             for table in self._tables.values():
                 table.forget()
 
-    def taken(self, places: Ints, texts: list[bytes]) -> Iterator[bytes]:
-        """The pieces at some places joined, in parts; -1 and down are the last, the last but one … of `texts`."""
-        spare = len(self._pieces) - self._count
-        if len(texts) > spare:
-            self._pieces = np.concatenate((self._pieces, np.empty(len(texts), object)))
-        if texts:
-            self._pieces[-len(texts) :] = texts
-        for first in range(0, len(places), _JOINED):
-            yield b"".join(self._pieces.take(places[first : first + _JOINED]).tolist())
-        if texts:
-            self._pieces[-len(texts) :] = None
+    def with_lent(self, lent: list[Bytes]) -> Bytes:
+        """The store, and at its end what is lent to it until the next sheet, the first last; `REACH` bytes follow."""
+        self._reserve(sum(map(len, lent)))
+        end = len(self._bytes) - REACH + 1
+        for text in lent:
+            self._bytes[end - len(text) : end] = text
+            end -= len(text)
+        return self._bytes
+
+    def _reserve(self, size: int) -> None:
+        """Room for some more bytes."""
+        needed = self._used + size + REACH
+        if needed > len(self._bytes):
+            wider: Bytes = np.empty(needed + needed // 2, np.uint8)
+            wider[: self._used] = self._bytes[: self._used]
+            self._bytes = wider
 
 
 class Table:
-    """The places of pieces by number; where several are made for a number, of the first one, and the others follow."""
+    """Pieces by number."""
 
-    def __init__(self, store: Store, make: Make) -> None:
+    def __init__(self, store: Store, make: MakeAll) -> None:
         self._store = store
         self._make = make
         self.forget()
 
     def forget(self) -> None:
         """Begin anew."""
-        self._near: Places = np.empty(0, np.int32)
+        self._near: Pieces = np.empty(0, np.int64)
         self._far: dict[int, int] = {}
 
-    def take(self, numbers: Ints) -> Places:
-        """The places of the pieces of these numbers."""
+    def take(self, numbers: Ints) -> Pieces:
+        """The pieces of these numbers."""
         if not len(numbers):
-            return np.empty(0, np.int32)
+            return np.empty(0, np.int64)
         largest = int(numbers.max())
         if largest >= _DENSE:
             return self._take_far(numbers)
         if largest >= len(self._near):
-            wider = np.full(max(_LEAST, 1 << largest.bit_length()), _UNKNOWN, np.int32)
+            wider = np.zeros(max(_LEAST, 1 << largest.bit_length()), np.int64)
             wider[: len(self._near)] = self._near
             self._near = wider
-        places: Places = self._near.take(numbers)
-        if int(places.min()) == _UNKNOWN:
-            unknown = np.unique(numbers[places == _UNKNOWN])
+        found: Pieces = self._near.take(numbers)
+        if not found.all():
+            unknown = self._once(numbers[found == _UNKNOWN])
             self._near[unknown] = self._added(unknown.tolist())
-            places = self._near.take(numbers)
-        return places
+            found = self._near.take(numbers)
+        return found
 
-    def _take_far(self, numbers: Ints) -> Places:
+    def _once(self, unknown: Ints) -> Ints:
+        """Each of these numbers once: where one stands several times, its place keeps what was written there last."""
+        marks = np.arange(len(unknown))
+        self._near[unknown] = marks
+        once: Ints = unknown[self._near.take(unknown) == marks]
+        return once
+
+    def _take_far(self, numbers: Ints) -> Pieces:
         distinct, where = np.unique(numbers, return_inverse=True)
         unknown = [number for number in distinct.tolist() if number not in self._far]
         self._far.update(zip(unknown, self._added(unknown).tolist(), strict=True))
-        return np.array([self._far[number] for number in distinct.tolist()], np.int32).take(where)
+        return np.array([self._far[number] for number in distinct.tolist()], np.int64).take(where)
 
-    def _added(self, numbers: list[int]) -> Ints:
-        """The first places of the pieces of these numbers."""
-        made = [one if isinstance(one, tuple) else (one,) for one in map(self._make, numbers)]
-        first = self._store.add([piece for pieces in made for piece in pieces])
-        return first + (len(made[0]) if made else 0) * np.arange(len(made))
+    def _added(self, numbers: list[int]) -> Pieces:
+        """The pieces of these numbers, made now."""
+        return self._store.add(self._make(numbers))
 
 
-class Sheet:
-    """Lines to be set: `sizes` is how many pieces each has."""
-
-    def __init__(self, store: Store, sizes: Ints) -> None:
-        self.store = store
-        self.ends: Ints = np.cumsum(sizes)
-        self._begins = self.ends - sizes
-        self._texts: list[bytes] = []
-        self.places: Ints = np.empty(int(self.ends[-1]) if len(sizes) else 0, np.int64)
-
-    def at(self, lines: Ints, piece: int = 0) -> Cursor:
-        """A cursor on piece number `piece` of some lines; negative ones count from the end."""
-        return Cursor(self, (self.ends if piece < 0 else self._begins)[lines] + piece)
-
-    def texts(self, texts: list[bytes]) -> Ints:
-        """The places of pieces that are for this sheet only."""
-        before = len(self._texts)
-        self._texts += texts
-        return np.arange(-1 - before, -1 - len(self._texts), -1)
-
-    def parts(self) -> Iterator[bytes]:
-        """The text of all lines, in parts."""
-        return self.store.taken(self.places, self._texts[::-1])
+def sizes_in(texts: list[bytes]) -> Ints:
+    """The length of each text."""
+    return np.fromiter(map(len, texts), np.int64, len(texts))
 
 
-class Cursor:
-    """Where on a sheet the next piece of each of some lines goes."""
-
-    def __init__(self, sheet: Sheet, at: Ints) -> None:
-        self.sheet = sheet
-        self._at = at
-
-    def put(self, pieces: Ints | Places | bytes) -> None:
-        """A piece a line, by their places, or the same for all."""
-        self.sheet.places[self._at] = self.sheet.store.fixed(pieces) if isinstance(pieces, bytes) else pieces
-        self._at += 1
-
-    def put_texts(self, texts: list[bytes]) -> None:
-        """A piece a line, for this sheet only."""
-        self.put(self.sheet.texts(texts))
-
-    def spread(self, counts: Ints, *columns: Places) -> None:
-        """Several pieces a line, `counts` times as many as there are columns: the first of each, the second of each."""
-        width = len(columns)
-        at = np.repeat(self._at - width * (np.cumsum(counts) - counts), counts)
-        at += width * np.arange(len(at))
-        for column in columns:
-            self.sheet.places[at] = column
-            at += 1
-        self._at += width * counts
-
-
-def within(counts: Ints) -> Ints:
-    """0, 1, 2 … of each of some counts, end to end."""
-    ends = np.cumsum(counts)
-    found: Ints = np.arange(int(ends[-1]) if len(ends) else 0)
-    found -= np.repeat(ends - counts, counts)
-    return found
+def without(pieces: Pieces, head: int) -> Pieces:
+    """The same pieces without so many of their first bytes."""
+    return pieces + ((head << _SIZE_BITS) - head)

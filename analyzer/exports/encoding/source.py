@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from binascii import hexlify
 
 import numpy as np
 
 from analyzer.frames import Batch, Kind, Protocol, Rows
 from analyzer.pdus import Pdus
 
-from .pieces import Ints
+from .pieces import Ints, Pieces, pieces
+from .sheet import Sheet
 
 
 class Source:
-    """Bytes of a batch from `first` to `last` (excluded), which is as far as hex is asked for."""
+    """Bytes of a batch from `first` to `last` (excluded), which is as far as hex is asked for, for one sheet."""
 
     def __init__(self, pdus: Pdus, first: int, last: int) -> None:
         self.pdus = pdus
         self._first = first
         self._last = last
+        self._hex: int | None = None  # where it begins among what the sheet was lent
 
     @classmethod
     def of(cls, pdus: Pdus, frames: Rows) -> Source:
@@ -39,25 +41,19 @@ class Source:
         found: Ints = self.pdus.words.take(at).astype(np.int64)
         return found
 
-    def hex(self, begins: Ints, lengths: Ints) -> list[bytes]:
+    def hex(self, begins: Ints, lengths: Ints, sheet: Sheet) -> Pieces:
         """Stretches of bytes in hex."""
-        text = self._hex
-        at = 2 * (begins - self._first)
-        return [text[i:j] for i, j in zip(at.tolist(), (at + 2 * lengths).tolist(), strict=True)]
+        if self._hex is None:
+            self._hex = sheet.lend(hexlify(self._octets()))
+        return pieces(self._hex + 2 * (begins - self._first), 2 * lengths)
 
-    def spaced(self, begins: Ints, lengths: Ints) -> list[bytes]:
+    def spaced(self, begins: Ints, lengths: Ints, sheet: Sheet) -> Pieces:
         """Stretches of bytes in capital hex, spaces between the bytes."""
-        text = self._spaced
-        at = 3 * (begins - self._first)
-        return [text[i:j] for i, j in zip(at.tolist(), (at + 3 * lengths - 1).tolist(), strict=True)]
+        begin = sheet.lend(hexlify(self._octets(), " ").upper())
+        return pieces(begin + 3 * (begins - self._first), 3 * lengths - 1)
 
-    @cached_property
-    def _spaced(self) -> bytes:
-        return self.pdus.data[self._first : self._last].tobytes().hex(" ").upper().encode()
-
-    @cached_property
-    def _hex(self) -> bytes:
-        return self.pdus.data[self._first : self._last].tobytes().hex().encode()
+    def _octets(self) -> bytes:
+        return self.pdus.data[self._first : self._last].tobytes()
 
 
 def kept(batch: Batch, first: int, last: int, *, noise: bool) -> tuple[Ints, Rows]:

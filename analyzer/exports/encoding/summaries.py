@@ -21,7 +21,8 @@ from dissectors.words import filled
 
 from .fields import numbers, taken_apart
 from .forms import Part, Rows
-from .pieces import Cursor, Ints, Store
+from .pieces import Ints, Store
+from .sheet import Cursor
 from .source import Source
 from .texts import BitText, RegisterText, block_text
 

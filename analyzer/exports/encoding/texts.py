@@ -7,8 +7,9 @@ import numpy as np
 from dissectors.blocks import Bits, Registers
 
 from .forms import Held
-from .jsontext import inside
-from .pieces import Cursor, Ints, Store, within
+from .jsontext import inside, insides
+from .pieces import Ints, Store, without
+from .sheet import Cursor, within
 from .source import Source
 
 
@@ -19,7 +20,7 @@ class RegisterText:
         self._shown = part.shown
         self._part = part
         self._between = _more(part.text([0, 0]), part.text([0]))[:-1]
-        self._said = store.table(self._digits, (Registers, "said"))
+        self._said = store.table_of_many(self._digits, (Registers, "said"))
         self._more = store.table(lambda n: _more(part.text([0] * n), part.text([0] * part.shown)))
 
     def sizes(self, held: Held) -> Ints:
@@ -31,13 +32,14 @@ class RegisterText:
         shown = np.minimum(held.counts, self._shown)
         i = within(shown)
         values = source.words(np.repeat(held.begins, shown) + 2 * i)
-        cursor.spread(shown, self._said.take(values) + (i > 0))
+        said = self._said.take(values)
+        cursor.spread(shown, np.where(i > 0, said, without(said, len(self._between))))
         cursor.put(self._more.take(np.maximum(held.counts, self._shown)))
 
-    def _digits(self, value: int) -> tuple[bytes, ...]:
-        """A value as the first of a line, and as a later one."""
-        said = inside(self._part.text([value]))
-        return said, self._between + said
+    def _digits(self, values: list[int]) -> list[bytes]:
+        """Each value as one of a line that is not its first."""
+        between = self._between
+        return [between + said for said in insides(list(map(self._part.digits, values)))]
 
 
 class BitText:

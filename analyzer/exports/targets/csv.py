@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from analyzer.exports.encoding import explain_json
 from analyzer.exports.encoding.forms import Forms
-from analyzer.exports.encoding.pieces import Cursor, Ints, Sheet, Store
+from analyzer.exports.encoding.pieces import Ints, Pieces, Store, without
+from analyzer.exports.encoding.sheet import Cursor, Sheet
 from analyzer.exports.encoding.source import Source, kept
 from analyzer.exports.encoding.summaries import words
 from analyzer.exports.encoding.whole import Whole
@@ -63,9 +64,9 @@ EXPLAINED: Final = (
     "runner_up_length",
 )
 _FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
-
-
-_HEAD: Final = 6  # pieces before the summary
+_HEAD: Final = 5 + 9  # pieces before the summary, times left out
+_TIMES: Final = 7  # theirs
+_EXACT: Final = 1 << 53  # nanoseconds that a float still counts
 _SPECIAL: Final = frozenset(',"\r\n')
 
 
@@ -77,6 +78,7 @@ class _Table:
         self._zero: int | None = None
         self._pdus: Pdus | None = None
         self._store = Store()
+        self._cell = self._store.table(lambda number: b",%d," % number)
         self._unit = self._store.table(_unit)
         self._function = self._store.table(_function)
         self._confidence = self._store.table(lambda key: b",%.6f," % float(np.uint32(key).view(np.float32)))
@@ -101,18 +103,19 @@ class _Table:
         spoken = rows if len(frames) == len(rows) else rows[frames]
         source = Source.of(self._pdus, spoken)
         groups = self._forms.groups(rows, here, source)
-        sizes = np.where(silent, 1, _HEAD + 2)
+        head = _HEAD + (_TIMES if self._timed else 1)
+        sizes = np.where(silent, 1, head + 2)
         for group in groups:
-            sizes[group.lines] = _HEAD + group.sizes() + 1
+            sizes[group.lines] = head + group.sizes() + 1
         sheet = Sheet(self._store, sizes)
         sheet.at(np.flatnonzero(silent)).put_texts(self._noise(batch, here[silent]))
         self._put_head(spoken, here[frames], source, sheet.at(frames))
         whole = ~silent
         for group in groups:
-            group.put(source, sheet.at(group.lines, _HEAD))
+            group.put(source, sheet.at(group.lines, head))
             whole[group.lines] = False
         said = [self._whole.text(batch.frame(row)) for row in here[whole].tolist()]
-        sheet.at(np.flatnonzero(whole), _HEAD).put_texts(said)
+        sheet.at(np.flatnonzero(whole), head).put_texts(said)
         sheet.at(frames, -1).put(self._ends(batch, here[frames], sheet))
         for part in sheet.parts():
             self._out.write(part)
@@ -125,63 +128,83 @@ class _Table:
 
     def _put_head(self, rows: Rows, here: Ints, source: Source, cursor: Cursor) -> None:
         """Everything before the summary."""
-        cursor.put_texts(self._places(b"frame,%d,", rows, ("index",)))
+        cursor.put(b"frame,")
+        cursor.put_numbers(rows["index"])
+        cursor.put(self._cell.take(rows["port"].astype(np.int64)))
+        cursor.put_numbers(rows["start"])
+        cursor.put(self._cell.take(rows["length"]))
+        self._put_times(rows, cursor)
         kind, protocol, unit = (rows[name].astype(np.int64) for name in ("kind", "protocol", "unit"))
         cursor.put(self._unit.take(kind << 9 | protocol << 8 | unit))
         function, exception, check = (rows[name].astype(np.int64) for name in ("function", "exception", "check"))
         cursor.put(self._function.take(function << 9 | exception << 1 | check))
-        cursor.put(_pairing(rows, cursor.sheet))
+        cursor.put(b",")
+        cursor.put_known(rows["request_start"], b"")
+        cursor.put(b",")
+        cursor.put_known(np.where(rows["request_start"] >= 0, rows["response_ns"], -1), b"")
         cursor.put(self._confidence.take(rows["confidence"].view(np.uint32).astype(np.int64)))
         plain = rows["protocol"] == Protocol.RTU
         texts = np.empty(len(rows), np.int64)
-        spaced = source.spaced(rows["at"][plain], rows["length"][plain])
-        texts[plain] = cursor.sheet.texts([text + b',"' for text in spaced])
+        texts[plain] = source.spaced(rows["at"][plain], rows["length"][plain], cursor.sheet)
         ascii_frames = (source.pdus.batch.frame(int(row)) for row in here[~plain])
-        texts[~plain] = cursor.sheet.texts([frame.adu.data.hex(" ").upper().encode() + b',"' for frame in ascii_frames])
+        texts[~plain] = cursor.sheet.texts([frame.adu.data.hex(" ").upper().encode() for frame in ascii_frames])
         cursor.put(texts)
+        cursor.put(b',"')
+
+    def _put_times(self, rows: Rows, cursor: Cursor) -> None:
+        """Seconds, start and end, or three empty cells."""
+        if not self._timed:
+            cursor.put(b",,")
+            return
+        whole, rest = _seconds(rows["t_start"] - (self._zero or 0), cursor.sheet)
+        cursor.put(whole)
+        cursor.put(b".")
+        cursor.put(rest)
+        cursor.put(b",")
+        cursor.put_numbers(rows["t_start"])
+        cursor.put(b",")
+        cursor.put_numbers(rows["t_end"])
 
     def _ends(self, batch: Batch, here: Ints, sheet: Sheet) -> Ints:
         """What is behind the summary: findings, and the reasons where they are asked for."""
         ends = np.full(len(here), sheet.store.fixed(b'",\n'))
         told = np.arange(len(here)) if self._options.explain else np.flatnonzero(_told(batch, here))
         if len(told):
-            frames = (batch.frame(row) for row in here[told].tolist())
-            ends[told] = sheet.texts([self._end(frame) for frame in frames])
+            ends[told] = sheet.texts([self._end(batch, row) for row in here[told].tolist()])
         return ends
 
-    def _end(self, frame: Frame) -> bytes:
-        return b'",' + _findings(frame.findings) + (_explained(frame) if self._options.explain else b"") + b"\n"
-
-    def _places(self, begin: bytes, rows: Rows, names: tuple[str, ...]) -> list[bytes]:
-        """Kind, place and times."""
-        columns: list[list[Any]] = [rows[name].tolist() for name in (*names, "port", "start", "length")]
-        if not self._timed:
-            form = begin + b"%d,%d,%d,,,"
-            return [form % row for row in zip(*columns, strict=True)]
-        seconds = ((rows["t_start"] - (self._zero or 0)) / 1e9).tolist()
-        columns += [seconds, rows["t_start"].tolist(), rows["t_end"].tolist()]
-        form = begin + b"%d,%d,%d,%.6f,%d,%d"
-        return [form % row for row in zip(*columns, strict=True)]
+    def _end(self, batch: Batch, row: int) -> bytes:
+        why = _explained(batch.frame(row)) if self._options.explain else b""
+        return b'",' + _findings(batch.findings_of(row)) + why + b"\n"
 
     def _noise(self, batch: Batch, here: Ints) -> list[bytes]:
         blank = b"," * (COLUMNS.index("hex") - COLUMNS.index("t_end_ns"))
         end = b"," * (len(EXPLAINED) if self._options.explain else 0) + b"\n"
-        places = self._places(b"noise,,", batch.rows[here], ())
+        rows = batch.rows[here]
+        columns: list[list[Any]] = [rows[name].tolist() for name in ("port", "start", "length")]
+        form = b"noise,,%d,%d,%d,,,"
+        if self._timed:
+            form = b"noise,,%d,%d,%d,%.6f,%d,%d"
+            columns += [((rows["t_start"] - (self._zero or 0)) / 1e9).tolist()]
+            columns += [rows[name].tolist() for name in ("t_start", "t_end")]
+        places = [form % row for row in zip(*columns, strict=True)]
         hexes = [batch.bytes_of(row).hex(" ").upper().encode() for row in here.tolist()]
         said = [b",," + _findings(batch.findings_of(row)) for row in here.tolist()]
         return [b"".join((place, blank, *texts, end)) for place, *texts in zip(places, hexes, said, strict=True)]
 
 
-def _pairing(rows: Rows, sheet: Sheet) -> Ints:
-    """What each row answers, and how long that took."""
-    found = np.full(len(rows), sheet.store.fixed(b",,"))
-    asked, took = rows["request_start"], rows["response_ns"]
-    timed = (asked >= 0) & (took >= 0)
-    pairs = zip(asked[timed].tolist(), took[timed].tolist(), strict=True)
-    found[timed] = sheet.texts([b",%d,%d" % pair for pair in pairs])
-    untimed = (asked >= 0) & (took < 0)
-    found[untimed] = sheet.texts([b",%d," % start for start in asked[untimed].tolist()])
-    return found
+def _seconds(ns: Ints, sheet: Sheet) -> tuple[Pieces, Pieces]:
+    """What `%.6f` says of some nanoseconds as seconds: before the point, and behind it."""
+    plain = (ns >= 0) & (ns < _EXACT) & (ns % 1000 != 500)  # the others round as their float does
+    micros = (ns + 500) // 1000
+    whole = micros // 1_000_000
+    rest = micros - 1_000_000 * whole
+    before, behind = sheet.numbers(whole), without(sheet.numbers(1_000_000 + rest), 1)
+    if not plain.all():
+        texts = [b"%.6f" % seconds for seconds in (ns[~plain] / 1e9).tolist()]
+        before[~plain] = sheet.texts([text[:-7] for text in texts])
+        behind[~plain] = sheet.texts([text[-6:] for text in texts])
+    return before, behind
 
 
 def _unit(key: int) -> bytes:
