@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 ENCODING: Final = "protobuf"
 SPARE: Final = (15, 2047)  # numbers of no field, with a tag of one and of two bytes
+_NUMBERS: Final = tuple(number for number in range(1, SPARE[1]) if number not in SPARE)
 _OPTIONAL, _REPEATED = 1, 3
 
 
@@ -79,22 +80,12 @@ class Message:
     @cached_property
     def numbers(self) -> dict[str, int]:
         """The number of each field: 1, 2, 3 ... without the spare ones."""
-        free = (number for number in range(1, SPARE[1]) if number not in SPARE)
-        return {field.name: number for field, number in zip(self.fields, free, strict=False)}
+        return {field.name: number for field, number in zip(self.fields, _NUMBERS, strict=False)}
 
     def schema(self) -> bytes:
         """A serialised FileDescriptorSet, as MCAP wants it for the schema encoding "protobuf"."""
-        package, _, name = self.name.rpartition(".")
-        file = [
-            _text(1, f"{self.name.replace('.', '/')}.proto"),
-            _text(2, package),
-            _part(4, self._descriptor(name)),
-            _text(12, "proto3"),
-        ]
-        return _part(1, b"".join(file))
-
-    def _descriptor(self, name: str) -> bytes:
-        parts, choices = [_text(1, name)], 0
+        parts: list[bytes] = []
+        choices = 0
         for field in self.fields:
             parts.append(_part(2, self._field(field, choices)))
             choices += field.optional
@@ -102,8 +93,7 @@ class Message:
             if field.names is not None and self._enum_of(field) is field:
                 parts.append(_part(4, _enum(_type_name(field), field.names)))
         parts += [_part(8, _text(1, f"_{field.name}")) for field in self.fields if field.optional]
-        parts += [_part(9, _number(1, spare) + _number(2, spare + 1)) for spare in SPARE]
-        return b"".join(parts)
+        return _file(self.name, b"".join(parts))
 
     def _field(self, field: Field, choice: int) -> bytes:
         name = field.name.encode()
@@ -144,6 +134,18 @@ class Message:
         spare = SPARE[tag > 0x7F] << 3 | tag & 7
         rows[name] = values
         rows[tag_of(name)] = np.where(present, tag_bytes(tag), tag_bytes(spare))
+
+
+def plain_schema(name: str, fields: Iterable[str], kind: Type) -> bytes:
+    """The schema of a `Message` whose fields are all of one type; ASCII names, up to 100 letters, no underscores.
+
+    An export makes thousands of these, with up to 2040 fields each, so no object a field is made.
+    """
+    parts = []
+    for field, rest in zip(fields, _kinds(kind), strict=False):
+        size = len(field)
+        parts.append(b"\x12%c\n%c%b%b" % (size + len(rest) + 2, size, field.encode(), rest))
+    return _file(name, b"".join(parts))
 
 
 def tag_of(name: str) -> str:
@@ -214,6 +216,24 @@ def _kind(number: int, repeated: bool, type: Type) -> bytes:
     return _number(3, number) + _number(4, _REPEATED if repeated else _OPTIONAL) + _number(5, type)
 
 
+@cache
+def _kinds(type: Type) -> tuple[bytes, ...]:
+    """The same of plain fields, by their places in the message."""
+    return tuple(_kind(number, False, type) for number in _NUMBERS)
+
+
+def _file(name: str, content: bytes) -> bytes:
+    """A set of one file with one message type, of which `content` says all but its name and its reserved numbers."""
+    package, _, own = name.rpartition(".")
+    parts = (
+        _text(1, f"{name.replace('.', '/')}.proto"),
+        _text(2, package),
+        _part(4, _text(1, own) + content + _RESERVED),
+        _text(12, "proto3"),
+    )
+    return _part(1, b"".join(parts))
+
+
 def _enum(name: str, names: Mapping[str, int]) -> bytes:
     values = (_part(2, _text(1, key) + _number(2, value)) for key, value in names.items())
     return _text(1, name) + b"".join(values)
@@ -242,3 +262,6 @@ def _part(number: int, content: bytes) -> bytes:
 
 def _text(number: int, text: str) -> bytes:
     return delimited(number, text.encode())
+
+
+_RESERVED: Final = b"".join(_part(9, _number(1, spare) + _number(2, spare + 1)) for spare in SPARE)

@@ -10,7 +10,7 @@ import orjson
 from analyzer.exports.targets.mcap.schemas import LEVELS
 from analyzer.frames import Batch, Kind, Rows
 from captures.formats.mcap import packing
-from captures.formats.mcap.packing import HEAD, Lot, Part, Tails
+from captures.formats.mcap.packing import HEAD, Packed, Part, Tails
 from captures.ragged import Ints
 
 MAX_OF_A_KIND: Final = 20_000  # further ones are counted on their frames, not told
@@ -25,21 +25,21 @@ class Log:
         self._end = 0  # ns, of the rows so far
         self.left_out = 0
 
-    def lot(self, findings: Rows, batch: Batch) -> Lot:
+    def messages(self, findings: Rows, batch: Batch) -> Packed:
         """What was found about the rows of a batch, or about the bus as a whole, which comes at the end."""
         findings = findings.take(self._room(findings))
-        rows, times = rows_of(findings, batch), findings["t"].copy()
+        times = findings["t"].copy()
         if len(batch):
             self._end = max(self._end, int(batch.rows["t_end"].max()))
             framed = findings["index"] >= 0
-            times[framed] = batch.rows["t_end"][rows[framed]]
+            times[framed] = batch.rows["t_end"][rows_of(findings[framed], batch)]
         times[findings["start"] < 0] = self._end
-        order = np.argsort(rows, kind="stable")
+        order = np.argsort(times, kind="stable")
         texts = [_message(findings[i], int(times[i])) for i in order.tolist()]
         sizes = np.array([len(text) for text in texts], np.int64)
         tails = Tails(np.frombuffer(b"".join(texts), np.uint8), np.cumsum(sizes) - sizes, sizes)
         heads = packing.heads(np.zeros(1, [("record", HEAD)]), len(texts))
-        return Lot.of(rows[order], self._channel, times[order], [Part(None, heads)], tails)
+        return packing.packed(self._channel, times[order], [Part(None, heads)], tails)
 
     def _room(self, findings: Rows) -> Ints:
         """Which of these are told."""
@@ -54,12 +54,9 @@ class Log:
 
 
 def rows_of(findings: Rows, batch: Batch) -> Ints:
-    """The row that each stands on: its frame's, else the one at its time."""
+    """The row of the frame that each stands on."""
     frames = np.flatnonzero(batch.rows["kind"] != Kind.NOISE)
-    last = max(len(batch) - 1, 0)
-    at_frame = np.append(frames, last)[np.searchsorted(batch.rows["index"][frames], findings["index"])]
-    at_time = np.minimum(np.searchsorted(batch.rows["t_end"], findings["t"], side="right"), last)
-    found: Ints = np.where(findings["index"] >= 0, at_frame, at_time)
+    found: Ints = np.append(frames, len(batch) - 1)[np.searchsorted(batch.rows["index"][frames], findings["index"])]
     return found
 
 

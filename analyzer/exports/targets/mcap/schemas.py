@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from analyzer.frames import Kind, Protocol
 from analyzer.transactions import Status
-from captures.formats.mcap.protobuf import Field, Message, Type
+from captures.formats.mcap.protobuf import Field, Message, Type, plain_schema
 from dissectors.functions import functions
 
 EVIDENCE: Final = ("length", "crc", "silence", "conversation", "margin")
@@ -85,13 +85,11 @@ NOISE: Final = Message(
 )
 
 
-def values(area: str, letter: str, start: int, count: int, *, bits: bool) -> Message:
-    """Values of consecutive addresses, a field each: `r107` a register, `b19` a coil or input."""
-    kind = Type.BOOL if bits else Type.FIXED32
-    return Message(
-        f"rtuscope.{area}_{span(start, count, '_')}",
-        tuple(Field(f"{letter}{address}", kind) for address in range(start, start + count)),
-    )
+def values(area: str, letter: str, start: int, count: int, *, bits: bool) -> tuple[str, bytes]:
+    """Name and schema of values of consecutive addresses, a field each: `r107` a register, `b19` a coil or input."""
+    name = f"rtuscope.{area}_{span(start, count, '_')}"
+    fields = (f"{letter}{address}" for address in range(start, start + count))
+    return name, plain_schema(name, fields, Type.BOOL if bits else Type.FIXED32)
 
 
 def span(start: int, count: int, dash: str = "-") -> str:

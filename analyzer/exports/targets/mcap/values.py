@@ -1,4 +1,4 @@
-"""Register and bit values as lots of messages: a channel a poll group, a field an address, for plots without a script.
+"""Register and bit values as messages: a channel a poll group, a field an address, for plots without a script.
 
 A poll group is what one request asks for: unit, area, starting address and quantity. An answer to a read carries
 values; an answer to a write confirms those of its request. Messages of one quantity have one layout, whatever their
@@ -7,22 +7,22 @@ addresses, so that they are packed together; only the schema knows addresses.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Final
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from analyzer.columns import AreaCode, Decoded, decode
 from analyzer.exports.targets.mcap import schemas
 from analyzer.frames import ROW, Batch, Kind
 from captures.formats.mcap import packing
-from captures.formats.mcap.packing import HEAD, Lot, Part
+from captures.formats.mcap.packing import HEAD, Packed, Part, packed
 from captures.formats.mcap.protobuf import ENCODING, SPARE, tag_bytes
 from captures.formats.mcap.writer import ArrayWriter
-from captures.ragged import Ints
+from captures.ragged import Ints, windows
 
 MAX_GROUPS: Final = 4096  # topics that a viewer can still be asked to list; a bus has some dozens
 
@@ -34,6 +34,7 @@ _AREAS: Final = {
     AreaCode.HOLDING_REGISTERS: ("holding", "r"),
 }
 MAX_COUNT: Final = 255 * 8  # values of a frame: its byte count is a byte
+_TOLD: Final = ("rows", "area", "address", "begins", "counts")
 _ADDRESSES: Final = 1 << 16
 _SHORT: Final = SPARE[0] - 1  # fields whose tag is one byte
 _COUNT_BITS, _ADDRESS_BITS, _UNIT_BITS = 16, 16, 8
@@ -49,6 +50,18 @@ class _Told:
     begins: Ints
     counts: Ints
     values: NDArray[np.uint16]
+
+    @classmethod
+    def joined(cls, told: Sequence[_Told]) -> _Told:
+        """All of them in the order of their rows; of one row in the order given."""
+        columns = {name: np.concatenate([getattr(each, name) for each in told]) for name in _TOLD}
+        order = np.argsort(columns["rows"], kind="stable")
+        sizes = [len(each.values) for each in told]
+        columns["begins"] += np.repeat(np.cumsum(sizes) - sizes, [len(each.rows) for each in told])
+        return cls(
+            **{name: column[order] for name, column in columns.items()},
+            values=np.concatenate([each.values for each in told]),
+        )
 
     def taken(self, which: NDArray[np.bool_]) -> _Told:
         """Those of some rows."""
@@ -66,14 +79,12 @@ class PollGroups:
         self._writer = writer
         self._keys = np.zeros(0, np.int64)  # of the groups that are known, ascending
         self._channels = np.zeros(0, np.uint16)  # of each
-        self._schemas: dict[str, int] = {}
+        self._schemas: dict[tuple[int, int, int], int] = {}  # by area, start and count
         self.left_out = 0  # messages without a channel, since there are too many groups
 
-    def lots(self, batch: Batch, decoded: Decoded) -> list[Lot]:
+    def messages(self, batch: Batch, decoded: Decoded) -> Packed:
         """The values that the rows of a batch tell."""
-        return [self._lot(batch, told) for told in _told(batch, decoded) if len(told.rows)]
-
-    def _lot(self, batch: Batch, told: _Told) -> Lot:
+        told = _told(batch, decoded)
         keys = told.area.astype(np.int64) << _UNIT_BITS | batch.rows["unit"][told.rows]
         keys = (keys << _ADDRESS_BITS | told.address) << _COUNT_BITS | told.counts
         channels = self._channels_of(keys)
@@ -90,7 +101,7 @@ class PollGroups:
                 heads = _heads(told.values, told.begins[which], layout >> 1, bits=bool(layout & 1))
                 parts.append(Part(which, heads))
                 first += count
-        return Lot.of(told.rows, channels, batch.rows["t_end"][told.rows], parts)
+        return packed(channels, batch.rows["t_end"][told.rows], parts)
 
     def _channels_of(self, keys: Ints) -> NDArray[np.uint16]:
         """The channel of each key's group, made where it is new; 0 for groups that are too many."""
@@ -116,16 +127,16 @@ class PollGroups:
         start, rest = rest & (1 << _ADDRESS_BITS) - 1, rest >> _ADDRESS_BITS
         unit, code = rest & (1 << _UNIT_BITS) - 1, AreaCode(rest >> _UNIT_BITS)
         area, letter = _AREAS[code]
-        message = schemas.values(area, letter, start, count, bits=letter == "b")
-        schema = self._schemas.get(message.name)
+        schema = self._schemas.get((code, start, count))
         if schema is None:
-            schema = self._writer.register_schema(message.name, ENCODING, message.schema())
-            self._schemas[message.name] = schema
+            name, content = schemas.values(area, letter, start, count, bits=letter == "b")
+            schema = self._writer.register_schema(name, ENCODING, content)
+            self._schemas[code, start, count] = schema
         topic = f"/unit/{unit}/{area}/{schemas.span(start, count)}"
         return self._writer.register_channel(topic, ENCODING, schema)
 
 
-def _told(batch: Batch, decoded: Decoded) -> list[_Told]:
+def _told(batch: Batch, decoded: Decoded) -> _Told:
     """What good answers carry, and what they confirm of their requests."""
     rows, request = batch.rows, batch.rows["request"]
     good = (rows["kind"] == Kind.RESPONSE) & rows["check"] & (rows["exception"] == 0) & (request >= 0)
@@ -137,11 +148,10 @@ def _told(batch: Batch, decoded: Decoded) -> list[_Told]:
     place = np.searchsorted(indices, asked)
     here = place < len(writes)
     here[here] = indices[place[here]] == asked[here]
-    confirmed = [
-        _of(decoded, answers[here], writes[place[here]]),
-        *_earlier(batch, answers[np.isin(asked, list(batch.earlier))] if batch.earlier else answers[:0]),
-    ]
-    return [_of(decoded, own, own), *(told.taken(~_echoed(decoded, told)) for told in confirmed)]
+    confirmed = [_of(decoded, answers[here], writes[place[here]])]
+    if batch.earlier:
+        confirmed += _earlier(batch, answers[np.isin(asked, list(batch.earlier))])
+    return _Told.joined([_of(decoded, own, own), *(told.taken(~_echoed(decoded, told)) for told in confirmed)])
 
 
 def _of(decoded: Decoded, rows: Ints, sources: Ints) -> _Told:
@@ -192,6 +202,9 @@ def _layout(count: int, *, bits: bool) -> NDArray[np.void]:
 def _heads(values: NDArray[np.uint16], begins: Ints, count: int, *, bits: bool) -> NDArray[np.void]:
     """Messages of `count` values each."""
     heads = packing.heads(_layout(count, bits=bits), len(begins))
-    found = sliding_window_view(values, count)[begins]
-    heads["short"]["value"], heads["long"]["value"] = found[:, :_SHORT], found[:, _SHORT:]
+    width = count * values.itemsize
+    found = windows(values.view(np.uint8), width)[begins * values.itemsize].view(values.dtype).reshape(-1, count)
+    heads["short"]["value"] = found[:, :_SHORT]
+    if count > _SHORT:
+        heads["long"]["value"] = found[:, _SHORT:]
     return heads
