@@ -49,16 +49,16 @@ def copy_spilling(out: Bytes, at: Ints, data: Bytes, begins: Ints, sizes: Ints) 
 
     So between two places there must be 15 bytes or more, to be written later.
     """
-    widths = -(-sizes // _STEP) * _STEP
-    exact = (at + widths > len(out)) | (begins + widths > len(data)) | (widths >= _WIDE)
-    rough = ~exact
-    for steps in np.flatnonzero(np.bincount(widths[rough] // _STEP)).tolist():
-        if steps:
-            width = steps * _STEP
-            here = np.flatnonzero(rough & (widths == width))
+    steps = np.minimum(-(-sizes // _STEP), _WIDE // _STEP).astype(np.uint16)
+    room = np.minimum(len(out) - at, len(data) - begins) // _STEP
+    steps[(room < steps) | (sizes >= _WIDE)] = 0
+    for count in np.flatnonzero(np.bincount(steps)).tolist():
+        here = np.flatnonzero(steps == count)
+        if count:
+            width = count * _STEP
             windows(out, width)[at[here]] = windows(data, width)[begins[here]]
-    last = np.flatnonzero(exact)
-    copy_pieces(out, at[last], data, begins[last], sizes[last])
+        else:
+            copy_pieces(out, at[here], data, begins[here], sizes[here])
 
 
 def sums(counts: Ints) -> Ints:

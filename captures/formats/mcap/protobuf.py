@@ -118,19 +118,20 @@ class Message:
         parts: list[tuple[str, Any]] = [] if head is None else [("record", head)]
         fields = [field for field in self.fields if field.name not in without]
         for field in fields:
-            width = len(_varint(self._tag(field)))
+            width = len(_varint(self._tags[field.name]))
             parts += [(tag_of(field.name), f"<u{width}"), (field.name, _WIRE[field.type][1])]
         row = np.zeros(1, parts)
         for field in fields:
-            row[tag_of(field.name)] = tag_bytes(self._tag(field))
+            row[tag_of(field.name)] = tag_bytes(self._tags[field.name])
         return row
 
-    def _tag(self, field: Field) -> int:
-        return self.numbers[field.name] << 3 | _WIRE[field.type][0]
+    @cached_property
+    def _tags(self) -> dict[str, int]:
+        return {field.name: self.numbers[field.name] << 3 | _WIRE[field.type][0] for field in self.fields}
 
     def put(self, rows: NDArray[np.void], name: str, values: ArrayLike, *, present: NDArray[np.bool_]) -> None:
         """Values of an optional field, in those rows that have it."""
-        tag = self._tag(next(field for field in self.fields if field.name == name))
+        tag = self._tags[name]
         spare = SPARE[tag > 0x7F] << 3 | tag & 7
         rows[name] = values
         rows[tag_of(name)] = np.where(present, tag_bytes(tag), tag_bytes(spare))
@@ -141,11 +142,11 @@ def plain_schema(name: str, fields: Iterable[str], kind: Type) -> bytes:
 
     An export makes thousands of these, with up to 2040 fields each, so no object a field is made.
     """
-    parts = []
-    for field, rest in zip(fields, _kinds(kind), strict=False):
-        size = len(field)
-        parts.append(b"\x12%c\n%c%b%b" % (size + len(rest) + 2, size, field.encode(), rest))
-    return _file(name, b"".join(parts))
+    parts = [
+        f"\x12{chr(len(field) + len(rest) + 2)}\n{chr(len(field))}{field}{rest}"
+        for field, rest in zip(fields, _kinds(kind), strict=False)
+    ]
+    return _file(name, "".join(parts).encode("latin-1"))
 
 
 def tag_of(name: str) -> str:
@@ -217,9 +218,9 @@ def _kind(number: int, repeated: bool, type: Type) -> bytes:
 
 
 @cache
-def _kinds(type: Type) -> tuple[bytes, ...]:
-    """The same of plain fields, by their places in the message."""
-    return tuple(_kind(number, False, type) for number in _NUMBERS)
+def _kinds(type: Type) -> tuple[str, ...]:
+    """The same of plain fields, by their places in the message; a letter a byte."""
+    return tuple(_kind(number, False, type).decode("latin-1") for number in _NUMBERS)
 
 
 def _file(name: str, content: bytes) -> bytes:

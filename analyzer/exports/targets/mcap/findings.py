@@ -8,6 +8,8 @@ import numpy as np
 import orjson
 
 from analyzer.exports.targets.mcap.schemas import LEVELS
+from analyzer.findings.model import evidence
+from analyzer.findings.registry import rules
 from analyzer.frames import Batch, Kind, Rows
 from captures.formats.mcap import packing
 from captures.formats.mcap.packing import HEAD, Packed, Part, Tails
@@ -35,7 +37,7 @@ class Log:
             times[framed] = batch.rows["t_end"][rows_of(findings[framed], batch)]
         times[findings["start"] < 0] = self._end
         order = np.argsort(times, kind="stable")
-        texts = [_message(findings[i], int(times[i])) for i in order.tolist()]
+        texts = _texts(findings[order], times[order].tolist())
         sizes = np.array([len(text) for text in texts], np.int64)
         tails = Tails(np.frombuffer(b"".join(texts), np.uint8), np.cumsum(sizes) - sizes, sizes)
         heads = packing.heads(np.zeros(1, [("record", HEAD)]), len(texts))
@@ -68,18 +70,20 @@ def on_frames(findings: Rows | None, batch: Batch) -> Ints | None:
     return np.bincount(rows_of(framed, batch), minlength=len(batch)) if len(framed) else None
 
 
-def _message(row: np.void, t_ns: int) -> bytes:
-    from analyzer.findings.model import describe
-
-    finding = describe(row)
-    seconds, nanoseconds = divmod(max(t_ns, 0), 1_000_000_000)
-    return orjson.dumps(
-        {
+def _texts(findings: Rows, times: list[int]) -> list[bytes]:
+    """Their messages in JSON; times are in ns."""
+    known = rules()
+    texts = []
+    for number, figures, t_ns in zip(findings["rule"].tolist(), findings["numbers"].tolist(), times, strict=True):
+        rule = known[number]
+        seconds, nanoseconds = divmod(max(t_ns, 0), 1_000_000_000)
+        message = {
             "timestamp": {"sec": seconds, "nsec": nanoseconds},
-            "level": LEVELS[finding.severity.name.lower()],
-            "message": finding.text,
-            "name": finding.code,
+            "level": LEVELS[rule.severity],
+            "message": rule.words(rule.text, evidence(rule, figures)),
+            "name": rule.code,
             "file": "",
             "line": 0,
         }
-    )
+        texts.append(orjson.dumps(message))
+    return texts

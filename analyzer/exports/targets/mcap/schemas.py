@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping
 from enum import IntEnum
 from typing import Any, Final
 
+from analyzer.findings.model import Severity
 from analyzer.frames import Kind, Protocol
 from analyzer.transactions import Status
 from captures.formats.mcap.protobuf import Field, Message, Type, plain_schema
@@ -140,4 +141,4 @@ LOG: Final[dict[str, Any]] = {
         "line": {"type": "integer", "minimum": 0, "description": "Line number in the file"},
     },
 }
-LEVELS: Final = {"note": 2, "warning": 3, "error": 4}  # a finding's severity as a log level
+LEVELS: Final = {Severity.NOTE: 2, Severity.WARNING: 3, Severity.ERROR: 4}  # of log messages
