@@ -23,9 +23,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from captures.ragged import Ints
+
 ENCODING: Final = "protobuf"
 SPARE: Final = (15, 2047)  # numbers of no field, with a tag of one and of two bytes
 _NUMBERS: Final = tuple(number for number in range(1, SPARE[1]) if number not in SPARE)
+_PLAIN_NUMBERS: Final = range(SPARE[0] + 1, SPARE[1])
+PLAIN: Final = len(_PLAIN_NUMBERS)
 _OPTIONAL, _REPEATED = 1, 3
 
 
@@ -138,15 +142,24 @@ class Message:
 
 
 def plain_schema(name: str, fields: Iterable[str], kind: Type) -> bytes:
-    """The schema of a `Message` whose fields are all of one type; ASCII names, up to 100 letters, no underscores.
+    """The schema of a message whose fields are all of one type; ASCII names of up to 100 letters, no underscores.
 
-    An export makes thousands of these, with up to 2040 fields each, so no object a field is made.
+    An export makes thousands of these, with up to `PLAIN` fields each, so no object a field is made. Their numbers
+    begin with 16, so that all tags have two bytes: `plain_items` are such fields.
     """
     parts = [
         f"\x12{chr(len(field) + len(rest) + 2)}\n{chr(len(field))}{field}{rest}"
-        for field, rest in zip(fields, _kinds(kind), strict=False)
+        for field, rest in zip(fields, _plain_kinds(kind), strict=False)
     ]
     return _file(name, "".join(parts).encode("latin-1"))
+
+
+def plain_items(kind: Type, places: Ints, values: NDArray[Any]) -> NDArray[np.void]:
+    """Fields of such messages, all of one width: `places` in the message, 0 for its first field, and values."""
+    items = np.empty(len(places), [("tag", "<u2"), ("value", _WIRE[kind][1])])
+    items["tag"] = _plain_tags(kind).take(places)
+    items["value"] = values
+    return items
 
 
 def tag_of(name: str) -> str:
@@ -218,9 +231,14 @@ def _kind(number: int, repeated: bool, type: Type) -> bytes:
 
 
 @cache
-def _kinds(type: Type) -> tuple[str, ...]:
+def _plain_kinds(type: Type) -> tuple[str, ...]:
     """The same of plain fields, by their places in the message; a letter a byte."""
-    return tuple(_kind(number, False, type).decode("latin-1") for number in _NUMBERS)
+    return tuple(_kind(number, False, type).decode("latin-1") for number in _PLAIN_NUMBERS)
+
+
+@cache
+def _plain_tags(type: Type) -> NDArray[np.uint16]:
+    return np.array([tag_bytes(number << 3 | _WIRE[type][0]) for number in _PLAIN_NUMBERS], np.uint16)
 
 
 def _file(name: str, content: bytes) -> bytes:

@@ -86,11 +86,15 @@ NOISE: Final = Message(
 )
 
 
+REGISTER: Final = Type.FIXED32  # the type of a value, by what it is
+BIT: Final = Type.BOOL
+
+
 def values(area: str, letter: str, start: int, count: int, *, bits: bool) -> tuple[str, bytes]:
     """Name and schema of values of consecutive addresses, a field each: `r107` a register, `b19` a coil or input."""
     name = f"rtuscope.{area}_{span(start, count, '_')}"
     fields = (f"{letter}{address}" for address in range(start, start + count))
-    return name, plain_schema(name, fields, Type.BOOL if bits else Type.FIXED32)
+    return name, plain_schema(name, fields, BIT if bits else REGISTER)
 
 
 def span(start: int, count: int, dash: str = "-") -> str:

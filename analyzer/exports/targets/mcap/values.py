@@ -2,14 +2,13 @@
 
 A poll group is what one request asks for: unit, area, starting address and quantity. An answer to a read carries
 values; an answer to a write confirms those of its request. Messages of one quantity have one layout, whatever their
-addresses, so that they are packed together; only the schema knows addresses.
+addresses: only the schema knows those.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Final
 
 import numpy as np
@@ -19,10 +18,10 @@ from analyzer.columns import AreaCode, Decoded, decode
 from analyzer.exports.targets.mcap import schemas
 from analyzer.frames import ROW, Batch, Kind
 from captures.formats.mcap import packing
-from captures.formats.mcap.packing import HEAD, Packed, Part, packed
-from captures.formats.mcap.protobuf import ENCODING, SPARE, tag_bytes
+from captures.formats.mcap.packing import HEAD, Packed, Part, Tails
+from captures.formats.mcap.protobuf import ENCODING, plain_items
 from captures.formats.mcap.writer import ArrayWriter
-from captures.ragged import Ints, windows
+from captures.ragged import Bytes, Ints, sums
 
 MAX_GROUPS: Final = 4096  # topics that a viewer can still be asked to list; a bus has some dozens
 
@@ -33,10 +32,9 @@ _AREAS: Final = {
     AreaCode.INPUT_REGISTERS: ("input", "r"),
     AreaCode.HOLDING_REGISTERS: ("holding", "r"),
 }
-MAX_COUNT: Final = 255 * 8  # values of a frame: its byte count is a byte
+_MAX_COUNT: Final = 2000  # values of a frame: coils of a read ([1] 6.1)
 _TOLD: Final = ("rows", "area", "address", "begins", "counts")
 _ADDRESSES: Final = 1 << 16
-_SHORT: Final = SPARE[0] - 1  # fields whose tag is one byte
 _COUNT_BITS, _ADDRESS_BITS, _UNIT_BITS = 16, 16, 8
 
 
@@ -92,16 +90,9 @@ class PollGroups:
             kept = channels > 0
             self.left_out += int(np.count_nonzero(~kept))
             told, channels = told.taken(kept), channels[kept]
-        layouts = (told.counts << 1 | (told.area <= AreaCode.DISCRETE_INPUTS)).astype(np.uint16)
-        order = np.argsort(layouts, kind="stable")
-        parts, first = [], 0
-        for layout, count in enumerate(np.bincount(layouts).tolist()):
-            if count:
-                which = order[first : first + count]
-                heads = _heads(told.values, told.begins[which], layout >> 1, bits=bool(layout & 1))
-                parts.append(Part(which, heads))
-                first += count
-        return packed(channels, batch.rows["t_end"][told.rows], parts)
+        heads = packing.heads(np.zeros(1, [("record", HEAD)]), len(channels))
+        times = batch.rows["t_end"][told.rows]
+        return packing.packed(channels, times, [Part(None, heads)], _fields(told))
 
     def _channels_of(self, keys: Ints) -> NDArray[np.uint16]:
         """The channel of each key's group, made where it is new; 0 for groups that are too many."""
@@ -161,7 +152,7 @@ def _of(decoded: Decoded, rows: Ints, sources: Ints) -> _Told:
     area = decoded.area[sources]
     counts = np.minimum(ends - begins, _ADDRESSES - address)
     told = _Told(rows, area, address, begins, counts, decoded.values)
-    return told.taken((area > AreaCode.NONE) & (counts > 0) & (counts <= MAX_COUNT) & (address >= 0))
+    return told.taken((area > AreaCode.NONE) & (counts > 0) & (counts <= _MAX_COUNT) & (address >= 0))
 
 
 def _earlier(batch: Batch, answers: Ints) -> list[_Told]:
@@ -186,25 +177,17 @@ def _echoed(decoded: Decoded, told: _Told) -> NDArray[np.bool_]:
     return same
 
 
-@cache
-def _layout(count: int, *, bits: bool) -> NDArray[np.void]:
-    """One message of this many values, with the field numbers that `Message` gives: an array for each size of a tag."""
-    value = "u1" if bits else "<u4"
-    short = min(count, _SHORT)
-    wire = 0 if bits else 5
-    fields = [("tag", "u1"), ("value", value)], [("tag", "<u2"), ("value", value)]
-    row = np.zeros(1, [("record", HEAD), ("short", fields[0], (short,)), ("long", fields[1], (count - short,))])
-    row["short"]["tag"] = [number << 3 | wire for number in range(1, short + 1)]
-    row["long"]["tag"] = [tag_bytes(number << 3 | wire) for number in range(SPARE[0] + 1, SPARE[0] + 1 + count - short)]
-    return row
-
-
-def _heads(values: NDArray[np.uint16], begins: Ints, count: int, *, bits: bool) -> NDArray[np.void]:
-    """Messages of `count` values each."""
-    heads = packing.heads(_layout(count, bits=bits), len(begins))
-    width = count * values.itemsize
-    found = windows(values.view(np.uint8), width)[begins * values.itemsize].view(values.dtype).reshape(-1, count)
-    heads["short"]["value"] = found[:, :_SHORT]
-    if count > _SHORT:
-        heads["long"]["value"] = found[:, _SHORT:]
-    return heads
+def _fields(told: _Told) -> Tails:
+    """The messages: a field a value, registers of one width and bits of another."""
+    bits = told.area <= AreaCode.DISCRETE_INPUTS
+    begins, sizes = np.zeros(len(bits), np.int64), np.zeros(len(bits), np.int64)
+    buffers: list[Bytes] = []
+    for kind, here in ((schemas.REGISTER, np.flatnonzero(~bits)), (schemas.BIT, np.flatnonzero(bits))):
+        ends = sums(told.counts[here])
+        counts = told.counts[here]
+        places = np.arange(int(ends[-1])) - np.repeat(ends[:-1], counts)
+        items = plain_items(kind, places, told.values.take(places + np.repeat(told.begins[here], counts)))
+        begins[here] = ends[:-1] * items.itemsize + sum(map(len, buffers))
+        sizes[here] = counts * items.itemsize
+        buffers.append(items.view(np.uint8))
+    return Tails(np.concatenate(buffers), begins, sizes)
