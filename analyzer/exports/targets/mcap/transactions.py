@@ -19,14 +19,15 @@ def transaction_messages(settled: Rows, message: Message, channel: int) -> Itera
     if np.any(times[1:] < times[:-1]):
         order = np.argsort(times, kind="stable")
         settled, times = settled.take(order), times[order]
-    layout = message.layout(HEAD)
     for first in range(0, len(settled), AT_ONCE):
         here = slice(first, first + AT_ONCE)
-        yield _packed(settled[here], times[here], message, packing.heads(layout, len(times[here])), channel)
+        yield _packed(settled[here], times[here], message, channel)
 
 
-def _packed(settled: Rows, times: Ints, message: Message, heads: Rows, channel: int) -> Packed:
-    for name in ("request", "unit", "function", "status", "retry", "late"):
+def _packed(settled: Rows, times: Ints, message: Message, channel: int) -> Packed:
+    flags = [name for name in ("retry", "late") if settled[name].any()]
+    heads = packing.heads(message.layout(HEAD, {"retry", "late"} - {*flags}), len(settled))
+    for name in ("request", "unit", "function", "status", *flags):
         heads[name] = settled[name]
     message.put(heads, "response", settled["response"], present=settled["response"] >= 0)
     measured = settled["response_ns"]
