@@ -6,7 +6,8 @@ null where a line has null; what `analyzer.columns` decodes stands beside them. 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -28,8 +29,9 @@ _NAMES: Final = 128  # function codes
 _BITS: Final = ("length", "crc", "silence", "conversation")  # evidence, in bits
 
 
-def _words(words: Iterable[str]) -> Any:
-    return pa.array(list(words), pa.string())
+@cache
+def _words(words: tuple[str, ...]) -> Any:
+    return _ragged(pa.string(), [word.encode() for word in words])
 
 
 def _dictionary() -> Any:
@@ -80,10 +82,8 @@ def schema(*, explain: bool = False) -> Any:
     return pa.schema([*SCHEMA, *EXPLAINED]) if explain else SCHEMA
 
 
-def record_batch(
-    batch: Batch, chosen: NDArray[np.bool_] | None = None, *, noise: bool = False, explain: bool = False
-) -> Any:
-    """A batch as an Arrow RecordBatch: of its rows those that are `chosen`, without `noise` only frames."""
+def record_batch(batch: Batch, *, noise: bool = False, explain: bool = False) -> Any:
+    """A batch as an Arrow RecordBatch, without `noise` of its frames alone."""
     rows = batch.rows
     frames = rows["kind"] != Kind.NOISE
     columns = _place(rows, frames) | _envelope(rows, frames) | _contents(decode(batch))
@@ -93,10 +93,7 @@ def record_batch(
         columns |= _evidence(batch, frames)
     wanted = schema(explain=explain)
     made = pa.record_batch([columns[field.name] for field in wanted], schema=wanted)
-    kept = np.ones(len(rows), np.bool_) if noise else frames
-    if chosen is not None:
-        kept = kept & chosen
-    return made if kept.all() else made.filter(pa.array(kept))
+    return made if noise or frames.all() else made.filter(_array(frames))
 
 
 def table(batches: Iterable[Batch], *, noise: bool = False, explain: bool = False) -> Any:
@@ -155,9 +152,9 @@ def _octets(batch: Batch) -> Any:
         protocols = rows["protocol"].tolist()
         captured = [batch.bytes_of(row) for row in range(len(rows))]
         noise = (rows["kind"] == Kind.NOISE).tolist()
-        return pa.array(
-            [c if silent else adu_of(c, p).data for c, p, silent in zip(captured, protocols, noise, strict=True)],
+        return _ragged(
             pa.binary(),
+            [c if silent else adu_of(c, p).data for c, p, silent in zip(captured, protocols, noise, strict=True)],
         )
     if not np.array_equal(begins, rows["at"]):  # not one after the other: ports in turn
         within = np.arange(int(ends[-1])) - np.repeat(begins, rows["length"])
@@ -172,7 +169,7 @@ def _findings(batch: Batch) -> Any:
     names: tuple[str, ...] = ()
     counts = np.zeros(len(batch), np.int64)
     rules = np.zeros(0, np.int16)
-    if found is not None and len(found):
+    if found is not None and len(found) and len(batch):
         names = codes()
         keys = _places(batch.rows)
         order = np.argsort(keys)
@@ -208,11 +205,21 @@ def _evidence(batch: Batch, frames: NDArray[np.bool_]) -> dict[str, Any]:
 
 
 def _array(values: NDArray[Any], null: NDArray[np.bool_] | None = None) -> Any:
-    return pa.array(np.ascontiguousarray(values), mask=null)
+    """An array of these values, null where `null` is: made of buffers, as `pyarrow.array` imports pandas to look."""
+    kind = pa.from_numpy_dtype(values.dtype)
+    data = np.packbits(values, bitorder="little") if values.dtype == np.bool_ else np.ascontiguousarray(values)
+    valid = None if null is None else pa.py_buffer(np.packbits(~null, bitorder="little"))
+    return pa.Array.from_buffers(kind, len(values), [valid, pa.py_buffer(data)])
+
+
+def _ragged(kind: Any, pieces: Sequence[bytes]) -> Any:
+    """Texts or bytes."""
+    offsets = np.cumsum([0, *map(len, pieces)], dtype=np.int32)
+    return pa.Array.from_buffers(kind, len(pieces), [None, pa.py_buffer(offsets), pa.py_buffer(b"".join(pieces))])
 
 
 def _coded(places: NDArray[Any], words: Iterable[str], null: NDArray[np.bool_] | None = None) -> Any:
     codes = np.ascontiguousarray(places).astype(np.int8)
     if null is not None:
         codes[null] = 0
-    return pa.DictionaryArray.from_arrays(_array(codes, null), _words(words))
+    return pa.DictionaryArray.from_arrays(_array(codes, null), _words(tuple(words)))

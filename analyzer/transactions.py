@@ -62,7 +62,7 @@ TRANSACTION = np.dtype(
 )
 
 
-_OF_ANSWER: Final = {
+OF_ANSWER: Final = {  # column of a transaction: that of its answer
     "response": "index",
     "response_start": "start",
     "response_length": "length",
@@ -158,7 +158,7 @@ class Transactions:
         found = place < len(asked)
         found[found] = asked[place[found]] == wanted[found]
         place, responses = place[found], responses[found]
-        for name, column in _OF_ANSWER.items():
+        for name, column in OF_ANSWER.items():
             self._open[name][place] = _at(rows, column, responses)
         status = np.where(_at(rows, "exception", responses) > 0, np.uint8(Status.EXCEPTION), np.uint8(Status.ANSWERED))
         status[~_at(rows, "check", responses)] = Status.DAMAGED

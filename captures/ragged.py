@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
 _WIDE: Final = 1 << 16
+_STEP: Final = 16  # bytes that `copy_spilling` copies at a time, at least
 
 
 def windows(data: Bytes, width: int) -> NDArray[np.void]:
@@ -41,6 +42,23 @@ def copy_pieces(out: Bytes, at: Ints, data: Bytes, begins: Ints, sizes: Ints) ->
         width = int(ordered[first])
         if width:
             windows(out, width)[at[first:last]] = windows(data, width)[begins[first:last]]
+
+
+def copy_spilling(out: Bytes, at: Ints, data: Bytes, begins: Ints, sizes: Ints) -> None:
+    """The same with fewer widths: up to 15 bytes behind a piece's place in `out` may be overwritten too.
+
+    So between two places there must be 15 bytes or more, to be written later.
+    """
+    steps = np.minimum(-(-sizes // _STEP), _WIDE // _STEP).astype(np.uint16)
+    room = np.minimum(len(out) - at, len(data) - begins) // _STEP
+    steps[(room < steps) | (sizes >= _WIDE)] = 0
+    for count in np.flatnonzero(np.bincount(steps)).tolist():
+        here = np.flatnonzero(steps == count)
+        if count:
+            width = count * _STEP
+            windows(out, width)[at[here]] = windows(data, width)[begins[here]]
+        else:
+            copy_pieces(out, at[here], data, begins[here], sizes[here])
 
 
 def sums(counts: Ints) -> Ints:

@@ -136,6 +136,18 @@ def test_a_notebooks_tables() -> None:
     assert bus.to_arrow(noise=True).num_rows == len(bus.rows())
 
 
+def test_tables_do_without_pandas() -> None:
+    """It costs 0.3 s and 40 MiB, and pyarrow imports it to look whether an array is one of its series."""
+    code = f"""
+import sys, analyzer
+print(analyzer.open({str(path("troubled.jsonl"))!r}).to_arrow(noise=True).num_rows > 100, "pandas" in sys.modules)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment(), timeout=60, check=True
+    )
+    assert done.stdout.split() == ["True", "False"]
+
+
 @pytest.mark.parametrize("name", ["polars", "pandas"])
 def test_data_frames(name: str) -> None:
     pytest.importorskip(name)

@@ -6,12 +6,16 @@ import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from carried import values_of
+from google.protobuf.json_format import MessageToDict
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 import analyzer
 import captures
@@ -298,6 +302,33 @@ def test_saving_all_rows_is_the_export(tmp_path: Path, troubled: Bus) -> None:
     lines = [json.loads(line) for line in (tmp_path / "some.jsonl").read_text().splitlines()]
     assert [line["index"] for line in lines] == [troubled.frame(int(row)).index for row in some]
     assert lines[0]["request_start"] is not None
+
+
+@pytest.mark.parametrize("kept", [Kind.REQUEST, Kind.RESPONSE, None])
+def test_a_saved_transaction_is_whole_whatever_is_chosen_of_it(
+    tmp_path: Path, troubled: Bus, kept: Kind | None
+) -> None:
+    """Requests alone, answers alone, and both: what became of each is what the whole capture's export says."""
+    capture = captures.open(samples.path("troubled.jsonl"))
+    export(capture, tmp_path / "whole.mcap")
+    save_to = tmp_path / "some.mcap"
+    rows = np.array([i for i in range(troubled.count) if kept is None or troubled.table.value("kind", i) == kept])
+    save(troubled, CaptureSource(capture, "x"), rows, save_to)
+    whole, some = (messages_of(path, "/transactions") for path in (tmp_path / "whole.mcap", save_to))
+    chosen = {troubled.frame(int(row)).index for row in rows if not troubled.is_noise(int(row))}
+    assert some == [one for one in whole if chosen & {one.get("request", 0), one.get("response", -1)}]
+    assert len(some) > 10
+    assert len({one.get("status") for one in some}) > 1
+    frames = messages_of(save_to, "/frames")
+    on_frames = {row: len(troubled.findings(int(row))) for row in rows if not troubled.is_noise(int(row))}
+    assert [frame.get("findings", 0) for frame in frames] == list(on_frames.values())
+
+
+def messages_of(path: Path, topic: str) -> list[dict[str, Any]]:
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        found = [content for *_, content in reader.iter_decoded_messages(topics=[topic], log_time_order=False)]
+    return [MessageToDict(one, preserving_proto_field_name=True, unquote_int64_if_possible=True) for one in found]
 
 
 def test_notes_are_kept_beside_the_capture(tmp_path: Path) -> None:

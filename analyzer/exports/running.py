@@ -71,19 +71,17 @@ def export(
 
             stream = filtered(stream, options.filter, capture.line)
         for analysed in stream:
-            batch = analysed.batch
+            batch, last = analysed.batch, 0
             errors += int(np.count_nonzero(grave[analysed.findings["rule"]]))
-            for first in range(0, len(batch), _ROWS):
-                if stopped():
-                    break
-                rows = batch.rows[first : first + _ROWS]
-                sink.rows(batch, first, first + len(rows))
+            while last < len(batch) and not stopped():
+                first, last = last, min(last + _ROWS, len(batch))
+                rows = batch.rows[first:last]
+                sink.rows(batch, first, last)
                 frames += int(np.count_nonzero(rows["kind"] != Kind.NOISE))
                 octets += int(rows["length"].sum())
                 if progress is not None:
                     progress(frames, octets)
-            else:
-                sink.batch(batch)
+            sink.batch(analysed.until(last))
         sink.close()
     return Exported(frames, octets, stopped(), errors)
 

@@ -15,6 +15,7 @@ from .output import ExportError, Output
 if TYPE_CHECKING:
     from analyzer.filters import Filter
     from analyzer.frames import Batch
+    from analyzer.pipeline import Analysed
     from captures import Block, Capture
 
 
@@ -36,8 +37,8 @@ class Sink(Protocol):
     def rows(self, batch: Batch, first: int, last: int) -> None:
         """Rows `first` to `last` (excluded) of a batch, in wire order."""
 
-    def batch(self, batch: Batch) -> None:
-        """A batch all of whose rows have come."""
+    def batch(self, analysed: Analysed) -> None:
+        """A batch all of whose rows have come, with what is said of them; the last one may have been cut short."""
 
     def close(self) -> None:
         """Write what is left."""

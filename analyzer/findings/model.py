@@ -6,14 +6,17 @@ Observation is not root cause: `text` says what was seen, `cause` what it likely
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from math import isfinite
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .registry import Rule
 
 NUMBERS: Final = 8  # figures of evidence that a finding carries at most
 FINDING: Final = np.dtype(
@@ -72,14 +75,18 @@ class Finding:
         return line
 
 
+def evidence(rule: Rule, numbers: Iterable[float]) -> dict[str, float]:
+    """The numbers of a row of `FINDING` by the names that its rule gives them, unknown ones left out."""
+    return {name: number for name, number in zip(rule.numbers, numbers, strict=False) if isfinite(number)}
+
+
 def describe(row: np.void) -> Finding:
     """A row of `FINDING` in words."""
     from .registry import rules
 
     rule = rules()[row["rule"]]
     index = int(row["index"])
-    known = zip(rule.numbers, row["numbers"].tolist(), strict=False)
-    numbers = {name: figure for name, figure in known if isfinite(figure)}
+    numbers = evidence(rule, row["numbers"].tolist())
     return Finding(
         code=rule.code,
         severity=rule.severity,

@@ -19,7 +19,7 @@ from analyzer.frames import NO_GAP, ROW, Batch, Frame, Kind, Row, Rows
 from analyzer.pipeline import Analysed
 from analyzer.recorded import Deaf, excused
 from analyzer.reports.summary import Summary
-from analyzer.transactions import Transactions
+from analyzer.transactions import NEVER, OF_ANSWER, TRANSACTION, Status, Transactions
 from captures.line import LineSettings
 
 from .activity import Activity
@@ -43,6 +43,9 @@ _LEFT_OUT: Final[dict[str, Any]] = {
     "request_start": -1,
     "gap_least": NO_GAP,
 }
+
+
+_KEPT_AS: Final = {"index": "frame"}  # the columns of ROW that have another name here
 
 
 class Bus:
@@ -224,7 +227,25 @@ class Bus:
         away = np.unique(asked[answers][~np.isin(asked[answers], rows)]).tolist()
         earlier = {self.table.value("frame", row): self.captured(row) for row in away}
         data = self.store.get(int(at[0]), int(at[-1]) + int(out["length"][-1]) - int(at[0]))
-        return Batch(out, data, earlier, findings=self.found.between(int(rows[0]), int(rows[-1]) + 1))
+        return Batch(out, data, earlier, findings=self.found.on(rows))
+
+    def transactions(self, requests: NDArray[np.int64]) -> Rows:
+        """What became of the requests among these rows, as the pipeline gives it; open ones are left out."""
+        take = self.table.take
+        requests = requests[take("state", requests) > 0]
+        state = take("state", requests)
+        out = np.zeros(len(requests), TRANSACTION)
+        out["status"] = (state & State.STATUS) - 1
+        out["retry"], out["late"] = state & State.RETRY, state & State.LATE
+        for name in ("start", "length", "t_start", "unit", "function", "port"):
+            out[name] = take(name, requests)
+        out["request"], out["t_request"], out["t_next"] = take("frame", requests), take("t_end", requests), NEVER
+        there = np.isin(out["status"], (Status.ANSWERED, Status.EXCEPTION, Status.DAMAGED))
+        answers = take("partner", requests[there])
+        for name, column in OF_ANSWER.items():
+            out[name] = -(name != "exception")
+            out[name][there] = take(_KEPT_AS.get(column, column), answers)
+        return out
 
     def batches(self, first: int, last: int, size: int = 1 << 14) -> Iterator[tuple[int, Batch]]:
         """Rows `first` to `last` (excluded) as batches of at most `size` rows, each with its first row's number."""

@@ -80,10 +80,11 @@ class FindingLog:
         here = here[np.argsort(rows[here], kind="stable")]
         return rows[here].astype(np.int64), self._findings["rule"][here]
 
-    def between(self, first: int, last: int) -> NDArray[np.void]:
-        """Those on rows `first` to `last` (excluded), in the order of their rows."""
+    def on(self, wanted: NDArray[np.int64]) -> NDArray[np.void]:
+        """Those on the wanted rows (ascending, at least one), in the order of their rows."""
         rows = self._rows[: self.count]
-        here = np.flatnonzero((rows >= first) & (rows < last))
+        here = np.flatnonzero((rows >= wanted[0]) & (rows <= wanted[-1]))
+        here = here[np.isin(rows[here], wanted)]
         return self._findings[here[np.argsort(rows[here], kind="stable")]]
 
     def chosen(self, code: str | None, least: Severity) -> NDArray[np.int64]:

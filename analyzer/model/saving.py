@@ -9,6 +9,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from analyzer.findings.model import NOTHING
+from analyzer.frames import Kind
+from analyzer.pipeline import Analysed
+
 from .bus import Bus
 from .table import PIECE
 
@@ -23,8 +27,9 @@ def save(
 ) -> int:
     """Write these rows (ascending), noise among them if it is chosen; how many were written.
 
-    By suffix: jsonl, csv, mcap. The file appears whole or not at all, holding what came before `stop` said True.
-    Raises ExportError and CaptureError.
+    By suffix: jsonl, csv, mcap. A transaction is written with its request or with its answer, whole, so that a request
+    is never called unanswered because its answer was not chosen. The file appears whole or not at all, holding what
+    came before `stop` said True. Raises ExportError and CaptureError.
     """
     from analyzer.exports import ExportOptions
     from analyzer.exports.output import output
@@ -42,8 +47,17 @@ def save(
             part = rows[first : min(last, first + _AT_ONCE)]
             batch = bus.batch(part)
             sink.rows(batch, 0, len(batch))
-            sink.batch(batch)
+            found = NOTHING if batch.findings is None else batch.findings
+            sink.batch(Analysed(batch, bus.transactions(_asked(bus, part, rows)), found))
             first += len(part)
             written += len(part)
         sink.close()
     return written
+
+
+def _asked(bus: Bus, part: NDArray[np.int64], chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The requests in a part of the chosen rows, and those that its answers answer and that were not chosen."""
+    partners = bus.table.take("partner", part).astype(np.int64)
+    kinds = bus.table.take("kind", part)
+    away = partners[(kinds == Kind.RESPONSE) & (partners >= 0)]
+    return np.union1d(part[kinds == Kind.REQUEST], away[~np.isin(away, chosen)])

@@ -28,6 +28,7 @@ from dissectors.functions import function_name
 
 if TYPE_CHECKING:
     from analyzer.findings.model import Finding
+    from analyzer.pipeline import Analysed
     from captures import Block, Capture
 
 COLUMNS: Final = (
@@ -120,7 +121,7 @@ class _Table:
         for part in sheet.parts():
             self._out.write(part)
 
-    def batch(self, batch: Batch) -> None:
+    def batch(self, analysed: Analysed) -> None:
         """Nothing here hangs on a whole batch."""
 
     def close(self) -> None:

@@ -10,6 +10,7 @@ from analyzer.exports.sink import ExportOptions
 from analyzer.frames import Batch
 
 if TYPE_CHECKING:
+    from analyzer.pipeline import Analysed
     from captures import Block, Capture
 
 
@@ -26,7 +27,7 @@ class _Lines:
         for part in self._lines.text(batch, first, last):
             self._out.write(part)
 
-    def batch(self, batch: Batch) -> None:
+    def batch(self, analysed: Analysed) -> None:
         """Nothing here hangs on a whole batch."""
 
     def close(self) -> None:

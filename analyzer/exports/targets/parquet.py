@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
 from analyzer.exports.output import ExportError, Output
 from analyzer.exports.sink import ExportOptions
-from analyzer.frames import Batch
 
 if TYPE_CHECKING:
+    from analyzer.frames import Batch
+    from analyzer.pipeline import Analysed
     from captures import Block, Capture
 
-_GROUP: Final = 1 << 17  # rows of a row group
+_GROUP: Final = 1 << 16  # rows of a row group, at least: more cost memory
 _GROWING: Final = ("index", "start", "t_start_ns", "t_end_ns", "request_start")  # from row to row
 _VARIED: Final = ("response_time_ns", "bytes", "values")  # of which a dictionary would help nobody
+_SOUGHT: Final = (*_GROWING, "response_time_ns", "unit", "function", "address")  # least and greatest let readers skip
 
 
 class _Groups:
@@ -34,15 +34,13 @@ class _Groups:
         self._table = Table.from_batches
         self._parts: list[Any] = []
         self._count = 0
-        self._batch: Batch | None = None
-        self._chosen = np.zeros(0, np.bool_)
         few = [name for name in self._schema.names if name not in (*_GROWING, *_VARIED)]
         self._writer = ParquetWriter(
             PythonFile(out, mode="w"),
             self._schema,
             use_dictionary=[*few, "findings.list.element"],
-            column_encoding=dict.fromkeys(_GROWING, "DELTA_BINARY_PACKED"),
-            write_statistics=[name for name in self._schema.names if name not in ("bytes", "values", "findings")],
+            column_encoding=dict.fromkeys((*_GROWING, "values.list.element"), "DELTA_BINARY_PACKED"),
+            write_statistics=list(_SOUGHT),
         )
 
     def block(self, block: Block) -> None:
@@ -50,17 +48,11 @@ class _Groups:
 
     def rows(self, batch: Batch, first: int, last: int) -> None:
         """Rows wait for the whole batch."""
-        if self._batch is not batch:
-            self._batch, self._chosen = batch, np.zeros(len(batch), np.bool_)
-        self._chosen[first:last] = True
 
-    def batch(self, batch: Batch) -> None:  # noqa: ARG002
-        """The rows that came of it, in columns."""
-        if self._batch is None:
-            return
+    def batch(self, analysed: Analysed) -> None:
+        """Its rows in columns, written once there are enough."""
         options = self._options
-        part = self._record_batch(self._batch, self._chosen, noise=options.noise, explain=options.explain)
-        self._batch = None
+        part = self._record_batch(analysed.batch, noise=options.noise, explain=options.explain)
         self._parts.append(part)
         self._count += len(part)
         if self._count >= _GROUP:
@@ -68,8 +60,6 @@ class _Groups:
 
     def close(self) -> None:
         """The rest, and the file's footer."""
-        if self._batch is not None:
-            self.batch(self._batch)
         self._write()
         self._writer.close()
 

@@ -27,6 +27,7 @@ from analyzer.frames import Batch, Kind, Protocol
 from analyzer.version import __version__
 
 if TYPE_CHECKING:
+    from analyzer.pipeline import Analysed
     from captures import Block, Capture, LineSettings
 
 _SECTION, _INTERFACE, _PACKET = 0x0A0D0D0A, 1, 6  # block types
@@ -96,7 +97,7 @@ class _Packets:
         interfaces[list(self._interfaces)] = list(self._interfaces.values())
         self._out.write(_packets(batch, kept, interfaces[ports], _comments(batch, kept, self._options.explain)))
 
-    def batch(self, batch: Batch) -> None:
+    def batch(self, analysed: Analysed) -> None:
         """Nothing here hangs on a whole batch."""
 
     def close(self) -> None:

@@ -23,8 +23,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from captures.ragged import Ints
+
 ENCODING: Final = "protobuf"
 SPARE: Final = (15, 2047)  # numbers of no field, with a tag of one and of two bytes
+_NUMBERS: Final = tuple(number for number in range(1, SPARE[1]) if number not in SPARE)
+_PLAIN_NUMBERS: Final = range(SPARE[0] + 1, SPARE[1])
+PLAIN: Final = len(_PLAIN_NUMBERS)
 _OPTIONAL, _REPEATED = 1, 3
 
 
@@ -79,22 +84,12 @@ class Message:
     @cached_property
     def numbers(self) -> dict[str, int]:
         """The number of each field: 1, 2, 3 ... without the spare ones."""
-        free = (number for number in range(1, SPARE[1]) if number not in SPARE)
-        return {field.name: number for field, number in zip(self.fields, free, strict=False)}
+        return {field.name: number for field, number in zip(self.fields, _NUMBERS, strict=False)}
 
     def schema(self) -> bytes:
         """A serialised FileDescriptorSet, as MCAP wants it for the schema encoding "protobuf"."""
-        package, _, name = self.name.rpartition(".")
-        file = [
-            _text(1, f"{self.name.replace('.', '/')}.proto"),
-            _text(2, package),
-            _part(4, self._descriptor(name)),
-            _text(12, "proto3"),
-        ]
-        return _part(1, b"".join(file))
-
-    def _descriptor(self, name: str) -> bytes:
-        parts, choices = [_text(1, name)], 0
+        parts: list[bytes] = []
+        choices = 0
         for field in self.fields:
             parts.append(_part(2, self._field(field, choices)))
             choices += field.optional
@@ -102,8 +97,7 @@ class Message:
             if field.names is not None and self._enum_of(field) is field:
                 parts.append(_part(4, _enum(_type_name(field), field.names)))
         parts += [_part(8, _text(1, f"_{field.name}")) for field in self.fields if field.optional]
-        parts += [_part(9, _number(1, spare) + _number(2, spare + 1)) for spare in SPARE]
-        return b"".join(parts)
+        return _file(self.name, b"".join(parts))
 
     def _field(self, field: Field, choice: int) -> bytes:
         name = field.name.encode()
@@ -128,22 +122,44 @@ class Message:
         parts: list[tuple[str, Any]] = [] if head is None else [("record", head)]
         fields = [field for field in self.fields if field.name not in without]
         for field in fields:
-            width = len(_varint(self._tag(field)))
+            width = len(_varint(self._tags[field.name]))
             parts += [(tag_of(field.name), f"<u{width}"), (field.name, _WIRE[field.type][1])]
         row = np.zeros(1, parts)
         for field in fields:
-            row[tag_of(field.name)] = tag_bytes(self._tag(field))
+            row[tag_of(field.name)] = tag_bytes(self._tags[field.name])
         return row
 
-    def _tag(self, field: Field) -> int:
-        return self.numbers[field.name] << 3 | _WIRE[field.type][0]
+    @cached_property
+    def _tags(self) -> dict[str, int]:
+        return {field.name: self.numbers[field.name] << 3 | _WIRE[field.type][0] for field in self.fields}
 
     def put(self, rows: NDArray[np.void], name: str, values: ArrayLike, *, present: NDArray[np.bool_]) -> None:
         """Values of an optional field, in those rows that have it."""
-        tag = self._tag(next(field for field in self.fields if field.name == name))
+        tag = self._tags[name]
         spare = SPARE[tag > 0x7F] << 3 | tag & 7
         rows[name] = values
         rows[tag_of(name)] = np.where(present, tag_bytes(tag), tag_bytes(spare))
+
+
+def plain_schema(name: str, fields: Iterable[str], kind: Type) -> bytes:
+    """The schema of a message whose fields are all of one type; ASCII names of up to 100 letters, no underscores.
+
+    An export makes thousands of these, with up to `PLAIN` fields each, so no object a field is made. Their numbers
+    begin with 16, so that all tags have two bytes: `plain_items` are such fields.
+    """
+    parts = [
+        f"\x12{chr(len(field) + len(rest) + 2)}\n{chr(len(field))}{field}{rest}"
+        for field, rest in zip(fields, _plain_kinds(kind), strict=False)
+    ]
+    return _file(name, "".join(parts).encode("latin-1"))
+
+
+def plain_items(kind: Type, places: Ints, values: NDArray[Any]) -> NDArray[np.void]:
+    """Fields of such messages, all of one width: `places` in the message, 0 for its first field, and values."""
+    items = np.empty(len(places), [("tag", "<u2"), ("value", _WIRE[kind][1])])
+    items["tag"] = _plain_tags(kind).take(places)
+    items["value"] = values
+    return items
 
 
 def tag_of(name: str) -> str:
@@ -214,6 +230,29 @@ def _kind(number: int, repeated: bool, type: Type) -> bytes:
     return _number(3, number) + _number(4, _REPEATED if repeated else _OPTIONAL) + _number(5, type)
 
 
+@cache
+def _plain_kinds(type: Type) -> tuple[str, ...]:
+    """The same of plain fields, by their places in the message; a letter a byte."""
+    return tuple(_kind(number, False, type).decode("latin-1") for number in _PLAIN_NUMBERS)
+
+
+@cache
+def _plain_tags(type: Type) -> NDArray[np.uint16]:
+    return np.array([tag_bytes(number << 3 | _WIRE[type][0]) for number in _PLAIN_NUMBERS], np.uint16)
+
+
+def _file(name: str, content: bytes) -> bytes:
+    """A set of one file with one message type, of which `content` says all but its name and its reserved numbers."""
+    package, _, own = name.rpartition(".")
+    parts = (
+        _text(1, f"{name.replace('.', '/')}.proto"),
+        _text(2, package),
+        _part(4, _text(1, own) + content + _RESERVED),
+        _text(12, "proto3"),
+    )
+    return _part(1, b"".join(parts))
+
+
 def _enum(name: str, names: Mapping[str, int]) -> bytes:
     values = (_part(2, _text(1, key) + _number(2, value)) for key, value in names.items())
     return _text(1, name) + b"".join(values)
@@ -242,3 +281,6 @@ def _part(number: int, content: bytes) -> bytes:
 
 def _text(number: int, text: str) -> bytes:
     return delimited(number, text.encode())
+
+
+_RESERVED: Final = b"".join(_part(9, _number(1, spare) + _number(2, spare + 1)) for spare in SPARE)

@@ -1,7 +1,8 @@
 """An MCAP file written forwards: like the library's `Writer`, which takes message after message, but by arrays too.
 
-Records are the library's, but for chunk bodies and the indexes of their messages, which `packing` makes. A schema or
-channel goes into the first chunk that needs it. Every chunk is complete in itself and has its CRC, so has the summary;
+Records are the library's, but for chunk bodies and the indexes of their messages, which `packing` makes, and for those
+of which there may be thousands: schemas, channels, chunk indexes. A schema or channel goes into the first chunk that
+needs it. Every chunk is complete in itself and has its CRC, so has the summary;
 the data section has none of its own, as with the library, since every byte of it would be summed twice.
 
 Single messages (`add_message`) are collected and written as a chunk of their own once they are large, before `add`, or
@@ -20,7 +21,6 @@ import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
-    Channel,
     Chunk,
     DataEnd,
     Footer,
@@ -28,7 +28,6 @@ from mcap.records import (
     McapRecord,
     Metadata,
     MetadataIndex,
-    Schema,
     Statistics,
     SummaryOffset,
 )
@@ -65,8 +64,9 @@ class ArrayWriter:
         self._chunk_size = chunk_size
         self._compression = compression
         self._compress = _compressor(compression)
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Channel] = {}
+        self._schemas: dict[int, bytes] = {}  # the records, by id
+        self._channels: dict[int, bytes] = {}
+        self._schema_of: dict[int, int] = {}  # by channel; 0 for none
         self._undeclared: set[int] = set()  # channels that no chunk has declared yet
         self._declared: set[int] = set()  # schemas that a chunk has
         self._single: list[bytes] = []
@@ -84,7 +84,8 @@ class ArrayWriter:
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """A new schema's id."""
         number = len(self._schemas) + 1
-        self._schemas[number] = Schema(id=number, data=data, encoding=encoding, name=name)
+        content = (struct.pack("<H", number), _text(name), _text(encoding), _sized(data))
+        self._schemas[number] = _record(Opcode.SCHEMA, content)
         return number
 
     def register_channel(
@@ -94,9 +95,10 @@ class ArrayWriter:
         number = len(self._channels) + 1
         if number >= _IDS:
             raise ValueError("an MCAP file has at most 65535 channels")
-        self._channels[number] = Channel(
-            id=number, topic=topic, message_encoding=message_encoding, schema_id=schema_id, metadata=metadata or {}
-        )
+        about = b"".join(_text(key) + _text(value) for key, value in (metadata or {}).items())
+        content = (struct.pack("<HH", number, schema_id), _text(topic), _text(message_encoding), _sized(about))
+        self._channels[number] = _record(Opcode.CHANNEL, content)
+        self._schema_of[number] = schema_id
         self._undeclared.add(number)
         return number
 
@@ -118,16 +120,16 @@ class ArrayWriter:
             self._end_single()
 
     def add(self, messages: Packed) -> None:
-        """Many messages, in chunks that end where a row ends."""
+        """Many messages, in chunks of their own of about the chunk size."""
         self._end_single()
-        ends = messages.row_offsets
-        first, last_row = 0, len(ends) - 1
-        while first < last_row:
-            last = int(np.searchsorted(ends, ends[first] + self._chunk_size))
-            last = min(max(last, first + 1), last_row)
-            low, high = int(ends[first]), int(ends[last])
-            if high > low:
-                self._add_rows(messages, first, last, low, high)
+        first, count = 0, len(messages)
+        while first < count:
+            low = int(messages.offsets[first])
+            last = max(int(np.searchsorted(messages.offsets, low + self._chunk_size)), first + 1)
+            high = int(messages.offsets[last]) if last < count else len(messages.data)
+            here = slice(first, last)
+            offsets = messages.offsets[here] - low
+            self._chunk(messages.data[low:high], messages.channels[here], messages.log_times[here], offsets)
             first = last
 
     def flush(self) -> None:
@@ -167,8 +169,8 @@ class ArrayWriter:
             schema_count=len(self._schemas),
         )
         return (
-            (Opcode.SCHEMA, [_bytes(schema) for schema in self._schemas.values()]),
-            (Opcode.CHANNEL, [_bytes(channel) for channel in self._channels.values()]),
+            (Opcode.SCHEMA, list(self._schemas.values())),
+            (Opcode.CHANNEL, list(self._channels.values())),
             (Opcode.STATISTICS, [_bytes(statistics)]),
             (Opcode.CHUNK_INDEX, self._chunk_indexes),
             (Opcode.METADATA_INDEX, [_bytes(index) for index in self._metadata_indexes]),
@@ -182,16 +184,6 @@ class ArrayWriter:
         self._single_entries, self._single, self._single_size = [], [], 0
         channels, times = entries[:, 0].astype(np.uint16), entries[:, 1]
         self._chunk(np.frombuffer(body, np.uint8), channels, times, entries[:, 2].astype(np.int64))
-
-    def _add_rows(self, messages: Packed, first: int, last: int, low: int, high: int) -> None:
-        channels, times, offsets = [], [], []
-        for lot, at in zip(messages.lots, messages.offsets, strict=True):
-            begin, end = np.searchsorted(lot.rows, (first, last))
-            channels.append(lot.channels[begin:end])
-            times.append(lot.log_times[begin:end])
-            offsets.append(at[begin:end])
-        body = messages.data[low:high]
-        self._chunk(body, np.concatenate(channels), np.concatenate(times), np.concatenate(offsets) - low)
 
     def _chunk(
         self, body: NDArray[np.uint8], channels: NDArray[np.uint16], times: NDArray[np.uint64], offsets: Ints
@@ -236,26 +228,37 @@ class ArrayWriter:
             return b""
         out = bytearray()
         for number in sorted(self._undeclared.intersection(np.flatnonzero(np.bincount(channels)).tolist())):
-            channel = self._channels[number]
-            if channel.schema_id and channel.schema_id not in self._declared:
-                out += _bytes(self._schemas[channel.schema_id])
-                self._declared.add(channel.schema_id)
-            out += _bytes(channel)
+            schema = self._schema_of[number]
+            if schema and schema not in self._declared:
+                out += self._schemas[schema]
+                self._declared.add(schema)
+            out += self._channels[number]
             self._undeclared.discard(number)
         return bytes(out)
 
 
 def _chunk_index(chunk: Chunk, start: int, length: int, size: int, places: bytes, indexes: int) -> bytes:
     """A ChunkIndex record: not the library's, which takes a mapping, since there may be thousands of channels."""
-    name = chunk.compression.encode()
-    content = b"".join(
-        (
-            struct.pack("<QQQQ", chunk.message_start_time, chunk.message_end_time, start, length),
-            struct.pack("<I", len(places)) + places + struct.pack("<QI", indexes, len(name)) + name,
-            struct.pack("<QQ", size, chunk.uncompressed_size),
-        )
+    content = (
+        struct.pack("<QQQQ", chunk.message_start_time, chunk.message_end_time, start, length),
+        _sized(places),
+        struct.pack("<Q", indexes),
+        _text(chunk.compression),
+        struct.pack("<QQ", size, chunk.uncompressed_size),
     )
-    return _HEAD.pack(Opcode.CHUNK_INDEX, len(content)) + content
+    return _record(Opcode.CHUNK_INDEX, content)
+
+
+def _record(opcode: Opcode, content: Sequence[bytes]) -> bytes:
+    return b"".join((_HEAD.pack(opcode, sum(map(len, content))), *content))
+
+
+def _sized(content: bytes) -> bytes:
+    return len(content).to_bytes(4, "little") + content
+
+
+def _text(text: str) -> bytes:
+    return _sized(text.encode())
 
 
 def _compressor(name: str) -> Callable[[Any], bytes]:

@@ -8,9 +8,11 @@ import numpy as np
 import orjson
 
 from analyzer.exports.targets.mcap.schemas import LEVELS
+from analyzer.findings.model import evidence
+from analyzer.findings.registry import rules
 from analyzer.frames import Batch, Kind, Rows
 from captures.formats.mcap import packing
-from captures.formats.mcap.packing import HEAD, Lot, Part, Tails
+from captures.formats.mcap.packing import HEAD, Packed, Part, Tails
 from captures.ragged import Ints
 
 MAX_OF_A_KIND: Final = 20_000  # further ones are counted on their frames, not told
@@ -25,21 +27,21 @@ class Log:
         self._end = 0  # ns, of the rows so far
         self.left_out = 0
 
-    def lot(self, findings: Rows, batch: Batch) -> Lot:
+    def messages(self, findings: Rows, batch: Batch) -> Packed:
         """What was found about the rows of a batch, or about the bus as a whole, which comes at the end."""
         findings = findings.take(self._room(findings))
-        rows, times = rows_of(findings, batch), findings["t"].copy()
+        times = findings["t"].copy()
         if len(batch):
             self._end = max(self._end, int(batch.rows["t_end"].max()))
             framed = findings["index"] >= 0
-            times[framed] = batch.rows["t_end"][rows[framed]]
+            times[framed] = batch.rows["t_end"][rows_of(findings[framed], batch)]
         times[findings["start"] < 0] = self._end
-        order = np.argsort(rows, kind="stable")
-        texts = [_message(findings[i], int(times[i])) for i in order.tolist()]
+        order = np.argsort(times, kind="stable")
+        texts = _texts(findings[order], times[order].tolist())
         sizes = np.array([len(text) for text in texts], np.int64)
         tails = Tails(np.frombuffer(b"".join(texts), np.uint8), np.cumsum(sizes) - sizes, sizes)
         heads = packing.heads(np.zeros(1, [("record", HEAD)]), len(texts))
-        return Lot.of(rows[order], self._channel, times[order], [Part(None, heads)], tails)
+        return packing.packed(self._channel, times[order], [Part(None, heads)], tails)
 
     def _room(self, findings: Rows) -> Ints:
         """Which of these are told."""
@@ -54,12 +56,9 @@ class Log:
 
 
 def rows_of(findings: Rows, batch: Batch) -> Ints:
-    """The row that each stands on: its frame's, else the one at its time."""
+    """The row of the frame that each stands on."""
     frames = np.flatnonzero(batch.rows["kind"] != Kind.NOISE)
-    last = max(len(batch) - 1, 0)
-    at_frame = np.append(frames, last)[np.searchsorted(batch.rows["index"][frames], findings["index"])]
-    at_time = np.minimum(np.searchsorted(batch.rows["t_end"], findings["t"], side="right"), last)
-    found: Ints = np.where(findings["index"] >= 0, at_frame, at_time)
+    found: Ints = np.append(frames, len(batch) - 1)[np.searchsorted(batch.rows["index"][frames], findings["index"])]
     return found
 
 
@@ -71,18 +70,20 @@ def on_frames(findings: Rows | None, batch: Batch) -> Ints | None:
     return np.bincount(rows_of(framed, batch), minlength=len(batch)) if len(framed) else None
 
 
-def _message(row: np.void, t_ns: int) -> bytes:
-    from analyzer.findings.model import describe
-
-    finding = describe(row)
-    seconds, nanoseconds = divmod(max(t_ns, 0), 1_000_000_000)
-    return orjson.dumps(
-        {
+def _texts(findings: Rows, times: list[int]) -> list[bytes]:
+    """Their messages in JSON; times are in ns."""
+    known = rules()
+    texts = []
+    for number, figures, t_ns in zip(findings["rule"].tolist(), findings["numbers"].tolist(), times, strict=True):
+        rule = known[number]
+        seconds, nanoseconds = divmod(max(t_ns, 0), 1_000_000_000)
+        message = {
             "timestamp": {"sec": seconds, "nsec": nanoseconds},
-            "level": LEVELS[finding.severity.name.lower()],
-            "message": finding.text,
-            "name": finding.code,
+            "level": LEVELS[rule.severity],
+            "message": rule.words(rule.text, evidence(rule, figures)),
+            "name": rule.code,
             "file": "",
             "line": 0,
         }
-    )
+        texts.append(orjson.dumps(message))
+    return texts

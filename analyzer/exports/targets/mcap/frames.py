@@ -1,68 +1,77 @@
-"""Frames and noise as lots of messages, a row of the batch each."""
+"""Frames and noise as messages, a row of the batch each, in the order of their ends."""
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Iterator
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analyzer.columns import Decoded
 from analyzer.exports.targets.mcap import schemas
 from analyzer.frames import Batch, Kind, Protocol, Rows, adu_of
 from captures.formats.mcap import packing
-from captures.formats.mcap.packing import HEAD, Lot, Part, Tails
+from captures.formats.mcap.packing import AT_ONCE, HEAD, Packed, Part, Tails
 from captures.formats.mcap.protobuf import Message, packed_length
 from captures.ragged import Ints
 
 _RENAMED: Final = {"t_start_ns": "t_start", "direction": "kind", "crc_ok": "check"}
-_PLAIN: Final = (
-    "index", "start", "length", "t_start_ns", "protocol", "direction", "unit", "function", "crc_ok", "confidence"
-)  # fmt: skip
+_PLAIN: Final = ("index", "start", "length", "t_start_ns", "direction", "unit", "function", "crc_ok", "confidence")
+_RARE: Final = ("protocol", "exception", "port")  # left out where they are 0 on all rows
+
+_Columns = dict[str, NDArray[Any]]
 
 
-def frame_lot(batch: Batch, decoded: Decoded, message: Message, channel: int, findings: Ints | None) -> Lot:
+def frame_messages(
+    batch: Batch, decoded: Decoded, message: Message, channel: int, findings: Ints | None
+) -> Iterator[Packed]:
     """All frames of a batch; `findings` is how many there are on each row, None for none on any."""
-    which = np.flatnonzero(batch.rows["kind"] != Kind.NOISE)
-    every = len(which) == len(batch)
-    rows = batch.rows if every else batch.rows.take(which)
-    exceptions, ports = rows["exception"], rows["port"]
-    without = {"exception"} if not exceptions.any() else set()
-    without |= {"port"} if not ports.any() else set()
-    without |= {"findings"} if findings is None else set()
-    heads = packing.heads(message.layout(HEAD, without), len(rows))
-    for name in _PLAIN:
-        heads[name] = rows[_RENAMED.get(name, name)]
-    optional = {
-        "address": decoded.address if every else decoded.address[which],
-        "quantity": decoded.quantity if every else decoded.quantity[which],
-        "request_start": rows["request_start"],
-        "response_time_ns": rows["response_ns"],
-    }
-    for name, values in optional.items():
-        message.put(heads, name, values, present=values >= 0)
+    frames = np.flatnonzero(batch.rows["kind"] != Kind.NOISE)
+    for first in range(0, len(frames), AT_ONCE):
+        which = frames[first : first + AT_ONCE]
+        whole = int(which[-1]) - int(which[0]) == len(which) - 1  # no noise between: no need to pick
+        pick: Any = slice(int(which[0]), int(which[-1]) + 1) if whole else which
+        rows = batch.rows[pick]
+        columns: _Columns = {name: rows[_RENAMED.get(name, name)] for name in (*_PLAIN, *_RARE)}
+        columns |= {
+            "findings": np.zeros(1, np.int64) if findings is None else findings[pick],
+            "address": decoded.address[pick],
+            "quantity": decoded.quantity[pick],
+            "request_start": rows["request_start"],
+            "response_time_ns": rows["response_ns"],
+        }
+        evidence = None if batch.evidence is None else batch.evidence[pick]
+        yield _packed(columns, evidence, rows["t_end"], _bytes(batch, which, rows), message, channel)
+
+
+def _packed(
+    columns: _Columns, evidence: Rows | None, times: Ints, tails: Tails, message: Message, channel: int
+) -> Packed:
+    without = {name for name in (*_RARE, "findings") if not columns[name].any()}
+    heads = packing.heads(message.layout(HEAD, without), len(times))
+    for name in (*_PLAIN, *_RARE, "findings"):
+        if name not in without and name != "exception":
+            heads[name] = columns[name]
+    for name in ("address", "quantity", "request_start", "response_time_ns"):
+        message.put(heads, name, columns[name], present=columns[name] >= 0)
     if "exception" not in without:
-        message.put(heads, "exception", exceptions, present=exceptions > 0)
-    if "port" not in without:
-        heads["port"] = ports
-    if findings is not None:
-        heads["findings"] = findings[which]
-    if batch.evidence is not None:
-        _explain(heads, message, batch.evidence.take(which))
-    tails = _bytes(batch, which, rows)
+        message.put(heads, "exception", columns["exception"], present=columns["exception"] > 0)
+    if evidence is not None:
+        _explain(heads, message, evidence)
     heads["data"] = packed_length(tails.sizes)
-    return Lot.of(which, channel, rows["t_end"], [Part(None, heads)], tails)
+    return packing.packed(channel, times, [Part(None, heads)], tails)
 
 
-def noise_lot(batch: Batch, channel: int) -> Lot:
+def noise_messages(batch: Batch, channel: int) -> Packed:
     """All noise of a batch."""
-    which = np.flatnonzero(batch.rows["kind"] == Kind.NOISE)
-    rows = batch.rows.take(which)
+    rows = batch.rows.take(np.flatnonzero(batch.rows["kind"] == Kind.NOISE))
     heads = packing.heads(schemas.NOISE.layout(HEAD), len(rows))
     for name in ("start", "length", "t_start_ns", "port"):
         heads[name] = rows[_RENAMED.get(name, name)]
     tails = Tails(batch.data, rows["at"], rows["length"])
     heads["data"] = packed_length(tails.sizes)
-    return Lot.of(which, channel, rows["t_end"], [Part(None, heads)], tails)
+    return packing.packed(channel, rows["t_end"], [Part(None, heads)], tails)
 
 
 def _explain(heads: Rows, message: Message, evidence: Rows) -> None:

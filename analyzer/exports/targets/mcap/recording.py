@@ -1,12 +1,10 @@
-"""The one writer of an exported MCAP: blocks and batches come, lots of messages go to the file."""
+"""The one writer of an exported MCAP: blocks and batches come, chunks of messages go to the file."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
 import orjson
 
 from analyzer.columns import decode
@@ -14,23 +12,21 @@ from analyzer.exports.output import Output
 from analyzer.exports.sink import ExportOptions
 from analyzer.exports.targets.mcap import schemas
 from analyzer.exports.targets.mcap.findings import Log, on_frames
-from analyzer.exports.targets.mcap.frames import frame_lot, noise_lot
-from analyzer.exports.targets.mcap.transactions import transaction_lot
+from analyzer.exports.targets.mcap.frames import frame_messages, noise_messages
+from analyzer.exports.targets.mcap.transactions import transaction_messages
 from analyzer.exports.targets.mcap.values import PollGroups
-from analyzer.frames import ROW, Batch, Rows
-from analyzer.transactions import Transactions
+from analyzer.frames import Batch
 from analyzer.version import __version__
 from captures.formats.mcap import METADATA
 from captures.formats.mcap.channel import ChunkChannel
-from captures.formats.mcap.packing import Lot, packed
 from captures.formats.mcap.protobuf import ENCODING, Message
 from captures.formats.mcap.writer import ArrayWriter
 
 if TYPE_CHECKING:
+    from analyzer.pipeline import Analysed
     from captures import Block, Capture
 
 LEFT_OUT: Final = f"{METADATA}/left out"  # name of the metadata record that says what is not on any topic
-_NOTHING: Final = Batch(np.zeros(0, ROW), np.zeros(0, np.uint8))
 
 
 class Recording:
@@ -46,29 +42,32 @@ class Recording:
         self._log = Log(self._json_channel("/findings", schemas.LOG))
         self._noise = self._channel("/noise", schemas.NOISE) if options.noise else None
         self._values = PollGroups(self._writer)
-        self._settling = Transactions()
-        self._held: tuple[Batch, int] | None = None  # a batch of which so many rows have come
 
     def block(self, block: Block) -> None:
         """Raw chunks."""
         self._chunks.write(block)
 
-    def rows(self, batch: Batch, first: int, last: int) -> None:  # noqa: ARG002 - the protocol's signature
-        """Rows are written with their whole batch, or as far as they came."""
-        self._held = (batch, last)
+    def rows(self, batch: Batch, first: int, last: int) -> None:
+        """Rows are written with their batch, each topic by itself."""
 
-    def batch(self, batch: Batch) -> None:
-        """All rows of it, with the transactions that they settle."""
-        self._held = None
-        self._write(batch, self._settling.feed(batch))
+    def batch(self, analysed: Analysed) -> None:
+        """A chunk or more of each topic, so that who reads one topic does not unpack the others."""
+        batch, findings = analysed.batch, analysed.batch.findings
+        decoded = decode(batch)
+        add = self._writer.add
+        for messages in transaction_messages(analysed.transactions, self._transaction, self._transactions):
+            add(messages)
+        counts = on_frames(findings, batch)
+        for messages in frame_messages(batch, decoded, self._frame, self._frames, counts):
+            add(messages)
+        add(self._values.messages(batch, decoded))
+        if self._noise is not None:
+            add(noise_messages(batch, self._noise))
+        if findings is not None:
+            add(self._log.messages(findings, batch))
 
     def close(self) -> None:
-        """What is left, and the index."""
-        if self._held is not None:
-            batch, last = self._held
-            self._write(replace(batch, rows=batch.rows[:last]), self._settling.close())
-        else:
-            self._write(_NOTHING, self._settling.close())
+        """What is left out, and the index."""
         left_out = {
             "values": f"{self._values.left_out} messages: too many poll groups" if self._values.left_out else "",
             "findings": f"{self._log.left_out} messages: too many of a kind" if self._log.left_out else "",
@@ -76,19 +75,6 @@ class Recording:
         if any(left_out.values()):
             self._writer.add_metadata(LEFT_OUT, {key: what for key, what in left_out.items() if what})
         self._writer.finish()
-
-    def _write(self, batch: Batch, settled: Rows) -> None:
-        decoded, findings = decode(batch), batch.findings
-        lots: list[Lot] = [
-            transaction_lot(settled, batch, self._transaction, self._transactions),
-            frame_lot(batch, decoded, self._frame, self._frames, on_frames(findings, batch)),
-            *self._values.lots(batch, decoded),
-        ]
-        if self._noise is not None:
-            lots.append(noise_lot(batch, self._noise))
-        if findings is not None:
-            lots.append(self._log.lot(findings, batch))
-        self._writer.add(packed(lots, max(len(batch), 1)))
 
     def _channel(self, topic: str, message: Message) -> int:
         schema = self._writer.register_schema(message.name, ENCODING, message.schema())

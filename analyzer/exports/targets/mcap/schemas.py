@@ -14,9 +14,10 @@ from collections.abc import Iterable, Mapping
 from enum import IntEnum
 from typing import Any, Final
 
+from analyzer.findings.model import Severity
 from analyzer.frames import Kind, Protocol
 from analyzer.transactions import Status
-from captures.formats.mcap.protobuf import Field, Message, Type
+from captures.formats.mcap.protobuf import Field, Message, Type, plain_schema
 from dissectors.functions import functions
 
 EVIDENCE: Final = ("length", "crc", "silence", "conversation", "margin")
@@ -85,13 +86,15 @@ NOISE: Final = Message(
 )
 
 
-def values(area: str, letter: str, start: int, count: int, *, bits: bool) -> Message:
-    """Values of consecutive addresses, a field each: `r107` a register, `b19` a coil or input."""
-    kind = Type.BOOL if bits else Type.FIXED32
-    return Message(
-        f"rtuscope.{area}_{span(start, count, '_')}",
-        tuple(Field(f"{letter}{address}", kind) for address in range(start, start + count)),
-    )
+REGISTER: Final = Type.FIXED32  # the type of a value, by what it is
+BIT: Final = Type.BOOL
+
+
+def values(area: str, letter: str, start: int, count: int, *, bits: bool) -> tuple[str, bytes]:
+    """Name and schema of values of consecutive addresses, a field each: `r107` a register, `b19` a coil or input."""
+    name = f"rtuscope.{area}_{span(start, count, '_')}"
+    fields = (f"{letter}{address}" for address in range(start, start + count))
+    return name, plain_schema(name, fields, BIT if bits else REGISTER)
 
 
 def span(start: int, count: int, dash: str = "-") -> str:
@@ -142,4 +145,4 @@ LOG: Final[dict[str, Any]] = {
         "line": {"type": "integer", "minimum": 0, "description": "Line number in the file"},
     },
 }
-LEVELS: Final = {"note": 2, "warning": 3, "error": 4}  # a finding's severity as a log level
+LEVELS: Final = {Severity.NOTE: 2, Severity.WARNING: 3, Severity.ERROR: 4}  # of log messages

@@ -1,33 +1,35 @@
-"""Settled transactions as a lot of messages."""
+"""Settled transactions as messages."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from analyzer.frames import Batch, Kind, Rows
+from analyzer.frames import Rows
 from captures.formats.mcap import packing
-from captures.formats.mcap.packing import HEAD, Lot, Part
+from captures.formats.mcap.packing import AT_ONCE, HEAD, Packed, Part
 from captures.formats.mcap.protobuf import Message
+from captures.ragged import Ints
 
 
-def transaction_lot(settled: Rows, batch: Batch, message: Message, channel: int) -> Lot:
-    """Each stands before the frame that its time comes from: its answer, or the request that got none.
+def transaction_messages(settled: Rows, message: Message, channel: int) -> Iterator[Packed]:
+    """All of them in the order of their times: the start of the answer, or the end of a request that got none."""
+    times = np.where(settled["response"] >= 0, settled["t_response"], settled["t_request"])
+    if np.any(times[1:] < times[:-1]):
+        order = np.argsort(times, kind="stable")
+        settled, times = settled.take(order), times[order]
+    for first in range(0, len(settled), AT_ONCE):
+        here = slice(first, first + AT_ONCE)
+        yield _packed(settled[here], times[here], message, channel)
 
-    Where that lies in an earlier batch it stands before the first frame.
-    """
-    answered = settled["response"] >= 0
-    frames = np.where(answered, settled["response"], settled["request"])
-    times = np.where(answered, settled["t_response"], settled["t_request"])
-    which = np.flatnonzero(batch.rows["kind"] != Kind.NOISE)
-    place = np.searchsorted(batch.rows["index"][which], frames)
-    rows = np.append(which, max(len(batch) - 1, 0))[place]
-    if np.any(rows[1:] < rows[:-1]):
-        order = np.argsort(rows, kind="stable")
-        settled, rows, times = settled.take(order), rows[order], times[order]
-    heads = packing.heads(message.layout(HEAD), len(settled))
-    for name in ("request", "unit", "function", "status", "retry", "late"):
+
+def _packed(settled: Rows, times: Ints, message: Message, channel: int) -> Packed:
+    flags = [name for name in ("retry", "late") if settled[name].any()]
+    heads = packing.heads(message.layout(HEAD, {"retry", "late"} - {*flags}), len(settled))
+    for name in ("request", "unit", "function", "status", *flags):
         heads[name] = settled[name]
     message.put(heads, "response", settled["response"], present=settled["response"] >= 0)
     measured = settled["response_ns"]
     message.put(heads, "response_time_ms", measured / 1e6, present=measured >= 0)
-    return Lot.of(rows, channel, times, [Part(None, heads)])
+    return packing.packed(channel, times, [Part(None, heads)])

@@ -1,28 +1,27 @@
-"""Register and bit values as lots of messages: a channel a poll group, a field an address, for plots without a script.
+"""Register and bit values as messages: a channel a poll group, a field an address, for plots without a script.
 
 A poll group is what one request asks for: unit, area, starting address and quantity. An answer to a read carries
 values; an answer to a write confirms those of its request. Messages of one quantity have one layout, whatever their
-addresses, so that they are packed together; only the schema knows addresses.
+addresses: only the schema knows those.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Final
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from analyzer.columns import AreaCode, Decoded, decode
 from analyzer.exports.targets.mcap import schemas
 from analyzer.frames import ROW, Batch, Kind
 from captures.formats.mcap import packing
-from captures.formats.mcap.packing import HEAD, Lot, Part
-from captures.formats.mcap.protobuf import ENCODING, SPARE, tag_bytes
+from captures.formats.mcap.packing import HEAD, Packed, Part, Tails
+from captures.formats.mcap.protobuf import ENCODING, plain_items
 from captures.formats.mcap.writer import ArrayWriter
-from captures.ragged import Ints
+from captures.ragged import Bytes, Ints, sums
 
 MAX_GROUPS: Final = 4096  # topics that a viewer can still be asked to list; a bus has some dozens
 
@@ -33,9 +32,9 @@ _AREAS: Final = {
     AreaCode.INPUT_REGISTERS: ("input", "r"),
     AreaCode.HOLDING_REGISTERS: ("holding", "r"),
 }
-MAX_COUNT: Final = 255 * 8  # values of a frame: its byte count is a byte
+_MAX_COUNT: Final = 2000  # values of a frame: coils of a read ([1] 6.1)
+_TOLD: Final = ("rows", "area", "address", "begins", "counts")
 _ADDRESSES: Final = 1 << 16
-_SHORT: Final = SPARE[0] - 1  # fields whose tag is one byte
 _COUNT_BITS, _ADDRESS_BITS, _UNIT_BITS = 16, 16, 8
 
 
@@ -49,6 +48,18 @@ class _Told:
     begins: Ints
     counts: Ints
     values: NDArray[np.uint16]
+
+    @classmethod
+    def joined(cls, told: Sequence[_Told]) -> _Told:
+        """All of them in the order of their rows; of one row in the order given."""
+        columns = {name: np.concatenate([getattr(each, name) for each in told]) for name in _TOLD}
+        order = np.argsort(columns["rows"], kind="stable")
+        sizes = [len(each.values) for each in told]
+        columns["begins"] += np.repeat(np.cumsum(sizes) - sizes, [len(each.rows) for each in told])
+        return cls(
+            **{name: column[order] for name, column in columns.items()},
+            values=np.concatenate([each.values for each in told]),
+        )
 
     def taken(self, which: NDArray[np.bool_]) -> _Told:
         """Those of some rows."""
@@ -66,14 +77,12 @@ class PollGroups:
         self._writer = writer
         self._keys = np.zeros(0, np.int64)  # of the groups that are known, ascending
         self._channels = np.zeros(0, np.uint16)  # of each
-        self._schemas: dict[str, int] = {}
+        self._schemas: dict[tuple[int, int, int], int] = {}  # by area, start and count
         self.left_out = 0  # messages without a channel, since there are too many groups
 
-    def lots(self, batch: Batch, decoded: Decoded) -> list[Lot]:
+    def messages(self, batch: Batch, decoded: Decoded) -> Packed:
         """The values that the rows of a batch tell."""
-        return [self._lot(batch, told) for told in _told(batch, decoded) if len(told.rows)]
-
-    def _lot(self, batch: Batch, told: _Told) -> Lot:
+        told = _told(batch, decoded)
         keys = told.area.astype(np.int64) << _UNIT_BITS | batch.rows["unit"][told.rows]
         keys = (keys << _ADDRESS_BITS | told.address) << _COUNT_BITS | told.counts
         channels = self._channels_of(keys)
@@ -81,16 +90,9 @@ class PollGroups:
             kept = channels > 0
             self.left_out += int(np.count_nonzero(~kept))
             told, channels = told.taken(kept), channels[kept]
-        layouts = (told.counts << 1 | (told.area <= AreaCode.DISCRETE_INPUTS)).astype(np.uint16)
-        order = np.argsort(layouts, kind="stable")
-        parts, first = [], 0
-        for layout, count in enumerate(np.bincount(layouts).tolist()):
-            if count:
-                which = order[first : first + count]
-                heads = _heads(told.values, told.begins[which], layout >> 1, bits=bool(layout & 1))
-                parts.append(Part(which, heads))
-                first += count
-        return Lot.of(told.rows, channels, batch.rows["t_end"][told.rows], parts)
+        heads = packing.heads(np.zeros(1, [("record", HEAD)]), len(channels))
+        times = batch.rows["t_end"][told.rows]
+        return packing.packed(channels, times, [Part(None, heads)], _fields(told))
 
     def _channels_of(self, keys: Ints) -> NDArray[np.uint16]:
         """The channel of each key's group, made where it is new; 0 for groups that are too many."""
@@ -116,16 +118,16 @@ class PollGroups:
         start, rest = rest & (1 << _ADDRESS_BITS) - 1, rest >> _ADDRESS_BITS
         unit, code = rest & (1 << _UNIT_BITS) - 1, AreaCode(rest >> _UNIT_BITS)
         area, letter = _AREAS[code]
-        message = schemas.values(area, letter, start, count, bits=letter == "b")
-        schema = self._schemas.get(message.name)
+        schema = self._schemas.get((code, start, count))
         if schema is None:
-            schema = self._writer.register_schema(message.name, ENCODING, message.schema())
-            self._schemas[message.name] = schema
+            name, content = schemas.values(area, letter, start, count, bits=letter == "b")
+            schema = self._writer.register_schema(name, ENCODING, content)
+            self._schemas[code, start, count] = schema
         topic = f"/unit/{unit}/{area}/{schemas.span(start, count)}"
         return self._writer.register_channel(topic, ENCODING, schema)
 
 
-def _told(batch: Batch, decoded: Decoded) -> list[_Told]:
+def _told(batch: Batch, decoded: Decoded) -> _Told:
     """What good answers carry, and what they confirm of their requests."""
     rows, request = batch.rows, batch.rows["request"]
     good = (rows["kind"] == Kind.RESPONSE) & rows["check"] & (rows["exception"] == 0) & (request >= 0)
@@ -137,11 +139,10 @@ def _told(batch: Batch, decoded: Decoded) -> list[_Told]:
     place = np.searchsorted(indices, asked)
     here = place < len(writes)
     here[here] = indices[place[here]] == asked[here]
-    confirmed = [
-        _of(decoded, answers[here], writes[place[here]]),
-        *_earlier(batch, answers[np.isin(asked, list(batch.earlier))] if batch.earlier else answers[:0]),
-    ]
-    return [_of(decoded, own, own), *(told.taken(~_echoed(decoded, told)) for told in confirmed)]
+    confirmed = [_of(decoded, answers[here], writes[place[here]])]
+    if batch.earlier:
+        confirmed += _earlier(batch, answers[np.isin(asked, list(batch.earlier))])
+    return _Told.joined([_of(decoded, own, own), *(told.taken(~_echoed(decoded, told)) for told in confirmed)])
 
 
 def _of(decoded: Decoded, rows: Ints, sources: Ints) -> _Told:
@@ -151,7 +152,7 @@ def _of(decoded: Decoded, rows: Ints, sources: Ints) -> _Told:
     area = decoded.area[sources]
     counts = np.minimum(ends - begins, _ADDRESSES - address)
     told = _Told(rows, area, address, begins, counts, decoded.values)
-    return told.taken((area > AreaCode.NONE) & (counts > 0) & (counts <= MAX_COUNT) & (address >= 0))
+    return told.taken((area > AreaCode.NONE) & (counts > 0) & (counts <= _MAX_COUNT) & (address >= 0))
 
 
 def _earlier(batch: Batch, answers: Ints) -> list[_Told]:
@@ -176,22 +177,17 @@ def _echoed(decoded: Decoded, told: _Told) -> NDArray[np.bool_]:
     return same
 
 
-@cache
-def _layout(count: int, *, bits: bool) -> NDArray[np.void]:
-    """One message of this many values, with the field numbers that `Message` gives: an array for each size of a tag."""
-    value = "u1" if bits else "<u4"
-    short = min(count, _SHORT)
-    wire = 0 if bits else 5
-    fields = [("tag", "u1"), ("value", value)], [("tag", "<u2"), ("value", value)]
-    row = np.zeros(1, [("record", HEAD), ("short", fields[0], (short,)), ("long", fields[1], (count - short,))])
-    row["short"]["tag"] = [number << 3 | wire for number in range(1, short + 1)]
-    row["long"]["tag"] = [tag_bytes(number << 3 | wire) for number in range(SPARE[0] + 1, SPARE[0] + 1 + count - short)]
-    return row
-
-
-def _heads(values: NDArray[np.uint16], begins: Ints, count: int, *, bits: bool) -> NDArray[np.void]:
-    """Messages of `count` values each."""
-    heads = packing.heads(_layout(count, bits=bits), len(begins))
-    found = sliding_window_view(values, count)[begins]
-    heads["short"]["value"], heads["long"]["value"] = found[:, :_SHORT], found[:, _SHORT:]
-    return heads
+def _fields(told: _Told) -> Tails:
+    """The messages: a field a value, registers of one width and bits of another."""
+    bits = told.area <= AreaCode.DISCRETE_INPUTS
+    begins, sizes = np.zeros(len(bits), np.int64), np.zeros(len(bits), np.int64)
+    buffers: list[Bytes] = []
+    for kind, here in ((schemas.REGISTER, np.flatnonzero(~bits)), (schemas.BIT, np.flatnonzero(bits))):
+        ends = sums(told.counts[here])
+        counts = told.counts[here]
+        places = np.arange(int(ends[-1])) - np.repeat(ends[:-1], counts)
+        items = plain_items(kind, places, told.values.take(places + np.repeat(told.begins[here], counts)))
+        begins[here] = ends[:-1] * items.itemsize + sum(map(len, buffers))
+        sizes[here] = counts * items.itemsize
+        buffers.append(items.view(np.uint8))
+    return Tails(np.concatenate(buffers), begins, sizes)
