@@ -72,17 +72,34 @@ class Engine:
         self._out: list[Pieces] = []
         self._decided: list[Bytes] = []
 
-    def feed(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8], errors: Index) -> None:
-        """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each, bytes that came marked."""
+    def feed(
+        self,
+        data: Bytes,
+        sizes: Index,
+        times: Times,
+        marks: NDArray[np.uint8],
+        errors: Index,
+        now_ns: int | None = None,
+    ) -> None:
+        """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each, bytes that came marked.
+
+        `now_ns`: the line has been silent from the last of them up to then.
+        """
         self.tape.append(data, sizes, times, marks, errors)
-        self._work(self.tape.ready, quiet=False, final=False)
+        if now_ns is None:
+            self._work(self.tape.ready, quiet=False, final=False)
+        else:
+            self.tick(now_ns)
 
     def tick(self, now_ns: int) -> None:
         """The line has been silent up to now."""
-        if len(self.tape) and now_ns > self.tape.last_time:
+        silence = now_ns - self.tape.last_time
+        if len(self.tape) and silence >= 0:
+            ready = self.tape.ready
             self.tape.close()
-            silence = now_ns - self.tape.last_time
-            self._work(len(self.tape), quiet=silence >= self.options.idle_ns, final=silence >= self.options.cut_ns)
+            if silence > self.tape.char_ns:  # else more may follow at once: only what is before the last read is whole
+                ready = len(self.tape)
+            self._work(ready, quiet=silence >= self.options.idle_ns, final=silence >= self.options.cut_ns)
 
     def close(self) -> None:
         """No more bytes come."""
