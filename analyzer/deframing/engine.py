@@ -31,6 +31,7 @@ from .contest import (
 )
 from .damaged import damaged_answers, damaged_requests
 from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice
+from .near import STILL, plain_frames
 from .options import Options
 from .pieces import NOISE, NOTHING, Decided, Pieces, evidence
 from .places import SILENT, places
@@ -110,6 +111,8 @@ class Engine:
         """What was decided since the last call, and its bytes."""
         out, self._out = self._out, []
         decided, self._decided = self._decided, []
+        if len(out) == 1:  # live, mostly
+            return out[0], decided[0]
         pieces = Pieces(*(np.concatenate(columns) for columns in zip(NOTHING, *out, strict=True)))
         return pieces, np.concatenate(decided) if decided else np.empty(0, np.uint8)
 
@@ -150,6 +153,7 @@ class Engine:
             if i < len(runs.start) and runs.start[i] == at:
                 moved = self._run(stretch, runs, i) if runs.clean[i] else at
                 moved = moved if moved > at else self._plain(stretch, runs, i)
+                moved = moved if moved > at else self._near(stretch, runs, i)
                 if moved > at:
                     at = moved
                     continue
@@ -237,6 +241,28 @@ class Engine:
         taped = start + stretch.begin, end + stretch.begin
         self._take(stretch, start, end, margin < 0, Decided(*taped, role, margin > 0, margin, margin < 0))
         return int(end[0])
+
+    def _near(self, stretch: Stretch, runs: Runs, i: int) -> int:
+        """Take plain frames that end where a longer one could still come; the position behind them."""
+        begin, data, tape = stretch.begin, stretch.data, self.tape
+        at, offset = int(runs.start[i]), tape.base + begin
+        if self.options.explain or len(data) - at > WINDOWS[1]:
+            return at
+        silences = tape.classes[begin : begin + len(data) + 1].tolist()
+        if begin + len(data) == len(tape):
+            silences.append(STILL if tape.ready == len(tape) else 0)
+        limit = next_checkpoint(offset + at) - offset
+        last = plain_frames(data, silences, runs, i, limit, self.trust, self._talk.said)
+        if last == i:
+            return at
+        some = slice(i, last)
+        start, end = runs.start[some], runs.end[some]
+        margin = runs.structure[some] + np.float32(CRC_BITS + NOISE_BEGINS)
+        right = np.ones(len(start), np.bool_)  # and contested, for that is how the lattice would say it
+        fits = runs.role[some] == Role.RESPONSE
+        decided = Decided(start + begin, end + begin, runs.role[some], right, margin, right)
+        self._take(stretch, start, end, fits, decided)
+        return int(end[-1])
 
     def _take(self, stretch: Stretch, start: Index, end: Index, fits: Mask, decided: Decided) -> None:
         """Frames (`start` and `end` in the stretch) are decided without the lattice."""
@@ -385,7 +411,7 @@ class Engine:
         """Report fresh pieces, learn from them."""
         if not self._fresh:
             return
-        start, end, role, check, margin, contested = (
+        start, end, role, check, margin, contested = self._fresh[0][:6] if len(self._fresh) == 1 else (
             np.concatenate([decided[i] for decided in self._fresh]) for i in range(6)
         )  # fmt: skip
         whys = [decided.why for decided in self._fresh if decided.why is not None]
@@ -394,11 +420,13 @@ class Engine:
             why["margin"] = margin
         self._fresh.clear()
         self._repeats.clear()
-        tape, parts = self.tape, self.trust.parts(_PARTS_NOISE)
+        tape, noise = self.tape, role == NOISE
+        parts = self.trust.parts(_PARTS_NOISE) if noise.any() else None
         self._learn(start, end, role)
-        start, end, piece = tape.parted(start, end, role == NOISE, parts)
-        why = why[piece] if len(why) else why
-        role, check, margin, contested = role[piece], check[piece], margin[piece], contested[piece]
+        if parts is not None:
+            start, end, piece = tape.parted(start, end, noise, parts)
+            why = why[piece] if len(why) else why
+            role, check, margin, contested = role[piece], check[piece], margin[piece], contested[piece]
         offsets = start + tape.base, end + tape.base
         times = tape.spans(start, end)
         self._out.append(Pieces(*offsets, role, check, *times, margin, contested, tape.gaps(start, end), why))
