@@ -17,7 +17,7 @@ Read = tuple[int, int, bytes, Sequence[int]]  # t_ns, port, bytes (some), offset
 
 
 def reads_record(reads: Sequence[Read]) -> bytes:
-    """Reads, some, as columns: t_ns (int64), size (uint16) and port (uint8) of each, marked bytes (uint32), all bytes."""
+    """Some reads as columns: t_ns (int64), size (uint16) and port (uint8) of each, marked bytes (uint32), all bytes."""
     times, ports, parts, marks = zip(*reads, strict=True)
     errors: list[int] = []
     if any(marks):
