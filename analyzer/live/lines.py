@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
+from functools import lru_cache
 from typing import Any, Final
 
 import orjson
@@ -123,4 +124,9 @@ def _clock(t_ns: int) -> str:
     if t_ns < _SENSIBLE_NS:
         return f"{t_ns / 1e9:12.3f}"
     seconds, rest = divmod(t_ns, 1_000_000_000)
-    return f"{datetime.fromtimestamp(seconds):%H:%M:%S}.{rest // 1_000_000:03d}"
+    return f"{_second(seconds)}.{rest // 1_000_000:03d}"
+
+
+@lru_cache(maxsize=8)
+def _second(seconds: int) -> str:
+    return f"{datetime.fromtimestamp(seconds):%H:%M:%S}"
