@@ -64,7 +64,7 @@ def measure(command: list[str], seconds: float, read: int) -> tuple[np.ndarray, 
     pids = {"shows" if shows(command) else "records": str(process.pid), "reads": reader}
     sent: list[float] = []
     begun = due = time.monotonic()
-    warm, before = 0, {name: 0 for name in pids}
+    warm, before = 0, dict.fromkeys(pids, 0)
     while due < begun + _WARM_S + seconds:
         if not warm and due >= begun + _WARM_S:
             warm, before = len(sent), {name: _ran_ns(pid) for name, pid in pids.items()}
