@@ -1,18 +1,19 @@
-"""How long a frame takes from its last byte on the wire to its line on the screen, and what that costs (POSIX only).
+"""How long a frame takes from its last byte on the wire to its line on the screen, and what that costs (Linux only).
 
     python benchmarks/live_delay.py [--seconds N] [--read BYTES]
 
 A pseudo-terminal is talked on at the pace of a saturated 115200 8N1 line, `--read` bytes at a time (what a FIFO or a
 USB adapter gives): polls of ten registers with their answers, 1.8 ms of silence (t3.5) after each frame. `rtuscope
 sniff` listens; each line that it prints is stamped when it arrives. Delay is the time from when the last byte was
-written to then, t3.5 included; cost is CPU time of the command and its reader, as a share of one core.
+written to then, t3.5 included. Cost is what the command and the process that reads for it ran (the scheduler's count,
+all threads), as a share of one core, once all is imported: from the third second on. The bus is another process's, and
+sleeps between its writes: what it takes is not counted, nor does it take a core's time from what is measured.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import resource
 import subprocess
 import sys
 import threading
@@ -28,6 +29,7 @@ from dissectors.checks import crc_bytes
 _START = "import sys; from analyzer.cli import main; sys.exit(main())"
 _CHARACTER_S = 10 / 115_200
 _T35_S = 0.00175
+_WARM_S = 2.0
 
 
 def _adu(text: str) -> bytes:
@@ -35,12 +37,11 @@ def _adu(text: str) -> bytes:
     return data + crc_bytes(data)
 
 
-def measure(command: list[str], seconds: float, read: int) -> tuple[np.ndarray, float, int]:
-    """Delays (s) of all frames but the first hundred, share of a core, frames."""
+def measure(command: list[str], seconds: float, read: int) -> tuple[np.ndarray, dict[str, float], float]:
+    """Delays (s) of all frames after the first seconds, the share of a core by process, frames a second."""
     master, slave = os.openpty()
     tty.setraw(slave)
     frames = [_adu("1103006b000a"), _adu("110314" + "0102" * 10)]
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     process = subprocess.Popen(
         [sys.executable, "-c", _START, command[0], os.ttyname(slave), *command[1:]],
         stdout=subprocess.PIPE,
@@ -59,36 +60,42 @@ def measure(command: list[str], seconds: float, read: int) -> tuple[np.ndarray, 
 
     looker = threading.Thread(target=look)
     looker.start()
-    time.sleep(0.3)
+    reader = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()[0]
+    pids = {"shows" if shows(command) else "records": str(process.pid), "reads": reader}
     sent: list[float] = []
     begun = due = time.monotonic()
-    while due < begun + seconds:
+    warm, before = 0, dict.fromkeys(pids, 0)
+    while due < begun + _WARM_S + seconds:
+        if not warm and due >= begun + _WARM_S:
+            warm, before = len(sent), {name: _ran_ns(pid) for name, pid in pids.items()}
         frame = frames[len(sent) % 2]
         for at in range(0, len(frame), read):
             part = frame[at : at + read]
             due += len(part) * _CHARACTER_S
-            _until(due)
+            time.sleep(max(0.0, due - time.monotonic()))
             os.write(master, part)
         sent.append(time.monotonic())
         due += _T35_S
+    shares = {name: (_ran_ns(pid) - before[name]) / seconds / 1e9 for name, pid in pids.items()}
     time.sleep(0.5)
     process.terminate()
     process.wait()
     looker.join()
     process.stderr.close()
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    count = min(len(sent), len(shown))
-    if shown:
+    if shows(command):
         assert len(shown) == len(sent), (len(shown), len(sent))
-    delays = np.array(shown[:count]) - np.array(sent[:count])
-    return delays[100:], cpu / seconds, len(sent)
+    delays = np.array(shown) - np.array(sent[: len(shown)])
+    return delays[warm:], shares, (len(sent) - warm) / seconds
 
 
-def _until(due: float) -> None:
-    while (left := due - time.monotonic()) > 0:
-        if left > 0.0003:
-            time.sleep(left - 0.0002)
+def shows(command: list[str]) -> bool:
+    """Whether it prints lines."""
+    return command[0] == "sniff"
+
+
+def _ran_ns(pid: str) -> int:
+    """How long all threads of a process ran so far, ns."""
+    return sum(int((task / "schedstat").read_text().split()[0]) for task in Path(f"/proc/{pid}/task").iterdir())
 
 
 def main() -> None:
@@ -96,19 +103,19 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20)
     parser.add_argument("--read", type=int, default=8)
     given = parser.parse_args()
-    idle = measure(["sniff", "--baud", "115200", "--duration", "1s"], 0.01, given.read)[1] * 0.01  # start and end
     for name, command in (
         ("sniff", ["sniff", "--baud", "115200"]),
         ("sniff --json", ["sniff", "--baud", "115200", "--json"]),
-        ("record", ["record", "--baud", "115200", "-o", f"/tmp/delay-{os.getpid()}.mcap"]),
+        ("sniff -o", ["sniff", "--baud", "115200", "-o", f"/tmp/delay-{os.getpid()}.mcap"]),
+        ("record", ["record", "--baud", "115200", "-o", f"/tmp/delay-{os.getpid()}.mcap", "--overwrite"]),
     ):
-        delays, share, frames = measure(command, given.seconds, given.read)
-        share -= idle / given.seconds
-        words = ""
+        delays, shares, rate = measure(command, given.seconds, given.read)
+        words = ", ".join(f"{name} {share:.1%}" for name, share in shares.items())
+        words = f"{name:14} {rate:.0f} frames/s  {sum(shares.values()):.1%} of a core ({words})"
         if len(delays):
             low, high = np.percentile(delays, [50, 99]) * 1e3
-            words = f"  delay p50 {low:.1f} ms, p99 {high:.1f} ms, max {delays.max() * 1e3:.1f} ms"
-        print(f"{name:14} {frames / given.seconds:.0f} frames/s  {share:.1%} of a core{words}", flush=True)
+            words += f"  delay p50 {low:.1f} ms, p99 {high:.1f} ms, max {delays.max() * 1e3:.1f} ms"
+        print(words, flush=True)
     Path(f"/tmp/delay-{os.getpid()}.mcap").unlink(missing_ok=True)
 
 

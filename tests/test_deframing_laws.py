@@ -75,6 +75,22 @@ def test_a_clock_that_ticks_in_the_pauses_changes_nothing(chunks: list[Chunk]) -
 
 
 @given(any_stream, st.data())
+def test_bytes_given_with_the_silence_behind_them_change_nothing(chunks: list[Chunk], data: st.DataObject) -> None:
+    deframer = Deframer(LINE)
+    batches, held = [], []
+    for chunk, after in pairwise([*chunks, None]):
+        held.append(chunk)
+        pauses = [p for p in (0, CHAR_NS, 8_000_000, 3_000_000_000) if after is None or chunk.t_ns + p < after.t_ns]
+        pause = data.draw(st.sampled_from([None, *pauses]))
+        if pause is not None:
+            batches.append(deframer.feed(Block.from_chunks(held), chunk.t_ns + pause))
+            held = []
+    batches.append(deframer.feed(held))
+    batches.append(deframer.close())
+    assert_same(deframed(chunks), collect(batches))
+
+
+@given(any_stream, st.data())
 def test_what_was_given_is_not_revised_by_what_comes_later(chunks: list[Chunk], data: st.DataObject) -> None:
     cut = data.draw(st.integers(0, len(chunks)))
     deframer = Deframer(LINE)

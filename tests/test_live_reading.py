@@ -21,7 +21,7 @@ from captures.chunks import Block
 from captures.live.listening import Listening
 from captures.live.parmrk import Unmarked
 from captures.live.ports import ports
-from captures.live.records import data_record, event_record, tick_record
+from captures.live.records import event_record, reads_record, tick_record
 from captures.live.settings import PortSettings
 from captures.live.tap import PortError
 from captures.live.wire import Decoder, Event, Tick
@@ -55,16 +55,21 @@ def test_bytes_that_are_no_marks_are_never_lost_twice(raw):
     assert all(0 <= at < len(data) for at in errors)
 
 
-@given(st.lists(st.tuples(st.binary(min_size=1, max_size=9), st.integers(0, 1)), max_size=12), st.integers(1, 40))
-def test_records_come_through_a_pipe_however_it_cuts_them(reads, size):
-    sent = [data_record(at * 1000, port, data, [0] * (at % 2)) for at, (data, port) in enumerate(reads)]
-    stream = b"".join([*sent, tick_record(10**6), event_record(10**6, 1, "lost", "gone", more=3)])
+@given(
+    st.lists(st.tuples(st.binary(min_size=1, max_size=9), st.integers(0, 1)), max_size=12),
+    st.integers(1, 5),
+    st.integers(1, 40),
+)
+def test_records_come_through_a_pipe_however_it_cuts_them(reads, gathered, size):
+    sent = [(at * 1000, port, data, [len(data) - 1] * (at % 2)) for at, (data, port) in enumerate(reads)]
+    records = [reads_record(sent[at : at + gathered]) for at in range(0, len(sent), gathered)]
+    stream = b"".join([*records, tick_record(10**6), event_record(10**6, 1, "lost", "gone", more=3)])
     decoder = Decoder()
     items = [item for at in range(0, len(stream), size) for item in decoder.feed(stream[at : at + size])]
     blocks = [item for item in items if isinstance(item, Block)]
     chunks = [block.chunk(i) for block in blocks for i in range(len(block))]
     assert [(c.t_ns, c.port, c.data, c.errors) for c in chunks] == [
-        (at * 1000, port, data, (0,) * (at % 2)) for at, (data, port) in enumerate(reads)
+        (at * 1000, port, data, (len(data) - 1,) * (at % 2)) for at, (data, port) in enumerate(reads)
     ]
     assert [item for item in items if not isinstance(item, Block)] == [
         Tick(10**6), Event(10**6, 1, "lost", "gone", {"more": 3}),

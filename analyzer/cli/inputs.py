@@ -59,10 +59,12 @@ def chosen_filter(arguments: argparse.Namespace, line: LineSettings) -> Filter |
         raise UsageError(f"--filter: {error}") from error
 
 
-def add_limit_arguments(parser: argparse.ArgumentParser) -> None:
+def add_limit_arguments(parser: argparse.ArgumentParser, *, only: str | None = None) -> None:
     """--t15-ms and the like: what of the line's timing is set otherwise than the specification has it."""
     group = parser.add_argument_group("timing, where the line is set otherwise than the specification has it")
     for flag, _, least, most, words in _LIMITS:
+        if only not in (None, flag):
+            continue
         group.add_argument(flag, metavar="MS", type=_milliseconds(least, most), help=f"{words} ({least:g} to {most:g})")
 
 

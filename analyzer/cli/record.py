@@ -7,6 +7,7 @@ import sys
 import time
 
 from .app import DONE
+from .inputs import add_limit_arguments
 from .quantities import seconds
 from .taps import add_recording_arguments, add_tap_arguments, recorder_of, tap_of, tell
 from .watching import ended_by_signals
@@ -22,6 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_tap_arguments(parser)
     add_recording_arguments(parser, needed=True)
+    add_limit_arguments(parser, only="--idle-ms")
     parser.add_argument("--duration", type=seconds, metavar="TIME", help="stop after this time: 90s, 15min, 12h")
 
 
@@ -36,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     begun = time.monotonic()
     heard, shown = 0, sys.stderr.isatty()
     try:
-        source = tap_of(arguments)
+        source = tap_of(arguments, watched=False)
         with ended_by_signals(source.close):
             for item in source.items():
                 if isinstance(item, Block):

@@ -7,7 +7,7 @@ from argparse import ArgumentTypeError
 from typing import TYPE_CHECKING
 
 from .app import DONE, NO_FRAME, UsageError
-from .inputs import add_capture_arguments, load_functions, open_capture, tell_damage
+from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
 from .keys import keys
 from .taps import tell
 from .watching import Watch, add_view_arguments, ended_by_signals
@@ -40,6 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     port.add_argument("--baud", type=int, metavar="N", help="bit/s of the port; by default the capture's")
     port.add_argument("--parity", choices=("N", "E", "O"), help="by default the capture's")
     add_view_arguments(parser)
+    add_limit_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -54,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     from analyzer.live.session import Session
 
     replay = Replay(capture, arguments.speed)
-    session = Session(replay)
+    session = Session(replay, options=chosen_limits(arguments))
     if arguments.tui:
         from analyzer.live.view import show
 

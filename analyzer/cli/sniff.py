@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from .inputs import add_functions_argument, load_functions
-from .taps import add_recording_arguments, add_tap_arguments, idle_ns, recorder_of, tap_of
+from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, load_functions
+from .taps import add_recording_arguments, add_tap_arguments, recorder_of, tap_of
 from .watching import Watch, add_view_arguments, ended_by_signals
 
 EXAMPLE = """\
@@ -22,12 +22,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_view_arguments(parser)
     add_recording_arguments(parser, needed=False)
+    add_limit_arguments(parser)
     add_functions_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Listen and show."""
-    from analyzer.deframing.options import Options
+    from dataclasses import replace
+
     from analyzer.live.session import Session, Sink
     from analyzer.live.window import TriggeredSink
 
@@ -41,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     session = Session(
         tap_of(arguments),
         recorder=sink,
-        options=Options(idle_ns=idle_ns(arguments), protocol=arguments.protocol),
+        options=replace(chosen_limits(arguments), protocol=arguments.protocol),
     )
 
     def recorded() -> str:

@@ -32,9 +32,6 @@ def add_tap_arguments(parser: argparse.ArgumentParser) -> None:
     taps.add_argument(
         "--port2", metavar="PORT", help="a second tap: PORT hears what the client sends, this one what servers answer"
     )
-    taps.add_argument(
-        "--idle-ms", type=float, default=50, metavar="MS", help="silence after which what is whole is a frame (50)"
-    )
     taps.add_argument("--wait", action="store_true", help="wait for a port that is not there yet")
     taps.add_argument("--blocking-read", action="store_true", help=argparse.SUPPRESS)
 
@@ -56,9 +53,10 @@ def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) ->
     )
 
 
-def tap_of(arguments: argparse.Namespace) -> TapSource:
-    """The tap that was asked for, listening."""
+def tap_of(arguments: argparse.Namespace, *, watched: bool = True) -> TapSource:
+    """The tap that was asked for, listening. `watched`: somebody looks, who should not wait."""
     from analyzer.live.tapsource import TapSource
+    from captures.live.listening import HOLD_NS, IDLE_NS, RECORD_HOLD_NS
     from captures.live.settings import PortSettings
 
     baud = _baud(arguments.baud)
@@ -66,21 +64,15 @@ def tap_of(arguments: argparse.Namespace) -> TapSource:
     urls = [arguments.port, *([arguments.port2] if arguments.port2 else [])]
     if len(set(urls)) < len(urls):
         raise UsageError("--port2 is the same port as PORT")
-    if not 5 <= arguments.idle_ms <= 5000:
-        raise UsageError(f"--idle-ms {arguments.idle_ms:g} is not in 5 to 5000")
     ports = [PortSettings(url, baud, parity, arguments.stop_bits, arguments.data_bits) for url in urls]
     return TapSource(
         ports,
-        idle_ns=idle_ns(arguments),
+        hold_ns=HOLD_NS if watched else RECORD_HOLD_NS,
+        idle_ns=arguments.idle_ms or IDLE_NS,
         wait=arguments.wait,
         free_parity=arguments.parity == "auto",
         blocking=arguments.blocking_read,
     )
-
-
-def idle_ns(arguments: argparse.Namespace) -> int:
-    """--idle-ms in nanoseconds."""
-    return int(arguments.idle_ms * 1e6)
 
 
 def recorder_of(arguments: argparse.Namespace) -> Recorder | None:

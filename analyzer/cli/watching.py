@@ -73,6 +73,7 @@ class Watch:
         self._over = False
         self._status_shown = sys.stderr.isatty()
         self._next_status = 0.0
+        self._words = ""  # of the status line
 
     def run(self) -> int:
         """Show the session to its end; the exit status."""
@@ -127,15 +128,17 @@ class Watch:
         self._session.stop()
 
     def _write(self, text: str) -> None:
-        now = time.monotonic()
         if text:
             self._clear()
             put(text)
-        if self._status_shown and (text or now >= self._next_status):
-            self._next_status = now + _PERIOD_S
-            width = shutil.get_terminal_size().columns
-            sys.stderr.write(f"\r\x1b[K{f'{self.status}{self._extra()}'[: width - 1]}")
-            sys.stderr.flush()
+        if self._status_shown:
+            now = time.monotonic()
+            if new := now >= self._next_status:
+                self._next_status = now + _PERIOD_S
+                self._words = f"{self.status}{self._extra()}"[: shutil.get_terminal_size().columns - 1]
+            if new or text:
+                sys.stderr.write(f"\r\x1b[K{self._words}")
+                sys.stderr.flush()
 
     def _clear(self) -> None:
         if self._status_shown:

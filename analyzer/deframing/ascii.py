@@ -48,8 +48,8 @@ class AsciiDeframer:
         self._asked: Expectation | None = None
         self._timed = True
 
-    def feed(self, chunks: Chunk | Block | Iterable[Chunk]) -> Batch:
-        """Take captured bytes; give what has become certain."""
+    def feed(self, chunks: Chunk | Block | Iterable[Chunk], now_ns: int | None = None) -> Batch:
+        """Take captured bytes; give what has become certain. `now_ns`: with a `tick` behind them."""
         if isinstance(chunks, Chunk):
             chunks = (chunks,)
         block = chunks if isinstance(chunks, Block) else Block.from_chunks(chunks)
@@ -61,7 +61,7 @@ class AsciiDeframer:
             tape = self._tapes.setdefault(port, Tape(self._character))
             errors = among(block.errors, octets)
             tape.append(block.data[octets], sizes[mine], block.t_ns[mine], block.mark[mine], errors)
-        return self._take(last=False)
+        return self._take(last=False) if now_ns is None else self.tick(now_ns)
 
     def tick(self, now_ns: int) -> Batch:
         """The line has been silent until `now_ns`: nothing to gain, for frames end themselves."""

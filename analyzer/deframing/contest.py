@@ -22,11 +22,11 @@ from .rules import MAX_ADU
 from .silence import Trust
 from .tape import Tape
 
-_AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
+AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
 WINDOWS: Final = (96, 384, 2048)  # bytes looked at: mostly a few frames do; the last at most waits for a decision
 _KNOWN_BITS: Final = 3.0
-_ALONE: Final = 15.0  # bits that frames end to end with silence behind them need
+ALONE: Final = 15.0  # bits that frames end to end with silence behind them need
 _AMID: Final = 48.0  # bits that frames need after noise, or with more bytes right behind them
 _LEAD: Final = 8.0  # bits over the next best reading of the same bytes
 
@@ -70,7 +70,7 @@ def events_in(
         idle.add(size)
     edge = origin + size == tape.ready
     spots = sorted({c.end for c in candidates} | idle | cut)
-    against = [max(bits) < _AGAINST for bits in zip(*trust.evidence, strict=True)]  # by class
+    against = [max(bits) < AGAINST for bits in zip(*trust.evidence, strict=True)]  # by class
     events = []
     for p in spots:
         inner = p < len(classes)
@@ -139,7 +139,7 @@ def _enough(lattice: Lattice, event: Event) -> bool:
     if not event.plausible or path.noise_from >= 0 or tip is None or tip.candidate is None or tip.candidate.damaged:
         return False
     alone = event.silent and not path.noisy
-    return path.since_noise >= (_ALONE if alone else _AMID) and lattice.lead >= _LEAD
+    return path.since_noise >= (ALONE if alone else _AMID) and lattice.lead >= _LEAD
 
 
 def _awaited(

@@ -30,7 +30,8 @@ from .contest import (
     settled,
 )
 from .damaged import damaged_answers, damaged_requests
-from .lattice import GLITCH_RUN, Candidate, Lattice
+from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice
+from .near import STILL, plain_frames
 from .options import Options
 from .pieces import NOISE, Decided, Pieces, evidence, joined
 from .places import SILENT, places
@@ -72,17 +73,34 @@ class Engine:
         self._learnt: list[Decided] = []  # since the work began
         self._out: list[Pieces] = []
 
-    def feed(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8], errors: Index) -> None:
-        """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each, bytes that came marked."""
+    def feed(
+        self,
+        data: Bytes,
+        sizes: Index,
+        times: Times,
+        marks: NDArray[np.uint8],
+        errors: Index,
+        now_ns: int | None = None,
+    ) -> None:
+        """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each, bytes that came marked.
+
+        `now_ns`: the line has been silent from the last of them up to then.
+        """
         self.tape.append(data, sizes, times, marks, errors)
-        self._work(self.tape.ready, quiet=False, final=False)
+        if now_ns is None:
+            self._work(self.tape.ready, quiet=False, final=False)
+        else:
+            self.tick(now_ns)
 
     def tick(self, now_ns: int) -> None:
         """The line has been silent up to now."""
-        if len(self.tape) and now_ns > self.tape.last_time:
+        silence = now_ns - self.tape.last_time
+        if len(self.tape) and silence >= 0:
+            ready = self.tape.ready
             self.tape.close()
-            silence = now_ns - self.tape.last_time
-            self._work(len(self.tape), quiet=silence >= self.options.idle_ns, final=silence >= self.options.cut_ns)
+            if silence > self.tape.char_ns:  # else more may follow at once: only what is before the last read is whole
+                ready = len(self.tape)
+            self._work(ready, quiet=silence >= self.options.idle_ns, final=silence >= self.options.cut_ns)
 
     def close(self) -> None:
         """No more bytes come."""
@@ -131,6 +149,7 @@ class Engine:
             i = int(np.searchsorted(runs.start, at))
             if i < len(runs.start) and runs.start[i] == at:
                 moved = (self._run if runs.clean[i] else self._plain)(stretch, runs, i)
+                moved = moved if moved > at else self._near(stretch, runs, i)
                 if moved > at:
                     at = moved
                     continue
@@ -208,6 +227,28 @@ class Engine:
         taped = start + stretch.begin, end + stretch.begin
         self._take(stretch, start, end, margin < 0, Decided(*taped, role, margin > 0, margin, margin < 0))
         return int(end[0])
+
+    def _near(self, stretch: Stretch, runs: Runs, i: int) -> int:
+        """Take plain frames that end where a longer one could still come; the position behind them."""
+        begin, data, tape = stretch.begin, stretch.data, self.tape
+        at, offset = int(runs.start[i]), tape.base + begin
+        if self.options.explain or len(data) - at > WINDOWS[1]:
+            return at
+        silences = tape.classes[begin : begin + len(data) + 1].tolist()
+        if begin + len(data) == len(tape):
+            silences.append(STILL if tape.ready == len(tape) else 0)
+        limit = next_checkpoint(offset + at) - offset
+        last = plain_frames(data, silences, runs, i, limit, self.trust, self._talk.said)
+        if last == i:
+            return at
+        some = slice(i, last)
+        start, end = runs.start[some], runs.end[some]
+        margin = runs.structure[some] + np.float32(CRC_BITS + NOISE_BEGINS)
+        right = np.ones(len(start), np.bool_)  # and contested, for that is how the lattice would say it
+        fits = runs.role[some] == Role.RESPONSE
+        decided = Decided(start + begin, end + begin, runs.role[some], right, margin, right)
+        self._take(stretch, start, end, fits, decided)
+        return int(end[-1])
 
     def _take(self, stretch: Stretch, start: Index, end: Index, fits: Mask, decided: Decided) -> None:
         """Frames (`start` and `end` in the stretch) are decided without the lattice."""
@@ -361,11 +402,14 @@ class Engine:
             why["margin"] = margin
         self._fresh.clear()
         self._repeats.clear()
-        parts = self.trust.parts(_PARTS_NOISE)
+        noise = role == NOISE
+        parts = self.trust.parts(_PARTS_NOISE) if noise.any() else None
         self._learn(start, end, role)
-        start, end, piece = self.tape.parted(start, end, role == NOISE, parts)
-        why = None if why is None else why[piece]
-        self._learnt.append(Decided(start, end, role[piece], check[piece], margin[piece], contested[piece], why))
+        if parts is not None:
+            start, end, piece = self.tape.parted(start, end, noise, parts)
+            why = None if why is None else why[piece]
+            role, check, margin, contested = role[piece], check[piece], margin[piece], contested[piece]
+        self._learnt.append(Decided(start, end, role, check, margin, contested, why))
 
     def _learn(self, start: Index, end: Index, role: NDArray[np.uint8]) -> None:
         """Let decided pieces teach what silences and glitches mean here."""

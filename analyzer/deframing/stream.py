@@ -52,8 +52,8 @@ class Deframer:
         self._now: int | None = None
         self._timed = True
 
-    def feed(self, chunks: Chunk | Block | Iterable[Chunk]) -> Batch:
-        """Take captured bytes; give what has become certain."""
+    def feed(self, chunks: Chunk | Block | Iterable[Chunk], now_ns: int | None = None) -> Batch:
+        """Take captured bytes; give what has become certain. `now_ns`: with a `tick` behind them."""
         if isinstance(chunks, Chunk):
             chunks = (chunks,)
         block = chunks if isinstance(chunks, Block) else Block.from_chunks(chunks)
@@ -64,13 +64,15 @@ class Deframer:
             ports = np.flatnonzero(np.bincount(block.port)).tolist()
             for port in ports:
                 if len(ports) == 1:
-                    self._engine(port).feed(block.data, sizes, block.t_ns, block.mark, block.errors)
+                    self._engine(port).feed(block.data, sizes, block.t_ns, block.mark, block.errors, now_ns)
                 else:
                     mine = block.port == port
                     octets = np.repeat(mine, sizes)
                     errors = among(block.errors, octets)
-                    self._engine(port).feed(block.data[octets], sizes[mine], block.t_ns[mine], block.mark[mine], errors)
-        return self._give(last=False)
+                    self._engine(port).feed(
+                        block.data[octets], sizes[mine], block.t_ns[mine], block.mark[mine], errors, now_ns
+                    )
+        return self._give(last=False) if now_ns is None or len(self._engines) < 2 else self.tick(now_ns)
 
     def tick(self, now_ns: int) -> Batch:
         """The line has been silent until `now_ns` (same clock as the chunks); give what that makes certain."""

@@ -56,10 +56,10 @@ class Feed:
         self._held: list[Block] = []  # until it is plain what the line speaks
         self._diagnosing = Diagnosing(line, self._options)
 
-    def feed(self, block: Block) -> Fed:
-        """What these bytes make certain."""
+    def feed(self, block: Block, now_ns: int | None = None) -> Fed:
+        """What these bytes make certain. `now_ns`: with a `tick` behind them."""
         self._count(octets_by_port(block))
-        self._now = int(block.t_ns[-1])
+        self._now = int(block.t_ns[-1]) if now_ns is None else now_ns
         if self._deframer is None:
             self._held.append(block)
             block = Block.joined(self._held)
@@ -67,7 +67,7 @@ class Feed:
             if self._deframer is None:
                 return self.nothing()
             self._held = []
-        return self._told(self._deframer.feed(block))
+        return self._told(self._deframer.feed(block, now_ns))
 
     def tick(self, now_ns: int) -> Fed:
         """What the silence up to `now_ns` makes certain."""

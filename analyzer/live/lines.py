@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import datetime
-from typing import Any, Final
+from functools import lru_cache
+from typing import Any, Final, Generic, TypeVar
 
 import orjson
 
@@ -15,10 +17,31 @@ from analyzer.reports.page import duration
 from .recent import Shown
 
 _SENSIBLE_NS: Final = 1_000_000_000 * 86_400 * 365  # times before 1971 count from a beginning of their own
-_KEPT: Final = 4096  # summaries: polls repeat
+_KEPT: Final = 4096  # frames whose words are kept: polls repeat
+_BEHIND_FIELDS: Final = ("confidence", "findings", "port")  # keys of a frame's object
 _MARKS: Final = {Severity.ERROR: "!", Severity.WARNING: "?", Severity.NOTE: "-"}
 _COLOURS: Final = {Severity.ERROR: "31", Severity.WARNING: "33", Severity.NOTE: "2"}
 _INDENT: Final = " " * 16
+
+
+T = TypeVar("T")
+
+
+class _Said(Generic[T]):
+    """What is said of a frame's bytes, kept for the next one that is alike."""
+
+    def __init__(self, say: Callable[[Frame], T]) -> None:
+        self._say = say
+        self._kept: dict[tuple[bytes, bytes | None, int, int], T] = {}
+
+    def of(self, frame: Frame) -> T:
+        key = (frame.captured, frame.request_bytes, frame.row.kind, frame.row.protocol)
+        said = self._kept.get(key)
+        if said is None:
+            if len(self._kept) >= _KEPT:
+                self._kept.clear()
+            said = self._kept[key] = self._say(frame)
+        return said
 
 
 class TextLines:
@@ -27,7 +50,7 @@ class TextLines:
     def __init__(self, *, colour: bool, width: int | None, noise: bool = True) -> None:
         """`width`: longer lines are cut; None: none are. `noise`: bytes in no frame are shown, too."""
         self._colour, self._width, self._noise = colour, width, noise
-        self._summaries: dict[tuple[bytes, bytes | None, int, int], str] = {}
+        self._summaries = _Said(Frame.summary)
 
     def of(self, shown: Shown) -> str:
         """The lines of a row, each with its end; empty where there is nothing to show."""
@@ -36,7 +59,7 @@ class TextLines:
         if kind != Kind.NOISE:
             frame = shown.batch.frame(shown.row)
             if shown.late:
-                lines.append(self._cut(f"{_clock(frame.t_end_ns)}   #{frame.index}: {self._words(frame)}", "2"))
+                lines.append(self._cut(f"{_clock(frame.t_end_ns)}   #{frame.index}: {self._summaries.of(frame)}", "2"))
             else:
                 lines.append(self._frame(frame))
         elif self._noise or shown.findings:
@@ -53,7 +76,7 @@ class TextLines:
         took = "" if frame.response_time_ns is None else f"   {duration(frame.response_time_ns)}"
         check = "" if frame.crc_ok else "   WRONG CHECK VALUE"
         head = f"{_clock(frame.t_end_ns)} {arrow} {frame.unit:3d} {frame.function:02X} "
-        words = self._words(frame)
+        words = self._summaries.of(frame)
         if self._width is not None:
             room = self._width - len(head) - len(took) - len(check)
             words = words if len(words) <= room else words[: max(room - 1, 0)] + "…"
@@ -63,15 +86,6 @@ class TextLines:
     def _finding(self, finding: Finding) -> str:
         text = f"{_INDENT}{_MARKS[finding.severity]} {finding.code}: {finding.text}"
         return self._cut(text, _COLOURS[finding.severity])
-
-    def _words(self, frame: Frame) -> str:
-        key = (frame.captured, frame.request_bytes, frame.row.kind, frame.row.protocol)
-        words = self._summaries.get(key)
-        if words is None:
-            if len(self._summaries) >= _KEPT:
-                self._summaries.clear()
-            words = self._summaries[key] = frame.summary()
-        return words
 
     def _cut(self, line: str, colour: str) -> str:
         if self._width is not None and len(line) > self._width:
@@ -87,6 +101,7 @@ class JsonLines:
 
     def __init__(self, *, noise: bool = False) -> None:
         self._noise = noise
+        self._fields = _Said(_fields)
 
     def of(self, shown: Shown) -> str:
         """The lines of a row."""
@@ -94,8 +109,14 @@ class JsonLines:
         if shown.late:
             return "".join(self.bus(finding) for finding in shown.findings)
         if kind != Kind.NOISE:
-            return _dumped(shown.batch.frame(shown.row).to_json())
+            return _dumped(self._frame(shown.batch.frame(shown.row)))
         return _dumped(noise_json(shown.batch, shown.row)) if self._noise else ""
+
+    def _frame(self, frame: Frame) -> dict[str, Any]:
+        """`Frame.to_json`, the fields as text that is kept."""
+        line = frame.to_json(fields=False)
+        behind: dict[str, Any] = {key: line.pop(key) for key in _BEHIND_FIELDS if key in line}
+        return {**line, "fields": self._fields.of(frame), **behind}
 
     def bus(self, finding: Finding) -> str:
         """A finding by itself: about a frame of before (`index`), a stretch of bytes, or the bus."""
@@ -111,6 +132,10 @@ def _dumped(line: dict[str, Any]) -> str:
     return orjson.dumps(line, option=orjson.OPT_APPEND_NEWLINE).decode()
 
 
+def _fields(frame: Frame) -> orjson.Fragment:
+    return orjson.Fragment(orjson.dumps([field.to_json() for field in frame.fields()]))
+
+
 def _noise(batch: Batch, row: int) -> str:
     data = batch.bytes_of(row)
     shown = data[:16].hex(" ").upper() + (" …" if len(data) > 16 else "")
@@ -123,4 +148,9 @@ def _clock(t_ns: int) -> str:
     if t_ns < _SENSIBLE_NS:
         return f"{t_ns / 1e9:12.3f}"
     seconds, rest = divmod(t_ns, 1_000_000_000)
-    return f"{datetime.fromtimestamp(seconds):%H:%M:%S}.{rest // 1_000_000:03d}"
+    return f"{_second(seconds)}.{rest // 1_000_000:03d}"
+
+
+@lru_cache(maxsize=8)
+def _second(seconds: int) -> str:
+    return f"{datetime.fromtimestamp(seconds):%H:%M:%S}"

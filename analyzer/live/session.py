@@ -145,7 +145,7 @@ class Session:
                 yield step
         yield Step(self._newest, self._feed.close())
 
-    def _step(self, part: Block | Tick | Event | _Missed) -> Step:
+    def _step(self, part: _Heard | Tick | Event | _Missed) -> Step:
         if isinstance(part, _Missed):
             return Step(part.t_ns, self._feed.restart(self.line, part.octets), missed=sum(part.octets.values()))
         if isinstance(part, Event):
@@ -155,11 +155,13 @@ class Session:
             return Step(part.t_ns, self._feed.restart(self.line), [part])
         if isinstance(part, Tick):
             return self._judged(Step(part.t_ns, self._feed.tick(part.t_ns)))
+        block = part.block
         with self._lock:
-            self._waiting -= len(part.data)
+            self._waiting -= len(block.data)
             self._lock.notify()
-        fed = self._feed.feed(part)
-        return self._judged(Step(int(part.t_ns[-1]), fed, heard=len(part.data), marked=len(part.errors)))
+        fed = self._feed.feed(block, part.until_ns)
+        t_ns = int(block.t_ns[-1]) if part.until_ns is None else part.until_ns
+        return self._judged(Step(t_ns, fed, heard=len(block.data), marked=len(block.errors)))
 
     def _judged(self, step: Step) -> Step:
         rows = step.batch.rows
@@ -226,18 +228,28 @@ class _Missed:
     octets: dict[int, int]
 
 
+@dataclass(frozen=True, slots=True)
+class _Heard:
+    """A block, and up to when nothing came after it, where that is known."""
+
+    block: Block
+    until_ns: int | None
+
+
 def _grouped(items: list[Any]) -> Iterator[Any]:
     """Items in order, blocks that follow each other as one: a listener that is behind catches up by larger steps."""
     blocks: list[Block] = []
     for item in items:
         if isinstance(item, Block):
             blocks.append(item)
-            continue
-        if isinstance(item, Tick) and blocks and item is not items[-1]:
-            continue  # more came since
-        if blocks:
-            yield Block.joined(blocks)
-            blocks = []
-        yield item
+        elif isinstance(item, Tick) and blocks:
+            if item is items[-1]:  # else more came since
+                yield _Heard(Block.joined(blocks), item.t_ns)
+                blocks = []
+        else:
+            if blocks:
+                yield _Heard(Block.joined(blocks), None)
+                blocks = []
+            yield item
     if blocks:
-        yield Block.joined(blocks)
+        yield _Heard(Block.joined(blocks), None)

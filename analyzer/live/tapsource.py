@@ -10,7 +10,7 @@ from analyzer.deframing.directions import NOTE
 from captures.chunks import Block
 from captures.line import LineSettings
 from captures.live.baud import Search
-from captures.live.listening import IDLE_NS, QUIET_NS, Listening
+from captures.live.listening import HOLD_NS, IDLE_NS, QUIET_NS, Listening
 from captures.live.settings import PortSettings
 from captures.live.wire import Event, Item, Tick
 
@@ -34,6 +34,7 @@ class TapSource:
         self,
         ports: Sequence[PortSettings],
         *,
+        hold_ns: int = HOLD_NS,
         idle_ns: int = IDLE_NS,
         wait: bool = False,
         free_parity: bool = True,
@@ -51,7 +52,9 @@ class TapSource:
         self._doubted = False
         self._unheard = 0  # changes of settings that the reader has not made yet
         quiet_ns = min(QUIET_NS, idle_ns)
-        self._listening = Listening(ports, quiet_ns=quiet_ns, idle_ns=idle_ns, wait=wait, blocking=blocking)
+        self._listening = Listening(
+            ports, hold_ns=hold_ns, quiet_ns=quiet_ns, idle_ns=idle_ns, wait=wait, blocking=blocking
+        )
 
     @property
     def line(self) -> LineSettings:

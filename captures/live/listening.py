@@ -18,8 +18,10 @@ from .wire import Decoder, Event, Item
 _START: Final = (
     "import json, sys; sys.path[:0] = json.loads(sys.argv[1]); from captures.live.reader import main; main(sys.argv[2])"
 )
-_PIECE: Final = 1 << 18
+_PIECE: Final = 1 << 16
 _PATIENCE_S: Final = 2.0
+HOLD_NS: Final = 20_000_000  # reads are gathered for so long: most of the 30 ms that a line may be late
+RECORD_HOLD_NS: Final = 100_000_000  # where nobody looks
 QUIET_NS: Final = 8_000_000  # after the last byte: what is whole may be shown
 IDLE_NS: Final = 50_000_000
 
@@ -31,14 +33,18 @@ class Listening:
         self,
         ports: Sequence[PortSettings],
         *,
+        hold_ns: int = HOLD_NS,
         quiet_ns: int = QUIET_NS,
         idle_ns: int = IDLE_NS,
         wait: bool = False,
         blocking: bool = False,
     ) -> None:
-        """Start the reader. `wait`: for a port that is not there, too; `blocking`: by pyserial's own read alone."""
+        """Start the reader, which gathers reads for `hold_ns`. `quiet_ns`, `idle_ns`: silences that it tells.
+
+        `wait`: for a port that is not there, too; `blocking`: by pyserial's own read alone."""
         given = {
             "ports": [port.to_json() for port in ports],
+            "hold_ns": hold_ns,
             "quiet_ns": quiet_ns,
             "idle_ns": idle_ns,
             "wait": wait,

@@ -105,12 +105,12 @@ class Port:
 
 
 def main(arguments: str) -> None:
-    """Read until standard input ends. `arguments`: JSON of ports, quiet_ns, idle_ns, wait, blocking."""
+    """Read until standard input ends. `arguments`: JSON of ports, hold_ns, quiet_ns, idle_ns, wait, blocking."""
     given = json.loads(arguments)
     _prefer()
     clock = Clock()
     out = Pipe(blocking=os.name != "posix")
-    desk = Desk(clock, out.send, given["quiet_ns"], given["idle_ns"])
+    desk = Desk(clock, out.send, hold_ns=given["hold_ns"], quiet_ns=given["quiet_ns"], idle_ns=given["idle_ns"])
     settings = [PortSettings.from_json(values) for values in given["ports"]]
     desk.listen_for(max(each.silence_ns for each in settings))
     blocking = bool(given["blocking"]) or os.name != "posix"

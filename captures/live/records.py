@@ -4,21 +4,31 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Sequence
 from typing import Any, Final
 
 HEAD: Final = struct.Struct("<BBqI")  # kind, port, t_ns, bytes that follow
-DATA: Final = 1
-MARKED: Final = 2
-TICK: Final = 3
-EVENT: Final = 4
+READS: Final = 1
+TICK: Final = 2
+EVENT: Final = 3
+COUNTS: Final = struct.Struct("<II")  # of READS: reads, bytes with an error; then the columns of `reads_record`
+
+Read = tuple[int, int, bytes, Sequence[int]]  # t_ns, port, bytes (some), offsets of those with an error
 
 
-def data_record(t_ns: int, port: int, data: bytes, errors: list[int]) -> bytes:
-    """A read: its bytes, and the offsets of those with an error."""
-    if not errors:
-        return HEAD.pack(DATA, port, t_ns, len(data)) + data
-    marks = struct.pack(f"<H{len(errors)}H", len(errors), *errors)
-    return HEAD.pack(MARKED, port, t_ns, len(marks) + len(data)) + marks + data
+def reads_record(reads: Sequence[Read]) -> bytes:
+    """Some reads as columns: t_ns (int64), size (uint16) and port (uint8) of each, marked bytes (uint32), all bytes."""
+    times, ports, parts, marks = zip(*reads, strict=True)
+    errors: list[int] = []
+    if any(marks):
+        begin = 0
+        for data, offsets in zip(parts, marks, strict=True):
+            errors += [begin + offset for offset in offsets]
+            begin += len(data)
+    n = len(reads)
+    columns = struct.pack(f"<{n}q{n}H{n}B{len(errors)}I", *times, *map(len, parts), *ports, *errors)
+    body = COUNTS.pack(n, len(errors)) + columns + b"".join(parts)
+    return HEAD.pack(READS, 0, times[-1], len(body)) + body
 
 
 def tick_record(t_ns: int) -> bytes:

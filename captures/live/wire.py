@@ -1,24 +1,20 @@
 """What the reader's process tells the one that listens, as bytes on a pipe.
 
-A record is a head (kind, port, time, length) and so many bytes: a read (`DATA`, or `MARKED` with error offsets before
-the bytes), a time up to which nothing more came (`TICK`), or something that happened (`EVENT`, JSON). Times never
-decrease over all ports.
+A record is a head (kind, port, time, length) and so many bytes: reads as columns (`READS`), a time up to which nothing
+more came (`TICK`), or something that happened (`EVENT`, JSON). Times never decrease over all ports.
 """
 
 from __future__ import annotations
 
 import json
-import struct
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
-from captures.chunks import Block, columns
+from captures.chunks import Block
 
-from .records import DATA, EVENT, HEAD, MARKED, TICK
-
-_COUNT: Final = struct.Struct("<H")
+from .records import COUNTS, EVENT, HEAD, READS, TICK
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +48,10 @@ class Decoder:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Item]:
-        """What is complete by now; reads that follow each other are one block."""
+        """What is complete by now."""
         if self._rest:
             data = self._rest + data
         items: list[Item] = []
-        reads = _Reads()
         at, size = 0, len(data)
         while at + HEAD.size <= size:
             kind, port, t_ns, length = HEAD.unpack_from(data, at)
@@ -64,53 +59,30 @@ class Decoder:
             if body + length > size:
                 break
             at = body + length
-            if kind == DATA:
-                reads.add(t_ns, port, data[body:at])
-            elif kind == MARKED:
-                count = _COUNT.unpack_from(data, body)[0]
-                first = body + _COUNT.size
-                offsets = np.frombuffer(data, np.dtype("<u2"), count, first).tolist()
-                reads.add(t_ns, port, data[first + 2 * count : at], offsets)
-            else:
-                reads.into(items)
-                if kind == TICK:
-                    items.append(Tick(t_ns))
-                elif kind == EVENT:
-                    said = json.loads(data[body:at])
-                    items.append(Event(t_ns, port, said.pop("kind"), said.pop("text"), said))
-        reads.into(items)
+            if kind == READS:
+                items.append(_block(data[body:at]))
+            elif kind == TICK:
+                items.append(Tick(t_ns))
+            elif kind == EVENT:
+                said = json.loads(data[body:at])
+                items.append(Event(t_ns, port, said.pop("kind"), said.pop("text"), said))
         self._rest = data[at:]
         return items
 
 
-class _Reads:
-    """Reads that become one block."""
-
-    def __init__(self) -> None:
-        self._clear()
-
-    def _clear(self) -> None:
-        self._t: list[int] = []
-        self._port: list[int] = []
-        self._data: list[bytes] = []
-        self._errors: list[int] = []
-        self._size = 0
-
-    def add(self, t_ns: int, port: int, data: bytes, errors: list[int] | None = None) -> None:
-        if errors:
-            self._errors += [self._size + error for error in errors]
-        self._t.append(t_ns)
-        self._port.append(port)
-        self._data.append(data)
-        self._size += len(data)
-
-    def into(self, items: list[Item]) -> None:
-        if not self._t:
-            return
-        extras: dict[str, np.ndarray[Any, Any]] = {
-            "port": np.array(self._port, np.uint8),
-            "errors": np.array(self._errors, np.int64),
-        }
-        sizes = [len(data) for data in self._data]
-        items.append(columns(b"".join(self._data), sizes, self._t, timed=True, extras=extras))
-        self._clear()
+def _block(body: bytes) -> Block:
+    """The columns of `reads_record`."""
+    n, errors = COUNTS.unpack_from(body)
+    sizes_at = COUNTS.size + 8 * n
+    ports_at = sizes_at + 2 * n
+    errors_at = ports_at + n
+    offsets = np.zeros(n + 1, np.int64)
+    np.cumsum(np.frombuffer(body, "<u2", n, sizes_at), out=offsets[1:])
+    return Block(
+        data=np.frombuffer(body, np.uint8, -1, errors_at + 4 * errors),
+        offsets=offsets,
+        t_ns=np.frombuffer(body, "<i8", n, COUNTS.size),
+        port=np.frombuffer(body, np.uint8, n, ports_at),
+        mark=np.zeros(n, np.uint8),
+        errors=np.frombuffer(body, "<u4", errors, errors_at).astype(np.int64),
+    )
