@@ -17,7 +17,7 @@ from dissectors.limits import taken
 from .candidates import GLITCHES, KNOWN_BITS, predicted
 from .lattice import Candidate
 from .places import Places
-from .prefix import Windows
+from .prefix import Windows, opening
 from .rules import MAX_ADU, MIN_ADU, OVERHEAD
 
 LONGEST: Final = MAX_ADU + 64  # what a firmware makes of a byte count, or of a buffer
@@ -31,8 +31,9 @@ def broken_windows(
     """Candidates in `data`, which begins at index `at` of the windows."""
     taken_starts = {c.start for c in candidates}
     found: dict[tuple[int, int, Role], Candidate] = {}
+    may = opening(crc, at, len(data))
     for start in sorted(places.begins - taken_starts):
-        if start + MIN_ADU > len(data):
+        if start + MIN_ADU > len(data) or not may[start]:
             continue
         head = crc.heads[at + start]
         for length, role, bits in _lengths(data, start, places):

@@ -47,6 +47,7 @@ KNOWN = 3.0  # bits of a function that its structure counts already
 IMPOSSIBLE = -1000.0
 EMBEDDED = 3.0  # a whole frame inside a payload
 AFTER_NOISE = -2.0
+_GLITCHES = bytes(GLITCHES)
 _BEAM = 6
 _PENDING = 4
 _REACH = 1024  # bytes: requests further back are forgotten
@@ -183,8 +184,9 @@ class Lattice:
     def _move(self, position: int) -> None:
         """Let survivors run on as noise to `position`; let the frames that end there join them."""
         steps = self._data[self.position : position]
-        cost = sum(GLITCH_BYTE if b in GLITCHES else NOISE_BYTE for b in steps)
-        glitch = GLITCHES.issuperset(steps)
+        noise = len(steps.translate(None, _GLITCHES))
+        cost = GLITCH_BYTE * (len(steps) - noise) + NOISE_BYTE * noise
+        glitch = not noise
         for path in self.paths:
             if path.noise_from < 0:
                 path.noise_from = self.position

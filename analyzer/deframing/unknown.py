@@ -20,7 +20,7 @@ from dissectors.lengths import Role, rule
 from .candidates import GLITCHES, ZERO_BITS
 from .lattice import Candidate
 from .places import Places, next_byte
-from .prefix import Windows
+from .prefix import Windows, opening
 from .rules import MAX_ADU, MIN_ADU
 
 _UNHEARD: Final = -8.0  # bits: functions that nobody declared are rare
@@ -54,9 +54,10 @@ def unknown_windows(
         loose.update(i for i in range(n - 1) if data[i + 1] == function)
     taken = {c.start for c in candidates}
     tails = crc.tails[at : at + n + 1]
+    may = opening(crc, at, n)
     found: dict[tuple[int, int], None] = {}
     for begin in sorted(begins | loose):
-        if begin + MIN_ADU > n or begin in taken:
+        if begin + MIN_ADU > n or not may[begin] or begin in taken:
             continue
         function = data[begin + 1]
         if function & 0x80 or not function or not any(open_length(function, role) for role in Role):
