@@ -22,7 +22,7 @@ from .options import Options
 from .pieces import NOISE, NOTHING, Decided, Pieces, evidence
 from .prefix import windows
 from .readings import plain_one, plain_request
-from .repeats import Repeats, copied, relative, shifted
+from .repeats import Place, Repeats, copied
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index, Mask
 from .runs import Runs, Stretch, plain_evidence, reach, runs_of
 from .silence import Trust, Turn, next_checkpoint
@@ -50,7 +50,7 @@ class Engine:
         self._waited = False  # the same of the last frame learnt from
         self._asked = _NOWHERE  # offsets: where a request that was taken without the lattice began and ended
         self._fresh: list[Decided] = []
-        self._repeats = Repeats()
+        self._repeats = Repeats(self.tape, options.idle_ns)
         self._out: list[Pieces] = []
         self._decided: list[Bytes] = []
 
@@ -218,35 +218,33 @@ class Engine:
     def _contest(self, stretch: Stretch, runs: Runs, at: int, *, quiet: bool, final: bool) -> int:
         """Decide from `at` on through the lattice; the position reached, `at` if more must be known."""
         decisions = self._contested.decide(stretch, runs, at, self._talk.said, quiet=quiet, final=final)
-        self._repeats.looked(self._contested.looked)
         if not decisions:
             return at
+        offset, last = self.tape.base + stretch.begin + at, decisions[-1].steps[-1]
+        self._repeats.looked(offset + self._contested.looked, offset + last.end)
         for decision in decisions:
             self._decide(self._contested.pieces(decision, stretch.begin + at))
         frames = [(s.start, s.candidate.role) for d in decisions for s in d.steps if s.candidate is not None]
         if frames:
             start, role = frames[-1]
             self._waiting = role == Role.REQUEST and bool(stretch.data[at + start])
-        last = decisions[-1].steps[-1]
         self._talk.settle(last.said)
         return at + last.end
 
     def _again(self, stretch: Stretch, at: int, stop: int) -> int:
         """Take from `at` on what repeats what was just decided; the position behind it."""
-        offset = self.tape.base + stretch.begin + at
-        said = self._talk.said
+        begin = stretch.begin
+        offset = self.tape.base + begin + at
+        place = Place(offset, len(self._fresh), self._talk.said, self._waiting)
         room = min(stop - at, next_checkpoint(offset) - offset)
-        repeat = self._repeats.look(
-            stretch.data, self.tape.classes[stretch.begin : stretch.begin + len(stretch.data)], at, offset,
-            (relative(said, offset), self._waiting, len(self._contested.heard)), len(self._fresh), room,
-        )  # fmt: skip
+        repeat = self._repeats.look(begin + at, begin + len(stretch.data), place, len(self._contested.heard), room)
         if repeat is None:
             return at
-        moved = repeat.count * repeat.period
-        self._decide(copied(self._fresh[repeat.first :], repeat))
-        self._talk.settle(shifted(said, moved))
+        self._decide(copied(self._fresh[repeat.first : repeat.last], repeat))
+        self._talk.settle(repeat.said)
+        self._waiting = repeat.waiting
         self._asked = _NOWHERE
-        return at + moved
+        return at + repeat.moved
 
     def _decide(self, decided: Decided) -> None:
         """Pieces are decided; they are reported and learnt from at the next checkpoint, or when work is done."""
