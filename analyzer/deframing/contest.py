@@ -200,18 +200,19 @@ def margins(decision: Decision) -> list[tuple[float, Step | None]]:
     beaten += [(len(steps), *rival) for rival in decision.rivals]
     for at, difference, loser in beaten:
         shared: set[int] = set()
+        parted = 0  # steps before it are those of both
         pieces: list[Step] = []
         while loser is not None:
             i = index.get(_key(loser))
             if i is None:
                 pieces.append(loser)
             elif steps[i] is loser:
-                shared.update(range(i + 1))
+                parted = i + 1
                 break
             else:
                 shared.add(i)
             loser = loser.before
-        for i in range(at):
+        for i in range(parted, at):
             if i not in shared and difference < margin[i][0]:
                 mine = steps[i]
                 margin[i] = (difference, next((p for p in pieces if p.start < mine.end and p.end > mine.start), None))

@@ -7,8 +7,6 @@ those leave noise. The lattice looks at nothing behind the window, so what is de
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from dissectors.lengths import Role
@@ -28,7 +26,7 @@ from .contest import (
     settled,
 )
 from .damaged import damaged_answers, damaged_requests
-from .lattice import Candidate, Lattice, Said
+from .lattice import SURE, Candidate, Lattice, Said
 from .options import Options
 from .pieces import NOISE, Decided
 from .places import SILENT, places
@@ -36,8 +34,6 @@ from .runs import Runs, Stretch
 from .silence import Trust, Turn, classes_of, next_checkpoint
 from .tape import Tape
 from .unknown import unknown_windows
-
-_SURE: Final = 64.0  # bits: what cannot be doubted
 
 
 class Contested:
@@ -144,7 +140,7 @@ class Contested:
         end = np.array([s.end for s in steps], np.intp)
         role = np.array([s.candidate.role if s.candidate else NOISE for s in steps], np.uint8)
         found = margins(decision)
-        margin = np.array([min(bits, _SURE) for bits, _ in found], np.float32)
+        margin = np.array([min(bits, SURE) for bits, _ in found], np.float32)
         why = explained(steps, found, self._tape.base + origin) if self._options.explain else None
         for step in steps:
             if step.candidate is not None and not step.candidate.declared:
