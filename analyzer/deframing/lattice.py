@@ -51,7 +51,7 @@ AFTER_NOISE = -2.0
 SURE = 64.0  # bits: what cannot be doubted
 _GLITCHES = bytes(GLITCHES)
 _BEAM = 6
-_PENDING = 4
+OPEN = 4  # requests that may be open at once
 _REACH = 1024  # bytes: requests further back are forgotten
 
 
@@ -88,7 +88,7 @@ class Said(NamedTuple):
     def ask(self, request: Pending) -> Said:
         """After a request. A broadcast is never answered, but some devices do."""
         adu = request.adu  # asked once more, it is open once
-        near = tuple(p for p in self.pending[1 - _PENDING :] if p.start >= request.start - _REACH and p.adu != adu)
+        near = tuple(p for p in self.pending[1 - OPEN :] if p.start >= request.start - _REACH and p.adu != adu)
         return Said((*near, request), request.adu[0] == 0, request.adu)
 
     def answers(self, adu: bytes) -> int | None:

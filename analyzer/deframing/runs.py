@@ -18,11 +18,12 @@ from dissectors.lengths import Role
 
 from .candidates import Candidates
 from .conversation import fitting
-from .lattice import CONTRARY, FITS, FITS_EXCEPTION, UNASKED, Candidate, Said
+from .lattice import CONTRARY, FITS, FITS_EXCEPTION, OPEN, UNASKED, Candidate, Said
 from .prefix import Windows
 from .rules import Bytes, Index, Mask
 from .silence import Trust, Turn
 
+_ENOUGH: Final = 12.0  # bits by which a request that nobody answers must be one
 _PLAIN: Final = -4.0  # bits by which silence may speak against a role that the places speak for
 
 
@@ -38,6 +39,7 @@ class Runs(NamedTuple):
     last: Index  # the last interval of the run that each is in
     second: Mask  # its role, though either, follows from that of the one before it
     asked: Index  # places of those that ask, though either, if silence agrees: the next one answers them
+    alone: Index  # places of those that ask, though either, if silence agrees: nobody answers, as those before
     doubt: Index  # places of those whose role only the lattice tells
     fits: Mask  # that it answers the one before it
 
@@ -102,6 +104,7 @@ def runs_of(found: Candidates, data: Bytes, known: int) -> Runs:
         last,
         plain.second,
         plain.asked,
+        plain.alone,
         plain.doubt,
         _answering(data, start, plain.role, joined),
     )
@@ -128,7 +131,7 @@ class _Plain:
         m = len(start)
         self.role = role
         self.second = np.zeros(m, np.bool_)
-        self.asked = self.doubt = np.empty(0, np.intp)
+        self.asked = self.alone = self.doubt = np.empty(0, np.intp)
         some = np.flatnonzero(either)
         if not len(some):
             return
@@ -160,7 +163,15 @@ class _Plain:
         pending = np.zeros(m, np.bool_)
         pending[1:] = joined[1:m] & (self.role[:-1] == Role.REQUEST)
         first = pair & either
-        self.doubt = np.flatnonzero(either & ~(first & ~pending) & ~self.second)
+        alone = np.flatnonzero(either & joined[:m] & joined[1:] & followed[:m] & ~answered[:m])
+        alone = alone[(alone >= OPEN) & asks.take(alone + 1, mode="clip") & (data.take(start[alone - 1]) != 0)]
+        for back in range(1, OPEN + 1):  # it is no late answer, either
+            asker = alone - back
+            alone = alone[joined[asker + 1] & asks[asker] & ~fitting(data, start[asker], start[alone])]
+        self.alone = alone
+        doubt = either & ~(first & ~pending) & ~self.second
+        doubt[alone] = False
+        self.doubt = np.flatnonzero(doubt)
         self.asked = np.flatnonzero(first & ~pending)
         self.second &= either
 
@@ -173,12 +184,22 @@ def reach(runs: Runs, i: int, last: int, silences: NDArray[np.uint8], trust: Tru
     at = int(np.searchsorted(runs.doubt, i))
     if at < len(runs.doubt):
         last = min(last, int(runs.doubt[at]))
+    tables = np.array(trust.evidence)
+    low, high = np.searchsorted(runs.alone, (i, last))
+    if low < high:
+        alone = runs.alone[low:high]
+        if alone[0] == i and not waiting:
+            return i
+        before = silences.take(runs.start[alone])
+        bits = tables[Turn.AGAIN][before] - tables[Turn.RESPONSE][before]
+        told = bits + (trust.unanswered_bits - CONTRARY) >= _ENOUGH
+        if not told.all():
+            last = int(alone[int(np.argmin(told))])
     low, high = np.searchsorted(runs.asked, (i, last))
     if low < high:
         asked = runs.asked[low:high]
         if waiting and asked[0] == i:
             return i
-        tables = np.array(trust.evidence)
         before, between = silences.take(runs.start[asked]), silences.take(runs.start[asked + 1])
         told = tables[Turn.REQUEST][before] - tables[Turn.RESPONSE][before] >= _PLAIN
         told &= tables[Turn.RESPONSE][between] - tables[Turn.AGAIN][between] >= _PLAIN
