@@ -66,10 +66,11 @@ class Contested:
         `said` is the conversation up to there; `quiet`: the line was quiet behind the stretch; `final`: nothing comes.
         """
         n = len(stretch.data)
+        known = at + 1 < n and int(stretch.data[at + 1]) in self.heard
         for window in WINDOWS:
             limit = min(n, at + window)
             whole = limit == n
-            if not whole and window < WINDOWS[-1] and not stretch.any(at, limit):
+            if not whole and window < WINDOWS[-1] and not known and not stretch.any(at, limit):
                 continue
             self.looked = limit - at
             decisions = self._explain(stretch, runs, at, limit, said, quiet=quiet and whole, final=final and whole)
@@ -125,8 +126,9 @@ class Contested:
         more = [candidate for candidate in more if self._role in (None, candidate.role)]
         if not more and (decision.steps or len(data) < WINDOWS[-1]):
             return [decision]
-        lattice, events = begun(sorted(candidates + more, key=lambda c: (c.start, c.end, c.role)))
-        decision = decide(lattice, data, events, idle_bits)
+        if more:
+            lattice, events = begun(sorted(candidates + more, key=lambda c: (c.start, c.end, c.role)))
+            decision = decide(lattice, data, events, idle_bits)
         if not decision.steps and final:
             decision = settled(lattice, len(data))
         elif not decision.steps and len(data) == WINDOWS[-1]:
