@@ -50,7 +50,7 @@ class Engine:
         self._waited = False  # the same of the last frame learnt from
         self._asked = _NOWHERE  # offsets: where a request that was taken without the lattice began and ended
         self._fresh: list[Decided] = []
-        self._repeats = Repeats(self.tape, options.idle_ns)
+        self._repeats = Repeats(self.tape, options)
         self._out: list[Pieces] = []
         self._decided: list[Bytes] = []
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from .contest import WINDOWS
 from .lattice import Pending, Said
+from .options import Options
 from .pieces import Decided
 from .rules import MAX_ADU, Bytes
 from .tape import Tape
@@ -50,8 +51,8 @@ class Repeat:
 class Repeats:
     """Remembers where the lattice was asked since the last checkpoint, and how far it looked."""
 
-    def __init__(self, tape: Tape, idle_ns: int) -> None:
-        self._tape, self._idle_ns = tape, idle_ns
+    def __init__(self, tape: Tape, options: Options) -> None:
+        self._tape, self._options = tape, options
         self._places: list[Place] = []
         self._looked: list[int] = []  # offsets: how far was looked, for what is between a place and the next one
         self._decided = 0  # offset up to which the newest place decided
@@ -102,9 +103,8 @@ class Repeats:
         shift = place.offset - before.offset
         known = _alike(self._tape.data[:upto], at, shift) - MAX_ADU
         known = min(known, _alike(self._tape.classes[:upto], at, shift))
-        idle = self._tape.quiet(at - shift, at + known, self._idle_ns)
-        if len(idle):  # silences of one class may be idle or not
-            known = int(idle[0]) - at
+        for least_ns in (self._options.idle_ns, self._options.cut_ns):  # a class does not tell these pauses
+            known = min(known, self._pauses_alike(at, shift, known, least_ns))
         most = before.offset + known
         last = i
         while last < len(self._places) - 1 and self._looked[last] <= most:
@@ -115,12 +115,18 @@ class Repeats:
             return None
         after = self._places[last]
         moved = after.offset - before.offset
-        count = 1
+        count, deepest = 1, max(self._looked[i:last])
         if after is place:  # all that was decided since: once more, and again
-            deepest = max(self._looked[i:last]) - before.offset
-            count = min((known - deepest) // shift + 1, room // shift)
+            count = min((most - deepest) // shift + 1, room // shift)
         by = shift * count
+        self.looked(deepest + by, after.offset + by)
         return Repeat(before.fresh, after.fresh, shift, count, moved * count, shifted(after.said, by), after.waiting)
+
+    def _pauses_alike(self, at: int, shift: int, size: int, least_ns: int) -> int:
+        """How many bytes from `at` on have pauses where those `shift` bytes before have them; `size` at the most."""
+        here, before = (self._tape.quiet(i - 1, i + size, least_ns) - i for i in (at, at - shift))
+        other = np.setxor1d(here, before)
+        return int(other[0]) if len(other) else size
 
 
 def _alike(values: Bytes, at: int, shift: int) -> int:
