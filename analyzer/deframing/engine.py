@@ -21,7 +21,7 @@ from .lattice import GLITCH_RUN, NOISE_BEGINS
 from .options import Options
 from .pieces import NOISE, NOTHING, Decided, Pieces, evidence
 from .prefix import windows
-from .readings import plain_one, plain_request
+from .readings import echoed, plain_one, plain_request
 from .repeats import Place, Repeats, copied
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index, Mask
 from .runs import Runs, Stretch, plain_evidence, reach, runs_of
@@ -192,6 +192,9 @@ class Engine:
             role = runs.role[one : one + 1]
         else:
             alone = runs.either[i] and not self._waiting and not self._talk.said.pending
+            moved = self._echoes(stretch, runs, i, classes) if alone and stretch.data[at] else at
+            if moved > at:
+                return moved
             least = plain_request(runs, i, stretch.data, classes, self.trust) if alone else None
             if least is None:
                 return at
@@ -201,6 +204,24 @@ class Engine:
         taped = start + stretch.begin, end + stretch.begin
         self._take(stretch, start, end, margin < 0, Decided(*taped, role, margin > 0, margin, margin < 0))
         return int(end[0])
+
+    def _echoes(self, stretch: Stretch, runs: Runs, i: int, classes: Bytes) -> int:
+        """Take requests and their echoes, all alike, from interval i on; the position behind them."""
+        at = int(runs.start[i])
+        offset = self.tape.base + stretch.begin
+        last = int(runs.echoes[np.searchsorted(runs.echoes, i)]) + 1
+        last = i + int(np.searchsorted(runs.end[i:last], next_checkpoint(offset + at) - offset, side="right"))
+        bits = echoed(runs, i, last, classes, self.trust) if last - i > 2 else np.empty(0)
+        if not len(bits):
+            return at
+        last = i + 2 * len(bits)
+        start, end = runs.start[i:last], runs.end[i:last]
+        margin = np.repeat(bits, 2).astype(np.float32)
+        fits = np.arange(len(start)) % 2 == 1
+        role = np.where(fits, Role.RESPONSE, Role.REQUEST).astype(np.uint8)
+        taped = start + stretch.begin, end + stretch.begin
+        self._take(stretch, start, end, fits, Decided(*taped, role, margin > 0, margin, margin < 0))
+        return int(end[-1])
 
     def _take(self, stretch: Stretch, start: Index, end: Index, fits: Mask, decided: Decided) -> None:
         """Frames (`start` and `end` in the stretch) are decided without the lattice."""

@@ -48,6 +48,7 @@ KNOWN = 3.0  # bits of a function that its structure counts already
 IMPOSSIBLE = -1000.0
 EMBEDDED = 3.0  # a whole frame inside a payload
 AFTER_NOISE = -2.0
+LEAD = 8.0  # bits over the next best reading of the same bytes that a decision needs
 SURE = 64.0  # bits: what cannot be doubted
 _GLITCHES = bytes(GLITCHES)
 _BEAM = 6

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dissectors.lengths import Role, relations
 
 from .conversation import fitting
-from .lattice import FITS, FITS_BARE, FITS_EXCEPTION, LATE, UNASKED
+from .lattice import FITS, FITS_BARE, FITS_EXCEPTION, LATE, LEAD, UNASKED
 from .rules import Bytes
 from .runs import Runs
 from .silence import Trust, Turn
@@ -77,6 +77,20 @@ def plain_request(runs: Runs, i: int, data: Bytes, silences: NDArray[np.uint8], 
     if data[start[i]]:  # a broadcast is not answered by anybody
         bits += trust.unanswered_bits + tables[Turn.AGAIN][behind] - tables[Turn.REQUEST][behind]
     return bits if bits >= _ENOUGH / 2 else None
+
+
+def echoed(runs: Runs, i: int, last: int, silences: NDArray[np.uint8], trust: Trust) -> NDArray[np.float64]:
+    """By how many bits intervals from i on, before `last`, that read alike are requests and echoes in turn.
+
+    Nothing is asked before them. One number a pair, as long as it is plain that they are.
+    """
+    tables = np.array(trust.evidence)
+    before, between = silences.take(runs.start[i:last:2]), silences.take(runs.start[i + 1 : last : 2])
+    first = tables[Turn.REQUEST][before] - tables[Turn.RESPONSE][before] - UNASKED
+    again = tables[Turn.RESPONSE][between] - tables[Turn.AGAIN][between] - trust.unanswered_bits
+    bits = np.minimum(first[: len(again)], again)
+    few: NDArray[np.float64] = bits[: int(np.argmin(np.append(bits, -np.inf) >= LEAD))]
+    return few
 
 
 def _worth(data: Bytes, response: int) -> float:

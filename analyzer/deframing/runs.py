@@ -40,6 +40,7 @@ class Runs(NamedTuple):
     second: Mask  # its role, though either, follows from that of the one before it
     asked: Index  # places of those that ask, though either, if silence agrees: the next one answers them
     alone: Index  # places of those that ask, though either, if silence agrees: nobody answers, as those before
+    echoes: Index  # places of the last ones of those that may each answer the one before
     doubt: Index  # places of those whose role only the lattice tells
     fits: Mask  # that it answers the one before it
 
@@ -105,6 +106,7 @@ def runs_of(found: Candidates, data: Bytes, known: int) -> Runs:
         plain.second,
         plain.asked,
         plain.alone,
+        plain.echoes,
         plain.doubt,
         _answering(data, start, plain.role, joined),
     )
@@ -131,7 +133,7 @@ class _Plain:
         m = len(start)
         self.role = role
         self.second = np.zeros(m, np.bool_)
-        self.asked = self.alone = self.doubt = np.empty(0, np.intp)
+        self.asked = self.alone = self.echoes = self.doubt = np.empty(0, np.intp)
         some = np.flatnonzero(either)
         if not len(some):
             return
@@ -163,6 +165,7 @@ class _Plain:
         pending = np.zeros(m, np.bool_)
         pending[1:] = joined[1:m] & (self.role[:-1] == Role.REQUEST)
         first = pair & either
+        self.echoes = np.flatnonzero(either & ~(answered[:m] & joined[1:] & np.append(either[1:], False)))
         alone = np.flatnonzero(either & joined[:m] & joined[1:] & followed[:m] & ~answered[:m])
         alone = alone[(alone >= OPEN) & asks.take(alone + 1, mode="clip") & (data.take(start[alone - 1]) != 0)]
         for back in range(1, OPEN + 1):  # it is no late answer, either
