@@ -125,8 +125,9 @@ class Repeats:
     def _pauses_alike(self, at: int, shift: int, size: int, least_ns: int) -> int:
         """How many bytes from `at` on have pauses where those `shift` bytes before have them; `size` at the most."""
         here, before = (self._tape.quiet(i - 1, i + size, least_ns) - i for i in (at, at - shift))
-        other = np.setxor1d(here, before)
-        return int(other[0]) if len(other) else size
+        n = min(len(here), len(before))
+        first = int(np.argmin(np.append(here[:n] == before[:n], False)))
+        return min((int(pauses[first]) for pauses in (here, before) if first < len(pauses)), default=size)
 
 
 def _alike(values: Bytes, at: int, shift: int) -> int:
