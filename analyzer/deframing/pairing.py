@@ -67,7 +67,10 @@ class Pairer:
         rows["response_ns"][answers] = np.where(timed, waited, -1)
         settled = np.zeros(len(frames), np.bool_)
         settled[follows] = settled[follows - 1] = True
-        for i in np.flatnonzero(~settled).tolist():
+        loose = np.flatnonzero(~settled)
+        behind = np.append(np.flatnonzero(kind[loose] == Kind.RESPONSE), len(loose))
+        until = behind[np.searchsorted(behind, np.arange(len(loose)))]  # (more requests than are kept open are passed)
+        for i in loose[until - np.arange(len(loose)) <= _OPEN].tolist():
             row = int(frames[i])
             begin = int(rows["at"][row])
             adu = data[begin : begin + int(rows["length"][row])].tobytes()
