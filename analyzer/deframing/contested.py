@@ -30,6 +30,7 @@ from .lattice import SURE, Candidate, Lattice, Said
 from .options import Options
 from .pieces import NOISE, Decided
 from .places import SILENT, places
+from .prefix import opening
 from .runs import Runs, Stretch
 from .silence import Trust, Turn, classes_of, next_checkpoint
 from .tape import Tape
@@ -119,8 +120,9 @@ class Contested:
                 return [decision]
         closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self._options.idle_ns)) > 0
         spots = places(data, silences, candidates, closed=closed, parts=trust.parts())
-        more = unknown_windows(data, stretch.crc, at, spots, candidates, self.heard)
-        more += broken_windows(data, stretch.crc, at, spots, candidates + more)
+        may = opening(stretch.crc, at, len(data))
+        more = unknown_windows(data, stretch.crc, at, spots, candidates, self.heard, may)
+        more += broken_windows(data, stretch.crc, at, spots, candidates + more, may)
         more += damaged_requests(data, spots, candidates)
         more += damaged_answers(data, tape.base + origin, spots, candidates, said.pending)
         more = [candidate for candidate in more if self._role in (None, candidate.role)]

@@ -36,9 +36,9 @@ class Windows(NamedTuple):
 
 
 def opening(crc: Windows, at: int, size: int) -> NDArray[np.bool_]:
-    """For each of the `size` bytes from index `at` on: whether a window from it on that ends among them may check.
+    """For each of the `size` bytes from index `at` on: whether any window from it on that ends among them may check.
 
-    Whatever its length; all that do are among these, and few others: one of 65,536 a byte.
+    Where one does, that is told; of the others, one in 65,536 is told a byte of `size`.
     """
     here = slice(at, at + size + 1)
     ends = np.zeros(1 << 16, np.bool_)
