@@ -24,6 +24,7 @@ from .rules import Bytes, Index, Mask
 from .silence import Trust, Turn
 
 _ENOUGH: Final = 12.0  # bits by which a request that nobody answers must be one
+_BACK: Final = 2 * OPEN  # frames that it may not answer either: an answer among them would keep others open
 _PLAIN: Final = -4.0  # bits by which silence may speak against a role that the places speak for
 
 
@@ -167,8 +168,8 @@ class _Plain:
         first = pair & either
         self.echoes = np.flatnonzero(either & ~(answered[:m] & joined[1:] & np.append(either[1:], False)))
         alone = np.flatnonzero(either & joined[:m] & joined[1:] & followed[:m] & ~answered[:m])
-        alone = alone[(alone >= OPEN) & asks.take(alone + 1, mode="clip") & (data.take(start[alone - 1]) != 0)]
-        for back in range(1, OPEN + 1):  # it is no late answer, either
+        alone = alone[(alone >= _BACK) & asks.take(alone + 1, mode="clip") & (data.take(start[alone - 1]) != 0)]
+        for back in range(1, _BACK + 1):  # it is no late answer, either
             asker = alone - back
             alone = alone[joined[asker + 1] & asks[asker] & ~fitting(data, start[asker], start[alone])]
         self.alone = alone
