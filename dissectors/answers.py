@@ -28,7 +28,12 @@ class Expectation:
             return False
         if response[1] == self.function | EXCEPTION:
             return True
-        return response[1] == self.function and all(response[at : at + len(mark)] == mark for at, mark in self.marks)
+        if response[1] != self.function:
+            return False
+        for at, mark in self.marks:  # noqa: SIM110 - the lattice asks this for every path
+            if response[at : at + len(mark)] != mark:
+                return False
+        return True
 
     @property
     def header(self) -> bytes:

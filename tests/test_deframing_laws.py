@@ -21,7 +21,32 @@ random_streams = st.lists(
     st.tuples(st.sampled_from([0, CHAR_NS, 5_000_000, 60_000_000, 5_000_000_000]), st.binary(min_size=1, max_size=80)),
     max_size=12,
 ).map(lambda parts: [Chunk(sum(gap for gap, _ in parts[: i + 1]), data) for i, (_, data) in enumerate(parts)])
-any_stream = st.one_of(streams(), random_streams)
+write, other, vendor = adu("110600010002"), adu("1106000a0bcd"), adu("0541010203")
+repeats = st.lists(
+    st.tuples(
+        st.sampled_from([write, other, vendor, b"\x01\x03\xf8" + write * 3, adu("000600010002"), b"\0", b"\x01\x83"]),
+        st.integers(1, 60),
+        st.sampled_from([0, CHAR_NS, 5_000_000, 60_000_000, 2_000_000_000]),
+        st.integers(1, 300),
+    ),
+    max_size=4,
+)
+
+
+def reads(parts: list[tuple[bytes, int, int, int]]) -> list[Chunk]:
+    """Bytes that repeat, in reads of one size with one pause between them."""
+    chunks: list[Chunk] = []
+    t_ns = 0
+    for pattern, times, pause_ns, size in parts:
+        data = pattern * times
+        for at in range(0, len(data), size):
+            read = data[at : at + size]
+            t_ns += len(read) * CHAR_NS + pause_ns
+            chunks.append(Chunk(t_ns, read))
+    return chunks
+
+
+any_stream = st.one_of(streams(), random_streams, repeats.map(reads))
 
 
 def assert_same(one: Found, other: Found) -> None:

@@ -18,7 +18,7 @@ from .candidates import GLITCHES, KNOWN_BITS, predicted
 from .lattice import Candidate
 from .places import Places
 from .prefix import Windows
-from .rules import MAX_ADU, MIN_ADU, OVERHEAD
+from .rules import MAX_ADU, MIN_ADU, OVERHEAD, Mask
 
 LONGEST: Final = MAX_ADU + 64  # what a firmware makes of a byte count, or of a buffer
 _BROKEN: Final = -12.0  # bits: few senders break such a rule
@@ -26,13 +26,13 @@ _IMPOSSIBLE: Final = -10.0  # or send a request that is none
 
 
 def broken_windows(
-    data: bytes, crc: Windows, at: int, places: Places, candidates: Sequence[Candidate]
+    data: bytes, crc: Windows, at: int, places: Places, candidates: Sequence[Candidate], may: Mask
 ) -> list[Candidate]:
-    """Candidates in `data`, which begins at index `at` of the windows."""
+    """Candidates in `data`, which begins at index `at` of the windows; `may` as `prefix.opening` tells."""
     taken_starts = {c.start for c in candidates}
     found: dict[tuple[int, int, Role], Candidate] = {}
     for start in sorted(places.begins - taken_starts):
-        if start + MIN_ADU > len(data):
+        if start + MIN_ADU > len(data) or not may[start]:
             continue
         head = crc.heads[at + start]
         for length, role, bits in _lengths(data, start, places):

@@ -15,7 +15,7 @@ from dissectors.lengths import Role
 
 from ..frames import Kind, Rows
 from .candidates import CRC_BITS, predicted
-from .lattice import EMBEDDED, FITS, NOISE_BEGINS, NOISE_BYTE, Candidate, Lattice, Step
+from .lattice import EMBEDDED, FITS, LEAD, NOISE_BEGINS, NOISE_BYTE, Candidate, Lattice, Step
 from .options import Options
 from .pieces import NOISE, evidence
 from .rules import MAX_ADU
@@ -28,7 +28,6 @@ WINDOWS: Final = (96, 384, 2048)  # bytes looked at: mostly a few frames do; the
 _KNOWN_BITS: Final = 3.0
 ALONE: Final = 15.0  # bits that frames end to end with silence behind them need
 _AMID: Final = 48.0  # bits that frames need after noise, or with more bytes right behind them
-_LEAD: Final = 8.0  # bits over the next best reading of the same bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +138,7 @@ def _enough(lattice: Lattice, event: Event) -> bool:
     if not event.plausible or path.noise_from >= 0 or tip is None or tip.candidate is None or tip.candidate.damaged:
         return False
     alone = event.silent and not path.noisy
-    return path.since_noise >= (ALONE if alone else _AMID) and lattice.lead >= _LEAD
+    return path.since_noise >= (ALONE if alone else _AMID) and lattice.lead >= LEAD
 
 
 def _awaited(
@@ -200,18 +199,19 @@ def margins(decision: Decision) -> list[tuple[float, Step | None]]:
     beaten += [(len(steps), *rival) for rival in decision.rivals]
     for at, difference, loser in beaten:
         shared: set[int] = set()
+        parted = 0  # steps before it are those of both
         pieces: list[Step] = []
         while loser is not None:
             i = index.get(_key(loser))
             if i is None:
                 pieces.append(loser)
             elif steps[i] is loser:
-                shared.update(range(i + 1))
+                parted = i + 1
                 break
             else:
                 shared.add(i)
             loser = loser.before
-        for i in range(at):
+        for i in range(parted, at):
             if i not in shared and difference < margin[i][0]:
                 mine = steps[i]
                 margin[i] = (difference, next((p for p in pieces if p.start < mine.end and p.end > mine.start), None))

@@ -1,7 +1,7 @@
 """Bytes in, pieces out: the deframer of one port's stream.
 
 Where candidates tile the bytes end to end with no rival, the path is forced and whole runs are taken as arrays
-(`runs`); only what is left goes through the lattice (`contest`). The engine is sans-IO and holds the undecided bytes
+(`runs`); only what is left goes through the lattice (`contested`). The engine is sans-IO and holds the undecided bytes
 alone: at most a window, and what one feed brought.
 """
 
@@ -14,39 +14,23 @@ from numpy.typing import NDArray
 
 from dissectors.lengths import Role
 
-from .broken import broken_windows
 from .candidates import CRC_BITS, GLITCHES, Candidates, search
-from .contest import (
-    WINDOWS,
-    Decision,
-    Event,
-    decide,
-    events_in,
-    explained,
-    forced,
-    go_on,
-    margins,
-    only_frames,
-    settled,
-)
-from .damaged import damaged_answers, damaged_requests
-from .lattice import GLITCH_RUN, NOISE_BEGINS, Candidate, Lattice
+from .contest import WINDOWS
+from .contested import Contested
+from .lattice import GLITCH_RUN, NOISE_BEGINS
 from .near import STILL, plain_frames
 from .options import Options
 from .pieces import NOISE, Decided, Pieces, evidence, joined
-from .places import SILENT, places
 from .prefix import windows
-from .readings import plain_one
-from .repeats import Repeats, copied, relative, shifted
+from .readings import echoed, plain_one
+from .repeats import Place, Repeats, copied
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index, Mask
 from .runs import Runs, Stretch, plain_evidence, reach, runs_of
-from .silence import Trust, Turn, classes_of, next_checkpoint
+from .silence import Trust, Turn, next_checkpoint
 from .talk import REACH, Run, Talk
 from .tape import Character, Tape, Times
-from .unknown import unknown_windows
 
 _PARTS_NOISE: Final = 6.0  # bits of a silence at which noise is cut in two
-_SURE: Final = 64.0  # bits: what cannot be doubted
 _SLICE: Final = 1 << 20  # bytes searched at once
 _MUCH: Final = 1 << 16  # bytes: fed at once, more will follow, or a quiet line
 _NOWHERE: Final = (-1, -1)
@@ -62,14 +46,12 @@ class Engine:
         self._role = role
         self.trust = Trust()
         self._talk = Talk()
-        self._vendor: set[int] = set()
-        self._stuck = -1, -1  # offsets: what could not be decided, and how far the bytes went then
+        self._contested = Contested(self.tape, self.trust, options, role)
         self._waiting = False  # the last frame was a request that wants an answer
         self._waited = False  # the same of the last frame learnt from
         self._asked = _NOWHERE  # offsets: where a request that was taken without the lattice began and ended
         self._fresh: list[Decided] = []
-        self._repeats = Repeats()
-        self._idle_class = int(classes_of(np.array([options.idle_ns]), character.ns)[0])
+        self._repeats = Repeats(self.tape, options)
         self._learnt: list[Decided] = []  # since the work began
         self._out: list[Pieces] = []
 
@@ -149,11 +131,12 @@ class Engine:
             i = int(np.searchsorted(runs.start, at))
             if i < len(runs.start) and runs.start[i] == at:
                 moved = (self._run if runs.clean[i] else self._plain)(stretch, runs, i)
+                moved = moved if moved > at else self._echoes(stretch, runs, i)
                 moved = moved if moved > at else self._near(stretch, runs, i)
                 if moved > at:
                     at = moved
                     continue
-            if not (quiet or final) and self._waits(stretch, at):
+            if not (quiet or final) and self._contested.waits(stretch, at):
                 break
             moved = self._again(stretch, at, stop)
             if moved > at:
@@ -161,7 +144,6 @@ class Engine:
                 continue
             moved = self._contest(stretch, runs, at, quiet=quiet, final=final)
             if moved == at:
-                self._stuck = self.tape.base + begin + at, self.tape.base + upto
                 break
             at = moved
         return at
@@ -250,6 +232,28 @@ class Engine:
         self._take(stretch, start, end, fits, decided)
         return int(end[-1])
 
+    def _echoes(self, stretch: Stretch, runs: Runs, i: int) -> int:
+        """Take requests and their echoes, all alike, from interval i on; the position behind them."""
+        at = int(runs.start[i])
+        offset = self.tape.base + stretch.begin
+        asked = self._waiting or self._talk.said.pending
+        if self.options.explain or not runs.clean[i] or not runs.either[i] or asked or not stretch.data[at]:
+            return at
+        last = int(runs.echoes[np.searchsorted(runs.echoes, i)]) + 1
+        last = i + int(np.searchsorted(runs.end[i:last], next_checkpoint(offset + at) - offset, side="right"))
+        classes = self.tape.classes[stretch.begin : stretch.begin + len(stretch.data)]
+        bits = echoed(runs, i, last, classes, self.trust) if last - i > 2 else np.empty(0)
+        if not len(bits):
+            return at
+        last = i + 2 * len(bits)
+        start, end = runs.start[i:last], runs.end[i:last]
+        margin = np.repeat(bits, 2).astype(np.float32)
+        fits = np.arange(len(start)) % 2 == 1
+        role = np.where(fits, Role.RESPONSE, Role.REQUEST).astype(np.uint8)
+        taped = start + stretch.begin, end + stretch.begin
+        self._take(stretch, start, end, fits, Decided(*taped, role, margin > 0, margin, margin < 0))
+        return int(end[-1])
+
     def _take(self, stretch: Stretch, start: Index, end: Index, fits: Mask, decided: Decided) -> None:
         """Frames (`start` and `end` in the stretch) are decided without the lattice."""
         offset, role = self.tape.base + stretch.begin, decided.role
@@ -263,129 +267,36 @@ class Engine:
         self._waiting = bool(asks and stretch.data[start[-1]])
         self._asked = (offset + int(start[-1]), offset + int(end[-1])) if asks else _NOWHERE
 
-    def _waits(self, stretch: Stretch, at: int) -> bool:
-        """Whether nothing has come since the last look at these bytes that could decide anything."""
-        origin, known = self._stuck
-        tape = self.tape
-        if origin != tape.base + stretch.begin + at:
-            return False
-        begin, upto = known - tape.base, stretch.begin + len(stretch.data)
-        return (
-            upto - stretch.begin - at < WINDOWS[1]
-            and not (stretch.found.end + stretch.begin > begin).any()
-            and not (tape.classes[begin:upto] >= SILENT).any()
-        )
-
     def _contest(self, stretch: Stretch, runs: Runs, at: int, *, quiet: bool, final: bool) -> int:
         """Decide from `at` on through the lattice; the position reached, `at` if more must be known."""
-        n = len(stretch.data)
-        for window in WINDOWS:
-            limit = min(n, at + window)
-            whole = limit == n
-            if not whole and window < WINDOWS[-1] and not stretch.any(at, limit):
-                continue
-            self._repeats.looked(limit - at)
-            decisions = self._explain(stretch, runs, at, limit, quiet=quiet and whole, final=final and whole)
-            if decisions[0].steps or whole:
-                break
-        if not decisions[0].steps:
+        decisions = self._contested.decide(stretch, runs, at, self._talk.said, quiet=quiet, final=final)
+        if not decisions:
             return at
+        offset, last = self.tape.base + stretch.begin + at, decisions[-1].steps[-1]
+        self._repeats.looked(offset + self._contested.looked, offset + last.end)
         for decision in decisions:
-            self._steps(decision, stretch.begin + at)
-        last = decisions[-1].steps[-1]
+            self._decide(self._contested.pieces(decision, stretch.begin + at))
+        frames = [(s.start, s.candidate.role) for d in decisions for s in d.steps if s.candidate is not None]
+        if frames:
+            start, role = frames[-1]
+            self._waiting = role == Role.REQUEST and bool(stretch.data[at + start])
         self._talk.settle(last.said)
         return at + last.end
 
     def _again(self, stretch: Stretch, at: int, stop: int) -> int:
         """Take from `at` on what repeats what was just decided; the position behind it."""
-        offset = self.tape.base + stretch.begin + at
-        said = self._talk.said
+        begin = stretch.begin
+        offset = self.tape.base + begin + at
+        place = Place(offset, len(self._fresh), self._talk.said, self._waiting)
         room = min(stop - at, next_checkpoint(offset) - offset)
-        repeat = self._repeats.look(
-            stretch.data, self.tape.classes[stretch.begin : stretch.begin + len(stretch.data)], at, offset,
-            (relative(said, offset), self._waiting, len(self._vendor)), len(self._fresh), room,
-        )  # fmt: skip
+        repeat = self._repeats.look(begin + at, begin + len(stretch.data), place, len(self._contested.heard), room)
         if repeat is None:
             return at
-        moved = repeat.count * repeat.period
-        self._decide(copied(self._fresh[repeat.first :], repeat))
-        self._talk.settle(shifted(said, moved))
+        self._decide(copied(self._fresh[repeat.first : repeat.last], repeat))
+        self._talk.settle(repeat.said)
+        self._waiting = repeat.waiting
         self._asked = _NOWHERE
-        return at + moved
-
-    def _explain(
-        self, stretch: Stretch, runs: Runs, at: int, limit: int, *, quiet: bool, final: bool
-    ) -> list[Decision]:
-        """The certain steps in [at, limit): by declared candidates, and where those leave noise by all that there are.
-
-        `quiet`: the line was quiet at `limit`; `final`: nothing comes after it.
-        """
-        tape = self.tape
-        origin = stretch.begin + at
-        data = stretch.data[at:limit].tobytes()
-        silences = tape.classes[origin : origin + len(data) + 1]
-        classes = silences.tolist()
-        candidates = stretch.candidates(at, limit)
-        idle_bits = max(0.0, self.trust.evidence[Turn.REQUEST][self._idle_class])
-
-        limits = next_checkpoint(tape.base + origin) - tape.base - origin
-
-        def contested(position: int) -> bool:
-            """Whether what begins there is for the lattice, too, and silences are still worth the same."""
-            i = int(np.searchsorted(runs.start, at + position))
-            here = i < len(runs.start) and runs.start[i] == at + position
-            return position < limits and here and not (runs.clean[i] and not runs.either[i])
-
-        def begun(candidates: list[Candidate]) -> tuple[Lattice, list[Event]]:
-            lattice = Lattice(data, tape.base + origin, classes, self.trust, candidates, self._talk.said)
-            return lattice, events_in(
-                tape, self.options, self.trust, origin, len(data), candidates, classes, quiet=quiet
-            )
-
-        lattice, events = begun(candidates)
-        decision = decide(lattice, data, events, idle_bits)
-        if only_frames(decision):
-            return go_on(lattice, data, events, idle_bits, decision, contested)
-        if final and not decision.steps:
-            decision = settled(lattice, len(data))
-            if only_frames(decision):
-                return [decision]
-        closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self.options.idle_ns)) > 0
-        spots = places(data, silences, candidates, closed=closed, parts=self.trust.parts())
-        more = unknown_windows(data, stretch.crc, at, spots, candidates, self._vendor)
-        more += broken_windows(data, stretch.crc, at, spots, candidates + more)
-        more += damaged_requests(data, spots, candidates)
-        more += damaged_answers(data, tape.base + origin, spots, candidates, self._talk.said.pending)
-        more = [candidate for candidate in more if self._role in (None, candidate.role)]
-        if not more and (decision.steps or len(data) < WINDOWS[-1]):
-            return [decision]
-        lattice, events = begun(sorted(candidates + more, key=lambda c: (c.start, c.end, c.role)))
-        decision = decide(lattice, data, events, idle_bits)
-        if not decision.steps and final:
-            decision = settled(lattice, len(data))
-        elif not decision.steps and len(data) == WINDOWS[-1]:
-            decision = forced(lattice, len(data))
-        return [decision]
-
-    def _steps(self, decision: Decision, origin: int) -> None:
-        """Take steps of the lattice."""
-        steps = decision.steps
-        base = self.tape.base + origin
-        start = np.array([s.start for s in steps], np.intp)
-        end = np.array([s.end for s in steps], np.intp)
-        role = np.array([s.candidate.role if s.candidate else NOISE for s in steps], np.uint8)
-        found = margins(decision)
-        margin = np.array([min(bits, _SURE) for bits, _ in found], np.float32)
-        why = explained(steps, found, base) if self.options.explain else None
-        for step in steps:
-            if step.candidate is not None:
-                first = int(self.tape.data[origin + step.start])
-                self._waiting = step.candidate.role == Role.REQUEST and bool(first)
-                if not step.candidate.declared:
-                    self._vendor.add(int(self.tape.data[origin + step.start + 1]) & 0x7F)
-        check = np.array([s.candidate is not None and not s.candidate.damaged for s in steps], np.bool_)
-        weighed = np.ones(len(start), np.bool_)
-        self._decide(Decided(start + origin, end + origin, role, check, margin, weighed, why))
+        return at + repeat.moved
 
     def _decide(self, decided: Decided) -> None:
         """Pieces are decided; they are learnt from at the next checkpoint, or when work is done."""

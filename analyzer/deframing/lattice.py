@@ -21,6 +21,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from dissectors.answers import Expectation, expectation
 from dissectors.lengths import Role
@@ -47,13 +48,15 @@ KNOWN = 3.0  # bits of a function that its structure counts already
 IMPOSSIBLE = -1000.0
 EMBEDDED = 3.0  # a whole frame inside a payload
 AFTER_NOISE = -2.0
+LEAD = 8.0  # bits over the next best reading of the same bytes that a decision needs
+SURE = 64.0  # bits: what cannot be doubted
+_GLITCHES = bytes(GLITCHES)
 _BEAM = 6
-_PENDING = 4
+OPEN = 4  # requests that may be open at once
 _REACH = 1024  # bytes: requests further back are forgotten
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
+class Candidate(NamedTuple):
     """A place where a frame could stand; offsets in the stretch."""
 
     start: int
@@ -64,8 +67,7 @@ class Candidate:
     damaged: bool = False  # its CRC is wrong: only an answer that fits a request is believed to be that
 
 
-@dataclass(frozen=True, slots=True)
-class Pending:
+class Pending(NamedTuple):
     """A request that may still be answered."""
 
     start: int  # offset in the stream of its port
@@ -77,8 +79,7 @@ class Pending:
         return cls(start, adu, expectation(adu))
 
 
-@dataclass(frozen=True, slots=True)
-class Said:
+class Said(NamedTuple):
     """The conversation so far: outstanding requests, the newest last, and whether the newest was answered."""
 
     pending: tuple[Pending, ...] = ()
@@ -95,11 +96,14 @@ class Said:
 
     def _near(self, start: int, adu: bytes) -> tuple[Pending, ...]:
         """What stays outstanding when another request begins at `start`; asked once more, it is open once."""
-        return tuple(p for p in self.pending[1 - _PENDING :] if p.start >= start - _REACH and p.adu != adu)
+        return tuple(p for p in self.pending[1 - OPEN :] if p.start >= start - _REACH and p.adu != adu)
 
     def answers(self, adu: bytes) -> int | None:
         """Which pending request a response answers: the newest that fits."""
-        return next((i for i in range(len(self.pending) - 1, -1, -1) if self.pending[i].expects.fits(adu)), None)
+        for i in range(len(self.pending) - 1, -1, -1):
+            if self.pending[i].expects.fits(adu):
+                return i
+        return None
 
     def answer(self, which: int) -> Said:
         """After an answer to pending[which]; older ones stay outstanding for a while."""
@@ -119,7 +123,7 @@ class Step:
     said: Said  # the conversation after it
     silence: float = 0.0
     conversation: float = 0.0
-    losers: list[tuple[float, Step | None]] = field(default_factory=list)  # paths that it beat to its start
+    losers: Sequence[tuple[float, Step | None]] = ()  # paths that it beat to its start
 
     @property
     def damaged_request(self) -> bool:
@@ -189,8 +193,9 @@ class Lattice:
     def _move(self, position: int) -> None:
         """Let survivors run on as noise to `position`; let the frames that end there join them."""
         steps = self._data[self.position : position]
-        cost = sum(GLITCH_BYTE if b in GLITCHES else NOISE_BYTE for b in steps)
-        glitch = GLITCHES.issuperset(steps)
+        noise = len(steps.translate(None, _GLITCHES))
+        cost = GLITCH_BYTE * (len(steps) - noise) + NOISE_BYTE * noise
+        glitch = not noise
         for path in self.paths:
             if path.noise_from < 0:
                 path.noise_from = self.position
@@ -209,11 +214,19 @@ class Lattice:
             self._prune(landed + self.paths)
 
     def _prune(self, paths: list[Path]) -> None:
-        paths.sort(key=lambda p: -p.score)
+        paths.sort(key=_score, reverse=True)
+        least = paths[0].score - SURE
         kept: dict[object, Path] = {}
         for path in paths:
-            key = (path.noise_from < 0, path.tip.candidate.role if path.tip and path.tip.candidate else -1,
-                   tuple(p.start for p in path.said.pending), path.said.answered)  # fmt: skip
+            if path.score < least:
+                break  # nothing will bring it back
+            said, last = path.said, path.tip and path.tip.candidate
+            key = (
+                path.noise_from < 0,
+                last.role if last else -1,
+                tuple([p.start for p in said.pending]),
+                said.answered,
+            )
             rival = kept.get(key)
             if rival is None and len(kept) < _BEAM:
                 kept[key] = path
@@ -225,65 +238,77 @@ class Lattice:
 
     def _take(self, candidate: Candidate) -> None:
         """Branch: from each survivor, the path on which this candidate is a frame."""
-        start, end = candidate.start, candidate.end
+        start, end, damaged = candidate.start, candidate.end, candidate.damaged
         if start < self.position:
             return
         adu = self._data[start:end]
-        gain = (0.0 if candidate.damaged else CRC_BITS + self._inside(candidate)) + candidate.structure
+        gain = (0.0 if damaged else CRC_BITS + self._inside(candidate)) + candidate.structure
+        request = Pending.of(self.offset + start, adu) if candidate.role == Role.REQUEST else None
+        landing = self._flight.setdefault(end, [])
         for path in self.paths:
-            before = path.tip
-            waiting = candidate.role == Role.REQUEST and bool(path.said.pending) and not path.said.answered
-            glitch_from = path.noise_from if path.glitch else start  # the silence is before the glitch, if any is
-            gap = max(self._silences[glitch_from : start + 1])
+            before, said, noise_from = path.tip, path.said, path.noise_from
+            waiting = request is not None and not said.answered and bool(said.pending)
+            # (a silence is before the glitch, if any is)
+            gap = max(self._silences[noise_from : start + 1]) if path.glitch else self._silences[start]
             silence = self._trust[Turn.AGAIN if waiting else candidate.role][gap]
-            lost = path.noise_from >= 0 and not path.glitch and start - path.noise_from >= 4
-            lost = lost or (path.noise_from < 0 and before is not None and before.damaged_request)
-            bits, said = self._converse(path.said, candidate, adu, lost=lost)
+            if noise_from >= 0:
+                lost = not path.glitch and start - noise_from >= 4
+            else:
+                lost = before is not None and before.damaged_request
+            if request is not None:
+                bits, said = self._asks(said, request, damaged=damaged, lost=lost)
+            else:
+                bits, said = self._answers(said, adu, start, damaged=damaged, lost=lost)
             score = path.score + gain + silence + bits
-            since = 0.0 if candidate.damaged else path.since_noise + gain + silence + bits
-            noisy = path.noisy or candidate.damaged or path.noise_from >= 0
-            if path.noise_from >= 0:
+            since = 0.0 if damaged else path.since_noise + gain + silence + bits
+            if noise_from >= 0:
                 score += 0.0 if path.glitch else AFTER_NOISE
-                since = 0.0 if candidate.damaged else gain + silence + bits
-                before = Step(path.noise_from, start, None, before, path.score, path.said)
-            tip = Step(start, end, candidate, before, score, said, silence, bits, list(path.losers))
-            self._flight.setdefault(end, []).append(Path(score, tip, said, -1, noisy, False, since))
+                since = 0.0 if damaged else gain + silence + bits
+                before = Step(noise_from, start, None, before, path.score, path.said)
+            tip = Step(start, end, candidate, before, score, said, silence, bits, tuple(path.losers))
+            landing.append(Path(score, tip, said, -1, path.noisy or damaged or noise_from >= 0, False, since))
 
-    def _converse(self, said: Said, candidate: Candidate, adu: bytes, *, lost: bool) -> tuple[float, Said]:
-        """What the conversation makes of a frame, in bits, and the conversation after it.
+    def _asks(self, said: Said, request: Pending, *, damaged: bool, lost: bool) -> tuple[float, Said]:
+        """What the conversation makes of a request, in bits, and the conversation after it.
 
         `lost`: there was noise before it, which may have been a request, or an answer.
         """
-        if candidate.role == Role.REQUEST:
-            unit = self._units[adu[0]]
-            if candidate.damaged:
-                return unit, said  # nobody will answer it
-            if said.last == adu:  # its very bytes, as many as they are: not by chance
-                same = min(FITS, 8.0 * (len(adu) - 2) - KNOWN)
-                bits = same + (REPEATED if said.answered else self._unanswered)
-            elif said.answered:
-                bits = unit
-            else:
-                bits = unit + (ANSWERED_IN_NOISE if lost else self._unanswered)
-            return bits, said.ask(Pending.of(self.offset + candidate.start, adu))
+        adu = request.adu
+        unit = self._units[adu[0]]
+        if damaged:
+            return unit, said  # nobody will answer it
+        if said.last == adu:  # its very bytes, as many as they are: not by chance
+            same = min(FITS, 8.0 * (len(adu) - 2) - KNOWN)
+            bits = same + (REPEATED if said.answered else self._unanswered)
+        elif said.answered:
+            bits = unit
+        else:
+            bits = unit + (ANSWERED_IN_NOISE if lost else self._unanswered)
+        return bits, said.ask(request)
+
+    def _answers(self, said: Said, adu: bytes, start: int, *, damaged: bool, lost: bool) -> tuple[float, Said]:
+        """The same of a response, which begins at `start`."""
         which = said.answers(adu)
-        if candidate.damaged and (which != len(said.pending) - 1 or said.answered):
+        newest = which == len(said.pending) - 1 and not said.answered
+        if damaged and not newest:
             return IMPOSSIBLE, said
         if which is None:
             unit = self._units[adu[0]]
             if lost:
                 return ASKED_IN_NOISE + unit, said
             return (UNASKED if said.answered else CONTRARY) + unit, said
-        bits = FITS_EXCEPTION if adu[1] & 0x80 else FITS if said.pending[which].expects.marks else FITS_BARE
-        if said.answered or which != len(said.pending) - 1:
-            asked = said.pending[which]
-            bits += LATE + LATE_BYTE * (self.offset + candidate.start - asked.start - len(asked.adu))
+        asked = said.pending[which]
+        bits = FITS_EXCEPTION if adu[1] & 0x80 else FITS if asked.expects.marks else FITS_BARE
+        if not newest:
+            bits += LATE + LATE_BYTE * (self.offset + start - asked.start - len(asked.adu))
         return bits, said.answer(which)
 
     def _inside(self, outer: Candidate) -> float:
         """What the candidates inside one would score at best by themselves, less the price of being there."""
         first = bisect_right(self._starts, outer.start)
         last = bisect_left(self._starts, outer.end)
+        if first == last:
+            return 0.0
         inner = [c for c in self._all[first:last] if c.end < outer.end and not c.damaged]
         ends, best = [0], [0.0]  # best[i]: score of those that end at or before ends[i]
         for candidate in sorted(inner, key=_end):
@@ -297,7 +322,7 @@ class Lattice:
     @property
     def best(self) -> Path:
         """The best path to the position advanced to."""
-        return max(self.paths, key=lambda p: p.score)
+        return max(self.paths, key=_score)
 
     def silence(self, position: int) -> float:
         """Bits that the silence there gives to an answer's start."""
@@ -340,3 +365,7 @@ class Lattice:
 
 def _end(candidate: Candidate) -> int:
     return candidate.end
+
+
+def _score(path: Path) -> float:
+    return path.score

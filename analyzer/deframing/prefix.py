@@ -35,6 +35,18 @@ class Windows(NamedTuple):
     tails: U16
 
 
+def opening(crc: Windows, at: int, size: int) -> NDArray[np.bool_]:
+    """For each of the `size` bytes from index `at` on: whether any window from it on that ends among them may check.
+
+    Where one does, that is told; of the others, one in 65,536 is told a byte of `size`.
+    """
+    here = slice(at, at + size + 1)
+    ends = np.zeros(1 << 16, np.bool_)
+    ends[crc.tails[here]] = True
+    may: NDArray[np.bool_] = ends.take(crc.heads[here])
+    return may
+
+
 class _Tables(NamedTuple):
     powers: U16  # A^k T[1] over two periods, then zeros; then the same with A's fixed point
     logs: NDArray[np.intp]  # of T[b]; into the zeros where T[b] has none; into the second half where it is odd

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dissectors.lengths import Role, relations
 
 from .conversation import fitting
-from .lattice import FITS, FITS_BARE, FITS_EXCEPTION, LATE, UNASKED
+from .lattice import FITS, FITS_BARE, FITS_EXCEPTION, LATE, LEAD, UNASKED
 from .rules import Bytes
 from .runs import Runs
 from .silence import Trust, Turn
@@ -58,6 +58,20 @@ def plain_one(
                 more += min(0.0, tables[Turn.REQUEST][behind] - tables[Turn.AGAIN][behind])
                 return (mine, more) if more >= _ENOUGH else None
     return None
+
+
+def echoed(runs: Runs, i: int, last: int, silences: NDArray[np.uint8], trust: Trust) -> NDArray[np.float64]:
+    """By how many bits intervals from i on, before `last`, that read alike are requests and echoes in turn.
+
+    Nothing is asked before them. One number a pair, as long as it is plain that they are.
+    """
+    table = trust.table
+    before, between = silences.take(runs.start[i:last:2]), silences.take(runs.start[i + 1 : last : 2])
+    first = table[Turn.REQUEST][before] - table[Turn.RESPONSE][before] - UNASKED
+    again = table[Turn.RESPONSE][between] - table[Turn.AGAIN][between] - trust.unanswered_bits
+    bits = np.minimum(first[: len(again)], again)
+    few: NDArray[np.float64] = bits[: int(np.argmin(np.append(bits, -np.inf) >= LEAD))]
+    return few
 
 
 def _worth(data: Bytes, response: int) -> float:

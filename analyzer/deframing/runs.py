@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from .candidates import CRC_BITS, Candidates
 from .conversation import fitting
-from .lattice import CONTRARY, FITS, FITS_EXCEPTION, NOISE_BEGINS, UNASKED, Candidate, Said
+from .lattice import CONTRARY, FITS, FITS_EXCEPTION, NOISE_BEGINS, OPEN, UNASKED, Candidate, Said
 from .prefix import Windows
 from .rules import Bytes, Index, Mask
 from .silence import Trust, Turn
@@ -27,6 +27,8 @@ from .talk import REACH, Talk
 _PLAIN: Final = -4.0  # bits by which silence may speak against a role that the places speak for
 _SURE: Final = 10.0  # bits for an echo, and not the request once more, where requests go unanswered
 _ENOUGH: Final = 6.0  # bits for a request that nobody answers over an answer that nobody asked for
+_MORE: Final = 12.0  # bits for one that comes after others that nobody answers
+_BACK: Final = 2 * OPEN  # frames that it may not answer either: an answer among them would keep others open
 _NEVER: Final = -(1 << 62)
 _ASKS, _ANSWERS, _AGAIN = int(Turn.REQUEST), int(Turn.RESPONSE), int(Turn.AGAIN)
 
@@ -42,6 +44,8 @@ class Runs(NamedTuple):
     clean: Mask  # no other interval overlaps it
     last: Index  # the last interval of the run that each is in
     second: Mask  # its role, though either, follows from that of the one before it
+    again: Index  # places of those that ask, though either, if silence agrees: nobody answers, as those before
+    echoes: Index  # places of the last ones of those that may each answer the one before
     doubt: Index  # places of those whose role only the lattice tells
     asks: Asks
     fits: Mask  # that it answers the one before it
@@ -110,7 +114,10 @@ def runs_of(found: Candidates, data: Bytes, known: int) -> Runs:
     late = _late(data, start, plain.role, fits, plain.ask)
     asks = Asks(plain.ask, plain.alone, plain.waits, late)
     structure = found.structure[first]
-    return Runs(start, end, plain.role, either, structure, clean, last, plain.second, plain.doubt, asks, fits)
+    return Runs(
+        start, end, plain.role, either, structure, clean, last, plain.second, plain.again, plain.echoes, plain.doubt,
+        asks, fits,
+    )  # fmt: skip
 
 
 def _answering(data: Bytes, start: Index, role: NDArray[np.uint8], joined: Mask) -> Mask:
@@ -150,7 +157,7 @@ class _Plain:
         m = len(start)
         self.role = role
         self.second = np.zeros(m, np.bool_)
-        self.ask = self.doubt = np.empty(0, np.intp)
+        self.ask = self.again = self.echoes = self.doubt = np.empty(0, np.intp)
         self.alone = self.waits = np.empty(0, np.bool_)
         some = np.flatnonzero(either)
         if not len(some):
@@ -183,11 +190,24 @@ class _Plain:
         self.role[pair & either], self.role[self.second] = _ASKS, _ANSWERS
         open_ones = some[~self.second[some]]
         waits = joined[open_ones] & (self.role[open_ones - 1] == _ASKS) & (data.take(start[open_ones - 1]) != 0)
-        alone = ~answered[open_ones] & joined[open_ones + 1] & ~waits
+        alone = ~answered[open_ones] & joined[open_ones + 1]
         alone &= self.role[np.minimum(open_ones + 1, m - 1)] == _ASKS
+        self.again = _never_answering(open_ones[alone & waits], data, start, asks, joined)
+        alone &= ~waits
         plain = pair[open_ones] | alone
         self.ask, self.alone, self.waits = open_ones[plain], alone[plain], waits[plain]
+        plain[np.searchsorted(open_ones, self.again)] = True
         self.doubt = open_ones[~plain]
+        self.echoes = np.flatnonzero(either & ~(answered[:m] & joined[1:] & np.append(either[1:], False)))
+
+
+def _never_answering(places: Index, data: Bytes, start: Index, asks: Mask, joined: Mask) -> Index:
+    """Those of `places` that answer none of the frames before them in their run, all of which ask."""
+    places = places[places >= _BACK]
+    for back in range(1, _BACK + 1):
+        asker = places - back
+        places = places[joined[asker + 1] & asks[asker] & ~fitting(data, start[asker], start[places])]
+    return places
 
 
 def reach(
@@ -200,6 +220,16 @@ def reach(
     at = int(np.searchsorted(runs.doubt, i))
     if at < len(runs.doubt):
         last = min(last, int(runs.doubt[at]))
+    table = trust.table
+    low, high = np.searchsorted(runs.again, (i, last))
+    if low < high:
+        again = runs.again[low:high]
+        if again[0] == i and not waiting:
+            return i, np.empty(0, np.float32)
+        before = silences.take(runs.start[again])
+        told = table[_AGAIN, before] - table[_ANSWERS, before] + (trust.unanswered_bits - CONTRARY) >= _MORE
+        if not told.all():
+            last = int(again[int(np.argmin(told))])
     low, high = np.searchsorted(runs.asks.place, (i, last))
     place, alone, waits, late = (column[low:high] for column in runs.asks)
     if len(place):
@@ -211,7 +241,6 @@ def reach(
             asked = {pending.adu[:2] for pending in talk.said.pending}
             late = late.copy()
             late[early] |= [data[s : s + 2].tobytes() in asked for s in start[early].tolist()]
-        table = trust.table
         before, behind = silences.take(start), silences.take(runs.end[place])
         first = table[np.where(waits, _AGAIN, _ASKS), before] - table[_ANSWERS, before]
         echo = table[_ANSWERS, behind] - table[_AGAIN, behind]

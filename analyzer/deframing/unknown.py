@@ -21,7 +21,7 @@ from .candidates import GLITCHES, ZERO_BITS
 from .lattice import Candidate
 from .places import Places, next_byte
 from .prefix import Windows
-from .rules import MAX_ADU, MIN_ADU
+from .rules import MAX_ADU, MIN_ADU, Mask
 
 _UNHEARD: Final = -8.0  # bits: functions that nobody declared are rare
 _HEARD: Final = 2.0  # this one was on this bus before
@@ -42,10 +42,11 @@ def unknown_windows(
     places: Places,
     candidates: Sequence[Candidate],
     heard: Set[int],
+    may: Mask,
 ) -> list[Candidate]:
     """Candidates of undeclared length in `data`, which begins at index `at` of the windows.
 
-    `heard` are such functions that this bus has used before.
+    `heard` are such functions that this bus has used before, `may` tells where windows may check (`prefix.opening`).
     """
     n = len(data)
     begins, ends = places.begins, places.ends
@@ -56,7 +57,7 @@ def unknown_windows(
     tails = crc.tails[at : at + n + 1]
     found: dict[tuple[int, int], None] = {}
     for begin in sorted(begins | loose):
-        if begin + MIN_ADU > n or begin in taken:
+        if begin + MIN_ADU > n or not may[begin] or begin in taken:
             continue
         function = data[begin + 1]
         if function & 0x80 or not function or not any(open_length(function, role) for role in Role):

@@ -18,14 +18,37 @@ from captures import Block, Capture, Chunk
 from dissectors.checks import crc_bytes
 
 _READ = 4096  # bytes
-_WRITE = b"\x11\x06\0\x01\0\x02" + crc_bytes(b"\x11\x06\0\x01\0\x02")
+_SOME = np.random.default_rng(1)
+
+
+def _some(count: int) -> bytes:
+    return _SOME.integers(0, 256, count).astype(np.uint8).tobytes()
+
+
+def _adu(body: bytes) -> bytes:
+    return body + crc_bytes(body)
+
+
+def _write() -> bytes:
+    return _adu(b"\x11\x06\0" + _some(3))
+
+
+_WRITE = _adu(b"\x11\x06\0\x01\0\x02")
 PATTERNS = {
     "zeros": b"\0",
     "01 03 repeated": b"\x01\x03",
     "03 03 FF repeated": b"\x03\x03\xff",
     "frames nested in a frame": b"\x01\x03\xf8" + _WRITE * 31,
     "one frame repeated": _WRITE,
-    "random bytes": np.random.default_rng(1).integers(0, 256, 1 << 16).astype(np.uint8).tobytes(),
+    "random bytes": _some(1 << 16),
+    "writes that nobody answers": b"".join(_write() for _ in range(1 << 13)),
+    "functions that nobody declared": b"".join(_adu(b"\x05\x41" + _some(i % 29)) for i in range(1 << 12)),
+    "frames and noise in turns": b"".join(
+        _adu(b"\x11\x03\0\x01\0\x0a") + _adu(b"\x11\x03\x14" + _some(20)) + _some(1 + i % 63) for i in range(1 << 10)
+    ),
+    "other frames nested in a frame": b"".join(
+        _adu(b"\x01\x03\xf8" + b"".join(_write() for _ in range(31))) for _ in range(1 << 8)
+    ),
 }
 
 
