@@ -42,11 +42,7 @@ def text(report: Report) -> str:
 
 
 def _lines(report: Report) -> Iterator[str]:
-    long = {words for _, words in _recording(report)}
     for label, words in facts(report):
-        if words not in long:
-            yield f"{label:<9} {words}"
-            continue
         yield from wrap(words, _WIDTH, initial_indent=f"{label:<9} ", subsequent_indent=" " * 10, **_UNBROKEN)
     if not report.frames:
         yield ""
