@@ -82,6 +82,11 @@ def put(text: str) -> None:
     sys.stdout.buffer.flush()
 
 
+def full_screen() -> bool:
+    """Whether the interface can be shown: keys come from a terminal, and it can place text."""
+    return sys.stdin.isatty() and sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+
+
 def coloured(stream: IO[str]) -> bool:
     """Whether escape sequences are welcome there."""
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
