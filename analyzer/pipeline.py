@@ -16,7 +16,7 @@ from .deframing.stream import Deframer
 from .findings.diagnosis import Diagnosis
 from .findings.model import FINDING, Findings
 from .frames import Batch, Rows
-from .recorded import deaf_times, excused, notes_of
+from .recorded import deaf_times, excused, marked, notes_of
 from .records import joined
 from .transactions import TRANSACTION, Transactions
 
@@ -78,11 +78,11 @@ def analyse(capture: Capture, options: Options = Options()) -> Iterator[Analysed
     transactions, diagnosis = Transactions(), Diagnosis(capture.line, options)
     held, deaf = _Held(), deaf_times(notes_of(capture))
     for batch in deframe(capture, options):
-        settled = transactions.feed(batch)
+        settled = marked(transactions.feed(batch), deaf)
         held.add(batch, settled, excused(diagnosis.feed(batch, settled), deaf))
         bounds = (transactions.open_from, diagnosis.open_from)
         yield from held.ready(min((bound for bound in bounds if bound is not None), default=None))
-    settled = transactions.close()
+    settled = marked(transactions.close(), deaf)
     held.end(settled, excused(diagnosis.close(settled), deaf))
     yield from held.ready(None)
 

@@ -1,7 +1,8 @@
 """What a recording says besides bytes, and when it heard nothing.
 
-While an adapter is unplugged or a disk is full, answers are missing from the record, not from the bus. So no unit is
-blamed for an answer that fell into such a time.
+While an adapter is unplugged or a disk is full, answers are missing from the record, not from the bus. So a request
+whose answer may have fallen into such a time is neither answered nor unanswered but not heard, and no unit is blamed
+for it, nor for a frame that was cut off when such a time began.
 """
 
 from __future__ import annotations
@@ -12,13 +13,19 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from .transactions import NEVER, Status
+
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from analyzer.findings.model import Findings
+    from analyzer.frames import Rows
     from captures.chunks import Capture
     from captures.recording.notes import Note
 
-_NEVER: Final = (1 << 63) - 1
-_WAIT_MS: Final = 10_000.0  # for an answer, where no request follows that ends the wait
+_WAIT_NS: Final = 10_000_000_000  # for an answer, at the most
+_FRAME_NS: Final = 500_000_000  # that a frame takes, and the loss of an adapter to be noticed
+_CUT: Final = ("truncated", "byte-missing")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,20 +63,31 @@ def deaf_times(notes: Sequence[Note]) -> list[Deaf]:
     return sorted(times, key=lambda time: time.from_ns)
 
 
-def excused(findings: Findings, times: Sequence[Deaf]) -> Findings:
-    """Findings without those that miss an answer which may have come while nothing was heard."""
-    if not len(times) or not len(findings):
-        return findings
-    from analyzer.findings.registry import codes, rules
+def marked(settled: Rows, times: Sequence[Deaf]) -> Rows:
+    """Transactions, with those UNHEARD that wait for an answer which may have come while nothing was heard."""
+    silent = np.flatnonzero(settled["status"] == Status.UNANSWERED) if times else ()
+    if not len(silent):
+        return settled
+    asked, end = settled["t_request"][silent], settled["t_next"][silent]
+    end = np.where(end == NEVER, asked + _WAIT_NS, np.minimum(end, asked + _WAIT_NS))
+    settled["status"][silent[_meets(asked, end, times)]] = Status.UNHEARD
+    return settled
 
-    number = codes().index("no-response")
-    missed = np.flatnonzero(findings["rule"] == number)
-    waited_ms = findings["numbers"][missed, rules()[number].numbers.index("waited_ms")]
-    begin = findings["t"][missed]
-    end = begin + (np.where(np.isnan(waited_ms), _WAIT_MS, waited_ms) * 1e6).astype(np.int64)
-    meets = np.zeros(len(missed), np.bool_)
+
+def excused(findings: Findings, times: Sequence[Deaf]) -> Findings:
+    """Findings without those of frames whose end was cut off when the recorder went deaf: no device did that."""
+    if not times or not len(findings):
+        return findings
+    from analyzer.findings.registry import codes
+
+    cut = np.flatnonzero(np.isin(findings["rule"], [codes().index(code) for code in _CUT]))
+    begun = findings["t"][cut]
+    return np.delete(findings, cut[_meets(begun, begun + _FRAME_NS, times)])
+
+
+def _meets(begin: NDArray[np.int64], end: NDArray[np.int64], times: Sequence[Deaf]) -> NDArray[np.bool_]:
+    """Which of these spans, ns, have a moment in common with a time in which nothing was heard."""
+    meets = np.zeros(len(begin), np.bool_)
     for time in times:
-        meets |= (time.from_ns <= end) & (begin <= (_NEVER if time.to_ns is None else time.to_ns))
-    kept = np.ones(len(findings), np.bool_)
-    kept[missed[meets]] = False
-    return findings[kept]
+        meets |= time.from_ns <= end if time.to_ns is None else (time.from_ns <= end) & (begin <= time.to_ns)
+    return meets

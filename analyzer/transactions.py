@@ -35,6 +35,7 @@ class Status(IntEnum):
     UNANSWERED = 2
     BROADCAST = 3  # nobody answers those
     DAMAGED = 4  # an answer came, with a wrong CRC
+    UNHEARD = 5  # it may have been answered while the recorder heard nothing (`analyzer.recorded`)
 
 
 TRANSACTION = np.dtype(

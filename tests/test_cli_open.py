@@ -27,7 +27,7 @@ posix = pytest.mark.skipif(os.name != "posix", reason="ptys are POSIX")
 class Terminal:
     """A command on a pty of 100x30."""
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(self, *arguments: str, term: str = "xterm-256color") -> None:
         import fcntl
         import pty
         import struct
@@ -35,7 +35,7 @@ class Terminal:
 
         self.pid, self.fd = pty.fork()
         if self.pid == 0:
-            os.environ.update(TERM="xterm-256color", PYTHONPATH=str(_ROOT))
+            os.environ.update(TERM=term, PYTHONPATH=str(_ROOT))
             os.execv(sys.executable, [sys.executable, "-m", "analyzer.cli", *arguments])
         fcntl.ioctl(self.fd, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
         self.seen = b""
@@ -200,3 +200,11 @@ def test_without_its_extra_the_browser_is_refused_in_one_line(
 ) -> None:
     monkeypatch.setitem(sys.modules, "textual_serve.server", None)
     assert "rtuscope[web]" in refused(capsys, "open", samples.path("troubled.jsonl"), "--web")
+
+
+@posix
+def test_a_terminal_that_places_no_text_gets_the_report() -> None:
+    terminal = Terminal("demo", term="dumb")
+    terminal.until(b"what costs this bus")
+    assert b"\x1b" not in terminal.seen
+    assert terminal.status() == 0

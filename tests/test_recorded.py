@@ -18,7 +18,7 @@ from analyzer.recorded import deaf_times, notes_of
 from analyzer.tui.desk import Desk
 from analyzer.tui.rows import UNHEARD, ended
 from captures import Block, Chunk
-from captures.recording.notes import Note
+from captures.recording.notes import Note, read
 from captures.recording.recorder import Recorder
 
 START = 1_700_000_000_000_000_000
@@ -65,7 +65,6 @@ def test_no_unit_is_blamed_for_an_answer_that_fell_into_a_gap(tmp_path: Path) ->
         bus.feed(batch)
     bus.close()
     assert bus.found.by_code["no-response"] == 1
-    assert [bus.unheard(row) for row in (8, 15)] == [True, False]
     desk = Desk(source, bus)
     assert [ended(desk, row).text for row in (8, 15)] == [UNHEARD, "none"]
     assert any("nothing heard for 680 ms" in notice for notice in source.notices())
@@ -81,15 +80,49 @@ def test_the_report_says_when_nothing_was_heard(tmp_path: Path, capsys: pytest.C
     page = ran(capsys, "report", path).out
     assert "recorded  nothing heard for 680 ms from 2023-11-14 22:13:24 UTC: /dev/ttyUSB0:\n          lost (" in page
     assert "the computer's clock was set" in page
-    assert max(map(len, page.splitlines()[1:])) <= 80
+    assert all(len(line) <= 80 for line in page.splitlines()[1:]), page
     assert "no unit is blamed" in page
+    assert "requests  10: 8 answered, 1 unanswered, 1 not heard\n" in page
+    assert "+ 1 not heard: nothing was recorded" in page
     report = json.loads(ran(capsys, "report", path, "--json").out)
     assert [note["kind"] for note in report["notes"]] == ["opened", "lost", "opened", "clock"]
+    assert (report["transactions"]["unanswered"], report["transactions"]["unheard"]) == (1, 1)
     assert report["deaf"] == [{"from_ns": NOTES[0].t_ns, "to_ns": NOTES[1].t_ns, "text": LOST}]
     ran(capsys, "report", path, "--html", tmp_path / "bus.html")
     html = (tmp_path / "bus.html").read_text()
     assert '<rect class="deaf"' in html
     assert "nothing heard for 680 ms" in html
+    assert '<th scope="col">not heard</th>' in html
+
+
+def test_an_export_keeps_the_notes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, copy = recording(tmp_path, NOTES, deaf=True), tmp_path / "copy.mcap"
+    assert ran(capsys, "export", path, "-o", copy).status == 0
+    assert read(copy) == read(path) != []
+    assert missing(copy) == [15]
+
+
+def test_a_check_does_not_count_what_was_not_heard(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    done = ran(capsys, "check", recording(tmp_path, NOTES, deaf=True), "--rule", "every poll answered")
+    assert "8 of 9 polls answered; 1 more while nothing was heard" in done.out
+
+
+def test_a_frame_cut_off_by_the_loss_is_nobodys_fault(tmp_path: Path) -> None:
+    def found(folder: Path, notes: list[Note]) -> set[str]:
+        folder.mkdir()
+        recorder = Recorder(folder / "bus.mcap", LINE, tell=pytest.fail)
+        for number in range(10):
+            t = START + number * SECOND
+            recorder.write(Block.from_chunks([Chunk(t + 8 * CHAR_NS, REQUEST)]))
+            recorder.write(Block.from_chunks([Chunk(t + 50_000_000, ANSWER[: 7 if number == 4 else None])]))
+        for note in notes:
+            recorder.note(note)
+        recorder.close()
+        analysed = analyse(captures.open(folder / "bus.mcap"))
+        return {finding.code for batch in analysed for finding in map(describe, batch.findings)}
+
+    lost = Note(START + 4 * SECOND + 60_000_000, "lost", LOST)
+    assert found(tmp_path / "kept", []) - found(tmp_path / "lost", [lost, NOTES[1]]) == {"truncated"}
 
 
 def test_an_adapter_that_never_comes_back_and_a_full_disk() -> None:

@@ -47,7 +47,8 @@ def test_the_page_has_the_facts():
         "63 s",
         "12,000, 17 of them in no frame (4 stretches)",
         "780: 400 requests, 380 responses; 3 with a wrong check value",
-        "400: 380 answered, 8 by exception, 7 unanswered, 3 answered by a damaged frame, 2 broadcast",
+        "400: 380 answered, 8 by exception, 7 unanswered, 3 answered by a",
+        "\n          damaged frame, 2 broadcast\n",
         "5 retries, 1 late answer",
         "10.9% of the line's capacity, 37.0% in the busiest second",
         "p50 12.3 ms, p95 15 ms, p99 20 ms, max 103 ms (380 of 391 measured)",
@@ -69,7 +70,7 @@ def test_the_page_fits_80_columns_whatever_the_numbers():
     )
     table = [line for line in text(report).splitlines() if line.startswith(("unit", " 255", "function", "FF"))]
     assert len(table) == 4
-    assert all(len(line) <= 80 for line in table), table
+    assert all(len(line) <= 80 for line in text(report).splitlines())
 
 
 def test_what_the_tap_cannot_tell_is_said_and_not_shown_as_zero():

@@ -175,14 +175,18 @@ def test_times_are_shown_four_ways(capture: Path) -> None:
 
 def test_bookmarks_and_comments_stay_beside_the_capture(capture: Path) -> None:
     async def work(sitting: Seat) -> None:
-        await sitting.press("down", "m", "end", "m", "semicolon")
+        await sitting.press("down", "m")
+        assert any("kept in troubled.jsonl.rtuscope.json" in notice for notice in sitting.notices())
+        await sitting.press("end", "m", "semicolon")
         await sitting.type("pump [red]off")
         await sitting.press("enter", "home", "apostrophe")
         assert sitting.row == 1
         await sitting.press("apostrophe")
         assert sitting.row == sitting.bus.count - 1
         assert '"pump [red]off"' in sitting.shown()
-        await sitting.press("home", "down", "m", "apostrophe", "apostrophe")
+        await sitting.press("home", "down", "m")
+        assert "bookmark taken away" in sitting.notices()
+        await sitting.press("apostrophe", "apostrophe")
         assert sitting.row == sitting.bus.count - 1
 
     using(opened(capture), work)

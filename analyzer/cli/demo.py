@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 from .app import DONE
 from .report import show
+from .terminal import full_screen
 
 SAMPLE = "troubled.jsonl"
 EXAMPLE = "rtuscope demo"
@@ -24,7 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
     from captures import samples
 
     capture = captures.open(samples.path(SAMPLE))
-    if arguments.report or arguments.json or not (sys.stdin.isatty() and sys.stdout.isatty()):
+    if arguments.report or arguments.json or not full_screen():
         return show(capture, SAMPLE, as_json=arguments.json)
     from analyzer.model.source import CaptureSource
     from analyzer.tui import run as look

@@ -9,6 +9,7 @@ import sys
 
 from .app import DONE, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, given_limits, load_functions
+from .terminal import full_screen
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
@@ -57,8 +58,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 def needs_a_terminal(command: str) -> None:
     """UsageError where there is none; a browser will do."""
-    if "TEXTUAL_DRIVER" not in os.environ and not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise UsageError(f"{command} needs a terminal; on a pipe use rtuscope report, export or parse")
+    if "TEXTUAL_DRIVER" not in os.environ and not full_screen():
+        raise UsageError(
+            f"{command} needs a terminal; on a pipe or with TERM=dumb use rtuscope report, export or parse"
+        )
 
 
 def serve(arguments: argparse.Namespace) -> None:

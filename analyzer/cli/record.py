@@ -10,6 +10,7 @@ from .app import DONE
 from .inputs import add_limit_arguments
 from .quantities import seconds
 from .taps import add_recording_arguments, add_tap_arguments, recorder_of, tap_of, tell
+from .terminal import places
 from .watching import ended_by_signals
 
 EXAMPLE = """\
@@ -36,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     recorder = recorder_of(arguments)
     assert recorder is not None  # -o is needed
     begun = time.monotonic()
-    heard, shown = 0, sys.stderr.isatty()
+    heard, shown = 0, places(sys.stderr)
     try:
         source = tap_of(arguments, watched=False)
         with ended_by_signals(source.close):

@@ -113,6 +113,8 @@ def write_page(
             )
         progress.clear()
         file.write(page(report, sights).encode())
+    if report.partial:
+        print("rtuscope: stopped by Ctrl-C; the page covers what was read until then", file=sys.stderr)
     return _status(report, check=check)
 
 

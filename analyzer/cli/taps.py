@@ -11,6 +11,7 @@ from analyzer.version import __version__
 
 from .app import UsageError
 from .quantities import octets, seconds, time_or_size
+from .terminal import places
 
 if TYPE_CHECKING:
     from analyzer.live.tapsource import TapSource
@@ -105,7 +106,7 @@ def recorder_of(arguments: argparse.Namespace) -> Recorder | None:
 
 def tell(text: str) -> None:
     """A line on standard error, past a status line that may stand there."""
-    clear = "\r\x1b[K" if sys.stderr.isatty() else ""
+    clear = "\r\x1b[K" if places(sys.stderr) else ""
     print(f"{clear}rtuscope: {text}", file=sys.stderr, flush=True)
 
 

@@ -23,7 +23,7 @@ class Progress:
     def __init__(self, label: str) -> None:
         self._label = label
         self._shown = False
-        self._next = time.monotonic() + 2 * _PERIOD_S if sys.stderr.isatty() else float("inf")
+        self._next = time.monotonic() + 2 * _PERIOD_S if places(sys.stderr) else float("inf")
 
     def __call__(self, frames: int, octets: int) -> None:
         """Say it, if the last time is long enough ago."""
@@ -80,6 +80,16 @@ def put(text: str) -> None:
     while data:
         data = data[sys.stdout.buffer.write(data) :]
     sys.stdout.buffer.flush()
+
+
+def places(stream: IO[str]) -> bool:
+    """Whether it is a terminal on which text can be put anywhere, and a line be taken away again."""
+    return stream.isatty() and os.environ.get("TERM") != "dumb"
+
+
+def full_screen() -> bool:
+    """Whether the interface can be shown: keys come from a terminal, and it can place text."""
+    return sys.stdin.isatty() and places(sys.stdout)
 
 
 def coloured(stream: IO[str]) -> bool:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from .app import DONE, NO_FRAME
 from .quantities import seconds
 from .taps import tell
-from .terminal import coloured, put
+from .terminal import coloured, places, put
 
 if TYPE_CHECKING:
     from analyzer.live.conditions import Condition
@@ -71,7 +71,7 @@ class Watch:
         self._window: Window[str] = Window(int(arguments.before * 1e9), int(arguments.after * 1e9))
         self._shown = 0
         self._over = False
-        self._status_shown = sys.stderr.isatty()
+        self._status_shown = places(sys.stderr)
         self._next_status = 0.0
         self._words = ""  # of the status line
 

@@ -17,7 +17,7 @@ from analyzer.deframing.options import Options
 from analyzer.findings.diagnosis import Diagnosis
 from analyzer.frames import NO_GAP, ROW, Batch, Frame, Kind, Row, Rows
 from analyzer.pipeline import Analysed
-from analyzer.recorded import Deaf, excused
+from analyzer.recorded import Deaf, excused, marked
 from analyzer.reports.summary import Summary
 from analyzer.transactions import NEVER, OF_ANSWER, TRANSACTION, Status, Transactions
 from captures.line import LineSettings
@@ -102,7 +102,7 @@ class Bus:
         first = self.table.count
         self._append(batch)
         self._join(batch.rows, first)
-        settled = self._transactions.feed(batch)
+        settled = marked(self._transactions.feed(batch), self.deaf)
         self._settle(settled)
         findings = excused(self._diagnosis.feed(batch, settled), self.deaf)
         self.found.add(findings, self.table)
@@ -115,7 +115,7 @@ class Bus:
 
     def close(self) -> None:
         """Nothing more comes."""
-        settled = self._transactions.close()
+        settled = marked(self._transactions.close(), self.deaf)
         self._settle(settled)
         findings = excused(self._diagnosis.close(settled), self.deaf)
         self.found.add(findings, self.table)
@@ -201,12 +201,6 @@ class Bus:
         """Silence before a row; None before the first one and where the tap cannot tell."""
         gap = self.table.value("gap_before", row)
         return gap if self.timed and row > 0 and gap > NO_GAP else None
-
-    def unheard(self, row: int) -> bool:
-        """Whether the recording heard nothing for some of the time between a request and the row behind it."""
-        end = self.table.value("t_end", row)
-        until = self.table.value("t_start", row + 1) if row + 1 < self.count else end
-        return any(time.from_ns <= until and (time.to_ns is None or end <= time.to_ns) for time in self.deaf)
 
     def batch(self, rows: NDArray[np.int64]) -> Batch:
         """Rows, ascending, all of one piece, as what the pipeline gives; bytes between them are in its data too."""

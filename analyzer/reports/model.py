@@ -29,7 +29,7 @@ class Times:
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """Transactions by how they ended; `requests` is their number, and each of them ended in one of the five ways."""
+    """Transactions by how they ended; `requests` is their number, and each of them ended in one of six ways."""
 
     requests: int = 0
     answered: int = 0  # without an exception
@@ -39,6 +39,7 @@ class Counts:
     damaged: int = 0  # answered by a frame with a wrong check value
     retries: int = 0  # requests that repeat one without a good answer
     late: int = 0  # answers after the client had moved on
+    unheard: int = 0  # may have been answered while the recorder heard nothing
 
 
 @dataclass(frozen=True, slots=True)

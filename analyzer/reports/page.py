@@ -42,11 +42,7 @@ def text(report: Report) -> str:
 
 
 def _lines(report: Report) -> Iterator[str]:
-    long = {words for _, words in _recording(report)}
     for label, words in facts(report):
-        if words not in long:
-            yield f"{label:<9} {words}"
-            continue
         yield from wrap(words, _WIDTH, initial_indent=f"{label:<9} ", subsequent_indent=" " * 10, **_UNBROKEN)
     if not report.frames:
         yield ""
@@ -59,6 +55,8 @@ def _lines(report: Report) -> Iterator[str]:
         yield from _functions(report)
         yield ""
         yield "requests: ok + exc (exceptions) + none (unanswered) + bad (damaged) + broadcasts"
+        if report.transactions.unheard:
+            yield f"{'':10}+ {report.transactions.unheard:,} not heard: nothing was recorded when an answer was due"
     if report.exceptions:
         yield ""
         yield from _exceptions(report)
@@ -168,6 +166,7 @@ def _transactions(counts: Counts) -> Iterator[tuple[str, str]]:
         (counts.unanswered, "unanswered"),
         (counts.damaged, "answered by a damaged frame"),
         (counts.broadcasts, "broadcast"),
+        (counts.unheard, "not heard"),
     ):
         if number:
             parts.append(f"{number:,} {words}")
@@ -236,7 +235,7 @@ def _table(
         + "".join(f"{p:>8}" for p in percentiles)
     )
     for name, counts, times in rows:
-        short = name if len(name) <= width else name[: width - 1] + "…"
+        short = name if len(name) <= width else name[: width - 2] + ".."
         numbers = "".join(
             f"{compact(getattr(counts, key)) if getattr(counts, key) else '-':>{w}}" for _, w, key in columns
         )

@@ -33,13 +33,15 @@ if TYPE_CHECKING:
 _SECOND: Final = 1_000_000_000
 _DOUBTFUL: Final = 0.5
 # Counters a transaction adds to, in the order of `Counts`.
-_COUNTERS: Final = ("requests", "answered", "exceptions", "unanswered", "broadcasts", "damaged", "retries", "late")
+_COUNTERS: Final = ("requests", "answered", "exceptions", "unanswered", "broadcasts", "damaged", "retries", "late",
+             "unheard")  # fmt: skip
 _BY_STATUS: Final = {
     Status.ANSWERED: "answered",
     Status.EXCEPTION: "exceptions",
     Status.UNANSWERED: "unanswered",
     Status.BROADCAST: "broadcasts",
     Status.DAMAGED: "damaged",
+    Status.UNHEARD: "unheard",
 }
 
 

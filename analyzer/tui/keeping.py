@@ -79,8 +79,17 @@ class Keeping(Screen[None]):
     def action_bookmark(self) -> None:
         """Set a bookmark on the row, or take it away."""
         if self.row is not None:
-            place = self.desk.place(self.row)
-            self._noted(lambda: self.desk.notes.toggle(place))
+            notes, place = self.desk.notes, self.desk.place(self.row)
+
+            def toggle() -> None:
+                said = notes.comments.get(place)
+                if notes.toggle(place):
+                    kept = "until you quit" if notes.path is None else f"in {notes.path.name}"
+                    self.tell(f"bookmark kept {kept}; ' goes to the next")
+                else:
+                    self.tell("bookmark and comment taken away" if said else "bookmark taken away")
+
+            self._noted(toggle)
 
     def action_reference(self) -> None:
         """Make the row the time reference; again takes it back."""

@@ -25,6 +25,7 @@ _ENDED: Final = {
     Status.UNANSWERED: ("none", "error"),
     Status.BROADCAST: ("bcast", "dim"),
     Status.DAMAGED: ("bad", "error"),
+    Status.UNHEARD: (UNHEARD, "dim"),
 }
 
 
@@ -95,8 +96,6 @@ def ended(desk: Desk, row: int) -> Piece:
         return Piece(short(time if time >= 0 else None), "")
     if kind == Kind.REQUEST and table.value("partner", row) < 0:
         status = table.value("state", row) & State.STATUS
-        if status == Status.UNANSWERED + 1 and desk.bus.unheard(row):
-            return Piece(UNHEARD, "dim")
         if status:
             return Piece(*_ENDED.get(Status(status - 1), ("", "")))
     return Piece("", "")

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
+    from captures.formats.mcap.writer import ArrayWriter
+
 TOPIC: Final = "/rtuscope/notes"
 _WARNING: Final = 3  # of foxglove.Log's levels
 _SCHEMA: Final = {
@@ -42,7 +44,7 @@ class Note:
 class NoteChannel:
     """The notes' channel in a file that a started `writer` writes; registers its schema when it is made."""
 
-    def __init__(self, writer: Writer) -> None:
+    def __init__(self, writer: ArrayWriter | Writer) -> None:
         schema = writer.register_schema("foxglove.Log", "jsonschema", json.dumps(_SCHEMA).encode())
         self._channel = writer.register_channel(TOPIC, "json", schema)
         self._writer = writer

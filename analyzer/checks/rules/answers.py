@@ -34,13 +34,16 @@ class _Answered:
 
     def __post_init__(self) -> None:
         self._places = Places()
-        self._polls = 0
+        self._polls = self._unheard = 0
         self._silent: int | None = None  # the newest request without an answer
         self._last = -1
 
     def feed(self, seen: Seen) -> None:
         polls = _of_unit(seen.transactions, self.unit)
         polls = polls[polls["status"] != Status.BROADCAST]
+        unheard = polls["status"] == Status.UNHEARD
+        self._unheard += int(np.count_nonzero(unheard))
+        polls = polls[~unheard]
         self._polls += len(polls)
         self._last = max(self._last, int(seen.batch.rows["index"].max(initial=-1)))
         bad = np.flatnonzero((polls["status"] == Status.UNANSWERED) | (polls["status"] == Status.DAMAGED))
@@ -55,6 +58,8 @@ class _Answered:
         if self._silent is not None and self._silent == self._last:
             count, polls, tail = count - 1, polls - 1, "; the last one was still open when the capture ended"
             first = [place for place in first if place.index != self._silent]
+        if self._unheard:
+            tail += f"; {self._unheard:,} more while nothing was heard"
         words = f"{polls - count:,} of {polls:,} polls answered{tail}" if polls else "no polls seen"
         return Verdict(polls > 0 and not count, words, tuple(first))
 

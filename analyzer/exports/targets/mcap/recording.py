@@ -16,11 +16,13 @@ from analyzer.exports.targets.mcap.frames import frame_messages, noise_messages
 from analyzer.exports.targets.mcap.transactions import transaction_messages
 from analyzer.exports.targets.mcap.values import PollGroups
 from analyzer.frames import Batch
+from analyzer.recorded import notes_of
 from analyzer.version import __version__
 from captures.formats.mcap import METADATA
 from captures.formats.mcap.channel import ChunkChannel
 from captures.formats.mcap.protobuf import ENCODING, Message
 from captures.formats.mcap.writer import ArrayWriter
+from captures.recording.notes import NoteChannel
 
 if TYPE_CHECKING:
     from analyzer.pipeline import Analysed
@@ -42,6 +44,10 @@ class Recording:
         self._log = Log(self._json_channel("/findings", schemas.LOG))
         self._noise = self._channel("/noise", schemas.NOISE) if options.noise else None
         self._values = PollGroups(self._writer)
+        if notes := notes_of(capture):
+            channel = NoteChannel(self._writer)
+            for note in notes:
+                channel.write(note)
 
     def block(self, block: Block) -> None:
         """Raw chunks."""
