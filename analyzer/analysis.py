@@ -16,6 +16,7 @@ from captures.line import LineSettings
 from .findings.model import Finding, describe
 from .frames import ROW, Batch, Frame, Rows
 from .pipeline import Analysed, Options, analyse, deframe
+from .records import joined
 from .transactions import TRANSACTION, Transactions
 
 
@@ -57,13 +58,13 @@ class Analysis:
 
     def rows(self) -> Rows:
         """All frames and noise as one structured array (dtype `analyzer.frames.ROW`); `at` is for batches only."""
-        return np.concatenate([np.zeros(0, ROW), *(batch.rows for batch in self.batches())])
+        return joined([np.zeros(0, ROW), *(batch.rows for batch in self.batches())])
 
     def transactions(self) -> Rows:
         """Requests with their answers as one structured array (dtype `analyzer.transactions.TRANSACTION`)."""
         open_ones = Transactions()
         parts = [open_ones.feed(batch) for batch in self.batches()]
-        return np.concatenate([np.zeros(0, TRANSACTION), *parts, open_ones.close()])
+        return joined([np.zeros(0, TRANSACTION), *parts, open_ones.close()])
 
     def to_arrow(self, *, noise: bool = False) -> Any:
         """All frames as a pyarrow Table with the columns of `analyzer.tables`, with `noise` the bytes between too.

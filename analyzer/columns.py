@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from captures.ragged import copy_pieces
 from dissectors.contents import Contents, Held, Place, contents, values_listed
 from dissectors.declaration import EXCEPTION
 from dissectors.lengths import Role
@@ -80,7 +81,8 @@ class _Block:
     rows: _Ints
     begins: _Ints
     counts: _Ints
-    read: Callable[[_Decoding, _Ints, _Ints], NDArray[np.uint16]]  # (begins, number of the value) to values
+    read: Callable[[_Decoding, _Ints, _Ints], NDArray[np.uint16]] | None
+    """(begins, number of the value) to values; None for registers, which are copied as they stand."""
 
 
 class _Decoding:
@@ -139,11 +141,11 @@ class _Decoding:
         begins = self.pdus.begins[here] + held.offset
         room = np.maximum(self.pdus.ends[here] - begins, 0)
         if held.count is None:
-            counts, read = (room >= _WORD).astype(np.int64), _outputs if held.bits else _registers
+            counts, read = (room >= _WORD).astype(np.int64), _outputs if held.bits else None
         else:
             taken = self._number(Place(held.count.offset), here, held.count.width) * held.count.scale - held.less
             octets = np.minimum(np.maximum(taken, 0), room)
-            counts, read = (octets * 8, _bits) if held.bits else (octets // _WORD, _registers)
+            counts, read = (octets * 8, _bits) if held.bits else (octets // _WORD, None)
         if held.quantity is not None:
             wanted = self._number(held.quantity, here)
             counts = np.where(wanted >= 0, np.minimum(counts, wanted), counts)
@@ -164,20 +166,20 @@ class _Decoding:
         return self.pdus.number(place.offset, width, here, asked=place.asked)
 
     def _joined(self, offsets: _Ints) -> NDArray[np.uint16]:
-        values = np.empty(int(offsets[-1]), np.uint16)
+        values = np.empty(int(offsets[-1]), ">u2")
         for block in self.blocks:
+            to = offsets[block.rows]
+            if block.read is None:
+                octets = values.view(np.uint8)
+                copy_pieces(octets, _WORD * to, self.pdus.data, block.begins, _WORD * block.counts)
+                continue
             ends = np.cumsum(block.counts)
             within = np.arange(int(ends[-1]) if len(ends) else 0)
             within -= np.repeat(ends - block.counts, block.counts)
-            out = np.repeat(offsets[block.rows], block.counts)
+            out = np.repeat(to, block.counts)
             out += within
             values[out] = block.read(self, np.repeat(block.begins, block.counts), within)
-        return values
-
-
-def _registers(decoding: _Decoding, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
-    begins += _WORD * i
-    return decoding.pdus.words.take(begins)
+        return values.astype(np.uint16)
 
 
 def _bits(decoding: _Decoding, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
@@ -187,4 +189,5 @@ def _bits(decoding: _Decoding, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
 
 
 def _outputs(decoding: _Decoding, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
-    return (_registers(decoding, begins, i) > 0).astype(np.uint16)
+    begins += _WORD * i
+    return (decoding.pdus.words.take(begins) > 0).astype(np.uint16)

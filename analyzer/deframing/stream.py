@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from captures.chunks import Block, Chunk
 from captures.line import LineSettings
+from captures.ragged import copy_pieces, sums
 
 from ..frames import ROW, Batch, Kind, Rows
+from ..records import joined, picked
 from .directions import role_of
 from .engine import Engine
 from .options import Options
@@ -155,7 +157,7 @@ class _Loose:
             part.rows["at"] += shift
             shift += len(part.data)
         return cls(
-            np.concatenate([p.rows for p in parts]),
+            joined([p.rows for p in parts]),
             np.concatenate([p.data for p in parts]),
             np.concatenate([p.head for p in parts]),
             np.concatenate([p.tail for p in parts]),
@@ -171,10 +173,11 @@ class _Loose:
         return self._picked(order[early]), self._picked(order[~early])
 
     def _picked(self, which: NDArray[np.intp]) -> _Loose:
-        rows = self.rows[which]
-        lengths = rows["length"]
-        at = np.cumsum(lengths) - lengths
-        data = self.data[np.repeat(rows["at"] - at, lengths) + np.arange(int(lengths.sum()))]
-        rows["at"] = at
+        rows = picked(self.rows, which)
+        places, lengths = rows["at"].copy(), rows["length"].copy()
+        ends = sums(lengths)
+        data = np.empty(int(ends[-1]), np.uint8)
+        copy_pieces(data, ends[:-1], self.data, places, lengths)
+        rows["at"] = ends[:-1]
         why = self.why[which] if len(self.why) else self.why  # there is none where nobody wants it
         return _Loose(rows, data, self.head[which], self.tail[which], why)
