@@ -26,6 +26,7 @@ STRANGE_BITS: Final = -3.0  # an exception of a function that nobody has declare
 _NONE: Final = np.empty(0, np.intp)
 GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))  # what RS-485 drivers leave on the line when they switch
 ZERO_BITS: Final = -8.0  # 1 in 256 check values ends in 00
+_BITS_OF_FUNCTION: Final = np.array([STRANGE_BITS, KNOWN_BITS], np.float32)  # by whether it is declared
 BROKEN_LIMIT: Final = -6.0  # a limit of the specification that real frames do break now and then
 
 
@@ -71,7 +72,7 @@ def _zeros(data: Bytes, start: Index, end: Index) -> NDArray[np.float32]:
     Zeros behind a right CRC leave it right, so it proves nothing that the shorter one's does not.
     """
     more = np.where(start[1:] == start[:-1], end[1:] - end[:-1], 0)
-    some = np.flatnonzero((more > 0) & (more <= 4))
+    some = ((more > 0) & (more <= 4)).nonzero()[0]
     lost = np.zeros(len(more), np.float32)
     for i in some.tolist():
         if not data[end[i] : end[i + 1]].any():
@@ -94,7 +95,9 @@ def _fixed(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
     for length, functions in rules.fixed:
         if n < length:
             continue
-        start = np.flatnonzero(heads[: n - length + 1] == tails[length:])
+        start = (heads[: n - length + 1] == tails[length:]).nonzero()[0]
+        if not len(start):
+            continue
         function = data.take(start + 1)
         for role, mine in functions:
             of_role = start[mine.take(function)]
@@ -106,7 +109,7 @@ def _marked(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
     octets = data.tobytes()
     for marked in rules.marked:
         marks = np.frombuffer(octets.translate(marked.table), np.uint8)[1:]
-        some = np.flatnonzero(marks != 0)
+        some = marks.nonzero()[0]
         marks = marks.take(some)
         for i, group in enumerate(marked.groups):
             start = some.compress(marks & np.uint8(1 << i) != 0)
@@ -121,7 +124,7 @@ def _marked(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
 def _counted(data: Bytes, crc: Windows, start: Index, group: Counted) -> tuple[Index, Index]:
     """Starts and ends of a group's functions."""
     n = len(data)
-    start = start[: int(np.searchsorted(start, n - group.offset - group.width, side="right"))]
+    start = start[: int(start.searchsorted(n - group.offset - group.width, side="right"))]
     end = field(data, start + group.offset, group.width)
     end *= group.scale
     end += group.base
@@ -153,24 +156,25 @@ def _weigh(
 ) -> tuple[Index, Index, NDArray[np.float32]]:
     """Drop what breaks a hard check; give the rest its structural bits."""
     functions = data.take(start + 1)
-    declared = known.take(functions & 0x7F)
-    structure = np.where(declared, np.float32(KNOWN_BITS), np.float32(STRANGE_BITS))
+    structure = _BITS_OF_FUNCTION.take(known.take(functions & 0x7F))
     keep = np.ones(len(start), np.bool_)
-    for i in np.flatnonzero(functions >= 0xFE).tolist():  # an exception of 7E or 7F, or what drivers leave behind
-        keep[i] = not GLITCHES.issuperset(data[start[i] : end[i]].tobytes())
-    for function in np.flatnonzero(np.bincount(functions, minlength=256)).tolist():
+    present = np.bincount(functions).nonzero()[0].tolist()
+    if present and present[-1] >= 0xFE:  # an exception of 7E or 7F, or what drivers leave behind
+        for i in (functions >= 0xFE).nonzero()[0].tolist():
+            keep[i] = not GLITCHES.issuperset(data[start[i] : end[i]].tobytes())
+    for function in present:
         checks = checks_of[function]
         if checks is None:
             continue
-        which = np.flatnonzero(functions == function)
+        which = (functions == function).nonzero()[0] if len(present) > 1 else slice(None)
         at = start[which]
         for test in checks.hard:
             keep[which] &= test(data, at)
-        bits = np.full(len(at), checks.bits, np.float32)
+        bits = np.float32(checks.bits)
         for test, soft in zip(checks.soft, checks.soft_bits, strict=True):
-            bits += np.where(test(data, at), np.float32(soft), np.float32(BROKEN_LIMIT))
+            bits = bits + np.where(test(data, at), np.float32(soft), np.float32(BROKEN_LIMIT))
         structure[which] += bits
-    return start[keep], end[keep], structure[keep]
+    return (start, end, structure) if keep.all() else (start[keep], end[keep], structure[keep])
 
 
 def predicted(data: bytes, start: int, role: Role) -> int | None:
