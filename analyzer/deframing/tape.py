@@ -78,9 +78,9 @@ class Tape:
 
     @property
     def ready(self) -> int:
-        """Bytes in closed groups; a read so long that it can't be one is not waited for."""
-        if self._closed < len(self.group) and len(self.data) - int(self.group[self._closed]) < _LONG_READ:
-            return int(self.group[self._closed])
+        """Bytes before the open group; a read so long that it can't be one is not waited for."""
+        if self._closed < len(self.group) and len(self.data) - int(self.group[-1]) < _LONG_READ:
+            return int(self.group[-1])
         return len(self.data)
 
     @property
@@ -92,6 +92,8 @@ class Tape:
         self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8], errors: Index = _NONE_MARKED
     ) -> None:
         """Add chunks: their bytes end to end, and size, time and direction mark of each (none of them empty).
+
+        `close` is to be called before anything is asked of them.
 
         `errors`: which of these bytes the UART marked.
         """
@@ -110,14 +112,10 @@ class Tape:
         self.group = np.concatenate((self.group, starts[new]))
         self.time = np.concatenate((self.time, times[new]))
         self._marks = np.concatenate((self._marks, marks[new]))
-        self._close(len(self.group) - 1)
 
-    def close(self) -> None:
-        """Close the open group: no more bytes come with its time."""
-        self._close(len(self.group))
-
-    def _close(self, upto: int) -> None:
-        first = self._closed
+    def close(self, *, over: bool) -> None:
+        """Work out what is known of the groups. `over`: no more bytes come with the newest time; else it stays open."""
+        first, upto = self._closed, len(self.group) - (not over)
         if upto <= first:
             return
         sizes = np.empty(upto - first, np.int64)

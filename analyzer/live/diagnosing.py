@@ -19,6 +19,7 @@ from captures.line import LineSettings
 
 _WAIT_NS: Final = 300_000_000
 _ROWS: Final = 128  # waiting at most
+_REQUEST: Final = int(Kind.REQUEST)
 _NONE: Final[tuple[Rows, Findings]] = np.zeros(0, TRANSACTION), NOTHING
 
 
@@ -61,12 +62,13 @@ class Diagnosing:
     def _odd(self, batch: Batch) -> bool:
         """Whether any of these rows is not what a healthy bus says."""
         rows = batch.rows
-        asking = (rows["kind"] == Kind.REQUEST) & (rows["unit"] > 0)
-        before = np.append(self._asking, asking[:-1])
+        requests = rows["kind"] == _REQUEST
+        asking = requests & (rows["unit"] > 0)
+        again = (requests[0] and self._asking) or (requests[1:] & asking[:-1]).any()
         self._asking = bool(asking[-1])
-        healthy = rows["check"] & (rows["exception"] == 0) & (rows["errors"] == 0)
-        healthy &= np.where(rows["kind"] == Kind.REQUEST, ~before, rows["request"] >= 0)
-        return not bool(healthy.all())
+        unasked = ~requests & (rows["request"] < 0)
+        bad = unasked.any() or not rows["check"].all() or rows["exception"].any() or rows["errors"].any()
+        return bool(again or bad)
 
 
 def joined(batches: list[Batch]) -> Batch:

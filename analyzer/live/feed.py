@@ -135,5 +135,7 @@ def _said(batch: Batch, findings: Findings) -> Batch:
 
 def octets_by_port(block: Block) -> dict[int, int]:
     """How many bytes of each port a block holds."""
+    if not block.port.any():
+        return {0: len(block.data)} if len(block) else {}
     counts = np.bincount(block.port, np.diff(block.offsets))
     return {port: int(counts[port]) for port in np.flatnonzero(counts).tolist()}
