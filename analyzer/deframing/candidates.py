@@ -110,10 +110,11 @@ def _marked(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
         marks = np.frombuffer(octets.translate(marked.table), np.uint8)[1:]
         some = marks.nonzero()[0]
         marks = marks.take(some)
+        present = int(np.bitwise_or.reduce(marks))
         for i, group in enumerate(marked.groups):
-            start = some.compress(marks & np.uint8(1 << i) != 0)
-            if not len(start):
+            if not present & 1 << i:
                 continue
+            start = some.compress(marks & np.uint8(1 << i) != 0)
             if isinstance(group, Counted):
                 yield _Places(group.role, *_counted(data, crc, start, group))
             else:
@@ -170,7 +171,7 @@ def _weigh(
             continue
         for test in checks.hard:
             keep[which] &= test(data, at)
-        bits = np.float32(checks.bits)
+        bits = np.full(1, checks.bits, np.float32)
         for test, soft in zip(checks.soft, checks.soft_bits, strict=True):
             bits = bits + np.where(test(data, at), np.float32(soft), np.float32(BROKEN_LIMIT))
         structure[which] += bits

@@ -326,7 +326,7 @@ class Engine:
     def _learn(self, start: Index, end: Index, role: NDArray[np.uint8]) -> None:
         """Let decided pieces teach what silences and glitches mean here."""
         data, low, high = self.tape.data, int(start[0]), int(end[-1])
-        frames = np.flatnonzero(role != NOISE)
+        frames = (role != NOISE).nonzero()[0]
         units = data.take(start[frames])
         asks = (role[frames] == Role.REQUEST) & (units != 0)
         waits = np.empty(len(frames), np.bool_)

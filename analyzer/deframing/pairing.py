@@ -49,7 +49,7 @@ class _PairedBy(NamedTuple):
 
 
 class Pairer:
-    """Fills `request`, `request_start` and `response_ns` of rows, in wire order, batch after batch."""
+    """Fills `request`, `request_start` and `response_ns` of rows, which are -1, in wire order, batch after batch."""
 
     def __init__(self) -> None:
         self._open: list[_Open] = []
@@ -76,14 +76,9 @@ class Pairer:
         answers, asked = frames.take(follows), frames.take(follows - 1)
         waited = np.maximum(columns.t_start.take(answers) - columns.t_end.take(asked), 0)
         waited[tail.take(asked) == head.take(answers)] = -1
-        for name, values in (
-            ("request", rows["index"].copy().take(asked)),
-            ("request_start", columns.start.take(asked)),
-            ("response_ns", waited),
-        ):
-            column = np.full(len(rows), -1)
-            column[answers] = values
-            rows[name] = column
+        rows["request"][answers] = rows["index"][asked]
+        rows["request_start"][answers] = columns.start.take(asked)
+        rows["response_ns"][answers] = waited
         settled = np.zeros(len(frames), np.bool_)
         settled[follows] = settled[follows - 1] = True
         loose = (~settled).nonzero()[0]
