@@ -93,15 +93,13 @@ class Tape:
     ) -> None:
         """Add chunks: their bytes end to end, and size, time and direction mark of each (none of them empty).
 
-        `close` is to be called before anything is asked of them.
-
-        `errors`: which of these bytes the UART marked.
+        `errors`: which of these bytes the UART marked. `close` is to be called before anything is asked of them.
         """
         if not len(sizes):
             return
         if len(errors):
             self._errors = np.concatenate((self._errors, errors + len(self.data)))
-        starts = len(self.data) + np.concatenate(([0], np.cumsum(sizes[:-1])))
+        starts = sizes.cumsum() - sizes + len(self.data)
         new = np.empty(len(sizes), np.bool_)
         new[1:] = (times[1:] != times[:-1]) | (marks[1:] != marks[:-1])
         last_mark = int(self._marks[-1]) if len(self._marks) else self._before[1]
@@ -118,11 +116,10 @@ class Tape:
         first, upto = self._closed, len(self.group) - (not over)
         if upto <= first:
             return
-        sizes = np.empty(upto - first, np.int64)
-        if upto == len(self.group):
-            sizes[-1] = len(self.data) - self.group[-1]
-        bounds = self.group[first : upto + 1]
-        np.subtract(bounds[1:], bounds[:-1], out=sizes[: len(bounds) - 1])
+        ends = np.full(upto - first, len(self.data))
+        following = self.group[first + 1 : upto + 1]
+        ends[: len(following)] = following
+        sizes = ends - self.group[first:upto]
         before, mark = self._before if not first else (int(self.time[first - 1]), int(self._marks[first - 1]))
         times = np.concatenate(([before], self.time[first:upto]))
         marks = np.concatenate(([mark], self._marks[first:upto]))
