@@ -7,7 +7,7 @@ for it, nor for a frame that was cut off when such a time began.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -46,7 +46,7 @@ def notes_of(capture: Capture) -> list[Note]:
     return read(capture.path)
 
 
-def deaf_times(notes: Sequence[Note]) -> list[Deaf]:
+def deaf_times(notes: Iterable[Note]) -> list[Deaf]:
     """From the loss of an adapter to its return, and moments at which bytes were lost, in order of time."""
     times: list[Deaf] = []
     away: dict[str, Note] = {}  # by the port, which a note begins with

@@ -9,12 +9,13 @@ from buses import LINE, adu, spaced, streams
 from hypothesis import given, settings
 
 import captures
+from analyzer.findings.model import describe
 from analyzer.frames import Kind
 from analyzer.live.feed import Feed
 from analyzer.live.session import Session
 from analyzer.pipeline import deframe
 from captures import samples
-from captures.chunks import Block, Capture
+from captures.chunks import Block, Capture, Chunk
 from captures.line import LineSettings
 from captures.live.wire import Event, Tick
 
@@ -167,6 +168,19 @@ def test_a_replay_waits_for_the_analysis_and_misses_nothing():
         steps = list(session.steps())
     assert sum(step.missed for step in steps) == 0
     assert sum(len(step.batch) for step in steps) == 400
+
+
+@pytest.mark.parametrize("unplugged", [False, True])
+def test_no_unit_is_blamed_for_an_answer_that_came_while_the_adapter_was_away(unplugged):
+    before, after = spaced([*POLL * 4, POLL[0]]), spaced(POLL * 12)
+    lost, back = before[-1].t_ns + 50_000_000, before[-1].t_ns + 700_000_000
+    away = [Event(lost, 0, "lost", "/dev/x: lost", {}), Event(back, 0, "opened", "/dev/x: is back", {})]
+    shift = back + 100_000_000 - after[0].t_ns
+    later = [Block.from_chunks([Chunk(chunk.t_ns + shift, chunk.data)]) for chunk in after]
+    items = [*(Block.from_chunks([chunk]) for chunk in before), *(away if unplugged else []), *later]
+    with Session(Scripted(items)) as session:
+        found = np.concatenate([step.findings for step in session.steps()])
+    assert ("no-response" in {describe(finding).code for finding in found}) is not unplugged
 
 
 def test_what_the_source_raises_comes_out_where_the_steps_are_taken():

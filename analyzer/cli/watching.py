@@ -108,12 +108,12 @@ class Watch:
         text = self._lines.of(shown) if wanted else ""
         if self._trigger is not None:
             text = self._triggered(text, shown, fired=self._trigger.holds(shown, step, line))
-        if text and not shown.late and int(shown.batch.rows["index"][shown.row]) >= 0:
-            self._shown += 1
         if self._until is not None and self._until.holds(shown, step, line):
             self._end()
-        if self._arguments.count and self._shown >= self._arguments.count:
-            self._end()
+        if self._arguments.count:
+            self._shown += bool(text) and not shown.late and int(shown.batch.rows["index"][shown.row]) >= 0
+            if self._shown >= self._arguments.count:
+                self._end()
         return text
 
     def _triggered(self, text: str, shown: Shown, *, fired: bool) -> str:

@@ -61,19 +61,20 @@ class AsciiDeframer:
             tape = self._tapes.setdefault(port, Tape(self._character))
             errors = among(block.errors, octets)
             tape.append(block.data[octets], sizes[mine], block.t_ns[mine], block.mark[mine], errors)
+            tape.close(over=False)
         return self._take(last=False) if now_ns is None else self.tick(now_ns)
 
     def tick(self, now_ns: int) -> Batch:
         """The line has been silent until `now_ns`: nothing to gain, for frames end themselves."""
         for tape in self._tapes.values():
             if now_ns > tape.last_time:
-                tape.close()
+                tape.close(over=True)
         return self._take(last=False)
 
     def close(self) -> Batch:
         """No more bytes come; give the rest."""
         for tape in self._tapes.values():
-            tape.close()
+            tape.close(over=True)
         return self._take(last=True)
 
     def _take(self, *, last: bool) -> Batch:

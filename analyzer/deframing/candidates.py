@@ -8,7 +8,7 @@ hold whole frames): `base` says how much, in bits, and the lattice decides.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from dissectors.lengths import Role
 
 from .prefix import Windows
-from .rules import MAX_ADU, MIN_ADU, OVERHEAD, Bytes, Checks, Counted, Index, Mask, Tables, Walked, field, tables
+from .rules import MAX_ADU, MIN_ADU, OVERHEAD, Bytes, Counted, Index, Mask, Tables, Walked, field, tables
 
 CRC_BITS: Final = 16.0
 KNOWN_BITS: Final = 3.0  # one of the 20-odd functions in use, of 256
@@ -26,6 +26,7 @@ STRANGE_BITS: Final = -3.0  # an exception of a function that nobody has declare
 _NONE: Final = np.empty(0, np.intp)
 GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))  # what RS-485 drivers leave on the line when they switch
 ZERO_BITS: Final = -8.0  # 1 in 256 check values ends in 00
+_BITS_OF_FUNCTION: Final = np.array([STRANGE_BITS, KNOWN_BITS], np.float32)  # by whether it is declared
 BROKEN_LIMIT: Final = -6.0  # a limit of the specification that real frames do break now and then
 
 
@@ -51,32 +52,30 @@ def search(data: Bytes, crc: Windows) -> Candidates:
     """All candidates that lie whole in `data`."""
     rules = tables()
     found = [*_fixed(data, crc, rules), *_marked(data, crc, rules)]
-    columns = []
-    for role in Role:
-        start = np.concatenate([_NONE, *(place.start for place in found if place.role is role)])
-        end = np.concatenate([_NONE, *(place.end for place in found if place.role is role)])
-        start, end, structure = _weigh(data, start, end, rules.checks[role], rules.known)
-        columns.append((start, end, np.full(len(start), role, np.uint8), structure))
-    start, end, role_of, structure = (np.concatenate(column) for column in zip(*columns, strict=True))
-    order = np.argsort((start << 16) + ((end - start) << 1) + role_of, kind="stable")
-    structure = structure[order]
-    start, end = start[order], end[order]
-    structure[1:] += _zeros(data, start, end)
-    return Candidates(start, end, role_of[order], structure)
+    if not found:
+        return Candidates(_NONE, _NONE, np.empty(0, np.uint8), np.empty(0, np.float32))
+    start = np.concatenate([place.start for place in found])
+    end = np.concatenate([place.end for place in found])
+    role = np.array([place.role for place in found], np.uint8).repeat([len(place.start) for place in found])
+    order = ((start << 16) + ((end - start) << 1) + role).argsort(kind="stable")
+    start, end, role = start.take(order), end.take(order), role.take(order)
+    keep, structure = _weigh(data, start, end, role, rules)
+    if not keep.all():
+        start, end, role, structure = start[keep], end[keep], role[keep], structure[keep]
+    _discount_zeros(structure, data, start, end)
+    return Candidates(start, end, role, structure)
 
 
-def _zeros(data: Bytes, start: Index, end: Index) -> NDArray[np.float32]:
-    """Bits that candidates, but for the first, lose to a shorter one before them, behind which they hold only zeros.
+def _discount_zeros(structure: NDArray[np.float32], data: Bytes, start: Index, end: Index) -> None:
+    """Take bits from candidates that hold only zeros behind a shorter one with the same start.
 
     Zeros behind a right CRC leave it right, so it proves nothing that the shorter one's does not.
     """
-    more = np.where(start[1:] == start[:-1], end[1:] - end[:-1], 0)
-    some = np.flatnonzero((more > 0) & (more <= 4))
-    lost = np.zeros(len(more), np.float32)
-    for i in some.tolist():
-        if not data[end[i] : end[i + 1]].any():
-            lost[i] = ZERO_BITS * more[i]
-    return lost
+    longer = (start[1:] == start[:-1]).nonzero()[0] + 1
+    more = end.take(longer) - end.take(longer - 1)
+    for i in longer.compress((more > 0) & (more <= 4)).tolist():
+        if not data[end[i - 1] : end[i]].any():
+            structure[i] += ZERO_BITS * (end[i] - end[i - 1])
 
 
 class _Places(NamedTuple):
@@ -94,11 +93,14 @@ def _fixed(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
     for length, functions in rules.fixed:
         if n < length:
             continue
-        start = np.flatnonzero(heads[: n - length + 1] == tails[length:])
+        start = (heads[: n - length + 1] == tails[length:]).nonzero()[0]
+        if not len(start):
+            continue
         function = data.take(start + 1)
         for role, mine in functions:
-            of_role = start[mine.take(function)]
-            yield _Places(role, of_role, of_role + length)
+            of_role = start.compress(mine.take(function))
+            if len(of_role):
+                yield _Places(role, of_role, of_role + length)
 
 
 def _marked(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
@@ -106,12 +108,13 @@ def _marked(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
     octets = data.tobytes()
     for marked in rules.marked:
         marks = np.frombuffer(octets.translate(marked.table), np.uint8)[1:]
-        some = np.flatnonzero(marks != 0)
+        some = marks.nonzero()[0]
         marks = marks.take(some)
+        present = int(np.bitwise_or.reduce(marks))
         for i, group in enumerate(marked.groups):
-            start = some.compress(marks & np.uint8(1 << i) != 0)
-            if not len(start):
+            if not present & 1 << i:
                 continue
+            start = some.compress(marks & np.uint8(1 << i) != 0)
             if isinstance(group, Counted):
                 yield _Places(group.role, *_counted(data, crc, start, group))
             else:
@@ -121,7 +124,7 @@ def _marked(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
 def _counted(data: Bytes, crc: Windows, start: Index, group: Counted) -> tuple[Index, Index]:
     """Starts and ends of a group's functions."""
     n = len(data)
-    start = start[: int(np.searchsorted(start, n - group.offset - group.width, side="right"))]
+    start = start[: int(start.searchsorted(n - group.offset - group.width, side="right"))]
     end = field(data, start + group.offset, group.width)
     end *= group.scale
     end += group.base
@@ -136,7 +139,7 @@ def _walked(data: Bytes, crc: Windows, start: Index, group: Walked, rules: Table
     """Of a function that takes a walk, which is slow: first what arrays can rule out."""
     n = len(data)
     start = start[: int(np.searchsorted(start, n - group.reach, side="right"))]
-    checks = rules.checks[group.role][group.function]
+    checks = rules.checks[256 * group.role + group.function]
     for test in checks.hard if checks is not None else ():
         start = start[test(data, start)]
     ends = [crc.tails[i + MIN_ADU : i + MAX_ADU + 1] == crc.heads[i] for i in start.tolist()]
@@ -149,28 +152,30 @@ def _walked(data: Bytes, crc: Windows, start: Index, group: Walked, rules: Table
 
 
 def _weigh(
-    data: Bytes, start: Index, end: Index, checks_of: Sequence[Checks | None], known: Mask
-) -> tuple[Index, Index, NDArray[np.float32]]:
-    """Drop what breaks a hard check; give the rest its structural bits."""
+    data: Bytes, start: Index, end: Index, role: NDArray[np.uint8], rules: Tables
+) -> tuple[Mask, NDArray[np.float32]]:
+    """Which candidates break no hard check, and the structural bits of each."""
     functions = data.take(start + 1)
-    declared = known.take(functions & 0x7F)
-    structure = np.where(declared, np.float32(KNOWN_BITS), np.float32(STRANGE_BITS))
+    structure = _BITS_OF_FUNCTION.take(rules.known.take(functions & 0x7F))
     keep = np.ones(len(start), np.bool_)
-    for i in np.flatnonzero(functions >= 0xFE).tolist():  # an exception of 7E or 7F, or what drivers leave behind
-        keep[i] = not GLITCHES.issuperset(data[start[i] : end[i]].tobytes())
-    for function in np.flatnonzero(np.bincount(functions, minlength=256)).tolist():
-        checks = checks_of[function]
+    kinds = functions + (role.astype(np.uint16) << 8)
+    present = np.bincount(kinds).nonzero()[0].tolist()
+    for kind in present:
+        which = (kinds == kind).nonzero()[0] if len(present) > 1 else slice(None)
+        at = start[which]
+        if kind & 0xFF >= 0xFE:  # an exception of 7E or 7F, or what drivers leave behind
+            spans = zip(at.tolist(), end[which].tolist(), strict=True)
+            keep[which] = [not GLITCHES.issuperset(data[low:high].tobytes()) for low, high in spans]
+        checks = rules.checks[kind]
         if checks is None:
             continue
-        which = np.flatnonzero(functions == function)
-        at = start[which]
         for test in checks.hard:
             keep[which] &= test(data, at)
-        bits = np.full(len(at), checks.bits, np.float32)
+        bits = np.full(1, checks.bits, np.float32)
         for test, soft in zip(checks.soft, checks.soft_bits, strict=True):
-            bits += np.where(test(data, at), np.float32(soft), np.float32(BROKEN_LIMIT))
+            bits = bits + np.where(test(data, at), np.float32(soft), np.float32(BROKEN_LIMIT))
         structure[which] += bits
-    return start[keep], end[keep], structure[keep]
+    return keep, structure
 
 
 def predicted(data: bytes, start: int, role: Role) -> int | None:

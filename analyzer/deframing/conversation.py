@@ -17,9 +17,9 @@ def fitting(data: Bytes, requests: Index, responses: Index) -> Mask:
     answer = data.take(responses + 1)
     fits: NDArray[np.bool_] = (data.take(requests) == data.take(responses)) & ((answer & 0x7F) == function)
     plain = fits & (answer == function)
-    for code in np.flatnonzero(np.bincount(function[plain], minlength=256)).tolist():
-        which = np.flatnonzero(plain & (function == code))
-        request, response = requests[which], responses[which]
+    for code in np.bincount(function[plain]).nonzero()[0].tolist():
+        which = (plain & (function == code)).nonzero()[0]
+        request, response = requests.take(which), responses.take(which)
         agree = np.ones(len(which), np.bool_)
         for relation in relations(code):
             if isinstance(relation, Asked):

@@ -70,6 +70,7 @@ class Engine:
         """
         self.tape.append(data, sizes, times, marks, errors)
         if now_ns is None:
+            self.tape.close(over=False)
             self._work(self.tape.ready, quiet=False, final=False)
         else:
             self.tick(now_ns)
@@ -79,14 +80,14 @@ class Engine:
         silence = now_ns - self.tape.last_time
         if len(self.tape) and silence >= 0:
             ready = self.tape.ready
-            self.tape.close()
+            self.tape.close(over=True)
             if silence > self.tape.char_ns:  # else more may follow at once: only what is before the last read is whole
                 ready = len(self.tape)
             self._work(ready, quiet=silence >= self.options.idle_ns, final=silence >= self.options.cut_ns)
 
     def close(self) -> None:
         """No more bytes come."""
-        self.tape.close()
+        self.tape.close(over=True)
         self._work(len(self.tape), quiet=True, final=True)
 
     def take(self) -> list[Pieces]:
@@ -325,7 +326,7 @@ class Engine:
     def _learn(self, start: Index, end: Index, role: NDArray[np.uint8]) -> None:
         """Let decided pieces teach what silences and glitches mean here."""
         data, low, high = self.tape.data, int(start[0]), int(end[-1])
-        frames = np.flatnonzero(role != NOISE)
+        frames = (role != NOISE).nonzero()[0]
         units = data.take(start[frames])
         asks = (role[frames] == Role.REQUEST) & (units != 0)
         waits = np.empty(len(frames), np.bool_)

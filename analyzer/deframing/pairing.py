@@ -20,6 +20,7 @@ from .rules import Bytes, Index
 
 _REACH: Final = 4096  # bytes back
 _OPEN: Final = 8  # requests at most
+_REQUEST, _ANSWER = int(Kind.REQUEST), int(Kind.RESPONSE)
 
 
 @dataclass(slots=True)
@@ -48,7 +49,7 @@ class _PairedBy(NamedTuple):
 
 
 class Pairer:
-    """Fills `request`, `request_start` and `response_ns` of rows, in wire order, batch after batch."""
+    """Fills `request`, `request_start` and `response_ns` of rows, which are -1, in wire order, batch after batch."""
 
     def __init__(self) -> None:
         self._open: list[_Open] = []
@@ -60,36 +61,32 @@ class Pairer:
         `head` and `tail` number the reads that brought the first and last byte of each row; a response that came in
         one read with its request has no known response time.
         """
-        columns = _PairedBy(*(rows[name].copy() for name in _PairedBy._fields))  # side by side: rows are far apart
-        frames = np.flatnonzero(columns.kind != Kind.NOISE)
-        ends = self._place + np.cumsum(columns.length)
+        columns = _PairedBy(*[rows[name].copy() for name in _PairedBy._fields])  # side by side: rows are far apart
+        frames = columns.kind.nonzero()[0]
+        ends = self._place + columns.length.cumsum()
         place = ends - columns.length
         self._place = int(ends[-1]) if len(ends) else self._place
         earlier: dict[int, bytes] = {}
         if not len(frames):
             return earlier
         kind, at, port = columns.kind.take(frames), columns.at.take(frames), columns.port.take(frames)
-        follows = (kind[1:] == Kind.RESPONSE) & (kind[:-1] == Kind.REQUEST) & (port[1:] == port[:-1])
-        follows = np.flatnonzero(follows) + 1
+        follows = (kind[1:] == _ANSWER) & (kind[:-1] == _REQUEST) & (port[1:] == port[:-1])
+        follows = follows.nonzero()[0] + 1
         follows = follows.compress(fitting(data, at.take(follows - 1), at.take(follows)))
         answers, asked = frames.take(follows), frames.take(follows - 1)
         waited = np.maximum(columns.t_start.take(answers) - columns.t_end.take(asked), 0)
         waited[tail.take(asked) == head.take(answers)] = -1
-        for name, values in (
-            ("request", rows["index"].copy().take(asked)),
-            ("request_start", columns.start.take(asked)),
-            ("response_ns", waited),
-        ):
-            column = np.full(len(rows), -1)
-            column[answers] = values
-            rows[name] = column
+        rows["request"][answers] = rows["index"][asked]
+        rows["request_start"][answers] = columns.start.take(asked)
+        rows["response_ns"][answers] = waited
         settled = np.zeros(len(frames), np.bool_)
         settled[follows] = settled[follows - 1] = True
-        for i in _near(np.flatnonzero(~settled), kind).tolist():
+        loose = (~settled).nonzero()[0]
+        for i in _near(loose, kind).tolist() if len(loose) else ():
             row = int(frames[i])
             begin = int(rows["at"][row])
             adu = data[begin : begin + int(rows["length"][row])].tobytes()
-            if kind[i] == Kind.REQUEST:
+            if kind[i] == _REQUEST:
                 self._ask(rows, row, adu, int(tail[row]), int(place[row]))
             else:
                 self._answer(rows, row, adu, int(head[row]), int(place[row]), earlier)
@@ -120,6 +117,6 @@ class Pairer:
 def _near(loose: Index, kind: NDArray[np.uint8]) -> Index:
     """Of frames (numbers in `kind`) that are not paired, the responses, and the requests that may be open then."""
     number = np.arange(len(loose))
-    looks = np.append(np.flatnonzero(kind.take(loose) == Kind.RESPONSE), len(loose))
-    near: Index = loose[looks[np.searchsorted(looks, number)] - number <= _OPEN]
+    looks = np.append((kind.take(loose) == _ANSWER).nonzero()[0], len(loose))
+    near: Index = loose[looks[looks.searchsorted(number)] - number <= _OPEN]
     return near

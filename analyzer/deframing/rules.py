@@ -73,7 +73,7 @@ class Tables:
 
     fixed: tuple[tuple[int, tuple[tuple[Role, Mask], ...]], ...]  # ADU length, and which functions have it in a role
     marked: tuple[Marked, ...]
-    checks: dict[Role, tuple[Checks | None, ...]]  # 256
+    checks: tuple[Checks | None, ...]  # 512: by 256 * role + function
     known: Mask  # functions with a predicted length
 
 
@@ -149,13 +149,13 @@ def _tables(_revision: int) -> Tables:
     fixed: dict[int, dict[Role, Mask]] = {}
     counted: dict[tuple[Role, int, int, int, int], list[int]] = {}
     walked: list[Walked] = []
-    checks: dict[Role, list[Checks | None]] = {role: [None] * 256 for role in Role}
+    checks: list[Checks | None] = [None] * (256 * len(Role))
     known = np.zeros(256, np.bool_)
     for rule in RULES.values():
         if rule.base is None and rule.walk is None:
             continue
         known[rule.function] |= rule.role is Role.REQUEST
-        checks[rule.role][rule.function] = _checks(rule)
+        checks[256 * rule.role + rule.function] = _checks(rule)
         if rule.walk is not None:
             reach = max((_reach(check) for check in rule.checks), default=MIN_ADU)
             walked.append(Walked(rule.role, rule.function, rule.walk, reach))
@@ -170,7 +170,7 @@ def _tables(_revision: int) -> Tables:
     return Tables(
         tuple((length, tuple(fixed[length].items())) for length in sorted(fixed)),
         tuple(_marked(groups[i : i + 8]) for i in range(0, len(groups), 8)),
-        {role: tuple(of_role) for role, of_role in checks.items()},
+        tuple(checks),
         known,
     )
 

@@ -38,7 +38,7 @@ _MEMORY: Final = 1e6  # bytes: beyond it old counts fade, since taps are re-plug
 
 def classes_of(silence_ns: NDArray[np.int64], char_ns: float) -> NDArray[np.uint8]:
     """Classes (1 and up) of the silences before groups."""
-    quarters = np.clip(silence_ns / char_ns * 4, 0, len(_CLASS_OF) - 1)
+    quarters = (silence_ns / char_ns * 4).clip(0, len(_CLASS_OF) - 1)
     return _CLASS_OF.take(quarters.astype(np.intp))
 
 
@@ -93,7 +93,7 @@ class Trust:
 
     def __init__(self) -> None:
         self._unit_bits: list[float] = []
-        self._starts = [counts.copy() for counts in _FIRST]
+        self._starts = np.array(_FIRST)  # by Turn and class
         self._inside = _prior(0.83, 0.15, 0.015, 0.005, 60.0)
         self._inside[TURNS:] = 0.05
         self._units = np.full(256, 0.5)
@@ -173,20 +173,20 @@ class Trust:
         if not len(starts):
             return
         self._frames += len(starts)
-        self._requests += int((turns != Turn.RESPONSE).sum())
-        self._again += int((turns == Turn.AGAIN).sum())
+        by_turn = np.bincount(turns, minlength=len(_FIRST)).tolist()
+        self._requests += by_turn[Turn.REQUEST] + by_turn[Turn.AGAIN]
+        self._again += by_turn[Turn.AGAIN]
         self._units += np.bincount(units, minlength=256)
-        at_start = np.bincount(classes.take(starts) + turns * np.uint8(CLASSES), minlength=len(Turn) * CLASSES)
-        at_start = at_start.reshape(len(Turn), CLASSES)
-        for turn in Turn:
-            self._starts[turn] += at_start[turn]
+        at_start = np.bincount(classes.take(starts) + turns * np.uint8(CLASSES), minlength=self._starts.size)
+        at_start = at_start.reshape(self._starts.shape)
+        self._starts += at_start
         first, last = int(starts[0]), int(ends[-1])
         self._inside += _histogram(classes[first:last]) - at_start.sum(axis=0)
-        for gap in np.flatnonzero(starts[1:] != ends[:-1]).tolist():
+        for gap in (starts[1:] != ends[:-1]).nonzero()[0].tolist():
             self._inside -= _histogram(classes[int(ends[gap]) : int(starts[gap + 1])])
 
     def _refresh(self) -> None:
-        either = _smooth(sum(self._starts, np.zeros(CLASSES)))
+        either = _smooth(self._starts.sum(axis=0))
         starts = np.clip(np.log2(either / _smooth(self._inside)), -_CERTAIN, _CERTAIN)
         tells = [np.clip(np.log2(_smooth(counts) / either), -_TELLING, _TELLING) for counts in self._starts]
         self._table = np.array([starts + tell for tell in tells])
@@ -197,12 +197,12 @@ class Trust:
         self._glitch_cost = min(_CERTAIN, max(1.0, -math.log2(self._glitches / self._frames)))
         if self._inside.sum() > _MEMORY:
             self._inside *= 0.5
-            self._starts = [starts * 0.5 for starts in self._starts]
+            self._starts *= 0.5
 
 
 def _histogram(classes: NDArray[np.uint8]) -> NDArray[np.intp]:
     """How often each class stands there; most bytes are inside a read, class 0."""
-    told = classes.compress(classes != 0)
+    told = classes.take(classes.nonzero()[0])
     counts = np.bincount(told, minlength=CLASSES)
     counts[0] = len(classes) - len(told)
     return counts

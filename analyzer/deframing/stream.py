@@ -61,9 +61,9 @@ class Deframer:
         block = chunks if isinstance(chunks, Block) else Block.from_chunks(chunks)
         self._timed = self._timed and block.timed
         if len(block):
-            sizes = np.diff(block.offsets).astype(np.intp)
+            sizes = block.offsets[1:] - block.offsets[:-1]
             self._now = int(block.t_ns[-1])
-            ports = np.flatnonzero(np.bincount(block.port)).tolist()
+            ports = np.bincount(block.port).nonzero()[0].tolist()
             for port in ports:
                 if len(ports) == 1:
                     self._engine(port).feed(block.data, sizes, block.t_ns, block.mark, block.errors, now_ns)
@@ -106,8 +106,8 @@ class Deframer:
 
     def _batch(self, loose: _Loose) -> Batch:
         rows = loose.rows
-        frames = rows["kind"] != Kind.NOISE
-        count = int(frames.sum())
+        frames = rows["kind"].nonzero()[0]  # all but NOISE
+        count = len(frames)
         rows["index"][frames] = np.arange(self._frames, self._frames + count)
         self._frames += count
         earlier = self._pairer.pair(rows, loose.data, loose.head, loose.tail)
@@ -133,9 +133,9 @@ class _Loose:
         data, decided, seen = pieces.data, pieces.decided, pieces.seen
         at, length = decided.start, decided.end - decided.start
         kind = _KIND_OF_ROLE.take(decided.role)
-        framed = kind != Kind.NOISE
+        framed = kind != 0  # NOISE
         function = data.take(np.minimum(at + 1, len(data) - 1))
-        failed = np.flatnonzero(framed & (function & 0x80 != 0) & (length >= 3))
+        failed = (framed & (function > 0x7F) & (length >= 3)).nonzero()[0]
         rows = np.zeros(len(at), ROW)
         rows["start"], rows["length"], rows["at"] = at + pieces.offset, length, at
         rows["t_start"], rows["t_end"] = seen.t_start, seen.t_end

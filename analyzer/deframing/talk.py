@@ -80,8 +80,11 @@ def said_after(said: Said, run: Run) -> Said:
     """The conversation after a run: exchange by exchange, and at once where nothing is open."""
     n = len(run.start)
     asks = run.role == Role.REQUEST
-    answered = np.append(asks[:-1] & run.fits[1:], False)
-    odd = [*np.flatnonzero(~(answered | np.append(False, answered[:-1]))).tolist(), n]
+    single = ~(asks[:-1] & run.fits[1:])
+    alone = np.ones(n, np.bool_)
+    alone[:-1] &= single
+    alone[1:] &= single
+    odd = [*alone.nonzero()[0].tolist(), n]
     i = k = 0
     while i < n:
         while odd[k] < i:

@@ -78,9 +78,9 @@ class Tape:
 
     @property
     def ready(self) -> int:
-        """Bytes in closed groups; a read so long that it can't be one is not waited for."""
-        if self._closed < len(self.group) and len(self.data) - int(self.group[self._closed]) < _LONG_READ:
-            return int(self.group[self._closed])
+        """Bytes before the open group; a read so long that it can't be one is not waited for."""
+        if self._closed < len(self.group) and len(self.data) - int(self.group[-1]) < _LONG_READ:
+            return int(self.group[-1])
         return len(self.data)
 
     @property
@@ -93,13 +93,13 @@ class Tape:
     ) -> None:
         """Add chunks: their bytes end to end, and size, time and direction mark of each (none of them empty).
 
-        `errors`: which of these bytes the UART marked.
+        `errors`: which of these bytes the UART marked. `close` is to be called before anything is asked of them.
         """
         if not len(sizes):
             return
         if len(errors):
             self._errors = np.concatenate((self._errors, errors + len(self.data)))
-        starts = len(self.data) + np.concatenate(([0], np.cumsum(sizes[:-1])))
+        starts = sizes.cumsum() - sizes + len(self.data)
         new = np.empty(len(sizes), np.bool_)
         new[1:] = (times[1:] != times[:-1]) | (marks[1:] != marks[:-1])
         last_mark = int(self._marks[-1]) if len(self._marks) else self._before[1]
@@ -110,30 +110,31 @@ class Tape:
         self.group = np.concatenate((self.group, starts[new]))
         self.time = np.concatenate((self.time, times[new]))
         self._marks = np.concatenate((self._marks, marks[new]))
-        self._close(len(self.group) - 1)
 
-    def close(self) -> None:
-        """Close the open group: no more bytes come with its time."""
-        self._close(len(self.group))
-
-    def _close(self, upto: int) -> None:
-        first = self._closed
+    def close(self, *, over: bool) -> None:
+        """Work out what is known of the groups. `over`: no more bytes come with the newest time; else it stays open."""
+        first, upto = self._closed, len(self.group) - (not over)
         if upto <= first:
             return
-        ends = np.append(self.group[first + 1 : upto + 1], [len(self.data)] if upto == len(self.group) else [])
-        sizes = ends.astype(np.int64) - self.group[first:upto]
+        ends = np.full(upto - first, len(self.data))
+        following = self.group[first + 1 : upto + 1]
+        ends[: len(following)] = following
+        sizes = ends - self.group[first:upto]
         before, mark = self._before if not first else (int(self.time[first - 1]), int(self._marks[first - 1]))
         times = np.concatenate(([before], self.time[first:upto]))
         marks = np.concatenate(([mark], self._marks[first:upto]))
-        steps = np.diff(np.maximum(times, times[1:].min() - (1 << 53)))
+        times = np.maximum(times, int(times[1:].min()) - (1 << 53))
+        steps = times[1:] - times[:-1]
         silence = steps - (sizes * self.char_ns).astype(np.int64)
-        heard = steps - np.round(sizes * self._wire_ns).astype(np.int64)
+        heard = steps - self._wire(sizes)
         if before == _FAR:
             heard[0] = NO_GAP
         self._silence = np.concatenate((self._silence[:first], heard))
         classes = classes_of(silence, self.char_ns)
-        turned = (marks[1:] != marks[:-1]) & (marks[1:] != 0) & (times[:-1] != _FAR)
-        classes[turned] = TURNS + marks[1:][turned] - 1
+        if marks.any():
+            turned = (marks[1:] != marks[:-1]) & (marks[1:] != 0)
+            turned[0] &= before != _FAR
+            classes[turned] = TURNS + marks[1:][turned] - 1
         if before == _FAR:
             classes[0] = 0  # nothing is known of the silence before a capture
         self.classes[self.group[first:upto]] = classes
@@ -141,7 +142,7 @@ class Tape:
 
     def quiet(self, low: int, high: int, least_ns: int) -> Index:
         """Byte indices in (low, high) before which the times step by `least_ns` or more; `high` excluded."""
-        first, last = np.searchsorted(self.group, (low + 1, high))
+        first, last = self.group.searchsorted((low + 1, high)).tolist()
         if first >= last:
             return np.empty(0, np.intp)
         previous = self.time[first - 1 : last - 1] if first else np.append(self._before[0], self.time[: last - 1])
@@ -149,23 +150,24 @@ class Tape:
 
     def seen(self, starts: Index, ends: Index) -> Seen:
         """What the reads say of pieces that lie end to end, at least one."""
-        bounds = np.append(starts, ends[-1])
-        group = np.searchsorted(self.group, bounds, side="right") - 1
-        begins = self.group[group] == bounds
+        bounds = np.concatenate((starts, ends[-1:]))
+        group = self.group.searchsorted(bounds, side="right") - 1
+        begins = self.group.take(group) == bounds
         head, tail = group[:-1], group[1:] - begins[1:]
-        limits = np.append(self.group[1:], len(self.data))
+        limits = np.empty_like(self.group)
+        limits[:-1], limits[-1] = self.group[1:], len(self.data)
         t_end = self.time[tail] - self._wire(limits[tail] - ends)  # what came in the same read after it, too
         t_start = self.time[head] - self._wire(limits[head] - starts)
         t_start = np.minimum(t_start, t_end - self._wire(ends - starts))
-        known = np.append(self._silence, np.full(len(limits) - len(self._silence), NO_GAP))
+        known = np.full(len(limits) + 1, NO_GAP)  # a spare one: the last piece may end where all do
+        known[: len(self._silence)] = self._silence
         if self._partial and starts[0] == 0:
             begins[0] = False
         most, least = np.full(len(starts), NO_GAP), np.full(len(starts), NO_GAP)
         at, errors = np.zeros(len(starts), np.int32), np.zeros(len(starts), np.uint16)
-        several = np.flatnonzero(tail > head)
+        several = (tail > head).nonzero()[0]
         if len(several):
-            within = np.ravel(np.column_stack((head[several] + 1, tail[several] + 1)))
-            known = np.append(known, NO_GAP)  # a spare one: the last piece may end where all do
+            within = np.stack((head[several] + 1, tail[several] + 1), axis=1).ravel()
             most[several] = np.maximum.reduceat(known, within)[::2]
             least[several] = np.minimum.reduceat(known, within)[::2]
             at[several] = self._places(known, head[several], tail[several], most[several]) - starts[several]
@@ -182,12 +184,14 @@ class Tape:
 
     def _places(self, silence: Times, head: Index, tail: Index, most: Times) -> Index:
         """The byte before which each piece's longest silence stands; pieces are of groups head to tail."""
-        owner = np.repeat(np.arange(len(head)), tail - head)
-        within = np.arange(len(owner)) - np.repeat(np.cumsum(tail - head) - (tail - head), tail - head)
-        groups = head[owner] + 1 + within
-        hits = np.flatnonzero(silence[groups] == most[owner])
-        _, first = np.unique(owner[hits], return_index=True)
-        places: Index = self.group[groups[hits[first]]]
+        sizes = tail - head
+        owner = np.arange(len(head)).repeat(sizes)
+        groups = (tail + 1 - sizes.cumsum()).take(owner) + np.arange(len(owner))
+        hits = (silence.take(groups) == most.take(owner)).nonzero()[0]
+        first = np.ones(len(hits), np.bool_)  # of each owner, all of which have one
+        of = owner.take(hits)
+        first[1:] = of[1:] != of[:-1]
+        places: Index = self.group.take(groups.take(hits[first]))
         return places
 
     def parted(
@@ -208,9 +212,7 @@ class Tape:
         """Forget the first `count` bytes: they are decided."""
         if not count:
             return
-        gone = (
-            int(np.searchsorted(self.group, count, side="right")) - 1
-        )  # the group that byte `count` lies in, or before
+        gone = int(self.group.searchsorted(count, side="right")) - 1  # the group that byte `count` lies in, or before
         if count >= len(self.data):
             gone = len(self.group)
         keep_partial = gone < len(self.group) and int(self.group[gone]) < count

@@ -1,4 +1,4 @@
-"""Transactions and findings of rows while they come: at once where something looks wrong, else a few times a second.
+"""Transactions and findings of rows while they come: at once where something looks wrong, else twice a second.
 
 Rules look at columns, which costs the same for one frame as for a hundred. So frames that are as they should be wait a
 moment for their diagnosis, and the first one that is not brings theirs along.
@@ -6,6 +6,7 @@ moment for their diagnosis, and the first one that is not brings theirs along.
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Final
 
 import numpy as np
@@ -13,12 +14,16 @@ import numpy as np
 from analyzer.deframing.options import Options
 from analyzer.findings.diagnosis import Diagnosis
 from analyzer.findings.model import NOTHING, Findings
-from analyzer.frames import Batch, Kind, Rows
+from analyzer.frames import ROW, Batch, Kind, Rows
+from analyzer.recorded import Deaf, deaf_times, excused
 from analyzer.transactions import TRANSACTION, Transactions
 from captures.line import LineSettings
+from captures.recording.notes import Note
 
-_WAIT_NS: Final = 300_000_000
-_ROWS: Final = 128  # waiting at most
+_WAIT_NS: Final = 500_000_000
+_ROWS: Final = 256  # waiting at most
+_NOTES: Final = 64  # remembered, the newest
+_REQUEST: Final = int(Kind.REQUEST)
 _NONE: Final[tuple[Rows, Findings]] = np.zeros(0, TRANSACTION), NOTHING
 
 
@@ -32,6 +37,13 @@ class Diagnosing:
         self._rows = 0
         self._since = 0
         self._asking = False  # the last frame was a request
+        self._notes: deque[Note] = deque(maxlen=_NOTES)
+        self._deaf: list[Deaf] = []
+
+    def note(self, note: Note) -> None:
+        """Something happened to a port: no answer is missed that came while nothing was heard."""
+        self._notes.append(note)
+        self._deaf = deaf_times(self._notes)
 
     def feed(self, batch: Batch, now_ns: int) -> tuple[Rows, Findings]:
         """What is to be said by now, with these rows (which may be none)."""
@@ -49,31 +61,32 @@ class Diagnosing:
         """No more comes: the rest, and what concerns the bus as a whole."""
         settled, findings = self._say() if self._held else _NONE
         last = self._transactions.close()
-        found = self._diagnosis.close(last)
+        found = excused(self._diagnosis.close(last), self._deaf)
         return np.concatenate((settled, last)), np.concatenate((findings, found))
 
     def _say(self) -> tuple[Rows, Findings]:
         batch = joined(self._held)
         self._held, self._rows = [], 0
         settled = self._transactions.feed(batch)
-        return settled, self._diagnosis.feed(batch, settled)
+        return settled, excused(self._diagnosis.feed(batch, settled), self._deaf)
 
     def _odd(self, batch: Batch) -> bool:
         """Whether any of these rows is not what a healthy bus says."""
         rows = batch.rows
-        asking = (rows["kind"] == Kind.REQUEST) & (rows["unit"] > 0)
-        before = np.append(self._asking, asking[:-1])
+        requests = rows["kind"] == _REQUEST
+        asking = requests & (rows["unit"] > 0)
+        again = (requests[0] and self._asking) or (requests[1:] & asking[:-1]).any()
         self._asking = bool(asking[-1])
-        healthy = rows["check"] & (rows["exception"] == 0) & (rows["errors"] == 0)
-        healthy &= np.where(rows["kind"] == Kind.REQUEST, ~before, rows["request"] >= 0)
-        return not bool(healthy.all())
+        unasked = ~requests & (rows["request"] < 0)
+        bad = unasked.any() or not rows["check"].all() or rows["exception"].any() or rows["errors"].any()
+        return bool(again or bad)
 
 
 def joined(batches: list[Batch]) -> Batch:
     """Batches as one, at least one."""
     if len(batches) == 1:
         return batches[0]
-    rows = np.concatenate([batch.rows for batch in batches])
+    rows = np.concatenate([batch.rows.view(np.uint8) for batch in batches]).view(ROW)  # as bytes: fields cost time
     sizes = np.cumsum([0, *(len(batch.data) for batch in batches)])
     rows["at"] += np.repeat(sizes[:-1], [len(batch) for batch in batches])
     earlier = {index: adu for batch in batches for index, adu in batch.earlier.items()}

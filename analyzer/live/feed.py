@@ -20,6 +20,7 @@ from analyzer.findings.model import NOTHING, Findings
 from analyzer.frames import Batch, Rows
 from captures.chunks import Block
 from captures.line import LineSettings
+from captures.recording.notes import Note
 
 from .diagnosing import Diagnosing, joined
 from .placing import Place
@@ -74,6 +75,10 @@ class Feed:
         self._now = now_ns
         return self.nothing() if self._deframer is None else self._told(self._deframer.tick(now_ns))
 
+    def note(self, note: Note) -> None:
+        """Something happened to a port: lost, opened, bytes missing."""
+        self._diagnosing.note(note)
+
     def restart(self, line: LineSettings, missed: Mapping[int, int] | None = None) -> Fed:
         """Bytes were missed (so many, by port), or the line is another from now on: what was certain before."""
         last = self.close()
@@ -125,7 +130,7 @@ class Feed:
 def _said(batch: Batch, findings: Findings) -> Batch:
     """The batch with the findings that speak of its rows."""
     if not len(findings) or not len(batch):
-        return replace(batch, findings=NOTHING)
+        return Batch(batch.rows, batch.data, batch.earlier, batch.evidence, NOTHING)
     mine = np.zeros(len(findings), np.bool_)
     for port in np.flatnonzero(np.bincount(batch.rows["port"])).tolist():
         starts = batch.rows["start"][batch.rows["port"] == port]
@@ -135,5 +140,7 @@ def _said(batch: Batch, findings: Findings) -> Batch:
 
 def octets_by_port(block: Block) -> dict[int, int]:
     """How many bytes of each port a block holds."""
+    if not block.port.any():
+        return {0: len(block.data)} if len(block) else {}
     counts = np.bincount(block.port, np.diff(block.offsets))
     return {port: int(counts[port]) for port in np.flatnonzero(counts).tolist()}

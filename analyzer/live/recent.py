@@ -44,8 +44,9 @@ class Recent:
         if here is not None and len(step.findings) > len(here):
             yield from self._late(step)
         batch = step.batch
+        silent = here is None or not len(here)
         for row in range(len(batch)):
-            yield Shown(batch, row, batch.findings_of(row), late=False)
+            yield Shown(batch, row, () if silent else batch.findings_of(row), late=False)
         if len(batch):
             self._batches.append(batch)
             self._rows += len(batch)

@@ -15,7 +15,7 @@ from typing import Any, Final, Protocol
 
 from analyzer.deframing.options import Options
 from analyzer.findings.model import Findings
-from analyzer.frames import Batch, Kind
+from analyzer.frames import Batch
 from captures.chunks import Block
 from captures.line import LineSettings
 from captures.live.wire import Event, Item, Tick
@@ -25,6 +25,7 @@ from .feed import Fed, Feed, octets_by_port
 
 _BACKLOG: Final = 4 << 20  # bytes that wait for the analysis at most
 _PATIENCE_S: Final = 0.2
+_DEAF: Final = frozenset({"lost", "opened", "gap"})  # events that tell when nothing was heard
 _NOTED: Final = frozenset({"lost", "opened", "clock", "settled", "gap"})  # events that stand in the record
 
 
@@ -150,6 +151,8 @@ class Session:
             return Step(part.t_ns, self._feed.restart(self.line, part.octets), missed=sum(part.octets.values()))
         if isinstance(part, Event):
             if part.kind != "settled":
+                if part.kind in _DEAF:
+                    self._feed.note(Note(part.t_ns, part.kind, part.text))
                 return Step(part.t_ns, self._feed.nothing(), [part])
             self.line = self._source.line
             return Step(part.t_ns, self._feed.restart(self.line), [part])
@@ -165,8 +168,7 @@ class Session:
 
     def _judged(self, step: Step) -> Step:
         rows = step.batch.rows
-        sense = (rows["kind"] != Kind.NOISE) & rows["check"]
-        self._source.judge(step.heard, int(rows["length"][sense].sum()))
+        self._source.judge(step.heard, int(rows["length"].sum(where=rows["check"])))
         return step
 
     def _pump(self) -> None:

@@ -13,6 +13,7 @@ from captures.line import LineSettings
 from .session import Step
 
 _WINDOW_NS: Final = 2_000_000_000
+_NOISE: Final = int(Kind.NOISE)
 
 
 class Status:
@@ -28,9 +29,9 @@ class Status:
     def feed(self, step: Step) -> None:
         """Count it."""
         rows = step.batch.rows
-        frames = int(np.count_nonzero(rows["kind"] != Kind.NOISE))
+        frames = len(rows) - int(np.count_nonzero(rows["kind"] == _NOISE))
         self.frames += frames
-        self.errors += len(rows) - int(np.count_nonzero((rows["kind"] != Kind.NOISE) & rows["check"]))
+        self.errors += len(rows) - int(np.count_nonzero(rows["check"]))  # noise has none
         self.bytes += step.heard
         self.marked += step.marked
         self.missed += step.missed

@@ -86,16 +86,17 @@ class Port:
         self.desk.listen_for(settings.silence_ns)
         self.desk.event(self.number, "settings", f"{settings.url}: {settings}", settings=settings.to_json())
 
-    def read(self) -> None:
-        """Take what has come."""
-        if self.tap is None:
-            return
-        try:
-            data, errors = self.tap.read()
-        except PortGoneError as error:
-            self.gone(error)
-        else:
-            self.desk.read(self.desk.clock.now(), self.number, data, errors)
+    def read(self) -> int:
+        """Take what has come; when that was, ns."""
+        data, errors = b"", list[int]()
+        if self.tap is not None:
+            try:
+                data, errors = self.tap.read()
+            except PortGoneError as error:
+                self.gone(error)
+        now = self.desk.clock.now()
+        self.desk.read(now, self.number, data, errors)
+        return now
 
     def _tell_notices(self) -> None:
         if self.tap is not None:
@@ -139,6 +140,7 @@ def _by_waiting(ports: list[Port], desk: Desk, out: Pipe) -> None:
     if not all(port.open() for port in ports):
         return
     clock, taps = desk.clock, None
+    now = clock.now()
     while True:
         if taps != [port.tap for port in ports]:
             taps = [port.tap for port in ports]
@@ -146,17 +148,17 @@ def _by_waiting(ports: list[Port], desk: Desk, out: Pipe) -> None:
             by_descriptor = {p.tap.descriptor: p for p in ports if p.tap is not None and p.tap.descriptor is not None}
             waiting = [0, *by_descriptor]
         until = min([desk.deadline, *(port.retry_ns for port in away)]) if away else desk.deadline
-        wait = (until - clock.now()) / 1e9
+        wait = (until - now) / 1e9
         ready, _, _ = select.select(waiting, [1] if out.waiting else [], [], wait if wait > 0 else 0)
         for descriptor in ready:
-            if descriptor:
-                by_descriptor[descriptor].read()
+            now = by_descriptor[descriptor].read() if descriptor else clock.now()
         if 0 in ready:
             given = commands.take()
             if given is None:
                 return
             _obey(given, ports)
-        now = clock.now()
+        if not ready:
+            now = clock.now()
         if desk.deadline <= now and (not ready or _quiet(by_descriptor)):
             desk.due(now)
         if out.waiting:

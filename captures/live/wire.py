@@ -77,7 +77,7 @@ def _block(body: bytes) -> Block:
     ports_at = sizes_at + 2 * n
     errors_at = ports_at + n
     offsets = np.zeros(n + 1, np.int64)
-    np.cumsum(np.frombuffer(body, "<u2", n, sizes_at), out=offsets[1:])
+    np.frombuffer(body, "<u2", n, sizes_at).cumsum(out=offsets[1:])
     return Block(
         data=np.frombuffer(body, np.uint8, -1, errors_at + 4 * errors),
         offsets=offsets,
