@@ -101,9 +101,17 @@ class Pairer:
         opened = _Open(
             int(values["index"]), int(values["start"]), int(values["port"]), int(values["t_end"]), read, place, adu
         )
-        self._open = [*self._open[1 - _OPEN :], opened]
+        self._open = [*self._open[-_OPEN:], opened]  # one too many, for an answer right behind it closes it at once
 
     def _answer(self, rows: Rows, row: int, adu: bytes, read: int, place: int, earlier: dict[int, bytes]) -> None:
+        newest = self._open[-1:]
+        if not (
+            newest
+            and newest[0].index == int(rows["index"][row]) - 1
+            and newest[0].port == int(rows["port"][row])
+            and expectation(newest[0].adu).fits(adu)
+        ):
+            self._open = self._open[-_OPEN:]
         self._open = [o for o in self._open if place - o.place <= _REACH]
         fitting_ones = [o for o in reversed(self._open) if expectation(o.adu).fits(adu)]
         if not fitting_ones:
@@ -121,5 +129,5 @@ def _near(loose: Index, kind: NDArray[np.uint8]) -> Index:
     """Of frames (numbers in `kind`) that are not paired, the responses, and the requests that may be open then."""
     number = np.arange(len(loose))
     looks = np.append(np.flatnonzero(kind.take(loose) == Kind.RESPONSE), len(loose))
-    near: Index = loose[looks[np.searchsorted(looks, number)] - number <= _OPEN]
+    near: Index = loose[looks[np.searchsorted(looks, number)] - number <= _OPEN + 1]
     return near

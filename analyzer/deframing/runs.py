@@ -236,7 +236,7 @@ def reach(
         start = runs.start[place]
         if place[0] == i:
             waits = np.append(waiting, waits[1:])
-        early = np.flatnonzero((start < REACH) & (alone | waits))
+        early = np.flatnonzero(start < REACH)
         if len(early):  # what was asked before may be before these bytes
             asked = {pending.adu[:2] for pending in talk.said.pending}
             late = late.copy()
@@ -247,7 +247,7 @@ def reach(
         answered = (first >= _PLAIN) & (echo >= np.where(waits, _SURE + trust.unanswered_bits, _PLAIN))
         unanswered = trust.unanswered_bits + table[_AGAIN, behind] - table[_ASKS, behind]
         bits = first - UNASKED + np.where(data.take(start) != 0, unanswered, 0.0)  # a broadcast is not answered
-        told = np.where(alone, (bits >= _ENOUGH) & ~waits, answered) & ~(late & (alone | waits))
+        told = np.where(alone, (bits >= _ENOUGH) & ~waits, answered) & ~late
         if not told.all():
             high = int(np.argmin(told))
             last, place, alone, bits = int(place[high]), place[:high], alone[:high], bits[:high]
