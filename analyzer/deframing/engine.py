@@ -25,7 +25,7 @@ from .prefix import windows
 from .readings import echoed, plain_one
 from .repeats import Place, Repeats, copied
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index, Mask
-from .runs import Runs, Stretch, plain_evidence, reach, runs_of
+from .runs import Runs, Stretch, plain_evidence, reach, runs_of, without_tail
 from .silence import Trust, Turn, next_checkpoint
 from .talk import REACH, Run, Talk
 from .tape import Character, Tape, Times
@@ -176,11 +176,14 @@ class Engine:
         if runs.end[last - 1] > limit:
             last = max(i + 1, i + int(np.searchsorted(runs.end[i:last], limit, side="right")))
         classes = self.tape.classes[begin : begin + len(data)]
+        bound = last
         last, margin = reach(runs, i, last, data, classes, self.trust, self._talk, waiting=self._waiting)
+        if last < bound or last > runs.last[i] or runs.either[last]:
+            last = without_tail(runs, i, last, classes)
         if last <= i:
             return at
         start, end, role = runs.start[i:last], runs.end[i:last], runs.role[i:last]
-        structure = runs.structure[i:last]
+        structure, margin = runs.structure[i:last], margin[: last - i]
         why = None
         if self.options.explain:
             why = evidence(last - i)
