@@ -104,19 +104,15 @@ class Pairer:
         self._open = [*self._open[-_OPEN:], opened]  # one too many, for an answer right behind it closes it at once
 
     def _answer(self, rows: Rows, row: int, adu: bytes, read: int, place: int, earlier: dict[int, bytes]) -> None:
+        port, before = int(rows["port"][row]), int(rows["index"][row]) - 1
         newest = self._open[-1:]
-        if not (
-            newest
-            and newest[0].index == int(rows["index"][row]) - 1
-            and newest[0].port == int(rows["port"][row])
-            and expectation(newest[0].adu).fits(adu)
-        ):
+        if not any(o.index == before and o.port == port and expectation(o.adu).fits(adu) for o in newest):
             self._open = self._open[-_OPEN:]
         self._open = [o for o in self._open if place - o.place <= _REACH]
         fitting_ones = [o for o in reversed(self._open) if expectation(o.adu).fits(adu)]
         if not fitting_ones:
             return
-        port = int(rows["port"][row])  # the other port only where each carries one direction
+        # the other port only where each carries one direction
         found = next((o for o in fitting_ones if o.port == port), fitting_ones[0])
         self._open.remove(found)
         earlier[found.index] = found.adu

@@ -33,7 +33,7 @@ def places(
     idle: Sequence[int],
     parts: NDArray[np.bool_],
 ) -> Places:
-    """Places in `data`; `idle`: where the line was quiet, its end maybe; `parts`: silences (classes) that surely part."""
+    """Places in `data`; `idle`: where the line was quiet, its end too maybe; `parts`: classes of silence that part."""
     gaps = (1 + np.flatnonzero(classes[1 : len(data)] >= SILENT)).tolist()
     begins = {0, *gaps, *(c.end for c in candidates)}
     ends = {*gaps, *idle, *(c.start for c in candidates)}

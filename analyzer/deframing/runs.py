@@ -244,8 +244,8 @@ def reach(
         before, behind = silences.take(start), silences.take(runs.end[place])
         first = table[np.where(waits, _AGAIN, _ASKS), before] - table[_ANSWERS, before]
         echo = table[_ANSWERS, behind] - table[_AGAIN, behind]
-        again = trust.unanswered_bits + HALF  # two requests that nobody answers stand against an echo
-        least = np.where(waits, _SURE + trust.unanswered_bits, max(_PLAIN, LEAD + 2 * again))
+        repeated = trust.unanswered_bits + HALF  # two requests that nobody answers stand against an echo
+        least = np.where(waits, _SURE + trust.unanswered_bits, max(_PLAIN, LEAD + 2 * repeated))
         answered = (first >= _PLAIN) & (echo >= least)
         unanswered = trust.unanswered_bits + table[_AGAIN, behind] - table[_ASKS, behind]
         bits = first - UNASKED + np.where(data.take(start) != 0, unanswered, 0.0)  # a broadcast is not answered
