@@ -318,14 +318,14 @@ class Engine:
         self._repeats.clear()
         noise = role == NOISE
         parts = self.trust.parts(_PARTS_NOISE) if noise.any() else None
-        self._learn(start, end, role)
+        self._learn(start, end, role, check)
         if parts is not None:
             start, end, piece = self.tape.parted(start, end, noise, parts)
             why = None if why is None else why[piece]
             role, check, margin, contested = role[piece], check[piece], margin[piece], contested[piece]
         self._learnt.append(Decided(start, end, role, check, margin, contested, why))
 
-    def _learn(self, start: Index, end: Index, role: NDArray[np.uint8]) -> None:
+    def _learn(self, start: Index, end: Index, role: NDArray[np.uint8], check: Mask) -> None:
         """Let decided pieces teach what silences and glitches mean here."""
         data, low, high = self.tape.data, int(start[0]), int(end[-1])
         frames = np.flatnonzero(role != NOISE)
@@ -334,7 +334,7 @@ class Engine:
         waits = np.empty(len(frames), np.bool_)
         waits[:1], waits[1:] = self._waited, asks[:-1]
         turns = role[frames].copy()
-        turns[waits & asks] = Turn.AGAIN
+        turns[waits & asks & check[frames]] = Turn.AGAIN  # what is damaged may be an answer after all
         if len(frames):
             self._waited = bool(asks[-1])
         classes = self.tape.classes[low:high]
