@@ -117,7 +117,7 @@ def test_a_file_at_once_and_read_by_read_give_the_same(chunks: list[Chunk]) -> N
     assert_same(deframed([Block.from_chunks(chunks)]), deframed(chunks))
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(long_repeats.map(reads))
 def test_what_repeats_for_long_is_the_same_at_once_and_read_by_read(chunks: list[Chunk]) -> None:
     assert_same(deframed([Block.from_chunks(chunks)]), deframed(chunks))
