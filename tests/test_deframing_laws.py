@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from buses import CHAR_NS, LINE, Found, adu, collect, deframed, streams
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analyzer.deframing.stream import Deframer
@@ -47,6 +47,46 @@ def reads(parts: list[tuple[bytes, int, int, int]]) -> list[Chunk]:
     return chunks
 
 
+asked, answer = adu("11030000000a"), adu("110314" + "0102" * 10)
+coil, failed, zeros = adu("1105000aff00"), adu("118302"), adu("010402030178")[:-2] + b"\0\0"
+degenerate = st.one_of(
+    st.lists(
+        st.sampled_from(
+            [
+                write,
+                other,
+                vendor,
+                asked,
+                asked + answer,
+                failed,
+                zeros,
+                adu("000600010002"),
+                b"\0",
+                b"\x01\x83",
+                b"\x01\x03\xf8" + write * 31,
+                adu("0103f8" + (write * 31).hex()),
+                coil * 2 + adu("110300000001") + adu("1103020007"),
+            ]
+        ),
+        min_size=1,
+        max_size=2,
+    ).map(b"".join),
+    st.lists(st.binary(min_size=4, max_size=4), min_size=2, max_size=30).map(
+        lambda values: b"".join(adu("1106" + value.hex()) for value in values)
+    ),
+)
+long_repeats = st.lists(
+    st.tuples(
+        degenerate,
+        st.integers(1, 1200),
+        st.sampled_from([0, 0, CHAR_NS, 3 * CHAR_NS, 5_000_000, 60_000_000, 2_000_000_000]),
+        st.sampled_from([8, 13, 64, 100, 256, 1000, 4096]),
+    ).map(lambda part: (part[0], 1 + part[1] // len(part[0]), *part[2:])),
+    min_size=1,
+    max_size=3,
+)
+
+
 any_stream = st.one_of(streams(), random_streams, repeats.map(reads))
 
 
@@ -80,6 +120,12 @@ def test_a_frame_said_to_be_whole_is(chunks: list[Chunk]) -> None:
 
 @given(any_stream)
 def test_a_file_at_once_and_read_by_read_give_the_same(chunks: list[Chunk]) -> None:
+    assert_same(deframed([Block.from_chunks(chunks)]), deframed(chunks))
+
+
+@settings(max_examples=12)
+@given(long_repeats.map(reads))
+def test_what_repeats_for_long_is_the_same_at_once_and_read_by_read(chunks: list[Chunk]) -> None:
     assert_same(deframed([Block.from_chunks(chunks)]), deframed(chunks))
 
 

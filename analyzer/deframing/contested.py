@@ -118,8 +118,9 @@ class Contested:
             decision = settled(lattice, len(data))
             if only_frames(decision):
                 return [decision]
-        closed = quiet or len(tape.quiet(origin + len(data) - 1, origin + len(data) + 1, self._options.idle_ns)) > 0
-        spots = places(data, silences, candidates, closed=closed, parts=trust.parts())
+        idle = (tape.quiet(origin, origin + len(data) + 1, self._options.idle_ns) - origin).tolist()
+        idle += [len(data)] * quiet
+        spots = places(data, silences, candidates, idle, trust.parts())
         may = opening(stretch.crc, at, len(data))
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self.heard, may)
         more += broken_windows(data, stretch.crc, at, spots, candidates + more, may)

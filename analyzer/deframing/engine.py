@@ -25,7 +25,7 @@ from .prefix import windows
 from .readings import echoed, plain_one
 from .repeats import Place, Repeats, copied
 from .rules import MAX_ADU, MIN_ADU, Bytes, Index, Mask
-from .runs import Runs, Stretch, plain_evidence, reach, runs_of
+from .runs import Runs, Stretch, plain_evidence, reach, runs_of, without_tail
 from .silence import Trust, Turn, next_checkpoint
 from .talk import REACH, Run, Talk
 from .tape import Character, Tape, Times
@@ -177,11 +177,14 @@ class Engine:
         if runs.end[last - 1] > limit:
             last = max(i + 1, i + int(np.searchsorted(runs.end[i:last], limit, side="right")))
         classes = self.tape.classes[begin : begin + len(data)]
+        bound = last
         last, margin = reach(runs, i, last, data, classes, self.trust, self._talk, waiting=self._waiting)
+        if last < bound or last > runs.last[i] or runs.either[last]:
+            last = without_tail(runs, i, last, classes)
         if last <= i:
             return at
         start, end, role = runs.start[i:last], runs.end[i:last], runs.role[i:last]
-        structure = runs.structure[i:last]
+        structure, margin = runs.structure[i:last], margin[: last - i]
         why = None
         if self.options.explain:
             why = evidence(last - i)
@@ -316,14 +319,14 @@ class Engine:
         self._repeats.clear()
         noise = role == NOISE
         parts = self.trust.parts(_PARTS_NOISE) if noise.any() else None
-        self._learn(start, end, role)
+        self._learn(start, end, role, check)
         if parts is not None:
             start, end, piece = self.tape.parted(start, end, noise, parts)
             why = None if why is None else why[piece]
             role, check, margin, contested = role[piece], check[piece], margin[piece], contested[piece]
         self._learnt.append(Decided(start, end, role, check, margin, contested, why))
 
-    def _learn(self, start: Index, end: Index, role: NDArray[np.uint8]) -> None:
+    def _learn(self, start: Index, end: Index, role: NDArray[np.uint8], check: Mask) -> None:
         """Let decided pieces teach what silences and glitches mean here."""
         data, low, high = self.tape.data, int(start[0]), int(end[-1])
         frames = (role != NOISE).nonzero()[0]
@@ -332,7 +335,7 @@ class Engine:
         waits = np.empty(len(frames), np.bool_)
         waits[:1], waits[1:] = self._waited, asks[:-1]
         turns = role[frames].copy()
-        turns[waits & asks] = Turn.AGAIN
+        turns[waits & asks & check[frames]] = Turn.AGAIN  # what is damaged may be an answer after all
         if len(frames):
             self._waited = bool(asks[-1])
         classes = self.tape.classes[low:high]

@@ -30,8 +30,8 @@ from .candidates import CRC_BITS, GLITCHES
 from .silence import Trust, Turn
 
 NOISE_BEGINS = 9.0
-NOISE_BYTE = 1.2
-GLITCH_BYTE = 0.6
+NOISE_BYTE = 77 / 64
+GLITCH_BYTE = 39 / 64
 GLITCH_RUN = 6  # bytes
 FITS = 21.0  # an answer of the right unit, function and count: what its header proves beyond its structure
 FITS_BARE = 13.0  # an answer of which only unit and function are known

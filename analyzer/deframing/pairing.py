@@ -98,14 +98,18 @@ class Pairer:
         opened = _Open(
             int(values["index"]), int(values["start"]), int(values["port"]), int(values["t_end"]), read, place, adu
         )
-        self._open = [*self._open[1 - _OPEN :], opened]
+        self._open = [*self._open[-_OPEN:], opened]  # one too many, for an answer right behind it closes it at once
 
     def _answer(self, rows: Rows, row: int, adu: bytes, read: int, place: int, earlier: dict[int, bytes]) -> None:
+        port, before = int(rows["port"][row]), int(rows["index"][row]) - 1
+        newest = self._open[-1:]
+        if not any(o.index == before and o.port == port and expectation(o.adu).fits(adu) for o in newest):
+            self._open = self._open[-_OPEN:]
         self._open = [o for o in self._open if place - o.place <= _REACH]
         fitting_ones = [o for o in reversed(self._open) if expectation(o.adu).fits(adu)]
         if not fitting_ones:
             return
-        port = int(rows["port"][row])  # the other port only where each carries one direction
+        # the other port only where each carries one direction
         found = next((o for o in fitting_ones if o.port == port), fitting_ones[0])
         self._open.remove(found)
         earlier[found.index] = found.adu
@@ -118,5 +122,5 @@ def _near(loose: Index, kind: NDArray[np.uint8]) -> Index:
     """Of frames (numbers in `kind`) that are not paired, the responses, and the requests that may be open then."""
     number = np.arange(len(loose))
     looks = np.append((kind.take(loose) == _ANSWER).nonzero()[0], len(loose))
-    near: Index = loose[looks[looks.searchsorted(number)] - number <= _OPEN]
+    near: Index = loose[looks[looks.searchsorted(number)] - number <= _OPEN + 1]
     return near

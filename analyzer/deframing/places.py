@@ -30,16 +30,13 @@ def places(
     data: bytes,
     classes: NDArray[np.uint8],
     candidates: Sequence[Candidate],
-    *,
-    closed: bool,
+    idle: Sequence[int],
     parts: NDArray[np.bool_],
 ) -> Places:
-    """Places in `data`; `closed`: its end is an end of a frame too; `parts`: classes of silence that surely part."""
+    """Places in `data`; `idle`: where the line was quiet, its end too maybe; `parts`: classes of silence that part."""
     gaps = (1 + np.flatnonzero(classes[1 : len(data)] >= SILENT)).tolist()
     begins = {0, *gaps, *(c.end for c in candidates)}
-    ends = {*gaps, *(c.start for c in candidates)}
-    if closed:
-        ends.add(len(data))
+    ends = {*gaps, *idle, *(c.start for c in candidates)}
     for place in list(begins):
         for at in range(place, min(place + GLITCH_RUN, len(data))):
             if data[at] not in GLITCHES:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dissectors.lengths import Role, relations
 
 from .conversation import fitting
-from .lattice import FITS, FITS_BARE, FITS_EXCEPTION, LATE, LEAD, UNASKED
+from .lattice import FITS, FITS_BARE, FITS_EXCEPTION, HALF, LATE, LEAD, UNASKED
 from .rules import Bytes
 from .runs import Runs
 from .silence import Trust, Turn
@@ -68,7 +68,7 @@ def echoed(runs: Runs, i: int, last: int, silences: NDArray[np.uint8], trust: Tr
     table = trust.table
     before, between = silences.take(runs.start[i:last:2]), silences.take(runs.start[i + 1 : last : 2])
     first = table[Turn.REQUEST][before] - table[Turn.RESPONSE][before] - UNASKED
-    again = table[Turn.RESPONSE][between] - table[Turn.AGAIN][between] - trust.unanswered_bits
+    again = table[Turn.RESPONSE][between] - table[Turn.AGAIN][between] - (trust.unanswered_bits + HALF)
     bits = np.minimum(first[: len(again)], again)
     few: NDArray[np.float64] = bits[: int(np.argmin(np.append(bits, -np.inf) >= LEAD))]
     return few

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from dissectors.lengths import RULES, Bound, Choice, Multiple, Role, Rule, Sized, revision
 from dissectors.limits import taken
 
+from .bits import exact
+
 Bytes = NDArray[np.uint8]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -89,17 +91,17 @@ def _check(check: Bound | Choice | Multiple | Sized) -> tuple[Callable[[Bytes, I
         span = 1 << (8 * check.width)
         return (
             lambda data, at: _within(field(data, at + check.offset + 1, check.width), check.low, check.high),
-            math.log2(span / (min(check.high, span - 1) - check.low + 1)),
+            exact(math.log2(span / (min(check.high, span - 1) - check.low + 1))),
         )
     if isinstance(check, Choice):
         return (
             lambda data, at: _among(field(data, at + check.offset + 1, check.width), check.values),
-            8 * check.width - math.log2(len(check.values)),
+            exact(8 * check.width - math.log2(len(check.values))),
         )
     if isinstance(check, Multiple):
         return (
             lambda data, at: field(data, at + check.offset + 1, check.width) % check.n == 0,
-            math.log2(check.n),
+            exact(math.log2(check.n)),
         )
 
     def sized(data: Bytes, at: Index) -> Mask:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from .candidates import CRC_BITS, Candidates
 from .conversation import fitting
-from .lattice import CONTRARY, FITS, FITS_EXCEPTION, NOISE_BEGINS, OPEN, UNASKED, Candidate, Said
+from .lattice import CONTRARY, FITS, FITS_EXCEPTION, HALF, LEAD, NOISE_BEGINS, OPEN, UNASKED, Candidate, Said
 from .prefix import Windows
 from .rules import Bytes, Index, Mask
 from .silence import Trust, Turn
@@ -236,7 +236,7 @@ def reach(
         start = runs.start[place]
         if place[0] == i:
             waits = np.append(waiting, waits[1:])
-        early = np.flatnonzero((start < REACH) & (alone | waits))
+        early = np.flatnonzero(start < REACH)
         if len(early):  # what was asked before may be before these bytes
             asked = {pending.adu[:2] for pending in talk.said.pending}
             late = late.copy()
@@ -244,10 +244,12 @@ def reach(
         before, behind = silences.take(start), silences.take(runs.end[place])
         first = table[np.where(waits, _AGAIN, _ASKS), before] - table[_ANSWERS, before]
         echo = table[_ANSWERS, behind] - table[_AGAIN, behind]
-        answered = (first >= _PLAIN) & (echo >= np.where(waits, _SURE + trust.unanswered_bits, _PLAIN))
+        repeated = trust.unanswered_bits + HALF  # two requests that nobody answers stand against an echo
+        least = np.where(waits, _SURE + trust.unanswered_bits, max(_PLAIN, LEAD + 2 * repeated))
+        answered = (first >= _PLAIN) & (echo >= least)
         unanswered = trust.unanswered_bits + table[_AGAIN, behind] - table[_ASKS, behind]
         bits = first - UNASKED + np.where(data.take(start) != 0, unanswered, 0.0)  # a broadcast is not answered
-        told = np.where(alone, (bits >= _ENOUGH) & ~waits, answered) & ~(late & (alone | waits))
+        told = np.where(alone, (bits >= _ENOUGH) & ~waits, answered) & ~late
         if not told.all():
             high = int(np.argmin(told))
             last, place, alone, bits = int(place[high]), place[:high], alone[:high], bits[:high]
@@ -255,6 +257,21 @@ def reach(
     if len(place):
         margin[place[alone] - i] = bits[alone]
     return last, margin
+
+
+def without_tail(runs: Runs, i: int, last: int, silences: NDArray[np.uint8]) -> int:
+    """The end of a run from interval i on, before `last`, behind which the lattice has the word.
+
+    After a whole exchange, and where silence parts them, the lattice would decide as well before it goes on; a frame
+    by itself it would decide together with what follows.
+    """
+    end = int(runs.end[last - 1]) if last > i else 0
+    if last == i or end == len(silences) or silences[end] or (runs.fits[last - 1] and last - 2 >= i):
+        return last
+    last -= 1
+    while last > i and runs.either[last - 1] and runs.either[last]:
+        last -= 1
+    return last
 
 
 def plain_evidence(

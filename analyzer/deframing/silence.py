@@ -20,6 +20,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from .bits import exact
+
 _EDGES: Final = np.array(
     [0.25, 0.75, 1.25, 1.75, 2.5, 3.5, 5, 7, 10, 14, 20, 28, 40, 57, 80, 113, 160, 226, 320, 453, 640, 905, 1280, 2560,
      5120]
@@ -189,12 +191,12 @@ class Trust:
         either = _smooth(self._starts.sum(axis=0))
         starts = np.clip(np.log2(either / _smooth(self._inside)), -_CERTAIN, _CERTAIN)
         tells = [np.clip(np.log2(_smooth(counts) / either), -_TELLING, _TELLING) for counts in self._starts]
-        self._table = np.array([starts + tell for tell in tells])
+        self._table = exact(np.array([starts + tell for tell in tells]))
         self._tables: list[list[float]] = self._table.tolist()
-        self._unanswered_bits = min(-1.0, max(_UNANSWERED, math.log2(self._again / self._requests)))
+        self._unanswered_bits = min(-1.0, max(_UNANSWERED, exact(math.log2(self._again / self._requests))))
         share = self._units / self._units.sum()
-        self._unit_bits = np.clip(np.log2(share * 256), -_UNIT, _UNIT).tolist()
-        self._glitch_cost = min(_CERTAIN, max(1.0, -math.log2(self._glitches / self._frames)))
+        self._unit_bits = exact(np.clip(np.log2(share * 256), -_UNIT, _UNIT)).tolist()
+        self._glitch_cost = min(_CERTAIN, max(1.0, exact(-math.log2(self._glitches / self._frames))))
         if self._inside.sum() > _MEMORY:
             self._inside *= 0.5
             self._starts *= 0.5
