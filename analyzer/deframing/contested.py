@@ -126,7 +126,7 @@ class Contested:
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self.heard, may)
         more += broken_windows(data, stretch.crc, at, spots, candidates + more, may)
         more += damaged_requests(data, spots, candidates)
-        more += damaged_answers(data, tape.base + origin, spots, candidates, said.pending)
+        more += damaged_answers(data, spots, candidates, said.pending)
         more = [candidate for candidate in more if self._role in (None, candidate.role)]
         if more or decision is None:
             lattice, events = begun(sorted(candidates + more, key=lambda c: (c.start, c.end, c.role)))
