@@ -207,13 +207,11 @@ class _Plain:
 
 
 def _never_answering(places: Index, data: Bytes, start: Index, asks: Mask, joined: Mask) -> Index:
-    """Those of `places` that answer none of the frames before them in their run, as far back, all of which ask."""
-    first = places - np.minimum(places, _BACK)  # the first frame of the run, or the last that is looked at
+    """Those of `places` that answer none of the frames before them in their run, all of which ask."""
+    places = places[places >= _BACK]
     for back in range(1, _BACK + 1):
-        asker = np.maximum(places - back, first)
-        first = np.where((asker > first) & ~joined[asker], asker, first)
-        none = ~asks[asker] | fitting(data, start[asker], start[places])
-        places, first = places[~none], first[~none]
+        asker = places - back
+        places = places[joined[asker + 1] & asks[asker] & ~fitting(data, start[asker], start[places])]
     return places
 
 
@@ -235,9 +233,6 @@ def reach(
             return i, np.empty(0, np.float32)
         before = silences.take(runs.start[again])
         told = table[_AGAIN, before] - table[_ANSWERS, before] + (trust.unanswered_bits - CONTRARY) >= _MORE
-        for k in range(int(np.searchsorted(again, min(i + _BACK, last)))):  # what was asked before i may still be open
-            frame = slice(int(runs.start[again[k]]), int(runs.end[again[k]]))
-            told[k] &= talk.said.answers(data[frame].tobytes()) is None
         if not told.all():
             last = int(again[int(np.argmin(told))])
     low, high = np.searchsorted(runs.asks.place, (i, last))
