@@ -7,7 +7,6 @@ alone: at most a window, and what one feed brought.
 
 from __future__ import annotations
 
-from functools import cache, partial
 from typing import Final
 
 import numpy as np
@@ -20,7 +19,6 @@ from .contest import WINDOWS
 from .contested import Contested
 from .lattice import GLITCH_RUN, NOISE_BEGINS
 from .near import STILL, plain_frames
-from .nested import inner_runs
 from .options import Options
 from .pieces import NOISE, Decided, Pieces, evidence, joined
 from .prefix import windows
@@ -126,8 +124,7 @@ class Engine:
             return 0
         crc = windows(data)
         found = self._whole(search(data, crc), begin)
-        known = len(data) if final else len(data) - MAX_ADU
-        runs, inner = runs_of(found, data, known), cache(partial(inner_runs, found, data, known))
+        runs = runs_of(found, data, len(data) if final else len(data) - MAX_ADU)
         stretch = Stretch(data, begin, crc, found)
         at = 0
         while at < stop:
@@ -136,7 +133,6 @@ class Engine:
                 moved = (self._run if runs.clean[i] else self._plain)(stretch, runs, i)
                 moved = moved if moved > at else self._echoes(stretch, runs, i)
                 moved = moved if moved > at else self._near(stretch, runs, i)
-                moved = moved if moved > at or runs.clean[i] else self._inner(stretch, inner(), at)
                 if moved > at:
                     at = moved
                     continue
@@ -257,14 +253,6 @@ class Engine:
         taped = start + stretch.begin, end + stretch.begin
         self._take(stretch, start, end, fits, Decided(*taped, role, margin > 0, margin, margin < 0))
         return int(end[-1])
-
-    def _inner(self, stretch: Stretch, runs: Runs | None, at: int) -> int:
-        """Take what has no rival any more at `at`, inside frames that lost; the position behind it."""
-        i = 0 if runs is None else int(np.searchsorted(runs.start, at))
-        if runs is None or not runs.clean[i]:
-            return at
-        moved = self._run(stretch, runs, i)
-        return moved if moved > at else self._echoes(stretch, runs, i)
 
     def _take(self, stretch: Stretch, start: Index, end: Index, fits: Mask, decided: Decided) -> None:
         """Frames (`start` and `end` in the stretch) are decided without the lattice."""

@@ -91,11 +91,8 @@ class Stretch:
         ]
 
 
-def runs_of(found: Candidates, data: Bytes, known: int, rivals: Mask | None = None) -> Runs:
-    """Intervals of candidates; clean ones end at or before `known`, where nothing can still appear.
-
-    `rivals`: candidates that are never clean themselves.
-    """
+def runs_of(found: Candidates, data: Bytes, known: int) -> Runs:
+    """Intervals of candidates; clean ones end at or before `known`, where nothing can still appear."""
     n = len(found)
     new = np.ones(n, np.bool_)
     new[1:] = (found.start[1:] != found.start[:-1]) | (found.end[1:] != found.end[:-1])
@@ -107,8 +104,6 @@ def runs_of(found: Candidates, data: Bytes, known: int, rivals: Mask | None = No
     reach[1:] = np.maximum.accumulate(end)[:-1]
     clean = (reach <= start) & (end <= known)
     clean[:-1] &= start[1:] >= end[:-1]
-    if rivals is not None:
-        clean &= ~rivals[first]
     joined = np.zeros(m + 1, np.bool_)  # at k: k follows k - 1 in one run
     joined[1:m] = clean[1:] & clean[:-1] & (start[1:] == end[:-1])
     heads = np.flatnonzero(~joined[:m])
