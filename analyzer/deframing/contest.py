@@ -68,14 +68,14 @@ def events_in(
     if quiet:
         idle.add(size)
     edge = origin + size == tape.ready
-    spots = sorted({c.end for c in candidates} | idle | cut)
-    against = [max(bits) < AGAINST for bits in zip(*trust.evidence, strict=True)]  # by class
+    spots = sorted(({c.end for c in candidates} | idle | cut) - {0})
+    most = trust.most
     events = []
     for p in spots:
         inner = p < len(classes)
         silent = classes[p] > 0 if inner else edge
-        events.append(Event(p, p in idle, p in cut, p in idle or silent, not (inner and against[classes[p]])))
-    return [event for event in events if event.position > 0]
+        events.append(Event(p, p in idle, p in cut, p in idle or silent, not (inner and most[classes[p]] < AGAINST)))
+    return events
 
 
 UNDECIDED: Final = Decision([], [])

@@ -110,14 +110,16 @@ class Contested:
             lattice = Lattice(data, tape.base + origin, classes, trust, candidates, said)
             return lattice, events_in(tape, self._options, trust, origin, len(data), candidates, classes, quiet=quiet)
 
-        lattice, events = begun(candidates)
-        decision = decide(lattice, data, events, idle_bits)
-        if only_frames(decision):
-            return go_on(lattice, data, events, idle_bits, decision, contested)
-        if final and not decision.steps:
-            decision = settled(lattice, len(data))
+        decision = None
+        if candidates and candidates[0].start == 0:  # else there is noise, whatever comes
+            lattice, events = begun(candidates)
+            decision = decide(lattice, data, events, idle_bits)
             if only_frames(decision):
-                return [decision]
+                return go_on(lattice, data, events, idle_bits, decision, contested)
+            if final and not decision.steps:
+                decision = settled(lattice, len(data))
+                if only_frames(decision):
+                    return [decision]
         idle = (tape.quiet(origin, origin + len(data) + 1, self._options.idle_ns) - origin).tolist()
         idle += [len(data)] * quiet
         spots = places(data, silences, candidates, idle, trust.parts())
@@ -125,11 +127,9 @@ class Contested:
         more = unknown_windows(data, stretch.crc, at, spots, candidates, self.heard, may)
         more += broken_windows(data, stretch.crc, at, spots, candidates + more, may)
         more += damaged_requests(data, spots, candidates)
-        more += damaged_answers(data, tape.base + origin, spots, candidates, said.pending)
+        more += damaged_answers(data, spots, candidates, said.pending)
         more = [candidate for candidate in more if self._role in (None, candidate.role)]
-        if not more and (decision.steps or len(data) < WINDOWS[-1]):
-            return [decision]
-        if more:
+        if more or decision is None:
             lattice, events = begun(sorted(candidates + more, key=lambda c: (c.start, c.end, c.role)))
             decision = decide(lattice, data, events, idle_bits)
         if not decision.steps and final:

@@ -8,9 +8,10 @@ else begins.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from typing import Final
 
+from dissectors.answers import expectation
 from dissectors.lengths import Role
 
 from .candidates import GLITCHES, predicted
@@ -31,21 +32,23 @@ _LEAST: Final = 3
 
 
 def damaged_answers(
-    data: bytes, offset: int, places: Places, candidates: Sequence[Candidate], pending: Sequence[Pending]
+    data: bytes, places: Places, candidates: Sequence[Candidate], pending: Sequence[Pending]
 ) -> list[Candidate]:
-    """Candidates for damaged answers to the pending request or to requests in `data`, at stream `offset`."""
+    """Candidates for damaged answers to the pending request or to requests in `data`."""
     taken = {c.start for c in candidates if c.role == Role.RESPONSE}
-    asked = [(0, p) for p in pending[-1:]]
+    asked = [(0, p.adu) for p in pending[-1:]]
     asked += [
-        (c.end, Pending.of(offset + c.start, data[c.start : c.end]))
-        for c in candidates
-        if c.role == Role.REQUEST and c.declared and data[c.start]
+        (c.end, data[c.start : c.end]) for c in candidates if c.role == Role.REQUEST and c.declared and data[c.start]
     ]
     found: dict[tuple[int, int], Candidate] = {}
     for begin, request in asked:
-        header = request.expects.header
-        for start in range(begin, min(begin + GLITCH_RUN, len(data))):
-            if start not in taken and data.startswith(header, start):
+        starts = _starts(data, begin, request[:2], taken)
+        if not starts:
+            continue
+        header = expectation(request).header
+        due = predicted(header, 0, Role.RESPONSE) if len(header) >= _LEAST else None
+        for start in starts:
+            if data.startswith(header, start):
                 length = predicted(data, start, Role.RESPONSE) or MAX_ADU
                 for end in places.ends:
                     most = start + (2 * length + _MORE if len(header) >= _LEAST else length)
@@ -54,15 +57,22 @@ def damaged_answers(
                         found[start, end] = Candidate(
                             start, end, Role.RESPONSE, _bits(end - start, length), damaged=True
                         )
-            due = predicted(header, 0, Role.RESPONSE) if len(header) >= _LEAST else None
             end = start + (due or 0)
-            free = start not in taken and (start, end) not in found and end in places.ends
-            if due and free and data.startswith(header[:2], start) and not places.parted(start, end):
+            if due and (start, end) not in found and end in places.ends and not places.parted(start, end):
                 bits = _bits(due, due) + _OTHER_COUNT
                 found[start, end] = Candidate(start, end, Role.RESPONSE, bits, damaged=True)
-            if data[start] not in GLITCHES:
-                break
     return list(found.values())
+
+
+def _starts(data: bytes, begin: int, header: bytes, taken: Set[int]) -> list[int]:
+    """Where, from `begin` on and behind glitches at most, a header stands that no right answer has."""
+    found = []
+    for start in range(begin, min(begin + GLITCH_RUN, len(data))):
+        if start not in taken and data.startswith(header, start):
+            found.append(start)
+        if data[start] not in GLITCHES:
+            break
+    return found
 
 
 def _bits(length: int, predicted: int) -> float:

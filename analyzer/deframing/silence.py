@@ -117,8 +117,13 @@ class Trust:
 
     def parts(self, bits: float = _PARTS) -> NDArray[np.bool_]:
         """By class, whether such a silence surely parts two frames, whichever they are."""
-        surely: NDArray[np.bool_] = np.min(self._tables, axis=0) >= bits
+        surely: NDArray[np.bool_] = self._least >= bits
         return surely
+
+    @property
+    def most(self) -> list[float]:
+        """Bits, by class, that any frame starts after such a silence, at most."""
+        return self._most
 
     @property
     def unit_bits(self) -> list[float]:
@@ -193,6 +198,8 @@ class Trust:
         tells = [np.clip(np.log2(_smooth(counts) / either), -_TELLING, _TELLING) for counts in self._starts]
         self._table = exact(np.array([starts + tell for tell in tells]))
         self._tables: list[list[float]] = self._table.tolist()
+        self._least: NDArray[np.float64] = self._table.min(axis=0)
+        self._most: list[float] = self._table.max(axis=0).tolist()
         self._unanswered_bits = min(-1.0, max(_UNANSWERED, exact(math.log2(self._again / self._requests))))
         share = self._units / self._units.sum()
         self._unit_bits = exact(np.clip(np.log2(share * 256), -_UNIT, _UNIT)).tolist()

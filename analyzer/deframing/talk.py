@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dissectors.lengths import Role
 
-from .lattice import Pending, Said
+from .lattice import OPEN, Pending, Said
 from .rules import Bytes, Index, Mask
 
 REACH: Final = 1300  # bytes: further back than a conversation reaches
@@ -86,6 +86,8 @@ def said_after(said: Said, run: Run) -> Said:
     alone[1:] &= single
     odd = [*alone.nonzero()[0].tolist(), n]
     i = k = 0
+    if asks[-OPEN:].all() and len({run.adu(j) for j in range(max(0, n - OPEN), n)}) == OPEN:
+        i = n - OPEN  # whatever was open before them is forgotten
     while i < n:
         while odd[k] < i:
             k += 1

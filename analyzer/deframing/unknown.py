@@ -54,21 +54,23 @@ def unknown_windows(
     for function in heard - USER_DEFINED:
         loose.update(i for i in range(n - 1) if data[i + 1] == function)
     taken = {c.start for c in candidates}
-    tails = crc.tails[at : at + n + 1]
+    tails, heads = crc.tails[at : at + n + 1], crc.heads[at : at + n]
+    some = {i for i in begins | loose if i + MIN_ADU <= n and may[i]}
+    windows = _checking(tails, heads, sorted(some))
     found: dict[tuple[int, int], None] = {}
-    for begin in sorted(begins | loose):
-        if begin + MIN_ADU > n or not may[begin] or begin in taken:
-            continue
+    for begin in sorted(some - taken):
         function = data[begin + 1]
         if function & 0x80 or not function or not any(open_length(function, role) for role in Role):
             continue
-        for end in _checking(tails, crc.heads[at + begin], begin):
+        for end in windows[begin]:
             if (end in ends and begin in begins) or function in heard:
                 found[begin, end] = None
                 continue
             follow = next_byte(data, end)
             if follow + MIN_ADU <= n and data[follow] == data[begin] and data[follow + 1] == function:
-                for second in _checking(tails, crc.heads[at + follow], follow):
+                if follow not in windows:
+                    windows |= _checking(tails, heads, [follow])
+                for second in windows[follow]:
                     if second in ends:
                         found[begin, end] = found[follow, second] = None
     result = []
@@ -82,11 +84,15 @@ def unknown_windows(
     return result
 
 
-def _checking(tails: NDArray[np.uint16], head: np.uint16, begin: int) -> list[int]:
-    """Ends of the windows from `begin` whose CRC is right."""
-    first = begin + MIN_ADU
-    ends: list[int] = (first + np.flatnonzero(tails[first : begin + MAX_ADU + 1] == head)).tolist()
-    return ends
+def _checking(tails: NDArray[np.uint16], heads: NDArray[np.uint16], begins: Sequence[int]) -> dict[int, list[int]]:
+    """For each place in `begins` the ends of the windows from there whose CRC is right."""
+    found: dict[int, list[int]] = {begin: [] for begin in begins}
+    if begins:
+        ends = np.array(begins)[:, None] + np.arange(MIN_ADU, MAX_ADU + 1)
+        right = (tails.take(ends, mode="clip") == heads.take(begins)[:, None]) & (ends < len(tails))
+        for row, end in zip(np.nonzero(right)[0].tolist(), ends[right].tolist(), strict=True):
+            found[begins[row]].append(end)
+    return found
 
 
 def _zeros(data: bytes, begin: int, end: int, found: Collection[tuple[int, int]]) -> int:
