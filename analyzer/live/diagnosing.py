@@ -14,8 +14,9 @@ import numpy as np
 from analyzer.deframing.options import Options
 from analyzer.findings.diagnosis import Diagnosis
 from analyzer.findings.model import NOTHING, Findings
-from analyzer.frames import ROW, Batch, Kind, Rows
-from analyzer.recorded import Deaf, deaf_times, excused
+from analyzer.frames import Batch, Kind, Rows
+from analyzer.recorded import Deaf, deaf_times, excused, marked
+from analyzer.records import joined as joined_records
 from analyzer.transactions import TRANSACTION, Transactions
 from captures.line import LineSettings
 from captures.recording.notes import Note
@@ -60,14 +61,14 @@ class Diagnosing:
     def close(self) -> tuple[Rows, Findings]:
         """No more comes: the rest, and what concerns the bus as a whole."""
         settled, findings = self._say() if self._held else _NONE
-        last = self._transactions.close()
+        last = marked(self._transactions.close(), self._deaf)
         found = excused(self._diagnosis.close(last), self._deaf)
         return np.concatenate((settled, last)), np.concatenate((findings, found))
 
     def _say(self) -> tuple[Rows, Findings]:
         batch = joined(self._held)
         self._held, self._rows = [], 0
-        settled = self._transactions.feed(batch)
+        settled = marked(self._transactions.feed(batch), self._deaf)
         return settled, excused(self._diagnosis.feed(batch, settled), self._deaf)
 
     def _odd(self, batch: Batch) -> bool:
@@ -86,7 +87,7 @@ def joined(batches: list[Batch]) -> Batch:
     """Batches as one, at least one."""
     if len(batches) == 1:
         return batches[0]
-    rows = np.concatenate([batch.rows.view(np.uint8) for batch in batches]).view(ROW)  # as bytes: fields cost time
+    rows = joined_records([batch.rows for batch in batches])
     sizes = np.cumsum([0, *(len(batch.data) for batch in batches)])
     rows["at"] += np.repeat(sizes[:-1], [len(batch) for batch in batches])
     earlier = {index: adu for batch in batches for index, adu in batch.earlier.items()}
