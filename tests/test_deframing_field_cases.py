@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
-from buses import CHAR_NS, adu, deframed, spaced
+from dataclasses import replace
 
-from captures.chunks import Chunk
+import pytest
+from buses import CHAR_NS, LINE, adu, deframed, spaced
+
+from captures.chunks import Block, Chunk
 
 READ = adu("1103006b0003")
 ANSWER = bytes.fromhex("110306ae415652434049ad")
@@ -147,3 +149,24 @@ def test_two_ports_one_a_direction_pair_across_ports() -> None:
     rows = deframed(chunks).rows
     assert rows["kind"].tolist() == [1, 2] * 10
     assert rows["request"][1::2].tolist() == rows["index"][::2].tolist()
+
+
+def test_across_ports_of_known_directions_all_at_once_and_read_by_read_pair_alike() -> None:
+    write, lost, line = (
+        adu("11060001beef"),
+        adu("110600020102"),
+        replace(LINE, notes={"directions": "request,response"}),
+    )
+    chunks = []
+    for i in range(40):
+        asked, answered = (write, write) if i % 2 else (READ, ANSWER)
+        at = 10**9 + i * 10**8
+        chunks += [Chunk(at, asked, port=0), Chunk(at + 15_000_000, answered, port=1)]
+        if i % 5 == 0:  # one that nobody answers
+            chunks.append(Chunk(at + 50_000_000, lost, port=0))
+    once, read_by_read = deframed([Block.from_chunks(chunks)], line).rows, deframed(chunks, line).rows
+    for rows in (once, read_by_read):
+        answers = rows["kind"] == 2
+        assert (answers == (rows["port"] == 1)).all()
+        assert (rows["request"][answers] == rows["index"][answers] - 1).all()
+    assert (once["response_ns"] == read_by_read["response_ns"]).all()

@@ -70,7 +70,12 @@ class Pairer:
         if not len(frames):
             return earlier
         kind, at, port = columns.kind.take(frames), columns.at.take(frames), columns.port.take(frames)
-        follows = (kind[1:] == _ANSWER) & (kind[:-1] == _REQUEST) & (port[1:] == port[:-1])
+        follows = (kind[1:] == _ANSWER) & (kind[:-1] == _REQUEST)
+        if port.any():  # the other port only where each carries one direction
+            asking = np.zeros(256, np.bool_)
+            asking[port[kind == _REQUEST]] = True
+            asking[[one.port for one in self._open]] = True
+            follows &= (port[1:] == port[:-1]) | ~asking[port[1:]]
         follows = follows.nonzero()[0] + 1
         follows = follows.compress(fitting(data, at.take(follows - 1), at.take(follows)))
         answers, asked = frames.take(follows), frames.take(follows - 1)
