@@ -263,15 +263,20 @@ def without_tail(runs: Runs, i: int, last: int, silences: NDArray[np.uint8]) -> 
     """The end of a run from interval i on, before `last`, behind which the lattice has the word.
 
     After a whole exchange, and where silence parts them, the lattice would decide as well before it goes on; a frame
-    by itself it would decide together with what follows.
+    by itself it would decide together with what follows, but for a request after others that nobody answers.
     """
     end = int(runs.end[last - 1]) if last > i else 0
     if last == i or end == len(silences) or silences[end] or (runs.fits[last - 1] and last - 2 >= i):
         return last
     last -= 1
-    while last > i and runs.either[last - 1] and runs.either[last]:
+    while last > i and runs.either[last - 1] and runs.either[last] and not _holds(runs.again, last - 1):
         last -= 1
     return last
+
+
+def _holds(places: Index, place: int) -> bool:
+    at = int(np.searchsorted(places, place))
+    return at < len(places) and int(places[at]) == place
 
 
 def plain_evidence(
