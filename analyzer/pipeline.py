@@ -13,12 +13,12 @@ from captures.chunks import Block, Capture
 from .deframing.ascii import AsciiDeframer, looks_ascii
 from .deframing.options import Options as Options
 from .deframing.stream import Deframer
-from .findings.diagnosis import Diagnosis
 from .findings.model import FINDING, Findings
 from .frames import Batch, Rows
-from .recorded import deaf_times, excused, marked, notes_of
+from .judging import Judging
+from .recorded import deaf_times, notes_of
 from .records import joined
-from .transactions import TRANSACTION, Transactions
+from .transactions import TRANSACTION
 
 _BLOCK = 1 << 19  # bytes read at once: more costs memory and is no faster
 _LOOK = 1 << 16  # bytes that tell RTU from ASCII mode
@@ -75,15 +75,11 @@ def analyse(capture: Capture, options: Options = Options()) -> Iterator[Analysed
 
     A batch is held back until nothing more can be said of its rows, which the next ones decide.
     """
-    transactions, diagnosis = Transactions(), Diagnosis(capture.line, options)
-    held, deaf = _Held(), deaf_times(notes_of(capture))
+    judging, held = Judging(capture.line, options, deaf_times(notes_of(capture))), _Held()
     for batch in deframe(capture, options):
-        settled = marked(transactions.feed(batch), deaf)
-        held.add(batch, settled, excused(diagnosis.feed(batch, settled), deaf))
-        bounds = (transactions.open_from, diagnosis.open_from)
-        yield from held.ready(min((bound for bound in bounds if bound is not None), default=None))
-    settled = marked(transactions.close(), deaf)
-    held.end(settled, excused(diagnosis.close(settled), deaf))
+        held.add(batch, *judging.feed(batch))
+        yield from held.ready(judging.open_from)
+    held.end(*judging.close())
     yield from held.ready(None)
 
 

@@ -11,13 +11,13 @@ from typing import Final
 
 import numpy as np
 
+from analyzer import records
 from analyzer.deframing.options import Options
-from analyzer.findings.diagnosis import Diagnosis
 from analyzer.findings.model import NOTHING, Findings
 from analyzer.frames import Batch, Kind, Rows
-from analyzer.recorded import Deaf, deaf_times, excused, marked
-from analyzer.records import joined as joined_records
-from analyzer.transactions import TRANSACTION, Transactions
+from analyzer.judging import Judging
+from analyzer.recorded import deaf_times
+from analyzer.transactions import TRANSACTION
 from captures.line import LineSettings
 from captures.recording.notes import Note
 
@@ -32,19 +32,17 @@ class Diagnosing:
     """Batches in, settled transactions and findings out; both may speak of batches before."""
 
     def __init__(self, line: LineSettings, options: Options) -> None:
-        self._transactions = Transactions()
-        self._diagnosis = Diagnosis(line, options)
+        self._judging = Judging(line, options)
         self._held: list[Batch] = []
         self._rows = 0
         self._since = 0
         self._asking = False  # the last frame was a request
         self._notes: deque[Note] = deque(maxlen=_NOTES)
-        self._deaf: list[Deaf] = []
 
     def note(self, note: Note) -> None:
         """Something happened to a port: no answer is missed that came while nothing was heard."""
         self._notes.append(note)
-        self._deaf = deaf_times(self._notes)
+        self._judging.deaf = deaf_times(self._notes)
 
     def feed(self, batch: Batch, now_ns: int) -> tuple[Rows, Findings]:
         """What is to be said by now, with these rows (which may be none)."""
@@ -61,15 +59,13 @@ class Diagnosing:
     def close(self) -> tuple[Rows, Findings]:
         """No more comes: the rest, and what concerns the bus as a whole."""
         settled, findings = self._say() if self._held else _NONE
-        last = marked(self._transactions.close(), self._deaf)
-        found = excused(self._diagnosis.close(last), self._deaf)
-        return np.concatenate((settled, last)), np.concatenate((findings, found))
+        last, found = self._judging.close()
+        return records.joined((settled, last)), records.joined((findings, found))
 
     def _say(self) -> tuple[Rows, Findings]:
         batch = joined(self._held)
         self._held, self._rows = [], 0
-        settled = marked(self._transactions.feed(batch), self._deaf)
-        return settled, excused(self._diagnosis.feed(batch, settled), self._deaf)
+        return self._judging.feed(batch)
 
     def _odd(self, batch: Batch) -> bool:
         """Whether any of these rows is not what a healthy bus says."""
@@ -87,7 +83,7 @@ def joined(batches: list[Batch]) -> Batch:
     """Batches as one, at least one."""
     if len(batches) == 1:
         return batches[0]
-    rows = joined_records([batch.rows for batch in batches])
+    rows = records.joined([batch.rows for batch in batches])
     sizes = np.cumsum([0, *(len(batch.data) for batch in batches)])
     rows["at"] += np.repeat(sizes[:-1], [len(batch) for batch in batches])
     earlier = {index: adu for batch in batches for index, adu in batch.earlier.items()}

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from analyzer import records
 from analyzer.deframing.ascii import AsciiDeframer, looks_ascii
 from analyzer.deframing.options import Options
 from analyzer.deframing.stream import Deframer
@@ -100,8 +101,8 @@ class Feed:
             parts.append(self._deframer.close())
         fed = self._told(joined(parts) if parts else Batch.empty())
         transactions, findings = self._diagnosing.close()
-        found = np.concatenate((fed.findings, self._place.findings(findings)))
-        settled = np.concatenate((fed.transactions, self._place.transactions(transactions)))
+        found = records.joined((fed.findings, self._place.findings(findings)))
+        settled = records.joined((fed.transactions, self._place.transactions(transactions)))
         return Fed(_said(fed.batch, found), settled, found)
 
     def _count(self, heard: Mapping[int, int]) -> None:

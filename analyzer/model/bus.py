@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analyzer.deframing.options import Options
-from analyzer.findings.diagnosis import Diagnosis
 from analyzer.frames import NO_GAP, ROW, Batch, Frame, Kind, Row, Rows
+from analyzer.judging import Judging
 from analyzer.pipeline import Analysed
-from analyzer.recorded import Deaf, excused, marked
+from analyzer.recorded import Deaf
 from analyzer.reports.summary import Summary
-from analyzer.transactions import NEVER, OF_ANSWER, TRANSACTION, Status, Transactions
+from analyzer.transactions import NEVER, OF_ANSWER, TRANSACTION, Status
 from captures.line import LineSettings
 
 from .activity import Activity
@@ -54,7 +54,6 @@ class Bus:
     def __init__(self, line: LineSettings, *, timed: bool = True, options: Options = Options()) -> None:  # noqa: B008
         self.line = line
         self.timed = timed
-        self.deaf: Sequence[Deaf] = ()  # times in which a recording heard nothing
         self.table = Table()
         self.store = ByteStore()
         self.found = FindingLog()
@@ -66,8 +65,7 @@ class Bus:
         self._count = 0
         self.whole = False  # nothing more comes
         self.t_first = self.t_last = 0
-        self._transactions = Transactions()
-        self._diagnosis = Diagnosis(line, options)
+        self._judging = Judging(line, options)
         self._summary = Summary(self.char_ns)
         self._lock = threading.Lock()
         self._capture: CaptureSource | None = None
@@ -91,6 +89,11 @@ class Bus:
         """Rows, all that is known of them written."""
         return self._count
 
+    @property
+    def deaf(self) -> Sequence[Deaf]:
+        """Times in which a recording heard nothing."""
+        return self._judging.deaf
+
     # Taking in
 
     def feed(self, batch: Batch) -> None:
@@ -98,13 +101,12 @@ class Bus:
         if not len(batch):
             return
         if not self.table.count and self._capture is not None:
-            self.deaf = self._capture.deaf
+            self._judging.deaf = self._capture.deaf
         first = self.table.count
         self._append(batch)
         self._join(batch.rows, first)
-        settled = marked(self._transactions.feed(batch), self.deaf)
+        settled, findings = self._judging.feed(batch)
         self._settle(settled)
-        findings = excused(self._diagnosis.feed(batch, settled), self.deaf)
         self.found.add(findings, self.table)
         self.registers.feed(self, batch, first)
         self.activity.feed(batch.rows)
@@ -115,9 +117,8 @@ class Bus:
 
     def close(self) -> None:
         """Nothing more comes."""
-        settled = marked(self._transactions.close(), self.deaf)
+        settled, findings = self._judging.close()
         self._settle(settled)
-        findings = excused(self._diagnosis.close(settled), self.deaf)
         self.found.add(findings, self.table)
         with self._lock:
             self._summary.feed(Analysed(Batch.empty(), settled, findings))

@@ -5,17 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from textual import work
-from textual.screen import Screen
 from textual.worker import get_current_worker
 
 from analyzer.model import goto, search
 
 from .messages import HitFound
+from .part import Part
 from .prompts import Ask, Choose
 
 if TYPE_CHECKING:
-    from .desk import Desk
-    from .frames import ConversationList, FrameList
+    pass
 
 _WAYS: Final = (
     ("h", "bytes: 03 02, 0x03,0x02", search.for_bytes),
@@ -24,22 +23,8 @@ _WAYS: Final = (
 )
 
 
-class Jumping(Screen[None]):
+class Jumping(Part):
     """The part of the main screen that goes places."""
-
-    if TYPE_CHECKING:
-        desk: Desk
-        view: str
-        row: int | None
-        doing: str
-
-        @property
-        def frames(self) -> FrameList: ...
-        @property
-        def talk(self) -> ConversationList: ...
-        def action_view(self, view: str) -> None: ...
-        def say(self) -> None: ...
-        def tell(self, text: str, *, wrong: bool = False) -> None: ...
 
     _hits: search.Hits | None = None
     _sought = ""

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from textual import work
-from textual.screen import Screen
 from textual.worker import get_current_worker
 
 from analyzer.model.clock import TimeBase
@@ -18,32 +17,15 @@ from analyzer.model.selection import Selection
 
 from .copying import WAYS
 from .messages import RowsSaved
+from .part import Part
 from .prompts import Ask, Choose
 
 if TYPE_CHECKING:
-    from .desk import Desk
-    from .frames import ConversationList, FrameList
-    from .look import Look
+    pass
 
 
-class Keeping(Screen[None]):
+class Keeping(Part):
     """The part of the main screen that keeps things."""
-
-    if TYPE_CHECKING:
-        desk: Desk
-        view: str
-        row: int | None
-        look: Look
-        pinned: int | None
-        doing: str
-
-        @property
-        def frames(self) -> FrameList: ...
-        @property
-        def talk(self) -> ConversationList: ...
-        def say(self) -> None: ...
-        def study_row(self, row: int) -> None: ...
-        def tell(self, text: str, *, wrong: bool = False) -> None: ...
 
     def selected(self) -> NDArray[np.int64]:
         """The rows from the anchor to the cursor that the list shows."""

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, ClassVar
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
-from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import ContentSwitcher, Footer, Static
 
@@ -57,7 +56,7 @@ _UNUSED = {  # actions that mean nothing in a view
 }
 
 
-class BusScreen(Jumping, Keeping, Studying, Working, Screen[None]):
+class BusScreen(Jumping, Keeping, Studying, Working):
     """Everything about one source."""
 
     AUTO_FOCUS = ""  # else keys pressed while it starts would go to the filter, its first widget

@@ -4,34 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from textual.screen import Screen
-
 from .details import Details
 from .look import Look, at_finding, at_row, finding_name
 from .messages import FieldChosen, OctetChosen, PieceChosen
 from .octets import Octets
+from .part import Part
 from .pastepane import PastePane
 
 if TYPE_CHECKING:
     from analyzer.findings.model import Finding
 
-    from .desk import Desk
-    from .frames import FrameList
 
-
-class Studying(Screen[None]):
+class Studying(Part):
     """The part of the main screen below the views."""
-
-    if TYPE_CHECKING:
-        desk: Desk
-        view: str
-        row: int | None
-        look: Look
-        pinned: int | None
-
-        @property
-        def frames(self) -> FrameList: ...
-        def say(self) -> None: ...
 
     def study_row(self, row: int) -> None:
         """Show a row's fields and bytes."""

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 from textual import work
-from textual.screen import Screen
 from textual.widgets import Static
 from textual.worker import Worker, get_current_worker
 
@@ -15,13 +14,13 @@ from analyzer.model.registers import Register, history
 from analyzer.model.selection import Everything, Selection, Test, both, conversations, frames_only, within
 
 from .messages import HistoryRead, LoadingEnded, ReportCounted, RowsCame, SelectionGrew
+from .part import Part
 from .registerlist import History, RegisterList, plotted
 from .unitlist import UnitList
 
 if TYPE_CHECKING:
     from analyzer.model.filtering import Compiled
 
-    from .frames import ConversationList, FrameList
 
 _PERIOD_S = 0.1  # between two tellings
 _QUIET_S = 1.0  # between two while nothing comes
@@ -29,23 +28,8 @@ _REPORT_S = 1.0
 _LAG = 64  # rows: by then what was found about one is known, as a rule
 
 
-class Working(Screen[None]):
+class Working(Part):
     """The part of the main screen that has work done."""
-
-    if TYPE_CHECKING:
-        from .desk import Desk
-
-        desk: Desk
-        view: str
-        row: int | None
-
-        @property
-        def frames(self) -> FrameList: ...
-        @property
-        def talk(self) -> ConversationList: ...
-        def refresh_view(self) -> None: ...
-        def say(self) -> None: ...
-        def tell(self, text: str, *, wrong: bool = False) -> None: ...
 
     def prepare_work(self) -> None:
         """Nothing is selected, nothing goes on."""
