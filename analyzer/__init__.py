@@ -21,27 +21,28 @@ from .version import __version__
 
 if TYPE_CHECKING:
     from .analysis import Analysis, open
-    from .deframing.options import Options
-    from .deframing.stream import Deframer
-    from .findings.diagnosis import Diagnosis
-    from .findings.model import Finding, Severity
-    from .frames import Batch, Frame
-    from .pipeline import Analysed, analyse, deframe
-    from .transactions import Transactions
+    from .core import Analysed, analyse, deframe
+    from .deframing.protocols import Deframer
+    from .diagnosis.running import Diagnosis
+    from .options import Options
+    from .tables.batch import Batch
+    from .tables.findings import Finding, Severity
+    from .tables.frame import Frame
+    from .tables.transactions import Transactions
 
 _HOMES = {
-    "Analysed": "pipeline",
+    "Analysed": "core",
     "Analysis": "analysis",
-    "Batch": "frames",
-    "Deframer": "deframing.stream",
-    "Diagnosis": "findings.diagnosis",
-    "Finding": "findings.model",
-    "Frame": "frames",
-    "Options": "deframing.options",
-    "Severity": "findings.model",
-    "Transactions": "transactions",
-    "analyse": "pipeline",
-    "deframe": "pipeline",
+    "Batch": "tables.batch",
+    "Deframer": "deframing.protocols",
+    "Diagnosis": "diagnosis.running",
+    "Finding": "tables.findings",
+    "Frame": "tables.frame",
+    "Options": "options",
+    "Severity": "tables.findings",
+    "Transactions": "tables.transactions",
+    "analyse": "core",
+    "deframe": "core",
     "open": "analysis",
 }
 

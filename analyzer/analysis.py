@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from importlib import import_module
-from os import PathLike
-from typing import Any
+from os import PathLike, fspath
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,11 +13,19 @@ import captures
 from captures.chunks import Capture, Damage
 from captures.line import LineSettings
 
-from .findings.model import Finding, describe
-from .frames import ROW, Batch, Frame, Rows
-from .pipeline import Analysed, Options, analyse, deframe
-from .records import joined
-from .transactions import TRANSACTION, Transactions
+from .core import Analysed, analyse, deframe
+from .options import Options
+from .tables.batch import Batch
+from .tables.findings import Finding, describe
+from .tables.frame import Frame
+from .tables.schema import ROW, Rows, join_rows
+from .tables.transactions import TRANSACTION, Transactions
+
+if TYPE_CHECKING:
+    from .causes.model import Cause
+    from .exports.running import Exported
+    from .filters import Filter
+    from .reports.model import Report
 
 
 class Analysis:
@@ -26,9 +34,37 @@ class Analysis:
     `batches` and `frames` stream in flat memory; `rows` and `transactions` hold the whole capture as one array.
     """
 
-    def __init__(self, capture: Capture, options: Options = Options()) -> None:  # noqa: B008 - frozen
+    def __init__(self, capture: Capture, options: Options = Options(), *, only: Filter | None = None) -> None:  # noqa: B008
         self.capture = capture
         self.options = options
+        self.only = only
+
+    def __repr__(self) -> str:
+        name = self.capture.path.name if self.capture.path is not None else "in memory"
+        narrowed = f", only {self.only.text}" if self.only is not None else ""
+        return f"<Analysis of {name}: {self.capture.format}, {self.line.baud or 'unknown'} bit/s{narrowed}>"
+
+    def filter(self, text: str) -> Analysis:
+        """The same capture narrowed to what passes a display filter. Raises FilterError where the filter is wrong."""
+        from .filters import compile_filter
+
+        wanted = text if self.only is None else f"({self.only.text}) and ({text})"
+        return Analysis(self.capture, self.options, only=compile_filter(wanted))
+
+    def report(self) -> Report:
+        """The bus on one page, as `rtuscope report` has it; `to_json()` of it is that of `--json`."""
+        from .reports import summarize
+
+        return summarize(self.capture, source=str(self.capture.path or ""), options=self.options, filter=self.only)
+
+    def export(
+        self, out: str | PathLike[str], *, format: str | None = None, table: str = "frames", noise: bool = False
+    ) -> Exported:
+        """Write it as `rtuscope export` does, by suffix or by the format's name; `table` as in `--table`."""
+        from .exports import ExportOptions, export
+
+        options = ExportOptions(noise=noise, filter=self.only, table=table)
+        return export(self.capture, fspath(out), name=format, options=options, limits=self.options)
 
     @property
     def line(self) -> LineSettings:
@@ -42,11 +78,18 @@ class Analysis:
 
     def batches(self) -> Iterator[Batch]:
         """Rows with their bytes, batch after batch in wire order."""
+        if self.only is not None:
+            return (part.batch for part in self.analysed())
         return deframe(self.capture, self.options)
 
     def analysed(self) -> Iterator[Analysed]:
         """The same batches, diagnosed, with the transactions and findings that belong to them."""
-        return analyse(self.capture, self.options)
+        stream = analyse(self.capture, self.options)
+        if self.only is None:
+            return stream
+        from .filters.stream import filtered
+
+        return filtered(stream, self.only, self.line)
 
     def frames(self) -> Iterator[Frame]:
         """Every frame, in wire order, with its findings."""
@@ -56,22 +99,37 @@ class Analysis:
         """What is wrong, in wire order batch by batch; what concerns the bus as a whole comes last."""
         return (describe(row) for analysed in self.analysed() for row in analysed.findings)
 
+    def causes(self) -> list[Cause]:
+        """What explains the findings, best first; nothing on a healthy bus, nor of one that is narrowed by a filter."""
+        return list(self.report().causes)
+
     def rows(self) -> Rows:
-        """All frames and noise as one structured array (dtype `analyzer.frames.ROW`); `at` is for batches only."""
-        return joined([np.zeros(0, ROW), *(batch.rows for batch in self.batches())])
+        """All frames and noise as one structured array (dtype `schema.ROW`); `at` is for batches only."""
+        return join_rows([np.zeros(0, ROW), *(batch.rows for batch in self.batches())])
 
     def transactions(self) -> Rows:
-        """Requests with their answers as one structured array (dtype `analyzer.transactions.TRANSACTION`)."""
+        """Requests with their answers as one structured array (dtype `analyzer.tables.transactions.TRANSACTION`)."""
+        if self.only is not None:
+            return join_rows([np.zeros(0, TRANSACTION), *(part.transactions for part in self.analysed())])
         open_ones = Transactions()
         parts = [open_ones.feed(batch) for batch in self.batches()]
-        return joined([np.zeros(0, TRANSACTION), *parts, open_ones.close()])
+        return join_rows([np.zeros(0, TRANSACTION), *parts, open_ones.close()])
+
+    def records(self, table: str) -> Iterator[dict[str, Any]]:
+        """The rows of a table (`transactions`, `values`, `findings`) as dictionaries, as `--table` writes them."""
+        from .exports.records import TABLES
+
+        columns_of = TABLES[table].columns
+        for part in self.analysed():
+            columns = columns_of(part)
+            yield from (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
 
     def to_arrow(self, *, noise: bool = False) -> Any:
-        """All frames as a pyarrow Table with the columns of `analyzer.tables`, with `noise` the bytes between too.
+        """All frames as a pyarrow Table with the columns of `exports.arrow`, with `noise` the bytes between too.
 
         Needs `rtuscope[columns]`; an ImportError says so.
         """
-        from .tables import table
+        from .exports.arrow import table
 
         return table((analysed.batch for analysed in self.analysed()), noise=noise)
 
@@ -92,6 +150,16 @@ def _installed(name: str) -> Any:
         raise ImportError(f"a {name} table needs {name}: pip install {name}", name=name) from error
 
 
-def open(path: str | PathLike[str], options: Options = Options()) -> Analysis:  # noqa: B008 - frozen
-    """Open a capture of any format that `captures` reads; CaptureError says in one line why it can't be."""
-    return Analysis(captures.open(path), options)
+def open(
+    path: str | PathLike[str],
+    options: Options = Options(),  # noqa: B008 - frozen
+    **reading: Any,
+) -> Analysis:
+    """Open a capture of any format that `captures` reads; CaptureError says in one line why it can't be.
+
+    `reading`: what `captures.open` takes besides: `format`, `baud`, `parity`, `bits`, `stop`, `tz`,
+    `sample_rate`.
+    """
+    from .paste import judge
+
+    return Analysis(captures.open(path, judge=judge, **reading), options)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from captures import LineSettings
-from dissectors.checks import CRC_TABLE
+from dissectors.crc import CRC_TABLE
 
 LINE = LineSettings(baud=115200, char_bits=11, parity="E", tap="irq")
 CHAR_NS = 11e9 / 115200

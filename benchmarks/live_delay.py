@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 import captures
-from dissectors.checks import crc_bytes
+from dissectors.crc import crc_bytes
 
 _START = "import sys; from analyzer.cli import main; sys.exit(main())"
 _CHARACTER_S = 10 / 115_200

@@ -27,7 +27,7 @@ def _columns(name: str, *options: str) -> Callable[[Path, Path], Command]:
 
 
 def _export(suffix: str) -> Callable[[Path, Path], Command]:
-    return lambda corpus, out: (*RTUSCOPE, "export", corpus / "bus.mcap", "-o", out / f"frames.{suffix}")
+    return lambda corpus, out: (*RTUSCOPE, "export", corpus / "bus.mcap", "-o", out / f"frames.{suffix}", "--overwrite")
 
 
 def _there(module: str) -> bool:
@@ -39,7 +39,7 @@ def _there(module: str) -> bool:
 
 def why_not(section: str) -> str | None:
     """What a section of ours lacks here, if anything."""
-    if section == "findings" and not _there("analyzer.findings.diagnosis"):
+    if section == "findings" and not _there("analyzer.diagnosis.running"):
         return "this version has no findings"
     if section in EXPORTS and not _there(f"analyzer.exports.targets.{section}"):
         return f"this version has no export to {section}"

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import captures
-from analyzer.frames import Kind
-from analyzer.pipeline import deframe
+from analyzer.core import deframe
+from analyzer.tables.schema import Kind
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "corpus"
 
@@ -82,7 +82,7 @@ def captures_to_score(arguments: list[str]) -> Iterator[Path]:
     if arguments:
         yield from map(Path, arguments)
     elif SHARED.is_dir():
-        yield from (p for p in sorted(SHARED.glob("*/*.jsonl")) if ".truth" not in p.suffixes)
+        yield from (p for p in sorted(SHARED.glob("*/*.jsonl")) if p.with_suffix(".truth.jsonl").is_file())
     else:
         from analyzer.simulation import TAPS, WIRES, Scenario, write
 

@@ -18,10 +18,10 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from analyzer.findings.model import Finding, Severity, describe
-from analyzer.pipeline import analyse
+from analyzer.core import analyse
 from analyzer.simulation import TAPS, Scenario, Simulation, TruthFinding, simulate
 from analyzer.simulation.defects import defects
+from analyzer.tables.findings import Finding, Severity, describe
 from captures.chunks import Capture
 from dissectors.crc_variants import VARIANTS
 

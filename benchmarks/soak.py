@@ -19,13 +19,13 @@ from pathlib import Path
 from analyzer.live.lines import TextLines
 from analyzer.live.recent import Recent
 from analyzer.live.session import Session
-from analyzer.live.status import Status
+from analyzer.live.status import LineStatus
 from captures.chunks import Block, Chunk
 from captures.line import LineSettings
 from captures.live.wire import Item, Tick
 from captures.recording.recorder import Recorder
-from captures.recording.ring import Limits
-from dissectors.checks import crc_bytes
+from captures.recording.ring import RingLimits
+from dissectors.crc import crc_bytes
 
 _LINE = LineSettings(baud=19200, char_bits=11, parity="E", stop_bits=1, tap="usb")
 _CHARACTER_NS = 11 * 10**9 // 19200
@@ -86,8 +86,8 @@ def main() -> None:
     hours = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
     length = int(hours * 3600e9)
     with tempfile.TemporaryDirectory() as folder:
-        recorder = Recorder(Path(folder) / "bus.mcap", _LINE, limits=Limits(size=1 << 20, keep_bytes=8 << 20))
-        recent, lines, status = Recent(), TextLines(colour=False, width=None), Status(_LINE)
+        recorder = Recorder(Path(folder) / "bus.mcap", _LINE, limits=RingLimits(size=1 << 20, keep_bytes=8 << 20))
+        recent, lines, status = Recent(), TextLines(colour=False, width=None), LineStatus(_LINE)
         begun, mark, shown = time.process_time(), 0, 0
         with Session(Bus(length), recorder=recorder) as session:
             for step in session.steps():

@@ -14,11 +14,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from captures.chunks import Block, Capture, Chunk, Damage, Mark
-    from captures.errors import CaptureError
-    from captures.files import replacing
-    from captures.io import open, write
-    from captures.line import LineSettings
+    from .chunks import Block, Capture, Chunk, Damage, Mark
+    from .errors import CaptureError
+    from .files import replacing
+    from .io import open, write
+    from .line import LineSettings
 
 _HOMES = {
     "Block": "chunks",

@@ -6,7 +6,7 @@ from a file, so that a capture larger than memory is read like a small one. What
 left out; what is whole is always given.
 
 Times are integers in nanoseconds, at or after the last byte's stop bit, and do not decrease within a port: where a
-source breaks that, a `Capture` mends it (`captures.clock`) and says so.
+source breaks that, a `Capture` mends it (`captures.time_order`) and says so.
 """
 
 from __future__ import annotations
@@ -15,14 +15,17 @@ import enum
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from captures.clock import TIME_LIMIT as TIME_LIMIT
-from captures.clock import TimeOrder
-from captures.line import LineSettings as LineSettings
+from .line import LineSettings as LineSettings
+from .time_order import TIME_LIMIT as TIME_LIMIT
+from .time_order import TimeOrder
+
+if TYPE_CHECKING:
+    from .recording.notes import Note as LineNote
 
 MAX_DAMAGE = 100  # entries kept; further ones are counted
 
@@ -117,6 +120,13 @@ class Block:
             errors=tuple((self.errors[low:high] - start).tolist()),
         )
 
+    def octets_by_port(self) -> dict[int, int]:
+        """How many bytes of each port there are; ports without any are left out."""
+        if not self.port.any():
+            return {0: len(self.data)} if len(self) else {}
+        counts = np.bincount(self.port, np.diff(self.offsets))
+        return {port: int(counts[port]) for port in np.flatnonzero(counts).tolist()}
+
     def slice(self, first: int, last: int) -> Block:
         """Chunks `first` to `last` (excluded), as a view."""
         start, stop = int(self.offsets[first]), int(self.offsets[last])
@@ -177,11 +187,20 @@ class Capture:
 
     `path` and `format` say where it came from (None and "memory" for one made by `of`); `timed` is False where the
     source has no times. `damage` and `damage_count` belong to the newest pass over the blocks and are complete when
-    that pass has ended; the list holds the first 100 only.
+    that pass has ended; the list holds the first 100 only. `notices` are what a person should know of how it was
+    opened, a line each: settings that were inferred, a suffix that says something else than the content.
     """
 
-    def __init__(self, source: Source, *, path: Path | None = None, format: str = "memory") -> None:
+    def __init__(
+        self,
+        source: Source,
+        *,
+        path: Path | None = None,
+        format: str = "memory",
+        notices: Sequence[str] = (),
+    ) -> None:
         self.line = source.line
+        self.notices = tuple(notices)
         self.timed = source.timed
         self.path = path
         self.format = format
@@ -212,6 +231,14 @@ class Capture:
         for block in self.blocks():
             for i in range(len(block)):
                 yield block.chunk(i)
+
+    def notes(self) -> list[LineNote]:
+        """What the source says besides bytes, in order of time: an adapter unplugged, a comment on a packet.
+
+        Read from the source each time; most have none.
+        """
+        of_source = getattr(self._source, "notes", None)
+        return list(of_source()) if of_source is not None else []
 
     def _note(self, where: str, what: str) -> None:
         self.damage_count += 1

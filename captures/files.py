@@ -7,6 +7,7 @@ what was there before. Every failure of the operating system becomes a `CaptureE
 from __future__ import annotations
 
 import os
+import re
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
@@ -14,31 +15,33 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from captures.errors import CaptureError, os_reason
+from .errors import CaptureError, os_reason
 
 HEAD_BYTES = 1 << 16  # what formats are recognised by
 LINE_LIMIT = 64 << 20  # bytes: a longer line is no line of text
+_HEADER_LIMIT = 1 << 20
 _PIECE = 1 << 16
+_SOURCE = "open the capture that it was made from"
 
 # What people hand over by mistake: how such a file begins, what it is, what to do.
 _OTHER_KINDS = (
     (b"\x89PNG\r\n\x1a\n", "a PNG image"),
     (b"\xff\xd8\xff", "a JPEG image"),
     (b"GIF8", "a GIF image"),
-    (b"PK\x03\x04", "a zip archive (or an office document, or a sigrok .sr session): unpack or export it first"),
-    (b"\x1f\x8b", "compressed with gzip: unpack it first"),
-    (b"BZh", "compressed with bzip2: unpack it first"),
-    (b"\xfd7zXZ\x00", "compressed with xz: unpack it first"),
-    (b"\x28\xb5\x2f\xfd", "compressed with zstd: unpack it first"),
     (b"7z\xbc\xaf\x27\x1c", "a 7-zip archive: unpack it first"),
+    (b"Rar!\x1a\x07", "a rar archive: unpack it first"),
     (b"\x7fELF", "an ELF program"),
     (b"MZ\x90\x00", "a Windows program"),
     (b"%PDF-", "a PDF document"),
     (b"SQLite format 3\x00", "an SQLite database"),
-    (b"\x0a\x0d\x0d\x0a", "a pcapng network capture: convert it to a hex dump first (tshark -x)"),
-    (b"\xd4\xc3\xb2\xa1", "a pcap network capture: convert it to a hex dump first (tshark -x)"),
-    (b"\xa1\xb2\xc3\xd4", "a pcap network capture: convert it to a hex dump first (tshark -x)"),
-    (b"PAR1", "a Parquet table"),
+    (b"PAR1", f"a Parquet table: {_SOURCE}"),
+    (b"<!DOCTYPE html", f"an HTML page: {_SOURCE}"),
+    (b"<?xml", "an XML document"),
+)
+_TAR = (257, b"ustar")  # offset and what stands there
+_OWN_COLUMNS = {"index", "unit", "function", "severity", "address"}  # beside one with a time in ns
+_OWN_KEYS = re.compile(
+    rb'\{\s*"(?:source|line|capture|rules|outcomes|passed)":.*"(?:findings|outcomes|transactions|units|frames)":', re.S
 )
 
 
@@ -51,9 +54,29 @@ def read_head(path: Path) -> bytes:
     return head
 
 
+def first_line(path: Path, head: bytes) -> bytes:
+    """The first line of a file that begins with `head`, its end left out; of a longer one than 1 MiB the beginning."""
+    line, end, _ = head.partition(b"\n")
+    if end or len(head) < HEAD_BYTES:
+        return line
+    with opened(path) as file:
+        return file.readline(_HEADER_LIMIT).removesuffix(b"\n")
+
+
 def other_kind(head: bytes) -> str | None:
     """What a file that begins like this is, when it is a well-known kind that holds no capture."""
-    return next((what for magic, what in _OTHER_KINDS if head.startswith(magic)), None)
+    for magic, what in _OTHER_KINDS:
+        if head.startswith(magic):
+            return what
+    if head[_TAR[0] :].startswith(_TAR[1]):
+        return "a tar archive: unpack it first"
+    first = head.partition(b"\n")[0].decode("utf-8", "replace").lstrip("\ufeff")
+    columns = re.split('[,;\t"\r]+', first)
+    if _OWN_COLUMNS.intersection(columns) and any(column.endswith("_ns") for column in columns):
+        return f"a table that this tool exported: {_SOURCE}"
+    if _OWN_KEYS.match(head):
+        return f"a report of this tool: {_SOURCE}"
+    return None
 
 
 @contextmanager
@@ -63,8 +86,8 @@ def opened(path: Path) -> Iterator[BinaryIO]:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
             raise CaptureError(f"{path}: is a directory: name a capture file in it")
-        if not stat.S_ISREG(mode):  # opening a pipe or a device could wait, or read, for ever
-            raise CaptureError(f"{path}: not a file but a pipe or a device: save what it gives to a file first")
+        if not stat.S_ISREG(mode):  # opening a device could wait, or read, for ever (for pipes: `captures.packed`)
+            raise CaptureError(f"{path}: not a file but a device: save what it gives to a file first")
         with path.open("rb") as file:
             yield file
     except FileNotFoundError as error:

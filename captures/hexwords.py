@@ -1,16 +1,23 @@
 """Pasted text to bytes: what people copy out of logs, dumps, source code and terminals.
 
-Pure Python, no arrays: `rtuscope parse` starts with it. How bytes can look is in `captures.text.hexshapes`, how lines
-look in `captures.text.loglines`.
+Pure Python, no arrays: `rtuscope parse` starts with it. The text is read by `captures.text.logs`, as logs in files are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import tzinfo
+from typing import Final
 
-from captures.text.hexshapes import HexError as HexError
-from captures.text.loglines import LineReader, Piece, Reading, joined
+from .text.choosing import Judge, no_judge
+from .text.hexshapes import HexError as HexError
+from .text.hexshapes import halves
+from .text.logs import Piece, Unread, joined, read_lines
+
+_WHAT_IS_READ: Final = (
+    "looked for pairs of hex digits (11 03 00 6B, 1103006B, 0x11, \\x11, [11][03]), ASCII frames (:1103…) and "
+    "decimals; paste the bytes of a frame, or lines of a log that show them"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,46 +37,64 @@ class Words:
     ascii: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class TextBytes:
+    """What a text holds: its bytes, an item for each run of them, and the lines of which not all was read."""
+
+    words: tuple[Words, ...]
+    unread: tuple[Unread, ...]
+
+
 def read_line(text: str) -> Words | None:
     """The bytes of one line, the longest run where there are several; None where it holds none.
 
     Raises HexError for digits that are meant as bytes but do not come in pairs.
     """
-    reading = LineReader().read(text, 1)
-    if not reading.pieces:
-        _check(reading, 0)
+    words = _read(text, no_judge, None).words
+    if not words:
+        if (half := halves(text)) is not None:
+            raise HexError(half)
         return None
-    return _words(max(reading.pieces, key=lambda piece: len(piece.data)))
+    return max(words, key=lambda one: len(one.data))
 
 
-def read_text(text: str) -> list[Words]:
-    """All bytes of a text, in order, an item for each run of bytes; lines of one dump are put together.
+def read_text(text: str, judge: Judge = no_judge) -> list[Words]:
+    """All bytes of a text, in order. Raises HexError where there are none: see `read_paste`."""
+    return list(read_paste(text, judge).words)
 
-    Lines without bytes are passed over, as long as any line has some. Where no line has hex bytes, decimal ones are
-    looked for. Raises HexError where there are none either, or where digits that are meant as bytes do not come in
-    pairs.
+
+def read_paste(text: str, judge: Judge = no_judge, zone: tzinfo | None = None) -> TextBytes:
+    """The bytes of a text, and what of it was not read; lines of one dump are put together.
+
+    `judge` says which bytes have right check values, by which bytes are told from other numbers; `zone` is that of
+    dates without one (None: this machine's). Raises HexError, one line for a person, where no bytes are found.
     """
-    lines = text.splitlines()
-
-    def pieces(reader: LineReader) -> Iterator[Piece]:
-        for number, line in enumerate(lines, 1):
-            reading = reader.read(line, number)
-            if not reading.pieces:
-                _check(reading, number if len(lines) > 1 else 0)
-            yield from reading.pieces
-
-    found = [_words(piece) for piece in joined(pieces(LineReader()))]
-    found = found or [_words(piece) for piece in joined(pieces(LineReader(decimal=True)))]
-    if not found:
-        shown = " ".join(text.split())
-        raise HexError(f"no hex bytes found in {shown[:60]!r}" if shown else "no hex bytes: the text is empty")
+    found = _read(text, judge, zone)
+    if not found.words:
+        raise HexError(_nothing(text, found.unread))
     return found
 
 
-def _check(reading: Reading, line: int) -> None:
-    if reading.halved:
-        raise HexError(f"line {line}: {reading.problem}" if line else reading.problem)
+def _read(text: str, judge: Judge, zone: tzinfo | None) -> TextBytes:
+    given = list(joined(read_lines(text.splitlines(), judge, zone)))
+    words = tuple(
+        Words(piece.data, piece.mark, piece.t_ns, piece.line, piece.text, piece.ascii)
+        for piece in given
+        if isinstance(piece, Piece)
+    )
+    return TextBytes(words, tuple(piece for piece in given if isinstance(piece, Unread)))
 
 
-def _words(piece: Piece) -> Words:
-    return Words(piece.data, piece.mark, piece.t_ns, piece.line, piece.text, piece.ascii)
+def _nothing(text: str, unread: tuple[Unread, ...]) -> str:
+    """What to say where there are no bytes."""
+    shown = " ".join(text.split())
+    if not shown:
+        return "no hex bytes: the text is empty"
+    lines = text.splitlines()
+    for number, line in enumerate(lines, 1):
+        if (half := halves(line)) is not None:
+            return f"line {number}: {half}" if len(lines) > 1 else half
+    telling = next((one for one in unread if not one.empty), None)
+    if telling is not None:
+        return f"no hex bytes found: line {telling.line}: {telling.why}"
+    return f"no hex bytes found in {shown[:60]!r}: {_WHAT_IS_READ}"

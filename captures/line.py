@@ -6,11 +6,13 @@ it is read and written here once. Keys that are not settings are kept as text, s
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from math import ceil
 
+POLARITIES = ("normal", "inverted")  # of edges: a line that is high, or low, when idle
 _BAUD_LIMIT = 100_000_000
+_STANDARD_BITS = 11  # start, 8 data, parity, stop
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +30,19 @@ class LineSettings:
     stop_bits: float | None = None
     tap: str | None = None
     notes: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def character_ns(self) -> float | None:
+        """Time of one character on the wire in ns; None unless both speed and character length are known."""
+        return self.char_bits * 1e9 / self.baud if self.baud and self.char_bits else None
+
+    @property
+    def nominal_character_ns(self) -> float | None:
+        """The same with the 11 bits of the standard ([2] 2.5.1) where nobody said how long a character is.
+
+        For what needs a scale only; what is measured by characters (a load) asks `character_ns`. None without a speed.
+        """
+        return (self.char_bits or _STANDARD_BITS) * 1e9 / self.baud if self.baud else None
 
     @classmethod
     def from_header(cls, header: Mapping[str, object]) -> tuple[LineSettings, list[str]]:
@@ -55,6 +70,31 @@ class LineSettings:
         header: dict[str, object] = {key: getattr(self, key) for key in _RULES if getattr(self, key) is not None}
         return {**header, **{key: value for key, value in self.notes.items() if key not in header}}
 
+    def with_settings(
+        self,
+        baud: int | None = None,
+        parity: str | None = None,
+        bits: int | None = None,
+        stop: float | None = None,
+    ) -> LineSettings:
+        """The same line, set as somebody says who knows; None where they don't.
+
+        `bits` are the data bits, 5 to 8. What they leave open of a character is as it was, else 8 data bits, no parity,
+        one stop bit. ValueError for a setting that no line can have.
+        """
+        given = {"baud": baud, "parity": parity, "stop_bits": stop}
+        for name, value in given.items():
+            if value is not None and not _RULES[name](value):
+                raise ValueError(f"{name.partition('_')[0]} {value!r} is a setting that no line can have")
+        if bits is not None and not _whole(bits, 5, 8):
+            raise ValueError(f"{bits!r} data bits are a setting that no line can have: 5 to 8")
+        line = replace(self, baud=baud or self.baud, parity=parity or self.parity, stop_bits=stop or self.stop_bits)
+        if (parity, bits, stop) == (None, None, None):
+            return line
+        if bits is None and self.char_bits is not None and self.parity is not None and self.stop_bits is not None:
+            bits = self.char_bits - 1 - (self.parity != "N") - ceil(self.stop_bits)
+        return replace(line, char_bits=1 + (bits or 8) + (line.parity not in (None, "N")) + ceil(line.stop_bits or 1))
+
 
 def _whole(value: object, low: int, high: int) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
@@ -70,4 +110,8 @@ _RULES = {
 
 
 def _text(value: object) -> str:
-    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    if isinstance(value, str):
+        return value
+    import json  # rare, and `rtuscope parse` starts without
+
+    return json.dumps(value, ensure_ascii=False)

@@ -20,15 +20,15 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from .annotation import Context, annotate, summary
     from .blocks import Bits, Items, Octets, Record, Registers, Rest, Text
-    from .checks import crc16, crc_bytes, crc_ok, lrc
+    from .crc import crc16, crc_bytes, crc_ok, lrc
     from .declaration import DeclarationError, Function
     from .envelopes import Adu, ascii_adu, ascii_frames, rtu, tcp, tcp_frames
     from .fields import Field
-    from .lengths import Role, pdu_length, plausibility, relations, rule
+    from .length_rules import Role
+    from .lengths import pdu_length, plausibility, relations, rule
     from .parts import Address, ByteCount, Code, Flags, Mask, Number, Output, Quantity, Register, State
     from .registry import function_name, load_entry_points, load_file, register
-    from .text import harmless
-    from .values import floating, integer, logical, physical, readings, signed
+    from .values import floating, harmless, integer, logical, physical, readings, signed
 
 __all__ = [
     "Address",
@@ -85,15 +85,14 @@ __all__ = [
 _HOME: Final = {
     "annotation": ("Context", "annotate", "summary"),
     "blocks": ("Bits", "Items", "Octets", "Record", "Registers", "Rest", "Text"),
-    "checks": ("crc16", "crc_bytes", "crc_ok", "lrc"),
+    "crc": ("crc16", "crc_bytes", "crc_ok", "lrc"),
     "declaration": ("DeclarationError", "Function"),
     "envelopes": ("Adu", "ascii_adu", "ascii_frames", "rtu", "tcp", "tcp_frames"),
     "fields": ("Field",),
     "lengths": ("Role", "pdu_length", "plausibility", "relations", "rule"),
     "parts": ("Address", "ByteCount", "Code", "Flags", "Mask", "Number", "Output", "Quantity", "Register", "State"),
     "registry": ("function_name", "load_entry_points", "load_file", "register"),
-    "text": ("harmless",),
-    "values": ("floating", "integer", "logical", "physical", "readings", "signed"),
+    "values": ("floating", "harmless", "integer", "logical", "physical", "readings", "signed"),
 }
 _MODULES: Final = {name: module for module, names in _HOME.items() for name in names}
 

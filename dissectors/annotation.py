@@ -13,16 +13,15 @@ from typing import Final
 from .blocks import opaque
 from .declaration import EXCEPTION
 from .envelopes import MBAP, Adu
-from .fields import Field
+from .fields import Field, FieldTracer, filled
 from .functions.exceptions import RESPONSE as EXCEPTION_RESPONSE
 from .functions.exceptions import exception_name
-from .lengths import Role, layout
+from .length_rules import Role
+from .lengths import layout
 from .parts import AnyConstruct
-from .recorder import Recorder
-from .recording import record
 from .registry import function as declared
 from .registry import function_class, function_name
-from .words import filled
+from .tracing import record
 
 __all__ = ["Context", "Field", "annotate", "summary"]
 
@@ -155,7 +154,7 @@ def _pdu(data: bytes, at: int, end: int, role: Role, context: Context) -> tuple[
     return tuple(found)
 
 
-def _recorder(data: bytes, at: int, end: int, role: Role, context: Context, *, brief: bool = False) -> Recorder:
+def _recorder(data: bytes, at: int, end: int, role: Role, context: Context, *, brief: bool = False) -> FieldTracer:
     code = data[at]
     request: Mapping[str, int] = {}
     echoes: tuple[str, ...] = ()
@@ -168,10 +167,10 @@ def _recorder(data: bytes, at: int, end: int, role: Role, context: Context, *, b
         }
         function = declared(code)
         echoes = function.echoes if function is not None else ()
-    return Recorder(data, at + 1, end, brief, request, echoes)
+    return FieldTracer(data, at + 1, end, brief, request, echoes)
 
 
-def _tiled(recorder: Recorder, begin: int, reached: int, end: int) -> Iterator[Field]:
+def _tiled(recorder: FieldTracer, begin: int, reached: int, end: int) -> Iterator[Field]:
     """The recorded fields with nothing between them left out: what no field covers is opaque."""
     at = begin
     for field in recorder.fields:
@@ -189,7 +188,7 @@ def _tiled(recorder: Recorder, begin: int, reached: int, end: int) -> Iterator[F
         yield _gap("surplus", at, end, recorder, f"{left} more than the frame's fields take")
 
 
-def _gap(name: str, at: int, end: int, recorder: Recorder, problem: str | None = None) -> Field:
+def _gap(name: str, at: int, end: int, recorder: FieldTracer, problem: str | None = None) -> Field:
     return opaque(name, at - recorder.offset, end - at, recorder.data[at:end], recorder, problem)
 
 

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from .declaration import EXCEPTION
-from .lengths import relations, revision
-from .limits import Asked, taken
+from .lengths import relations
+from .limits import RequestedByteCount, taken
+from .registry import revision
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +56,7 @@ def expectation(request: bytes) -> Expectation:
 def _expectation(request: bytes, _revision: int) -> Expectation:
     marks = []
     for relation in relations(request[1]):
-        if isinstance(relation, Asked):
+        if isinstance(relation, RequestedByteCount):
             at = relation.quantity_offset + 1
             count = taken(int.from_bytes(request[at : at + 2], "big"), relation.bits) & 0xFF
             marks.append((relation.count_offset + 1, bytes([count])))

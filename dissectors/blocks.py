@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import construct
 
-from .fields import Field, Value
+from .fields import Field, FieldTracer, Value
 from .parts import AnyConstruct, Part, Short, register_text
-from .recorder import Recorder
-from .text import device_text, is_text
-from .values import Area, logical
+from .values import Area, device_text, is_text, logical
 
 if TYPE_CHECKING:
     _Struct = construct.Struct
@@ -110,7 +108,7 @@ class Registers(Counted):
             said = f"{logical(address, self.area) if self.area else address}: {said}"
         return Field(self.each, at, 2, register, raw, said, None, None, (), None, address)
 
-    def describe(self, name: str, start: int, length: int, value: Sequence[int], seen: Recorder) -> Field:
+    def describe(self, name: str, start: int, length: int, value: Sequence[int], seen: FieldTracer) -> Field:
         text = self.text(value)
         if seen.brief:
             return seen.make(name, start, length, len(value), text)
@@ -164,7 +162,7 @@ class Bits(Counted):
             said = f"{logical(address, self.area)}: {said}"
         return Field(self.each, at, 1, on, raw, said, bit, 1, (), None, address)
 
-    def describe(self, name: str, start: int, length: int, value: Sequence[bool], seen: Recorder) -> Field:
+    def describe(self, name: str, start: int, length: int, value: Sequence[bool], seen: FieldTracer) -> Field:
         quantity = seen.number(self.quantity)
         n = len(value) if quantity is None else min(quantity, len(value))
         text = self.text(value[:n])
@@ -210,14 +208,14 @@ class Bits(Counted):
 class Octets(Counted):
     """Bytes whose meaning the declaration does not know; printable ones are shown as text too."""
 
-    def describe(self, name: str, start: int, length: int, value: bytes, seen: Recorder) -> Field:
+    def describe(self, name: str, start: int, length: int, value: bytes, seen: FieldTracer) -> Field:
         return opaque(name, start, length, value, seen)
 
 
 class Text(Counted):
     """A string of the device's own."""
 
-    def describe(self, name: str, start: int, length: int, value: bytes, seen: Recorder) -> Field:
+    def describe(self, name: str, start: int, length: int, value: bytes, seen: FieldTracer) -> Field:
         text = device_text(value)
         return seen.make(name, start, length, text, text)
 
@@ -234,7 +232,7 @@ class Split(Counted):
         super().__init__(count, less=less)
         self.pieces = pieces
 
-    def describe(self, name: str, start: int, length: int, value: bytes, seen: Recorder) -> Field:
+    def describe(self, name: str, start: int, length: int, value: bytes, seen: FieldTracer) -> Field:
         children = []
         at = start
         for piece, size, said, text in self.pieces(value):
@@ -264,7 +262,7 @@ class Rest(Part):
         stream.write(obj)
         return obj
 
-    def describe(self, name: str, start: int, length: int, value: bytes, seen: Recorder) -> Field:
+    def describe(self, name: str, start: int, length: int, value: bytes, seen: FieldTracer) -> Field:
         return opaque(name, start, length, value, seen)
 
 
@@ -295,7 +293,7 @@ class Items(Part):
             self.subcon._build(item, stream, context, path)
         return obj
 
-    def problem(self, value: Any, length: int, seen: Recorder) -> str | None:  # noqa: ARG002
+    def problem(self, value: Any, length: int, seen: FieldTracer) -> str | None:  # noqa: ARG002
         counted = seen.number(self.octets)
         if counted is not None and counted != length:
             return f"the byte count says {counted}, what is in it takes {length}"
@@ -319,7 +317,7 @@ def _address(first: int | None, i: int) -> int | None:
     return None if first is None or first + i > 0xFFFF else first + i
 
 
-def opaque(name: str, start: int, length: int, data: bytes, seen: Recorder, problem: str | None = None) -> Field:
+def opaque(name: str, start: int, length: int, data: bytes, seen: FieldTracer, problem: str | None = None) -> Field:
     """Bytes that mean nothing known."""
     text = data.hex(" ")
     if is_text(data) and length > 1:

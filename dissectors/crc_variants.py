@@ -51,7 +51,7 @@ class Sum:
 
 
 @dataclass(frozen=True, slots=True)
-class Variant:
+class CrcVariant:
     """A convention for the last two bytes of a frame: how they are made, over which bytes, which of them goes first.
 
     `skipped` is how many of a frame's first bytes are left out: 1 where somebody forgot the unit.
@@ -97,15 +97,15 @@ ALGORITHMS: Final[tuple[Algorithm | Sum, ...]] = (
     Sum("negated sum of the bytes", True, 0xFE23),
 )
 
-VARIANTS: Final[tuple[Variant, ...]] = (
-    Variant(_MODBUS, "big"),
-    *(Variant(algorithm, order) for algorithm in ALGORITHMS for order in ("little", "big")),
-    Variant(_MODBUS, "little", skipped=1),
-    Variant(_MODBUS, "big", skipped=1),
+VARIANTS: Final[tuple[CrcVariant, ...]] = (
+    CrcVariant(_MODBUS, "big"),
+    *(CrcVariant(algorithm, order) for algorithm in ALGORITHMS for order in ("little", "big")),
+    CrcVariant(_MODBUS, "little", skipped=1),
+    CrcVariant(_MODBUS, "big", skipped=1),
 )
 
 
-def matching(frame: bytes) -> Iterator[Variant]:
+def matching(frame: bytes) -> Iterator[CrcVariant]:
     """The conventions by which the last two bytes of a frame are right; the usual one is not among them."""
     if len(frame) < 4:
         return

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from .checks import crc16, lrc
+from .crc import crc16, lrc
 
 Protocol = Literal["rtu", "ascii", "tcp"]
 

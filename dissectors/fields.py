@@ -7,7 +7,8 @@ bytes read as one big-endian number, and `bits` says how many.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 Value = int | float | str | bool | None
 
@@ -53,3 +54,77 @@ class Field:
         if self.fields:
             line["fields"] = [field.to_json() for field in self.fields]
         return line
+
+
+# What is seen while a declaration reads bytes: values by name so far, fields so far, and what the request said.
+
+
+@dataclass(slots=True)
+class FieldTracer:
+    """The state of one reading.
+
+    `data` is the ADU, `offset` and `end` where in it the declared part begins and ends. `brief` asks for the
+    short texts of a summary and no children of long blocks. `request` holds the numbers of the request that is
+    answered, by name; `echoes` names those that the response must repeat.
+    """
+
+    data: bytes
+    offset: int
+    end: int
+    brief: bool = False
+    request: Mapping[str, int] = field(default_factory=dict)
+    echoes: tuple[str, ...] = ()
+    values: dict[str, object] = field(default_factory=dict)
+    fields: list[Field] = field(default_factory=list)
+
+    def number(self, name: str | None) -> int | None:
+        """A number by name: of this PDU, else of the request."""
+        if name is None:
+            return None
+        found = self.values.get(name)
+        if found is None:
+            found = self.request.get(name)
+        return found if isinstance(found, int) else None
+
+    def make(
+        self,
+        name: str,
+        start: int,
+        length: int,
+        value: Value,
+        text: str,
+        fields: tuple[Field, ...] = (),
+        problem: str | None = None,
+    ) -> Field:
+        """A field by its place in the declared part."""
+        at = self.offset + start
+        raw = self.data[at : at + length].hex()
+        return Field(name, at, length, value, raw, text, None, None, fields, problem)
+
+
+# Templates of summaries: `read {quantity:coil} from {starting_address}`.
+#
+# `{name}` is a field's text; `{name:noun}` its number with the noun, in the plural where it takes one.
+
+
+class _Word:
+    def __init__(self, field: Field) -> None:
+        self.field = field
+
+    def __format__(self, noun: str) -> str:
+        if not noun:
+            return self.field.text
+        value = self.field.value
+        if not isinstance(value, int):
+            return f"{self.field.text} {noun}"
+        return f"{value} {noun}{'' if value == 1 else 's'}"
+
+
+def filled(template: str, fields: Iterable[Field]) -> str | None:
+    """The template with its fields put in; None where one is missing (or the template is empty)."""
+    if not template:
+        return None
+    try:
+        return template.format_map({field.name: _Word(field) for field in fields})
+    except (LookupError, AttributeError, ValueError):
+        return None

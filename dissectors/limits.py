@@ -95,7 +95,7 @@ class Echo:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class RequestedByteCount:
     """A byte count (1 byte) in a response that is what a quantity (2 bytes) in its request takes: see `taken`."""
 
     count_offset: int
@@ -104,7 +104,7 @@ class Asked:
 
 
 Check = Bound | Choice | Multiple
-Relation = Echo | Asked
+Relation = Echo | RequestedByteCount
 
 
 _Q = TypeVar("_Q", int, "NDArray[Any]")

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import construct
 
-from .fields import Field
+from .fields import Field, FieldTracer
 from .limits import Bound, Check, Choice, Multiple, taken
-from .recorder import Recorder
 from .values import Area, hexadecimal, logical, signed
 from .values import bits as bit_text
 
@@ -48,11 +47,11 @@ class Part(AnyConstruct):
         """
         return None
 
-    def describe(self, name: str, start: int, length: int, value: Any, seen: Recorder) -> Field:
+    def describe(self, name: str, start: int, length: int, value: Any, seen: FieldTracer) -> Field:
         """The field of a value that was read from `length` bytes at `start` of the declared part."""
         return seen.make(name, start, length, value, str(value))
 
-    def problem(self, value: Any, length: int, seen: Recorder) -> str | None:  # noqa: ARG002
+    def problem(self, value: Any, length: int, seen: FieldTracer) -> str | None:  # noqa: ARG002
         """What breaks the specification here, or None."""
         return None
 
@@ -86,13 +85,13 @@ class Number(Part):
     def _sizeof(self, context: Any, path: str) -> int:  # noqa: ARG002
         return self.width
 
-    def describe(self, name: str, start: int, length: int, value: int, seen: Recorder) -> Field:
+    def describe(self, name: str, start: int, length: int, value: int, seen: FieldTracer) -> Field:
         at = seen.offset + start
         raw = seen.data[at : at + length].hex()
         text = self.brief(value) if seen.brief else self.text(value)
         return Field(name, at, length, value, raw, text, None, None, (), self.problem(value, length, seen))
 
-    def problem(self, value: int, length: int, seen: Recorder) -> str | None:  # noqa: ARG002
+    def problem(self, value: int, length: int, seen: FieldTracer) -> str | None:  # noqa: ARG002
         for check in self.checks:
             if (broken := check.broken(value)) is not None:
                 return broken
@@ -152,7 +151,7 @@ class ByteCount(Number):
     def looks_at(self) -> tuple[str, ...]:
         return () if self.of is None else (self.of,)
 
-    def problem(self, value: int, length: int, seen: Recorder) -> str | None:
+    def problem(self, value: int, length: int, seen: FieldTracer) -> str | None:
         quantity = seen.number(self.of)
         if quantity is not None and value != taken(quantity, self.bits):
             where = "" if self.of in seen.values else " of the request"
@@ -230,7 +229,7 @@ class Flags(Number):
     def looks_at(self) -> tuple[str, ...]:
         return ()
 
-    def describe(self, name: str, start: int, length: int, value: int, seen: Recorder) -> Field:
+    def describe(self, name: str, start: int, length: int, value: int, seen: FieldTracer) -> Field:
         field = super().describe(name, start, length, value, seen)
         return field if seen.brief else replace(field, fields=flag_fields(field, value, self.names))
 

@@ -2,14 +2,15 @@
 
 A module of that package that holds `Function` values declares them; nothing lists the modules. Users add theirs by a
 Python file (`load_file`) or an entry point of the group `rtuscope.functions` (`load_entry_points`), and may replace the
-specification's. Nothing is read before somebody asks.
+specification's. Nothing is read before somebody asks. Both are Python that runs with the user's rights.
 """
 
 from __future__ import annotations
 
 import os
 import pkgutil
-from collections.abc import Iterable, Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import import_module
 from types import MappingProxyType
 from typing import Final
@@ -64,7 +65,7 @@ def revision() -> int:
 def load_file(path: str | os.PathLike[str]) -> list[Function]:
     """Runs a Python file and registers the functions that it defines; returns them.
 
-    A DeclarationError says what is wrong with the file and in which line.
+    A DeclarationError says what is wrong with the file and in which line, whatever goes wrong in it.
     """
     from pathlib import Path
 
@@ -79,42 +80,53 @@ def load_file(path: str | os.PathLike[str]) -> list[Function]:
     except SyntaxError as error:
         where = f"{name}:{error.lineno}" if error.lineno else name
         raise DeclarationError(f"{where}: {error.msg}") from error
-    except (Exception, SystemExit) as error:
-        raise DeclarationError(f"{name}:{_line_of(error, name)}: {_words(error)}") from error
-    found = list(_functions_in(space.values()))
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        line = _line_of(error, name)
+        where = f"{name}:{line}" if line else name
+        raise DeclarationError(f"{where}: {_words(error)}") from error
+    try:
+        found = list(_functions_in(space.values()))
+        for function in found:
+            register(function)
+    except Exception as error:
+        raise DeclarationError(f"{name}: {_words(error)}") from error
     if not found:
         raise DeclarationError(f"{name}: defines no Function")
-    for function in found:
-        try:
-            register(function)
-        except DeclarationError as error:
-            raise DeclarationError(f"{name}: {error}") from error
     return found
 
 
-def load_entry_points() -> list[Function]:
+def load_entry_points(tell: Callable[[str], object] = warnings.warn) -> list[Function]:
     """Registers the functions that installed packages offer in the entry point group; returns them.
 
-    An entry point names a Function, a collection of them or a module that holds some.
+    An entry point names a Function, a collection of them or a module that holds some. `tell` gets a line for each one
+    that cannot be used: it is left out, and the others are not.
     """
     from importlib.metadata import entry_points
 
     loaded: list[Function] = []
     for point in entry_points(group=ENTRY_POINTS):
         try:
-            offered = point.load()
-        except Exception as error:
-            raise DeclarationError(f"entry point {point.name} ({point.value}): {_words(error)}") from error
-        values = (
-            vars(offered).values() if hasattr(offered, "__dict__") and not isinstance(offered, Function) else [offered]
-        )
-        found = list(_functions_in(values))
-        if not found:
-            raise DeclarationError(f"entry point {point.name} ({point.value}): holds no Function")
-        for function in found:
-            register(function)
-        loaded += found
+            loaded += _offered(point.load())
+        except BaseException as error:
+            if isinstance(error, KeyboardInterrupt):
+                raise
+            tell(f"plug-in {point.name} ({point.value}) is left out: {_words(error)}")
     return loaded
+
+
+def _offered(thing: object) -> list[Function]:
+    """Registers what an entry point names."""
+    own = hasattr(thing, "__dict__") and not isinstance(thing, Function)
+    found = list(_functions_in(vars(thing).values() if own else [thing]))
+    if not found:
+        raise DeclarationError("holds no Function")
+    for function in found:
+        _check(function)
+    for function in found:
+        register(function)
+    return found
 
 
 def _load() -> None:
@@ -138,9 +150,14 @@ def _functions_in(values: Iterable[object]) -> Iterator[Function]:
 
 
 def _check(function: Function) -> None:
-    """A declaration must give a rule for both sides."""
-    from .lengths import Role, compiled
+    """A declaration must give a rule for both sides, and names that can be shown."""
+    from .length_rules import Role, compiled
+    from .structure import field_names
 
+    names = (*field_names(function.request), *field_names(function.response))
+    for text in (function.name, *function.words("request"), *function.words("response"), *names):
+        if not isinstance(text, str) or not text.isprintable():
+            raise DeclarationError(f"function {function.code}: {text!r} is no text that can be shown")
     for role in Role:
         try:
             compiled(function, role)
@@ -162,7 +179,10 @@ def _line_of(error: BaseException, name: str) -> int:
 
 def _words(error: BaseException) -> str:
     """An error on one line."""
-    text = " ".join(str(error).split())
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # it cannot even say what it is
+        text = ""
     return (
         text
         if isinstance(error, DeclarationError)

@@ -31,7 +31,7 @@ _INNER: Final = ("subcon", "thensubcon", "elsesubcon", "default", "lengthfield",
 
 
 @dataclass(slots=True)
-class Shape:
+class DeclarationShape:
     """`size` is the bytes that are always there, the function code included. `layout` places the named numbers."""
 
     size: int = 1
@@ -46,14 +46,14 @@ class Shape:
     stepped: bool = False
 
 
-def shape(declaration: AnyConstruct) -> Shape:
+def shape(declaration: AnyConstruct) -> DeclarationShape:
     """The shape of a PDU: function code, then what the declaration says."""
-    found = Shape()
+    found = DeclarationShape()
     _walk(declaration, None, found, 1)
     return found
 
 
-def _walk(con: AnyConstruct, name: str | None, found: Shape, at: int | None) -> int | None:
+def _walk(con: AnyConstruct, name: str | None, found: DeclarationShape, at: int | None) -> int | None:
     """Adds a construct at PDU offset `at` (None: not fixed) and returns the offset behind it."""
     while isinstance(con, construct.Renamed):
         name, con = con.name, con.subcon
@@ -89,12 +89,12 @@ def _walk(con: AnyConstruct, name: str | None, found: Shape, at: int | None) -> 
     return _foreign(con, name, found, at)
 
 
-def _fixed(size: int, found: Shape, at: int | None) -> int | None:
+def _fixed(size: int, found: DeclarationShape, at: int | None) -> int | None:
     found.size += size
     return None if at is None else at + size
 
 
-def _counted(name: object, scale: int, found: Shape) -> None:
+def _counted(name: object, scale: int, found: DeclarationShape) -> None:
     """Bytes that the number `name` counts."""
     place = found.layout.get(name) if isinstance(name, str) else None
     if place is None or found.count is not None:
@@ -103,7 +103,7 @@ def _counted(name: object, scale: int, found: Shape) -> None:
         found.count = Count(*place, scale)
 
 
-def _number(con: Number, name: str | None, found: Shape, at: int | None) -> None:
+def _number(con: Number, name: str | None, found: DeclarationShape, at: int | None) -> None:
     if at is None:
         return
     found.checks += [replace(check, offset=at) for check in con.checks]
@@ -118,7 +118,7 @@ def _number(con: Number, name: str | None, found: Shape, at: int | None) -> None
         found.numbers[name] = con
 
 
-def _items(con: Items, found: Shape, at: int | None) -> None:
+def _items(con: Items, found: DeclarationShape, at: int | None) -> None:
     """Elements; of the first, whose place is known, the leading number is held to its checks."""
     if con.octets is None:
         found.stepped = True
@@ -135,13 +135,13 @@ def _items(con: Items, found: Shape, at: int | None) -> None:
             found.checks += [replace(check, offset=at) for check in first.checks]
 
 
-def _switch(con: Any, found: Shape, at: int | None) -> int | None:
+def _switch(con: Any, found: DeclarationShape, at: int | None) -> int | None:
     """Alternatives: of one size they have it, else only the bytes tell."""
     shapes = []
     for case in (*con.cases.values(), con.default):
         if case is construct.Pass:
             continue
-        inner = Shape(size=0)
+        inner = DeclarationShape(size=0)
         _walk(case, None, inner, None)
         shapes.append(inner)
     found.open_ended = found.open_ended or any(s.open_ended for s in shapes)
@@ -151,7 +151,7 @@ def _switch(con: Any, found: Shape, at: int | None) -> int | None:
     return None
 
 
-def _foreign(con: Any, name: str | None, found: Shape, at: int | None) -> int | None:
+def _foreign(con: Any, name: str | None, found: DeclarationShape, at: int | None) -> int | None:
     """A construct from elsewhere: of fixed size, counted in one of the common ways, or read to know."""
     size = _size(con)
     if size is not None:
@@ -180,7 +180,7 @@ def _foreign(con: Any, name: str | None, found: Shape, at: int | None) -> int | 
 
 
 def _greedy_inside(con: AnyConstruct) -> bool:
-    inner = Shape()
+    inner = DeclarationShape()
     _walk(con, None, inner, None)
     return inner.bare
 
@@ -240,6 +240,18 @@ def rebuilt(con: AnyConstruct, hook: Callable[[AnyConstruct], AnyConstruct | Non
     return twin
 
 
+def field_names(con: AnyConstruct) -> list[str]:
+    """The names that a declaration gives to its parts."""
+    names: list[str] = []
+
+    def note(part: AnyConstruct) -> None:
+        if isinstance(part, construct.Renamed):
+            names.append(str(part.name))
+
+    rebuilt(con, note)
+    return names
+
+
 class Unknowable(construct.ConstructError):
     """A part that goes on to the end: the bytes do not say where that is."""
 
@@ -248,12 +260,12 @@ class Impossible(construct.ConstructError):
     """A number that breaks a hard check: these bytes are no such PDU."""
 
 
-class _Open(AnyConstruct):
+class _OpenShape(AnyConstruct):
     def _parse(self, stream: Any, context: Any, path: str) -> Any:  # noqa: ARG002
         raise Unknowable("no end in sight")
 
 
-class _Held(AnySubconstruct):
+class _HeldShape(AnySubconstruct):
     def __init__(self, number: Number) -> None:
         super().__init__(number)
         self.checks = tuple(check for check in number.checks if not check.soft)
@@ -272,9 +284,9 @@ def measuring(declaration: AnyConstruct) -> AnyConstruct:
         if isinstance(con, _BOUNDED):
             return con
         if isinstance(con, (Rest, *_GREEDY)):
-            return _Open()
+            return _OpenShape()
         if isinstance(con, Number) and any(not check.soft for check in con.checks):
-            return _Held(con)
+            return _HeldShape(con)
         return None
 
     return rebuilt(declaration, hook)

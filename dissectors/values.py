@@ -62,6 +62,14 @@ def ordered(registers: Sequence[int], order: Order = "ABCD") -> bytes:
     return b"".join(word.to_bytes(2, "big") for word in words)
 
 
+def registers_of(data: bytes, order: Order = "ABCD") -> list[int]:
+    """The registers that hold these bytes (an even number of them, most significant first) in a device's order."""
+    words = [int.from_bytes(data[at : at + 2], "big") for at in range(0, len(data), 2)]
+    if order in ("CDAB", "DCBA"):
+        words.reverse()
+    return [_swapped(word) for word in words] if order in ("BADC", "DCBA") else words
+
+
 def integer(registers: Sequence[int], order: Order = "ABCD", *, signed: bool = False) -> int:
     """Registers as one integer of 16 bits each."""
     return int.from_bytes(ordered(registers, order), "big", signed=signed)
@@ -160,3 +168,28 @@ def _from_one(digits: str, last: int, whole: str) -> int:
 
 def _swapped(register: int) -> int:
     return (register & 0xFF) << 8 | register >> 8
+
+
+# Text that came from the bus, made safe to show: the one place where foreign bytes become characters.
+#
+# A device may say anything in its strings. Control characters (C0, C1), line and paragraph separators, bidirectional
+# overrides, zero-width and other invisible characters come out as their escape (`\x1b`, `\u202e`), so that a name
+# cannot move a cursor, recolour a terminal, forge a line or turn the text around it.
+
+
+def harmless(text: str) -> str:
+    """`text` with every character that does not print as itself written as its escape."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
+def device_text(data: bytes) -> str:
+    """A device's string: ASCII by the specification, UTF-8 where it is, other bytes as `\\xNN`; harmless."""
+    return harmless(data.decode("utf-8", "backslashreplace"))
+
+
+def is_text(data: bytes) -> bool:
+    """Whether these bytes are printable ASCII, trailing NULs apart, and so probably meant as text."""
+    body = data.rstrip(b"\0")
+    return bool(body) and all(0x20 <= byte < 0x7F for byte in body)

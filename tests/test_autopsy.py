@@ -11,10 +11,10 @@ from damages import DAMAGES, damaged
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analyzer.findings.autopsy import FRAME, Case, Verdict, autopsy, divided, joined
-from dissectors.checks import crc_ok
+from analyzer.diagnosis.damage import FRAME, DamagedFrame, Explanation, autopsy, divided, joined
+from dissectors.crc import crc_ok
 from dissectors.crc_variants import VARIANTS
-from dissectors.lengths import Role
+from dissectors.length_rules import Role
 
 READ = adu("1103006b0003")
 ANSWER = adu("110306ae4156524340")
@@ -25,8 +25,8 @@ RECALL = dict.fromkeys(DAMAGES, 0.98) | {"crc-error": 0.95, "collision": 0.94}
 PRECISION = dict.fromkeys(DAMAGES, 0.98) | {"crc-error": 0.94}
 
 
-def _answered(data: bytes, **other: object) -> Verdict:
-    return autopsy(replace(Case(data, Role.RESPONSE, request=READ), **other))  # type: ignore[arg-type]
+def _answered(data: bytes, **other: object) -> Explanation:
+    return autopsy(replace(DamagedFrame(data, Role.RESPONSE, request=READ), **other))  # type: ignore[arg-type]
 
 
 def test_a_flipped_bit_is_named() -> None:
@@ -61,7 +61,7 @@ def test_an_added_byte_is_named(at: int) -> None:
 
 def test_a_doubled_slice_of_22_bytes() -> None:
     asked, sent = adu("010300000028"), adu("010350" + bytes(range(80)).hex())
-    verdict = autopsy(Case(sent[:40] + sent[18:], Role.RESPONSE, request=asked))
+    verdict = autopsy(DamagedFrame(sent[:40] + sent[18:], Role.RESPONSE, request=asked))
     assert (verdict.code, verdict.length, verdict.repaired) == ("bytes-repeated", 22, sent)
 
 
@@ -71,7 +71,7 @@ def test_cut_short() -> None:
 
 
 def test_cut_before_the_length_is_told() -> None:
-    verdict = autopsy(Case(adu("01100000000204000a0102")[:6], Role.REQUEST))
+    verdict = autopsy(DamagedFrame(adu("01100000000204000a0102")[:6], Role.REQUEST))
     assert (verdict.code, verdict.at_least) == ("truncated", True)
 
 
@@ -85,15 +85,15 @@ def test_other_conventions_are_named(variant: object) -> None:
 
 def test_lost_xon_xoff_bytes_are_put_back() -> None:
     asked = adu("110300130001")
-    verdict = autopsy(Case(asked.translate(None, b"\x11\x13"), Role.REQUEST))
+    verdict = autopsy(DamagedFrame(asked.translate(None, b"\x11\x13"), Role.REQUEST))
     assert (verdict.code, verdict.lost, verdict.repaired) == ("flow-control-loss", 2, asked)
 
 
 def test_a_port_that_lets_xon_through_has_no_flow_control() -> None:
     sent = adu("010306001112345678")
     data = sent[:4] + sent[5:]
-    assert autopsy(Case(data, Role.RESPONSE, flow_free=3000)).code == "flow-control-loss"
-    assert autopsy(Case(data, Role.RESPONSE, flow_free=0)).code == "byte-missing"
+    assert autopsy(DamagedFrame(data, Role.RESPONSE, flow_free=3000)).code == "flow-control-loss"
+    assert autopsy(DamagedFrame(data, Role.RESPONSE, flow_free=0)).code == "byte-missing"
 
 
 def test_what_no_simple_thing_explains() -> None:
@@ -105,7 +105,7 @@ def test_what_no_simple_thing_explains() -> None:
 def test_garbage_where_an_answer_was_due() -> None:
     noise = bytes.fromhex("a3f190c81de76b025593")
     assert _answered(noise).code == "collision"
-    assert autopsy(Case(noise)).code == "crc-error"
+    assert autopsy(DamagedFrame(noise)).code == "crc-error"
 
 
 def test_an_answer_that_another_one_talks_over_is_longer() -> None:
@@ -115,26 +115,26 @@ def test_an_answer_that_another_one_talks_over_is_longer() -> None:
 def test_a_recurring_request_settles_what_the_crc_leaves_open() -> None:
     polls = {adu(f"0103{address:04x}0002") for address in range(0, 100, 10)}
     sent = min(polls)
-    verdict = autopsy(Case(sent[1:], known=polls))
+    verdict = autopsy(DamagedFrame(sent[1:], known=polls))
     assert (verdict.code, verdict.repaired) == ("byte-missing", sent)
 
 
 def test_a_byte_left_over_belongs_to_the_frame() -> None:
     captured = READ[:4] + b"\x55" + READ[4:]
-    found = joined(Case(captured[:8], Role.REQUEST), after=captured[8:])
+    found = joined(DamagedFrame(captured[:8], Role.REQUEST), after=captured[8:])
     assert (found.verdict.code, found.verdict.repaired, found.before, found.after) == ("byte-extra", READ, 0, 1)
 
 
 def test_a_glitch_before_a_frame_does_not() -> None:
     data = bytearray(ANSWER)
     data[5] ^= 1 << 3
-    found = joined(Case(bytes(data), Role.RESPONSE, request=READ), before=b"\x00")
+    found = joined(DamagedFrame(bytes(data), Role.RESPONSE, request=READ), before=b"\x00")
     assert (found.verdict.code, found.verdict.byte, found.before, found.after) == ("bit-flip", 5, 0, 0)
 
 
 def test_frames_that_flow_control_ran_together_are_taken_apart() -> None:
     left = [frame.translate(None, b"\x11\x13") for frame in (READ, ANSWER, adu("110600010003"), adu("110600010003"))]
-    parts = divided(Case(b"".join(left), flow_free=2000))
+    parts = divided(DamagedFrame(b"".join(left), flow_free=2000))
     assert [(part.start, part.length) for part in parts] == [(0, 7), (7, 10), (17, 7), (24, 7)]
     assert [part.verdict.repaired for part in parts[:2]] == [READ, ANSWER]
     assert {part.verdict.code for part in parts} == {"flow-control-loss"}
@@ -142,7 +142,7 @@ def test_frames_that_flow_control_ran_together_are_taken_apart() -> None:
 
 @given(st.binary(max_size=60), st.sampled_from([None, READ]))
 def test_what_flow_control_does_not_explain_is_not_taken_apart(data: bytes, request: bytes | None) -> None:
-    parts = divided(Case(data, request=request, flow_free=2000))
+    parts = divided(DamagedFrame(data, request=request, flow_free=2000))
     assert not parts or [part.start for part in parts[1:]] == [part.start + part.length for part in parts[:-1]]
     assert sum(part.length for part in parts) in (0, len(data))
 
@@ -151,7 +151,7 @@ def test_what_flow_control_does_not_explain_is_not_taken_apart(data: bytes, requ
 def test_noise_is_no_frame(length: int) -> None:
     random = Random(length)
     stretches = [random.randbytes(length) for _ in range(300)]
-    held = sum(autopsy(Case(data, units=(1, 17, 40))).bits >= FRAME for data in stretches)
+    held = sum(autopsy(DamagedFrame(data, units=(1, 17, 40))).bits >= FRAME for data in stretches)
     assert held <= 3
 
 
@@ -162,7 +162,7 @@ def test_noise_is_no_frame(length: int) -> None:
     st.sampled_from([None, 0, 5000]),
 )
 def test_any_bytes_get_a_verdict(data: bytes, role: Role | None, request: bytes | None, free: int | None) -> None:
-    verdict = autopsy(Case(data, role, request=request, flow_free=free))
+    verdict = autopsy(DamagedFrame(data, role, request=request, flow_free=free))
     assert 0 <= verdict.certainty <= 1
     for said in (verdict, *verdict.rivals):
         assert said.repaired is None or crc_ok(said.repaired)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import captures
 from captures import Capture, CaptureError, Chunk, LineSettings, Mark
 from captures.formats import formats
-from captures.formats.mcap import MAGIC
+from captures.formats.mcap.records import MAGIC
 
 CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"
 LOSSLESS = ["serial-chunks", "mcap"]
@@ -209,7 +209,7 @@ def test_reading_follows_the_file_as_it_is_asked_for(tmp_path: Path) -> None:
 
 
 def corpus_files() -> list[Path]:
-    return sorted(path for path in CORPUS.glob("*/*.jsonl") if ".truth" not in path.name)
+    return sorted(path for path in CORPUS.glob("*/*.jsonl") if "truth" not in path.name)
 
 
 @pytest.mark.skipif(not CORPUS.exists(), reason="the corpus of captures is not beside the project")

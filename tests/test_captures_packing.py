@@ -17,11 +17,11 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap.writer import CompressionType, Writer
 
 from captures.formats.mcap import packing
-from captures.formats.mcap.packing import HEAD, Part, Tails, packed
+from captures.formats.mcap.packing import HEAD, PackedPart, Tails, packed
 from captures.formats.mcap.protobuf import (
     PLAIN,
-    Field,
     Message,
+    MessageField,
     Type,
     fields_in,
     packed_length,
@@ -54,7 +54,7 @@ def records_of(messages: list[One], split: int) -> packing.Packed:
         which = np.flatnonzero(widths == width)
         heads = packing.heads(np.zeros(1, [("record", HEAD), ("first", f"S{width}")]), len(which))
         heads["first"] = [messages[i].data[:width] for i in which]
-        parts.append(Part(which, heads))
+        parts.append(PackedPart(which, heads))
     rests = [message.data[width:] for message, width in zip(messages, widths.tolist(), strict=True)]
     sizes = np.array([len(rest) for rest in rests], np.int64)
     tails = Tails(np.frombuffer(b"".join(rests), np.uint8), np.cumsum(sizes) - sizes, sizes)
@@ -117,19 +117,19 @@ EVERY = Message(
     "test.Every",
     (
         *(
-            Field(f"{kind.name.lower()}_{i}", kind, optional=i == 1)
+            MessageField(f"{kind.name.lower()}_{i}", kind, optional=i == 1)
             for kind in Type
             if kind < Type.STRING
             for i in (0, 1)
         ),
-        Field("signed", Type.SFIXED32),
-        Field("long", Type.SFIXED64, optional=True),
-        Field("colour", Type.ENUM, names={"none": 0, "red": 1}),
-        Field("other_colour", Type.ENUM, names={"none": 0, "red": 1}),
-        Field("late", Type.FIXED32, optional=True),
-        Field("far", Type.BOOL),
-        Field("farther", Type.DOUBLE, optional=True),
-        Field("text", Type.STRING),
+        MessageField("signed", Type.SFIXED32),
+        MessageField("long", Type.SFIXED64, optional=True),
+        MessageField("colour", Type.ENUM, names={"none": 0, "red": 1}),
+        MessageField("other_colour", Type.ENUM, names={"none": 0, "red": 1}),
+        MessageField("late", Type.FIXED32, optional=True),
+        MessageField("far", Type.BOOL),
+        MessageField("farther", Type.DOUBLE, optional=True),
+        MessageField("text", Type.STRING),
     ),
 )
 

@@ -245,7 +245,7 @@ def test_tables_of_a_logic_analyser(tmp_path: Path) -> None:
     capture = log(tmp_path, LOGIC2, "logic.csv")
     assert capture.format == "saleae"
     assert list(capture.chunks()) == [
-        Chunk(626_250, b"\xc8"),
+        Chunk(626_372, b"\xc8"),
         Chunk(653_750, b"\x01", errors=(0,)),
         Chunk(723_750, b"\x11", port=1),
     ]
@@ -269,6 +269,8 @@ def test_other_formats_can_be_added(monkeypatch: pytest.MonkeyPatch, tmp_path: P
             return Format("vendor", (".vnd",), lambda head: float(head.startswith(b"VENDOR")), binary.FORMAT.read)
 
     class Broken:
+        name, value = "broken", "broken:FORMAT"
+
         @staticmethod
         def load() -> Format:
             raise ImportError("missing")
@@ -277,7 +279,8 @@ def test_other_formats_can_be_added(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: offered.get(group, []))
     formats.foreign_formats.cache_clear()
     try:
-        assert log(tmp_path, "VENDOR\x00", "capture.vnd").format == "vendor"
+        with pytest.warns(UserWarning, match=r"plug-in broken \(broken:FORMAT\) is left out: ImportError: missing"):
+            assert log(tmp_path, "VENDOR\x00", "capture.vnd").format == "vendor"
         assert captures.open(tmp_path / "capture.vnd", format="vendor").format == "vendor"
     finally:
         formats.foreign_formats.cache_clear()

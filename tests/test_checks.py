@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from running import ran, refused
 
 import captures
-from analyzer import pipeline
+from analyzer import core
 from analyzer.checks import CheckError, Outcome, compile_check, run
 from analyzer.checks.forms import forms
-from analyzer.checks.reference import markdown
+from analyzer.reference.checks import markdown
 from captures import Capture, Chunk, samples
 
 READ, ANSWER = adu("1103006b0003"), bytes.fromhex("110306ae415652434049ad")
@@ -107,9 +107,9 @@ def test_results_do_not_hang_on_how_a_capture_is_cut_into_batches(monkeypatch: p
     rules += ["no late-response", "none where late", "none where retry or unanswered", "no findings of severity note"]
     checks = [compile_check(rule, bus.line) for rule in rules]
     whole = run(bus, checks)
-    monkeypatch.setattr(pipeline, "deframe", partial(pipeline.deframe, first=150))
-    monkeypatch.setattr(pipeline, "_BLOCK", 150)
-    assert len(list(pipeline.analyse(bus))) > 5
+    monkeypatch.setattr(core, "deframe", partial(core.deframe, first=150))
+    monkeypatch.setattr(core, "_BLOCK", 150)
+    assert len(list(core.analyse(bus))) > 5
     assert run(bus, checks) == whole
 
 
@@ -160,7 +160,7 @@ def test_any_text_gives_a_rule_or_an_error(text: str | list[str]) -> None:
 
 def test_the_reference_is_of_these_forms() -> None:
     page = Path(__file__).resolve().parents[1] / "docs" / "check.md"
-    assert page.read_text(encoding="utf-8") == markdown(), "write it anew: python -m analyzer.checks.reference"
+    assert page.read_text(encoding="utf-8") == markdown(), "write it anew: python -m analyzer.reference.checks"
     for number, form in enumerate(forms()):
         assert form.examples, number
         for example in form.examples:

@@ -6,12 +6,14 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
-from running import START, environment, ran, refused, spawned
+from running import ROOT, START, environment, ran, refused, spawned
 
 from analyzer.cli.commands import COMMANDS, load
 from analyzer.version import __version__
+from captures import samples
 
 
 def test_the_version(capsys):
@@ -179,3 +181,34 @@ def test_a_word_that_is_no_command_says_what_to_do(capsys, tmp_path):
     capture.write_text("")
     assert f"rtuscope open {capture}" in refused(capsys, capture)
     assert "there are parse, open" in refused(capsys, "11")
+
+
+def plug_in(folder: Path, group: str, name: str, source: str) -> None:
+    """An installed package that offers something in an entry point group."""
+    (folder / f"{name}.py").write_text(source)
+    about = folder / f"{name}-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text(f"[{group}]\n{name} = {name}:OFFERED\n")
+
+
+def test_a_broken_plug_in_is_named_and_left_out_and_the_others_are_not(tmp_path: Path) -> None:
+    plug_in(tmp_path, "rtuscope.functions", "broken_vendor", "1 / 0\n")
+    good = "from construct import Pass\nfrom dissectors import Function\nOFFERED = Function(101, 'Good', Pass, Pass)\n"
+    plug_in(tmp_path, "rtuscope.functions", "good_vendor", good)
+    plug_in(tmp_path, "rtuscope.captures", "broken_format", "raise SystemExit('no license\\nfound')\n")
+    paths = f"{tmp_path}{os.pathsep}{ROOT}"
+    for arguments, status in ((("parse", "11 65 0B 1B"), 0), (("report", samples.path("healthy.jsonl")), 0)):
+        done = spawned(*arguments, PYTHONPATH=paths)
+        assert done.status == status, done
+        vendor, *formats = done.err.splitlines()
+        assert vendor == (
+            "rtuscope: plug-in broken_vendor (broken_vendor:OFFERED) is left out: ZeroDivisionError: division by zero"
+        )
+        assert all("plug-in broken_format (broken_format:OFFERED) is left out: " in line for line in formats)
+        assert bool(formats) == (arguments[0] == "report")  # formats of others are asked before our own
+    assert "65 Good" in spawned("parse", "11 65 0B 1B", PYTHONPATH=paths).out
+    (tmp_path / "what.xyz").write_bytes(b"\x00\x01")
+    done = spawned("export", tmp_path / "what.xyz", PYTHONPATH=paths)
+    assert done.status == 2 and len(done.err.splitlines()) == 3, done
+    assert "plug-in broken_format (broken_format:OFFERED) is left out: SystemExit: no license found" in done.err

@@ -88,10 +88,12 @@ def test_unusable_input_is_one_line(capsys, arguments, words):
     assert words in refused(capsys, "parse", *arguments)
 
 
-def test_where_in_a_file_it_is_wrong(capsys, tmp_path):
+def test_one_odd_token_does_not_refuse_the_rest(capsys, tmp_path):
     log = tmp_path / "log.txt"
     log.write_text(f"{REQUEST}\n11 03 00 6\n")
-    assert refused(capsys, "parse", "-f", log).startswith(f"{log}: line 2: ")
+    done = ran(capsys, "parse", "--json", "-f", log)
+    assert done.status == 0
+    assert json.loads(done.out.splitlines()[0])["hex"] == "1103006b00037687"
 
 
 def test_a_binary_file_is_one_line(capsys, tmp_path):
@@ -168,3 +170,22 @@ def test_text_in_any_encoding_of_windows(tmp_path, encoding):
     done = spawned("parse", "--json", stdin=log.read_bytes())
     assert (done.status, done.err) == (0, "")
     assert [json.loads(line)["direction"] for line in done.out.splitlines()] == ["request", "response"]
+
+
+def test_a_request_that_can_only_be_an_answer_is_told_as_one(capsys):
+    done = ran(capsys, "parse", "--role", "request", "11 83 02 C1 34")
+    assert (done.status, done.err) == (0, "")
+    assert "response  unit 17: exception 02 illegal data address" in done.out
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.lists(st.binary(min_size=1, max_size=12).map(lambda pdu: adu(pdu.hex())) | st.binary(max_size=12), max_size=4),
+    st.sampled_from(("auto", "rtu", "ascii", "tcp")),
+    st.sampled_from(("request", "response")),
+)
+def test_a_role_never_makes_a_paste_unreadable(capsys, frames, envelope, role):
+    shown = " ".join(frame.hex(" ") for frame in frames)
+    done = ran(capsys, "parse", "--as", envelope, "--role", role, shown or "11")
+    assert done.status in (0, 1, 2)
+    assert not done.err or ("defect" not in done.err and "sequence" not in done.err), done.err

@@ -12,17 +12,20 @@ from hypothesis import strategies as st
 from pdus import CASES, REQUEST, RESPONSE, built
 
 import analyzer
-from analyzer.columns import AreaCode, decode
+from analyzer.core import deframe
 from analyzer.deframing.ascii import AsciiDeframer
-from analyzer.frames import ROW, Batch, Kind
-from analyzer.pipeline import Options, deframe
+from analyzer.options import Options
+from analyzer.tables.batch import Batch
+from analyzer.tables.columns import AreaCode, decode
+from analyzer.tables.schema import ROW, Kind
 from captures.chunks import Chunk
 from captures.line import LineSettings
 from captures.samples import path
-from dissectors.annotation import Context, Field, annotate
-from dissectors.checks import crc_bytes, lrc
+from dissectors.annotation import Context, annotate
+from dissectors.crc import crc_bytes, lrc
 from dissectors.envelopes import rtu
-from dissectors.lengths import Role
+from dissectors.fields import Field
+from dissectors.length_rules import Role
 
 VALUES = {"register", "coil", "input", "register_value", "output_value"}
 

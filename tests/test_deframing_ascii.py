@@ -6,10 +6,10 @@ from buses import LINE, collect
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analyzer.deframing.ascii import AsciiDeframer, looks_ascii
-from analyzer.pipeline import deframe
+from analyzer.core import deframe
+from analyzer.deframing.ascii import AsciiDeframer, ascii_after
 from captures.chunks import Capture, Chunk
-from dissectors.checks import lrc
+from dissectors.crc import lrc
 
 
 def frame(text: str) -> bytes:
@@ -40,8 +40,8 @@ def test_a_wrong_lrc_is_a_damaged_frame_and_text_around_is_noise() -> None:
 
 
 def test_rtu_bytes_are_not_taken_for_ascii() -> None:
-    assert not looks_ascii(bytes.fromhex("1103006b00037687") * 20)
-    assert looks_ascii(READ + ANSWER)
+    assert not ascii_after(bytes.fromhex("1103006b00037687") * 20)
+    assert ascii_after(READ + ANSWER)
 
 
 @given(

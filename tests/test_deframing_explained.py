@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from buses import LINE, adu, spaced
 
-from analyzer.deframing.options import Options
-from analyzer.frames import Batch, Kind
-from analyzer.pipeline import deframe
+from analyzer.core import deframe
+from analyzer.options import Options
+from analyzer.tables.batch import Batch
+from analyzer.tables.schema import Kind
 from captures.chunks import Capture, Chunk
 
 READ, ANSWER = adu("1103006b0003"), bytes.fromhex("110306ae415652434049ad")

@@ -11,9 +11,9 @@ from buses import CHAR_NS, LINE, Found, adu, collect, deframed, streams
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analyzer.deframing.stream import Deframer
+from analyzer.deframing.stream import RtuDeframer
 from captures.chunks import Block, Chunk
-from dissectors.checks import crc16
+from dissectors.crc import crc16
 
 _SAME = ("start", "length", "kind", "check", "request", "index", "t_start", "t_end", "response_ns")
 
@@ -140,7 +140,7 @@ def test_how_reads_are_split_does_not_matter_where_times_are_the_same(chunks: li
 
 @given(any_stream)
 def test_a_clock_that_ticks_in_the_pauses_changes_nothing(chunks: list[Chunk]) -> None:
-    deframer = Deframer(LINE)
+    deframer = RtuDeframer(LINE)
     batches = []
     for chunk, after in pairwise([*chunks, None]):
         batches.append(deframer.feed(chunk))
@@ -153,7 +153,7 @@ def test_a_clock_that_ticks_in_the_pauses_changes_nothing(chunks: list[Chunk]) -
 
 @given(any_stream, st.data())
 def test_bytes_given_with_the_silence_behind_them_change_nothing(chunks: list[Chunk], data: st.DataObject) -> None:
-    deframer = Deframer(LINE)
+    deframer = RtuDeframer(LINE)
     batches, held = [], []
     for chunk, after in pairwise([*chunks, None]):
         held.append(chunk)
@@ -170,8 +170,8 @@ def test_bytes_given_with_the_silence_behind_them_change_nothing(chunks: list[Ch
 @given(any_stream, st.data())
 def test_what_was_given_is_not_revised_by_what_comes_later(chunks: list[Chunk], data: st.DataObject) -> None:
     cut = data.draw(st.integers(0, len(chunks)))
-    deframer = Deframer(LINE)
-    early = collect([Deframer(LINE).close(), *(deframer.feed(c) for c in chunks[:cut])]).rows
+    deframer = RtuDeframer(LINE)
+    early = collect([RtuDeframer(LINE).close(), *(deframer.feed(c) for c in chunks[:cut])]).rows
     whole = deframed(chunks).rows[: len(early)]
     for name in _SAME:
         assert (early[name] == whole[name]).all()
@@ -195,7 +195,7 @@ ADVERSARIAL = {
 def test_memory_is_bounded_whatever_the_bytes(name: str, timed: bool) -> None:
     pattern = ADVERSARIAL[name]
     piece = (pattern * (4096 // len(pattern) + 1))[:4096]
-    deframer = Deframer(LINE)
+    deframer = RtuDeframer(LINE)
     tracemalloc.start()
     try:
         peaks = []

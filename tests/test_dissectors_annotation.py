@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.annotation import Context, Field, annotate, summary
-from dissectors.checks import crc_bytes
+from dissectors.annotation import Context, annotate, summary
+from dissectors.crc import crc_bytes
 from dissectors.envelopes import Adu, ascii_adu, rtu, tcp
+from dissectors.fields import Field
 from dissectors.functions import functions
-from dissectors.lengths import Role
+from dissectors.length_rules import Role
 
 REQUEST, RESPONSE = Role.REQUEST, Role.RESPONSE
 

@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 from pdus import CASES, REQUEST, RESPONSE, Values, built, registers_read, words
 
 from dissectors.annotation import Context, annotate, summary
-from dissectors.checks import crc_bytes
+from dissectors.crc import crc_bytes
 from dissectors.envelopes import rtu
 from dissectors.functions import functions
-from dissectors.lengths import Role, layout, pdu_length, plausibility, relations, rule
+from dissectors.length_rules import Role
+from dissectors.lengths import layout, pdu_length, plausibility, relations, rule
 
 
 def test_every_function_has_a_case_here() -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.checks import CRC_TABLE, crc16, crc_bytes, crc_ok, lrc
+from dissectors.crc import CRC_TABLE, crc16, crc_bytes, crc_ok, lrc
 
 VECTORS = [
     "1103006B00037687",

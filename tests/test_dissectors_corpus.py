@@ -8,9 +8,11 @@ from typing import Any
 
 import pytest
 
-from dissectors.annotation import Field, annotate
+from dissectors.annotation import annotate
 from dissectors.envelopes import Adu, ascii_frames, rtu, tcp, tcp_frames
-from dissectors.lengths import Role, pdu_length
+from dissectors.fields import Field
+from dissectors.length_rules import Role
+from dissectors.lengths import pdu_length
 
 VECTORS = Path(__file__).parents[2] / "shared" / "corpus" / "vectors.jsonl"
 

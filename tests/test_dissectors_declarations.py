@@ -12,13 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors import registry
-from dissectors.annotation import Field, annotate, summary
+from dissectors.annotation import annotate, summary
 from dissectors.blocks import Items, Record, Registers, Rest, Text
-from dissectors.checks import crc_bytes
+from dissectors.crc import crc_bytes
 from dissectors.declaration import DeclarationError, Function
 from dissectors.envelopes import Adu, rtu
+from dissectors.fields import Field
 from dissectors.functions import function_class, function_name, load_entry_points, load_file, register, revision
-from dissectors.lengths import Count, Role, pdu_length, rule
+from dissectors.length_rules import Role
+from dissectors.lengths import pdu_length, rule
+from dissectors.limits import Count
 from dissectors.parts import ByteCount, Number, Quantity
 
 REQUEST, RESPONSE = Role.REQUEST, Role.RESPONSE
@@ -248,6 +251,22 @@ def test_a_file_of_functions(tmp_path: Path) -> None:
             "Function(70, 'X', Struct(), Struct(), request_words='{')\n",
             r"vendor\.py:3: function 70 'X': request_words: ",
         ),
+        ("class Odd(BaseException): pass\nraise Odd('a\\nb')\n", r"vendor\.py:2: Odd: a b"),
+        (
+            "class Dumb(Exception):\n    def __str__(self): raise ValueError\nraise Dumb()\n",
+            r"vendor\.py:3: Dumb",
+        ),
+        ("def f(): f()\nf()\n", r"vendor\.py:1: RecursionError"),
+        ("(" * 5000, r"vendor\.py"),
+        (
+            "from construct import Struct\nfrom dissectors import Function\nA = Function(70, 5, Struct(), Struct())\n",
+            r"vendor\.py: function 70: 5 is no text",
+        ),
+        (
+            "from construct import Struct\nfrom dissectors import Function\n"
+            "A = Function(70, 'A', Struct(), Struct(), request_words=5)\n",
+            r"vendor\.py:3: TypeError",
+        ),
     ],
 )
 def test_a_broken_file_is_one_line_with_its_place(tmp_path: Path, source: str, said: str) -> None:
@@ -283,6 +302,9 @@ def test_entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
         offer(thing)
         assert load_entry_points() == [offered]
     assert function_name(CODE) == "From a package"
-    offer(3)
-    with pytest.raises(DeclarationError, match=r"entry point vendor \(vendor:FUNCTIONS\): holds no Function"):
-        load_entry_points()
+    told: list[str] = []
+    for broken in (3, Function(CODE, "\x1b[2J", c.Struct(), c.Struct())):
+        offer(broken)
+        assert load_entry_points(told.append) == []
+    assert told[0] == "plug-in vendor (vendor:FUNCTIONS) is left out: holds no Function"
+    assert told[1].startswith("plug-in vendor (vendor:FUNCTIONS) is left out: function 101: ")

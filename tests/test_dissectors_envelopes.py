@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.checks import crc_bytes, lrc
+from dissectors.crc import crc_bytes, lrc
 from dissectors.envelopes import ascii_adu, ascii_frames, rtu, tcp, tcp_frames
 
 BODY = st.binary(min_size=2, max_size=60)

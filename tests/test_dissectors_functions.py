@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.annotation import Field, annotate, summary
-from dissectors.checks import crc_bytes
+from dissectors.annotation import annotate, summary
+from dissectors.crc import crc_bytes
 from dissectors.envelopes import rtu
+from dissectors.fields import Field
 from dissectors.functions import exception_meaning, exception_name, function, function_class, function_name, functions
-from dissectors.functions.diagnostics import SUB_FUNCTIONS
-from dissectors.functions.line_status import event
-from dissectors.lengths import Role
-from dissectors.text import device_text, harmless
+from dissectors.functions.diagnostics import SUB_FUNCTIONS, event
+from dissectors.length_rules import Role
+from dissectors.values import device_text, harmless
 
 REQUEST, RESPONSE = Role.REQUEST, Role.RESPONSE
 

@@ -9,21 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dissectors.functions import functions
-from dissectors.lengths import (
-    MAX_PDU,
-    RULES,
-    Asked,
-    Bound,
-    Choice,
-    Count,
-    Echo,
-    Role,
-    Sized,
-    pdu_length,
-    plausibility,
-    relations,
-    rule,
-)
+from dissectors.length_rules import MAX_PDU, Role
+from dissectors.lengths import RULES, pdu_length, plausibility, relations, rule
+from dissectors.limits import Bound, Choice, Count, Echo, RequestedByteCount, Sized
 
 REQUEST, RESPONSE = Role.REQUEST, Role.RESPONSE
 
@@ -96,9 +84,9 @@ def test_checks_stay_within_the_shortest_frame_and_its_crc() -> None:
 
 
 def test_relations_of_the_specification() -> None:
-    assert relations(0x03) == (Asked(1, 3, bits=False),)
-    assert relations(0x01) == (Asked(1, 3, bits=True),)
-    assert relations(0x17) == (Asked(1, 3, bits=False),)
+    assert relations(0x03) == (RequestedByteCount(1, 3, bits=False),)
+    assert relations(0x01) == (RequestedByteCount(1, 3, bits=True),)
+    assert relations(0x17) == (RequestedByteCount(1, 3, bits=False),)
     assert relations(0x05) == (Echo(1, 1, 2), Echo(3, 3, 2))
     assert relations(0x10) == (Echo(1, 1, 2), Echo(3, 3, 2))
     assert relations(0x16) == (Echo(1, 1, 2), Echo(3, 3, 2), Echo(5, 5, 2))

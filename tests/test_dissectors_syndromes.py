@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.checks import crc16, crc_bytes
-from dissectors.crc_variants import ALGORITHMS, VARIANTS, Algorithm, Variant, matching
-from dissectors.syndromes import byte_between, flipped_bit, needed, registers
+from dissectors.crc import byte_between, crc16, crc_bytes, flipped_bit, needed, registers
+from dissectors.crc_variants import ALGORITHMS, VARIANTS, Algorithm, CrcVariant, matching
 
 bodies = st.binary(min_size=2, max_size=254)
 
@@ -78,7 +77,7 @@ def test_catalogued_check_values(algorithm: Algorithm) -> None:
 
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: variant.name)
-def test_every_convention_is_recognised(variant: Variant) -> None:
+def test_every_convention_is_recognised(variant: CrcVariant) -> None:
     body = bytes.fromhex("110306AE4156524340")
     assert [found.name for found in matching(body + variant.made(body))] == [variant.name]
 

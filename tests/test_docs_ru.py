@@ -10,7 +10,7 @@ import pytest
 
 from analyzer.cli.app import Parser
 from analyzer.cli.commands import load
-from analyzer.findings.registry import rules
+from analyzer.tables.findings import rules
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "ru.md").read_text(encoding="utf-8")
 COMMANDS = re.findall(r"^rtuscope (.+?)(?: {2,}#.*)?$", PAGE, re.MULTILINE)

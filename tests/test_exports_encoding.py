@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+
 import numpy as np
 import orjson
 import pytest
@@ -11,18 +13,23 @@ from made import VENDOR, batches, declared, vendor_batches
 from pdus import CASES
 
 import analyzer
+from analyzer.core import deframe
 from analyzer.deframing.ascii import AsciiDeframer
-from analyzer.exports.encoding import JsonLines, explain_json, noise_json
+from analyzer.exports.encoding import FrameJsonLines, explain_json, noise_json
+from analyzer.exports.encoding.blocks import BitPieces, RegisterPieces
 from analyzer.exports.encoding.pieces import Store
-from analyzer.frames import EVIDENCE, ROW, Batch, Kind
-from analyzer.pipeline import Options, deframe
-from captures.chunks import Chunk
+from analyzer.options import Options
+from analyzer.tables.batch import Batch
+from analyzer.tables.schema import EVIDENCE, ROW, Kind
+from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
 from captures.samples import path
-from dissectors.checks import crc_bytes, lrc
+from dissectors.crc import crc_bytes, lrc
 from dissectors.functions import load_file
 
-ENCODER = JsonLines()  # one for all: what it keeps of some frames is used for others
+READ_COILS = bytes.fromhex("110100130025") + crc_bytes(bytes.fromhex("110100130025"))
+COILS = bytes.fromhex("110105cd6bb20e1b") + crc_bytes(bytes.fromhex("110105cd6bb20e1b"))
+ENCODER = FrameJsonLines()  # one for all: what it keeps of some frames is used for others
 
 
 def due(batch: Batch, *, noise: bool = False, explain: bool = False) -> list[bytes]:
@@ -40,7 +47,7 @@ def due(batch: Batch, *, noise: bool = False, explain: bool = False) -> list[byt
     return lines
 
 
-def written(batch: Batch, encoder: JsonLines, rows: int = 0) -> list[bytes]:
+def written(batch: Batch, encoder: FrameJsonLines, rows: int = 0) -> list[bytes]:
     """The lines as they are exported, so many rows at once."""
     step = rows or max(len(batch), 1)
     text = b"".join(
@@ -52,7 +59,7 @@ def written(batch: Batch, encoder: JsonLines, rows: int = 0) -> list[bytes]:
     return text.splitlines()
 
 
-def same(batch: Batch, encoder: JsonLines = ENCODER, rows: int = 0) -> None:
+def same(batch: Batch, encoder: FrameJsonLines = ENCODER, rows: int = 0) -> None:
     assert written(batch, encoder, rows) == due(batch)
 
 
@@ -73,7 +80,7 @@ def test_vendors_functions_read_as_annotated(tmp_path_factory: pytest.TempPathFa
     file.write_text(VENDOR)
     with declared():
         codes = [function.code for function in load_file(file)]
-        same(data.draw(vendor_batches(codes)), JsonLines())
+        same(data.draw(vendor_batches(codes)), FrameJsonLines())
 
 
 @given(st.lists(st.tuples(st.integers(0, 255), st.binary(max_size=12)), min_size=1, max_size=5), st.integers(1, 2))
@@ -95,7 +102,7 @@ def test_unknown_functions_and_scraps_read_as_annotated(frames: list[tuple[int, 
 @pytest.mark.parametrize("name", ["healthy.jsonl", "troubled.jsonl"])
 @pytest.mark.parametrize("rows", [0, 1, 7])
 def test_samples_with_noise_and_reasons(name: str, rows: int) -> None:
-    encoder = JsonLines(explain=True, noise=True)
+    encoder = FrameJsonLines(explain=True, noise=True)
     for batch in deframe(analyzer.open(path(name)).capture, Options(explain=True)):
         assert written(batch, encoder, rows) == due(batch, noise=True, explain=True)
 
@@ -112,9 +119,20 @@ def test_ascii_mode() -> None:
 
 def test_what_is_kept_is_bounded_and_forgotten_without_a_trace(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("analyzer.exports.encoding.lines.Store", lambda: Store(kept=5_000))
-    encoder = JsonLines()
+    encoder = FrameJsonLines()
     for batch in deframe(analyzer.open(path("healthy.jsonl")).capture):
         same(batch, encoder, rows=5)
+
+
+def test_an_encoder_that_is_gone_leaves_nothing_in_memory() -> None:
+    def exported() -> None:
+        capture = Capture.of(LineSettings(baud=9600), [Chunk(0, READ_COILS), Chunk(10_000_000, COILS)])
+        for batch in deframe(capture):
+            same(batch, FrameJsonLines())
+
+    exported()
+    gc.collect()
+    assert not [one for one in gc.get_objects() if isinstance(one, (BitPieces, RegisterPieces))]
 
 
 def test_evidence_is_no_part_of_plain_lines() -> None:

@@ -50,10 +50,10 @@ def test_what_cannot_be_written_is_one_line(tmp_path):
 
 
 def test_standard_output_counts_what_a_pipe_cannot_tell(monkeypatch):
-    class Stdout:
+    class Stdout(io.StringIO):
         buffer = io.BytesIO()
 
-    monkeypatch.setattr(sys, "stdout", Stdout)
+    monkeypatch.setattr(sys, "stdout", Stdout())
     with output("-") as stream:
         stream.write(b"abc")
         assert stream.tell() == 3

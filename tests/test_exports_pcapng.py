@@ -13,6 +13,7 @@ from running import ran, spawned
 
 import captures
 from captures import Chunk, samples
+from captures.network.blocks import READS
 
 READ, VALUES = adu("1103006b0003"), adu("110306ae4156524340")
 WRITE = adu("110600010003")
@@ -64,7 +65,7 @@ def read(path: Path) -> tuple[list[dict[int, list[bytes]]], list[Packet]]:
         elif kind == 1:
             assert struct.unpack_from("<HHI", body) == (252, 0, 0)
             interfaces.append(options_of(body[8:]))
-        else:
+        elif kind != READS:
             assert kind == 6
             packets.append(packet(body))
     return interfaces, packets

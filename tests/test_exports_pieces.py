@@ -6,9 +6,7 @@ import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from analyzer.exports.encoding.decimals import decimals
-from analyzer.exports.encoding.jsontext import inside, insides
-from analyzer.exports.encoding.pieces import Store, without
+from analyzer.exports.encoding.pieces import Store, decimals, inside, insides, without
 from analyzer.exports.encoding.sheet import Sheet
 from analyzer.exports.targets.csv import _seconds
 

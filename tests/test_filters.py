@@ -13,12 +13,15 @@ from batches import joined
 from buses import LINE, adu, spaced
 
 import captures
+from analyzer.core import deframe
 from analyzer.filters import BatchTable, FilterError, check, compile_filter, complete, narrowed
 from analyzer.filters.fields import FIELDS
-from analyzer.filters.reference import markdown
 from analyzer.filters.table import OUTCOMES, PLAIN
-from analyzer.frames import Batch, Frame, Kind
-from analyzer.pipeline import Options, deframe
+from analyzer.options import Options
+from analyzer.reference.filters import markdown
+from analyzer.tables.batch import Batch
+from analyzer.tables.frame import Frame
+from analyzer.tables.schema import Kind
 from captures import samples
 from captures.chunks import Capture
 from captures.line import LineSettings
@@ -348,7 +351,7 @@ def test_what_is_dear_is_asked_only_of_rows_that_the_rest_leaves() -> None:
 def test_the_reference_is_of_this_table() -> None:
     page = Path(__file__).resolve().parents[1] / "docs" / "filters.md"
     made = markdown()
-    assert page.read_text(encoding="utf-8") == made, "write it anew: python -m analyzer.filters.reference"
+    assert page.read_text(encoding="utf-8") == made, "write it anew: python -m analyzer.reference.filters"
     for block in made.split("```text\n")[1:]:
         for line in block.split("```")[0].splitlines():
             assert check(line) is None, line

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from running import ran, refused
 
 import captures
+from analyzer.core import Analysed
 from analyzer.filters import compile_filter
 from analyzer.filters.stream import filtered
-from analyzer.pipeline import Analysed
 from analyzer.reports import summarize
 from captures import samples
 

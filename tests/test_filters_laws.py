@@ -15,12 +15,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import captures
-from analyzer.columns import AreaCode, Decoded, decode
 from analyzer.filters import BatchTable, Filter, FilterError, check, compile_filter, complete
 from analyzer.filters.fields import FIELDS
-from analyzer.findings.model import Severity
-from analyzer.frames import NO_GAP, Batch, Direction, Kind, Protocol
 from analyzer.simulation import Scenario, write
+from analyzer.tables.batch import Batch
+from analyzer.tables.columns import AreaCode, Decoded, decode
+from analyzer.tables.findings import Severity
+from analyzer.tables.schema import NO_GAP, Direction, Kind, Protocol
 from captures import samples
 from dissectors.functions import exception_name, function_name
 

@@ -7,11 +7,11 @@ from functools import cache
 
 import pytest
 
-from analyzer.findings.model import Finding, describe
-from analyzer.pipeline import analyse
+from analyzer.core import analyse
 from analyzer.simulation import Scenario, simulate
 from analyzer.simulation.defects import defects
 from analyzer.simulation.truth import TruthFinding
+from analyzer.tables.findings import Finding, describe
 from captures.chunks import Capture
 
 # Where nothing but a read's end parts two senders, it may be taken for a frame's.

@@ -10,9 +10,9 @@ from buses import SHARED, shared
 
 import analyzer
 import captures.samples
-from analyzer.findings.model import Severity, describe
-from analyzer.pipeline import analyse
+from analyzer.core import analyse
 from analyzer.simulation import TAPS, WIRES, Scenario, simulate
+from analyzer.tables.findings import Severity, describe
 from captures.chunks import Capture
 
 TIMING = {"gap-in-frame", "gap-too-short", "turnaround-short", "slow-device"}

@@ -9,21 +9,20 @@ import pytest
 from buses import LINE, streams
 from hypothesis import given, settings
 
-from analyzer.deframing.stream import Deframer
-from analyzer.findings.diagnosis import Diagnosis
-from analyzer.findings.model import FINDING, Findings, describe
-from analyzer.findings.registry import About, codes, rules
-from analyzer.frames import Kind
-from analyzer.pipeline import Analysed, analyse
+from analyzer.core import Analysed, analyse
+from analyzer.deframing.stream import RtuDeframer
+from analyzer.diagnosis.running import Diagnosis
 from analyzer.simulation import Scenario, simulate
-from analyzer.transactions import Transactions
+from analyzer.tables.findings import FINDING, About, Findings, codes, describe, rules
+from analyzer.tables.schema import Kind
+from analyzer.tables.transactions import Transactions
 from captures.chunks import Block, Capture, Chunk
 from captures.line import LineSettings
 
 
 def streamed(feeds: Sequence[Chunk | Block], line: LineSettings = LINE) -> Findings:
     """The findings of the live form: fed as the bytes come, nothing held back."""
-    deframer, transactions, diagnosis = Deframer(line), Transactions(), Diagnosis(line)
+    deframer, transactions, diagnosis = RtuDeframer(line), Transactions(), Diagnosis(line)
     found = [np.zeros(0, FINDING)]
     for batch in [*(deframer.feed(feed) for feed in feeds), deframer.close()]:
         found.append(diagnosis.feed(batch, transactions.feed(batch)))
@@ -106,7 +105,7 @@ def test_state_does_not_grow() -> None:
     import pickle
 
     made = simulate(Scenario("brutal", "precise", transactions=2000, seed=1))
-    deframer, transactions, diagnosis = Deframer(made.line), Transactions(), Diagnosis(made.line)
+    deframer, transactions, diagnosis = RtuDeframer(made.line), Transactions(), Diagnosis(made.line)
     sizes = []
     for i in range(0, len(made.chunks), 2000):
         batch = deframer.feed(Block.from_chunks(made.chunks[i : i + 2000]))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from analyzer.findings.reference import markdown
-from analyzer.findings.registry import rules
+from analyzer.reference.findings import markdown
+from analyzer.tables.findings import rules
 
 
 def test_the_page_is_of_these_rules() -> None:
     page = Path(__file__).resolve().parents[1] / "docs" / "findings.md"
-    assert page.read_text(encoding="utf-8") == markdown(), "write it anew: python -m analyzer.findings.reference"
+    assert page.read_text(encoding="utf-8") == markdown(), "write it anew: python -m analyzer.reference.findings"
 
 
 def test_every_rule_says_when_why_and_what_to_do() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from diagnosed import ANSWER, REQUEST, Wire, diagnosed, said, with_crc
 
-from analyzer.deframing.options import Options
+from analyzer.options import Options
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
 
@@ -190,8 +190,8 @@ def test_noise_by_its_place(steps: list[bytes | float], words: str) -> None:
 def test_ascii_mode_is_diagnosed_too() -> None:
     lines = [":1103006B007E03\r\n", ":11830369\r\n", ":1103006B00037E\r\n"]
     chunks = [Chunk(i * 10**8, text.encode()) for i, text in enumerate(lines * 3)]
-    from analyzer.findings.model import describe
-    from analyzer.pipeline import analyse
+    from analyzer.core import analyse
+    from analyzer.tables.findings import describe
 
     found = [describe(row) for part in analyse(Capture.of(LineSettings(baud=9600), chunks)) for row in part.findings]
     codes = [finding.code for finding in found]

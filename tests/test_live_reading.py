@@ -19,12 +19,11 @@ from running import environment
 
 from captures.chunks import Block
 from captures.live.listening import Listening
-from captures.live.parmrk import Unmarked
 from captures.live.ports import ports
 from captures.live.records import event_record, reads_record, tick_record
 from captures.live.settings import PortSettings
-from captures.live.tap import PortError
-from captures.live.wire import Decoder, Event, Tick
+from captures.live.tap import DeviceTap, PortError, Unmarked
+from captures.live.wire import Decoder, PortEvent, Tick
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
 octets = st.lists(st.tuples(st.sampled_from([0, 1, 0x41, 0xFE, 0xFF]), st.booleans()), max_size=40)
@@ -72,7 +71,7 @@ def test_records_come_through_a_pipe_however_it_cuts_them(reads, gathered, size)
         (at * 1000, port, data, (len(data) - 1,) * (at % 2)) for at, (data, port) in enumerate(reads)
     ]
     assert [item for item in items if not isinstance(item, Block)] == [
-        Tick(10**6), Event(10**6, 1, "lost", "gone", {"more": 3}),
+        Tick(10**6), PortEvent(10**6, 1, "lost", "gone", {"more": 3}),
     ]  # fmt: skip
 
 
@@ -93,7 +92,7 @@ class Heard:
 
     def opened(self, times):
         """Until ports were opened so often."""
-        assert eventually(lambda: sum(isinstance(i, Event) and i.kind == "opened" for i in self.items) >= times)
+        assert eventually(lambda: sum(isinstance(i, PortEvent) and i.kind == "opened" for i in self.items) >= times)
 
 
 def heard(listening, talk, *, until=b""):
@@ -151,7 +150,7 @@ def test_silence_is_told_soon_after_the_last_byte_and_never_before_bytes_that_ca
 
     with Listening([PortSettings(name)], quiet_ns=8_000_000, idle_ns=40_000_000) as listening:
         items = heard(listening, talk)
-    times = [int(i.t_ns[-1]) if isinstance(i, Block) else i.t_ns for i in items if not isinstance(i, Event)]
+    times = [int(i.t_ns[-1]) if isinstance(i, Block) else i.t_ns for i in items if not isinstance(i, PortEvent)]
     assert times == sorted(times)
     for number, item in enumerate(items):
         if isinstance(item, Block):
@@ -190,10 +189,8 @@ def test_a_tap_never_writes_a_byte(blocking):
 
 @posix
 def test_the_kernel_refuses_a_write_through_a_tap():
-    from captures.live.tap import Tap
-
     _, name = pty()
-    tap = Tap(PortSettings(name, 9600))
+    tap = DeviceTap(PortSettings(name, 9600))
     with pytest.raises(OSError, match="Bad file descriptor"):
         os.write(tap.descriptor, b"x")
     tap.close()
@@ -229,7 +226,7 @@ def test_an_adapter_that_is_unplugged_comes_back_by_itself(tmp_path, blocking):
     plug()
     with Listening([PortSettings(str(link), 9600)], blocking=blocking) as listening:
         items = heard(listening, talk, until=b"after")
-    kinds = [item.kind for item in items if isinstance(item, Event) and item.kind != "notice"]
+    kinds = [item.kind for item in items if isinstance(item, PortEvent) and item.kind != "notice"]
     assert [kind for kind in kinds if kind != "waiting"] == ["opened", "lost", "opened"]
     assert joined(items).data.tobytes() == b"beforeafter"
     unplug()
@@ -257,7 +254,9 @@ def test_a_gateways_socket_is_a_tap():
     [
         ("/dev/no-such-port", "no such port"),
         (__file__, "not a serial port"),
-        ("nothing://here", "protocol 'nothing' not known"),
+        ("nothing://here", "no way to listen by nothing://"),
+        ("loop://", "no way to listen by loop://"),
+        ("socket://127.0.0.1", "socket://HOST:PORT is wanted"),
         ("socket://127.0.0.1:1", "refused"),
     ],
 )
@@ -291,5 +290,12 @@ def test_what_runs_everywhere_needs_nothing_of_posix():
         "analyzer.live.tapsource, analyzer.live.session, analyzer.cli.sniff, analyzer.cli.record, analyzer.cli.replay, "
         "analyzer.cli.ports, analyzer.cli.repair, analyzer.cli.keys"
     )
+    done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True)
+    assert done.returncode == 0, done.stderr.decode()
+
+
+def test_the_process_that_reads_is_small():
+    """It is there beside the analysis, for weeks: what only analyses is not in it."""
+    code = "import captures.live.reader, sys; assert not {'numpy', 'mcap', 'analyzer'} & set(sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True)
     assert done.returncode == 0, done.stderr.decode()

@@ -17,7 +17,7 @@ from running import START, environment, ran, refused
 
 import captures
 from analyzer.live.replaying import Replay
-from analyzer.live.window import Window
+from analyzer.live.window import TriggerWindow
 from captures import samples
 from captures.chunks import Block, Capture, Chunk
 from captures.live.wire import Tick
@@ -167,7 +167,7 @@ def test_a_filter_that_is_none_is_refused_in_one_line(capsys):
 
 
 def test_a_window_keeps_so_much_before_and_after_each_trigger():
-    window, out = Window(3, 2), []
+    window, out = TriggerWindow(3, 2), []
     for t in range(20):
         if t in (6, 7, 15):
             out += window.fire(t)

@@ -4,7 +4,7 @@ import pytest
 from buses import adu
 from uart import received, wave
 
-from analyzer.live.scoring import explained
+from analyzer.live.tapsource import explained
 from captures.chunks import Block, Chunk
 from captures.live.baud import Search
 from captures.live.settings import PortSettings

@@ -1,5 +1,8 @@
 """`sniff` and `record` on buses of real stacks: everything that was said is seen, paired and recorded, nothing else."""
 
+import atexit
+import contextlib
+import importlib
 import json
 import logging
 import os
@@ -7,46 +10,28 @@ import random
 import shlex
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
 import tty
 
 import pytest
-from livebus import TeeBus, eventually, pty, served
+from buses import adu
+from livebus import Running, TeeBus, eventually, pty, served
 from pymodbus.client import ModbusSerialClient
 from running import START, environment, ran, refused
 
 import captures
+from analyzer.cli import main
 from analyzer.cli.app import Parser
 from analyzer.cli.commands import load
+from captures.line import LineSettings
+from captures.live.access import programs_using
 from captures.recording.notes import read
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
 REQUEST, ANSWER = bytes.fromhex("1103006b00037687"), bytes.fromhex("110306ae415652434049ad")
-
-
-class Running:
-    """A command in a process of its own, listening."""
-
-    def __init__(self, *arguments):
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", START, *map(str, arguments)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            env=environment(),
-        )
-        self.said = []
-        while not self.said or b"listening" not in self.said[-1]:
-            self.said.append(self.process.stderr.readline())
-            assert self.said[-1], "the command ended"
-
-    def ended(self, number=signal.SIGTERM):
-        """Status, output and what was said after it got this signal; None: it ends by itself."""
-        if number is not None:
-            self.process.send_signal(number)
-        out, said = self.process.communicate(timeout=30)
-        return self.process.returncode, out, b"".join([*self.said, said]).decode()
 
 
 def frames(out):
@@ -94,10 +79,10 @@ def poll(port, count, seed):
 def test_all_that_real_stacks_say_is_sniffed_paired_and_recorded(tmp_path):
     logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
     with TeeBus(10 / 115200) as bus:
-        sniff = Running("sniff", bus.tap_port, "--baud", "115200", "--json", "-o", tmp_path / "bus.mcap")
+        sniff = Running("sniff", bus.tap_port, "--baud", "115200", "--json", "-o", tmp_path / "bus.mcap", reads=True)
         with served(bus):
             poll(bus.client_port, 1000, seed=1)
-        time.sleep(0.2)
+        assert eventually(lambda: sniff.out.count(b'"direction"') == 2000)
         status, out, said = sniff.ended()
     assert status == 0, said
     found = frames(out)
@@ -160,8 +145,26 @@ def test_frames_are_shown_in_a_line_each_while_the_bus_goes_on():
 
 def test_a_silent_bus_holds_no_frame():
     _, name = pty()
-    status, out, _ = Running("sniff", name, "--duration", "0.3s").ended(None)
-    assert (status, out) == (1, b"")
+    status, out, said = Running("sniff", name, "--duration", "0.3s").ended(None)
+    assert (status, out) == (1, b""), said
+
+
+@pytest.mark.parametrize("command", ["sniff", "record"])
+def test_a_pseudo_terminal_that_is_closed_has_ended(tmp_path, command):
+    """Its number is given to the next one, which is somebody else's: nobody waits for that, takes its bytes and locks
+    it. A listener left behind by one test did so to the others."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    running = Running(command, os.ttyname(slave), "-o", tmp_path / "bus.mcap")
+    os.write(master, REQUEST)
+    assert eventually(lambda: recorded(tmp_path / "bus.mcap.part") == REQUEST)
+    os.close(master)
+    os.close(slave)
+    status, _, said = running.ended(None)
+    assert status == 0, said
+    assert "lost (" in said
+    assert "waiting" not in said
+    assert recorded(tmp_path / "bus.mcap") == REQUEST
 
 
 def test_a_pipe_that_closes_ends_it_and_the_recording_is_whole(tmp_path):
@@ -176,19 +179,103 @@ def test_a_pipe_that_closes_ends_it_and_the_recording_is_whole(tmp_path):
     assert not captures.open(tmp_path / "bus.mcap").damage
 
 
+def flooded(master, count, data=(REQUEST + ANSWER) * 4):
+    """Far more than a pipe holds of lines, at the pace of a fast line; all that was sent."""
+    for _ in range(count):
+        os.write(master, data)
+        time.sleep(0.002)
+    return data * count
+
+
+def recorded(path):
+    """The bytes of a recording, whole or in work; none where there is none yet."""
+    try:
+        return b"".join(chunk.data for chunk in captures.open(path).chunks())
+    except captures.CaptureError:
+        return b""
+
+
 def test_a_reader_that_takes_nothing_does_not_hold_up_the_recording(tmp_path):
     master, name = pty()
     sniff = Running("sniff", name, "--json", "--noise", "-o", tmp_path / "bus.mcap")
-    sent = b""
-    for number in range(300):  # far more lines than a pipe holds, and nobody reads them
-        data = (REQUEST + ANSWER) * 4
-        os.write(master, data)
-        sent += data
-        time.sleep(0.002 if number < 299 else 1.2)
+    sent = flooded(master, 300)  # and nobody reads the lines
     part = tmp_path / "bus.mcap.part"
-    assert eventually(lambda: b"".join(chunk.data for chunk in captures.open(part).chunks()) == sent)
-    _, out, _ = sniff.ended()
-    assert "".join(frame["hex"] for frame in frames(out)) == sent.hex()
+    assert eventually(lambda: recorded(part) == sent)
+    lines = [sniff.process.stdout.readline() for _ in range(2400)]
+    assert "".join(frame["hex"] for frame in frames(b"".join(lines))) == sent.hex()
+    assert sniff.ended()[0] == 0
+
+
+@contextlib.contextmanager
+def full_pipe():
+    """A pipe that takes nothing."""
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(writer, bytes(4096))
+    os.set_blocking(writer, True)
+    yield writer
+    os.close(reader)
+    os.close(writer)
+
+
+def ended_in(process):
+    """How long it takes to end, s, once it is told to."""
+    begun = time.monotonic()
+    process.send_signal(signal.SIGTERM)
+    process.wait(20)
+    return time.monotonic() - begun
+
+
+def test_sigterm_ends_it_soon_where_its_output_is_not_taken(tmp_path):
+    master, name = pty()
+    sniff = Running("sniff", name, "--json", "-o", tmp_path / "bus.mcap")
+    sent = flooded(master, 300)
+    assert eventually(lambda: recorded(tmp_path / "bus.mcap.part") == sent)
+    assert ended_in(sniff.process) < 2
+    assert sniff.process.returncode == 130  # not all was shown
+    words = sniff.process.stderr.read().decode()
+    assert "ended before all was shown" in words
+    assert f"{len(sent):,} bytes are recorded" in words
+    assert recorded(tmp_path / "bus.mcap") == sent
+    assert not captures.open(tmp_path / "bus.mcap").damage
+
+
+@pytest.mark.parametrize("command", ["sniff", "record"])
+def test_sigterm_ends_it_soon_where_nothing_that_it_says_is_taken(tmp_path, command):
+    """And what is heard is recorded, although no word of it can be told."""
+    master, name = pty()
+    arguments = [sys.executable, "-c", START, command, name, "-o", str(tmp_path / "bus.mcap")]
+    with full_pipe() as full, subprocess.Popen(arguments, stdout=full, stderr=full, env=environment()) as process:
+        atexit.register(process.kill)
+        part = tmp_path / "bus.mcap.part"
+        assert eventually(lambda: programs_using(name))
+        time.sleep(0.2)
+        sent = flooded(master, 100)
+        assert eventually(lambda: recorded(part) == sent)
+        assert ended_in(process) < 2
+    assert recorded(tmp_path / "bus.mcap") == sent
+
+
+def test_sigterm_ends_it_soon_where_the_analysis_is_far_behind(tmp_path):
+    """A gateway that sends what takes longest, frames and noise in turns, all at once."""
+    chance = random.Random(1)
+    sent = b"".join(adu("0503" + chance.randbytes(4).hex()) + chance.randbytes(9) for _ in range(4000))
+    server = socket.create_server(("127.0.0.1", 0))
+    url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+    sniff = Running("sniff", url, "-o", tmp_path / "bus.mcap", reads=True)
+    connection, _ = server.accept()
+    connection.sendall(sent)
+    assert eventually(lambda: recorded(tmp_path / "bus.mcap.part") == sent)
+    assert ended_in(sniff.process) < 2
+    status, _, said = sniff.ended(None)
+    assert status == 130, said
+    assert f"; {len(sent):,} bytes are recorded" in said
+    assert "Traceback" not in said
+    assert recorded(tmp_path / "bus.mcap") == sent
+    connection.close()
+    server.close()
 
 
 def test_an_adapter_unplugged_while_recording_is_a_gap_in_the_record(tmp_path):
@@ -244,6 +331,29 @@ def test_a_line_whose_settings_make_no_difference_needs_none():
 )
 def test_arguments_that_cannot_be_used_are_refused_in_one_line(capsys, arguments, words):
     assert words in refused(capsys, "sniff", *arguments)
+
+
+@pytest.mark.parametrize("command", ["sniff", "record"])
+def test_bytes_that_were_lost_are_told_last_and_by_the_status(monkeypatch, capfd, command):
+    class Full(Scripted):
+        """A recorder whose disk was full for too long."""
+
+        bytes, lost, paused, size = 10, 12_345, False, 0
+        write = note = settings = tick = close = lambda *_: None
+
+    module = importlib.import_module(f"analyzer.cli.{command}")
+    monkeypatch.setattr(module, "recorder_of", lambda *_: Full())
+    monkeypatch.setattr(module, "tap_of", lambda *_, **__: Scripted())
+    assert main([command, "/dev/ttyX", "-o", "bus.mcap"]) == 1
+    assert capfd.readouterr().err.splitlines()[-1] == "rtuscope: recorded 10 bytes of the line, LOST 12,345"
+
+
+class Scripted:
+    """A source on which nothing comes."""
+
+    line, waits = LineSettings(), False
+    items = staticmethod(lambda: iter(()))
+    judge = close = lambda *_: None
 
 
 @pytest.mark.parametrize("command", ["sniff", "record"])

@@ -5,13 +5,13 @@ import pytest
 from buses import adu
 from uart import received, wave
 
-from analyzer.frames import Kind
 from analyzer.live import tapsource
 from analyzer.live.session import Session
 from analyzer.live.tapsource import TapSource
+from analyzer.tables.schema import Kind
 from captures.chunks import Block, Chunk
 from captures.live.settings import PortSettings
-from captures.live.wire import Event, Tick
+from captures.live.wire import PortEvent, Tick
 
 POLL, VALUES = adu("1103006b0003"), bytes.fromhex("110306ae415652434049ad")
 ECHO = adu("110600010005")
@@ -29,12 +29,12 @@ class Listening:
         self.asked.append((port, settings))
 
     def items(self):
-        yield Event(0, 0, "opened", "open", {"tap": "usb", "back": False})
+        yield PortEvent(0, 0, "opened", "open", {"tap": "usb", "back": False})
         script = iter(self.script(self))
         while True:
             for port, settings in self.asked:
                 self.ports[port] = settings
-                yield Event(0, port, "settings", "", {})
+                yield PortEvent(0, port, "settings", "", {})
             self.asked = []
             try:
                 yield next(script)

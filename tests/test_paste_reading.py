@@ -7,9 +7,9 @@ from buses import adu
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analyzer.paste import Found, Noise, PasteError, read, tree
-from captures.hexwords import HexError
-from dissectors.lengths import Role
+from analyzer.paste import PastedFrame, PastedNoise, PasteError, read, tree
+from captures.text.hexshapes import HexError
+from dissectors.length_rules import Role
 
 REQUEST = "11 03 00 6B 00 03 76 87"
 ANSWER = "11 03 06 AE 41 56 52 43 40 49 AD"
@@ -20,7 +20,7 @@ def kinds(paste):
     """Pieces in short: direction, whether the check value is right, pasted bytes."""
     return [
         (piece.role.name.lower(), piece.check_ok, piece.length)
-        if isinstance(piece, Found)
+        if isinstance(piece, PastedFrame)
         else ("noise", None, piece.length)
         for piece in paste.pieces
     ]
@@ -194,7 +194,7 @@ def test_a_vendors_function_and_an_unusual_length():
 def test_what_is_no_frame(text):
     paste = read(text)
     assert not paste.holds_a_frame
-    assert all(isinstance(piece, Noise) for piece in paste.pieces)
+    assert all(isinstance(piece, PastedNoise) for piece in paste.pieces)
     assert paste.why.startswith("no frame")
 
 

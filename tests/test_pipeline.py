@@ -14,8 +14,8 @@ import analyzer
 import captures
 import captures.samples
 from analyzer.analysis import Analysis
-from analyzer.frames import ROW, Row
 from analyzer.simulation import Scenario, simulate
+from analyzer.tables.schema import ROW, Row
 from captures.chunks import Block, Capture, Chunk
 
 

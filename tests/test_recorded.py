@@ -10,12 +10,12 @@ from buses import CHAR_NS, LINE, adu
 from running import ran
 
 import captures
-from analyzer.findings.model import describe
+from analyzer.core import analyse
 from analyzer.model.bus import Bus
 from analyzer.model.source import CaptureSource
-from analyzer.pipeline import analyse
-from analyzer.recorded import deaf_times, notes_of
-from analyzer.tui.desk import Desk
+from analyzer.outages import deaf_times, notes_of
+from analyzer.tables.findings import describe
+from analyzer.tui.desk import ViewState
 from analyzer.tui.rows import UNHEARD, ended
 from captures import Block, Chunk
 from captures.recording.notes import Note, read
@@ -61,11 +61,11 @@ def test_no_unit_is_blamed_for_an_answer_that_fell_into_a_gap(tmp_path: Path) ->
     (gap,) = deaf_times(notes_of(captures.open(path)))
     assert (gap.from_ns, gap.to_ns, gap.text) == (NOTES[0].t_ns, NOTES[1].t_ns, LOST)
     bus, source = Bus.of(known := CaptureSource(captures.open(path), "bus.mcap")), known
-    for batch in source.batches(lambda: False):
-        bus.feed(batch)
+    for analysed in source.steps(lambda: False):
+        bus.feed(analysed)
     bus.close()
     assert bus.found.by_code["no-response"] == 1
-    desk = Desk(source, bus)
+    desk = ViewState(source, bus)
     assert [ended(desk, row).text for row in (8, 15)] == [UNHEARD, "none"]
     assert any("nothing heard for 680 ms" in notice for notice in source.notices())
 

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from running import ran, refused
 
 import captures
-from analyzer.findings.model import NOTHING
-from analyzer.frames import ROW
 from analyzer.reports import summarize
 from analyzer.reports.html import Sights, page
-from analyzer.reports.html.timeline import Timeline
 from analyzer.reports.page import facts
+from analyzer.tables.findings import NOTHING
+from analyzer.tables.schema import ROW
+from analyzer.tables.timebins import TroubleBins
 from captures import Capture, samples
 
 SECOND = 1_000_000_000
@@ -97,7 +97,7 @@ def test_the_command_writes_a_file_and_never_over_the_capture(capsys, tmp_path):
     st.lists(st.tuples(st.integers(0, 3600 * SECOND), st.integers(1, 256)), min_size=1, max_size=30), st.integers(1, 5)
 )
 def test_the_timeline_loses_no_byte_however_long_it_grows(frames, batch):
-    timeline, at, rows = Timeline(), 0, np.zeros(len(frames), ROW)
+    timeline, at, rows = TroubleBins(), 0, np.zeros(len(frames), ROW)
     for row, (silence, length) in zip(rows, frames, strict=True):
         row["t_start"], row["t_end"], row["length"] = at + silence, at + silence + length * CHAR_NS, length
         at = int(row["t_end"])

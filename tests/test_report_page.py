@@ -6,7 +6,8 @@ from dataclasses import replace
 import pytest
 
 from analyzer.reports.model import Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
-from analyzer.reports.page import compact, duration, text
+from analyzer.reports.page import text
+from analyzer.words import compact, duration
 
 MS = 1_000_000
 TIMES = Times(380, 2 * MS, 12_345_678, 15 * MS, 20 * MS, 103 * MS)

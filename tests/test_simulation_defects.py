@@ -9,12 +9,12 @@ import pytest
 
 import captures
 from analyzer.cli import main
-from analyzer.frames import Kind
-from analyzer.pipeline import deframe
+from analyzer.core import deframe
 from analyzer.simulation import Scenario, Simulation, simulate, write
 from analyzer.simulation.defects import defects
+from analyzer.tables.schema import Kind
 from captures.chunks import Capture
-from dissectors.checks import crc_ok
+from dissectors.crc import crc_ok
 from dissectors.crc_variants import VARIANTS
 
 DEFECTS = defects()

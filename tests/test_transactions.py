@@ -6,15 +6,15 @@ import numpy as np
 from buses import LINE, adu, spaced, streams
 from hypothesis import given
 
-from analyzer.deframing.stream import Deframer
-from analyzer.transactions import TRANSACTION, Status, Transactions
+from analyzer.deframing.stream import RtuDeframer
+from analyzer.tables.transactions import TRANSACTION, Status, Transactions
 from captures.chunks import Block, Chunk
 
 READ, ANSWER = adu("110300000002"), adu("110304000a0014")
 
 
 def transactions(feeds: list[Chunk | Block]) -> np.ndarray:
-    deframer, found = Deframer(LINE), Transactions()
+    deframer, found = RtuDeframer(LINE), Transactions()
     batches = [*(deframer.feed(feed) for feed in feeds), deframer.close()]
     return np.concatenate([np.zeros(0, TRANSACTION), *(found.feed(b) for b in batches), found.close()])
 

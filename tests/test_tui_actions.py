@@ -9,11 +9,11 @@ import pytest
 from seats import Seat, opened, sample_in, using
 from textual.widgets import Input
 
-from analyzer.model.clock import TimeBase
 from analyzer.tui.details import Details
 from analyzer.tui.filterbar import Completions, FilterBar
-from analyzer.tui.octets import Octets
+from analyzer.tui.octets import BytesPane
 from analyzer.tui.prompts import Ask
+from analyzer.words import TimeBase
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def test_moving_shows_fields_and_bytes_both_ways(capture: Path) -> None:
         await sitting.press("home", "pagedown")
         assert sitting.row == sitting.screen.frames.room - 1
         await sitting.press("home", "down", "tab")  # an answer with registers
-        details, octets = sitting.screen.query_one(Details), sitting.screen.query_one(Octets)
+        details, octets = sitting.screen.query_one(Details), sitting.screen.query_one(BytesPane)
         assert details.has_focus
         await sitting.press("home", "down", "down", "down", "down", "down")
         assert details.item is not None and details.item.label == "register"
@@ -134,7 +134,7 @@ def test_the_filter_narrows_completes_and_says_what_is_wrong(capture: Path) -> N
         assert rows == expected != []
         assert f"{len(rows)} of {sitting.bus.count} rows shown" in sitting.shown()
         await sitting.press("2")
-        assert screen.talk.count() <= len(rows)
+        assert screen.conversations.count() <= len(rows)
         await sitting.press("1", "escape")
         assert screen.frames.count() == sitting.bus.count
         await sitting.press("slash")
@@ -205,11 +205,11 @@ def test_copying_and_selecting(capture: Path) -> None:
             await sitting.press("y", key)
             assert wanted in sitting.app.clipboard
         await sitting.press("space", "down", "down")
-        assert sitting.screen.selected().tolist() == [0, 1, 2]
+        assert sitting.screen.picked.rows().tolist() == [0, 1, 2]
         await sitting.press("y", "h")
         assert len(bytes.fromhex(sitting.app.clipboard)) == sum(len(sitting.bus.captured(row)) for row in range(3))
         await sitting.press("escape")
-        assert not len(sitting.screen.selected())
+        assert not len(sitting.screen.picked.rows())
         await sitting.press("tab", "end", "y", "h")
         assert sitting.app.clipboard == sitting.bus.captured(sitting.row)[-2:].hex(" ").upper()
 
@@ -236,5 +236,32 @@ def test_exporting_what_is_selected_or_shown(capture: Path, tmp_path: Path) -> N
         await sitting.press("enter")
         lines = [json.loads(line) for line in await export("unit.jsonl")]
         assert {line["unit"] for line in lines} == {2} and len(lines) == sitting.screen.frames.count()
+
+    using(opened(capture), work)
+
+
+def test_an_export_asks_before_it_overwrites(capture: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    out.write_text("precious")
+
+    async def work(sitting: Seat) -> None:
+        async def export(answer: str) -> None:
+            await sitting.press("e")
+            sitting.app.screen.query_one(Input).value = str(out)
+            await sitting.press("enter")
+            assert "out.csv is there already" in sitting.shown()
+            await sitting.press(answer)
+
+        for answer in ("n", "escape", "enter"):  # Enter is the first choice
+            await export(answer)
+            assert out.read_text() == "precious", answer
+            assert sitting.notices()[-1] == "out.csv left as it is"
+        await export("o")
+        await sitting.until(lambda: out.read_text() != "precious")
+        assert out.read_text().count("\n") == sitting.bus.count + 1
+        await sitting.press("e")
+        sitting.app.screen.query_one(Input).value = str(capture)
+        await sitting.press("enter", "o")
+        await sitting.until(lambda: any("capture that is being read" in notice for notice in sitting.notices()))
 
     using(opened(capture), work)

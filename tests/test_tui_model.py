@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,20 +21,22 @@ from mcap_protobuf.decoder import DecoderFactory
 
 import analyzer
 import captures
+from analyzer.core import Analysed
 from analyzer.exports import export
-from analyzer.findings.model import Severity
-from analyzer.frames import NO_GAP, Batch, Frame, Kind
 from analyzer.model import goto, search
 from analyzer.model.bus import Bus
-from analyzer.model.clock import seconds, short
 from analyzer.model.notes import Notes, NotesError
 from analyzer.model.registers import history
-from analyzer.model.saving import save
 from analyzer.model.selection import Everything, Selection, conversations, frames_only, within
-from analyzer.model.shorttimes import ShortTimes
 from analyzer.model.source import CaptureSource
-from analyzer.model.table import COLUMNS, PIECE, ByteStore, Table
+from analyzer.model.table import COLUMNS, PIECE, ByteStore, RowTable, ShortTimes
 from analyzer.simulation import Scenario, simulate
+from analyzer.tables.batch import Batch
+from analyzer.tables.findings import Severity
+from analyzer.tables.frame import Frame
+from analyzer.tables.schema import NO_GAP, Kind
+from analyzer.tui.saving import save
+from analyzer.words import seconds, short
 from captures import samples
 from captures.chunks import Capture
 
@@ -41,9 +45,12 @@ def read(capture: Capture, *, each: int = 0) -> Bus:
     """The model of a capture, its rows fed as they come or `each` at a time."""
     source = CaptureSource(capture, "bus")
     bus = Bus.of(source)
-    for batch in source.batches(lambda: False):
-        for part in cut(batch, each) if each else (batch,):
-            bus.feed(part)
+    for analysed in source.steps(lambda: False):
+        if each:
+            for part in cut(analysed.batch, each):
+                bus.feed(replace(Analysed.nothing(), batch=part))
+            analysed = replace(analysed, batch=Batch.empty())
+        bus.feed(analysed)
     bus.close()
     return bus
 
@@ -91,7 +98,7 @@ def test_rows_of_the_model_are_those_of_the_analysis(brutal: Capture, each: int)
 
 
 def test_findings_of_the_model_are_those_of_the_pipeline(brutal: Capture) -> None:
-    from analyzer.pipeline import analyse
+    from analyzer.core import analyse
 
     expected = [
         [finding.code for finding in analysed.batch.findings_of(row)]
@@ -174,12 +181,13 @@ def test_bytes_are_kept_whatever_the_pieces(sizes: list[int], shares: list[tuple
 
 
 def test_a_table_over_several_pieces() -> None:
-    table, n = Table(), 3 * PIECE + 17
+    table, n = RowTable(), 3 * PIECE + 17
     kinds = np.ones(n, np.uint8)
     kinds[5::9] = 0
     columns = {name: np.zeros(n, kind) for name, kind in COLUMNS.items()}
     columns["kind"], columns["frame"] = kinds, (np.cumsum(kinds > 0) - (kinds > 0)).astype(np.uint32)
     columns["start"] = columns["t_start"] = np.arange(n, dtype=np.int64) * 10
+    columns["length"][:] = 4
     for first in range(0, n, 50_000):
         table.append({name: column[first : first + 50_000] for name, column in columns.items()})
     frames = np.flatnonzero(kinds)
@@ -189,9 +197,41 @@ def test_a_table_over_several_pieces() -> None:
     assert [table.row_of_frame(int(i)) for i in some.tolist() if i >= 0] == rows[:-1]
     for row in (0, 1, PIECE - 1, PIECE, 2 * PIECE + 5, n - 1):
         assert table.row_at_time(row * 10 + 3) == row
-        assert table.row_of_bytes(0, row * 10) == row
-    assert table.row_of_bytes(0, 7) == -1
+        assert table.row_of_byte(0, row * 10) == table.row_of_byte(0, row * 10 + 3) == row
+    assert table.row_of_byte(0, 7) == table.row_of_byte(1, 10) == table.row_of_byte(0, -1) == -1
+    assert table.rows_of_bytes(np.zeros(3, np.uint8), np.array([n * 10, 10 * PIECE, -1])).tolist() == [-1, PIECE, -1]
     assert sum(high - low for _, low, high in table.slices(10, n - 10)) == n - 20
+
+
+@pytest.mark.parametrize(
+    ("wire", "defect", "tap"),
+    [("clean", "flow-control-loss", "ftdi16"), ("clean", "noise", "precise"), ("clean", "collision", "precise"),
+     ("brutal", None, "irq"), ("glitch", None, "precise")],
+)  # fmt: skip
+def test_every_finding_on_a_row_is_marked_there_and_can_be_jumped_to(wire: str, defect: str | None, tap: str) -> None:
+    made = simulate(Scenario(wire, tap, transactions=160, seed=7, defect=defect))
+    source = CaptureSource(Capture.of(made.line, made.chunks), "bus")
+    bus = Bus.of(source)
+    for step in source.steps(lambda: False):
+        bus.feed(step)
+    table, found = bus.table, bus.found
+    spans = [(table.value("port", r), table.value("start", r), table.value("length", r)) for r in range(bus.count)]
+    standing: set[int] = set()
+    for number in range(found.count):
+        finding, row = found.finding(number), found.row(number)
+        if finding.start < 0:
+            assert row == -1
+            continue
+        port, start, length = spans[row]
+        assert row >= 0 and port == finding.port and start <= finding.start < start + length, finding
+        assert finding in bus.findings(row) and table.value("mark", row) >= finding.severity
+        standing.add(row)
+    visited, row = [], found.next_row(-1, 1)
+    while row is not None:
+        visited.append(row)
+        row = found.next_row(row, 1)
+    assert visited == sorted(standing) and visited
+    assert found.next_row(visited[-1], -1) == (visited[-2] if len(visited) > 1 else None)
 
 
 def test_search_finds_bytes_text_and_values(troubled: Bus) -> None:
@@ -345,13 +385,63 @@ def test_notes_are_kept_beside_the_capture(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["bus.jsonl.rtuscope.json"]
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"version": 9}', '{"version": 1, "bookmarks": [3]}', "\xff"])
+_NOTED = '{"version": 1, "bookmarks": [%s]}'
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "{}", '{"version": 9}', _NOTED % "3", "\xff", "[" * 200_000, '{"version": ' + "9" * 5000 + "}",
+     _NOTED % '{"port": 1e999, "start": 0}', _NOTED % '{"port": 0, "start": -1}', _NOTED % '{"start": 0}',
+     _NOTED % '{"port": 0, "start": 9223372036854775808}', '{"version": 1, "bookmarks": {"a": 1}}',
+     '{"version": 1, "bookmarks": [], "time_reference": {"port": 0, "start": 1.5}}'],
+)  # fmt: skip
 def test_foreign_notes_are_left_alone(tmp_path: Path, text: str) -> None:
     capture = tmp_path / "bus.jsonl"
     path = tmp_path / "bus.jsonl.rtuscope.json"
     path.write_bytes(text.encode("latin-1"))
     with pytest.raises(NotesError, match=r"bus\.jsonl\.rtuscope\.json"):
         Notes.beside(capture)
+
+
+def test_notes_that_are_no_file_never_keep_a_capture_from_opening(tmp_path: Path) -> None:
+    capture = tmp_path / "bus.jsonl"
+    (tmp_path / "bus.jsonl.rtuscope.json").mkdir()
+    with pytest.raises(NotesError, match="is a directory"):
+        Notes.beside(capture)
+    with pytest.raises(NotesError, match="cannot be read"):
+        Notes.beside(tmp_path / ("n" * 250))
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / "pipe.jsonl.rtuscope.json")
+        with pytest.raises(NotesError, match="a pipe or a device"):
+            Notes.beside(tmp_path / "pipe.jsonl")
+
+
+def test_half_a_character_in_a_comment_is_kept_and_written_again(tmp_path: Path) -> None:
+    capture = tmp_path / "bus.jsonl"
+    Notes.beside(capture).comment((0, 0), "\ud800")
+    notes = Notes.beside(capture)
+    notes.toggle((0, 9))
+    assert Notes.beside(capture).comments == {(0, 0): "\ud800", (0, 9): ""}
+
+
+_keys = st.sampled_from(("version", "bookmarks", "port", "start", "comment", "time_reference"))
+_anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.just(1),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(_keys, inner),
+)
+_notes = st.dictionaries(_keys, st.integers() | st.text() | st.none())
+
+
+@given(_anything | st.fixed_dictionaries({"version": st.just(1), "bookmarks": st.lists(_notes, max_size=3)}))
+def test_any_notes_are_taken_or_left_alone(tmp_path_factory: pytest.TempPathFactory, known: object) -> None:
+    capture = tmp_path_factory.getbasetemp() / "any.jsonl"
+    path = capture.with_name(capture.name + ".rtuscope.json")
+    path.write_text(json.dumps(known))
+    with suppress(NotesError):
+        notes = Notes.beside(capture)
+        assert all(0 <= port < 256 and 0 <= start < 1 << 63 for port, start in notes.comments)
+        notes.toggle((0, 0))
+        assert Notes.beside(capture) == notes
 
 
 @given(st.integers(-(10**18), 10**18))

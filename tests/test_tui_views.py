@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from seats import Seat, opened, sample_in, using
 
 import captures
-from analyzer.frames import Batch
+from analyzer.core import Analysed, deframe
+from analyzer.diagnosis.judge import Judge
 from analyzer.model.source import CaptureSource, Nothing
+from analyzer.options import Options
+from analyzer.tables.batch import Batch
 from analyzer.tui.details import Details
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.findings import FindingList
@@ -33,7 +38,10 @@ def test_views_of_conversations_findings_units_registers_timeline_and_report(cap
     async def work(sitting: Seat) -> None:
         screen = sitting.screen
         await sitting.press("2")
-        kinds = [sitting.bus.table.value("kind", screen.talk.rows.row(i)) for i in range(screen.talk.count())]
+        kinds = [
+            sitting.bus.table.value("kind", screen.conversations.rows.row(i))
+            for i in range(screen.conversations.count())
+        ]
         assert kinds.count(1) == 112
         await sitting.press("down", "c")
         await sitting.press("3")
@@ -166,21 +174,22 @@ class Live:
         from queue import Queue
 
         known = captures.open(samples.path("healthy.jsonl"))
-        self.batches_of = list(CaptureSource(known, "").batches(lambda: False))
+        self.batches_of = list(deframe(known))
         self.queue: Queue[Batch | None] = Queue()
+        self.judge = Judge(self.line, Options())
 
-    def batches(self, stop: Callable[[], bool]) -> Iterator[Batch]:
+    def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:
         from queue import Empty
 
         while not stop():
             try:
                 batch = self.queue.get(timeout=0.01)
             except Empty:
-                yield Batch.empty()
+                yield Analysed.nothing()
                 continue
             if batch is None:
                 raise OSError("the adapter is gone: \x1b[31mreplug it")
-            yield batch
+            yield Analysed(batch, *self.judge.feed(batch, 1 << 62))
 
     def notices(self) -> list[str]:
         return []
@@ -224,9 +233,28 @@ def test_a_live_list_follows_until_the_user_looks_back() -> None:
     using(tap, work)
 
 
+def test_findings_are_gone_to_however_many_there_are(capture: Path) -> None:
+    class Wordy(CaptureSource):
+        """Says everything fifty times."""
+
+        def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:
+            for step in super().steps(stop):
+                yield replace(step, findings=np.repeat(step.findings, 50))
+
+    async def work(sitting: Seat) -> None:
+        found = sitting.screen.query_one(FindingList)
+        await sitting.press("end", "left_square_bracket", "3")
+        assert found.count() == sitting.bus.found.count > 4096
+        assert found.row == sitting.row == max(sitting.bus.found.row(i) for i in range(found.count()))
+        await sitting.press("1", "home", "3")
+        assert found.row is not None and found.row < 20
+
+    using(Wordy(captures.open(capture), "bus"), work)
+
+
 def test_hostile_text_is_shown_harmless() -> None:
     """A device that names itself in escape sequences and markup; a file name that does."""
-    from dissectors.checks import crc_bytes
+    from dissectors.crc import crc_bytes
 
     said = b"\x1b[2J[red]x[/red]\x07\xc2\x9b31m"
     body = bytes((17, 0x2B, 0x0E, 1, 1, 0, 0, 1, 0, len(said))) + said
@@ -244,6 +272,19 @@ def test_hostile_text_is_shown_harmless() -> None:
         assert "\\x1b[2J[red]x[/red]" in sitting.shown()
 
     using(CaptureSource(capture, "[link=x]\x1b[31m.jsonl"), work, size=(160, 40))
+
+
+def test_a_bad_file_of_notes_is_told_left_alone_and_stops_nothing(capture: Path) -> None:
+    beside = capture.with_name(capture.name + ".rtuscope.json")
+    beside.write_text("[" * 100_000)
+
+    async def work(sitting: Seat) -> None:
+        assert any("holds no notes of this program: left alone" in notice for notice in sitting.notices())
+        await sitting.press("m", "down", "r", "apostrophe")
+        assert sitting.row == 0
+
+    using(opened(capture), work)
+    assert beside.read_text() == "[" * 100_000
 
 
 def test_a_damaged_file_opens_with_what_is_whole(tmp_path: Path) -> None:

@@ -8,22 +8,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.lazy import lazily
-
+from ..lazy import lazily
 from .errors import CheckError as CheckError
 
 if TYPE_CHECKING:
-    from .model import Check, Outcome, Place, Results
+    from .model import Breach, Check, Outcome, Results
     from .parsing import compile_check
     from .rulesfile import load_rules
     from .running import run
 
-__all__ = ["Check", "CheckError", "Outcome", "Place", "Results", "compile_check", "load_rules", "run"]
+__all__ = ["Breach", "Check", "CheckError", "Outcome", "Results", "compile_check", "load_rules", "run"]
 
 _HOMES = {
     "Check": "model",
     "Outcome": "model",
-    "Place": "model",
+    "Breach": "model",
     "Results": "model",
     "compile_check": "parsing",
     "load_rules": "rulesfile",

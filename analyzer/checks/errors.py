@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from analyzer.filters.errors import FilterError
+from ..filters.errors import FilterError
 
 
 class CheckError(FilterError):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
-from analyzer.exports.output import output
-from dissectors.text import harmless
+from dissectors.values import harmless
 
+from ..exports.output import output
 from .model import Outcome, Results
 
 

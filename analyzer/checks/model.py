@@ -10,18 +10,20 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer.columns import Decoded, decode
-from analyzer.filters.table import BatchTable
-from analyzer.findings.model import Findings
-from analyzer.frames import Batch, Kind, Rows
-from analyzer.reports import Report
-from dissectors.text import harmless
+from dissectors.values import harmless
+
+from ..filters.table import BatchTable
+from ..reports import Report
+from ..tables.batch import Batch
+from ..tables.columns import Decoded, decode
+from ..tables.findings import Findings
+from ..tables.schema import Kind, Rows
 
 SHOWN: Final = 5  # places that an outcome names
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Breach:
     """Where a rule is broken: `index` of the frame (None for noise and the bus as a whole), `start` and `length` of the
     bytes in their port's stream, `t_ns` when; `text` says what is there."""
 
@@ -41,7 +43,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Seen:
+class CheckedBatch:
     """A part of a capture: a batch with its findings, the transactions that began in it, and as a table to filter."""
 
     batch: Batch
@@ -53,7 +55,7 @@ class Seen:
     def decoded(self) -> Decoded:
         return decode(self.batch)
 
-    def place(self, row: int, text: str = "") -> Place:
+    def place(self, row: int, text: str = "") -> Breach:
         """A row as a place; without `text` the frame tells itself."""
         values = self.batch.rows[row]
         if not text:
@@ -62,7 +64,7 @@ class Seen:
             text = f"bytes in no frame{''.join(f'; {each.text}' for each in said[:1])}" if noise else ""
             text = text or self.batch.frame(row).summary()
         index = int(values["index"])
-        return Place(
+        return Breach(
             harmless(text),
             None if index < 0 else index,
             int(values["start"]),
@@ -72,35 +74,35 @@ class Seen:
         )
 
 
-class Places:
+class Breaches:
     """Counts what breaks a rule, and keeps the first of it."""
 
     def __init__(self) -> None:
         self.count = 0
-        self.first: list[Place] = []
+        self.first: list[Breach] = []
 
-    def add(self, which: NDArray[np.intp], place: Callable[[int], Place]) -> None:
+    def add(self, which: NDArray[np.intp], place: Callable[[int], Breach]) -> None:
         """Those of these numbers; `place` makes one of a number."""
         self.count += len(which)
         self.first += [place(number) for number in which[: SHOWN - len(self.first)].tolist()]
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class RuleResult:
     """Whether a rule holds, what was measured, and the first places where it does not."""
 
     passed: bool
     measured: str
-    places: tuple[Place, ...] = ()
+    places: tuple[Breach, ...] = ()
 
 
 class Measure(Protocol):
     """A rule at work on one capture."""
 
-    def feed(self, seen: Seen) -> None:
+    def feed(self, seen: CheckedBatch) -> None:
         """Look at the next part."""
 
-    def verdict(self, report: Report) -> Verdict:
+    def verdict(self, report: Report) -> RuleResult:
         """What it comes to at the end, which `report` sums up."""
         ...
 
@@ -124,7 +126,7 @@ class Outcome:
     severity: str
     passed: bool
     measured: str
-    places: tuple[Place, ...]
+    places: tuple[Breach, ...]
 
     @property
     def word(self) -> str:

@@ -10,9 +10,9 @@ from typing import Any, Final
 from lark import Lark, Token, Tree
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
-from analyzer.filters.errors import FilterError
 from captures.line import LineSettings
 
+from ..filters.errors import FilterError
 from .errors import CheckError
 from .forms import SHOWN, TERMINALS, forms
 from .model import Check
@@ -66,7 +66,8 @@ def _explained(text: str, error: UnexpectedInput) -> CheckError:
         place = len(text.rstrip()) if error.token.type == "$END" else at(error.token)
         awaited = error.accepts or error.expected
     literal = {terminal.name: terminal.pattern for terminal in _grammar().terminals}
-    listed = sorted(dict.fromkeys(SHOWN.get(name) or f"'{literal[name].value}'" for name in awaited if name != "WS"))
+    names = ("$END" if name == "<END-OF-FILE>" else name for name in awaited if name != "WS")
+    listed = sorted(dict.fromkeys(SHOWN.get(name) or f"'{literal[name].value}'" for name in names))
     expected = " or ".join([*filter(None, [", ".join(listed[:-1])]), *listed[-1:]])
     found = _FOUND.match(text, place)
     return CheckError(f"expected {expected}, not {found[0]!r}" if found else f"expected {expected}", place)

@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from analyzer.filters.table import BatchTable
-from analyzer.passing import passing
-from analyzer.pipeline import Options, analyse
-from analyzer.reports import Summary
-from analyzer.transactions import TRANSACTION
 from captures import Capture
 
-from .model import Check, Outcome, Results, Seen
+from ..core import analyse, observed
+from ..filters.table import BatchTable
+from ..options import Options
+from ..reports import Summary
+from ..tables.transactions import TRANSACTION
+from .model import Check, CheckedBatch, Outcome, Results
 
 
 def run(
@@ -34,13 +34,13 @@ def run(
     summary = Summary.of(capture.line)
     origin_ns: int | None = None
     waiting = np.zeros(0, TRANSACTION)  # transactions whose answer stands in a batch to come
-    for analysed in analyse(passing(capture, stop=stop), options):
+    for analysed in analyse(observed(capture, stop=stop), options):
         rows = analysed.batch.rows
         if origin_ns is None and len(rows):
             origin_ns = int(rows["t_start"][0])
         known = np.concatenate((waiting, analysed.transactions))
         table = BatchTable(analysed.batch, capture.line, transactions=known, origin_ns=origin_ns)
-        seen = Seen(analysed.batch, analysed.transactions, analysed.findings, table)
+        seen = CheckedBatch(analysed.batch, analysed.transactions, analysed.findings, table)
         for measure in measures:
             measure.feed(seen)
         waiting = known[known["response"] > rows["index"].max(initial=-1)]

@@ -1,7 +1,7 @@
 """From arguments to an exit status, with every trouble told in one line.
 
-0: done. 1: the input holds no frame, or what was asserted of it does not hold. 2: unusable arguments or input.
-130: ended by Ctrl-C, what was done kept.
+0: done. 1: the input holds no frame, what was asserted of it does not hold, or a recording lost bytes. 2: unusable
+arguments or input. 130: ended by Ctrl-C, or by a signal before all was shown; what was done is kept.
 Exceptions of this project's own packages carry a message for the user; those of the operating system get one here.
 Any other is a defect: it is told in one line as well, and RTUSCOPE_DEBUG=1 shows where it came from.
 """
@@ -11,13 +11,15 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import IO, Any, Final, NoReturn
 
-from analyzer.version import __version__
-
+from ..terminal_text import gated_streams
+from ..version import __version__
 from .commands import COMMANDS, Command, load
+from .terminal import tell
 
 DONE: Final = 0
 NO_FRAME: Final = 1
@@ -33,7 +35,11 @@ class UsageError(Exception):
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse, but an error is one line."""
+    """argparse, but an error is one line, and help has no colours (Python 3.14): the gate would escape them."""
+
+    def __init__(self, *arguments: Any, **settings: Any) -> None:
+        super().__init__(*arguments, **settings)
+        self.color = False
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message} (see {self.prog} --help)")
@@ -44,12 +50,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy would start threads for algebra that nothing here does
     _tolerant(sys.stdout)
     _tolerant(sys.stderr)
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    with gated_streams(), warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: tell(" ".join(str(message).split()))
+        return _told(list(sys.argv[1:] if argv is None else argv))
+
+
+def _told(arguments: list[str]) -> int:
+    """Run a command; every trouble becomes a line and a status."""
     try:
         status = _run(arguments)
         sys.stdout.flush()
-    except SystemExit as stop:  # --help and --version
-        return stop.code if isinstance(stop.code, int) else DONE
+    except SystemExit as stop:  # --help and --version; with words it is a declaration's, while it was used
+        if isinstance(stop.code, str):
+            tell(stop.code)
+            return UNUSABLE
+        return stop.code or DONE
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:  # the reader, such as head, has had enough
@@ -58,7 +73,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         if os.environ.get("RTUSCOPE_DEBUG"):
             raise
-        _say(_words(error))
+        with suppress(OSError):  # nobody listens on standard error: the status still tells
+            tell(_words(error))
         _settle_stdout()
         return UNUSABLE
     return status
@@ -138,11 +154,6 @@ def _words(error: Exception) -> str:
     else:
         text = f"defect: {type(error).__name__}: {error}; please report it (RTUSCOPE_DEBUG=1 shows where)"
     return " ".join(text.split())
-
-
-def _say(text: str) -> None:
-    with suppress(OSError):  # nobody listens on standard error: the status still tells
-        print(f"rtuscope: {text}", file=sys.stderr, flush=True)
 
 
 def _tolerant(stream: IO[str]) -> None:

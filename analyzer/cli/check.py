@@ -6,20 +6,18 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Final
 
+from dissectors.values import harmless
+
+from ..terminal_text import painted, terminal_text
 from .app import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
-from .inputs import (
-    add_capture_arguments,
-    add_limit_arguments,
-    chosen_limits,
-    load_functions,
-    open_capture,
-    tell_damage,
-)
-from .terminal import Progress, coloured, interruptible
+from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
+from .outputs import add_overwrite_argument, to_be_overwritten
+from .terminal import Progress, coloured, interruptible, put_json, tell
 
 if TYPE_CHECKING:
-    from analyzer.checks import Check, Results
     from captures import Capture
+
+    from ..checks import Check, Results
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl
@@ -45,6 +43,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--list", action=_List, nargs=0, help="say what rules there are, with examples, and exit")
     parser.add_argument("--junit", metavar="FILE", help="write the results as JUnit XML")
+    add_overwrite_argument(parser, "the file of --junit")
     parser.add_argument("--json", action="store_true", help="the results as JSON")
     add_limit_arguments(parser)
 
@@ -53,7 +52,7 @@ class _List(argparse.Action):
     """--list: needs no capture, as --help does not."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from analyzer.checks.forms import forms
+        from ..checks.forms import forms
 
         for form in forms():
             for example in form.examples:
@@ -64,12 +63,14 @@ class _List(argparse.Action):
 
 def run(arguments: argparse.Namespace) -> int:
     """Say what became of each rule."""
-    from analyzer.checks import run as run_checks
-    from analyzer.checks.junit import write
+    from ..checks import run as run_checks
+    from ..checks.junit import write
 
     load_functions(arguments)
     limits = chosen_limits(arguments)
     capture = open_capture(arguments)
+    if arguments.junit is not None:
+        to_be_overwritten(arguments.junit, overwrite=arguments.overwrite, source=capture.path)
     checks = _checks(arguments, capture)
     source = str(arguments.capture)
     progress = Progress(f"check {source}")
@@ -80,22 +81,20 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.junit is not None and not results.partial:
         write(results, arguments.junit, source=capture.path)
     if arguments.json:
-        import json
-
-        print(json.dumps(results.to_json(), indent=2))
+        put_json(results.to_json(), indent=2)
     else:
         _show(results)
     if results.partial:
-        print("rtuscope: stopped by Ctrl-C; what was seen until then was judged", file=sys.stderr)
+        tell("stopped by Ctrl-C; what was seen until then was judged")
         return INTERRUPTED
     if not results.frames:
-        print(f"rtuscope: {source}: no Modbus frame found", file=sys.stderr)
+        tell(f"{source}: no Modbus frame found")
         return NO_FRAME
     return DONE if results.passed else FAILED
 
 
 def _checks(arguments: argparse.Namespace, capture: Capture) -> list[Check]:
-    from analyzer.checks import CheckError, compile_check, load_rules
+    from ..checks import CheckError, compile_check, load_rules
 
     checks = []
     for text in arguments.rule:
@@ -113,12 +112,10 @@ def _checks(arguments: argparse.Namespace, capture: Capture) -> list[Check]:
 
 
 def _show(results: Results) -> None:
-    from dissectors.text import harmless
-
     colour = coloured(sys.stdout)
     for outcome in results.outcomes:
-        word = f"\x1b[{_COLOURS[outcome.word]}m{outcome.word}\x1b[0m" if colour else outcome.word
         rule = outcome.name if outcome.name == outcome.check else f"{outcome.name} ({outcome.check})"
-        print(f"{word} {harmless(rule)}: {outcome.measured}")
+        word = painted(outcome.word, _COLOURS[outcome.word] if colour else "")
+        print(terminal_text(word, harmless(f" {rule}: {outcome.measured}")))
         for place in outcome.places:
-            print(f"     {place.words}")
+            print(harmless(f"     {place.words}"))

@@ -14,6 +14,8 @@ COMMANDS: Final[dict[str, str]] = {
     "export": "write a capture's frames as JSON lines, CSV or MCAP",
     "report": "the bus in one page: units, functions, response times, load, errors",
     "check": "assert rules on a capture, for test benches and CI",
+    "registers": "what the registers mean: type, word order, role, with confidence and reasons",
+    "map": "register maps: list, show, check, import, infer, diff",
     "sniff": "listen to a tap and show frames as they come; record them with -o",
     "record": "only record a tap, unattended, for days",
     "replay": "play a capture in its own time into the view of sniff, or onto a port",

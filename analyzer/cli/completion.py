@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
+from ..terminal_text import trusted
+
 EXAMPLE = "rtuscope completion bash"
 
 WHERE = """\
@@ -27,5 +29,5 @@ def run(arguments: argparse.Namespace) -> int:
     """Print it."""
     from argcomplete.shell_integration import shellcode
 
-    sys.stdout.write(shellcode(["rtuscope"], shell=arguments.shell))
+    sys.stdout.write(trusted(shellcode(["rtuscope"], shell=arguments.shell)))  # with tabs
     return 0

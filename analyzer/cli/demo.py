@@ -26,8 +26,8 @@ def run(arguments: argparse.Namespace) -> int:
     capture = captures.open(samples.path(SAMPLE))
     if arguments.report or arguments.json or not full_screen():
         return show(capture, SAMPLE, as_json=arguments.json)
-    from analyzer.model.source import CaptureSource
-    from analyzer.tui import run as look
+    from ..model.source import CaptureSource
+    from ..tui import run as look
 
     capture.path = None  # no notes are kept among the installed files
     look(CaptureSource(capture, SAMPLE))

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
-from .app import DONE, FAILED, INTERRUPTED, NO_FRAME
+from .app import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_capture_arguments,
     add_check_argument,
@@ -17,25 +16,40 @@ from .inputs import (
     open_capture,
     tell_damage,
 )
-from .terminal import Progress, interruptible
+from .maps import add_map_argument, chosen_charts
+from .outputs import add_overwrite_argument, to_be_overwritten
+from .terminal import Progress, interruptible, tell
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
 rtuscope export bus.jsonl -o frames.csv
 rtuscope export bus.jsonl --filter 'exception or crc_ok == false'
-rtuscope export bus.jsonl --noise --explain"""
+rtuscope export bus.jsonl --noise --explain
+rtuscope export bus.jsonl --table transactions -o polls.csv --delimiter ';'"""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    add_capture_arguments(parser)
+    add_capture_arguments(parser, format_flag=False)
     parser.add_argument(
         "-o", "--output", metavar="OUT", default="-", help="file to write; - is standard output (default)"
     )
+    add_overwrite_argument(parser, "OUT")
     parser.add_argument(
         "--format", metavar="F", help="jsonl, csv, mcap, parquet or pcapng; by default OUT's suffix tells, else jsonl"
     )
     add_filter_argument(parser)
+    add_map_argument(parser)
+    parser.add_argument(
+        "--table",
+        default="frames",
+        choices=("frames", "transactions", "values", "findings"),
+        help="what a row is (default: frames); the others as csv, jsonl or parquet",
+    )
+    parser.add_argument(
+        "--delimiter", default=",", metavar="C", help="between the cells of CSV: , (default), ; or tab for spreadsheets"
+    )
+    parser.add_argument("--bom", action="store_true", help="begin CSV with the mark by which Excel knows UTF-8")
     parser.add_argument(
         "--noise", action="store_true", help="write the bytes between frames too, so that all bytes are there"
     )
@@ -46,19 +60,28 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write it."""
-    from analyzer.exports import ExportOptions, export
+    from ..exports import ExportOptions, export
 
     load_functions(arguments)
     limits = chosen_limits(arguments)
     capture = open_capture(arguments)
     chosen = chosen_filter(arguments, capture.line)
+    to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=capture.path)
     progress = Progress(f"export {arguments.capture}")
     with interruptible() as stop:
         done = export(
             capture,
             arguments.output,
             name=arguments.format,
-            options=ExportOptions(explain=arguments.explain, noise=arguments.noise, filter=chosen),
+            options=ExportOptions(
+                explain=arguments.explain,
+                noise=arguments.noise,
+                filter=chosen,
+                table=arguments.table,
+                delimiter=_delimiter(arguments.delimiter),
+                bom=arguments.bom,
+                charts=chosen_charts(arguments) or None,
+            ),
             limits=limits,
             progress=progress,
             stop=stop,
@@ -66,15 +89,22 @@ def run(arguments: argparse.Namespace) -> int:
     progress.clear()
     tell_damage(arguments.capture, capture)
     if done.partial:
-        print("rtuscope: stopped by Ctrl-C; what was done is kept, and partial", file=sys.stderr)
+        tell("stopped by Ctrl-C; what was done is kept, and partial")
         return INTERRUPTED
     if chosen is not None and not done.bytes:
-        print(f"rtuscope: {arguments.capture}: nothing passes the filter", file=sys.stderr)
+        tell(f"{arguments.capture}: nothing passes the filter")
         return NO_FRAME
     if not done.frames and not (chosen is not None and "noise" in chosen.fields):
-        print(f"rtuscope: {arguments.capture}: no Modbus frame found in {done.bytes:,} bytes", file=sys.stderr)
+        tell(f"{arguments.capture}: no Modbus frame found in {done.bytes:,} bytes")
         return NO_FRAME
     if arguments.check and done.errors:
-        print(f"rtuscope: {arguments.capture}: {done.errors:,} findings of severity error", file=sys.stderr)
+        tell(f"{arguments.capture}: {done.errors:,} findings of severity error")
         return FAILED
     return DONE
+
+
+def _delimiter(text: str) -> str:
+    delimiter = {"tab": "\t", "\\t": "\t"}.get(text, text)
+    if len(delimiter) != 1 or delimiter in '"\r\n' or not delimiter.isascii():
+        raise UsageError(f"--delimiter {text}: one character, or tab")
+    return delimiter

@@ -1,4 +1,4 @@
-"""What several commands take in: a capture file, and declarations of vendor functions."""
+"""What several commands take in: a capture, how it is to be read, and declarations of vendor functions."""
 
 from __future__ import annotations
 
@@ -9,13 +9,17 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
+from captures.line import POLARITIES
+
 from .app import UsageError
+from .terminal import tell
 
 if TYPE_CHECKING:
-    from analyzer.deframing.options import Options
-    from analyzer.filters import Filter
     from captures import Capture
     from captures.line import LineSettings
+
+    from ..filters import Filter
+    from ..options import Options
 
 _GROUP: Final = b"[rtuscope.functions]"
 _LIMITS: Final = (  # flag, option, least and most in ms, help
@@ -24,19 +28,54 @@ _LIMITS: Final = (  # flag, option, least and most in ms, help
     ("--turnaround-ms", "turnaround_ns", 0.0, 60000.0, "least pause after a broadcast, 100 if not given"),
     ("--idle-ms", "idle_ns", 5.0, 5000.0, "silence after which the line counts as quiet, 50 if not given"),
 )
+CAPTURE_HELP: Final = (
+    "a capture: .jsonl, .mcap, .pcapng, .sr, .vcd, .csv, .txt, .bin ... (docs/formats.md); - is standard input"
+)
+_READING: Final = (
+    "baud",
+    "parity",
+    "bits",
+    "stop",
+    "polarity",
+    "tz",
+    "sample_rate",
+)  # what `captures.open` takes besides the format
 _TOLD: Final = 5  # complaints printed; the rest are counted
 
 
-def add_capture_arguments(parser: argparse.ArgumentParser) -> None:
-    """CAPTURE and --functions."""
-    parser.add_argument("capture", metavar="CAPTURE", help="a capture: .jsonl, .mcap, .bin, .txt, .log ...")
+def add_capture_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = True) -> None:
+    """CAPTURE, how it is read, and --functions."""
+    parser.add_argument("capture", metavar="CAPTURE", help=CAPTURE_HELP)
+    add_reading_arguments(parser, format_flag=format_flag)
     add_functions_argument(parser)
+
+
+def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = True) -> None:
+    """--format, --baud and the like; without `format_flag` --format is the command's own, --input-format this one."""
+    group = parser.add_argument_group("reading the capture (by default as it says itself, else as its bytes tell)")
+    flags = ["--format", "--input-format"] if format_flag else ["--input-format"]
+    group.add_argument(
+        *flags, dest="input_format", metavar="NAME", help="its format: text, bin, pcap ... (docs/formats.md)"
+    )
+    group.add_argument("--baud", type=int, metavar="N", help="bit/s of the line")
+    group.add_argument("--parity", choices=("N", "E", "O", "M", "S"), help="none, even, odd, mark, space")
+    group.add_argument("--bits", type=int, choices=(7, 8), help="data bits of a character")
+    group.add_argument("--stop", type=float, choices=(1, 1.5, 2), help="stop bits of a character")
+    group.add_argument("--polarity", choices=POLARITIES, help="of a logic analyser's edges: inverted is low when idle")
+    group.add_argument(
+        "--tz", metavar="ZONE", help="zone of times without one: Europe/Moscow, +03:00, UTC; by default this machine's"
+    )
+    group.add_argument("--sample-rate", type=float, metavar="HZ", help="of a log that counts samples (sigrok-cli -A)")
 
 
 def add_functions_argument(parser: argparse.ArgumentParser) -> None:
     """--functions."""
     parser.add_argument(
-        "--functions", metavar="FILE", action="append", default=[], help="a Python file that declares vendor functions"
+        "--functions",
+        metavar="FILE",
+        action="append",
+        default=[],
+        help="a Python file that declares vendor functions; it is run, with your rights: know whose it is",
     )
 
 
@@ -51,7 +90,7 @@ def chosen_filter(arguments: argparse.Namespace, line: LineSettings) -> Filter |
     """The filter that was given, for a line of these settings."""
     if arguments.filter is None:
         return None
-    from analyzer.filters import FilterError, compile_filter
+    from ..filters import FilterError, compile_filter
 
     try:
         return compile_filter(arguments.filter, line)
@@ -83,7 +122,7 @@ def _milliseconds(least: float, most: float) -> Callable[[str], int]:
 
 def chosen_limits(arguments: argparse.Namespace) -> Options:
     """The options that were given."""
-    from analyzer.deframing.options import Options
+    from ..options import Options
 
     given = {name: getattr(arguments, flag[2:].replace("-", "_")) for flag, name, *_ in _LIMITS}
     t15, t35 = given["t15_ns"], given["t35_ns"]
@@ -106,7 +145,7 @@ def add_check_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def load_functions(arguments: argparse.Namespace) -> None:
-    """Declare what the installed plug-ins and the named files declare."""
+    """Declare what the installed plug-ins and the named files declare; both are code that is run."""
     if arguments.functions or _plugged_in():
         from dissectors.functions import load_entry_points, load_file
 
@@ -128,15 +167,33 @@ def _plugged_in() -> bool:
 
 
 def open_capture(arguments: argparse.Namespace) -> Capture:
-    """The capture that was named."""
+    """The capture that was named, read as was asked for; what should be known of that goes to standard error."""
+    return opened_capture(arguments.capture, arguments)
+
+
+def opened_capture(path: str, arguments: argparse.Namespace) -> Capture:
+    """The same of one file among several."""
     import captures
 
-    return captures.open(arguments.capture)
+    from ..paste import judge
+
+    given = {name: getattr(arguments, name) for name in _READING}
+    capture = captures.open(path, format=arguments.input_format, judge=judge, **given)
+    for notice in capture.notices:
+        print(f"rtuscope: {notice}", file=sys.stderr)
+    return capture
+
+
+def given_reading(arguments: argparse.Namespace) -> list[str]:
+    """The flags that `open_capture` reads, as they would be given again."""
+    given = [("--input-format", arguments.input_format)]
+    given += [(f"--{name.replace('_', '-')}", getattr(arguments, name)) for name in _READING]
+    return [word for flag, value in given if value is not None for word in (flag, str(value))]
 
 
 def tell_damage(name: str, capture: Capture) -> None:
     """Say what of the capture could not be read."""
     for loss in capture.damage[:_TOLD]:
-        print(f"rtuscope: {name}: {loss}", file=sys.stderr)
+        tell(f"{name}: {loss}")
     if capture.damage_count > _TOLD:
-        print(f"rtuscope: {name}: and {capture.damage_count - _TOLD:,} more such places", file=sys.stderr)
+        tell(f"{name}: and {capture.damage_count - _TOLD:,} more such places")

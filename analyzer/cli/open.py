@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import argparse
 import os
-import shlex
 import sys
 
 from .app import DONE, UsageError
-from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, given_limits, load_functions
+from .inputs import (
+    CAPTURE_HELP,
+    add_functions_argument,
+    add_limit_arguments,
+    add_reading_arguments,
+    chosen_limits,
+    given_limits,
+    given_reading,
+    load_functions,
+    open_capture,
+)
 from .terminal import full_screen
 
 EXAMPLE = """\
@@ -16,6 +25,7 @@ rtuscope simulate bus.jsonl --wire noisy
 rtuscope open bus.jsonl
 rtuscope open"""
 _PORT = 8000
+_MOST_PORT = 65535
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -24,29 +34,37 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "capture",
         nargs="?",
         metavar="CAPTURE",
-        help="a capture: .jsonl, .mcap, .bin, .txt, .log ...; none: paste bytes",
+        help=f"{CAPTURE_HELP}; none: paste bytes",
     )
     parser.add_argument("--light", action="store_true", help="dark on light (d switches)")
     parser.add_argument("--web", action="store_true", help="serve it to a browser on this machine instead")
     parser.add_argument("--host", default="127.0.0.1", help="with --web: address to listen at (127.0.0.1)")
-    parser.add_argument("--port", type=int, default=_PORT, help=f"with --web: port to listen at ({_PORT})")
+    parser.add_argument("--port", type=port, default=_PORT, help=f"with --web: port to listen at ({_PORT})")
+    add_reading_arguments(parser)
     add_functions_argument(parser)
     add_limit_arguments(parser)
 
 
+def port(text: str) -> int:
+    """A TCP port; 0 is any that is free; for argparse."""
+    if not text.isdecimal() or int(text) > _MOST_PORT:
+        raise argparse.ArgumentTypeError(f"{text!r} is no port from 0 to {_MOST_PORT}")
+    return int(text)
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Show it."""
-    import captures
-
     load_functions(arguments)
     limits = chosen_limits(arguments)
-    capture = None if arguments.capture is None else captures.open(arguments.capture)
+    capture = None if arguments.capture is None else open_capture(arguments)
     if arguments.web:
-        serve(arguments)
+        from .web import serve
+
+        serve(in_a_browser(arguments), arguments.host, arguments.port)
         return DONE
     needs_a_terminal("open")
-    from analyzer.model.source import CaptureSource, Nothing
-    from analyzer.tui import run as show
+    from ..model.source import CaptureSource, Nothing
+    from ..tui import run as show
 
     if capture is None:
         show(Nothing(), view="paste", light=arguments.light)
@@ -64,21 +82,12 @@ def needs_a_terminal(command: str) -> None:
         )
 
 
-def serve(arguments: argparse.Namespace) -> None:
-    """The same in a browser, one process a tab, until Ctrl-C."""
-    try:
-        from textual_serve.server import Server
-    except ImportError as error:
-        raise UsageError("--web needs textual-serve: pip install 'rtuscope[web]'") from error
-    command = [sys.executable, "-m", "analyzer.cli", "open"]
-    command += [str(arguments.capture)] if arguments.capture is not None else []
+def in_a_browser(arguments: argparse.Namespace) -> list[str]:
+    """The command that shows the same to a browser: no module of the folder that it is started in gets into it (-P)."""
+    command = [sys.executable, "-P", "-m", "analyzer.cli", "open"]
     command += ["--light"] if arguments.light else []
-    for path in arguments.functions:
-        command += ["--functions", path]
+    command += [f"--functions={path}" for path in arguments.functions]
+    command += given_reading(arguments)
     command += given_limits(arguments)
-    if arguments.host not in ("127.0.0.1", "localhost", "::1"):
-        print(
-            f"rtuscope: anybody who reaches {arguments.host}:{arguments.port} sees this capture; there is no password",
-            file=sys.stderr,
-        )
-    Server(shlex.join(command), host=arguments.host, port=arguments.port, title="rtuscope").serve()
+    command += ["--", str(arguments.capture)] if arguments.capture is not None else []
+    return command

@@ -7,11 +7,13 @@ import sys
 
 from .app import DONE, FAILED, NO_FRAME, UsageError
 from .inputs import add_check_argument, add_functions_argument, load_functions
-from .terminal import coloured
+from .maps import add_map_argument, chosen_charts
+from .terminal import coloured, put_json, tell
 
 EXAMPLE = """\
 rtuscope parse 11 03 00 6B 00 03 76 87
 rtuscope parse 11 03 00 6B 00 03 76 87 11 03 06 AE 41 56 52 43 40 49 AD
+rtuscope parse --map eastron-sdm630 01 04 00 00 00 02 71 CB 01 04 04 43 66 33 34 1B 38
 rtuscope parse --json :1103006B00037E"""
 _LONGEST = 8 << 20  # characters of text: no paste is longer
 _HEAD = 1 << 16  # bytes by which text is told from other data
@@ -34,28 +36,38 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--values", action="store_true", help="registers as 32- and 64-bit integers and floats in every byte order"
     )
+    add_map_argument(parser)
     add_check_argument(parser)
     add_functions_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print what was read."""
-    from analyzer.paste import read, tree
+    from captures.hexwords import HexError
+
+    from ..paste import read, tree
 
     text = _text(arguments)
     load_functions(arguments)
+    charts = chosen_charts(arguments)
     try:
         paste = read(text, arguments.envelope, arguments.role)
-    except ValueError as error:  # digits that are no bytes
+    except HexError as error:  # digits that are no bytes
         where = "" if arguments.hex else f"{_source(arguments)}: "
         raise UsageError(f"{where}{error}") from error
     if arguments.json:
-        import json
-
         for line in paste.to_json(noise=arguments.noise):
-            print(json.dumps(line, separators=(",", ":")))
+            if charts and (chart := charts.get(line.get("unit") or 0)) is not None:
+                from ..paste.meaning import mapped_readings
+
+                line["values"] = [reading.to_json() for reading in mapped_readings(line, chart)]
+            put_json(line)
     else:
         sys.stdout.write(tree(paste, colour=coloured(sys.stdout), values=arguments.values))
+        if charts:
+            from ..paste.meaning import meaning_text
+
+            sys.stdout.write(meaning_text(paste.to_json(), charts))
     if arguments.check and paste.errors:
         return FAILED
     return DONE if paste.holds_a_frame else NO_FRAME
@@ -77,7 +89,7 @@ def _text(arguments: argparse.Namespace) -> str:
             data = file.read(_LONGEST + 1)
     else:
         if sys.stdin.isatty():
-            print("paste the bytes, then press Ctrl-D (Ctrl-Z Enter on Windows)", file=sys.stderr)
+            tell("paste the bytes, then press Ctrl-D (Ctrl-Z Enter on Windows)")
         data = sys.stdin.buffer.read(_LONGEST + 1)
     if len(data) > _LONGEST:
         raise UsageError(f"over {_LONGEST >> 20} MiB of text is no paste; rtuscope export reads captures of any size")

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
-from .app import DONE, NO_FRAME, UsageError
+from dissectors.values import harmless
+
+from .app import DONE, NO_FRAME
+from .outputs import add_overwrite_argument, to_be_overwritten
+from .terminal import tell
 
 EXAMPLE = """\
 rtuscope simulate bus.mcap --transactions 20
@@ -22,7 +25,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="OUT",
         help="file to write: by default NAME for NAME.part, else NAME.repaired.mcap",
     )
-    parser.add_argument("--overwrite", action="store_true", help="even if OUT is there already")
+    add_overwrite_argument(parser, "OUT")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -37,12 +40,9 @@ def run(arguments: argparse.Namespace) -> int:
         target = source.with_name(source.name.removesuffix(PART))
     else:
         target = source.with_name(f"{source.stem}.repaired.mcap")
-    if target.exists() and not arguments.overwrite:
-        raise UsageError(f"{target}: is there already: give another name with -o, or --overwrite")
-    if target.exists() and target.samefile(source):
-        raise UsageError(f"{target}: is the file to repair: give another name with -o")
+    to_be_overwritten(target, overwrite=arguments.overwrite, source=source)
     done = repair(source, target)
     for loss in done.damage:
-        print(f"rtuscope: {source}: {loss}", file=sys.stderr)
-    print(f"{target}: {done.chunks:,} reads, {done.bytes:,} bytes of the line")
+        tell(f"{source}: {loss}")
+    print(f"{harmless(str(target))}: {done.chunks:,} reads, {done.bytes:,} bytes of the line")
     return DONE if done.bytes else NO_FRAME

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 from .app import DONE, NO_FRAME, UsageError
 from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
 from .keys import keys
-from .taps import tell
+from .terminal import tell
 from .watching import Watch, add_view_arguments, ended_by_signals
 
 if TYPE_CHECKING:
-    from analyzer.live.replaying import Replay
     from captures import Capture
+
+    from ..live.replaying import Replay
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --transactions 20
@@ -34,11 +35,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="X",
         help="times as fast as it was, or max (1); on a terminal: " + _KEYS,
     )
-    port = parser.add_argument_group("onto a port (this transmits)")
+    port = parser.add_argument_group("onto a port (this transmits), set as the capture's line, or as --baud says")
     port.add_argument("--to", metavar="PORT", help="play the bytes onto this port instead of showing them")
     port.add_argument("--only", choices=("requests", "responses"), help="only frames of this direction")
-    port.add_argument("--baud", type=int, metavar="N", help="bit/s of the port; by default the capture's")
-    port.add_argument("--parity", choices=("N", "E", "O"), help="by default the capture's")
     add_view_arguments(parser)
     add_limit_arguments(parser)
 
@@ -51,13 +50,13 @@ def run(arguments: argparse.Namespace) -> int:
         return _onto_port(arguments, capture)
     if arguments.only is not None:
         raise UsageError("--only is for --to PORT; to show one direction: --filter request")
-    from analyzer.live.replaying import Replay
-    from analyzer.live.session import Session
+    from ..live.replaying import Replay
+    from ..live.session import Session
 
     replay = Replay(capture, arguments.speed)
     session = Session(replay, options=chosen_limits(arguments))
     if arguments.tui:
-        from analyzer.live.view import show
+        from ..tui.live import show
 
         return show(session, arguments.capture)
     watch = Watch(arguments, session, extra=lambda: _how(replay))
@@ -71,13 +70,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _onto_port(arguments: argparse.Namespace, capture: Capture) -> int:
-    from analyzer.live.playing import play
     from captures.live.settings import PortSettings
 
+    from ..live.replaying import play
+
     line = capture.line
-    port = PortSettings(
-        arguments.to, arguments.baud or line.baud, arguments.parity or line.parity or "N", line.stop_bits or 1
-    )
+    if (line.parity or "N") not in ("N", "E", "O"):
+        raise UsageError(f"--to cannot send parity {line.parity}: give --parity N, E or O")
+    port = PortSettings(arguments.to, line.baud, line.parity or "N", line.stop_bits or 1, arguments.bits or 8)
     ended: list[bool] = []
     tell(f"transmitting on {port.url}, {port}")
     with ended_by_signals(lambda: ended.append(True)):

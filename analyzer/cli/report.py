@@ -17,13 +17,15 @@ from .inputs import (
     load_functions,
     open_capture,
 )
-from .terminal import Progress, interruptible
+from .outputs import add_overwrite_argument, to_be_overwritten
+from .terminal import Progress, interruptible, put_json, tell
 
 if TYPE_CHECKING:
-    from analyzer.deframing.options import Options
-    from analyzer.filters import Filter
-    from analyzer.reports import Report
     from captures import Capture
+
+    from ..filters import Filter
+    from ..options import Options
+    from ..reports import Report
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
@@ -40,6 +42,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     shape = parser.add_mutually_exclusive_group()
     shape.add_argument("--json", action="store_true", help="the same facts as JSON")
     shape.add_argument("--html", metavar="FILE", help="write one HTML page to send on, with charts and examples")
+    add_overwrite_argument(parser, "FILE")
     add_check_argument(parser)
     add_limit_arguments(parser)
 
@@ -52,6 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     chosen = chosen_filter(arguments, capture.line)
     source = str(arguments.capture)
     if arguments.html is not None:
+        to_be_overwritten(arguments.html, overwrite=arguments.overwrite, source=capture.path)
         return write_page(capture, source, arguments.html, filter=chosen, options=limits, check=arguments.check)
     return show(capture, source, as_json=arguments.json, filter=chosen, options=limits, check=arguments.check)
 
@@ -66,8 +70,8 @@ def show(
     check: bool = False,
 ) -> int:
     """Report on an open capture; returns the exit status, with `check` 1 where there are errors."""
-    from analyzer.deframing.options import Options
-    from analyzer.reports import summarize, text
+    from ..options import Options
+    from ..reports import summarize, text
 
     progress = Progress(f"report {source}")
     with interruptible() as stop:
@@ -76,9 +80,7 @@ def show(
         )
     progress.clear()
     if as_json:
-        import json
-
-        print(json.dumps(report.to_json(), indent=2))
+        put_json(report.to_json(), indent=2)
     else:
         sys.stdout.write(text(report))
     return _status(report, check=check)
@@ -94,10 +96,10 @@ def write_page(
     check: bool = False,
 ) -> int:
     """Write the report on an open capture as HTML; returns the exit status, as `show` does."""
-    from analyzer.deframing.options import Options
-    from analyzer.exports.output import output
-    from analyzer.reports import summarize
-    from analyzer.reports.html import Sights, page
+    from ..exports.output import output
+    from ..options import Options
+    from ..reports import summarize
+    from ..reports.html import Sights, page
 
     progress, sights = Progress(f"report {source}"), Sights()
     with output(path, source=capture.path) as file:  # an unusable name is told before the work, not after it
@@ -114,7 +116,7 @@ def write_page(
         progress.clear()
         file.write(page(report, sights).encode())
     if report.partial:
-        print("rtuscope: stopped by Ctrl-C; the page covers what was read until then", file=sys.stderr)
+        tell("stopped by Ctrl-C; the page covers what was read until then")
     return _status(report, check=check)
 
 

@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import os
+from typing import TYPE_CHECKING, Final
 
+from .app import FAILED, INTERRUPTED
 from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, load_functions
 from .taps import add_recording_arguments, add_tap_arguments, recorder_of, tap_of
+from .telling import Teller
 from .watching import Watch, add_view_arguments, ended_by_signals
+
+if TYPE_CHECKING:
+    from captures.recording.recorder import Recorder
+
+    from ..live.session import Session
+
+_GRACE_S: Final = 0.2
+_DISK_S: Final = 30.0  # for a recording to be closed
 
 EXAMPLE = """\
 rtuscope sniff /dev/ttyUSB0
@@ -30,32 +42,52 @@ def run(arguments: argparse.Namespace) -> int:
     """Listen and show."""
     from dataclasses import replace
 
-    from analyzer.live.session import Session, Sink
-    from analyzer.live.window import TriggeredSink
+    from ..live.session import RecordingSink, Session
+    from ..live.window import TriggeredSink
 
     load_functions(arguments)
-    recorder = recorder_of(arguments)
-    sink: Sink | None = recorder
-    fire = None
-    if recorder is not None and arguments.trigger is not None:
-        sink = triggered = TriggeredSink(recorder, int(arguments.before * 1e9), int(arguments.after * 1e9))
-        fire = triggered.fire
-    session = Session(
-        tap_of(arguments),
-        recorder=sink,
-        options=replace(chosen_limits(arguments), protocol=arguments.protocol),
-    )
+    with Teller() as tell:
+        recorder = recorder_of(arguments, tell)
+        sink: RecordingSink | None = recorder
+        fire = None
+        if recorder is not None and arguments.trigger is not None:
+            sink = triggered = TriggeredSink(recorder, int(arguments.before * 1e9), int(arguments.after * 1e9))
+            fire = triggered.fire
+        session = Session(
+            tap_of(arguments),
+            recorder=sink,
+            options=replace(chosen_limits(arguments), protocol=arguments.protocol),
+        )
+        if arguments.tui:
+            from ..tui.live import show
 
-    def recorded() -> str:
-        if recorder is None:
-            return ""
-        paused = "  RECORDING PAUSED" if recorder.paused else ""
-        return f"  recorded {recorder.bytes / 1e6:,.1f} MB of the line{paused}"
+            return show(session, arguments.port)
+        watch = Watch(arguments, session, extra=lambda: _recorded(recorder), fire=fire)
+        with session, ended_by_signals(session.stop, abandon=lambda: _abandon(session, recorder, tell)):
+            status = watch.run()
+        if recorder is not None and recorder.lost:
+            tell(recorder.result)
+            return FAILED
+    return status
 
-    if arguments.tui:
-        from analyzer.live.view import show
 
-        return show(session, arguments.port)
-    watch = Watch(arguments, session, extra=recorded, fire=fire)
-    with session, ended_by_signals(session.stop):
-        return watch.run()
+def _recorded(recorder: Recorder | None) -> str:
+    """Words for the status line."""
+    if recorder is None:
+        return ""
+    paused = "  RECORDING PAUSED" if recorder.paused else ""
+    return f"  recorded {recorder.bytes / 1e6:,.1f} MB of the line{paused}"
+
+
+def _abandon(session: Session, recorder: Recorder | None, tell: Teller) -> None:
+    """End the process: what was recorded is closed, what was not shown is told."""
+    closed = session.close(_GRACE_S if recorder is None else _DISK_S)
+    text = "ended before all was shown"
+    if session.waiting:
+        text += f", and {session.waiting:,} bytes of the line analysed"
+    if recorder is not None:
+        state = f"{recorder.bytes:,} bytes are recorded" if closed else "the recording is NOT closed, it opens as it is"
+        text += f"; {state}"
+    tell(text)
+    tell.close()
+    os._exit(INTERRUPTED)

@@ -1,6 +1,6 @@
-"""What a terminal adds: progress, colour, and Ctrl-C that keeps what was done.
+"""What commands say, and what a terminal adds: progress, colour, and Ctrl-C that keeps what was done.
 
-Nothing of this shows on a pipe. Colour follows the terminal and NO_COLOR.
+Nothing of the latter shows on a pipe. Colour follows the terminal and NO_COLOR.
 """
 
 from __future__ import annotations
@@ -13,6 +13,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import IO
+
+from dissectors.values import harmless
+
+from ..terminal_text import ERASE_LINE, terminal_text
 
 _PERIOD_S = 0.2
 
@@ -32,14 +36,12 @@ class Progress:
             return
         self._next = now + _PERIOD_S
         self._shown = True
-        sys.stderr.write(f"\r\x1b[K{self._label}: {frames:,} frames, {octets / 1e6:,.1f} MB of the line")
-        sys.stderr.flush()
+        say_in_place(f"{self._label}: {frames:,} frames, {octets / 1e6:,.1f} MB of the line")
 
     def clear(self) -> None:
         """Take the line away."""
         if self._shown:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+            say_in_place("")
             self._shown = False
 
 
@@ -74,9 +76,29 @@ def interruptible() -> Iterator[Stop]:
         signal.signal(signal.SIGINT, before)
 
 
+def tell(text: str) -> None:
+    """A line on standard error, past a status line that may stand there."""
+    erase = ERASE_LINE if places(sys.stderr) else ""
+    print(terminal_text(erase, f"rtuscope: {harmless(text)}"), file=sys.stderr, flush=True)
+
+
+def say_in_place(text: str) -> None:
+    """A status on standard error, which must be a terminal, in place of the one before; empty takes it away."""
+    sys.stderr.write(terminal_text(ERASE_LINE, harmless(text)))
+    sys.stderr.flush()
+
+
+def put_json(value: object, *, indent: int | None = None) -> None:
+    """A value as JSON on standard output, in one line unless indented; ASCII only, so that the gate leaves it alone."""
+    import json
+
+    text = json.dumps(value, indent=indent, separators=None if indent else (",", ":"))
+    print(text.replace("\x7f", "\\u007f"))  # the one control character that JSON does not escape
+
+
 def put(text: str) -> None:
     """Write all of a text to standard output, now: unbuffered, a stream may take part of it when a signal comes."""
-    data = memoryview(text.encode(sys.stdout.encoding, "backslashreplace"))
+    data = memoryview(terminal_text(text).encode(sys.stdout.encoding, "backslashreplace"))
     while data:
         data = data[sys.stdout.buffer.write(data) :]
     sys.stdout.buffer.flush()

@@ -6,22 +6,24 @@ import argparse
 import shutil
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Final
 
+from ..terminal_text import terminal_text
 from .app import DONE, NO_FRAME
 from .quantities import seconds
-from .taps import tell
-from .terminal import coloured, places, put
+from .terminal import coloured, places, put, say_in_place, tell
 
 if TYPE_CHECKING:
-    from analyzer.live.conditions import Condition
-    from analyzer.live.recent import Shown
-    from analyzer.live.session import Session, Step
+    from ..live.conditions import Condition
+    from ..live.recent import ShownRow
+    from ..live.session import Session, SessionStep
 
 _PERIOD_S: Final = 0.25
+_GRACE_S: Final = 1.2  # from a signal to end to the end
 _SILENT: Final = frozenset({"settings"})  # events that are not told
 
 
@@ -54,21 +56,23 @@ class Watch:
         fire: Callable[[int], None] | None = None,
     ) -> None:
         """`extra`: more words for the status line; `fire` is told the time of each trigger."""
-        from analyzer.live.lines import JsonLines, TextLines
-        from analyzer.live.recent import Recent
-        from analyzer.live.status import Status
-        from analyzer.live.window import Window
+        from ..live.lines import LiveJsonLines, TextLines
+        from ..live.recent import Recent
+        from ..live.status import LineStatus
+        from ..live.window import TriggerWindow
 
         self._arguments, self._session, self._extra, self._fire = arguments, session, extra, fire
         width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
         self._lines = (
-            JsonLines(noise=arguments.noise) if arguments.json else TextLines(colour=coloured(sys.stdout), width=width)
+            LiveJsonLines(noise=arguments.noise)
+            if arguments.json
+            else TextLines(colour=coloured(sys.stdout), width=width)
         )
-        self.status = Status(session.line)
+        self.status = LineStatus(session.line)
         self._recent = Recent()
         self._filter, self._until = _condition(arguments.filter), _condition(arguments.until)
         self._trigger = _condition(arguments.trigger)
-        self._window: Window[str] = Window(int(arguments.before * 1e9), int(arguments.after * 1e9))
+        self._window: TriggerWindow[str] = TriggerWindow(int(arguments.before * 1e9), int(arguments.after * 1e9))
         self._shown = 0
         self._over = False
         self._status_shown = places(sys.stderr)
@@ -77,7 +81,7 @@ class Watch:
 
     def run(self) -> int:
         """Show the session to its end; the exit status."""
-        from analyzer.live.recent import of_the_bus
+        from ..live.recent import of_the_bus
 
         for step in self._session.steps():
             if self._over:
@@ -93,7 +97,7 @@ class Watch:
                 if self._over:
                     break
             out += [self._lines.bus(finding) for finding in of_the_bus(step)]
-            self._write("".join(out))
+            self._write(terminal_text(*out))
             if self._arguments.duration and self.status.elapsed_ns >= self._arguments.duration * 1e9:
                 self._end()
         self._clear()
@@ -101,7 +105,7 @@ class Watch:
             print(f"{self.status}{self._extra()}", file=sys.stderr)
         return DONE if self.status.frames else NO_FRAME
 
-    def _row(self, shown: Shown, step: Step) -> str:
+    def _row(self, shown: ShownRow, step: SessionStep) -> str:
         """The lines of a row, if it is to be shown; with it, perhaps, lines from before a trigger."""
         line = self._session.line
         wanted = self._filter is None or self._filter.holds(shown, step, line)
@@ -116,12 +120,12 @@ class Watch:
                 self._end()
         return text
 
-    def _triggered(self, text: str, shown: Shown, *, fired: bool) -> str:
+    def _triggered(self, text: str, shown: ShownRow, *, fired: bool) -> str:
         t_ns = int(shown.batch.rows["t_end"][shown.row])
         before = self._window.fire(t_ns) if fired else []
         if fired and self._fire is not None:
             self._fire(t_ns)
-        return "".join([*before, *self._window.offer(t_ns, text)])
+        return terminal_text(*before, *self._window.offer(t_ns, text))
 
     def _end(self) -> None:
         self._over = True
@@ -137,41 +141,50 @@ class Watch:
                 self._next_status = now + _PERIOD_S
                 self._words = f"{self.status}{self._extra()}"[: shutil.get_terminal_size().columns - 1]
             if new or text:
-                sys.stderr.write(f"\r\x1b[K{self._words}")
-                sys.stderr.flush()
+                say_in_place(self._words)
 
     def _clear(self) -> None:
         if self._status_shown:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+            say_in_place("")
 
 
 def _condition(text: str | None) -> Condition | None:
     if text is None:
         return None
-    from analyzer.live.conditions import Condition
+    from ..live.conditions import Condition
 
     return Condition(text)
 
 
 @contextmanager
-def ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """SIGINT, SIGTERM and SIGHUP call `stop`; a second SIGINT ends at once."""
-    asked = False
+def ended_by_signals(stop: Callable[[], None], *, abandon: Callable[[], None] | None = None) -> Iterator[None]:
+    """SIGINT, SIGTERM and SIGHUP call `stop`; a second SIGINT ends at once.
+
+    Where the end has not come 1.2 s later, another thread calls `abandon`: output that nobody takes, or an analysis
+    that is far behind, must not keep a process that was told to end.
+    """
+    asked, ended = threading.Event(), threading.Event()
 
     def handler(number: int, _frame: object) -> None:
-        nonlocal asked
-        if asked and number == signal.SIGINT:
+        if asked.is_set() and number == signal.SIGINT:
             raise KeyboardInterrupt
-        asked = True
         stop()
+        asked.set()
+
+    def watch() -> None:
+        asked.wait()
+        if not ended.wait(_GRACE_S) and abandon is not None:
+            abandon()
 
     numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
     before = {}
     with suppress(ValueError):  # not the main thread: signals are another's business
         before = {number: signal.signal(number, handler) for number in numbers}
+    threading.Thread(target=watch, daemon=True).start()
     try:
         yield
     finally:
         for number, old in before.items():
             signal.signal(number, old)
+        ended.set()
+        asked.set()

@@ -17,32 +17,42 @@ from captures.chunks import Block, Chunk
 from captures.line import LineSettings
 from dissectors.answers import Expectation, expectation
 from dissectors.envelopes import Adu, ascii_frames
-from dissectors.lengths import Role, pdu_length
+from dissectors.length_rules import Role
+from dissectors.lengths import pdu_length
 
-from ..frames import ROW, Batch, Kind, Protocol, Rows
-from .options import Options
+from ..options import Options
+from ..tables.batch import Batch
+from ..tables.schema import ROW, Kind, Protocol, Rows
+from .buffer import GAPS, ByteBuffer, positions_among
 from .pairing import Pairer
 from .rules import Bytes
-from .stream import character
-from .tape import GAPS, Tape, among
+from .stream import character_time
 
 _LONGEST: Final = 513 + 4  # characters of a frame ([2] 2.5.2), and some that a fault may have added
 _FRAME: Final = re.compile(rb"[:>][0-9A-Fa-f]{6,%d}(?:\r\n?|\n)" % _LONGEST)
 _ENOUGH: Final = 2  # frames with a right LRC that make a capture one of ASCII mode
 
 
-def looks_ascii(data: bytes) -> bool:
-    """Whether these bytes are ASCII mode: frames with a right LRC, and little else."""
-    good = [adu for adu in ascii_frames(data) if adu.check_ok]
-    return len(good) >= _ENOUGH and 2 * sum(adu.length for adu in good) > len(data)
+def ascii_after(head: bytes) -> int | None:
+    """After how many of these bytes it is sure that they are ASCII mode: frames with a right LRC, and little else."""
+    good = octets = 0
+    for match in _FRAME.finditer(head):
+        (adu,) = ascii_frames(match[0])[:1] or (None,)
+        if adu is None or not adu.check_ok:
+            continue
+        good += 1
+        octets += match.end() - match.start()
+        if good >= _ENOUGH and 2 * octets > match.end():
+            return match.end()
+    return None
 
 
 class AsciiDeframer:
     """The same contract as `stream.Deframer`, for lines in ASCII mode."""
 
     def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: ARG002, B008 - one contract
-        self._character = character(line)
-        self._tapes: dict[int, Tape] = {}
+        self._character = character_time(line)
+        self._buffers: dict[int, ByteBuffer] = {}
         self._pairer = Pairer()
         self._frames = 0
         self._asked: Expectation | None = None
@@ -58,27 +68,27 @@ class AsciiDeframer:
         for port in np.flatnonzero(np.bincount(block.port)).tolist():
             mine = block.port == port
             octets = np.repeat(mine, sizes)
-            tape = self._tapes.setdefault(port, Tape(self._character))
-            errors = among(block.errors, octets)
-            tape.append(block.data[octets], sizes[mine], block.t_ns[mine], block.mark[mine], errors)
-            tape.close(over=False)
+            buffer = self._buffers.setdefault(port, ByteBuffer(self._character))
+            errors = positions_among(block.errors, octets)
+            buffer.append(block.data[octets], sizes[mine], block.t_ns[mine], block.mark[mine], errors)
+            buffer.close(over=False)
         return self._take(last=False) if now_ns is None else self.tick(now_ns)
 
     def tick(self, now_ns: int) -> Batch:
         """The line has been silent until `now_ns`: nothing to gain, for frames end themselves."""
-        for tape in self._tapes.values():
-            if now_ns > tape.last_time:
-                tape.close(over=True)
+        for buffer in self._buffers.values():
+            if now_ns > buffer.last_time:
+                buffer.close(over=True)
         return self._take(last=False)
 
     def close(self) -> Batch:
         """No more bytes come; give the rest."""
-        for tape in self._tapes.values():
-            tape.close(over=True)
+        for buffer in self._buffers.values():
+            buffer.close(over=True)
         return self._take(last=True)
 
     def _take(self, *, last: bool) -> Batch:
-        parts = [self._rows(port, tape, last=last) for port, tape in sorted(self._tapes.items())]
+        parts = [self._rows(port, buffer, last=last) for port, buffer in sorted(self._buffers.items())]
         rows = np.concatenate([rows for rows, *_ in parts]) if parts else np.zeros(0, ROW)
         data = np.concatenate([data for _, data, *_ in parts]) if parts else np.empty(0, np.uint8)
         decoded = [adu for *_, adus, _, _ in parts for adu in adus]
@@ -108,18 +118,18 @@ class AsciiDeframer:
         return {index: b":" + request.hex().upper().encode() + b"\r\n" for index, request in earlier.items()}
 
     def _rows(
-        self, port: int, tape: Tape, *, last: bool
+        self, port: int, buffer: ByteBuffer, *, last: bool
     ) -> tuple[Rows, Bytes, list[Adu], NDArray[np.int64], NDArray[np.int64]]:
         """Rows of what is certain on one port, its bytes, the frames decoded, and the reads they came in."""
-        ready = tape.ready
-        text = (tape.data[:ready] & 0x7F).tobytes()
-        pieces: list[tuple[int, int, Adu | None]] = []
+        ready = buffer.ready
+        text = (buffer.data[:ready] & 0x7F).tobytes()
+        segments: list[tuple[int, int, Adu | None]] = []
         done = 0
         for match in _FRAME.finditer(text):
             begin, end = match.span()
             if begin > done:
-                pieces.append((done, begin, None))
-            pieces.append((begin, end, ascii_frames(match[0])[0]))
+                segments.append((done, begin, None))
+            segments.append((begin, end, ascii_frames(match[0])[0]))
             done = end
         rest = ready if last else max(done, ready - _LONGEST)
         if last or text.find(b":", done) < 0:
@@ -127,27 +137,27 @@ class AsciiDeframer:
         elif (start := text.find(b":", done)) > done and start >= ready - _LONGEST:
             rest = start
         if rest > done:
-            pieces.append((done, rest, None))
-        starts = np.array([p[0] for p in pieces], np.intp)
-        ends = np.array([p[1] for p in pieces], np.intp)
-        rows = np.zeros(len(pieces), ROW)
-        rows["start"], rows["length"], rows["port"] = starts + tape.base, ends - starts, port
+            segments.append((done, rest, None))
+        starts = np.array([p[0] for p in segments], np.intp)
+        ends = np.array([p[1] for p in segments], np.intp)
+        rows = np.zeros(len(segments), ROW)
+        rows["start"], rows["length"], rows["port"] = starts + buffer.base, ends - starts, port
         rows["index"] = rows["request"] = rows["request_start"] = rows["response_ns"] = -1
         rows["protocol"] = Protocol.ASCII
         head = tail = np.empty(0, np.int64)
-        if pieces:
-            seen = tape.seen(starts, ends)
-            rows["t_start"], rows["t_end"], head, tail = seen[:4]
+        if segments:
+            reads = buffer.reads(starts, ends)
+            rows["t_start"], rows["t_end"], head, tail = reads[:4]
             for name in GAPS:
-                rows[name] = getattr(seen, name)
+                rows[name] = getattr(reads, name)
         rows["confidence"] = 1.0
         adus = []
-        for row, (_, _, adu) in zip(rows, pieces, strict=True):
+        for row, (_, _, adu) in zip(rows, segments, strict=True):
             if adu is not None:
                 self._describe(row, adu)
                 adus.append(adu)
-        data = tape.data[:rest].copy() if pieces else np.empty(0, np.uint8)
-        tape.drop(len(data))
+        data = buffer.data[:rest].copy() if segments else np.empty(0, np.uint8)
+        buffer.drop(len(data))
         return rows, data, adus, head, tail
 
     def _describe(self, row: np.void, adu: Adu) -> None:

@@ -15,10 +15,22 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.lengths import Role
+from dissectors.length_rules import Role
 
-from .prefix import Windows
-from .rules import MAX_ADU, MIN_ADU, OVERHEAD, Bytes, Counted, Index, Mask, Tables, Walked, field, tables
+from .crc_windows import CrcWindows
+from .rules import (
+    MAX_ADU,
+    MIN_ADU,
+    OVERHEAD,
+    Bytes,
+    CountedLengths,
+    Index,
+    LengthTables,
+    Mask,
+    WalkedLengths,
+    big_endian_at,
+    length_tables,
+)
 
 CRC_BITS: Final = 16.0
 KNOWN_BITS: Final = 3.0  # one of the 20-odd functions in use, of 256
@@ -48,9 +60,9 @@ class Candidates:
         return Candidates(self.start[mine], self.end[mine], self.role[mine], self.structure[mine])
 
 
-def search(data: Bytes, crc: Windows) -> Candidates:
+def search_candidates(data: Bytes, crc: CrcWindows) -> Candidates:
     """All candidates that lie whole in `data`."""
-    rules = tables()
+    rules = length_tables()
     found = [*_fixed(data, crc, rules), *_marked(data, crc, rules)]
     if not found:
         return Candidates(_NONE, _NONE, np.empty(0, np.uint8), np.empty(0, np.float32))
@@ -59,11 +71,26 @@ def search(data: Bytes, crc: Windows) -> Candidates:
     role = np.array([place.role for place in found], np.uint8).repeat([len(place.start) for place in found])
     order = ((start << 16) + ((end - start) << 1) + role).argsort(kind="stable")
     start, end, role = start.take(order), end.take(order), role.take(order)
-    keep, structure = _weigh(data, start, end, role, rules)
+    keep, structure, broken = _weigh(data, start, end, role, rules)
+    if broken.any():
+        _rule_out(keep, start, end, broken)
     if not keep.all():
         start, end, role, structure = start[keep], end[keep], role[keep], structure[keep]
     _discount_zeros(structure, data, start, end)
     return Candidates(start, end, role, structure)
+
+
+def _rule_out(keep: Mask, start: Index, end: Index, broken: Mask) -> None:
+    """Drop those that break a limit and hold, or begin like, one that breaks none.
+
+    `01 03 02 00 19 79 8E 00` is an answer and a stray byte, whatever a request for 6521 registers looks like. Where the
+    very same bytes are legal in the other role the conversation tells.
+    """
+    legal = keep & ~broken
+    for i in (keep & broken).nonzero()[0].tolist():
+        low, high = np.searchsorted(start, (start[i], end[i]))
+        inside = legal[low:high] & (end[low:high] <= end[i])
+        keep[i] = not (inside & (end[low:high] - start[low:high] < end[i] - start[i])).any()
 
 
 def _discount_zeros(structure: NDArray[np.float32], data: Bytes, start: Index, end: Index) -> None:
@@ -78,7 +105,7 @@ def _discount_zeros(structure: NDArray[np.float32], data: Bytes, start: Index, e
             structure[i] += ZERO_BITS * (end[i] - end[i - 1])
 
 
-class _Places(NamedTuple):
+class _CheckedWindows(NamedTuple):
     """Windows of predicted length whose CRC is right."""
 
     role: Role
@@ -86,7 +113,7 @@ class _Places(NamedTuple):
     end: Index
 
 
-def _fixed(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
+def _fixed(data: Bytes, crc: CrcWindows, rules: LengthTables) -> Iterator[_CheckedWindows]:
     """Of functions whose length does not hang on the bytes."""
     heads, tails = crc
     n = len(data)
@@ -100,10 +127,10 @@ def _fixed(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
         for role, mine in functions:
             of_role = start.compress(mine.take(function))
             if len(of_role):
-                yield _Places(role, of_role, of_role + length)
+                yield _CheckedWindows(role, of_role, of_role + length)
 
 
-def _marked(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
+def _marked(data: Bytes, crc: CrcWindows, rules: LengthTables) -> Iterator[_CheckedWindows]:
     """Of functions that have a count, or take a walk."""
     octets = data.tobytes()
     for marked in rules.marked:
@@ -115,17 +142,17 @@ def _marked(data: Bytes, crc: Windows, rules: Tables) -> Iterator[_Places]:
             if not present & 1 << i:
                 continue
             start = some.compress(marks & np.uint8(1 << i) != 0)
-            if isinstance(group, Counted):
-                yield _Places(group.role, *_counted(data, crc, start, group))
+            if isinstance(group, CountedLengths):
+                yield _CheckedWindows(group.role, *_counted(data, crc, start, group))
             else:
-                yield _Places(group.role, *_walked(data, crc, start, group, rules))
+                yield _CheckedWindows(group.role, *_walked(data, crc, start, group, rules))
 
 
-def _counted(data: Bytes, crc: Windows, start: Index, group: Counted) -> tuple[Index, Index]:
+def _counted(data: Bytes, crc: CrcWindows, start: Index, group: CountedLengths) -> tuple[Index, Index]:
     """Starts and ends of a group's functions."""
     n = len(data)
     start = start[: int(start.searchsorted(n - group.offset - group.width, side="right"))]
-    end = field(data, start + group.offset, group.width)
+    end = big_endian_at(data, start + group.offset, group.width)
     end *= group.scale
     end += group.base
     end += start
@@ -135,7 +162,9 @@ def _counted(data: Bytes, crc: Windows, start: Index, group: Counted) -> tuple[I
     return start[fits], end[fits]
 
 
-def _walked(data: Bytes, crc: Windows, start: Index, group: Walked, rules: Tables) -> tuple[Index, Index]:
+def _walked(
+    data: Bytes, crc: CrcWindows, start: Index, group: WalkedLengths, rules: LengthTables
+) -> tuple[Index, Index]:
     """Of a function that takes a walk, which is slow: first what arrays can rule out."""
     n = len(data)
     start = start[: int(np.searchsorted(start, n - group.reach, side="right"))]
@@ -152,12 +181,13 @@ def _walked(data: Bytes, crc: Windows, start: Index, group: Walked, rules: Table
 
 
 def _weigh(
-    data: Bytes, start: Index, end: Index, role: NDArray[np.uint8], rules: Tables
-) -> tuple[Mask, NDArray[np.float32]]:
-    """Which candidates break no hard check, and the structural bits of each."""
+    data: Bytes, start: Index, end: Index, role: NDArray[np.uint8], rules: LengthTables
+) -> tuple[Mask, NDArray[np.float32], Mask]:
+    """Which candidates break no hard check, the structural bits of each, and which break a limit."""
     functions = data.take(start + 1)
     structure = _BITS_OF_FUNCTION.take(rules.known.take(functions & 0x7F))
     keep = np.ones(len(start), np.bool_)
+    broken = np.zeros(len(start), np.bool_)
     kinds = functions + (role.astype(np.uint16) << 8)
     present = np.bincount(kinds).nonzero()[0].tolist()
     for kind in present:
@@ -173,12 +203,14 @@ def _weigh(
             keep[which] &= test(data, at)
         bits = np.full(1, checks.bits, np.float32)
         for test, soft in zip(checks.soft, checks.soft_bits, strict=True):
-            bits = bits + np.where(test(data, at), np.float32(soft), np.float32(BROKEN_LIMIT))
+            right = test(data, at)
+            broken[which] |= ~right
+            bits = bits + np.where(right, np.float32(soft), np.float32(BROKEN_LIMIT))
         structure[which] += bits
-    return keep, structure
+    return keep, structure, broken
 
 
-def predicted(data: bytes, start: int, role: Role) -> int | None:
+def predicted_length(data: bytes, start: int, role: Role) -> int | None:
     """The ADU length that the header at `start` predicts for a role, MIN_ADU while the header is not whole, or None."""
     from dissectors.lengths import pdu_length, rule
 

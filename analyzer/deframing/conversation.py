@@ -1,17 +1,167 @@
-"""Do these responses answer those requests? `dissectors.answers` for arrays of pairs."""
+"""The conversation: who answers whom, which requests are open, and how that is carried along a stream.
+
+One judge of answers: `Conversation` for a frame at a time (a path of the lattice, a contested stretch),
+`responses_fit` for arrays of pairs. Runs of frames taken as arrays say nothing that needs knowing until the next
+contested stretch; then the frames in reach of its beginning are gone through.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.lengths import Asked, Echo, relations
-from dissectors.limits import taken
+from dissectors.answers import Expectation, expectation
+from dissectors.length_rules import Role
+from dissectors.lengths import relations
+from dissectors.limits import Echo, RequestedByteCount, taken
 
-from .rules import Bytes, Index, Mask, field
+from .rules import Bytes, Index, Mask, big_endian_at
+
+OPEN: Final = 4  # requests that may be open at once
+_OPEN_REACH: Final = 1024  # bytes: requests further back are forgotten
+REACH: Final = 1300  # bytes: further back than a conversation reaches
 
 
-def fitting(data: Bytes, requests: Index, responses: Index) -> Mask:
+class OpenRequest(NamedTuple):
+    """A request that may still be answered."""
+
+    start: int  # offset in the stream of its port
+    adu: bytes
+    expects: Expectation
+
+    @classmethod
+    def of(cls, start: int, adu: bytes) -> OpenRequest:
+        return cls(start, adu, expectation(adu))
+
+
+class Conversation(NamedTuple):
+    """The conversation so far: outstanding requests, the newest last, and whether the newest was answered."""
+
+    open_requests: tuple[OpenRequest, ...] = ()
+    answered: bool = True
+    last: bytes = b""  # the newest request
+
+    def ask(self, request: OpenRequest) -> Conversation:
+        """After a request. A broadcast is never answered, but some devices do."""
+        return Conversation((*self._still_open(request.start, request.adu), request), request.adu[0] == 0, request.adu)
+
+    def exchanged(self, start: int, adu: bytes) -> Conversation:
+        """After a request and, right behind it, its answer."""
+        return Conversation(self._still_open(start, adu), True, adu)
+
+    def _still_open(self, start: int, adu: bytes) -> tuple[OpenRequest, ...]:
+        """What stays outstanding when another request begins at `start`; asked once more, it is open once."""
+        return tuple(p for p in self.open_requests[1 - OPEN :] if p.start >= start - _OPEN_REACH and p.adu != adu)
+
+    def answers(self, adu: bytes) -> int | None:
+        """Which pending request a response answers: the newest that fits."""
+        for i in range(len(self.open_requests) - 1, -1, -1):
+            if self.open_requests[i].expects.fits(adu):
+                return i
+        return None
+
+    def waits_for(self, adu: bytes) -> bool:
+        """Whether the newest request waits for an answer of this unit and function, whatever else it should be."""
+        return not self.answered and bool(self.open_requests) and self.last[:2] == adu[:2]
+
+    def answer(self, which: int) -> Conversation:
+        """After an answer to pending[which]; older ones stay outstanding for a while."""
+        newest = which == len(self.open_requests) - 1
+        return Conversation(
+            self.open_requests[:which] + self.open_requests[which + 1 :], self.answered or newest, self.last
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRun:
+    """Frames (indices of `data`, whose first byte is at stream offset `base`)."""
+
+    data: Bytes
+    base: int
+    start: Index
+    end: Index
+    role: NDArray[np.uint8]
+    fits: Mask  # that it answers the one before it
+
+    @property
+    def octets(self) -> int:
+        """Bytes."""
+        return int(self.end[-1] - self.start[0])
+
+    def adu(self, i: int) -> bytes:
+        """The bytes of one."""
+        return self.data[self.start[i] : self.end[i]].tobytes()
+
+
+class ConversationTracker:
+    """What was said so far, and runs of frames that have yet to be added to it."""
+
+    def __init__(self) -> None:
+        self._conversation = Conversation()
+        self._runs: list[FrameRun] = []
+
+    @property
+    def conversation(self) -> Conversation:
+        """The conversation up to now."""
+        conversation = self._conversation
+        for run in self._runs:
+            conversation = conversation_after(conversation, run)
+        self.settle(conversation)
+        return conversation
+
+    def settle(self, conversation: Conversation) -> None:
+        """The conversation is this now."""
+        self._conversation = conversation
+        self._runs.clear()
+
+    def extend(self, run: FrameRun) -> None:
+        """A run of frames follows. What it, with the runs before it, puts out of reach is forgotten."""
+        self._runs.append(run)
+        if len(self._runs) == 1 and run.octets < REACH:
+            return
+        octets = 0
+        for i in range(len(self._runs) - 1, -1, -1):
+            octets += self._runs[i].octets
+            if octets >= REACH:
+                del self._runs[:i]
+                self._conversation = Conversation()
+                break
+
+
+def conversation_after(conversation: Conversation, run: FrameRun) -> Conversation:
+    """The conversation after a run: exchange by exchange, and at once where nothing is open."""
+    n = len(run.start)
+    asks = run.role == Role.REQUEST
+    single = ~(asks[:-1] & run.fits[1:])
+    alone = np.ones(n, np.bool_)
+    alone[:-1] &= single
+    alone[1:] &= single
+    odd = [*alone.nonzero()[0].tolist(), n]
+    i = k = 0
+    if asks[-OPEN:].all() and len({run.adu(j) for j in range(max(0, n - OPEN), n)}) == OPEN:
+        i = n - OPEN  # whatever was open before them is forgotten
+    while i < n:
+        while odd[k] < i:
+            k += 1
+        if odd[k] > i:
+            if not conversation.open_requests:
+                i = odd[k] - 2  # only the last exchange before it matters
+            conversation = conversation.exchanged(run.base + int(run.start[i]), run.adu(i))
+            i += 2
+            continue
+        adu = run.adu(i)
+        if asks[i]:
+            conversation = conversation.ask(OpenRequest.of(run.base + int(run.start[i]), adu))
+        elif (which := conversation.answers(adu)) is not None:
+            conversation = conversation.answer(which)
+        i += 1
+    return conversation
+
+
+def responses_fit(data: Bytes, requests: Index, responses: Index) -> Mask:
     """For pairs of ADU starts: whether the response answers the request. Shape: that of the two arrays."""
     function = data.take(requests + 1)
     answer = data.take(responses + 1)
@@ -22,9 +172,9 @@ def fitting(data: Bytes, requests: Index, responses: Index) -> Mask:
         request, response = requests.take(which), responses.take(which)
         agree = np.ones(len(which), np.bool_)
         for relation in relations(code):
-            if isinstance(relation, Asked):
-                quantity = field(data, request + relation.quantity_offset + 1, 2)
-                count = field(data, response + relation.count_offset + 1, 1)
+            if isinstance(relation, RequestedByteCount):
+                quantity = big_endian_at(data, request + relation.quantity_offset + 1, 2)
+                count = big_endian_at(data, response + relation.count_offset + 1, 1)
                 agree &= count == (taken(quantity, relation.bits) & 0xFF)
             else:
                 agree &= _echoed(data, request, response, relation)

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from dissectors.answers import expectation
 
-from ..frames import Kind, Rows
-from .conversation import fitting
+from ..tables.schema import Kind, Rows
+from .conversation import responses_fit
 from .rules import Bytes, Index
 
 _REACH: Final = 4096  # bytes back
@@ -24,7 +24,7 @@ _REQUEST, _ANSWER = int(Kind.REQUEST), int(Kind.RESPONSE)
 
 
 @dataclass(slots=True)
-class _Open:
+class _OpenRow:
     """A request that nobody has answered yet."""
 
     index: int
@@ -36,7 +36,7 @@ class _Open:
     adu: bytes
 
 
-class _PairedBy(NamedTuple):
+class _PairingColumns(NamedTuple):
     """The columns of rows by which frames are paired."""
 
     kind: NDArray[np.uint8]
@@ -52,7 +52,7 @@ class Pairer:
     """Fills `request`, `request_start` and `response_ns` of rows, which are -1, in wire order, batch after batch."""
 
     def __init__(self) -> None:
-        self._open: list[_Open] = []
+        self._open: list[_OpenRow] = []
         self._place = 0
 
     def pair(self, rows: Rows, data: Bytes, head: NDArray[np.int64], tail: NDArray[np.int64]) -> dict[int, bytes]:
@@ -61,7 +61,9 @@ class Pairer:
         `head` and `tail` number the reads that brought the first and last byte of each row; a response that came in
         one read with its request has no known response time.
         """
-        columns = _PairedBy(*[rows[name].copy() for name in _PairedBy._fields])  # side by side: rows are far apart
+        columns = _PairingColumns(
+            *[rows[name].copy() for name in _PairingColumns._fields]
+        )  # side by side: rows are far apart
         frames = columns.kind.nonzero()[0]
         ends = self._place + columns.length.cumsum()
         place = ends - columns.length
@@ -77,7 +79,7 @@ class Pairer:
             asking[[one.port for one in self._open]] = True
             follows &= (port[1:] == port[:-1]) | ~asking[port[1:]]
         follows = follows.nonzero()[0] + 1
-        follows = follows.compress(fitting(data, at.take(follows - 1), at.take(follows)))
+        follows = follows.compress(responses_fit(data, at.take(follows - 1), at.take(follows)))
         answers, asked = frames.take(follows), frames.take(follows - 1)
         waited = np.maximum(columns.t_start.take(answers) - columns.t_end.take(asked), 0)
         waited[tail.take(asked) == head.take(answers)] = -1
@@ -87,7 +89,7 @@ class Pairer:
         settled = np.zeros(len(frames), np.bool_)
         settled[follows] = settled[follows - 1] = True
         loose = (~settled).nonzero()[0]
-        for i in _near(loose, kind).tolist() if len(loose) else ():
+        for i in _still_open(loose, kind).tolist() if len(loose) else ():
             row = int(frames[i])
             begin = int(rows["at"][row])
             adu = data[begin : begin + int(rows["length"][row])].tobytes()
@@ -100,7 +102,7 @@ class Pairer:
 
     def _ask(self, rows: Rows, row: int, adu: bytes, read: int, place: int) -> None:
         values = rows[row]
-        opened = _Open(
+        opened = _OpenRow(
             int(values["index"]), int(values["start"]), int(values["port"]), int(values["t_end"]), read, place, adu
         )
         self._open = [*self._open[-_OPEN:], opened]  # one too many, for an answer right behind it closes it at once
@@ -123,7 +125,7 @@ class Pairer:
         rows["response_ns"][row] = -1 if read == found.read else max(0, int(rows["t_start"][row]) - found.t_end)
 
 
-def _near(loose: Index, kind: NDArray[np.uint8]) -> Index:
+def _still_open(loose: Index, kind: NDArray[np.uint8]) -> Index:
     """Of frames (numbers in `kind`) that are not paired, the responses, and the requests that may be open then."""
     number = np.arange(len(loose))
     looks = np.append((kind.take(loose) == _ANSWER).nonzero()[0], len(loose))

@@ -10,15 +10,15 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Final
+from typing import Final, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.lengths import RULES, Bound, Choice, Multiple, Role, Rule, Sized, revision
-from dissectors.limits import taken
-
-from .bits import exact
+from dissectors.length_rules import LengthRule, Role
+from dissectors.lengths import RULES
+from dissectors.limits import Bound, Choice, Multiple, Sized, taken
+from dissectors.registry import revision
 
 Bytes = NDArray[np.uint8]
 Index = NDArray[np.intp]
@@ -27,10 +27,24 @@ Mask = NDArray[np.bool_]
 OVERHEAD: Final = 3  # unit and CRC around the PDU
 MIN_ADU: Final = 4
 MAX_ADU: Final = 256  # [2] 2.5.1; what the rules predict may exceed it, the wire may not
+_STEPS: Final = 1024.0
+
+
+@overload
+def exact_bits(bits: float) -> float: ...
+@overload
+def exact_bits(bits: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def exact_bits(bits: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
+    """Bits of evidence to the nearest step of 1/1024: sums of them are exact, whatever the order.
+
+    Two explanations may weigh the same (of writes that look like their echoes, which asks?). Then the order of the
+    paths decides, and that must not hang on what was added up before: a lattice begins where the last decision ended.
+    """
+    return np.rint(bits * _STEPS) / _STEPS if isinstance(bits, np.ndarray) else round(bits * _STEPS) / _STEPS
 
 
 @dataclass(frozen=True, slots=True)
-class Counted:
+class CountedLengths:
     """Functions of a role whose length hangs on a count at the same place in the same way: base + scale * field."""
 
     role: Role
@@ -42,7 +56,7 @@ class Counted:
 
 
 @dataclass(frozen=True, slots=True)
-class Walked:
+class WalkedLengths:
     """A function of a role whose length takes a walk through its bytes."""
 
     role: Role
@@ -52,15 +66,15 @@ class Walked:
 
 
 @dataclass(frozen=True, slots=True)
-class Marked:
+class FunctionGroups:
     """Up to eight groups whose functions one pass over the bytes finds: `table` maps a function to the groups' bits."""
 
     table: bytes
-    groups: tuple[Counted | Walked, ...]
+    groups: tuple[CountedLengths | WalkedLengths, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Checks:
+class RoleChecks:
     """What a PDU of one function and role can be held to, once its length and CRC are right."""
 
     hard: tuple[Callable[[Bytes, Index], Mask], ...]
@@ -70,16 +84,17 @@ class Checks:
 
 
 @dataclass(frozen=True, slots=True)
-class Tables:
+class LengthTables:
     """Everything about lengths, by function byte (exceptions have theirs, with the high bit)."""
 
     fixed: tuple[tuple[int, tuple[tuple[Role, Mask], ...]], ...]  # ADU length, and which functions have it in a role
-    marked: tuple[Marked, ...]
-    checks: tuple[Checks | None, ...]  # 512: by 256 * role + function
+    marked: tuple[FunctionGroups, ...]
+    checks: tuple[RoleChecks | None, ...]  # 512: by 256 * role + function
     known: Mask  # functions with a predicted length
+    certain: Mask  # and of these those whose requests and responses do not look alike
 
 
-def field(data: Bytes, at: Index, width: int) -> Index:
+def big_endian_at(data: Bytes, at: Index, width: int) -> Index:
     """Big-endian fields of 1 or 2 bytes at many places."""
     value = data.take(at).astype(np.intp)
     return value if width == 1 else (value << 8) | data.take(at + 1)
@@ -90,23 +105,23 @@ def _check(check: Bound | Choice | Multiple | Sized) -> tuple[Callable[[Bytes, I
     if isinstance(check, Bound):
         span = 1 << (8 * check.width)
         return (
-            lambda data, at: _within(field(data, at + check.offset + 1, check.width), check.low, check.high),
-            exact(math.log2(span / (min(check.high, span - 1) - check.low + 1))),
+            lambda data, at: _within(big_endian_at(data, at + check.offset + 1, check.width), check.low, check.high),
+            exact_bits(math.log2(span / (min(check.high, span - 1) - check.low + 1))),
         )
     if isinstance(check, Choice):
         return (
-            lambda data, at: _among(field(data, at + check.offset + 1, check.width), check.values),
-            exact(8 * check.width - math.log2(len(check.values))),
+            lambda data, at: _among(big_endian_at(data, at + check.offset + 1, check.width), check.values),
+            exact_bits(8 * check.width - math.log2(len(check.values))),
         )
     if isinstance(check, Multiple):
         return (
-            lambda data, at: field(data, at + check.offset + 1, check.width) % check.n == 0,
-            exact(math.log2(check.n)),
+            lambda data, at: big_endian_at(data, at + check.offset + 1, check.width) % check.n == 0,
+            exact_bits(math.log2(check.n)),
         )
 
     def sized(data: Bytes, at: Index) -> Mask:
-        quantity = field(data, at + check.quantity_offset + 1, 2)
-        fits: Mask = field(data, at + check.count_offset + 1, 1) == taken(quantity, check.bits)
+        quantity = big_endian_at(data, at + check.quantity_offset + 1, 2)
+        fits: Mask = big_endian_at(data, at + check.count_offset + 1, 1) == taken(quantity, check.bits)
         return fits
 
     return sized, 8.0
@@ -131,9 +146,9 @@ def _reach(check: Bound | Choice | Multiple | Sized) -> int:
     return check.offset + check.width + 1
 
 
-def _checks(rule: Rule) -> Checks:
+def _checks(rule: LengthRule) -> RoleChecks:
     compiled = [(_check(check), check.soft) for check in rule.checks]
-    return Checks(
+    return RoleChecks(
         tuple(test for (test, _), soft in compiled if not soft),
         tuple(test for (test, _), soft in compiled if soft),
         sum(bits for (_, bits), soft in compiled if not soft),
@@ -141,17 +156,17 @@ def _checks(rule: Rule) -> Checks:
     )
 
 
-def tables() -> Tables:
+def length_tables() -> LengthTables:
     """The tables, made anew when a user has registered another function."""
     return _tables(revision())
 
 
 @cache
-def _tables(_revision: int) -> Tables:
+def _tables(_revision: int) -> LengthTables:
     fixed: dict[int, dict[Role, Mask]] = {}
     counted: dict[tuple[Role, int, int, int, int], list[int]] = {}
-    walked: list[Walked] = []
-    checks: list[Checks | None] = [None] * (256 * len(Role))
+    walked: list[WalkedLengths] = []
+    checks: list[RoleChecks | None] = [None] * (256 * len(Role))
     known = np.zeros(256, np.bool_)
     for rule in RULES.values():
         if rule.base is None and rule.walk is None:
@@ -160,7 +175,7 @@ def _tables(_revision: int) -> Tables:
         checks[256 * rule.role + rule.function] = _checks(rule)
         if rule.walk is not None:
             reach = max((_reach(check) for check in rule.checks), default=MIN_ADU)
-            walked.append(Walked(rule.role, rule.function, rule.walk, reach))
+            walked.append(WalkedLengths(rule.role, rule.function, rule.walk, reach))
         elif rule.count is not None:
             base = (rule.base or 0) + OVERHEAD
             key = (rule.role, rule.count.offset + 1, rule.count.width, rule.count.scale, base)
@@ -168,18 +183,26 @@ def _tables(_revision: int) -> Tables:
         else:
             of_length = fixed.setdefault((rule.base or 0) + OVERHEAD, {})
             of_length.setdefault(rule.role, np.zeros(256, np.bool_))[rule.function] = True
-    groups: list[Counted | Walked] = [*(Counted(*key, tuple(functions)) for key, functions in counted.items()), *walked]
-    return Tables(
+    groups: list[CountedLengths | WalkedLengths] = [
+        *(CountedLengths(*key, tuple(functions)) for key, functions in counted.items()),
+        *walked,
+    ]
+    certain = known.copy()
+    for of_length in fixed.values():
+        if len(of_length) == len(Role):
+            certain &= ~(of_length[Role.REQUEST] & of_length[Role.RESPONSE])
+    return LengthTables(
         tuple((length, tuple(fixed[length].items())) for length in sorted(fixed)),
         tuple(_marked(groups[i : i + 8]) for i in range(0, len(groups), 8)),
         tuple(checks),
         known,
+        certain,
     )
 
 
-def _marked(groups: list[Counted | Walked]) -> Marked:
+def _marked(groups: list[CountedLengths | WalkedLengths]) -> FunctionGroups:
     table = bytearray(256)
     for i, group in enumerate(groups):
-        for function in (group.function,) if isinstance(group, Walked) else group.functions:
+        for function in (group.function,) if isinstance(group, WalkedLengths) else group.functions:
             table[function] |= 1 << i
-    return Marked(bytes(table), tuple(groups))
+    return FunctionGroups(bytes(table), tuple(groups))

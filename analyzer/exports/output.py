@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import codecs
+import io
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Any, BinaryIO, Final, cast
 
 import captures
+
+from ..terminal_text import terminal_text
 
 
 class ExportError(Exception):
     """An export that cannot be made: what, where, what to do."""
 
 
-class Output:
+class OutputStream:
     """A binary stream that only goes forward and knows how far it is, which a pipe could not say."""
 
     closed: Final = False  # as long as it is there to be written to; libraries ask
@@ -42,7 +46,7 @@ class Output:
 
 
 @contextmanager
-def output(path: str | Path, *, source: Path | None = None) -> Iterator[Output]:
+def output(path: str | Path, *, source: Path | None = None) -> Iterator[OutputStream]:
     """Somewhere to write to; `-` is standard output.
 
     Leaving the block by an exception leaves no file. `source` is the file that is being read: writing onto it is
@@ -50,7 +54,7 @@ def output(path: str | Path, *, source: Path | None = None) -> Iterator[Output]:
     """
     if str(path) == "-":
         try:
-            target = Output(sys.stdout.buffer)
+            target = OutputStream(cast(BinaryIO, _Screen()) if sys.stdout.isatty() else sys.stdout.buffer)
             yield target
             target.flush()
         except BrokenPipeError:
@@ -63,9 +67,25 @@ def output(path: str | Path, *, source: Path | None = None) -> Iterator[Output]:
     if source is not None and _same(Path(path), source):
         raise ExportError(f"{path}: is the capture that is being read; give another name")
     with captures.replacing(path) as stream:
-        target = Output(stream)
+        target = OutputStream(stream)
         yield target
         target.flush()
+
+
+class _Screen(io.RawIOBase):
+    """A terminal as a binary stream: UTF-8 goes to it through the gate of text; other bytes come as escapes."""
+
+    def __init__(self) -> None:
+        self._decoded = codecs.getincrementaldecoder("utf-8")("backslashreplace").decode
+
+    def write(self, data: Any) -> int:
+        """Write all of it."""
+        sys.stdout.write(terminal_text(self._decoded(bytes(data))))
+        return len(data)
+
+    def flush(self) -> None:
+        """Hand what is buffered to the operating system."""
+        sys.stdout.flush()
 
 
 def _same(one: Path, other: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,15 +10,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer.deframing.options import Options
-from analyzer.findings.model import Severity
-from analyzer.findings.registry import rules
-from analyzer.frames import Kind
-from analyzer.passing import passing
 from captures import Capture
 
+from ..core import observed
+from ..options import Options
+from ..tables.findings import Severity, rules
+from ..tables.schema import Kind
 from .output import ExportError, output
-from .sink import ExportOptions, target
+from .sink import ExportOptions, format_name, target
 
 _PLAIN = ExportOptions()
 _ROWS = 8192  # written at once: how long Ctrl-C and progress wait
@@ -50,9 +50,11 @@ def export(
     The capture's own file is never written over. `progress` is told (frames, bytes) now and
     then; once `stop` says True the file is completed with what came so far. Raises ExportError and FilterError.
     """
-    from analyzer.pipeline import analyse
+    from ..core import analyse
 
     module = target(out, name)
+    if str(out) == "-" and sys.stdout.isatty() and getattr(module, "BINARY", False):
+        raise ExportError(f"{name} is no text to show on a terminal: name a file with -o, or put it into a pipe")
     if options.filter is not None:
         if why := getattr(module, "WHOLE", ""):
             raise ExportError(f"{out}: cannot be filtered: {why}")
@@ -64,10 +66,15 @@ def export(
         return stop is not None and stop()
 
     with output(out, source=capture.path) as written:
-        sink = module.open_sink(written, capture, options)
-        stream = analyse(passing(capture, look=sink.block, stop=stopped), replace(limits, explain=options.explain))
+        if options.table == "frames":
+            sink = module.open_sink(written, capture, options)
+        else:
+            from .record_files import open_records
+
+            sink = open_records(written, capture, options, format_name(out, name))
+        stream = analyse(observed(capture, look=sink.block, stop=stopped), replace(limits, explain=options.explain))
         if options.filter is not None:
-            from analyzer.filters.stream import filtered
+            from ..filters.stream import filtered
 
             stream = filtered(stream, options.filter, capture.line)
         for analysed in stream:

@@ -10,13 +10,17 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Protocol, cast
 
 from . import targets
-from .output import ExportError, Output
+from .output import ExportError, OutputStream
 
 if TYPE_CHECKING:
-    from analyzer.filters import Filter
-    from analyzer.frames import Batch
-    from analyzer.pipeline import Analysed
+    from collections.abc import Mapping
+
     from captures import Block, Capture
+    from dissectors.maps import RegisterMap
+
+    from ..core import Analysed
+    from ..filters import Filter
+    from ..tables.batch import Batch
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +30,10 @@ class ExportOptions:
     explain: bool = False  # why each boundary stands where it does
     noise: bool = False  # the bytes between frames, so that lines tile the stream
     filter: Filter | None = None  # only rows that pass; one that names noise brings noise without being asked to
+    table: str = "frames"  # or one of `records.TABLES`
+    delimiter: str = ","  # of CSV
+    bom: bool = False  # a byte order mark before a CSV, by which spreadsheets know UTF-8
+    charts: Mapping[int, RegisterMap] | None = None  # register maps by unit, which name the values
 
 
 class Sink(Protocol):
@@ -45,9 +53,13 @@ class Sink(Protocol):
 
 
 class Target(Protocol):
-    """A module of `targets`; one whose files cannot hold a part of a capture has WHOLE, which says why not."""
+    """A module of `targets`.
 
-    def open_sink(self, out: Output, capture: Capture, options: ExportOptions) -> Sink: ...
+    One whose files cannot hold a part of a capture has WHOLE, which says why not; one whose files are no text has
+    BINARY, which is True.
+    """
+
+    def open_sink(self, out: OutputStream, capture: Capture, options: ExportOptions) -> Sink: ...
 
 
 def formats() -> tuple[str, ...]:
@@ -64,9 +76,14 @@ def target(path: str | PurePath, name: str | None = None) -> Target:
     """
     from importlib import import_module
 
+    return cast(Target, import_module(f"{targets.__name__}.{format_name(path, name)}"))
+
+
+def format_name(path: str | PurePath, name: str | None = None) -> str:
+    """The format of that name, or else of the path's suffix; standard output is jsonl. Raises ExportError."""
     if name is None:
         name = "jsonl" if str(path) == "-" else PurePath(path).suffix.removeprefix(".").lower()
     if name not in formats():
         which = f"no format {name!r}" if name else f"{path}: no suffix to tell the format by"
         raise ExportError(f"{which}; formats are {', '.join(formats())} (by suffix or --format)")
-    return cast(Target, import_module(f"{targets.__name__}.{name}"))
+    return name

@@ -8,21 +8,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.lazy import lazily
-
+from ..lazy import lazily
 from .errors import FilterError as FilterError
 
 if TYPE_CHECKING:
     from .completion import Completion, complete
-    from .filter import Filter, check, compile_filter
-    from .table import BatchTable, Table, narrowed
+    from .evaluation import Filter, check, compile_filter
+    from .table import BatchTable, FilterTable, narrowed
 
 __all__ = [
     "BatchTable",
     "Completion",
     "Filter",
     "FilterError",
-    "Table",
+    "FilterTable",
     "check",
     "compile_filter",
     "complete",
@@ -32,10 +31,10 @@ __all__ = [
 _HOMES = {
     "BatchTable": "table",
     "Completion": "completion",
-    "Filter": "filter",
-    "Table": "table",
-    "check": "filter",
-    "compile_filter": "filter",
+    "Filter": "evaluation",
+    "FilterTable": "table",
+    "check": "evaluation",
+    "compile_filter": "evaluation",
     "complete": "completion",
     "narrowed": "table",
 }

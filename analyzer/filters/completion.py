@@ -9,8 +9,8 @@ from typing import Final
 
 from lark.exceptions import UnexpectedInput
 
-from .fields import FIELDS, Field, by_name
-from .kinds import UNITS_NS, Choice, Duration, Moment, spelled
+from .fields import FIELDS, FilterField, by_name
+from .kinds import UNITS_NS, Duration, Moment, Suggestion, spelled
 from .parsing import LONGEST, grammar
 
 _WORD: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*\Z")
@@ -25,7 +25,11 @@ _OPERATORS: Final = {
     "contains": "has this in it",
     "matches": "* any characters, ? one",
 }
-_JOINS: Final = {"AND": Choice("and", "both"), "OR": Choice("or", "either"), "NOT": Choice("not", "the opposite")}
+_JOINS: Final = {
+    "AND": Suggestion("and", "both"),
+    "OR": Suggestion("or", "either"),
+    "NOT": Suggestion("not", "the opposite"),
+}
 _TIMES: Final = {"us": "microseconds", "ms": "milliseconds", "s": "seconds", "min": "minutes", "h": "hours"}
 
 
@@ -45,7 +49,7 @@ def complete(text: str, cursor: int) -> list[Completion]:
         return []
     start, begun = _begun(before)
     parser = grammar().parse_interactive(before[:start])
-    field: Field | None = None
+    field: FilterField | None = None
     try:
         for token in parser.iter_parse():
             if token.type == "NAME":
@@ -66,19 +70,19 @@ def _begun(before: str) -> tuple[int, str]:
     return (match.start(), match[0]) if match else (len(before), "")
 
 
-def _offered(awaited: Iterable[str], field: Field | None) -> Iterator[Choice]:
+def _offered(awaited: Iterable[str], field: FilterField | None) -> Iterator[Suggestion]:
     kinds = set(awaited)
     if "NAME" in kinds:
-        yield from (Choice(each.name, each.help) for each in FIELDS)
+        yield from (Suggestion(each.name, each.help) for each in FIELDS)
     if "WORD" in kinds and field is not None:
         yield from field.kind.choices()
     if "COMPARED" in kinds and field is not None:
-        yield from (Choice(operator, _OPERATORS[operator]) for operator in field.kind.operators)
-        yield Choice("in", "one of (1, 2), or a range 1..5")
+        yield from (Suggestion(operator, _OPERATORS[operator]) for operator in field.kind.operators)
+        yield Suggestion("in", "one of (1, 2), or a range 1..5")
     if "UNIT" in kinds and field is not None and isinstance(field.kind, Duration | Moment):
-        yield from (Choice(unit, _TIMES[unit]) for unit in UNITS_NS if unit in _TIMES)
+        yield from (Suggestion(unit, _TIMES[unit]) for unit in UNITS_NS if unit in _TIMES)
         if isinstance(field.kind, Duration):
-            yield Choice("chars", "characters at the line's speed")
+            yield Suggestion("chars", "characters at the line's speed")
     yield from (choice for name, choice in _JOINS.items() if name in kinds)
 
 

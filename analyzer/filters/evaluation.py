@@ -6,32 +6,32 @@ the matter open, in blocks of rows, so that a conjunction with a cheap test in i
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
 from .errors import FilterError
 from .fields import Cost
-from .held import Mask
-from .parsing import cost
-from .piece import BLOCK, Each, Piece
-from .table import Table
-from .tree import And, Bound, Chars, Node, Not, Or, Same, Since, Spans, Test, parts
+from .parsing import cost, parsed
+from .slices import BLOCK, Each, Mask, TableSlice
+from .table import FilterTable
+from .tree import And, Bound, Chars, Node, Not, Or, Same, Since, Spans, Test, parts, tests
 
 _SLICE: Final = 1 << 16  # rows
 _FURTHEST: Final = 1 << 62
 
 
-def passing(node: Node, table: Table) -> Mask:
+def passing(node: Node, table: FilterTable) -> Mask:
     """Which rows of a table pass. Raises FilterError where a test cannot be made of it."""
     node = resolved(node, table.line, table.origin_ns)
     found = np.empty(len(table), np.bool_)
     for first in range(0, len(table), _SLICE):
         last = min(first + _SLICE, len(table))
-        found[first:last] = _passing(node, Piece(table, first, last), None)
+        found[first:last] = _passing(node, TableSlice(table, first, last), None)
     return found
 
 
@@ -51,14 +51,15 @@ def resolved(node: Node, line: LineSettings, origin_ns: int) -> Node:
 
 def _number(bound: Bound | None, line: LineSettings, origin_ns: int) -> int | float | None:
     if isinstance(bound, Chars):
-        if not line.baud:
+        character_ns = line.nominal_character_ns
+        if character_ns is None:
             raise FilterError("the line's speed is not known here: give the time in us or ms", bound.column)
-        return bound.count * (line.char_bits or 11) * 1e9 / line.baud
+        return bound.count * character_ns
     number = bound.ns + origin_ns if isinstance(bound, Since) else bound
     return max(-_FURTHEST, min(number, _FURTHEST)) if isinstance(number, int) else number
 
 
-def _passing(node: Node, piece: Piece, asked: Mask | None) -> Mask:
+def _passing(node: Node, piece: TableSlice, asked: Mask | None) -> Mask:
     """Which rows pass, of those that are asked for (None: all); what is said of others means nothing."""
     if isinstance(node, Not):
         return ~_passing(node.part, piece, asked)
@@ -90,7 +91,7 @@ def _passing(node: Node, piece: Piece, asked: Mask | None) -> Mask:
     return held.known() & ~good if node.negated else good
 
 
-def _by_blocks(node: Test | Same, piece: Piece, asked: Mask | None) -> Mask:
+def _by_blocks(node: Test | Same, piece: TableSlice, asked: Mask | None) -> Mask:
     found = np.zeros(len(piece), np.bool_)
     for first in range(0, len(piece), BLOCK):
         here = None if asked is None else asked[first : first + BLOCK]
@@ -113,3 +114,50 @@ def _of_values(node: Node, each: Each) -> Mask:
         return ~found[0]
     joined: Mask = (np.logical_and if isinstance(node, And) else np.logical_or).reduce(found)
     return joined
+
+
+# A filter ready for use, and the check of one that is still being typed.
+
+
+@dataclass(frozen=True, slots=True)
+class Filter:
+    """A filter.
+
+    `fields` are the names of the fields that it speaks of. `settled` says that one of them is only known once later
+    frames have come (findings, retries, late and missing answers): on rows as they come, it finds less.
+    """
+
+    text: str
+    fields: frozenset[str]
+    settled: bool
+    node: Node | None = field(repr=False)
+
+    def mask(self, table: FilterTable) -> NDArray[np.bool_]:
+        """Which rows of a table pass (bool, one a row).
+
+        Raises FilterError where it counts in characters and the table's line has no known speed.
+        """
+        return np.ones(len(table), np.bool_) if self.node is None else passing(self.node, table)
+
+
+def compile_filter(text: str, line: LineSettings | None = None) -> Filter:
+    """A filter from its text; an empty one lets everything pass.
+
+    With `line` it is also checked that times in characters can be told there. Raises FilterError.
+    """
+    node = parsed(text)
+    if node is None:
+        return Filter(text, frozenset(), False, None)
+    if line is not None:
+        resolved(node, line, 0)
+    used = [test.field for test in tests(node)]
+    return Filter(text, frozenset(each.name for each in used), any(each.settled for each in used), node)
+
+
+def check(text: str, line: LineSettings | None = None) -> FilterError | None:
+    """What is wrong with a filter; None for nothing."""
+    try:
+        compile_filter(text, line)
+    except FilterError as error:
+        return error
+    return None

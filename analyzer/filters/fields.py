@@ -15,12 +15,25 @@ from typing import Final
 
 import numpy as np
 
-from ..columns import AreaCode, Decoded
-from ..frames import NO_GAP, Direction, Protocol
-from ..frames import Kind as RowKind
-from .held import Bytes, Held, Mask, Several, Values
-from .kinds import BITS, EQUAL, ORDER, REGISTERS, Addresses, Duration, Flag, Hex, Kind, Moment, Named, Number, Prose
-from .piece import Each, Piece
+from ..tables.columns import AreaCode, Decoded
+from ..tables.schema import NO_GAP, Direction, Protocol
+from ..tables.schema import Kind as RowKind
+from .kinds import (
+    BITS,
+    EQUAL,
+    ORDER,
+    REGISTERS,
+    Addresses,
+    Duration,
+    FieldKind,
+    Flag,
+    Hex,
+    Moment,
+    Named,
+    NumberKind,
+    Prose,
+)
+from .slices import Bytes, Each, FieldSlice, Mask, Several, TableSlice, ValueSlice
 
 _HUGE: Final = 2**62
 
@@ -36,7 +49,7 @@ class Cost(IntEnum):
 
 
 @dataclass(frozen=True)
-class Field:
+class FilterField:
     """One field.
 
     `get` gives what rows hold; the mask says which rows matter (None: all). `each` gives it value by value, for fields
@@ -44,83 +57,85 @@ class Field:
     """
 
     name: str
-    kind: Kind
+    kind: FieldKind
     help: str
     example: str
-    get: Callable[[Piece, Mask | None], Held]
+    get: Callable[[TableSlice, Mask | None], FieldSlice]
     cost: Cost = Cost.COLUMNS
     aliases: tuple[str, ...] = ()
-    each: Callable[[Each], Values] | None = None
+    each: Callable[[Each], ValueSlice] | None = None
     settled: bool = False
 
 
-def _column(name: str, *, all_rows: bool = False) -> Callable[[Piece, Mask | None], Held]:
+def _column(name: str, *, all_rows: bool = False) -> Callable[[TableSlice, Mask | None], FieldSlice]:
     """A column that frames have, or all rows."""
-    return lambda piece, _: Values(piece.column(name), None if all_rows else piece.frames)
+    return lambda piece, _: ValueSlice(piece.column(name), None if all_rows else piece.frames)
 
 
-def _where(name: str, has: Callable[[Values], Mask]) -> Callable[[Piece, Mask | None], Held]:
+def _where(name: str, has: Callable[[ValueSlice], Mask]) -> Callable[[TableSlice, Mask | None], FieldSlice]:
     """A column with a value that says that there is none."""
 
-    def get(piece: Piece, _: Mask | None) -> Held:
-        values = Values(piece.column(name))
-        return Values(values.values, has(values))
+    def get(piece: TableSlice, _: Mask | None) -> FieldSlice:
+        values = ValueSlice(piece.column(name))
+        return ValueSlice(values.values, has(values))
 
     return get
 
 
-def _flag(told: Callable[[Piece], Mask], *, all_rows: bool = True) -> Callable[[Piece, Mask | None], Held]:
-    return lambda piece, _: Values(told(piece), None if all_rows else piece.frames)
+def _flag(
+    told: Callable[[TableSlice], Mask], *, all_rows: bool = True
+) -> Callable[[TableSlice, Mask | None], FieldSlice]:
+    return lambda piece, _: ValueSlice(told(piece), None if all_rows else piece.frames)
 
 
-def _findings(piece: Piece, _: Mask | None) -> Held:
+def _findings(piece: TableSlice, _: Mask | None) -> FieldSlice:
     rows, rules = piece.found()
-    return Several(Values(rules), rows, len(piece))
+    return Several(ValueSlice(rules), rows, len(piece))
 
 
-def _severities(piece: Piece, _: Mask | None) -> Held:
-    from ..findings.registry import rules as declared
+def _severities(piece: TableSlice, _: Mask | None) -> FieldSlice:
+    from ..tables.findings import rules as declared
 
     rows, rules = piece.found()
     grave = np.array([rule.severity for rule in declared()], np.uint8)
-    return Several(Values(grave[rules]), rows, len(piece))
+    return Several(ValueSlice(grave[rules]), rows, len(piece))
 
 
-def _quantity(piece: Piece, _: Mask | None) -> Held:
+def _quantity(piece: TableSlice, _: Mask | None) -> FieldSlice:
     quantity = piece.decoded.quantity
-    return Values(quantity, quantity >= 0)
+    return ValueSlice(quantity, quantity >= 0)
 
 
-def _spoken(areas: tuple[AreaCode, ...] | None) -> Callable[[Piece, Mask | None], Held]:
+def _spoken(areas: tuple[AreaCode, ...] | None) -> Callable[[TableSlice, Mask | None], FieldSlice]:
     """The addresses that a frame speaks of, in some areas (None: in any, or in none)."""
 
-    def get(piece: Piece, _: Mask | None) -> Held:
+    def get(piece: TableSlice, _: Mask | None) -> FieldSlice:
         decoded: Decoded = piece.decoded
         first = decoded.address.astype(np.int64)
         has = first >= 0
         if areas is not None:
             has &= np.isin(decoded.area, areas)
-        return Values(first, has, first + np.maximum(decoded.quantity, 1) - 1, decoded.area)
+        return ValueSlice(first, has, first + np.maximum(decoded.quantity, 1) - 1, decoded.area)
 
     return get
 
 
-def _addresses(areas: tuple[AreaCode, ...] | None) -> Callable[[Each], Values]:
-    def each(values: Each) -> Values:
+def _addresses(areas: tuple[AreaCode, ...] | None) -> Callable[[Each], ValueSlice]:
+    def each(values: Each) -> ValueSlice:
         has = values.address >= 0
         if areas is not None:
             has &= np.isin(values.area, areas)
-        return Values(values.address, has, values.address, values.area)
+        return ValueSlice(values.address, has, values.address, values.area)
 
     return each
 
 
-def _value(each: Each) -> Values:
-    return Values(each.value)
+def _value(each: Each) -> ValueSlice:
+    return ValueSlice(each.value)
 
 
-def _signed(each: Each) -> Values:
-    return Values(each.value.view(np.int16), np.isin(each.area, REGISTERS) | (each.area == AreaCode.NONE))
+def _signed(each: Each) -> ValueSlice:
+    return ValueSlice(each.value.view(np.int16), np.isin(each.area, REGISTERS) | (each.area == AreaCode.NONE))
 
 
 def _functions() -> Mapping[int, str]:
@@ -136,13 +151,13 @@ def _exceptions() -> Mapping[int, str]:
 
 
 def _codes() -> Mapping[int, str]:
-    from ..findings.registry import codes
+    from ..tables.findings import codes
 
     return dict(enumerate(codes()))
 
 
 def _grades() -> Mapping[int, str]:
-    from ..findings.model import Severity
+    from ..tables.findings import Severity
 
     return {grade.value: grade.name.lower() for grade in Severity}
 
@@ -156,127 +171,131 @@ def _protocols() -> Mapping[int, str]:
 
 
 FIELDS: Final = (
-    Field("unit", Number(0, 255), "unit (server) address", "unit == 17", _column("unit"), aliases=("slave", "server")),
-    Field(
+    FilterField(
+        "unit", NumberKind(0, 255), "unit (server) address", "unit == 17", _column("unit"), aliases=("slave", "server")
+    ),
+    FilterField(
         "function", Named("function", _functions, (*EQUAL, *ORDER, "contains", "matches"), numeric=True),
         "function code, without the exception bit", 'function in (3, 4) or function == "Write Single Coil"',
         _column("function"), aliases=("function_code", "fc"),
     ),
-    Field(
+    FilterField(
         "direction", Named("direction", _directions), "which way a frame goes", "direction == request",
         _column("kind"),
     ),
-    Field("request", Flag(), "a request", "request", _flag(lambda piece: piece.column("kind") == RowKind.REQUEST)),
-    Field(
+    FilterField(
+        "request", Flag(), "a request", "request", _flag(lambda piece: piece.column("kind") == RowKind.REQUEST)
+    ),
+    FilterField(
         "response", Flag(), "a response, an exception too", "response and not exception",
         _flag(lambda piece: piece.column("kind") == RowKind.RESPONSE),
     ),
-    Field("noise", Flag(), "bytes in no frame", "not noise", _flag(lambda piece: ~piece.frames)),
-    Field(
+    FilterField("noise", Flag(), "bytes in no frame", "not noise", _flag(lambda piece: ~piece.frames)),
+    FilterField(
         "broadcast", Flag(), "a request to all units", "broadcast",
         _flag(lambda piece: (piece.column("unit") == 0) & (piece.column("kind") == RowKind.REQUEST)),
     ),
-    Field(
+    FilterField(
         "exception", Named("exception", _exceptions, (*EQUAL, *ORDER, "contains", "matches"), numeric=True, least=1),
         "exception code of a response", 'exception == 2 or exception == "server device busy"',
         _where("exception", lambda exceptions: exceptions.values > 0),
     ),
-    Field(
+    FilterField(
         "crc_ok", Flag(), "the check value (CRC, or LRC in ASCII mode) is right", "crc_ok == false",
         _flag(lambda piece: piece.column("check"), all_rows=False), aliases=("crc", "check"),
     ),
-    Field(
+    FilterField(
         "finding", Named("finding", _codes, (*EQUAL, "contains", "matches")), "code of a finding about the row",
         'finding == "late-response"', _findings, Cost.FINDINGS, settled=True,
     ),
-    Field(
+    FilterField(
         "severity", Named("severity", _grades, (*EQUAL, *ORDER)), "severity of a finding about the row",
         "severity >= warning", _severities, Cost.FINDINGS, settled=True,
     ),
-    Field(
+    FilterField(
         "retry", Flag(), "a request that repeats one without a good answer", "retry",
         _flag(lambda piece: piece.column("retry")), settled=True,
     ),
-    Field(
+    FilterField(
         "late", Flag(), "an answer that came after the client had gone on", "late",
         _flag(lambda piece: piece.column("late")), settled=True,
     ),
-    Field(
+    FilterField(
         "unanswered", Flag(), "a request that nobody answered", "unanswered and unit == 9",
         _flag(lambda piece: piece.column("unanswered")), settled=True,
     ),
-    Field(
+    FilterField(
         "response_time", Duration(), "end of a request to start of its answer, of an answer; where the tap can tell",
         "response_time > 50ms", _where("response_ns", lambda times: times.values >= 0),
     ),
-    Field(
+    FilterField(
         "gap", Duration(), "silence before the row; where the tap can tell", "gap > 3.5 chars",
         _where("gap_before", lambda gaps: gaps.values != NO_GAP),
     ),
-    Field(
+    FilterField(
         "gap_inside", Duration(), "longest silence inside the row; where the tap can tell", "gap_inside > 1.5 chars",
         _where("gap_most", lambda gaps: gaps.values != NO_GAP),
     ),
-    Field("time", Moment(), "start of the row", "time in 10s..12.5s", _column("t_start", all_rows=True)),
-    Field(
+    FilterField("time", Moment(), "start of the row", "time in 10s..12.5s", _column("t_start", all_rows=True)),
+    FilterField(
         "register", Addresses(REGISTERS), "registers that the frame reads, writes or answers", "register == 40108",
         _spoken(REGISTERS), Cost.CONTENTS, ("reg",), _addresses(REGISTERS),
     ),
-    Field(
+    FilterField(
         "bit", Addresses(BITS), "coils and discrete inputs that the frame reads, writes or answers", "bit in 16..23",
         _spoken(BITS), Cost.CONTENTS, ("coil",), _addresses(BITS),
     ),
-    Field(
+    FilterField(
         "address", Addresses(), "addresses of any area that the frame reads, writes or answers", "address == 0x6B",
         _spoken(None), Cost.CONTENTS, (), _addresses(None),
     ),
-    Field(
-        "quantity", Number(0, 0xFFFF), "how many registers, coils or inputs", "quantity > 100", _quantity,
+    FilterField(
+        "quantity", NumberKind(0, 0xFFFF), "how many registers, coils or inputs", "quantity > 100", _quantity,
         Cost.CONTENTS,
     ),
-    Field(
-        "value", Number(0, 0xFFFF), "register values, unsigned, and bits (0 or 1) in the frame", "value > 1000",
+    FilterField(
+        "value", NumberKind(0, 0xFFFF), "register values, unsigned, and bits (0 or 1) in the frame", "value > 1000",
         lambda piece, _: piece.each.several(_value(piece.each)), Cost.CONTENTS, (), _value,
     ),
-    Field(
-        "signed_value", Number(-0x8000, 0x7FFF), "register values in the frame, as 16-bit signed numbers",
+    FilterField(
+        "signed_value", NumberKind(-0x8000, 0x7FFF), "register values in the frame, as 16-bit signed numbers",
         "register == 40001 and signed_value < 0", lambda piece, _: piece.each.several(_signed(piece.each)),
         Cost.CONTENTS, (), _signed,
     ),
-    Field(
+    FilterField(
         "hex", Hex(), "bytes of the row, check value included", 'hex contains "03 02"',
         lambda piece, _: Bytes(piece.batch), Cost.BYTES,
     ),
-    Field(
+    FilterField(
         "text", Prose(), "the frame in words, as lists show it; slow on its own",
         'unit == 17 and text contains "read 3"',
-        Piece.summaries, Cost.WORDS, ("summary",),
+        TableSlice.summaries, Cost.WORDS, ("summary",),
     ),
-    Field(
-        "confidence", Number(0, 1, whole=False), "how sure the row's boundaries are", "confidence < 0.9",
+    FilterField(
+        "confidence", NumberKind(0, 1, whole=False), "how sure the row's boundaries are", "confidence < 0.9",
         _column("confidence"),
     ),
-    Field(
-        "index", Number(0, _HUGE), "number of the frame, from 0", "index in 1000..1100", _column("index"),
+    FilterField(
+        "index", NumberKind(0, _HUGE), "number of the frame, from 0", "index in 1000..1100", _column("index"),
         aliases=("number",),
     ),
-    Field("length", Number(0, _HUGE), "bytes", "length > 64", _column("length", all_rows=True)),
-    Field(
-        "start", Number(0, _HUGE), "offset of the first byte in its port's stream", "start >= 4096",
+    FilterField("length", NumberKind(0, _HUGE), "bytes", "length > 64", _column("length", all_rows=True)),
+    FilterField(
+        "start", NumberKind(0, _HUGE), "offset of the first byte in its port's stream", "start >= 4096",
         _column("start", all_rows=True),
     ),
-    Field("port", Number(0, 255), "which tap of several", "port == 1", _column("port", all_rows=True)),
-    Field(
+    FilterField("port", NumberKind(0, 255), "which tap of several", "port == 1", _column("port", all_rows=True)),
+    FilterField(
         "protocol", Named("protocol", _protocols), "envelope of the frame", "protocol == ascii", _column("protocol"),
     ),
-    Field(
-        "uart_errors", Number(1, 0xFFFF), "bytes that the UART marked for parity or framing", "uart_errors > 0",
+    FilterField(
+        "uart_errors", NumberKind(1, 0xFFFF), "bytes that the UART marked for parity or framing", "uart_errors > 0",
         _where("errors", lambda errors: errors.values > 0), aliases=("parity_errors",),
     ),
 )  # fmt: skip
 
 
 @cache
-def by_name() -> Mapping[str, Field]:
+def by_name() -> Mapping[str, FilterField]:
     """Fields by all their names."""
     return MappingProxyType({name: field for field in FIELDS for name in (field.name, *field.aliases)})

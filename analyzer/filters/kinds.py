@@ -12,9 +12,9 @@ from decimal import Decimal
 from fnmatch import fnmatchcase
 from typing import Final, Protocol
 
-from ..columns import AREA_CODES, AreaCode
+from ..tables.columns import AREA_CODES, AreaCode
 from .errors import FilterError, meant
-from .tree import Bound, Chars, Octets, Part, Since, Span, Spans, Text, Wanted
+from .tree import Bound, BytesWanted, Chars, Since, Span, Spans, TextPart, TextWanted, Wanted
 
 EQUAL: Final = ("==", "!=")
 ORDER: Final = ("<", "<=", ">", ">=")
@@ -42,7 +42,7 @@ class Literal:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class Suggestion:
     """A value that can be completed: what is typed, and a word of help."""
 
     text: str
@@ -52,7 +52,7 @@ class Choice:
 Item = tuple[Literal, Literal | None]  # a value, or a range of them
 
 
-class Kind(Protocol):
+class FieldKind(Protocol):
     """A kind of field."""
 
     @property
@@ -69,7 +69,7 @@ class Kind(Protocol):
         """What a comparison asks for; `!=` as `==`. Raises FilterError."""
         ...
 
-    def choices(self) -> Iterable[Choice]:
+    def choices(self) -> Iterable[Suggestion]:
         """Values with a name."""
         ...
 
@@ -87,7 +87,7 @@ class Ordered:
         """The only area that a literal speaks of."""
         return None
 
-    def choices(self) -> Iterable[Choice]:
+    def choices(self) -> Iterable[Suggestion]:
         return ()
 
     def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
@@ -109,7 +109,7 @@ class Ordered:
 
 
 @dataclass(frozen=True)
-class Number(Ordered):
+class NumberKind(Ordered):
     """A number from `least` to `most`; `whole` ones also in hexadecimal."""
 
     least: float
@@ -175,12 +175,12 @@ class Named(Ordered):
         listed = ", ".join(known) if len(known) <= 4 else "a name"
         return f"number, or {listed}" if self.numeric else listed
 
-    def choices(self) -> Iterable[Choice]:
-        return [Choice(quoted(name), f"{self.what} {number}") for number, name in self.names().items()]
+    def choices(self) -> Iterable[Suggestion]:
+        return [Suggestion(quoted(name), f"{self.what} {number}") for number, name in self.names().items()]
 
     def bound(self, literal: Literal, *, exact: bool = True) -> Bound:
         if literal.form == "number" and self.numeric:
-            return Number(self.least, 255).bound(literal, exact=exact)
+            return NumberKind(self.least, 255).bound(literal, exact=exact)
         if literal.form not in ("word", "string"):
             raise FilterError(f"a name of {self.what} is needed, not {literal.shown}", literal.column)
         named = {spelled(name): number for number, name in self.names().items()}
@@ -191,14 +191,14 @@ class Named(Ordered):
         return number
 
     def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
-        if operator not in (Part.WITHIN.value, Part.PATTERN.value):
+        if operator not in (TextPart.WITHIN.value, TextPart.PATTERN.value):
             return super().wanted(operator, items)
         spans = []
         for literal, _ in items:
             needle = a_text(literal).casefold()
             for number, name in self.names().items():
                 folded = name.casefold()
-                if needle in folded if operator == Part.WITHIN.value else fnmatchcase(folded, needle):
+                if needle in folded if operator == TextPart.WITHIN.value else fnmatchcase(folded, needle):
                     spans.append(Span(number, number))
         return Spans(tuple(spans))
 
@@ -210,8 +210,8 @@ class Flag(Ordered):
     operators = EQUAL
     values = "true or false; its name alone means true"
 
-    def choices(self) -> Iterable[Choice]:
-        return (Choice("true", ""), Choice("false", ""))
+    def choices(self) -> Iterable[Suggestion]:
+        return (Suggestion("true", ""), Suggestion("false", ""))
 
     def bound(self, literal: Literal, *, exact: bool = True) -> Bound:  # noqa: ARG002 - there are two
         known = {"true": 1, "false": 0}
@@ -263,11 +263,11 @@ class Hex:
     operators = (*EQUAL, "contains")
     values = 'bytes in quotes, such as "03 02" or "0302"'
 
-    def choices(self) -> Iterable[Choice]:
+    def choices(self) -> Iterable[Suggestion]:
         return ()
 
     def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
-        return Octets(tuple(_octets(alone(item)) for item in items), whole=operator != Part.WITHIN.value)
+        return BytesWanted(tuple(_octets(alone(item)) for item in items), whole=operator != TextPart.WITHIN.value)
 
 
 @dataclass(frozen=True)
@@ -277,12 +277,12 @@ class Prose:
     operators = (*EQUAL, "contains", "matches")
     values = "text in quotes; with matches, * and ? stand for any characters and for one"
 
-    def choices(self) -> Iterable[Choice]:
+    def choices(self) -> Iterable[Suggestion]:
         return ()
 
     def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
-        part = Part(operator) if operator in ("contains", "matches") else Part.WHOLE
-        return Text(tuple(a_text(alone(item)).casefold() for item in items), part)
+        part = TextPart(operator) if operator in ("contains", "matches") else TextPart.WHOLE
+        return TextWanted(tuple(a_text(alone(item)).casefold() for item in items), part)
 
 
 def plain_number(literal: Literal, what: str) -> Decimal:
@@ -341,7 +341,7 @@ def quoted(name: str) -> str:
 
 
 def _whole(literal: Literal, most: int) -> int:
-    return int(Number(0, most).bound(literal))  # type: ignore[arg-type]
+    return int(NumberKind(0, most).bound(literal))  # type: ignore[arg-type]
 
 
 def _octets(literal: Literal) -> bytes:

@@ -15,7 +15,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 from lark.visitors import Transformer_NonRecursive, v_args
 
 from .errors import FilterError, meant
-from .fields import FIELDS, Cost, Field, by_name
+from .fields import FIELDS, Cost, FilterField, by_name
 from .kinds import Addresses, Flag, Item, Literal, Named, spelled
 from .tree import And, Node, Not, Or, Same, Span, Spans, Test, parts, tests
 
@@ -68,7 +68,7 @@ def parsed(text: str) -> Node | None:
     return node
 
 
-def field_named(name: str, column: int) -> Field:
+def field_named(name: str, column: int) -> FilterField:
     """The field of this name; FilterError where there is none."""
     field = by_name().get(name.lower().replace("-", "_"))
     if field is None:
@@ -136,7 +136,7 @@ class _Builder(Transformer_NonRecursive[Token, Node]):
         return Literal(value.type.lower(), text, _at(value), str(unit or ""))
 
 
-def _bare(field: Field) -> Test:
+def _bare(field: FilterField) -> Test:
     """A field's name alone: a flag is true; of the others, the row has it."""
     return Test(field, Spans((Span(1, 1),)) if isinstance(field.kind, Flag) else None)
 

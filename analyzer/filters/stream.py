@@ -15,22 +15,22 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
-from ..transactions import TRANSACTION
-from .filter import Filter
+from ..tables.transactions import TRANSACTION
+from .evaluation import Filter
 from .table import BatchTable, narrowed
 
 if TYPE_CHECKING:
-    from ..frames import Rows
-    from ..pipeline import Analysed
+    from ..core import Analysed
+    from ..tables.schema import Rows
 
 
 def filtered(analysed: Iterable[Analysed], wanted: Filter, line: LineSettings) -> Iterator[Analysed]:
     """What passes of each batch, as batches of its own, some of them empty. Raises FilterError."""
-    passing = _Passing(wanted, line)
+    passing = _FilteredPairs(wanted, line)
     return (passing.of(each) for each in analysed)
 
 
-class _Passing:
+class _FilteredPairs:
     """Holds what spans two batches: transactions whose answer is still to come."""
 
     def __init__(self, wanted: Filter, line: LineSettings) -> None:
@@ -42,7 +42,7 @@ class _Passing:
         self._behind = 0
 
     def of(self, analysed: Analysed) -> Analysed:
-        from ..pipeline import Analysed
+        from ..core import Analysed
 
         batch, rows = analysed.batch, analysed.batch.rows
         if self._origin_ns is None and len(rows):

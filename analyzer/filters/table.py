@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
-from ..findings.model import NOTHING
-from ..frames import ROW, Batch, Rows
-from ..transactions import TRANSACTION, Status
+from ..tables.batch import Batch
+from ..tables.findings import NOTHING
+from ..tables.schema import ROW, Rows
+from ..tables.transactions import TRANSACTION, Status
 
 # The columns that `Table.column` is asked for: those of ROW by their names and types, and what became of requests.
 PLAIN: Final = (
@@ -26,7 +27,7 @@ PLAIN: Final = (
 OUTCOMES: Final = ("retry", "late", "unanswered")  # bool; retry and unanswered of a request, late of an answer
 
 
-class Table(Protocol):
+class FilterTable(Protocol):
     """Rows in wire order.
 
     `origin_ns` is `t_start` of the capture's first row, which times count from.
@@ -102,21 +103,9 @@ class BatchTable:
     @cached_property
     def _found(self) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]:
         found = NOTHING if self.whole.findings is None else self.whole.findings
-        found = found[found["start"] >= 0]  # the others speak of the bus as a whole
-        rows = self.whole.rows
-        places = np.full(len(found), -1, np.int64)
-        for port in np.unique(found["port"]).tolist():
-            here = np.flatnonzero(rows["port"] == port)
-            mine = np.flatnonzero(found["port"] == port)
-            if not len(here):
-                continue
-            starts, meant = rows["start"][here], found["start"][mine]
-            at = np.searchsorted(starts, meant, side="right") - 1
-            row = here[np.maximum(at, 0)]
-            inside = (at >= 0) & (meant < rows["start"][row] + rows["length"][row])
-            places[mine] = np.where(inside, row, -1)
+        places = self.whole.finding_rows
         order = np.argsort(places, kind="stable")
-        order = order[places[order] >= 0]
+        order = order[places[order] >= 0]  # the others speak of the bus as a whole
         return places[order], found["rule"][order]
 
     def batch(self, first: int, last: int) -> Batch:
@@ -153,9 +142,6 @@ def narrowed(batch: Batch, passed: NDArray[np.bool_]) -> Batch:
         return batch
     findings = batch.findings
     if findings is not None and len(findings):
-        rows = batch.rows[chosen]
-        spots = set(zip(rows["port"].tolist(), rows["start"].tolist(), strict=True))
-        about = zip(findings["port"].tolist(), findings["start"].tolist(), strict=True)
-        findings = findings[[start < 0 or (port, start) in spots for port, start in about]]
+        findings = findings[(findings["start"] < 0) | np.append(passed, False)[batch.finding_rows]]
     evidence = None if batch.evidence is None else batch.evidence[chosen]
     return Batch(batch.rows[chosen], batch.data, requests_of(batch, chosen), evidence, findings)

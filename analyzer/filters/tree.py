@@ -12,7 +12,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .fields import Field
+    from .fields import FilterField
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +51,14 @@ class Spans:
 
 
 @dataclass(frozen=True, slots=True)
-class Octets:
+class BytesWanted:
     """Any of these byte strings; as the `whole` frame or somewhere in it."""
 
     needles: tuple[bytes, ...]
     whole: bool
 
 
-class Part(Enum):
+class TextPart(Enum):
     """How a text is looked for."""
 
     WHOLE = "=="
@@ -67,21 +67,21 @@ class Part(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class TextWanted:
     """Any of these texts; case does not matter."""
 
     needles: tuple[str, ...]
-    part: Part
+    part: TextPart
 
 
-Wanted = Spans | Octets | Text
+Wanted = Spans | BytesWanted | TextWanted
 
 
 @dataclass(frozen=True, slots=True)
 class Test:
     """A row has the field (`wanted` None), has it with a wanted value, or (`negated`) has it with none of those."""
 
-    field: Field
+    field: FilterField
     wanted: Wanted | None = None
     negated: bool = False
 

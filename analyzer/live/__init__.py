@@ -17,16 +17,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.lazy import lazily
+from ..lazy import lazily
 
 if TYPE_CHECKING:
     from .replaying import Replay
-    from .session import Session, Step
+    from .session import Session, SessionStep
     from .tapsource import TapSource
 
-__all__ = ["Replay", "Session", "Step", "TapSource"]
+__all__ = ["Replay", "Session", "SessionStep", "TapSource"]
 
-_HOMES = {"Replay": "replaying", "Session": "session", "Step": "session", "TapSource": "tapsource"}
+_HOMES = {"Replay": "replaying", "Session": "session", "SessionStep": "session", "TapSource": "tapsource"}
 
 
 __getattr__ = lazily(__name__, _HOMES)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from analyzer.filters import compile_filter
-from analyzer.filters.table import BatchTable
 from captures.line import LineSettings
 
-from .recent import Shown
-from .session import Step
+from ..filters import compile_filter
+from ..filters.table import BatchTable
+from .recent import ShownRow
+from .session import SessionStep
 
 
 class Condition:
@@ -22,11 +22,11 @@ class Condition:
         self._of: object = None
         self._mask: np.ndarray[tuple[int], np.dtype[np.bool_]] = np.zeros(0, np.bool_)
 
-    def holds(self, shown: Shown, step: Step, line: LineSettings) -> bool:
+    def holds(self, shown: ShownRow, step: SessionStep, line: LineSettings) -> bool:
         """Whether this row passes, by what is known of it now."""
         if self._of is not shown.batch:
             if self._origin is None:
                 self._origin = int(shown.batch.rows["t_start"][0])
-            table = BatchTable(shown.batch, line, transactions=step.fed.transactions, origin_ns=self._origin)
+            table = BatchTable(shown.batch, line, transactions=step.analysed.transactions, origin_ns=self._origin)
             self._of, self._mask = shown.batch, self._filter.mask(table)
         return bool(self._mask[shown.row])

@@ -9,12 +9,16 @@ from typing import Any, Final, Generic, TypeVar
 
 import orjson
 
-from analyzer.exports.encoding import noise_json
-from analyzer.findings.model import Finding, Severity
-from analyzer.frames import Batch, Frame, Kind
-from analyzer.reports.page import duration
+from dissectors.values import harmless
 
-from .recent import Shown
+from ..exports.encoding import noise_json
+from ..tables.batch import Batch
+from ..tables.findings import Finding, Severity
+from ..tables.frame import Frame
+from ..tables.schema import Kind
+from ..terminal_text import TerminalText, painted, terminal_text
+from ..words import duration
+from .recent import ShownRow
 
 _SENSIBLE_NS: Final = 1_000_000_000 * 86_400 * 365  # times before 1971 count from a beginning of their own
 _KEPT: Final = 4096  # frames whose words are kept: polls repeat
@@ -27,7 +31,7 @@ _INDENT: Final = " " * 16
 T = TypeVar("T")
 
 
-class _Said(Generic[T]):
+class _LineCache(Generic[T]):
     """What is said of a frame's bytes, kept for the next one that is alike."""
 
     def __init__(self, say: Callable[[Frame], T]) -> None:
@@ -50,9 +54,9 @@ class TextLines:
     def __init__(self, *, colour: bool, width: int | None, noise: bool = True) -> None:
         """`width`: longer lines are cut; None: none are. `noise`: bytes in no frame are shown, too."""
         self._colour, self._width, self._noise = colour, width, noise
-        self._summaries = _Said(Frame.summary)
+        self._summaries = _LineCache(lambda frame: harmless(frame.summary()))
 
-    def of(self, shown: Shown) -> str:
+    def of(self, shown: ShownRow) -> TerminalText:
         """The lines of a row, each with its end; empty where there is nothing to show."""
         kind = int(shown.batch.rows["kind"][shown.row])
         lines = []
@@ -65,13 +69,13 @@ class TextLines:
         elif self._noise or shown.findings:
             lines.append(self._cut(_noise(shown.batch, shown.row), "2"))
         lines += [self._finding(finding) for finding in shown.findings]
-        return "".join(lines)
+        return terminal_text(*lines)
 
-    def bus(self, finding: Finding) -> str:
+    def bus(self, finding: Finding) -> TerminalText:
         """A finding about the bus as a whole."""
         return self._finding(finding)
 
-    def _frame(self, frame: Frame) -> str:
+    def _frame(self, frame: Frame) -> TerminalText:
         arrow = ">" if frame.row.kind == Kind.REQUEST else "<"
         took = "" if frame.response_time_ns is None else f"   {duration(frame.response_time_ns)}"
         check = "" if frame.crc_ok else "   WRONG CHECK VALUE"
@@ -83,27 +87,28 @@ class TextLines:
         colour = "31" if check else "33" if frame.exception is not None else ""
         return self._painted(f"{head}{words}{took}{check}", colour)
 
-    def _finding(self, finding: Finding) -> str:
+    def _finding(self, finding: Finding) -> TerminalText:
         text = f"{_INDENT}{_MARKS[finding.severity]} {finding.code}: {finding.text}"
         return self._cut(text, _COLOURS[finding.severity])
 
-    def _cut(self, line: str, colour: str) -> str:
+    def _cut(self, line: str, colour: str) -> TerminalText:
+        line = harmless(line)
         if self._width is not None and len(line) > self._width:
             line = line[: self._width - 1] + "…"
         return self._painted(line, colour)
 
-    def _painted(self, line: str, colour: str) -> str:
-        return f"\x1b[{colour}m{line}\x1b[0m\n" if self._colour and colour else f"{line}\n"
+    def _painted(self, line: str, colour: str) -> TerminalText:
+        return terminal_text(painted(line, colour if self._colour else ""), "\n")
 
 
-class JsonLines:
+class LiveJsonLines:
     """The objects of `rtuscope export`, a line each; a finding made later comes as one of kind `finding`."""
 
     def __init__(self, *, noise: bool = False) -> None:
         self._noise = noise
-        self._fields = _Said(_fields)
+        self._fields = _LineCache(_fields)
 
-    def of(self, shown: Shown) -> str:
+    def of(self, shown: ShownRow) -> str:
         """The lines of a row."""
         kind = int(shown.batch.rows["kind"][shown.row])
         if shown.late:

@@ -13,16 +13,15 @@ from typing import Final
 
 import numpy as np
 
-from analyzer.findings.model import Finding, describe
-from analyzer.frames import Batch
-
-from .session import Step
+from ..tables.batch import Batch
+from ..tables.findings import Finding, describe
+from .session import SessionStep
 
 _ROWS: Final = 512  # kept at least
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ShownRow:
     """A row to be shown, with what is to be said of it now; `late` where the row itself came before."""
 
     batch: Batch
@@ -38,7 +37,7 @@ class Recent:
         self._batches: deque[Batch] = deque()
         self._rows = 0
 
-    def feed(self, step: Step) -> Iterator[Shown]:
+    def feed(self, step: SessionStep) -> Iterator[ShownRow]:
         """What is to be said after this step: of earlier rows first, then the new rows."""
         here = step.batch.findings
         if here is not None and len(step.findings) > len(here):
@@ -46,14 +45,14 @@ class Recent:
         batch = step.batch
         silent = here is None or not len(here)
         for row in range(len(batch)):
-            yield Shown(batch, row, () if silent else batch.findings_of(row), late=False)
+            yield ShownRow(batch, row, () if silent else batch.findings_of(row), late=False)
         if len(batch):
             self._batches.append(batch)
             self._rows += len(batch)
             while self._rows - len(self._batches[0]) >= _ROWS:
                 self._rows -= len(self._batches.popleft())
 
-    def _late(self, step: Step) -> Iterator[Shown]:
+    def _late(self, step: SessionStep) -> Iterator[ShownRow]:
         """Rows of earlier batches of which something is said now."""
         for finding in step.findings:
             start, port = int(finding["start"]), int(finding["port"])
@@ -63,10 +62,10 @@ class Recent:
                 place = np.flatnonzero((batch.rows["start"] == start) & (batch.rows["port"] == port))
                 if len(place):
                     one = np.array([finding])
-                    yield Shown(replace(batch, findings=one), int(place[0]), (describe(finding),), late=True)
+                    yield ShownRow(replace(batch, findings=one), int(place[0]), (describe(finding),), late=True)
                     break
 
 
-def of_the_bus(step: Step) -> list[Finding]:
+def of_the_bus(step: SessionStep) -> list[Finding]:
     """Findings about the bus as a whole."""
     return [describe(finding) for finding in step.findings[step.findings["start"] < 0]]

@@ -9,27 +9,27 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
-from analyzer.deframing.options import Options
-from analyzer.findings.model import Findings
-from analyzer.frames import Batch
 from captures.chunks import Block
 from captures.line import LineSettings
-from captures.live.wire import Event, Item, Tick
+from captures.live.wire import Item, PortEvent, Tick
 from captures.recording.notes import Note
 
-from .feed import Fed, Feed, octets_by_port
+from ..core import Analysed, Analyzer
+from ..options import Options
+from ..tables.batch import Batch
+from ..tables.findings import Findings
 
 _BACKLOG: Final = 4 << 20  # bytes that wait for the analysis at most
 _PATIENCE_S: Final = 0.2
 _DEAF: Final = frozenset({"lost", "opened", "gap"})  # events that tell when nothing was heard
-_NOTED: Final = frozenset({"lost", "opened", "clock", "settled", "gap"})  # events that stand in the record
+_NOTED: Final = frozenset({"lost", "opened", "clock", "settled", "gap", "notice"})  # events that stand in the record
 
 
-class Source(Protocol):
+class SessionSource(Protocol):
     """Where items come from: a tap, a replay.
 
     `waits`: it can be made to wait for an analysis that is behind; a bus can't.
@@ -52,7 +52,7 @@ class Source(Protocol):
         """End soon; may be called by another thread, or by a signal."""
 
 
-class Sink(Protocol):
+class RecordingSink(Protocol):
     """What records: `captures.recording.recorder.Recorder`, or something before it."""
 
     def write(self, block: Block) -> None: ...
@@ -67,12 +67,12 @@ class Sink(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class SessionStep:
     """What came to light at once. `heard` are bytes of the line, `marked` those of them with an error of their own."""
 
     t_ns: int
-    fed: Fed
-    events: list[Event] = field(default_factory=list)
+    analysed: Analysed
+    events: list[PortEvent] = field(default_factory=list)
     heard: int = 0
     marked: int = 0
     missed: int = 0  # bytes that were not analysed
@@ -80,12 +80,12 @@ class Step:
     @property
     def batch(self) -> Batch:
         """The rows."""
-        return self.fed.batch
+        return self.analysed.batch
 
     @property
     def findings(self) -> Findings:
         """What was found, of these rows or of earlier ones."""
-        return self.fed.findings
+        return self.analysed.findings
 
 
 class Session:
@@ -93,16 +93,16 @@ class Session:
 
     def __init__(
         self,
-        source: Source,
+        source: SessionSource,
         *,
-        recorder: Sink | None = None,
+        recorder: RecordingSink | None = None,
         options: Options = Options(),  # noqa: B008 - frozen
         backlog: int = _BACKLOG,
     ) -> None:
         self.line = source.line
         self._source = source
         self._recorder = recorder
-        self._feed = Feed(source.line, options)
+        self._analyzer = Analyzer(source.line, options)
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._backlog = backlog
         self._waiting = 0  # bytes queued
@@ -125,7 +125,18 @@ class Session:
         self._stopped = True
         self._source.close()
 
-    def steps(self) -> Iterator[Step]:
+    def close(self, patience_s: float) -> bool:
+        """End now, whatever waits for the analysis; whether the recording is closed by then."""
+        self.stop()
+        self._thread.join(patience_s)
+        return not self._thread.is_alive()
+
+    @property
+    def waiting(self) -> int:
+        """Bytes that wait for the analysis."""
+        return self._waiting
+
+    def steps(self) -> Iterator[SessionStep]:
         """What comes to light, step by step; a quiet line gives empty ones a few times a second.
 
         Raises what the source or the recorder raised.
@@ -144,29 +155,37 @@ class Session:
                 step = self._step(part)
                 self._newest = max(self._newest, step.t_ns)
                 yield step
-        yield Step(self._newest, self._feed.close())
+        self._analyzer.close()
+        yield SessionStep(self._newest, self._analyzer.latest)
 
-    def _step(self, part: _Heard | Tick | Event | _Missed) -> Step:
+    def _step(self, part: _Heard | Tick | PortEvent | _Missed) -> SessionStep:
         if isinstance(part, _Missed):
-            return Step(part.t_ns, self._feed.restart(self.line, part.octets), missed=sum(part.octets.values()))
-        if isinstance(part, Event):
+            return self._begun_anew(part.t_ns, missed=part.octets)
+        if isinstance(part, PortEvent):
             if part.kind != "settled":
                 if part.kind in _DEAF:
-                    self._feed.note(Note(part.t_ns, part.kind, part.text))
-                return Step(part.t_ns, self._feed.nothing(), [part])
+                    self._analyzer.note(Note(part.t_ns, part.kind, part.text))
+                return SessionStep(part.t_ns, Analysed.nothing(), [part])
             self.line = self._source.line
-            return Step(part.t_ns, self._feed.restart(self.line), [part])
+            return self._begun_anew(part.t_ns, part)
         if isinstance(part, Tick):
-            return self._judged(Step(part.t_ns, self._feed.tick(part.t_ns)))
+            self._analyzer.tick(part.t_ns)
+            return self._judged(SessionStep(part.t_ns, self._analyzer.latest))
         block = part.block
         with self._lock:
             self._waiting -= len(block.data)
             self._lock.notify()
-        fed = self._feed.feed(block, part.until_ns)
+        self._analyzer.feed(block, part.until_ns)
         t_ns = int(block.t_ns[-1]) if part.until_ns is None else part.until_ns
-        return self._judged(Step(t_ns, fed, heard=len(block.data), marked=len(block.errors)))
+        octets, marked = len(block.data), len(block.errors)
+        return self._judged(SessionStep(t_ns, self._analyzer.latest, heard=octets, marked=marked))
 
-    def _judged(self, step: Step) -> Step:
+    def _begun_anew(self, t_ns: int, *events: PortEvent, missed: Mapping[int, int] | None = None) -> SessionStep:
+        """The line is another from now on, or bytes were missed: what was certain before."""
+        self._analyzer.restart(self.line, missed)
+        return SessionStep(t_ns, self._analyzer.latest, list(events), missed=sum((missed or {}).values()))
+
+    def _judged(self, step: SessionStep) -> SessionStep:
         rows = step.batch.rows
         self._source.judge(step.heard, int(rows["length"].sum(where=rows["check"])))
         return step
@@ -194,7 +213,7 @@ class Session:
             return
         if isinstance(item, Block):
             self._recorder.write(item)
-        elif isinstance(item, Event):
+        elif isinstance(item, PortEvent):
             if item.kind == "settled":
                 self._recorder.settings(self._source.line)
             if item.kind in _NOTED:
@@ -210,7 +229,7 @@ class Session:
                 full = len(item.data) > room and not self._source.waits
                 self._waiting += 0 if full else len(item.data)
             if full:
-                for port, octets in octets_by_port(item).items():
+                for port, octets in item.octets_by_port().items():
                     self._missed[port] = self._missed.get(port, 0) + octets
                 return
             self._tell_missed(int(item.t_ns[0]))

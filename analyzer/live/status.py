@@ -7,16 +7,16 @@ from typing import Final
 
 import numpy as np
 
-from analyzer.frames import Kind
 from captures.line import LineSettings
 
-from .session import Step
+from ..tables.schema import Kind
+from .session import SessionStep
 
 _WINDOW_NS: Final = 2_000_000_000
 _NOISE: Final = int(Kind.NOISE)
 
 
-class Status:
+class LineStatus:
     """Counts steps. `errors` are frames with a wrong check value and stretches of noise, `marked` bytes with an error
     of the UART's, `missed` bytes that were not analysed live."""
 
@@ -26,7 +26,7 @@ class Status:
         self._recent: deque[tuple[int, int, int]] = deque()  # time, bytes, frames
         self._first: int | None = None
 
-    def feed(self, step: Step) -> None:
+    def feed(self, step: SessionStep) -> None:
         """Count it."""
         rows = step.batch.rows
         frames = len(rows) - int(np.count_nonzero(rows["kind"] == _NOISE))
@@ -55,10 +55,11 @@ class Status:
     @property
     def load(self) -> float | None:
         """Share of the last two seconds in which the line was busy; None where its speed is not known."""
-        if not self.line.baud:
+        character_ns = self.line.character_ns
+        if character_ns is None:
             return None
         octets = sum(heard for _, heard, _ in self._recent)
-        return min(1.0, octets * (self.line.char_bits or 11) / self.line.baud / self._span_s)
+        return min(1.0, octets * character_ns / 1e9 / self._span_s)
 
     def __str__(self) -> str:
         load = "" if self.load is None else f"load {self.load:.0%}  "

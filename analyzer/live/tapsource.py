@@ -6,15 +6,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
-from analyzer.deframing.directions import NOTE
+import numpy as np
+
 from captures.chunks import Block
 from captures.line import LineSettings
 from captures.live.baud import Search
 from captures.live.listening import HOLD_NS, IDLE_NS, QUIET_NS, Listening
 from captures.live.settings import PortSettings
-from captures.live.wire import Event, Item, Tick
+from captures.live.wire import Item, PortEvent, Tick
 
-from .scoring import explained
+from ..deframing.protocols import Deframer
+from ..deframing.stream import DIRECTIONS_NOTE
+from ..tables.schema import Kind
 
 _DOUBT: Final = 400  # bytes of which hardly any makes sense: the settings are doubted
 _SENSE: Final = 0.05
@@ -25,7 +28,8 @@ class TapSource:
     """One tap, or two of which each hears one direction.
 
     A device whose `baud` is None has its settings sought by listening: rate, and parity if `free_parity`. What was
-    heard while they were sought is given from the first byte that was heard with those found.
+    heard while they were sought is given from the first byte that was heard with those found. A port server is listened
+    to at its own settings; only where `seek_remote` allows it are they sought, by changing them there.
     """
 
     waits = False
@@ -40,13 +44,15 @@ class TapSource:
         free_parity: bool = True,
         blocking: bool = False,
         seek: bool = True,
+        seek_remote: bool = False,
     ) -> None:
         self._ports = list(ports)
         self._asked = ports[0]  # what was not given is sought, however often
         self._directions = ["request", "response"]  # of the first port and the second
         self._free_parity = free_parity
         self._tap: str | None = None
-        self._seek = seek and ports[0].is_device and ports[0].baud is None
+        remote = seek_remote and ports[0].is_port_server
+        self._seek = seek and ports[0].baud is None and (ports[0].is_device or remote)
         self._search: Search | None = None
         self._heard = self._sense = 0  # bytes analysed of late, and those of them that are frames
         self._doubted = False
@@ -60,13 +66,13 @@ class TapSource:
     def line(self) -> LineSettings:
         """What is known of the line."""
         line = self._ports[0].line(self._tap)
-        return line if len(self._ports) < 2 else replace(line, notes={NOTE: ",".join(self._directions)})
+        return line if len(self._ports) < 2 else replace(line, notes={DIRECTIONS_NOTE: ",".join(self._directions)})
 
     def items(self) -> Iterator[Item]:
         """What the taps give. PortError where one can't be listened to."""
         with self._listening as listening:
             for item in listening.items():
-                if isinstance(item, Event):
+                if isinstance(item, PortEvent):
                     yield item
                     yield from self._opened(item)
                 elif self._search is not None and not self._doubted:
@@ -88,7 +94,10 @@ class TapSource:
         """End soon."""
         self._listening.close()
 
-    def _opened(self, event: Event) -> Iterator[Item]:
+    def _opened(self, event: PortEvent) -> Iterator[Item]:
+        port = self._ports[event.port]
+        if event.kind == "opened" and port.is_port_server:  # its settings are the server's
+            self._ports[event.port] = PortSettings.from_json({**event.more["settings"], "url": port.url})
         if event.port:
             return
         if event.kind == "settings":
@@ -100,9 +109,9 @@ class TapSource:
             self._seek = False
         if self._seek and self._search is None and not event.more["back"]:
             self._begin()
-            yield Event(event.t_ns, 0, "seeking", f"seeking the line's settings, from {self._trying()} on", {})
+            yield PortEvent(event.t_ns, 0, "seeking", f"seeking the line's settings, from {self._trying()} on", {})
         else:
-            yield Event(event.t_ns, 0, "settled", f"listening: {self._words()}", {})
+            yield PortEvent(event.t_ns, 0, "settled", f"listening: {self._words()}", {})
 
     def _begin(self) -> None:
         self._search = Search(self._asked, explained, free_parity=self._free_parity)
@@ -122,12 +131,14 @@ class TapSource:
             return
         if search.found is None:
             self._set(search.settings)
-            yield Event(now, 0, "trying", f"{done}; trying {search.settings}", {})
+            yield PortEvent(now, 0, "trying", f"{done}; trying {search.settings}", {})
             return
         self._search = None
         changed = search.found != done.settings
         self._ports = [replace(search.found, url=port.url) for port in self._ports]
-        yield Event(now, 0, "settled", f"{done}: listening with {search.found}", {"settings": search.found.to_json()})
+        yield PortEvent(
+            now, 0, "settled", f"{done}: listening with {search.found}", {"settings": search.found.to_json()}
+        )
         if changed:
             self._set(search.found)
         else:
@@ -141,10 +152,12 @@ class TapSource:
         if self._search is None:
             now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
             self._begin()
-            yield Event(now, 0, "seeking", f"{self._words()} makes no sense any more: seeking the settings anew", {})
+            yield PortEvent(
+                now, 0, "seeking", f"{self._words()} makes no sense any more: seeking the settings anew", {}
+            )
         else:
             for found in self._sought(item):
-                if isinstance(found, Event):
+                if isinstance(found, PortEvent):
                     if found.kind == "settled":
                         self._doubted = False
                     yield found
@@ -156,16 +169,44 @@ class TapSource:
             self._directions.reverse()
             now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
             hears = " and ".join(f"{p.url} hears {d}s" for p, d in zip(self._ports, self._directions, strict=True))
-            yield Event(now, 0, "settled", f"that made no sense; the other way round: {hears}", {})
+            yield PortEvent(now, 0, "settled", f"that made no sense; the other way round: {hears}", {})
 
     def _set(self, settings: PortSettings) -> None:
         self._unheard += 1
         for number, port in enumerate(self._ports):
-            self._listening.change(number, replace(settings, url=port.url))
+            remote = ("baud", "parity", "stop_bits", "data_bits") if port.is_port_server else ()
+            self._listening.change(number, replace(settings, url=port.url, remote_changes=remote))
 
     def _trying(self) -> str:
         return "?" if self._search is None else str(self._search.settings)
 
     def _words(self) -> str:
         port = self._ports[0]
-        return str(port) if port.baud is not None else "no rate to set"
+        if port.baud is not None:
+            return f"{port}, as the port server is set" if port.is_port_server and not self._asked.baud else str(port)
+        return "the port server's settings, which it does not tell" if port.is_port_server else "no rate to set"
+
+
+# How much sense bytes make as Modbus: what a search for line settings goes by.
+
+
+_LONGEST: Final = 256
+
+
+def explained(blocks: Sequence[Block], settings: PortSettings) -> int:
+    """Bytes that are frames with a right check value, when these blocks were heard with these settings.
+
+    Listening began and ended amid a frame, perhaps: what stands before the first frame or after the last one counts as
+    explained too, as far as one frame goes, once two frames do.
+    """
+    block = Block.joined(blocks)
+    deframer = Deframer(settings.line())
+    batches = [deframer.feed(block), deframer.close()]
+    rows = np.concatenate([batch.rows for batch in batches])
+    good = np.flatnonzero((rows["kind"] != Kind.NOISE) & rows["check"])
+    total = int(rows["length"][good].sum())
+    if len(good) < 2:
+        return 0 if len(good) == 0 else total // 2  # one may be chance
+    before = int(rows["length"][: good[0]].sum())
+    after = int(rows["length"][good[-1] + 1 :].sum())
+    return total + sum(part for part in (before, after) if part <= _LONGEST)

@@ -10,13 +10,13 @@ from captures.chunks import Block
 from captures.line import LineSettings
 from captures.recording.notes import Note
 
-from .session import Sink
+from .session import RecordingSink
 
 T = TypeVar("T")
 _MEMORY: Final = 64 << 20  # bytes kept for a trigger that may come
 
 
-class Window(Generic[T]):
+class TriggerWindow(Generic[T]):
     """Passes things on that are near a trigger, and keeps the newest ones in case one comes."""
 
     def __init__(self, before_ns: int, after_ns: int) -> None:
@@ -47,9 +47,9 @@ class Window(Generic[T]):
 class TriggeredSink:
     """Before a recorder: lets blocks through that are near a trigger. `fire` may be called by another thread."""
 
-    def __init__(self, recorder: Sink, before_ns: int, after_ns: int) -> None:
+    def __init__(self, recorder: RecordingSink, before_ns: int, after_ns: int) -> None:
         self._recorder = recorder
-        self._window: Window[Block] = Window(before_ns, after_ns)
+        self._window: TriggerWindow[Block] = TriggerWindow(before_ns, after_ns)
         self._lock = threading.Lock()
         self._due: list[Block] = []
         self._notes: list[Note] = []

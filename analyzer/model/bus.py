@@ -13,25 +13,23 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer.deframing.options import Options
-from analyzer.frames import NO_GAP, ROW, Batch, Frame, Kind, Row, Rows
-from analyzer.judging import Judging
-from analyzer.pipeline import Analysed
-from analyzer.recorded import Deaf
-from analyzer.reports.summary import Summary
-from analyzer.transactions import NEVER, OF_ANSWER, TRANSACTION, Status
 from captures.line import LineSettings
 
-from .activity import Activity
-from .found import FindingLog
-from .registers import Registers
-from .source import CaptureSource, Source
-from .table import PIECE, ByteStore, State, Table
-from .units import Units
+from ..core import Analysed
+from ..outages import Deaf
+from ..reports.summary import Summary
+from ..tables.batch import Batch
+from ..tables.frame import Frame
+from ..tables.schema import NO_GAP, ROW, Kind, Row, Rows
+from ..tables.timebins import Activity, UnitActivity
+from ..tables.transactions import NEVER, OF_ANSWER, TRANSACTION, Status
+from .registers import RegisterLog
+from .source import CaptureSource, ViewSource
+from .table import PIECE, ByteStore, FindingLog, RowState, RowTable
 
 if TYPE_CHECKING:
-    from analyzer.findings.model import Finding
-    from analyzer.reports.model import Report
+    from ..reports.model import Report
+    from ..tables.findings import Finding
 
 _COPIED = ("start", "length", "t_start", "t_end", "response_ns", "confidence", "kind", "unit", "function",
            "exception", "check", "port", "protocol", "gap_before", "gap_most", "errors")  # fmt: skip
@@ -51,38 +49,37 @@ _KEPT_AS: Final = {"index": "frame"}  # the columns of ROW that have another nam
 class Bus:
     """The model of one source."""
 
-    def __init__(self, line: LineSettings, *, timed: bool = True, options: Options = Options()) -> None:  # noqa: B008
+    def __init__(self, line: LineSettings, *, timed: bool = True) -> None:
         self.line = line
         self.timed = timed
-        self.table = Table()
+        self.table = RowTable()
         self.store = ByteStore()
         self.found = FindingLog()
-        self.registers = Registers()
+        self.registers = RegisterLog()
         self.activity = Activity()
-        self.units = Units()
+        self.units = UnitActivity()
         self.frames = 0
         self.noise = 0
         self._count = 0
         self.whole = False  # nothing more comes
         self.t_first = self.t_last = 0
-        self._judging = Judging(line, options)
         self._summary = Summary(self.char_ns)
         self._lock = threading.Lock()
         self._capture: CaptureSource | None = None
 
     @classmethod
-    def of(cls, source: Source) -> Bus:
+    def of(cls, source: ViewSource) -> Bus:
         """An empty model for a source."""
         if not isinstance(source, CaptureSource):
             return cls(source.line, timed=source.timed)
-        bus = cls(source.line, timed=source.timed, options=source.options)
+        bus = cls(source.line, timed=source.timed)
         bus._capture = source
         return bus
 
     @property
     def char_ns(self) -> float | None:
         """Time of one character on the line; None where its speed is not known."""
-        return (self.line.char_bits or 11) * 1e9 / self.line.baud if self.line.baud else None
+        return self.line.character_ns
 
     @property
     def count(self) -> int:
@@ -92,36 +89,28 @@ class Bus:
     @property
     def deaf(self) -> Sequence[Deaf]:
         """Times in which a recording heard nothing."""
-        return self._judging.deaf
+        return () if self._capture is None else self._capture.deaf
 
     # Taking in
 
-    def feed(self, batch: Batch) -> None:
-        """Take in the next rows."""
-        if not len(batch):
-            return
-        if not self.table.count and self._capture is not None:
-            self._judging.deaf = self._capture.deaf
-        first = self.table.count
-        self._append(batch)
-        self._join(batch.rows, first)
-        settled, findings = self._judging.feed(batch)
-        self._settle(settled)
-        self.found.add(findings, self.table)
-        self.registers.feed(self, batch, first)
-        self.activity.feed(batch.rows)
-        self.units.feed(batch.rows)
+    def feed(self, analysed: Analysed) -> None:
+        """Take in the next rows, and what is said of these or of earlier ones."""
+        batch, first = analysed.batch, self.table.count
+        if len(batch):
+            self._append(batch)
+            self._join(batch.rows, first)
+        self._settle(analysed.transactions)
+        self.found.add(analysed.findings, self.table)
+        if len(batch):
+            self.registers.feed(batch, first)
+            self.activity.feed(batch.rows)
+            self.units.feed(batch.rows)
         with self._lock:
-            self._summary.feed(Analysed(batch, settled, findings))
+            self._summary.feed(analysed)
         self._count = self.table.count
 
     def close(self) -> None:
         """Nothing more comes."""
-        settled, findings = self._judging.close()
-        self._settle(settled)
-        self.found.add(findings, self.table)
-        with self._lock:
-            self._summary.feed(Analysed(Batch.empty(), settled, findings))
         self.whole = True
 
     def _append(self, batch: Batch) -> None:
@@ -159,7 +148,7 @@ class Bus:
 
     def _settle(self, settled: Rows) -> None:
         rows = self.table.rows_of_frames(settled["request"])
-        state = settled["status"] + 1 | settled["retry"] * State.RETRY | settled["late"] * State.LATE
+        state = settled["status"] + 1 | settled["retry"] * RowState.RETRY | settled["late"] * RowState.LATE
         self.table.put("state", rows[rows >= 0], state[rows >= 0])
 
     # Looking
@@ -230,8 +219,8 @@ class Bus:
         requests = requests[take("state", requests) > 0]
         state = take("state", requests)
         out = np.zeros(len(requests), TRANSACTION)
-        out["status"] = (state & State.STATUS) - 1
-        out["retry"], out["late"] = state & State.RETRY, state & State.LATE
+        out["status"] = (state & RowState.STATUS) - 1
+        out["retry"], out["late"] = state & RowState.RETRY, state & RowState.LATE
         for name in ("start", "length", "t_start", "unit", "function", "port"):
             out[name] = take(name, requests)
         out["request"], out["t_request"], out["t_next"] = take("frame", requests), take("t_end", requests), NEVER
@@ -249,7 +238,7 @@ class Bus:
             yield first, self.batch(np.arange(first, stop))
             first = stop
 
-    def report(self, source: Source) -> Report:
+    def report(self, source: ViewSource) -> Report:
         """The bus on one page, as it is known now."""
         from captures.chunks import Capture
 

@@ -7,14 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer.filters import compile_filter
-from analyzer.frames import Batch, Kind
-from analyzer.transactions import Status
 from captures.line import LineSettings
 
+from ..filters import compile_filter
+from ..tables.batch import Batch
+from ..tables.schema import Kind
+from ..tables.transactions import Status
 from .bus import Bus
 from .selection import Test
-from .table import PIECE, State
+from .table import PIECE, RowState
 
 EXAMPLES = (
     "unit == 17 and function in (3, 4)",
@@ -28,7 +29,7 @@ EXAMPLES = (
 )
 
 
-class Compiled(NamedTuple):
+class CompiledTest(NamedTuple):
     """A filter as a test of rows; `settled`: it asks for what is only known once later rows have come."""
 
     text: str
@@ -36,7 +37,7 @@ class Compiled(NamedTuple):
     settled: bool
 
 
-def compiled(text: str, line: LineSettings) -> Compiled:
+def compiled(text: str, line: LineSettings) -> CompiledTest:
     """A filter for the rows of a line. Raises analyzer.filters.FilterError."""
     known = compile_filter(text, line)
     mask = known.mask
@@ -44,7 +45,7 @@ def compiled(text: str, line: LineSettings) -> Compiled:
     def test(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
         return mask(PieceTable(bus, number, low, high))
 
-    return Compiled(text, test, known.settled)
+    return CompiledTest(text, test, known.settled)
 
 
 class PieceTable:
@@ -71,9 +72,9 @@ class PieceTable:
         if name == "index":
             return np.where(self._own("kind") != Kind.NOISE, self._own("frame").astype(np.int64), -1)
         if name == "retry":
-            return (self._own("state") & State.RETRY).astype(np.bool_)
+            return (self._own("state") & RowState.RETRY).astype(np.bool_)
         if name == "unanswered":
-            silent: NDArray[np.bool_] = self._own("state") & State.STATUS == Status.UNANSWERED + 1
+            silent: NDArray[np.bool_] = self._own("state") & RowState.STATUS == Status.UNANSWERED + 1
             return silent
         if name == "late":
             return self._late()
@@ -87,7 +88,7 @@ class PieceTable:
         partner = self._own("partner").astype(np.int64)
         found = np.zeros(len(self), np.bool_)
         answers = np.flatnonzero((partner >= 0) & (self._own("kind") == Kind.RESPONSE))
-        found[answers] = self._bus.table.take("state", partner[answers]) & State.LATE != 0
+        found[answers] = self._bus.table.take("state", partner[answers]) & RowState.LATE != 0
         return found
 
     def findings(self) -> tuple[NDArray[Any], NDArray[Any]]:

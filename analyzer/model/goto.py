@@ -6,8 +6,8 @@ import re
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
+from ..words import is_clock
 from .bus import Bus
-from .clock import is_clock
 
 _UNITS: Final = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000, "min": 60_000_000_000, "h": 3_600_000_000_000}
 _STEP: Final = re.compile(r"([+-]?)(\d+(?:\.\d+)?)\s*(us|ms|s|min|h)")

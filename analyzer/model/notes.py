@@ -11,8 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import captures
+from captures.files import opened
 
 _VERSION = 1
+_LONGEST = 64 << 20  # bytes
 Place = tuple[int, int]  # port, offset of the row's first byte
 
 
@@ -35,19 +37,25 @@ class Notes:
             return cls()
         path = capture.with_name(capture.name + ".rtuscope.json")
         try:
-            text = path.read_text(encoding="utf-8")
-        except FileNotFoundError:
-            return cls(path)
-        except (OSError, ValueError) as error:
-            raise NotesError(f"{path}: cannot be read: {error}") from error
+            if not path.exists():
+                return cls(path)
+            with opened(path) as file:  # no folder, nor a pipe that would be waited for
+                text = file.read(_LONGEST + 1)
+        except captures.CaptureError as error:
+            raise NotesError(str(error)) from error
+        except OSError as error:  # such as a name that is too long
+            raise NotesError(f"{path}: cannot be read: {error.strerror}") from error
         try:
+            if len(text) > _LONGEST:
+                raise ValueError("too long")
             known = json.loads(text)
             if known["version"] != _VERSION:
-                raise NotesError(f"{path}: version {known['version']} of the notes is not known here: left alone")
-            comments = {(int(n["port"]), int(n["start"])): str(n.get("comment", "")) for n in known["bookmarks"]}
+                version = str(known["version"])[:20]
+                raise NotesError(f"{path}: version {version} of the notes is not known here: left alone")
+            comments = {_place(note): str(note.get("comment", "")) for note in known["bookmarks"]}
             reference = known.get("time_reference")
-            return cls(path, comments, None if reference is None else (int(reference["port"]), int(reference["start"])))
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            return cls(path, comments, None if reference is None else _place(reference))
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise NotesError(f"{path}: holds no notes of this program: left alone") from error
 
     def toggle(self, place: Place) -> bool:
@@ -81,4 +89,13 @@ class Notes:
         if self.reference is not None:
             whole["time_reference"] = {"port": self.reference[0], "start": self.reference[1]}
         with captures.replacing(self.path) as out:
-            out.write(json.dumps(whole, indent=2, ensure_ascii=False).encode() + b"\n")
+            text = json.dumps(whole, indent=2, ensure_ascii=False) + "\n"
+            out.write(text.encode(errors="backslashreplace"))  # half a surrogate pair comes out as JSON writes it
+
+
+def _place(note: dict[str, object]) -> Place:
+    """Where a note belongs; ValueError where no row can be."""
+    port, start = note["port"], note["start"]
+    if not (isinstance(port, int) and isinstance(start, int) and 0 <= port < 256 and 0 <= start < 1 << 63):
+        raise ValueError("no row is there")
+    return port, start

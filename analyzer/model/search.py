@@ -10,8 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer.columns import decode
-
+from ..tables.columns import decode
 from .bus import Bus
 from .table import PIECE
 
@@ -27,7 +26,8 @@ class SearchError(ValueError):
 
 def for_bytes(text: str) -> Hits:
     """Rows that hold these bytes (`03 02`, `0x03,0x02`) in one stretch."""
-    from captures.hexwords import HexError, read_text
+    from captures.hexwords import read_text
+    from captures.text.hexshapes import HexError
 
     try:
         wanted = b"".join(words.data for words in read_text(text))

@@ -9,8 +9,7 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer.frames import Kind
-
+from ..tables.schema import Kind
 from .bus import Bus
 from .table import PIECE
 
@@ -18,7 +17,7 @@ Test = Callable[[Bus, int, int, int], NDArray[np.bool_]]  # bus, piece, first an
 _JOINED: Final = 1 << 15  # numbers: smaller parts are put together
 
 
-class Rows(Protocol):
+class ListRows(Protocol):
     """A list's rows: positions 0 to `count`, each a row's number, ascending."""
 
     @property

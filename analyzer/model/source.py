@@ -1,7 +1,7 @@
-"""Where a view's batches come from: a file, a live tap, a replay. The model does not know which.
+"""Where a view's rows come from: a file, a live tap, a replay. The model does not know which.
 
-A source is asked once for its batches, in a thread of its own; it ends when it has no more, or soon after `stop` says
-True. One that is `live` may go on for days: its iterator gives a batch as soon as there is one, and may give empty ones
+A source is asked once for its steps, in a thread of its own; it ends when it has no more, or soon after `stop` says
+True. One that is `live` may go on for days: its iterator gives rows as soon as there are some, and may give empty steps
 to look at `stop` meanwhile.
 """
 
@@ -12,15 +12,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
-from analyzer.deframing.options import Options
-from analyzer.recorded import Deaf, deaf_times, notes_of
+from ..options import Options
+from ..outages import Deaf, deaf_times, notes_of
 
 if TYPE_CHECKING:
-    from analyzer.frames import Batch
     from captures import Capture, LineSettings
 
+    from ..core import Analysed
 
-class Source(Protocol):
+
+class ViewSource(Protocol):
     """What `analyzer.tui.run` shows."""
 
     @property
@@ -43,8 +44,11 @@ class Source(Protocol):
     def path(self) -> Path | None:
         """The file, which bookmarks are kept beside; None where there is none."""
 
-    def batches(self, stop: Callable[[], bool]) -> Iterator[Batch]:
-        """Rows in wire order. Raises what the command line would print in one line."""
+    def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:
+        """Rows in wire order as they come, and what is said of them when it is (`core.Analyzer.latest`).
+
+        Raises what the command line would print in one line.
+        """
         ...
 
     def notices(self) -> Sequence[str]:
@@ -78,11 +82,10 @@ class CaptureSource:
     def path(self) -> Path | None:
         return self.capture.path
 
-    def batches(self, stop: Callable[[], bool]) -> Iterator[Batch]:
-        from analyzer.passing import passing
-        from analyzer.pipeline import deframe
+    def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:
+        from ..core import as_it_comes, observed
 
-        return deframe(passing(self.capture, stop=stop), self.options, first=_FIRST)
+        return as_it_comes(observed(self.capture, stop=stop), self.options, outages=self.deaf, first=_FIRST)
 
     @cached_property
     def deaf(self) -> Sequence[Deaf]:
@@ -90,12 +93,12 @@ class CaptureSource:
         return deaf_times(notes_of(self.capture))
 
     def notices(self) -> Sequence[str]:
-        return [*self._unheard(), *self._damage()]
+        return [*self.capture.notices, *self._unheard(), *self._damage()]
 
     def _unheard(self) -> Sequence[str]:
         if "deaf" not in self.__dict__ or not self.deaf:  # not read yet, or none
             return ()
-        from analyzer.reports.page import unheard
+        from ..outages import unheard
 
         lines = [unheard(time) for time in self.deaf[:_TOLD]]
         more = len(self.deaf) - len(lines)
@@ -121,7 +124,7 @@ class Nothing:
 
         return LineSettings()
 
-    def batches(self, stop: Callable[[], bool]) -> Iterator[Batch]:  # noqa: ARG002 - the protocol's signature
+    def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:  # noqa: ARG002 - the protocol's signature
         return iter(())
 
     def notices(self) -> Sequence[str]:

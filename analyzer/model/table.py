@@ -6,13 +6,16 @@ its mark) is a single number each. Columns take 71 bytes a row; the bytes themse
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .shorttimes import ShortTimes
+from ..tables.batch import rows_of_bytes
+from ..tables.findings import FINDING, Finding, Severity, codes, describe, rules
+from ..tables.schema import NO_GAP
 
 PIECE: Final = 1 << 16  # rows
 _BYTES: Final = 1 << 20
@@ -45,7 +48,7 @@ COLUMNS: Final[dict[str, type[np.generic]]] = {
 _SHORT: Final = frozenset({"response_ns", "gap_before", "gap_most"})  # times that nearly always are
 
 
-class State:
+class RowState:
     """The column `state`: 0 while open, else transactions.Status + 1, with flags."""
 
     STATUS: Final = 0x0F
@@ -53,7 +56,7 @@ class State:
     LATE: Final = 0x20
 
 
-class Table:
+class RowTable:
     """The columns."""
 
     def __init__(self) -> None:
@@ -163,13 +166,22 @@ class Table:
             found[i] = self.row_of_frame(int(indices[i]))
         return found
 
-    def row_of_bytes(self, port: int, start: int) -> int:
-        """The row whose bytes begin there; -1 for none. Quick for late rows."""
+    def row_of_byte(self, port: int, start: int) -> int:
+        """The row that holds a byte of a port's stream; -1 for none. Quick for late rows."""
+        return int(self.rows_of_bytes(np.array([port], np.uint8), np.array([start], np.int64))[0])
+
+    def rows_of_bytes(self, ports: NDArray[np.uint8], starts: NDArray[np.int64]) -> NDArray[np.int64]:
+        """`row_of_byte` for many."""
+        rows = np.full(len(ports), -1, np.int64)
+        open_ones = np.flatnonzero(starts >= 0)
         for number in reversed(self.pieces()):
-            here = np.flatnonzero((self.column(number, "start") == start) & (self.column(number, "port") == port))
-            if len(here):
-                return number * PIECE + int(here[0])
-        return -1
+            if not len(open_ones):
+                break
+            columns = {name: self.column(number, name) for name in ("port", "start", "length")}
+            places = rows_of_bytes(columns, ports[open_ones], starts[open_ones])
+            rows[open_ones[places >= 0]] = number * PIECE + places[places >= 0]
+            open_ones = open_ones[places < 0]
+        return rows
 
     def row_at_time(self, t_ns: int) -> int:
         """The last row that begins at or before a time; 0 where none does. Rows are nearly in time order."""
@@ -232,3 +244,134 @@ class ByteStore:
     def nbytes(self) -> int:
         """Memory of the blocks."""
         return len(self._blocks) * _BYTES
+
+
+# A piece's column of times that are nearly always under two seconds: four bytes each, eight once one is longer.
+#
+# It is indexed like an array of int64, and gives such. One thread writes; others read rows that it was told of.
+
+
+_LONGEST: Final = np.iinfo(np.int32).max
+_UNKNOWN: Final = np.iinfo(np.int32).min  # stands for NO_GAP
+
+
+class ShortTimes:
+    """So many times, ns; NO_GAP where one is not known."""
+
+    def __init__(self, count: int) -> None:
+        self._values: NDArray[Any] = np.empty(count, np.int32)
+
+    def __getitem__(self, places: Any) -> NDArray[Any]:
+        values: NDArray[Any] = self._values[places]
+        if values.dtype == np.int64:
+            return values
+        return np.where(values == _UNKNOWN, NO_GAP, values.astype(np.int64))
+
+    def __setitem__(self, places: Any, times: NDArray[np.int64] | int) -> None:
+        known = np.asarray(times, np.int64)
+        if self._values.dtype == np.int32:
+            unknown = known == NO_GAP
+            if not (np.abs(known[~unknown]) > _LONGEST).any():
+                self._values[places] = np.where(unknown, _UNKNOWN, known)
+                return
+            self._values = self[:]
+        self._values[places] = known
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the column."""
+        return self._values.nbytes
+
+
+# Findings in the order in which they were made, each with the row that it stands on.
+
+
+_ROOM = 64
+
+
+class FindingLog:
+    """All findings; `rows` says where each stands, -1 for the bus as a whole."""
+
+    def __init__(self) -> None:
+        self._findings = np.zeros(_ROOM, FINDING)
+        self._rows = np.zeros(_ROOM, np.int32)
+        self.count = 0
+        self.by_code: Counter[str] = Counter()
+        self.by_severity: Counter[Severity] = Counter()
+        self._severity = np.array([rule.severity for rule in rules()], np.uint8)
+
+    def add(self, findings: NDArray[np.void], table: RowTable) -> None:
+        """Take in some more, and mark their rows."""
+        n = len(findings)
+        if not n:
+            return
+        if self.count + n > len(self._findings):
+            room = max(len(self._findings) * 5 // 4, self.count + n)
+            self._findings = np.concatenate((self._findings, np.zeros(room - len(self._findings), FINDING)))
+            self._rows = np.concatenate((self._rows, np.zeros(room - len(self._rows), np.int32)))
+        rows = table.rows_of_bytes(findings["port"], findings["start"])
+        self._findings[self.count : self.count + n] = findings
+        self._rows[self.count : self.count + n] = rows
+        grave = self._severity[findings["rule"]]
+        order = np.argsort(grave, kind="stable")  # the gravest is written last
+        order = order[rows[order] >= 0]
+        marks = np.maximum(table.take("mark", rows[order]), grave[order])
+        table.put("mark", rows[order], marks)
+        for level in Severity:
+            self.by_severity[level] += int((grave == level).sum())
+        names = codes()
+        for rule, count in zip(*np.unique(findings["rule"], return_counts=True), strict=True):
+            self.by_code[names[rule]] += int(count)
+        self.count += n
+
+    def row(self, i: int) -> int:
+        """The row on which finding `i` stands, -1 for none."""
+        return int(self._rows[i])
+
+    def rows_of(self, numbers: NDArray[np.int64]) -> NDArray[np.int32]:
+        """`row` for many."""
+        return self._rows[numbers]
+
+    def finding(self, i: int) -> Finding:
+        """Finding `i` in words."""
+        return describe(self._findings[i])
+
+    def of_row(self, row: int) -> tuple[Finding, ...]:
+        """What stands on a row, the gravest first."""
+        here = np.flatnonzero(self._rows[: self.count] == row)
+        return tuple(sorted((self.finding(i) for i in here.tolist()), key=lambda f: -f.severity))
+
+    def next_row(self, row: int, step: int) -> int | None:
+        """The nearest row behind `row` with a finding, or before it where `step` is negative."""
+        rows = self._rows[: self.count]
+        rows = rows[rows > row] if step > 0 else rows[(rows < row) & (rows >= 0)]
+        if not len(rows):
+            return None
+        return int(rows.min() if step > 0 else rows.max())
+
+    def rules(self, first: int, last: int) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
+        """Rows from `first` to `last` (excluded) that findings stand on, ascending, and the rule of each."""
+        rows = self._rows[: self.count]
+        here = np.flatnonzero((rows >= first) & (rows < last))
+        here = here[np.argsort(rows[here], kind="stable")]
+        return rows[here].astype(np.int64), self._findings["rule"][here]
+
+    def on(self, wanted: NDArray[np.int64]) -> NDArray[np.void]:
+        """Those on the wanted rows (ascending, at least one), in the order of their rows."""
+        rows = self._rows[: self.count]
+        here = np.flatnonzero((rows >= wanted[0]) & (rows <= wanted[-1]))
+        here = here[np.isin(rows[here], wanted)]
+        return self._findings[here[np.argsort(rows[here], kind="stable")]]
+
+    def chosen(self, code: str | None, least: Severity) -> NDArray[np.int64]:
+        """Numbers of the findings of a code (None: any) and of at least that severity, in the order of their rows."""
+        findings = self._findings[: self.count]
+        good = self._severity[findings["rule"]] >= least
+        if code is not None:
+            good &= findings["rule"] == codes().index(code)
+        here = np.flatnonzero(good)
+        return here[np.argsort(self._rows[here], kind="stable")]
+
+    @property
+    def nbytes(self) -> int:
+        return int(self._findings.nbytes + self._rows.nbytes)

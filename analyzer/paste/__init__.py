@@ -8,20 +8,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.lazy import lazily
+from ..lazy import lazily
 
 if TYPE_CHECKING:
-    from .model import Found, Noise, Paste
+    from .evidence import judge
+    from .model import Paste, PastedFrame, PastedNoise
     from .reading import PasteError, read
     from .trees import tree
 
-__all__ = ["Found", "Noise", "Paste", "PasteError", "read", "tree"]
+__all__ = ["Paste", "PasteError", "PastedFrame", "PastedNoise", "judge", "read", "tree"]
 
 _HOME = {
-    "Found": "model",
-    "Noise": "model",
+    "PastedFrame": "model",
+    "PastedNoise": "model",
     "Paste": "model",
     "PasteError": "reading",
+    "judge": "evidence",
     "read": "reading",
     "tree": "trees",
 }

@@ -11,21 +11,22 @@ from typing import Final
 
 import numpy as np
 
-from analyzer.deframing.options import Options
-from analyzer.findings.diagnosis import Diagnosis
-from analyzer.findings.model import Finding, describe
-from analyzer.frames import NO_GAP, ROW, Batch, Kind, Rows
-from analyzer.transactions import Transactions
 from captures.line import LineSettings
-from dissectors.checks import crc_bytes
-from dissectors.lengths import Role
+from dissectors.crc import crc_bytes
+from dissectors.length_rules import Role
 
-from .model import Found
+from ..diagnosis.running import Diagnosis
+from ..options import Options
+from ..tables.batch import Batch
+from ..tables.findings import Finding, describe
+from ..tables.schema import NO_GAP, ROW, Kind, Rows
+from ..tables.transactions import Transactions
+from .model import PastedFrame
 
 _SAID: Final = 10_000  # findings: a paste is read by people
 
 
-def findings(frames: Sequence[Found]) -> list[tuple[Finding, ...]]:
+def findings(frames: Sequence[PastedFrame]) -> list[tuple[Finding, ...]]:
     """What is wrong with each of these frames."""
     sent = [_as_rtu(frame) for frame in frames]
     batch = Batch(_rows(frames, sent), np.frombuffer(b"".join(sent), np.uint8))
@@ -39,7 +40,7 @@ def findings(frames: Sequence[Found]) -> list[tuple[Finding, ...]]:
     return [tuple(each) for each in found]
 
 
-def _as_rtu(frame: Found) -> bytes:
+def _as_rtu(frame: PastedFrame) -> bytes:
     adu = frame.adu
     if adu.protocol == "rtu":
         return adu.data
@@ -47,7 +48,7 @@ def _as_rtu(frame: Found) -> bytes:
     return body + crc_bytes(body)
 
 
-def _rows(frames: Sequence[Found], sent: Sequence[bytes]) -> Rows:
+def _rows(frames: Sequence[PastedFrame], sent: Sequence[bytes]) -> Rows:
     rows = np.zeros(len(frames), ROW)
     lengths = np.array([len(data) for data in sent])
     rows["index"] = np.arange(len(frames))

@@ -6,16 +6,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from dissectors.annotation import Context, Field, annotate, summary
+from dissectors.annotation import Context, annotate, summary
 from dissectors.envelopes import Adu
+from dissectors.fields import Field
 from dissectors.functions import function_name
-from dissectors.lengths import Role
+from dissectors.length_rules import Role
 
 if TYPE_CHECKING:
-    from analyzer.findings.model import Finding
+    from ..tables.findings import Finding
 
 
-class Part(NamedTuple):
+class PastePart(NamedTuple):
     """Bytes of a paste that stand together; `mark` is 0, or 1 and 2 for what the text calls sent and received.
 
     `t_ns` is their time in ns; `ascii` says that the text shows them as an ASCII-mode frame.
@@ -28,7 +29,7 @@ class Part(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class PastedFrame:
     """A frame: whole, damaged (its check value is wrong) or cut (bytes of it are missing)."""
 
     adu: Adu
@@ -108,7 +109,7 @@ class Found:
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
+class PastedNoise:
     """Bytes that no frame explains."""
 
     start: int
@@ -130,20 +131,30 @@ class Noise:
         }
 
 
-Piece = Found | Noise
+Piece = PastedFrame | PastedNoise
+
+
+class Unread(NamedTuple):
+    """A line of a paste of which not all was read, and why; `empty` where there is nothing like bytes in it."""
+
+    line: int
+    text: str
+    why: str
+    empty: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Paste:
-    """A paste with its reading: the envelope that was taken, why, and the pieces."""
+    """A paste with its reading: the envelope that was taken, why, the pieces, and the lines that were not read."""
 
-    protocol: str  # rtu, ascii or tcp
+    protocol: str  # rtu, ascii or tcp; of several the one of most lines
     why: str
     pieces: tuple[Piece, ...]
+    unread: tuple[Unread, ...] = ()
 
-    def frames(self) -> Iterator[Found]:
+    def frames(self) -> Iterator[PastedFrame]:
         """The frames, cut ones among them."""
-        return (piece for piece in self.pieces if isinstance(piece, Found))
+        return (piece for piece in self.pieces if isinstance(piece, PastedFrame))
 
     @property
     def holds_a_frame(self) -> bool:
@@ -159,7 +170,7 @@ class Paste:
         """A JSON object a frame, and a piece of noise if asked."""
         index = 0
         for piece in self.pieces:
-            if isinstance(piece, Found):
+            if isinstance(piece, PastedFrame):
                 yield piece.to_json(index)
                 index += 1
             elif noise:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from dissectors.annotation import Field
+from dissectors.fields import Field
 from dissectors.values import Order, floating, readings
 
 _USUAL: Final[tuple[Order, ...]] = ("ABCD", "CDAB")

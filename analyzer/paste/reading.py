@@ -1,67 +1,146 @@
 """Which envelope a paste is in: RTU, ASCII or MBAP. Each is tried; the one whose check explains the bytes is taken.
 
-In order: frames of ASCII mode, which show themselves; RTU frames whose right CRCs tile all of it; MBAP headers whose
-lengths do; RTU frames among other bytes; and where no check value is right at all, what reads like a frame that was
-damaged or cut. The choice is always told, with its reason.
+Runs of bytes whose own check values say different envelopes (a gateway's log has RTU and TCP lines) are read each in
+its own. Else, in order: frames of ASCII mode, which show themselves; RTU frames whose right CRCs tile all of it; MBAP
+headers whose lengths do; RTU frames among other bytes; and where no check value is right at all, what reads like a
+frame that was damaged or cut, in the envelope for which more speaks. The choice is always told, with its reason.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from typing import Final, Literal
+from dataclasses import replace
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING, Final, Literal
 
-from dissectors.envelopes import MBAP, Adu, ascii_frames, tcp, tcp_frames
-from dissectors.lengths import Role, pdu_length, rule
+from dissectors.envelopes import MBAP, Adu, ascii_frames, tcp
+from dissectors.length_rules import Role
+from dissectors.lengths import pdu_length, plausibility, rule
 
 from . import rtu
-from .model import Found, Noise, Part, Paste, Piece
+from .model import Paste, PastedFrame, PastedNoise, PastePart, Piece, Unread
 from .suspicion import with_findings
 from .turns import BOTH, Turn, possible, turns
+
+if TYPE_CHECKING:
+    from datetime import tzinfo
 
 Envelope = Literal["auto", "rtu", "ascii", "tcp"]
 _ROLES: Final = {"auto": BOTH, "request": (Role.REQUEST,), "response": (Role.RESPONSE,)}
 LONGEST: Final = 1 << 20  # bytes
 _PAIR: Final = 2  # hex digits of a byte
 _LENGTH_END: Final = 6  # bytes of an MBAP header, up to its length
+_MOST_TCP: Final = 254  # what the length in an MBAP header can be
+_LAST_UNIT: Final = 247
+_CRC: Final = 2  # bytes
 
 
 class PasteError(Exception):
     """A paste that cannot be read at all, in one line."""
 
 
-def read(text: str, envelope: Envelope = "auto", role: Literal["auto", "request", "response"] = "auto") -> Paste:
-    """Pasted text as frames. Raises PasteError, or captures.hexwords.HexError where its digits are no bytes."""
-    parts = _parts(text)
+def read(
+    text: str,
+    envelope: Envelope = "auto",
+    role: Literal["auto", "request", "response"] = "auto",
+    zone: tzinfo | None = None,
+) -> Paste:
+    """Pasted text as frames; `zone` is that of dates without one (None: this machine's).
+
+    Raises PasteError, or captures.hexwords.HexError where it holds no bytes.
+    """
+    parts, unread = _parts(text, zone)
     size = sum(len(part.data) for part in parts)
     if size > LONGEST:
         raise PasteError(f"{size:,} bytes are too many to annotate; save them to a file and use rtuscope export")
-    return with_findings(read_parts(parts, envelope, _ROLES[role]))
+    return replace(with_findings(read_parts(parts, envelope, _ROLES[role])), unread=unread)
 
 
-def _parts(text: str) -> list[Part]:
+def _parts(text: str, zone: tzinfo | None) -> tuple[list[PastePart], tuple[Unread, ...]]:
     """The bytes in a text; what is nothing but pairs of digits needs no look at all the ways of writing bytes."""
     words = text.split()
     if "\n" not in text.strip() and len(words) > 1 and all(len(word) == _PAIR for word in words):
         with suppress(ValueError):
-            return [Part(bytes.fromhex(text))]
-    from captures.hexwords import read_text
+            return [PastePart(bytes.fromhex(text))], ()
+    from captures.hexwords import read_paste
 
-    return [Part(item.data, item.mark, item.t_ns, item.ascii) for item in read_text(text)]
+    from .evidence import judge
+
+    found = read_paste(text, judge, zone)
+    parts = [PastePart(item.data, item.mark, item.t_ns, item.ascii) for item in found.words]
+    return parts, tuple(Unread(one.line, one.text, one.why, one.empty) for one in found.unread)
 
 
-def read_parts(parts: Sequence[Part], envelope: Envelope, roles: Sequence[Role]) -> Paste:
+def read_parts(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> Paste:
     """Bytes with their marks and times as frames."""
+    if envelope == "auto" and len(parts) > 1:
+        kinds = _kinds(parts)
+        if len(set(kinds)) > 1:
+            return _mixed(parts, kinds, roles)
+    return _alike(parts, envelope, roles)
+
+
+def _kinds(parts: Sequence[PastePart]) -> list[Envelope]:
+    """The envelope of each part by its own check values; a part that has none is of that before it, or behind."""
+    from .evidence import envelope_of
+
+    found = [envelope_of(part.data) for part in parts]
+    known: Envelope = next((kind for kind in found if kind is not None), "auto")
+    kinds: list[Envelope] = []
+    for kind in found:
+        known = kind or known
+        kinds.append(known)
+    return kinds
+
+
+def _mixed(parts: Sequence[PastePart], kinds: Sequence[Envelope], roles: Sequence[Role]) -> Paste:
+    """Parts of several envelopes, those of each read as one stream."""
+    starts = [0, *accumulate(len(part.data) for part in parts)]
+    pieces: list[Piece] = []
+    why = []
+    for kind in dict.fromkeys(kinds):
+        mine = [i for i, other in enumerate(kinds) if other == kind]
+        paste = _alike([parts[i] for i in mine], kind, roles)
+        why.append(paste.why)
+        begins = [0, *accumulate(len(parts[i].data) for i in mine)]
+        places = [(begin, starts[i]) for begin, i in zip(begins, mine, strict=False)]
+        pieces.extend(moved for piece in paste.pieces for moved in _moved(piece, places))
+    first = max(dict.fromkeys(kinds), key=kinds.count)
+    protocol: Literal["rtu", "ascii", "tcp"] = "rtu" if first == "auto" else first
+    return Paste(protocol, "; ".join(why), tuple(sorted(pieces, key=lambda piece: piece.start)))
+
+
+def _moved(piece: Piece, places: Sequence[tuple[int, int]]) -> Iterator[Piece]:
+    """A piece of one envelope's stream in the bytes of all; noise is divided where bytes of others lie between."""
+
+    def moved(start: int) -> int:
+        begin, there = max(place for place in places if place[0] <= start)
+        return there + start - begin
+
+    if isinstance(piece, PastedFrame):
+        asked = None if piece.request_start is None else moved(piece.request_start)
+        yield replace(
+            piece, start=moved(piece.start), adu=replace(piece.adu, start=moved(piece.start)), request_start=asked
+        )
+        return
+    end = piece.start + piece.length
+    cuts = [piece.start, *(begin for begin, _ in places if piece.start < begin < end), end]
+    for start, stop in pairwise(cuts):
+        yield PastedNoise(moved(start), piece.data[start - piece.start : stop - piece.start])
+
+
+def _alike(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> Paste:
+    """Parts of one envelope."""
     data = b"".join(part.data for part in parts)
     if envelope == "ascii":
-        return Paste("ascii", "ASCII: as asked", _tiled(data, _ascii(data, roles)))
+        return Paste("ascii", _why_ascii(found := _ascii(data, roles)), _tiled(data, found))
     if envelope == "tcp":
-        return Paste("tcp", "TCP: as asked", _tcp(data, roles))
+        return Paste("tcp", "TCP: MBAP headers (protocol 0, a length)", _tcp(data, parts, roles))
     if envelope == "auto":
         found = _ascii(data, roles)
         if found and (any(part.ascii for part in parts) or any(frame.check_ok for frame in found)):
-            why = f"ASCII: {_frames(len(found))} between colon and line end, {_verdict(found, 'LRC')}"
-            return Paste("ascii", why, _tiled(data, found))
+            return Paste("ascii", _why_ascii(found), _tiled(data, found))
     whole = rtu.exact(data, parts, roles)
     if whole is not None:
         length = (
@@ -71,60 +150,109 @@ def read_parts(parts: Sequence[Part], envelope: Envelope, roles: Sequence[Role])
         )
         return Paste("rtu", f"RTU: right CRC {length}, {_frames(len(whole))} over all {len(data)} bytes", tuple(whole))
     if envelope == "auto":
-        mbap = _tcp(data, roles)
-        if all(isinstance(piece, Found) and not piece.missing and _sound(piece) for piece in mbap):
+        mbap = _tcp(data, parts, roles)
+        if all(isinstance(piece, PastedFrame) and not piece.missing and _sound(piece) for piece in mbap):
             cover = f"{_frames(len(mbap))} over all {len(data)} bytes"
             return Paste("tcp", f"TCP: MBAP headers (protocol 0, right length), {cover}; no CRC fits", mbap)
     return _inexact(data, parts, envelope, roles)
 
 
-def _inexact(data: bytes, parts: Sequence[Part], envelope: Envelope, roles: Sequence[Role]) -> Paste:
+def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> Paste:
     """A paste that no envelope explains whole."""
     alone = rtu.lone(data, parts, roles)
     if alone is None:
         from .weighed import weighed
 
         pieces = rtu.mended(weighed(parts), parts, roles)
-        right = sum(1 for piece in pieces if isinstance(piece, Found) and piece.check_ok)
+        right = sum(1 for piece in pieces if isinstance(piece, PastedFrame) and piece.check_ok)
         if right:
-            rest = sum(piece.length for piece in pieces if not isinstance(piece, Found) or not piece.check_ok)
+            rest = sum(piece.length for piece in pieces if not isinstance(piece, PastedFrame) or not piece.check_ok)
             around = f", which leaves {rest} of {len(data)} bytes" if rest else f", over all {len(data)} bytes"
             return Paste("rtu", f"RTU: right CRC in {_frames(right)}{around}", tuple(pieces))
         alone = pieces
-    if any(isinstance(piece, Found) and piece.check_ok for piece in alone):
+    if any(isinstance(piece, PastedFrame) and piece.check_ok for piece in alone):
         return Paste("rtu", "RTU: a right CRC, though not at the length that its function predicts", tuple(alone))
-    damaged = len(alone) == 1 and isinstance(alone[0], Found) and not alone[0].missing
     if envelope == "auto" and len(data) >= _LENGTH_END:
-        mbap = _tcp(data, roles)
-        first = mbap[0]
-        if isinstance(first, Found) and (first.missing or _sound(first) or not damaged):
+        mbap = _tcp(data, parts, roles)
+        first, other = mbap[0], rtu.lone(parts[0].data, parts[:1], roles) or alone
+        if isinstance(first, PastedFrame) and _speaks_for_tcp(first) > max(map(_speaks_for_rtu, other)):
             return Paste("tcp", "TCP: begins with an MBAP header (protocol 0, a length); no CRC is right", mbap)
-    if any(isinstance(piece, Found) for piece in alone):
+    if any(isinstance(piece, PastedFrame) for piece in alone):
         return Paste(
             "rtu", "RTU: reads like it by its header; no CRC is right, and there is no MBAP header", tuple(alone)
         )
     return Paste("rtu", "no frame: no right CRC, no MBAP header, no ASCII frame", tuple(alone))
 
 
-def _ascii(data: bytes, roles: Sequence[Role]) -> list[Found]:
+def _speaks_for_rtu(piece: Piece) -> int:
+    """How much speaks for an RTU frame whose CRC is not right, in bits, roughly."""
+    if not isinstance(piece, PastedFrame) or piece.function is None:
+        return 0
+    adu, pdu = piece.adu, piece.adu.pdu
+    bits = 3 if rule(pdu[0], piece.role) is not None else -4
+    if not piece.missing and _sound(piece):
+        swapped = adu.data[-2:] == (adu.check_computed or 0).to_bytes(2, "big")
+        bits += 6 if swapped else 4
+    elif piece.missing:
+        bits += 4 if piece.missing == _CRC and piece.length_known else -2
+    if not 0 < (adu.unit or 0) <= _LAST_UNIT:
+        bits -= 6
+    return bits - 4 * len(plausibility(pdu, piece.role))
+
+
+def _speaks_for_tcp(frame: PastedFrame) -> int:
+    """The same of a Modbus TCP frame: its header has protocol 0 and a length that can be."""
+    pdu = frame.adu.pdu
+    bits = 1 if frame.missing else 8
+    if pdu and rule(pdu[0], frame.role) is None:
+        return bits - 8
+    announced = int.from_bytes(frame.adu.data[4:6], "big") - 1
+    lengths = [pdu_length(pdu, role) for role in BOTH]
+    if announced in lengths:
+        return bits + 9
+    return bits + 3 if frame.missing and None in lengths else bits - 6
+
+
+def _why_ascii(frames: Sequence[PastedFrame]) -> str:
+    return f"ASCII: {_frames(len(frames))} between colon and line end, {_verdict(frames, 'LRC')}"
+
+
+def _ascii(data: bytes, roles: Sequence[Role]) -> list[PastedFrame]:
     return turns([Turn(adu, adu.start, possible(adu.pdu, roles)) for adu in ascii_frames(data)])
 
 
-def _tcp(data: bytes, roles: Sequence[Role]) -> tuple[Piece, ...]:
-    frames = tcp_frames(data)
-    rest = frames[-1].start + frames[-1].length if frames else 0
-    left = data[rest:]
-    if left and len(left) <= MBAP and _begins_mbap(left):
-        frames.append(tcp(left, rest))
-    return _tiled(data, turns([Turn(adu, adu.start, possible(adu.pdu, roles), _cut(adu)) for adu in frames]))
+def _tcp(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> tuple[Piece, ...]:
+    """MBAP frames one after another; where no header stands, or one cannot be whole, it begins anew with a part."""
+    edges = [*accumulate(len(part.data) for part in parts)] or [len(data)]
+    marks = {end - len(part.data): part.mark for end, part in zip(edges, parts, strict=False)}
+    found: list[Turn] = []
+    at = 0
+    while at < len(data):
+        edge = next(end for end in edges if end > at)
+        if not _begins_mbap(data[at : at + MBAP]):
+            at = edge
+            continue
+        end = (
+            at + MBAP - 1 + int.from_bytes(data[at + 4 : at + 6], "big") if len(data) - at >= _LENGTH_END else len(data)
+        )
+        adu = tcp(data[at : min(end, len(data))], at)
+        if end > edge and edge < len(data):  # a line's end in it, which is one of a frame unless lines are a byte each
+            some = edge - at > MBAP or edge - at < _LENGTH_END
+            if not (some and any(pdu_length(adu.pdu, role) == len(adu.pdu) for role in BOTH)):
+                adu = tcp(data[at:edge], at)
+        found.append(Turn(adu, at, possible(adu.pdu, roles), _cut(adu), marks.get(at, 0)))
+        at += len(adu.data)
+    return _tiled(data, turns(found))
 
 
 def _begins_mbap(data: bytes) -> bool:
     """Whether a few bytes can be the beginning of an MBAP header: protocol 0, a length of at least 2."""
-    return not any(data[2:4]) and (len(data) < _LENGTH_END or (data[4] == 0 and data[5] > 1))
+    if len(data) < _LENGTH_END:
+        return len(data) > 2 and not any(data[2:4]) and not any(data[4:5])
+    return not any(data[2:5]) and 1 < data[5] <= _MOST_TCP
 
 
-def _sound(frame: Found) -> bool:
+def _sound(frame: PastedFrame) -> bool:
     """Whether a PDU is as long as its function predicts, if it predicts any length."""
     pdu = frame.adu.pdu
     declared = rule(pdu[0], frame.role) if pdu else None
@@ -138,21 +266,21 @@ def _cut(adu: Adu) -> int:
     return int.from_bytes(adu.data[4:6], "big") + MBAP - 1 - len(adu.data)
 
 
-def _tiled(data: bytes, frames: Sequence[Found]) -> tuple[Piece, ...]:
+def _tiled(data: bytes, frames: Sequence[PastedFrame]) -> tuple[Piece, ...]:
     """The frames with the bytes between them."""
     pieces: list[Piece] = []
     at = 0
     for frame in frames:
         if frame.start > at:
-            pieces.append(Noise(at, data[at : frame.start]))
+            pieces.append(PastedNoise(at, data[at : frame.start]))
         pieces.append(frame)
         at = frame.start + frame.length
     if at < len(data):
-        pieces.append(Noise(at, data[at:]))
+        pieces.append(PastedNoise(at, data[at:]))
     return tuple(pieces)
 
 
-def _verdict(frames: Sequence[Found], check: str) -> str:
+def _verdict(frames: Sequence[PastedFrame], check: str) -> str:
     right = sum(1 for frame in frames if frame.check_ok)
     if right == len(frames):
         return f"{check} right"

@@ -7,20 +7,21 @@ from dataclasses import replace
 from itertools import accumulate
 from typing import Final
 
-from dissectors.checks import crc_ok
+from dissectors.crc import crc_ok
 from dissectors.declaration import EXCEPTION
 from dissectors.envelopes import Adu, rtu
 from dissectors.functions import function
-from dissectors.lengths import Role, plausibility
+from dissectors.length_rules import Role
+from dissectors.lengths import plausibility
 
-from .model import Found, Noise, Part, Piece
+from .model import PastedFrame, PastedNoise, PastePart, Piece
 from .tiling import LEAST, LIMIT, MOST, predicted, tiling, windows
-from .turns import Turn, other, turns
+from .turns import Turn, by_marks, other, turns
 
 _BEGINNING: Final = 3  # bytes, from which on a rest is a beginning rather than a glitch
 
 
-def exact(data: bytes, parts: Sequence[Part], roles: Sequence[Role]) -> list[Found] | None:
+def exact(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> list[PastedFrame] | None:
     """The frames of a paste that whole frames tile in one way; None for any other."""
     if not LEAST <= len(data) <= LIMIT:
         return None
@@ -34,15 +35,15 @@ def exact(data: bytes, parts: Sequence[Part], roles: Sequence[Role]) -> list[Fou
     )
 
 
-def lone(data: bytes, parts: Sequence[Part], roles: Sequence[Role]) -> list[Piece] | None:
+def lone(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> list[Piece] | None:
     """A paste without a frame of a predicted length, as the one damaged or cut frame that it reads like.
 
     None where it reads like none, and where more than one frame must be looked for.
     """
     if len(parts) > 1 or not 0 < len(data) <= LIMIT or windows(data, [0], roles):
         return None
-    edged = _mended(Noise(0, data), _edges(parts))
-    if any(isinstance(piece, Found) for piece in edged):
+    edged = _mended(PastedNoise(0, data), _edges(parts))
+    if any(isinstance(piece, PastedFrame) for piece in edged):
         return edged
     readings = []
     for role in roles:
@@ -62,10 +63,10 @@ def lone(data: bytes, parts: Sequence[Part], roles: Sequence[Role]) -> list[Piec
     also = other(role) if len(readings) > 1 and readings[1][2:] == (missing, spare) else None
     frame = _frame(data[: len(data) - spare], 0, role, missing)
     pieces: list[Piece] = [replace(frame, also=also)]
-    return pieces if not spare else [*pieces, Noise(frame.length, data[frame.length :])]
+    return pieces if not spare else [*pieces, PastedNoise(frame.length, data[frame.length :])]
 
 
-def mended(pieces: Sequence[Piece], parts: Sequence[Part], roles: Sequence[Role]) -> list[Piece]:
+def mended(pieces: Sequence[Piece], parts: Sequence[PastePart], roles: Sequence[Role]) -> list[Piece]:
     """The deframer's pieces, with frames in their noise that only a paste's own edges show.
 
     A right CRC from one edge to the next is a frame of whatever length: where the noise begins or ends, or a line does.
@@ -74,8 +75,11 @@ def mended(pieces: Sequence[Piece], parts: Sequence[Part], roles: Sequence[Role]
     edges = _edges(parts)
     done: list[Piece] = []
     for piece in pieces:
-        done.extend(_mended(piece, edges) if isinstance(piece, Noise) else [piece])
-    if done and isinstance(done[-1], Noise) and done[-1].length >= _BEGINNING:
+        done.extend(_mended(piece, edges) if isinstance(piece, PastedNoise) else [piece])
+    marks = dict(zip(edges, (part.mark for part in parts), strict=False))
+    frames = iter(by_marks([piece for piece in done if isinstance(piece, PastedFrame)], marks))
+    done = _answering([next(frames) if isinstance(piece, PastedFrame) else piece for piece in done])
+    if done and isinstance(done[-1], PastedNoise) and done[-1].length >= _BEGINNING:
         last = done[-1]
         for role in roles:
             missing = (predicted(last.data, role) or 0) - last.length
@@ -84,7 +88,24 @@ def mended(pieces: Sequence[Piece], parts: Sequence[Part], roles: Sequence[Role]
     return done
 
 
-def _mended(noise: Noise, edges: Sequence[int]) -> list[Piece]:
+def _answering(pieces: Sequence[Piece]) -> list[Piece]:
+    """The pieces, those of either direction as answers where they follow the request of their unit and function."""
+    done: list[Piece] = []
+    asked: PastedFrame | None = None
+    for piece in pieces:
+        if isinstance(piece, PastedFrame):
+            if piece.also is not None and asked is not None and _same(asked, piece) and len(piece.adu.pdu) > 1:
+                piece = replace(piece, role=Role.RESPONSE, also=None, request=asked.adu.pdu, request_start=asked.start)
+            asked = piece if piece.role is Role.REQUEST else None
+        done.append(piece)
+    return done
+
+
+def _same(asked: PastedFrame, piece: PastedFrame) -> bool:
+    return (asked.adu.unit, asked.function) == (piece.adu.unit, piece.function)
+
+
+def _mended(noise: PastedNoise, edges: Sequence[int]) -> list[Piece]:
     data, at = noise.data, 0
     found: list[Piece] = []
     inner = [edge - noise.start for edge in edges if 0 < edge - noise.start < noise.length]
@@ -97,7 +118,7 @@ def _mended(noise: Noise, edges: Sequence[int]) -> list[Piece]:
             following = next((edge for edge in inner if edge > at), None)
             if following is None:
                 break
-            found.append(Noise(noise.start + at, data[at:following]))
+            found.append(PastedNoise(noise.start + at, data[at:following]))
             at = following
             continue
         adu = data[at:end]
@@ -106,18 +127,18 @@ def _mended(noise: Noise, edges: Sequence[int]) -> list[Piece]:
             replace(_frame(adu, noise.start + at, role, 0), also=None if adu[1] & EXCEPTION else Role.RESPONSE)
         )
         at = end
-    return [*found, Noise(noise.start + at, data[at:])] if at < len(data) else found
+    return [*found, PastedNoise(noise.start + at, data[at:])] if at < len(data) else found
 
 
-def _frame(data: bytes, start: int, role: Role, missing: int) -> Found:
+def _frame(data: bytes, start: int, role: Role, missing: int) -> PastedFrame:
     adu = _placed(data, start)
     if missing:  # its last two bytes are no check value yet
         adu = replace(adu, pdu=data[1:], check_ok=False, check_received=None, check_computed=None)
     known = predicted(data, role) is not None
-    return Found(adu, role, start, len(data), missing=missing, length_known=known, confidence=0.5)
+    return PastedFrame(adu, role, start, len(data), missing=missing, length_known=known, confidence=0.5)
 
 
-def _edges(parts: Sequence[Part]) -> list[int]:
+def _edges(parts: Sequence[PastePart]) -> list[int]:
     """Where parts begin, and the end of the last."""
     return [0, *accumulate(len(part.data) for part in parts)]
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from dissectors.functions import function_class
 from dissectors.lengths import plausibility
 
-from .model import Found, Paste
+from .model import Paste, PastedFrame
 
 _CONVERSATION = 2  # frames, beyond which somebody may have gone unanswered
 _LAST_UNIT = 247
@@ -22,11 +22,13 @@ def with_findings(paste: Paste) -> Paste:
     from .diagnosing import findings
 
     told = iter(findings(frames))
-    pieces = tuple(replace(piece, findings=next(told)) if isinstance(piece, Found) else piece for piece in paste.pieces)
+    pieces = tuple(
+        replace(piece, findings=next(told)) if isinstance(piece, PastedFrame) else piece for piece in paste.pieces
+    )
     return replace(paste, pieces=pieces)
 
 
-def _suspicious(frame: Found) -> bool:
+def _suspicious(frame: PastedFrame) -> bool:
     """Whether anything about a frame alone may deserve a finding."""
     adu = frame.adu
     if not adu.pdu or frame.check_ok is False or frame.exception is not None or not adu.unit:

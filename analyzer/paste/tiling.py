@@ -11,9 +11,10 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from dissectors.checks import crc_ok
+from dissectors.crc import crc_ok
 from dissectors.declaration import EXCEPTION
-from dissectors.lengths import Role, pdu_length, rule
+from dissectors.length_rules import Role
+from dissectors.lengths import pdu_length, rule
 
 OVERHEAD: Final = 3  # unit and CRC around the PDU
 LEAST: Final = 4
@@ -57,7 +58,7 @@ def windows(data: bytes, cuts: Iterable[int], roles: Sequence[Role]) -> list[Win
             and not any(start <= w[0] and w[1] <= end for w in found)
         ):
             found[start, end] = [role for role in roles if role is Role.RESPONSE or data[start + 1] < EXCEPTION]
-    return [Window(start, end, tuple(roles)) for (start, end), roles in sorted(found.items())]
+    return [Window(start, end, tuple(roles)) for (start, end), roles in sorted(found.items()) if roles]
 
 
 def tiling(windows: Sequence[Window], length: int) -> list[Window] | None:

@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-from dissectors.annotation import Field
-from dissectors.checks import crc_bytes
-from dissectors.lengths import Role
+from dissectors.crc import crc_bytes
+from dissectors.fields import Field
+from dissectors.length_rules import Role
+from dissectors.values import harmless
 
-from .model import Found, Noise, Paste
+from ..terminal_text import TerminalText, painted, terminal_text
+from .model import Paste, PastedFrame, PastedNoise
 from .numbers import every_reading, likely_floats
 
 _HEX_BYTES: Final = 8  # of a field that are shown; --json has all
@@ -22,18 +24,17 @@ _CHECKS: Final = ("crc", "lrc")  # their trouble is told once, above the fields
 
 
 class Style(NamedTuple):
-    """Escape sequences, empty without colour."""
+    """Graphic renditions (`painted`), empty without colour."""
 
     bold: str = ""
     dim: str = ""
     red: str = ""
-    plain: str = ""
 
 
-COLOURED: Final = Style("\x1b[1m", "\x1b[2m", "\x1b[31m", "\x1b[0m")
+COLOURED: Final = Style("1", "2", "31")
 
 
-class _Row(NamedTuple):
+class _TreeRow(NamedTuple):
     at: str
     octets: str
     name: str
@@ -41,30 +42,31 @@ class _Row(NamedTuple):
     problem: str | None = None
 
 
-def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> str:
+def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> TerminalText:
     """The paste as lines, newline at the end; `values` adds registers as 32- and 64-bit numbers in every order."""
     style = COLOURED if colour else Style()
-    lines = [f"{style.dim}{paste.why}{style.plain}"]
+    lines: list[str] = [painted(harmless(paste.why), style.dim)]
     for piece in paste.pieces:
         lines.append("")
-        if isinstance(piece, Noise):
+        if isinstance(piece, PastedNoise):
             octets = shown(piece.data, _NOISE_BYTES)
-            lines.append(f"{style.bold}in no frame{style.plain}  {count(piece.length)} at {piece.start}: {octets}")
+            where = f"  {count(piece.length)} at {piece.start}: {octets}"
+            lines.append(terminal_text(painted("in no frame", style.bold), where))
         else:
             lines.extend(_frame(piece, style, values))
-    return "\n".join(lines) + "\n"
+    return terminal_text(*(terminal_text(line, "\n") for line in lines))
 
 
-def _frame(frame: Found, style: Style, values: bool) -> Iterator[str]:
-    yield f"{style.bold}{heading(frame)}{style.plain}"
+def _frame(frame: PastedFrame, style: Style, values: bool) -> Iterator[str]:
+    yield painted(heading(frame), style.bold)
     problem = trouble(frame)
     if problem:
-        yield f"{style.red}! {problem}{style.plain}"
+        yield painted(f"! {problem}", style.red)
     for finding in frame.findings:
-        yield f"{style.red}! {finding.severity.name.lower()} {finding.code}: {finding.text}{style.plain}"
+        yield painted(f"! {finding.severity.name.lower()} {finding.code}: {finding.text}", style.red)
         for head, words in (("likely", finding.cause), ("do", finding.remedy)):
             if words:
-                yield f"{style.dim}  {head}: {words}{style.plain}"
+                yield painted(f"  {head}: {words}", style.dim)
     fields = frame.fields()
     yield from _table(fields, style)
     if values:
@@ -76,20 +78,21 @@ def _frame(frame: Found, style: Style, values: bool) -> Iterator[str]:
     yield ""
     if others == fields:
         name = frame.also.name.lower()
-        yield f"{style.bold}or {name}{style.plain}  its request and its response look alike: field by field the same"
+        same = "  its request and its response look alike: field by field the same"
+        yield terminal_text(painted(f"or {name}", style.bold), same)
         return
-    yield f"{style.bold}or {heading(frame, frame.also)}{style.plain}"
+    yield painted(f"or {heading(frame, frame.also)}", style.bold)
     yield from _table(others, style)
 
 
-def heading(frame: Found, role: Role | None = None) -> str:
+def heading(frame: PastedFrame, role: Role | None = None) -> str:
     """A frame in one line: direction, unit, and what it says."""
     direction = (frame.role if role is None else role).name.lower()
     unit = "unit ?" if frame.adu.unit is None else f"unit {frame.adu.unit}"
     return f"{direction:<8}  {unit}: {frame.summary(role)}"
 
 
-def trouble(frame: Found) -> str | None:
+def trouble(frame: PastedFrame) -> str | None:
     """What is wrong with the frame as a whole, and what can still be read."""
     adu = frame.adu
     if frame.missing:
@@ -111,12 +114,13 @@ def _table(fields: Sequence[Field], style: Style) -> Iterator[str]:
     wide = max((len(row.octets) for row in rows), default=0)
     long = min(max((len(row.name) for row in rows), default=0), _NAME)
     for row in rows:
-        yield f"{style.dim}{row.at:>4}  {row.octets:<{wide}}{style.plain}  {row.name:<{long}}  {row.text}".rstrip()
+        means = f"  {row.name:<{long}}  {row.text}".rstrip()
+        yield terminal_text(painted(f"{row.at:>4}  {row.octets:<{wide}}", style.dim), means)
         if row.problem:
-            yield f"{style.red}{'':>{6 + wide}}  ! {row.problem}{style.plain}"
+            yield painted(f"{'':>{6 + wide}}  ! {row.problem}", style.red)
 
 
-def _rows(fields: Sequence[Field], depth: int) -> Iterator[_Row]:
+def _rows(fields: Sequence[Field], depth: int) -> Iterator[_TreeRow]:
     indent = "  " * depth
     floats = likely_floats(fields)
     i = 0
@@ -129,7 +133,7 @@ def _rows(fields: Sequence[Field], depth: int) -> Iterator[_Row]:
             continue
         text = field.text + (f"   {floats[i]}" if i in floats else "")
         problem = None if field.name in _CHECKS else field.problem
-        yield _Row(str(field.start), _octets(field), indent + field.name, text, problem)
+        yield _TreeRow(str(field.start), _octets(field), indent + field.name, text, problem)
         yield from _rows(field.fields, depth + 1)
         i += 1
 
@@ -145,12 +149,12 @@ def _bits_in_a_row(fields: Sequence[Field], first: int) -> Sequence[Field]:
     return fields[first:last]
 
 
-def _bit_row(bits: Sequence[Field], indent: str) -> _Row:
+def _bit_row(bits: Sequence[Field], indent: str) -> _TreeRow:
     """A byte of coils on one line, the lowest address first as in the summary."""
     first, last = (bit.text.partition(":")[0] for bit in (bits[0], bits[-1]))
     states = "".join("1" if bit.value else "0" for bit in bits)
     where = f"{first} to {last}: " if bits[0].address is not None else ""
-    return _Row(
+    return _TreeRow(
         str(bits[0].start), bits[0].raw.upper(), f"{indent}{bits[0].name}s", f"{where}{states[:4]} {states[4:]}"
     )
 

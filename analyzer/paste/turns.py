@@ -6,15 +6,16 @@ last case alone the other direction stays possible and is shown beside.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 from dissectors.answers import expectation
 from dissectors.envelopes import Adu
-from dissectors.lengths import Role, pdu_length, plausibility
+from dissectors.length_rules import Role
+from dissectors.lengths import pdu_length, plausibility
 
-from .model import Found
+from .model import PastedFrame
 
 BOTH: Final = (Role.REQUEST, Role.RESPONSE)
 TX, RX = 1, 2  # the marks of a log, as `captures` numbers them
@@ -34,11 +35,11 @@ class Turn:
     mark: int = 0
 
 
-def turns(frames: Sequence[Turn]) -> list[Found]:
+def turns(frames: Sequence[Turn]) -> list[PastedFrame]:
     """The frames with directions, answers tied to their requests."""
     sent = _senders(frames)
-    found: list[Found] = []
-    waiting: list[Found] = []
+    found: list[PastedFrame] = []
+    waiting: list[PastedFrame] = []
     for frame in frames:
         adu, roles = frame.adu, frame.roles
         request = next((asked for asked in reversed(waiting) if _answers(asked.adu, adu)), None)
@@ -57,7 +58,7 @@ def turns(frames: Sequence[Turn]) -> list[Found]:
             request = None
         sure = _EITHER if also is not None else _SURE
         found.append(
-            Found(
+            PastedFrame(
                 adu,
                 role,
                 frame.start,
@@ -77,6 +78,29 @@ def turns(frames: Sequence[Turn]) -> list[Found]:
             asked = found.index(request)
             found[asked] = replace(request, also=None, confidence=found[-1].confidence)  # its answer settles it
     return found
+
+
+def by_marks(frames: Sequence[PastedFrame], marks: Mapping[int, int]) -> list[PastedFrame]:
+    """Frames in which either direction can be and that answer nothing, in the one that the log's marks say.
+
+    `marks` are by the offsets at which the log's lines begin.
+    """
+    roles = [possible(frame.adu.pdu, BOTH) for frame in frames]
+    turns = [
+        Turn(
+            frame.adu,
+            frame.start,
+            can_be if len(can_be) == 1 or frame.request is None else (frame.role,),
+            mark=marks.get(frame.start, 0),
+        )
+        for frame, can_be in zip(frames, roles, strict=True)
+    ]
+    sent = _senders(turns)
+    done = []
+    for frame, turn in zip(frames, turns, strict=True):
+        role = sent.get(turn.mark, frame.role) if len(turn.roles) > 1 else frame.role
+        done.append(frame if role is frame.role else replace(frame, role=role, also=None))
+    return done
 
 
 def possible(pdu: bytes, roles: Sequence[Role]) -> Sequence[Role]:

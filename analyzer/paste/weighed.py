@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from analyzer.frames import Batch, Kind
-from analyzer.pipeline import Options, deframe
 from captures import Capture, Chunk, LineSettings, Mark
 
-from .model import Found, Noise, Part, Piece
+from ..core import deframe
+from ..options import Options
+from ..tables.batch import Batch
+from ..tables.schema import Kind
+from .model import PastedFrame, PastedNoise, PastePart, Piece
 
 
-def weighed(parts: Sequence[Part]) -> list[Piece]:
+def weighed(parts: Sequence[PastePart]) -> list[Piece]:
     """Frames and noise of the parts' bytes, with times where every part has one."""
     timed = all(part.t_ns is not None for part in parts)
     chunks = [Chunk(part.t_ns or 0 if timed else 0, part.data, mark=Mark(part.mark)) for part in parts]
@@ -27,13 +29,13 @@ def _pieces(batch: Batch, pdus: dict[int, bytes], timed: bool) -> list[Piece]:
     pieces: list[Piece] = []
     for row in range(len(batch)):
         if batch.rows["kind"][row] == Kind.NOISE:
-            pieces.append(Noise(int(batch.rows["start"][row]), batch.bytes_of(row)))
+            pieces.append(PastedNoise(int(batch.rows["start"][row]), batch.bytes_of(row)))
             continue
         frame = batch.frame(row)
         adu = frame.adu
         pdus[frame.index] = adu.pdu
         pieces.append(
-            Found(
+            PastedFrame(
                 adu,
                 frame.role,
                 frame.start,

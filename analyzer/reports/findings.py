@@ -1,4 +1,4 @@
-"""The findings' part of the report page: the three that cost the bus most with their remedy, then all by code."""
+"""What is wrong, on the report page: the causes; the three findings that cost the bus most; then all, by code."""
 
 from __future__ import annotations
 
@@ -6,11 +6,27 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from ..causes.model import Cause
 from .model import FindingRow
 
 _WORST: Final = 3
 _UNITS: Final = 5  # named in a line
 _WIDTH: Final = 80
+
+
+def cause_lines(causes: Sequence[Cause]) -> Iterator[str]:
+    """What explains the findings, best first, each with how sure that is; nothing where there are none."""
+    if causes:
+        yield ""
+        yield "what is wrong"
+    for number, cause in enumerate(causes, 1):
+        yield from _wrapped(f"{number}. {cause.cause}, {cause.confidence:.0%} sure: {cause.text}", "   ", first="")
+        if cause.share:
+            yield from _wrapped(f"seen: {cause.share}", "   ")
+        if cause.deciding_test:
+            yield from _wrapped(f"to be sure: {cause.deciding_test}", "   ")
+        if cause.remedy:
+            yield from _wrapped(f"do: {cause.remedy}", "   ")
 
 
 def lines(findings: Sequence[FindingRow]) -> Iterator[str]:

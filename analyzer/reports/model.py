@@ -10,8 +10,10 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from analyzer.recorded import Deaf
     from captures.recording.notes import Note
+
+    from ..causes.model import Cause
+    from ..outages import Deaf
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +132,7 @@ class Report:
     functions: tuple[FunctionRow, ...]
     exceptions: tuple[ExceptionRow, ...]
     filter: str = ""  # what the rest of the report is narrowed to
+    causes: tuple[Cause, ...] = ()  # what explains the findings, best first; none on a healthy bus
     findings: tuple[FindingRow, ...] = ()  # those that cost the bus most come first
     notes: tuple[Note, ...] = ()  # of a recording: what happened besides bytes
     deaf: tuple[Deaf, ...] = ()  # of a recording: when it heard nothing

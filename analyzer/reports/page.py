@@ -6,17 +6,15 @@ Facts first, trouble marked by its own lines; what this capture cannot tell is s
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-from dissectors.text import harmless
+from dissectors.values import harmless
 
+from ..outages import unheard
+from ..words import compact, duration, is_clock, moment, plural
 from . import findings
 from .model import Counts, Report, UnitRow
-
-if TYPE_CHECKING:
-    from analyzer.recorded import Deaf
 
 _WIDTH: Final = 80
 _UNBROKEN: Final[dict[str, Any]] = {"break_long_words": False, "break_on_hyphens": False}  # names, ports
@@ -24,7 +22,6 @@ _ROWS: Final = 24  # units on the page; --json has all
 _EXCEPTIONS: Final = 10
 _LOSSES: Final = 3
 _HAPPENED: Final = 4  # of a recording
-_EPOCH_NS: Final = 10**17  # times after 1973 are taken for a clock's, others count from the start of the capture
 _COLUMNS: Final = (  # head, width, which of Counts
     ("requests", 9, "requests"),
     ("ok", 7, "answered"),
@@ -37,17 +34,18 @@ _COLUMNS: Final = (  # head, width, which of Counts
 
 
 def text(report: Report) -> str:
-    """The page, newline at the end."""
-    return "\n".join(line.rstrip() for line in _lines(report)) + "\n"
+    """The page, newline at the end; names and notes in it are harmless."""
+    return "\n".join(harmless(line.rstrip()) for line in _lines(report)) + "\n"
 
 
 def _lines(report: Report) -> Iterator[str]:
     for label, words in facts(report):
-        yield from wrap(words, _WIDTH, initial_indent=f"{label:<9} ", subsequent_indent=" " * 10, **_UNBROKEN)
+        yield from wrap(harmless(words), _WIDTH, initial_indent=f"{label:<9} ", subsequent_indent=" " * 10, **_UNBROKEN)
     if not report.frames:
         yield ""
         yield nothing(report)
         return
+    yield from findings.cause_lines(report.causes)
     if report.units:
         yield ""
         yield from _units(report)
@@ -67,7 +65,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     """The bus in brief: a label with its words; an empty label goes on with the one before."""
     yield "capture", ", ".join(part for part in (report.source, report.format) if part) or "unnamed"
     if report.filter:
-        yield "filter", f"{harmless(report.filter)} (what follows covers what passes)"
+        yield "filter", f"{report.filter} (what follows covers what passes)"
     yield "line", _line(report)
     yield "span", _span(report)
     label = "skipped" if report.format == "text" else "damaged"  # a log's words between its bytes are no damage
@@ -114,22 +112,15 @@ def _span(report: Report) -> str:
         nothing = "nothing passes" if report.filter else "nothing captured"
         return "unknown: " + ("no times in this capture" if not report.timed else nothing)
     words = duration(report.span_ns)
-    if report.t_start_ns is not None and report.t_start_ns > _EPOCH_NS:
+    if report.t_start_ns is not None and is_clock(report.t_start_ns):
         words += f", from {moment(report.t_start_ns)}"
     return words
-
-
-def moment(t_ns: int) -> str:
-    """A time of a clock."""
-    return f"{datetime.fromtimestamp(t_ns / 1e9, UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
 def _recording(report: Report) -> Iterator[tuple[str, str]]:
     """When the recorder heard nothing, and when its clock was set."""
     said = [(time.from_ns, unheard(time)) for time in report.deaf]
-    said += [
-        (note.t_ns, f"at {moment(note.t_ns)}: {harmless(note.text)}") for note in report.notes if note.kind == "clock"
-    ]
+    said += [(note.t_ns, f"at {moment(note.t_ns)}: {note.text}") for note in report.notes if note.kind == "clock"]
     label = "recorded"
     for _, words in sorted(said)[:_HAPPENED]:
         yield label, words
@@ -138,16 +129,6 @@ def _recording(report: Report) -> Iterator[tuple[str, str]]:
         yield "", f"and {plural(len(said) - _HAPPENED, 'more such time', 'more such times')} (--json has all)"
     if report.deaf:
         yield "", "no unit is blamed for an answer that was missed then"
-
-
-def unheard(time: Deaf) -> str:
-    """A time without ears, in words."""
-    text = harmless(time.text)
-    if time.to_ns is None:
-        return f"nothing heard from {moment(time.from_ns)} to the end: {text}"
-    if time.to_ns == time.from_ns:
-        return f"at {moment(time.from_ns)}: {text}"
-    return f"nothing heard for {duration(time.to_ns - time.from_ns)} from {moment(time.from_ns)}: {text}"
 
 
 def _bytes(report: Report) -> str:
@@ -250,40 +231,8 @@ def _exceptions(report: Report) -> Iterator[str]:
         yield f"{'':>9}   and {len(report.exceptions) - _EXCEPTIONS} other kinds (--json has all)"
 
 
-def duration(ns: int) -> str:
-    """A time in its natural unit, three or four digits: `870 us`, `12.3 ms`, `4.2 s`, `3 h 12 min`."""
-    if ns < 999_500:
-        return f"{ns / 1e3:.0f} us"
-    if ns < 999_500_000:
-        return f"{ns / 1e6:.3g} ms"
-    seconds = ns / 1e9
-    if seconds < 99.95:
-        return f"{seconds:.3g} s"
-    minutes, seconds = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    days, hours = divmod(hours, 24)
-    if days:
-        return f"{days} d {hours} h"
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds} s"
-
-
-def compact(number: int) -> str:
-    """A count in at most five characters: `9999`, `12.3k`, `1.2M`."""
-    if number < 10_000:
-        return str(number)
-    for scale, letter in ((1e3, "k"), (1e6, "M"), (1e9, "G"), (1e12, "T")):
-        if number < 999.5 * scale:
-            return f"{number / scale:.{2 if number < 9.995 * scale else 1 if number < 99.95 * scale else 0}f}{letter}"
-    return ">999T"
-
-
 def _cell(ns: int | None) -> str:
     """A time in at most seven characters."""
     if ns is None:
         return "?"
     return duration(ns) if ns < 99_950_000_000 else f"{ns / 1e9:.3g} s"
-
-
-def plural(number: int, one: str, many: str) -> str:
-    """`1 retry`, `2 retries`."""
-    return f"{number:,} {one if number == 1 else many}"

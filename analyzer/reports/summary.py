@@ -13,22 +13,23 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer.deframing.options import Options
-from analyzer.frames import Kind, Rows
-from analyzer.passing import passing
-from analyzer.recorded import deaf_times, notes_of
-from analyzer.transactions import Status
 from dissectors.functions import exception_name, function_name
 
+from ..core import observed
+from ..options import Options
+from ..outages import deaf_times, notes_of
+from ..tables.schema import Kind, Rows
+from ..tables.transactions import Status
 from .model import Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
 from .percentiles import Histogram
 from .troubles import Troubles
 
 if TYPE_CHECKING:
-    from analyzer.filters import Filter
-    from analyzer.pipeline import Analysed
     from captures import Capture
     from captures.line import LineSettings
+
+    from ..core import Analysed
+    from ..filters import Filter
 
 _SECOND: Final = 1_000_000_000
 _DOUBTFUL: Final = 0.5
@@ -67,7 +68,7 @@ class Summary:
     @classmethod
     def of(cls, line: LineSettings) -> Summary:
         """An empty one, for a line of these settings."""
-        return cls(line.char_bits * 1e9 / line.baud if line.baud and line.char_bits else None)
+        return cls(line.character_ns)
 
     @property
     def frames(self) -> int:
@@ -235,20 +236,28 @@ def summarize(
     `watch` sees every batch too, for a page that shows more than the counts.
     `progress` is told (frames, bytes) after each batch; once `stop` says True the report is made of what came so far.
     """
-    from analyzer.pipeline import analyse
+    from ..causes.ledger import Ledger
+    from ..causes.reasoning import causes_of
+    from ..core import analyse
 
     line = capture.line
     summary = Summary.of(line)
-    stream = analyse(passing(capture, stop=stop), options)
+    ledger = Ledger(line, options) if filter is None else None  # a part of a bus tells no story
+    stream = analyse(observed(capture, stop=stop), options)
     if filter is not None:
-        from analyzer.filters.stream import filtered
+        from ..filters.stream import filtered
 
         stream = filtered(stream, filter, line)
     for analysed in stream:
         summary.feed(analysed)
+        if ledger is not None:
+            ledger.feed(analysed.batch, analysed.transactions)
         if watch is not None:
             watch(analysed)
         if progress is not None:
             progress(summary.frames, summary.bytes)
     report = summary.report(capture, source=source, partial=stop is not None and stop())
-    return report if filter is None else replace(report, filter=filter.text)
+    if ledger is None:
+        return replace(report, filter="" if filter is None else filter.text)
+    ledger.close()
+    return replace(report, causes=tuple(causes_of(ledger)))

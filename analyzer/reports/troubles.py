@@ -12,10 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer.findings.model import Findings, describe
-from analyzer.findings.registry import Rule, rules
-from analyzer.frames import Rows
-
+from ..tables.findings import Findings, Rule, describe, rules
+from ..tables.schema import Rows
 from .model import FindingRow
 
 _NOBODY: Final = 256  # instead of a unit: noise, requests to nobody in particular, the bus as a whole
@@ -24,7 +22,7 @@ _UNITS: Final = 8  # named in a row
 
 
 @dataclass(slots=True)
-class _Kind:
+class _RuleTally:
     """What was found by one rule."""
 
     first: np.void
@@ -37,7 +35,7 @@ class Troubles:
     """Counts findings as they come."""
 
     def __init__(self) -> None:
-        self._kinds: dict[int, _Kind] = {}
+        self._kinds: dict[int, _RuleTally] = {}
 
     def add(self, findings: Findings, rows: Rows) -> None:
         """Count findings on these rows."""
@@ -49,7 +47,7 @@ class Troubles:
             kind = self._kinds.get(number)
             if kind is None:
                 first = findings[here][:1].copy()[0]
-                kind = self._kinds[number] = _Kind(first, np.zeros(_NOBODY + 1, np.int64))
+                kind = self._kinds[number] = _RuleTally(first, np.zeros(_NOBODY + 1, np.int64))
             kind.units += np.bincount(units[here], minlength=_NOBODY + 1)
             known = _wasted_ms(rules()[number], findings[here])
             kind.lost_ms += float(np.nansum(known))
@@ -71,7 +69,7 @@ class Troubles:
         return _USUAL_MS
 
 
-def _row(rule: Rule, kind: _Kind, wait_ms: float) -> FindingRow:
+def _row(rule: Rule, kind: _RuleTally, wait_ms: float) -> FindingRow:
     count = int(kind.units.sum())
     lost = count if rule.loses else 0
     example = describe(kind.first)

@@ -17,21 +17,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.lazy import lazily
+from ..lazy import lazily
 
 if TYPE_CHECKING:
-    from analyzer.simulation.bus import Simulation, simulate, write
-    from analyzer.simulation.scenario import Scenario
-    from analyzer.simulation.taps import TAPS, Tap
-    from analyzer.simulation.truth import TruthFinding, TruthFrame
-    from analyzer.simulation.wires import WIRES, Wire
+    from .bus import Simulation, simulate, write
+    from .taps import TAPS, SimulatedTap
+    from .truth import Scenario, TruthFinding, TruthFrame
+    from .wires import WIRES, Wire
 
 _HOMES = {
     "TAPS": "taps",
     "WIRES": "wires",
-    "Scenario": "scenario",
+    "Scenario": "truth",
     "Simulation": "bus",
-    "Tap": "taps",
+    "SimulatedTap": "taps",
     "TruthFinding": "truth",
     "TruthFrame": "truth",
     "Wire": "wires",
@@ -39,7 +38,18 @@ _HOMES = {
     "write": "bus",
 }
 
-__all__ = ["TAPS", "WIRES", "Scenario", "Simulation", "Tap", "TruthFinding", "TruthFrame", "Wire", "simulate", "write"]
+__all__ = [
+    "TAPS",
+    "WIRES",
+    "Scenario",
+    "SimulatedTap",
+    "Simulation",
+    "TruthFinding",
+    "TruthFrame",
+    "Wire",
+    "simulate",
+    "write",
+]
 
 
 __getattr__ = lazily(__name__, _HOMES)

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from random import Random
 
 import captures
-from analyzer.simulation.conversation import Client, Habits
-from analyzer.simulation.defects import defects
-from analyzer.simulation.defects.stage import Stage
-from analyzer.simulation.line import play
-from analyzer.simulation.scenario import Scenario
-from analyzer.simulation.taps import TAPS
-from analyzer.simulation.truth import TruthFinding, TruthFrame
-from analyzer.simulation.wires import WIRES
+from dissectors.maps import RegisterMap, map_for_unit
+
+from .conversation import Client, Habits
+from .defects import defects
+from .defects.stage import Stage
+from .line import play
+from .mapped.client import MappedClient
+from .mapped.truth import TruthRegister
+from .taps import TAPS, with_errors
+from .truth import Scenario, TruthFinding, TruthFrame
+from .wires import WIRES
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +31,7 @@ class Simulation:
     chunks: list[captures.Chunk]
     truth: tuple[TruthFrame, ...]
     findings: tuple[TruthFinding, ...] = ()
+    registers: tuple[TruthRegister, ...] = ()
 
 
 def simulate(scenario: Scenario) -> Simulation:
@@ -41,12 +45,21 @@ def simulate(scenario: Scenario) -> Simulation:
     units = random.randint(3, 8) if scenario.units is None else scenario.units
     character_ns = scenario.char_bits / baud * 1e9
     habits = Habits(random.random() < wire.public, wire.vendor, wire.hostile, wire.broadcast)
-    passed = play(Client(random, habits, units), wire, random, scenario.transactions, character_ns)
+    client = MappedClient(random, _charts(scenario.maps)) if scenario.maps else Client(random, habits, units)
+    passed = play(client, wire, random, scenario.transactions, character_ns)
     return Simulation(
         line=captures.LineSettings(baud=baud, char_bits=scenario.char_bits, tap=scenario.tap),
         chunks=list(tap.deliver(passed.data, passed.times, random, character_ns)),
         truth=passed.frames,
+        registers=tuple(client.registers()) if isinstance(client, MappedClient) else (),
     )
+
+
+def _charts(maps: Sequence[str]) -> list[tuple[int, RegisterMap]]:
+    """The units and their maps; those without a unit get the lowest that are free."""
+    named = [(chart, unit) for chart, unit in map(map_for_unit, maps)]
+    free = (unit for unit in range(1, 248) if unit not in [number for _, number in named])
+    return [(next(free) if unit is None else unit, chart) for chart, unit in named]
 
 
 def _with_defect(scenario: Scenario, code: str) -> Simulation:
@@ -59,32 +72,33 @@ def _with_defect(scenario: Scenario, code: str) -> Simulation:
     chunks = tap.deliver(bytes(stage.data), stage.times, random, character_ns)
     return Simulation(
         line=captures.LineSettings(baud=baud, char_bits=scenario.char_bits, tap=scenario.tap),
-        chunks=list(_marked(chunks, stage.errors)),
+        chunks=list(with_errors(chunks, stage.errors)),
         truth=tuple(stage.frames),
         findings=tuple(stage.findings),
     )
 
 
-def _marked(chunks: Iterator[captures.Chunk], errors: Sequence[int]) -> Iterator[captures.Chunk]:
-    """The chunks with the bytes marked that stand at these offsets of the stream."""
-    start = 0
-    for chunk in chunks:
-        inside = tuple(at - start for at in errors if start <= at < start + len(chunk.data))
-        yield replace(chunk, errors=inside) if inside else chunk
-        start += len(chunk.data)
-
-
 def write(scenario: Scenario, path: str | PathLike[str]) -> None:
     """Writes the capture to `path` (its suffix chooses the format) and the truth to the same name with `.truth.jsonl`.
+
+    With maps, what the polled registers mean goes to `.registers.jsonl`.
 
     Raises ValueError as `simulate` does, CaptureError where a file can't be written.
     """
     path = Path(path)
     made = simulate(scenario)
     captures.write(path, made.chunks, line=made.line)
-    with captures.replacing(path.with_suffix(".truth.jsonl")) as file:
+    with captures.replacing(truth_path(path)) as file:
         lines = [frame.to_json() for frame in made.truth] + [finding.to_json() for finding in made.findings]
         file.writelines(json.dumps(line).encode() + b"\n" for line in lines)
+    if made.registers:
+        with captures.replacing(path.with_suffix(".registers.jsonl")) as file:
+            file.writelines(json.dumps(register.to_json()).encode() + b"\n" for register in made.registers)
+
+
+def truth_path(path: str | PathLike[str]) -> Path:
+    """Where the truth of a capture stands."""
+    return Path(path).with_suffix(".truth.jsonl")
 
 
 def _check(scenario: Scenario) -> None:
@@ -108,6 +122,8 @@ def _check_defect(scenario: Scenario, code: str) -> None:
     known = defects()
     if code not in known:
         raise ValueError(f"no defect {code!r}: there are {', '.join(known)}")
+    if scenario.maps:
+        raise ValueError("a defect is put on devices of the simulator's own, without --map")
     if scenario.wire != "clean":
         raise ValueError(f"a defect is put on the wire clean, not on {scenario.wire}")
     if scenario.units is not None and scenario.units < known[code].units:

@@ -12,10 +12,12 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
+from typing import Protocol
 
-from analyzer.simulation.devices import MAP_LENGTH, VENDOR, Device, exception, make_devices
-from analyzer.simulation.hostile import hostile
-from dissectors.checks import crc_bytes
+from dissectors.crc import crc_bytes
+
+from .devices import MAP_LENGTH, VENDOR, Device, exception, make_devices
+from .hostile import hostile
 
 _COMMON = {3: 4, 4: 2, 16: 2, 1: 1, 2: 1, 5: 1, 6: 1, 15: 1}
 _PUBLIC = _COMMON | dict.fromkeys((7, 8, 11, 12, 17, 20, 21, 22, 23, 24, 43), 1)
@@ -41,6 +43,12 @@ class Habits:
     hostile: float
     broadcasts: float
     exceptions: float = 0.033
+
+
+class Asking(Protocol):
+    """Who makes requests: `exchange` gives the next one with the answer it would get."""
+
+    def exchange(self) -> Exchange: ...
 
 
 class Client:

@@ -10,7 +10,7 @@ import struct
 from collections.abc import Sequence
 from random import Random
 
-from dissectors.checks import crc_bytes
+from dissectors.crc import crc_bytes
 
 _HEAD = 3  # unit, function, byte count
 _REQUEST_LENGTH = 8  # of the commonest requests: a prefix of that length is the most tempting

@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from random import Random
 
-from analyzer.simulation.conversation import Client, Exchange
-from analyzer.simulation.faults import FAULTS
-from analyzer.simulation.truth import TruthFrame
-from analyzer.simulation.wires import Wire
+from .conversation import Asking, Exchange
+from .faults import FAULTS
+from .truth import TruthFrame
+from .wires import Wire
 
 MS = 1e6  # ns
 _START_NS = 100 * MS
@@ -43,7 +43,7 @@ class WireBytes:
     frames: tuple[TruthFrame, ...]
 
 
-def play(client: Client, wire: Wire, random: Random, transactions: int, character_ns: float) -> WireBytes:
+def play(client: Asking, wire: Wire, random: Random, transactions: int, character_ns: float) -> WireBytes:
     """`transactions` requests, repeated ones included, and what came of each."""
     line = _Line(wire, random, character_ns)
     line.run(client, transactions)
@@ -62,7 +62,7 @@ class _Line:
         self._request_faults = ((wire.flip, "flip"), (wire.drop, "drop"))
         self._response_faults = (*self._request_faults, (wire.truncate, "trunc"), (wire.collide, "collide"))
 
-    def run(self, client: Client, transactions: int) -> None:
+    def run(self, client: Asking, transactions: int) -> None:
         random, wire = self._random, self._wire
         again: Exchange | None = None
         left = transactions
@@ -93,7 +93,7 @@ class _Line:
             return 0.5 * MS
         return self._random.uniform(1, 9) * MS if kind == 1 else self._random.uniform(9, 100) * MS
 
-    def _late(self, client: Client, response: bytes, request: int) -> None:
+    def _late(self, client: Asking, response: bytes, request: int) -> None:
         """The answer comes after the next request, which gets none of its own."""
         self._now += _TIMEOUT_NS
         self._frame("request", client.exchange().request, None)

@@ -14,8 +14,9 @@ A new tap is one new entry in `TAPS`.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from random import Random
 from types import MappingProxyType
 
@@ -33,7 +34,7 @@ Deliver = Callable[[bytes, "array[float]", Random, float], Iterator["captures.Ch
 
 
 @dataclass(frozen=True, slots=True)
-class Tap:
+class SimulatedTap:
     """A tap: how it delivers (bytes, their times in ns, a source of chance, ns a character), and usual baud rates."""
 
     deliver: Deliver
@@ -93,14 +94,24 @@ def _untimed(data: bytes, times: array[float], random: Random, character_ns: flo
         yield captures.Chunk(0, data)
 
 
+def with_errors(chunks: Iterable[captures.Chunk], errors: Sequence[int]) -> Iterator[captures.Chunk]:
+    """The chunks with the bytes marked that stand at these offsets of the stream, in order."""
+    start = low = 0
+    for chunk in chunks:
+        end = start + len(chunk.data)
+        high = bisect_left(errors, end, low)
+        yield replace(chunk, errors=tuple(at - start for at in errors[low:high])) if high > low else chunk
+        start, low = end, high
+
+
 _USUAL_BAUDS = (9600, 19200)
 
-TAPS: Mapping[str, Tap] = MappingProxyType(
+TAPS: Mapping[str, SimulatedTap] = MappingProxyType(
     {
-        "precise": Tap(_precise, _USUAL_BAUDS),
-        "irq": Tap(_irq, _USUAL_BAUDS),
-        "ftdi16": Tap(_usb, (38400, 57600, 115200)),
-        "gateway": Tap(_gateway, _USUAL_BAUDS),
-        "untimed": Tap(_untimed, _USUAL_BAUDS),
+        "precise": SimulatedTap(_precise, _USUAL_BAUDS),
+        "irq": SimulatedTap(_irq, _USUAL_BAUDS),
+        "ftdi16": SimulatedTap(_usb, (38400, 57600, 115200)),
+        "gateway": SimulatedTap(_gateway, _USUAL_BAUDS),
+        "untimed": SimulatedTap(_untimed, _USUAL_BAUDS),
     }
 )

@@ -66,3 +66,27 @@ class TruthFinding:
         """The finding as an object of a truth file."""
         line: dict[str, Any] = {"finding": self.code, "start": self.start, "length": self.length, **self.detail}
         return {**line, "also": list(self.also)} if self.also else line
+
+
+# What to simulate: a wire, a tap and perhaps a defect by name, how long, and the seed that fixes every draw.
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A bus to simulate.
+
+    `wire` and `tap` name entries of `WIRES` and `TAPS`; `transactions` counts requests, repeated ones included;
+    `baud` (bit/s) and `units` (how many servers) are drawn where None; `char_bits` as in `captures.LineSettings`.
+    `maps` name the register maps of the servers, MAP or MAP@UNIT: a file, or a map that is shipped.
+    `defect` is the code of a finding: a healthy bus with that one thing wrong, again and again, on the wire `clean`.
+    """
+
+    wire: str
+    tap: str
+    transactions: int = 400
+    seed: int = 0
+    baud: int | None = None
+    char_bits: int = 11
+    units: int | None = None
+    defect: str | None = None
+    maps: tuple[str, ...] = ()

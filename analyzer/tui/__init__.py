@@ -15,10 +15,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from analyzer.model.source import Source
+    from ..model.source import ViewSource
 
 
-def run(source: Source, *, view: str = "frames", light: bool = False) -> None:
+def run(source: ViewSource, *, view: str = "frames", light: bool = False) -> None:
     """Show a source until the user quits. `view` is what is shown first: `frames`, `findings`, `paste` …"""
     from .app import Rtuscope
 

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.app import App, SystemCommand
 from textual.binding import BindingType
 from textual.screen import Screen
 
-from analyzer.model.bus import Bus
-from analyzer.model.notes import Notes, NotesError
-
-from .desk import Desk
+from ..model.bus import Bus
+from ..model.notes import Notes, NotesError
+from .desk import ViewState
+from .paint import DARK, HARMLESS, LIGHT
 from .screen import BusScreen
-from .tabs import VIEWS
-from .themes import DARK, LIGHT
+from .views import VIEWS
 
 if TYPE_CHECKING:
-    from analyzer.model.source import Source
+    from textual.filter import LineFilter
+
+    from ..model.source import ViewSource
 
 _WIDE = 120  # columns from which on bytes stand 16 to a line
 _COMMANDS = (
@@ -40,7 +41,7 @@ class Rtuscope(App[None]):
     CSS_PATH = "style.tcss"
     BINDINGS: ClassVar[list[BindingType]] = []
 
-    def __init__(self, source: Source, *, view: str = "frames", light: bool = False) -> None:
+    def __init__(self, source: ViewSource, *, view: str = "frames", light: bool = False) -> None:
         super().__init__()
         self.register_theme(DARK)
         self.register_theme(LIGHT)
@@ -50,15 +51,20 @@ class Rtuscope(App[None]):
             notes = Notes.beside(source.path)
         except NotesError as error:
             notes, self._trouble = Notes(), str(error)
-        self.desk = Desk(source, Bus.of(source), notes)
+        self.desk = ViewState(source, Bus.of(source), notes)
         self._view = view
         self.HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (_WIDE, "-wide")]
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        return [*super().get_line_filters(), HARMLESS]
 
     def get_default_screen(self) -> Screen[None]:
         return BusScreen(self.desk, view=self._view)
 
     def on_mount(self) -> None:
         sys.setswitchinterval(0.001)  # keys are answered while a thread reads the source
+        if self.is_web:
+            self.desk.notes.path = None  # whoever has the page writes no file of this machine
         if self._trouble:
             self.notify(self._trouble, severity="error", markup=False)
 
@@ -71,7 +77,7 @@ class Rtuscope(App[None]):
             for name, words, action in _COMMANDS:
                 yield SystemCommand(name, words, lambda action=action: self.call_later(screen.run_action, action))
             for view in VIEWS:
-                yield SystemCommand(f"View: {view.name}", "show it", lambda id=view.id: screen.action_view(id))
+                yield SystemCommand(f"View: {view.title}", "show it", lambda name=view.name: screen.action_view(name))
         yield SystemCommand("Dark or light", "change the theme", self.action_theme_flip)
         yield SystemCommand("Screenshot", "an SVG picture of the screen", self.action_screenshot)
         yield SystemCommand("Quit", "leave", self.exit)

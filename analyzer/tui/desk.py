@@ -5,19 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from analyzer.model.bus import Bus
-from analyzer.model.clock import TimeBase, is_clock, seconds, short, time_of_day
-from analyzer.model.notes import Notes, Place
+from ..model.bus import Bus
+from ..model.notes import Notes, Place
+from ..words import TimeBase, is_clock, seconds, short, time_of_day
 
 if TYPE_CHECKING:
-    from analyzer.model.source import Source
+    from ..model.source import ViewSource
 
 
 @dataclass
-class Desk:
+class ViewState:
     """One source under study."""
 
-    source: Source
+    source: ViewSource
     bus: Bus
     notes: Notes = field(default_factory=Notes)
     base: TimeBase = TimeBase.START
@@ -64,7 +64,7 @@ class Desk:
         if place is None:
             return self.bus.t_first
         if self._reference is None or self._reference[0] != place:
-            row = self.bus.table.row_of_bytes(*place)
+            row = self.bus.table.row_of_byte(*place)
             if row < 0:
                 return self.bus.t_first
             self._reference = place, self.bus.table.value("t_start", row)

@@ -9,16 +9,16 @@ from typing import ClassVar, NamedTuple
 from textual.binding import Binding, BindingType
 
 from .lines import Lines
-from .look import NOTHING, Item, Look, chosen
+from .look import NOTHING, FrameDetail, Item, chosen
 from .messages import FieldChosen
-from .paint import Piece
+from .paint import StyledText
 
 _LABEL = 16  # columns, at most
 _INDENT = 4
 Path = tuple[str, ...]
 
 
-class Shown(NamedTuple):
+class TreeLine(NamedTuple):
     """A line of the tree: an item, or more of its text."""
 
     item: Item
@@ -44,10 +44,10 @@ class Details(Lines):
         self.look = NOTHING
         self._turned: dict[Path, bool] = {}  # what the user opened (True) or closed
         self._values = False
-        self._lines: list[Shown] = []
+        self._lines: list[TreeLine] = []
         self._broken_at = 0
 
-    def show(self, look: Look, *, to: Path = ()) -> Item | None:
+    def show(self, look: FrameDetail, *, to: Path = ()) -> Item | None:
         """Another frame; the cursor goes to an item, or stays on the field of the same name. Gives it, tells nobody."""
         path = to or (self._lines[self.cursor].path if self.cursor < len(self._lines) else ())
         self.look = look
@@ -75,21 +75,21 @@ class Details(Lines):
     def count(self) -> int:
         return len(self._lines)
 
-    def pieces(self, line: int, width: int) -> Sequence[Piece]:  # noqa: ARG002 - wrapped to the width before
+    def pieces(self, line: int, width: int) -> Sequence[StyledText]:  # noqa: ARG002 - wrapped to the width before
         shown = self._lines[line]
         item = shown.item
         indent = "  " * (len(shown.path) - 1)
         if not shown.first:
-            return [Piece(f"{indent}  {' ' * self._hanging(shown)}"), Piece(shown.text, item.kind)]
+            return [StyledText(f"{indent}  {' ' * self._hanging(shown)}"), StyledText(shown.text, item.kind)]
         sign = " " if not item.children else "-" if self._is_open(item, shown.path) else "+"
         label = item.label or item.name
         return [
-            Piece(f"{indent}{sign} ", "dim"),
-            Piece(f"{label:<{self._label(shown)}} ", item.kind if label[:1] in "!EWN" and item.kind else "dim"),
-            Piece(shown.text, item.kind),
+            StyledText(f"{indent}{sign} ", "dim"),
+            StyledText(f"{label:<{self._label(shown)}} ", item.kind if label[:1] in "!EWN" and item.kind else "dim"),
+            StyledText(shown.text, item.kind),
         ]
 
-    def _label(self, shown: Shown) -> int:
+    def _label(self, shown: TreeLine) -> int:
         """Columns of the label: siblings' texts begin below each other."""
         if len(shown.path) == 1 and not shown.item.length:
             return len(shown.item.label or shown.item.name)
@@ -98,7 +98,7 @@ class Details(Lines):
         own = len(shown.item.label or shown.item.name)
         return max(own, min(widest, _LABEL))
 
-    def _hanging(self, shown: Shown) -> int:
+    def _hanging(self, shown: TreeLine) -> int:
         """Columns before further lines of a text: below its beginning, or less where that is far to the right."""
         return _INDENT if len(shown.path) == 1 and not shown.item.length else self._label(shown) + 1
 
@@ -113,15 +113,15 @@ class Details(Lines):
         self._broken_at = max(20, self.scrollable_content_region.width)
         self._lines = list(self._laid_out(self.look.items, ()))
 
-    def _laid_out(self, items: Sequence[Item], above: Path) -> Iterator[Shown]:
+    def _laid_out(self, items: Sequence[Item], above: Path) -> Iterator[TreeLine]:
         for item in items:
             path = (*above, item.name)
-            first = Shown(item, path, item.text, True)
+            first = TreeLine(item, path, item.text, True)
             room = max(12, self._broken_at - 2 * len(path))
             before, below = " " * min(self._label(first) + 1, room - 8), " " * min(self._hanging(first), room - 8)
             parts = textwrap.wrap(item.text, room, initial_indent=before, subsequent_indent=below) or [before]
             for i, part in enumerate(parts):
-                yield Shown(item, path, part[len(below if i else before) :], i == 0)
+                yield TreeLine(item, path, part[len(below if i else before) :], i == 0)
             if item.children and self._is_open(item, path):
                 yield from self._laid_out(item.children, path)
 
@@ -177,6 +177,6 @@ class Details(Lines):
         self.renewed(self._nearest(path))
 
 
-def _values(look: Look, path: Path) -> bool:
+def _values(look: FrameDetail, path: Path) -> bool:
     item = chosen(look, path)
     return item is not None and item.values

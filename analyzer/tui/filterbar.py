@@ -11,13 +11,13 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Label
 
-from analyzer.filters import Completion, FilterError, check, complete
-from analyzer.model.filtering import compiled
 from captures.line import LineSettings
 
+from ..filters import Completion, FilterError, check, complete
+from ..model.filtering import compiled
 from .lines import Lines
 from .messages import FilterChanged, FilterLeft, LineEntered
-from .paint import Piece, fitted
+from .paint import StyledText, fitted
 
 _MOST = 8  # completions in sight
 
@@ -43,9 +43,9 @@ class Completions(Lines):
     def count(self) -> int:
         return len(self.found)
 
-    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+    def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         own = self.found[line]
-        return fitted([Piece(f" {own.text.strip():<20} "), Piece(own.help, "dim")], width)
+        return fitted([StyledText(f" {own.text.strip():<20} "), StyledText(own.help, "dim")], width)
 
 
 class FilterInput(Input):

@@ -9,16 +9,19 @@ from typing import TYPE_CHECKING, ClassVar, Final
 import numpy as np
 from textual.binding import Binding, BindingType
 
-from analyzer.findings.model import Severity
-
+from ..tables.findings import Severity
 from .lines import Lines
-from .paint import Piece, fitted
+from .look import at_finding, finding_name
+from .paint import StyledText, fitted
 from .rows import LETTER, SEVERITY
+from .view import View, grown
 
 if TYPE_CHECKING:
-    from analyzer.findings.model import Finding
+    from textual.widget import Widget
 
-    from .desk import Desk
+    from ..tables.findings import Finding
+    from .desk import ViewState
+    from .screen import BusScreen
 
 _LEAST: Final = {Severity.NOTE: "all", Severity.WARNING: "warnings and errors", Severity.ERROR: "errors"}
 _PAUSE_S: Final = 0.3  # between two countings while rows come
@@ -35,7 +38,7 @@ class FindingList(Lines):
         Binding("O", "code(-1)", "Code back", show=False),
     ]
 
-    def __init__(self, desk: Desk, *, id: str) -> None:
+    def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
         self.desk = desk
         self.least = Severity.NOTE
@@ -69,10 +72,9 @@ class FindingList(Lines):
 
     def go(self, row: int) -> None:
         """Put the cursor on the first finding at or behind a row."""
-        rows = [self.desk.bus.found.row(int(i)) for i in self._numbers[:4096]]
-        later = [i for i, at in enumerate(rows) if at >= row]
-        if later:
-            self.move_to(later[0], middle=True)
+        line = int(np.searchsorted(self.desk.bus.found.rows_of(self._numbers), row))  # they are in the order of rows
+        if line < len(self._numbers):
+            self.move_to(line, middle=True)
 
     def _choose(self) -> None:
         self._seen = self.desk.bus.found.count
@@ -81,18 +83,18 @@ class FindingList(Lines):
     def count(self) -> int:
         return len(self._numbers)
 
-    def heads(self, y: int, width: int) -> Sequence[Piece]:
+    def heads(self, y: int, width: int) -> Sequence[StyledText]:
         if y:
-            return [Piece(f"  {'time':>12} {'frame':>8}  {'code':<20} what was seen")]
+            return [StyledText(f"  {'time':>12} {'frame':>8}  {'code':<20} what was seen")]
         log = self.desk.bus.found
         counts = [
             f"{log.by_severity[level]:,} {level.name.lower()}{'' if log.by_severity[level] == 1 else 's'}"
             for level in sorted(Severity, reverse=True)
         ]
         which = f"showing {_LEAST[self.least]}" + (f", {self.code} only" if self.code else "")
-        return fitted([Piece(f"  {', '.join(counts)}   "), Piece(f"{which}: {len(self._numbers):,}")], width)
+        return fitted([StyledText(f"  {', '.join(counts)}   "), StyledText(f"{which}: {len(self._numbers):,}")], width)
 
-    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+    def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         bus = self.desk.bus
         number = int(self._numbers[line])
         finding, row = bus.found.finding(number), bus.found.row(number)
@@ -101,11 +103,11 @@ class FindingList(Lines):
         kind = SEVERITY[finding.severity]
         return fitted(
             [
-                Piece(f"{LETTER[finding.severity]} ", kind),
-                Piece(f"{when:>12} "),
-                Piece(f"{frame:>8}  ", "dim"),
-                Piece(f"{finding.code:<20} ", kind),
-                Piece(finding.text),
+                StyledText(f"{LETTER[finding.severity]} ", kind),
+                StyledText(f"{when:>12} "),
+                StyledText(f"{frame:>8}  ", "dim"),
+                StyledText(f"{finding.code:<20} ", kind),
+                StyledText(finding.text),
             ],
             width,
         )
@@ -124,3 +126,38 @@ class FindingList(Lines):
         self._choose()
         self._told = -1
         self.renewed()
+
+
+def _chosen(screen: BusScreen, sender: Widget) -> None:
+    """A finding is under study, and the row that it stands on."""
+    assert isinstance(sender, FindingList)
+    finding = sender.finding
+    if sender.id != screen.view or finding is None:
+        return
+    to = (finding_name(finding),)
+    if sender.row is not None:
+        screen.study_row(sender.row, to=to)
+    else:
+        screen.detail.show(at_finding(finding), to=to)
+        screen.say()
+
+
+def _entered(screen: BusScreen, sender: Widget) -> None:
+    assert isinstance(sender, FindingList)
+    if sender.row is not None:
+        screen.jumps.go(sender.row)
+
+
+def _shown(screen: BusScreen) -> None:
+    if screen.row is not None:
+        found = screen.query_one(FindingList)
+        found.grown()
+        found.go(screen.row)
+
+
+VIEW: Final = View(
+    name="findings", key="3", title="Findings",
+    make=lambda desk: FindingList(desk, id="findings"), refresh=grown,
+    chosen=_chosen, entered=_entered, shown=_shown,
+    detail=True, without=("find", "find_on", "select"),
+)  # fmt: skip

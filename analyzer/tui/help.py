@@ -12,11 +12,13 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from .views import VIEWS
+
 KEYS: Final[tuple[tuple[str, tuple[tuple[str, str], ...]], ...]] = (
     ("Move", (
         ("↑ ↓ PgUp PgDn Home End", "in any list; j and k too"),
         ("Tab, Shift+Tab", "from the list to the fields, to the bytes, and back"),
-        ("1 … 8", "the views"),
+        (f"1 … {len(VIEWS)}", "the views"),
         ("g", "go to a frame's number, a time, +200ms, 50%"),
         ("c", "the counterpart: from a request to its answer and back"),
         ("] and [", "next and previous finding"),
@@ -84,7 +86,7 @@ def _page() -> Table:
         page.add_row(Text(title, "bold"), "")
         for key, words in keys:
             page.add_row(Text(f"  {key}"), Text(words))
-    from analyzer.model.filtering import EXAMPLES
+    from ..model.filtering import EXAMPLES
 
     page.add_row(Text("Filters", "bold"), "")
     for example in EXAMPLES:

@@ -18,7 +18,7 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from .messages import LineChosen, LineEntered
-from .paint import Painted, Piece
+from .paint import Painted, StyledText
 
 _KEPT: Final = 512  # painted lines
 _FRESH_S: Final = 0.5  # lines in sight are painted anew so often while others come
@@ -53,15 +53,15 @@ class Lines(Painted, ScrollView, can_focus=True):
         """Lines now."""
         return 0
 
-    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+    def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         """What is on a line."""
         raise NotImplementedError
 
-    def head(self, width: int) -> Sequence[Piece]:
+    def head(self, width: int) -> Sequence[StyledText]:
         """What is on the fixed line."""
         raise NotImplementedError
 
-    def heads(self, y: int, width: int) -> Sequence[Piece]:  # noqa: ARG002 - for lists with several fixed lines
+    def heads(self, y: int, width: int) -> Sequence[StyledText]:  # noqa: ARG002 - for lists with several fixed lines
         """What is on fixed line `y`."""
         return self.head(width)
 
@@ -224,7 +224,7 @@ class Lines(Painted, ScrollView, can_focus=True):
         count = self.count()
         if line >= count:
             text = f"  {self.EMPTY}" if count == 0 and y == self.HEAD else ""
-            return self.strip([Piece(text, "dim")], width, self.base)
+            return self.strip([StyledText(text, "dim")], width, self.base)
         here = self.BARRED and line == self.cursor
         strip = self._strips.get((line, here))
         if strip is None or strip.cell_length != width:

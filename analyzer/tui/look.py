@@ -6,20 +6,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from analyzer.model.clock import date_and_time, seconds, short
-from analyzer.paste.model import Found, Noise
-from analyzer.reports.page import plural
-from dissectors.annotation import Field
-from dissectors.text import harmless
-from dissectors.values import readings
+from dissectors.fields import Field
+from dissectors.values import harmless, readings
 
+from ..paste.model import PastedFrame, PastedNoise
+from ..words import date_and_time, plural, seconds, short
 from .rows import LETTER, SEVERITY
 
 if TYPE_CHECKING:
-    from analyzer.findings.model import Finding
-    from analyzer.frames import Frame
-
-    from .desk import Desk
+    from ..tables.findings import Finding
+    from ..tables.frame import Frame
+    from .desk import ViewState
 
 _PAIR: Final = 2
 _KINDS: Final = ("u", "s", "f")
@@ -45,7 +42,7 @@ class Item:
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class FrameDetail:
     """What is looked at: its bytes and what they mean."""
 
     title: str
@@ -61,16 +58,16 @@ class Look:
         return f"{where} of {len(self.data)}"
 
 
-NOTHING: Final = Look("", b"", ())
+NOTHING: Final = FrameDetail("", b"", ())
 
 
-def at_row(desk: Desk, row: int) -> Look:
+def at_row(desk: ViewState, row: int) -> FrameDetail:
     """A row of the bus."""
     bus = desk.bus
     if bus.is_noise(row):
         data = bus.captured(row)
         head = Item("noise", _unexplained(data), 0, len(data), "noise", children=_facts(desk, row), ready=False)
-        return Look("noise", data, (head, *_findings(bus.findings(row))))
+        return FrameDetail("noise", data, (head, *_findings(bus.findings(row))))
     frame = bus.frame(row)
     fields = frame.fields()
     items = (
@@ -80,15 +77,15 @@ def at_row(desk: Desk, row: int) -> Look:
         *_fields(fields),
     )  # fmt: skip
     title = f"frame {frame.index}" + (", ASCII mode: its bytes decoded" if frame.protocol == "ascii" else "")
-    return Look(title, frame.adu.data, items, fields)
+    return FrameDetail(title, frame.adu.data, items, fields)
 
 
-def at_piece(piece: Found | Noise) -> Look:
+def at_piece(piece: PastedFrame | PastedNoise) -> FrameDetail:
     """A piece of a paste."""
-    if isinstance(piece, Noise):
-        return Look("in no frame", piece.data, (Item("noise", _unexplained(piece.data),
+    if isinstance(piece, PastedNoise):
+        return FrameDetail("in no frame", piece.data, (Item("noise", _unexplained(piece.data),
                                                      0, piece.length, "noise"),))  # fmt: skip
-    from analyzer.paste.trees import heading, trouble
+    from ..paste.trees import heading, trouble
 
     fields = piece.fields()
     items = [Item("frame", heading(piece), kind="strong")]
@@ -105,7 +102,7 @@ def at_piece(piece: Found | Noise) -> Look:
         items.append(
             Item("also", said, label=f"or {name}", ready=False, children=() if same else tuple(_fields(others)))
         )
-    return Look(f"at {piece.start}", piece.adu.data, tuple(items), fields)
+    return FrameDetail(f"at {piece.start}", piece.adu.data, tuple(items), fields)
 
 
 def _unexplained(data: bytes) -> str:
@@ -116,7 +113,7 @@ def _heading(frame: Frame) -> str:
     return f"{frame.direction}, unit {frame.unit}: {frame.summary()}"
 
 
-def _facts(desk: Desk, row: int, frame: Frame | None = None) -> tuple[Item, ...]:
+def _facts(desk: ViewState, row: int, frame: Frame | None = None) -> tuple[Item, ...]:
     """What is known of a row besides its bytes."""
     bus = desk.bus
     table = bus.table
@@ -149,9 +146,9 @@ def _facts(desk: Desk, row: int, frame: Frame | None = None) -> tuple[Item, ...]
     return tuple(Item(name, text, kind="dim") for name, text in facts)
 
 
-def at_finding(finding: Finding) -> Look:
+def at_finding(finding: Finding) -> FrameDetail:
     """A finding about the bus as a whole."""
-    return Look("the bus as a whole", b"", tuple(_findings((finding,))))
+    return FrameDetail("the bus as a whole", b"", tuple(_findings((finding,))))
 
 
 def finding_name(finding: Finding) -> str:
@@ -210,7 +207,7 @@ def _readings(fields: Sequence[Field], first: int) -> Iterator[Item]:
             yield Item(f"{size} {order}", said, start, size * _PAIR, label=f"{size} regs {order}")
 
 
-def chosen(look: Look, path: Sequence[str]) -> Item | None:
+def chosen(look: FrameDetail, path: Sequence[str]) -> Item | None:
     """The item at a path of names."""
     items: Sequence[Item] = look.items
     found = None
@@ -222,4 +219,4 @@ def chosen(look: Look, path: Sequence[str]) -> Item | None:
     return found
 
 
-__all__ = ["NOTHING", "Item", "Look", "at_finding", "at_piece", "at_row", "chosen", "finding_name"]
+__all__ = ["NOTHING", "FrameDetail", "Item", "at_finding", "at_piece", "at_row", "chosen", "finding_name"]

@@ -1,4 +1,4 @@
-"""What happened, told by widgets and workers to whoever shows it."""
+"""What happened, told by widgets to whoever shows it."""
 
 from __future__ import annotations
 
@@ -9,25 +9,8 @@ from textual.message import Message
 if TYPE_CHECKING:
     from textual.widget import Widget
 
-    from analyzer.model.filtering import Compiled
-    from analyzer.model.registers import Reading, Register
-    from analyzer.reports.model import Report
-
-
-class RowsCame(Message):
-    """The model holds more rows than before."""
-
-
-class LoadingEnded(Message):
-    """No more rows come; `trouble` says why if it is not that the source was read to its end."""
-
-    def __init__(self, trouble: str = "") -> None:
-        self.trouble = trouble
-        super().__init__()
-
-
-class SelectionGrew(Message):
-    """A worker put more rows into a selection, or has seen all."""
+    from ..model.filtering import CompiledTest
+    from .look import FrameDetail
 
 
 class LineChosen(Message):
@@ -67,7 +50,7 @@ class OctetChosen(Message):
 class FilterChanged(Message):
     """A display filter is to be used; None for none."""
 
-    def __init__(self, filter: Compiled | None) -> None:
+    def __init__(self, filter: CompiledTest | None) -> None:
         self.filter = filter
         super().__init__()
 
@@ -97,44 +80,14 @@ class ViewWanted(Message):
         super().__init__()
 
 
-class PieceChosen(Message):
-    """Another piece of the paste is looked at."""
+class DetailWanted(Message):
+    """Something of a view is to be shown below, where that view is in sight."""
+
+    def __init__(self, view: str, look: FrameDetail) -> None:
+        self.view = view
+        self.look = look
+        super().__init__()
 
 
 class FilterLeft(Message):
     """The user is done with the filter's line."""
-
-
-class ReportCounted(Message):
-    """The bus on one page, as it is known now."""
-
-    def __init__(self, report: Report) -> None:
-        self.report = report
-        super().__init__()
-
-
-class HistoryRead(Message):
-    """What a register was over time."""
-
-    def __init__(self, register: Register, readings: list[Reading]) -> None:
-        self.register = register
-        self.readings = readings
-        super().__init__()
-
-
-class HitFound(Message):
-    """A search ended; None for nothing found."""
-
-    def __init__(self, row: int | None) -> None:
-        self.row = row
-        super().__init__()
-
-
-class RowsSaved(Message):
-    """An export ended; `trouble` says why it failed, if it did."""
-
-    def __init__(self, path: str, count: int, trouble: str) -> None:
-        self.path = path
-        self.count = count
-        self.trouble = trouble
-        super().__init__()

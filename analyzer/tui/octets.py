@@ -10,14 +10,14 @@ from textual.binding import Binding, BindingType
 from textual.geometry import Offset
 
 from .lines import Lines
-from .look import NOTHING, Look
+from .look import NOTHING, FrameDetail
 from .messages import OctetChosen
-from .paint import Piece
+from .paint import StyledText
 
 _GROUP = 8
 
 
-class Octets(Lines):
+class BytesPane(Lines):
     """The bytes of one look; those of the chosen field are lit."""
 
     HEAD = 0
@@ -36,7 +36,7 @@ class Octets(Lines):
         self.bits = False
         self.lit = range(0)
 
-    def show(self, look: Look, start: int, length: int) -> None:
+    def show(self, look: FrameDetail, start: int, length: int) -> None:
         """Another frame, with the bytes of a field lit."""
         self.look = look
         self.offset_at = min(start if length else self.offset_at, max(0, len(look.data) - 1))
@@ -71,23 +71,23 @@ class Octets(Lines):
     def count(self) -> int:
         return -(-len(self.look.data) // self.across)
 
-    def pieces(self, line: int, width: int) -> Sequence[Piece]:  # noqa: ARG002
+    def pieces(self, line: int, width: int) -> Sequence[StyledText]:  # noqa: ARG002
         first = line * self.across
         octets = self.look.data[first : first + self.across]
-        pieces = [Piece(f"{first:>{self._digits}}  ", "dim")]
+        pieces = [StyledText(f"{first:>{self._digits}}  ", "dim")]
         if self.bits:
             for i, octet in enumerate(octets, first):
-                pieces += [Piece(f"{octet >> 4:04b} {octet & 15:04b}", self._light(i)), Piece("  ")]
+                pieces += [StyledText(f"{octet >> 4:04b} {octet & 15:04b}", self._light(i)), StyledText("  ")]
             return pieces
         for i in range(self.across):
             text = f"{octets[i]:02X}" if i < len(octets) else "  "
-            pieces.append(Piece(text, self._light(first + i) if i < len(octets) else ""))
+            pieces.append(StyledText(text, self._light(first + i) if i < len(octets) else ""))
             joined = first + i in self.lit and first + i + 1 in self.lit and i + 1 < len(octets)
             gap = "  " if i % _GROUP == _GROUP - 1 else " "
-            pieces.append(Piece(gap, "lit" if joined else ""))
-        pieces.append(Piece(" "))
+            pieces.append(StyledText(gap, "lit" if joined else ""))
+        pieces.append(StyledText(" "))
         for i, octet in enumerate(octets, first):
-            pieces.append(Piece(chr(octet) if 0x20 <= octet < 0x7F else "·", self._light(i)))
+            pieces.append(StyledText(chr(octet) if 0x20 <= octet < 0x7F else "·", self._light(i)))
         return pieces
 
     def _light(self, i: int) -> str:

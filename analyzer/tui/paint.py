@@ -1,22 +1,51 @@
-"""Text with meaning, painted: a line is pieces, a piece names what it is, the style sheet says how that looks."""
+"""Text with meaning, painted: a line is pieces, a piece names what it is, the style sheet says how that looks.
+
+Whatever a widget shows passes `Harmless` on its way to the terminal, as all other output passes
+`analyzer.terminal_text`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Final, NamedTuple
 
 from rich.cells import cell_len, set_cell_size
 from rich.segment import Segment
 from rich.style import Style
+from textual.color import Color
+from textual.filter import LineFilter
 from textual.strip import Strip
+from textual.theme import Theme
 from textual.widget import Widget
 
+from dissectors.values import harmless
 
-class Piece(NamedTuple):
+
+class StyledText(NamedTuple):
     """Some text of a line and what it is: names of component classes, or none for plain text."""
 
     text: str
     kind: str = ""
+
+
+class Harmless(LineFilter):
+    """The interface's gate: no segment reaches the terminal with a character that does not print as itself.
+
+    Whoever shows foreign text escapes it so that it can be read; what was forgotten is one `?` a column here.
+    """
+
+    def apply(self, segments: list[Segment], background: Color) -> list[Segment]:  # noqa: ARG002
+        """The same segments, as wide as before."""
+        if all(segment.text.isprintable() for segment in segments):
+            return segments
+        return [Segment(_one_to_one(segment.text), segment.style) for segment in segments]
+
+
+def _one_to_one(text: str) -> str:
+    return "".join(c if c.isprintable() else (" " if c.isspace() else "?") * cell_len(c) for c in text)
+
+
+HARMLESS: Final = Harmless()
 
 
 class Painted(Widget):
@@ -37,6 +66,10 @@ class Painted(Widget):
     def repaint(self) -> None:
         """Forget what was painted: colours changed."""
 
+    def grown(self) -> None:
+        """More is known than before."""
+        self.refresh()
+
     @property
     def base(self) -> Style:
         """The widget's own style; asked for line by line."""
@@ -52,26 +85,55 @@ class Painted(Widget):
             self._looks[kind] = self.get_component_rich_style(*kind.split(), partial=True)
         return self._looks[kind]
 
-    def strip(self, pieces: Sequence[Piece], width: int, base: Style, *, over: bool = False) -> Strip:
+    def strip(self, pieces: Sequence[StyledText], width: int, base: Style, *, over: bool = False) -> Strip:
         """A line's pieces as one strip; `over`: the base's colours hide those of the pieces."""
         segments = []
         for text, kind in pieces:
             style = self.style_of(kind)
-            segments.append(Segment(text, style + base if over else base + style))
+            segments.append(Segment(harmless(text), style + base if over else base + style))
         return Strip(segments).adjust_cell_length(width, base)
 
 
-def fitted(pieces: Sequence[Piece], width: int) -> list[Piece]:
+def fitted(pieces: Sequence[StyledText], width: int) -> list[StyledText]:
     """Pieces in exactly this many columns, cut with an ellipsis where they are more."""
-    out: list[Piece] = []
+    out: list[StyledText] = []
     left = width
     for piece in pieces:
         size = cell_len(piece.text)
         if size > left:
             if left:
-                out.append(Piece(set_cell_size(piece.text, left - 1) + "…", piece.kind))
+                out.append(StyledText(set_cell_size(piece.text, left - 1) + "…", piece.kind))
             return out
         out.append(piece)
         left -= size
-    out.append(Piece(" " * left))
+    out.append(StyledText(" " * left))
     return out
+
+
+# Colours, dark and light. Nothing is told by colour alone; these only help the eye.
+
+
+DARK: Final = Theme(
+    name="rtuscope-dark",
+    primary="#5fafd7", secondary="#87afaf", accent="#ffaf5f", foreground="#d7dae0", background="#16191d",
+    surface="#1d2126", panel="#272c33", success="#8fc87a", warning="#e5c07b", error="#ff7b72", dark=True,
+    variables={
+        "quiet": "#8b949e", "rule": "#3a414a", "asks": "#79c0ff", "answers": "#8fd694", "noise": "#a89cc8",
+        "bad": "#ff7b72", "warn": "#e5c07b", "note": "#a5b4c8", "good": "#8fc87a",
+        "chosen": "#2f5f8f", "chosen-text": "#ffffff", "chosen-away": "#2c333c",
+        "lit": "#5c4a1e", "lit-text": "#ffe8b0",
+        "footer-key-foreground": "#ffaf5f",
+    },
+)  # fmt: skip
+LIGHT: Final = Theme(
+    name="rtuscope-light",
+    primary="#005f87", secondary="#44606e", accent="#8f4700", foreground="#1f2328", background="#ffffff",
+    surface="#f3f4f6", panel="#e4e7eb", success="#1a7f37", warning="#7a5200", error="#b3261e", dark=False,
+    variables={
+        "quiet": "#59636e", "rule": "#c4cad1", "asks": "#0550ae", "answers": "#116329", "noise": "#6639ba",
+        "bad": "#b3261e", "warn": "#7a5200", "note": "#4a5968", "good": "#1a7f37",
+        "chosen": "#0a58a5", "chosen-text": "#ffffff", "chosen-away": "#d5dde6",
+        "lit": "#ffe08a", "lit-text": "#3d2c00",
+        "footer-key-foreground": "#8f4700",
+    },
+)  # fmt: skip

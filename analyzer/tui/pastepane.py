@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from rich.text import Text
 from textual.app import ComposeResult
@@ -11,15 +11,19 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.widgets import Label, TextArea
 
-from analyzer.paste import Paste, PasteError, read
-from analyzer.paste.model import Found, Noise
-from analyzer.paste.trees import heading, shown, trouble
-from captures.hexwords import HexError
+from captures.text.hexshapes import HexError
 
+from ..paste import Paste, PasteError, read
+from ..paste.model import PastedFrame, PastedNoise
+from ..paste.trees import heading, shown, trouble
 from .lines import Lines
-from .look import NOTHING, Look, at_piece
-from .messages import LineChosen, PieceChosen
-from .paint import Piece, fitted
+from .look import NOTHING, FrameDetail, at_piece
+from .messages import DetailWanted, LineChosen
+from .paint import StyledText, fitted
+from .view import JUMPS, View
+
+if TYPE_CHECKING:
+    from .screen import BusScreen
 
 _LONGEST = 1 << 16  # characters that are read while they are typed
 
@@ -59,22 +63,24 @@ class PieceList(Lines):
         self.renewed()
 
     @property
-    def piece(self) -> Found | Noise | None:
+    def piece(self) -> PastedFrame | PastedNoise | None:
         """The one under the cursor."""
         return self.paste.pieces[self.cursor] if self.paste and self.cursor < len(self.paste.pieces) else None
 
     def count(self) -> int:
         return len(self.paste.pieces) if self.paste else 0
 
-    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+    def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         assert self.paste is not None
         piece = self.paste.pieces[line]
-        at = Piece(f"{piece.start:>5}  ", "dim")
-        if isinstance(piece, Noise):
-            return fitted([at, Piece(f"in no frame, {piece.length} bytes: {shown(piece.data, 12)}", "noise")], width)
+        at = StyledText(f"{piece.start:>5}  ", "dim")
+        if isinstance(piece, PastedNoise):
+            return fitted(
+                [at, StyledText(f"in no frame, {piece.length} bytes: {shown(piece.data, 12)}", "noise")], width
+            )
         wrong = trouble(piece)
-        said = [at, Piece(heading(piece), piece.role.name.lower())]
-        return fitted([*said, Piece(f"  {wrong}", "error")] if wrong else said, width)
+        said = [at, StyledText(heading(piece), piece.role.name.lower())]
+        return fitted([*said, StyledText(f"  {wrong}", "error")] if wrong else said, width)
 
 
 class PastePane(Vertical):
@@ -90,7 +96,7 @@ class PastePane(Vertical):
         yield PieceList(id="pieces")
 
     @property
-    def look(self) -> Look:
+    def look(self) -> FrameDetail:
         """What is under the cursor."""
         piece = self.query_one(PieceList).piece
         return NOTHING if piece is None else at_piece(piece)
@@ -108,13 +114,13 @@ class PastePane(Vertical):
         label.update(Text(why, no_wrap=True, overflow="ellipsis"))
         label.set_class(bool(text.strip()) and paste is None, "-wrong")
         self.query_one(PieceList).show(paste)
-        self.post_message(PieceChosen())
+        self.post_message(DetailWanted(VIEW.name, self.look))
         if paste is not None and paste.holds_a_frame:
             self._remember(text)
 
     def on_line_chosen(self, event: LineChosen) -> None:
         event.stop()
-        self.post_message(PieceChosen())
+        self.post_message(DetailWanted(VIEW.name, self.look))
 
     def _remember(self, text: str) -> None:
         """Keep it; what goes on from the newest one takes its place."""
@@ -139,3 +145,15 @@ class PastePane(Vertical):
         area = self.query_one(PasteText)
         area.load_text(text)
         area.move_cursor(area.document.end)
+
+
+def _shown(screen: BusScreen) -> None:
+    screen.detail.show(screen.query_one(PastePane).look)
+
+
+VIEW: Final = View(
+    name="paste", key="8,p", title="Paste",
+    make=lambda desk: PastePane(id="paste"), shown=_shown,  # noqa: ARG005
+    detail=True,
+    without=("filter", *JUMPS, "time_base", "select", "bookmark", "comment", "export", "reference"),
+)  # fmt: skip

@@ -14,7 +14,7 @@ from textual.widgets import Input, Label
 
 from .lines import Lines
 from .messages import LineEntered
-from .paint import Piece, fitted
+from .paint import StyledText, fitted
 
 
 class Ask(ModalScreen[str | None]):
@@ -63,9 +63,9 @@ class Choices(Lines):
     def count(self) -> int:
         return len(self.choices)
 
-    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+    def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         key, words = self.choices[line]
-        return fitted([Piece(f" {key} ", "accent"), Piece(f" {words}")], width)
+        return fitted([StyledText(f" {key} ", "accent"), StyledText(f" {words}")], width)
 
 
 class Choose(ModalScreen[int | None]):

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual.binding import Binding, BindingType
-from textual.strip import Strip
+from textual.containers import Vertical
 
-from analyzer.model.clock import short
-from analyzer.model.registers import Reading, Register
 from dissectors.values import AREAS, logical, readings
 
+from ..model.registers import RegisterReading, WatchedRegister, history
+from ..words import short
+from .history import History
 from .lines import Lines
-from .paint import Painted, Piece, fitted
+from .paint import StyledText, fitted
+from .view import JUMPS, View
 
 if TYPE_CHECKING:
-    from .desk import Desk
+    from textual.widget import Widget
+
+    from .desk import ViewState
+    from .screen import BusScreen
 
 # kind and order of `dissectors.values.Reading`, and how many registers it takes
 TYPES: Final = (
@@ -27,7 +32,6 @@ TYPES: Final = (
 )  # fmt: skip
 _BIT_AREAS: Final = 2  # coils and discrete inputs come first
 _AREA_NAMES: Final = tuple(AREAS)
-_BLOCKS: Final = " ▁▂▃▄▅▆▇█"
 
 
 class RegisterList(Lines):
@@ -39,15 +43,15 @@ class RegisterList(Lines):
         Binding("V", "type(-1)", "Type back", show=False),
     ]
 
-    def __init__(self, desk: Desk, *, id: str) -> None:
+    def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
         self.desk = desk
         self.type = 0
-        self._registers: list[Register] = []
+        self._registers: list[WatchedRegister] = []
         self._places: dict[tuple[int, int, int], int] = {}
 
     @property
-    def register(self) -> Register | None:
+    def register(self) -> WatchedRegister | None:
         """The one under the cursor."""
         return self._registers[self.cursor] if self.cursor < len(self._registers) else None
 
@@ -75,12 +79,12 @@ class RegisterList(Lines):
         number = found.value if isinstance(found.value, int | float) else float(values[0])
         return found.text, float(number) if math.isfinite(number) else None
 
-    def head(self, width: int) -> Sequence[Piece]:
+    def head(self, width: int) -> Sequence[StyledText]:
         kind, order, _ = TYPES[self.type]
         name = f"{kind} {order}" if order else kind
-        return fitted([Piece(f" unit  register  what              {name:>22}   before        age")], width)
+        return fitted([StyledText(f" unit  register  what              {name:>22}   before        age")], width)
 
-    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+    def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         register = self._registers[line]
         bit = register.area < _BIT_AREAS
         text, _ = self.reading(self._followers(register), bit=bit)
@@ -90,18 +94,18 @@ class RegisterList(Lines):
         age = short(self.desk.bus.t_last - register.t_ns) if self.desk.bus.timed else "-"
         return fitted(
             [
-                Piece(f"{register.unit:>5} "),
-                Piece(f"{logical(register.address, _AREA_NAMES[register.area]):>9}  ", "accent"),
-                Piece(f"{AREAS[_AREA_NAMES[register.area]]:<17} ", "dim"),
-                Piece(f"{text:>22} ", "strong" if register.changed else ""),
-                Piece("* " if register.changed else "  ", "warning"),
-                Piece(f"{before if register.changed else '=':<8} ", "" if register.changed else "dim"),
-                Piece(f"{age:>8}", "dim"),
+                StyledText(f"{register.unit:>5} "),
+                StyledText(f"{logical(register.address, _AREA_NAMES[register.area]):>9}  ", "accent"),
+                StyledText(f"{AREAS[_AREA_NAMES[register.area]]:<17} ", "dim"),
+                StyledText(f"{text:>22} ", "strong" if register.changed else ""),
+                StyledText("* " if register.changed else "  ", "warning"),
+                StyledText(f"{before if register.changed else '=':<8} ", "" if register.changed else "dim"),
+                StyledText(f"{age:>8}", "dim"),
             ],
             width,
         )
 
-    def _followers(self, register: Register) -> list[int]:
+    def _followers(self, register: WatchedRegister) -> list[int]:
         """Its value and those of the registers right behind it, as many as the type takes."""
         values = [register.value]
         for k in range(1, TYPES[self.type][2]):
@@ -118,70 +122,9 @@ class RegisterList(Lines):
         self._tell()
 
 
-def _number(number: float) -> str:
-    return f"{number:.6g}"
-
-
-class History(Painted):
-    """What one number was over time, as bars, and its range."""
-
-    def __init__(self, *, id: str, classes: str) -> None:
-        super().__init__(id=id, classes=classes)
-        self.title = ""
-        self._written: Callable[[float], str] = _number
-        self._points: list[tuple[int, float]] = []
-        self._from_zero = False
-
-    def show(
-        self,
-        title: str,
-        points: Sequence[tuple[int, float]],
-        written: Callable[[float], str] | None = None,
-        *,
-        from_zero: bool = False,
-    ) -> None:
-        """Times and numbers (NaN: none from then on), oldest first; `written` is how a number is put into words."""
-        self.title = title
-        self._written = written or _number
-        self._from_zero = from_zero
-        self._points = list(points)
-        self.refresh()
-
-    def render_line(self, y: int) -> Strip:
-        width, height = self.content_size.width, self.content_size.height
-        base = self.base
-        if y == 0:
-            return self.strip(fitted([Piece(self.title, "strong")], width), width, base)
-        numbers = [number for _, number in self._points if not math.isnan(number)]
-        if not numbers or height < 3:
-            return self.strip([Piece(" no reading" if y == 1 else "", "dim")], width, base)
-        low, high = 0.0 if self._from_zero else min(numbers), max(numbers)
-        rows = height - 1
-        label = self._written(high) if y == 1 else self._written(low) if y == rows and high > low else ""
-        pieces = [
-            Piece(f"{label:>11} ", "dim"),
-            Piece(self._plot(y - 1, rows, max(1, width - 12), low, high), "accent"),
-        ]
-        return self.strip(pieces, width, base)
-
-    def _plot(self, y: int, rows: int, width: int, low: float, high: float) -> str:
-        """One line of the plot: bars in eighths of a line, each the newest number at its time."""
-        first, last = self._points[0][0], self._points[-1][0]
-        scale = (8 * rows - 1) / (high - low) if high > low else 0.0
-        line, at = [], 0
-        for column in range(width):
-            until = first + (last - first) * (column + 1) / width
-            while at + 1 < len(self._points) and self._points[at + 1][0] <= until:
-                at += 1
-            if math.isnan(self._points[at][1]):
-                line.append(" ")
-                continue
-            level = 1 + round((self._points[at][1] - low) * scale) if high > low else 4 * rows
-            line.append(_BLOCKS[max(0, min(8, level - 8 * (rows - 1 - y)))])
-        return "".join(line)
-
-
-def plotted(found: RegisterList, readings_of: Sequence[Reading], register: Register) -> list[tuple[int, float]]:
+def plotted(
+    found: RegisterList, readings_of: Sequence[RegisterReading], register: WatchedRegister
+) -> list[tuple[int, float]]:
     """A register's history in the list's type, where that takes one register; else as it came."""
     _, _, size = TYPES[found.type]
     points = []
@@ -190,3 +133,42 @@ def plotted(found: RegisterList, readings_of: Sequence[Reading], register: Regis
         if number is not None:
             points.append((reading.t_ns, float(number)))
     return points
+
+
+def _make(desk: ViewState) -> Widget:
+    return Vertical(RegisterList(desk, id="register-list"), History(id="history", classes="history"), id="registers")
+
+
+def _refresh(screen: BusScreen) -> None:
+    screen.query_one(RegisterList).grown()
+
+
+def _chosen(screen: BusScreen, sender: Widget) -> None:
+    """Read what the register was, then show it."""
+    assert isinstance(sender, RegisterList)
+    register = sender.register
+    if register is None:
+        return
+    plot, bus = screen.query_one("#history", History), screen.desk.bus
+
+    def show(read: list[RegisterReading]) -> None:
+        span = f" over {short(read[-1].t_ns - read[0].t_ns)}" if len(read) > 1 and bus.timed else ""
+        where = logical(register.address, _AREA_NAMES[register.area])
+        plot.show(f" unit {register.unit}, {where}: {len(read)} readings{span}", plotted(sender, read, register))
+
+    plot.show(" reading …", ())
+    screen.jobs.run("history", lambda stop: history(bus, register, stop=stop), show)
+
+
+def _entered(screen: BusScreen, sender: Widget) -> None:
+    """The frame that brought the value."""
+    assert isinstance(sender, RegisterList)
+    if sender.register is not None:
+        screen.jumps.go(sender.register.row)
+
+
+VIEW: Final = View(
+    name="registers", key="5", title="Registers",
+    make=_make, refresh=_refresh, chosen=_chosen, entered=_entered,
+    without=(*JUMPS, "select"),
+)  # fmt: skip

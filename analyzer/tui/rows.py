@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Final
 
 from rich.cells import cell_len
 
-from analyzer.frames import Kind
-from analyzer.model.clock import short
-from analyzer.model.table import State
-from analyzer.transactions import Status
-from dissectors.text import harmless
+from dissectors.values import harmless
 
-from .paint import Piece, fitted
+from ..model.table import RowState
+from ..tables.schema import Kind
+from ..tables.transactions import Status
+from ..words import short
+from .paint import StyledText, fitted
 
 if TYPE_CHECKING:
-    from .desk import Desk
+    from .desk import ViewState
 
 SEVERITY: Final = ("", "note", "warning", "error")  # component class by mark
 LETTER: Final = (" ", "N", "W", "E")
@@ -29,15 +29,15 @@ _ENDED: Final = {
 }
 
 
-def marks(desk: Desk, row: int) -> Piece:
+def marks(desk: ViewState, row: int) -> StyledText:
     """Two characters: the gravest finding's letter, and `*` for a bookmark or `R` for the time reference."""
     mark = desk.bus.table.value("mark", row)
     place = desk.place(row)
     note = "R" if place == desk.notes.reference else "*" if place in desk.notes.comments else " "
-    return Piece(LETTER[mark] + note, SEVERITY[mark] or ("accent" if note != " " else ""))
+    return StyledText(LETTER[mark] + note, SEVERITY[mark] or ("accent" if note != " " else ""))
 
 
-def joint(desk: Desk, row: int) -> str:
+def joint(desk: ViewState, row: int) -> str:
     """Two characters: how a row hangs together with its neighbour, and its direction."""
     table = desk.bus.table
     kind, partner = table.value("kind", row), table.value("partner", row)
@@ -48,36 +48,36 @@ def joint(desk: Desk, row: int) -> str:
     return "└←" if partner == row - 1 and _mutual(desk, row, partner) else "╵←" if partner >= 0 else "?←"
 
 
-def _mutual(desk: Desk, row: int, partner: int) -> bool:
+def _mutual(desk: ViewState, row: int, partner: int) -> bool:
     return desk.bus.table.value("partner", partner) == row
 
 
-def direction(desk: Desk, row: int) -> str:
+def direction(desk: ViewState, row: int) -> str:
     """The component class of a row's direction."""
     return ("noise", "request", "response")[desk.bus.table.value("kind", row)]
 
 
-def words(desk: Desk, row: int) -> tuple[list[Piece], list[Piece]]:
+def words(desk: ViewState, row: int) -> tuple[list[StyledText], list[StyledText]]:
     """A row in words; and what was said of it: codes of findings, the user's comment."""
     bus = desk.bus
     if bus.is_noise(row):
         octets = bus.captured(row)
         shown = octets[:_NOISE_BYTES].hex(" ").upper() + (" …" if len(octets) > _NOISE_BYTES else "")
-        said = [Piece(f"noise, {len(octets)} {'byte' if len(octets) == 1 else 'bytes'}: {shown}", "noise")]
+        said = [StyledText(f"noise, {len(octets)} {'byte' if len(octets) == 1 else 'bytes'}: {shown}", "noise")]
         found = bus.findings(row)
     else:
         frame = bus.frame(row)
         found = frame.findings
-        said = [Piece("" if frame.crc_ok else "CRC wrong: ", "error"), Piece(frame.summary())]
+        said = [StyledText("" if frame.crc_ok else "CRC wrong: ", "error"), StyledText(frame.summary())]
     codes = {finding.code: finding.severity for finding in reversed(found)}
-    about = [Piece(f"  {code}", SEVERITY[severity]) for code, severity in codes.items()]
+    about = [StyledText(f"  {code}", SEVERITY[severity]) for code, severity in codes.items()]
     comment = desk.notes.comments.get(desk.place(row))
     if comment:
-        about.append(Piece(f'  "{harmless(comment)}"', "accent"))
+        about.append(StyledText(f'  "{harmless(comment)}"', "accent"))
     return said, about
 
 
-def shared(said: list[Piece], about: list[Piece], width: int) -> list[Piece]:
+def shared(said: list[StyledText], about: list[StyledText], width: int) -> list[StyledText]:
     """Both in this many columns: at least half for the words, the rest for what was said of them."""
     need = sum(cell_len(piece.text) for piece in about)
     if not need:
@@ -87,15 +87,15 @@ def shared(said: list[Piece], about: list[Piece], width: int) -> list[Piece]:
     return fitted([*(fitted(said, room) if size > room else said), *about], width)
 
 
-def ended(desk: Desk, row: int) -> Piece:
+def ended(desk: ViewState, row: int) -> StyledText:
     """How long an answer took; of a request, that there was none."""
     table = desk.bus.table
     kind = table.value("kind", row)
     if kind == Kind.RESPONSE:
         time = table.value("response_ns", row)
-        return Piece(short(time if time >= 0 else None), "")
+        return StyledText(short(time if time >= 0 else None), "")
     if kind == Kind.REQUEST and table.value("partner", row) < 0:
-        status = table.value("state", row) & State.STATUS
+        status = table.value("state", row) & RowState.STATUS
         if status:
-            return Piece(*_ENDED.get(Status(status - 1), ("", "")))
-    return Piece("", "")
+            return StyledText(*_ENDED.get(Status(status - 1), ("", "")))
+    return StyledText("", "")

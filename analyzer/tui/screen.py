@@ -1,7 +1,8 @@
 """The main screen: views of the bus on top, the frame under the cursor below, and what ties them together.
 
-What happens here is only who is told what: a row is chosen in any list, so the fields and bytes show it; a field is
-chosen, so its bytes light up. Jumping about is in `jumping`, keeping things in `keeping`, work in threads in `working`.
+What happens here is only who is told what. The views are records (`views`): the screen makes their widgets, and asks
+the record what a line that is chosen or opened means. Jumping about is in `jumps`, notes in `bookmarks`, rows that are
+copied or exported in `picking`, work in threads in `jobs`; each is a member that is handed the screen.
 """
 
 from __future__ import annotations
@@ -10,19 +11,23 @@ from typing import TYPE_CHECKING, ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.screen import Screen
 from textual.widget import Widget
-from textual.widgets import ContentSwitcher, Footer, Static
+from textual.widgets import ContentSwitcher, Footer
 
-from .details import Details
+from dissectors.values import harmless
+
+from .bookmarks import Bookmarks
+from .conversations import ConversationList
+from .detailpane import DetailPane
 from .filterbar import FilterBar
-from .findings import FindingList
-from .frames import ConversationList, FrameList
-from .jumping import Jumping
-from .keeping import Keeping
+from .frames import FrameList
+from .jobs import Jobs
+from .jumps import Jumps
 from .lines import Lines
-from .look import NOTHING, Look
+from .look import at_row
 from .messages import (
+    DetailWanted,
     FilterChanged,
     FilterLeft,
     LineChosen,
@@ -31,37 +36,22 @@ from .messages import (
     SpanChosen,
     ViewWanted,
 )
-from .octets import Octets
-from .pastepane import PastePane, PasteText
-from .registerlist import History, RegisterList
+from .picking import PickedRows
 from .status import StatusLine
-from .studying import Studying
-from .tabs import VIEWS, Tabs
-from .timeline import Timeline
-from .unitlist import UnitList
-from .working import Working
+from .tabs import Tabs
+from .view import View
+from .views import BY_NAME, VIEWS
 
 if TYPE_CHECKING:
-    from .desk import Desk
-
-_STUDIED = ("frames", "conversations", "findings", "paste")  # views with the frame under the cursor below
-_JUMPS = ("find", "find_on", "goto", "counterpart", "finding")
-_UNUSED = {  # actions that mean nothing in a view
-    "paste": ("filter", *_JUMPS, "time_base", "select", "bookmark", "comment", "export", "reference"),
-    "findings": ("find", "find_on", "select"),
-    "units": (*_JUMPS, "select"),
-    "registers": (*_JUMPS, "select"),
-    "timeline": (*_JUMPS, "select", "time_base"),
-    "report": (*_JUMPS, "select"),
-}
+    from .desk import ViewState
 
 
-class BusScreen(Jumping, Keeping, Studying, Working):
+class BusScreen(Screen[None]):
     """Everything about one source."""
 
     AUTO_FOCUS = ""  # else keys pressed while it starts would go to the filter, its first widget
     BINDINGS: ClassVar[list[BindingType]] = [
-        *(Binding(str(i), f"view('{view.id}')", view.name, show=False) for i, view in enumerate(VIEWS, 1)),
+        *(Binding(view.key, f"view('{view.name}')", view.title, show=False) for view in VIEWS),
         Binding("slash", "filter", "Filter", key_display="/"),
         Binding("f,ctrl+f", "find", "Find", key_display="f"),
         Binding("n", "find_on(False)", "Next hit", show=False),
@@ -80,7 +70,6 @@ class BusScreen(Jumping, Keeping, Studying, Working):
         Binding("semicolon", "comment", "Comment", show=False),
         Binding("y", "copy", "Copy", show=False),
         Binding("e", "export", "Export", show=False),
-        Binding("p", "view('paste')", "Paste", show=False),
         Binding("d", "app.theme_flip", "Dark or light", show=False),
         Binding("tab", "pane(1)", "Next pane", show=False),
         Binding("shift+tab", "pane(-1)", "Previous pane", show=False),
@@ -89,44 +78,31 @@ class BusScreen(Jumping, Keeping, Studying, Working):
         Binding("q", "app.quit", "Quit"),
     ]
 
-    def __init__(self, desk: Desk, *, view: str = "frames") -> None:
+    def __init__(self, desk: ViewState, *, view: str = "frames") -> None:
         super().__init__()
         self.desk = desk
         self.view = view
-        self.look: Look = NOTHING
         self.row: int | None = None  # under study
-        self.prepare_work()
+        self.jobs = Jobs(self)
+        self.jumps = Jumps(self)
+        self.bookmarks = Bookmarks(self)
+        self.picked = PickedRows(self)
 
     def compose(self) -> ComposeResult:
-        desk = self.desk
         yield Tabs(id="tabs")
-        yield FilterBar(desk.source.line, id="filter-bar")
+        yield FilterBar(self.desk.source.line, id="filter-bar")
         with ContentSwitcher(id="views", initial=self.view):
-            yield FrameList(desk, id="frames")
-            yield ConversationList(desk, id="conversations")
-            yield FindingList(desk, id="findings")
-            with Vertical(id="units"):
-                yield UnitList(desk, id="unit-list")
-                yield History(id="unit-history", classes="history")
-            with Vertical(id="registers"):
-                yield RegisterList(desk, id="register-list")
-                yield History(id="history", classes="history")
-            yield Timeline(desk, id="timeline")
-            with VerticalScroll(id="report"):
-                yield Static("", id="page", markup=False)
-            yield PastePane(id="paste")
-        with Horizontal(id="study"):
-            yield Details(id="details")
-            yield Octets(id="octets")
-        yield StatusLine(desk, id="status")
+            for view in VIEWS:
+                yield view.make(self.desk)
+        yield DetailPane(id="study")
+        yield StatusLine(self.desk, id="status")
         yield Footer(compact=True, show_command_palette=False)
 
     def on_mount(self) -> None:
-        live = self.desk.source.live
-        for each in (self.frames, self.talk):
-            each.live = each.following = live
+        for each in self.query(FrameList):
+            each.live = each.following = self.desk.source.live
         self.action_view(self.view)
-        self.begin_work()
+        self.jobs.begin()
 
     # The parts
 
@@ -135,158 +111,179 @@ class BusScreen(Jumping, Keeping, Studying, Working):
         return self.query_one("#frames", FrameList)
 
     @property
-    def talk(self) -> ConversationList:
+    def conversations(self) -> ConversationList:
         return self.query_one("#conversations", ConversationList)
 
     @property
-    def found(self) -> FindingList:
-        return self.query_one(FindingList)
+    def detail(self) -> DetailPane:
+        return self.query_one(DetailPane)
 
     @property
-    def listing(self) -> Widget:
-        """What has the keys in the view shown."""
+    def panes(self) -> list[Widget]:
+        """What can have the keys in the view shown, its list first."""
         part = self.query_one(f"#{self.view}")
-        return part if part.focusable else next((w for w in part.query("*") if w.focusable), part)
+        panes = [widget for widget in (part, *part.query("*")) if widget.focusable]
+        return [*panes, self.detail.fields, self.detail.octets] if BY_NAME[self.view].detail else panes
 
     # Views
 
     def action_view(self, view: str) -> None:
         """Show a view; its cursor goes to the row under study."""
+        record = BY_NAME[view]
         self.view = view
         self.query_one("#views", ContentSwitcher).current = view
         self.query_one(Tabs).choose(view)
-        self.query_one("#study").display = view in _STUDIED
-        self.query_one(FilterBar).display = view in ("frames", "conversations")
-        self.set_class(view == "paste", "-paste")
-        part = self.query_one(f"#{view}")
-        if self.row is not None and isinstance(part, FrameList | FindingList):
-            if isinstance(part, FindingList):
-                part.grown()
-            part.go(self.row)
+        self.detail.display = record.detail
+        self.query_one(FilterBar).display = record.filtered
+        for each in VIEWS:
+            self.set_class(each is record, f"-{each.name}")
+        record.shown(self)
         self.refresh_view()
         self.refresh_bindings()
-        self.listing.focus()
-        if view == "paste":
-            self.study(self.query_one(PastePane).look)
+        self.panes[0].focus()
 
     def refresh_view(self) -> None:
         """The view that is shown, with what came since."""
-        part = self.query_one(f"#{self.view}")
-        if isinstance(part, Lines | Timeline):
-            part.grown()
-        if self.view == "registers":
-            self.query_one(RegisterList).grown()
-        if self.view in ("units", "report"):
-            self.count_report()
+        BY_NAME[self.view].refresh(self)
         self.say()
 
     def say(self) -> None:
         """The status line, as things are."""
         bus, frames = self.desk.bus, self.frames
         where = f"{bus.frames:,} frames" + (f", {bus.noise:,} noise" if bus.noise else "")
-        if self.selection is not None:
+        if self.jobs.selection is not None:
             where = f"{frames.rows.count:,} of {bus.count:,} rows shown"
         waiting = frames.count() - 1 - frames.cursor
         if frames.live and not bus.whole:
             where += ", following" if frames.following else f", {waiting:,} below (F follows)"
-        if self.pinned is not None and self.row is not None:
-            where += f", {len(self.selected()):,} selected"
-        self.query_one(StatusLine).say(where, self.doing)
+        if self.picked.anchor is not None and self.row is not None:
+            where += f", {len(self.picked.rows()):,} selected"
+        self.query_one(StatusLine).say(where, self.jobs.doing)
 
-    def on_view_wanted(self, event: ViewWanted) -> None:
-        self.action_view(event.view)
+    def study_row(self, row: int, *, to: tuple[str, ...] = ()) -> None:
+        """Show a row's fields and bytes; the cursor of the fields goes to an item."""
+        self.row = row
+        self.detail.show(at_row(self.desk, row), to=to)
+        if self.picked.anchor is not None:
+            self.frames.unpaint()
+        self.say()
 
     # Who is told what
 
     def on_line_chosen(self, event: LineChosen) -> None:
-        part = event.sender
-        if isinstance(part, FindingList):
-            if part.id == self.view and part.finding is not None:
-                self.study_finding(part.finding, part.row)
-        elif isinstance(part, FrameList):
-            if part.id == self.view and part.row is not None:
-                self.study_row(part.row)
-        elif isinstance(part, UnitList):
-            self.query_one("#unit-history", History).show(*part.history(), from_zero=True)
-        elif isinstance(part, RegisterList) and part.register is not None:
-            self.show_history(part)
+        view = _view_of(event.sender)
+        if view is not None:
+            view.chosen(self, event.sender)
 
     def on_line_entered(self, event: LineEntered) -> None:
-        part = event.sender
-        if isinstance(part, FindingList) and part.row is not None:
-            self.go(part.row)
-        elif isinstance(part, FrameList):
-            self.query_one(Details).focus()
-        elif isinstance(part, UnitList) and part.unit is not None:
-            self.action_view("frames")
-            self.query_one(FilterBar).use(f"unit == {part.unit}")
-        elif isinstance(part, RegisterList) and part.register is not None:
-            self.go(part.register.row)
+        view = _view_of(event.sender)
+        if view is not None:
+            view.entered(self, event.sender)
+
+    def on_view_wanted(self, event: ViewWanted) -> None:
+        self.action_view(event.view)
+
+    def on_detail_wanted(self, event: DetailWanted) -> None:
+        if event.view == self.view:
+            self.detail.show(event.look)
 
     def on_row_wanted(self, event: RowWanted) -> None:
-        self.go(event.row)
+        self.jumps.go(event.row)
 
     def on_filter_changed(self, event: FilterChanged) -> None:
-        self.filter = event.filter
-        self.reselect()
+        self.jobs.scope.filter = event.filter
+        self.jobs.reselect()
 
     def on_filter_left(self, event: FilterLeft) -> None:
         event.stop()
-        self.listing.focus()
+        self.panes[0].focus()
 
     def on_span_chosen(self, event: SpanChosen) -> None:
-        self.span = event.t_start, event.t_end
-        self.reselect()
+        self.jobs.scope.span = event.t_start, event.t_end
+        self.jobs.reselect()
         self.action_view("frames")
 
     # Keys
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Keys that mean nothing in a view are not shown there."""
-        if action in _UNUSED.get(self.view, ()):
+        if action in BY_NAME[self.view].without:
             return False
         return super().check_action(action, parameters)
 
     def action_filter(self) -> None:
-        if self.view not in ("frames", "conversations"):
+        if not BY_NAME[self.view].filtered:
             self.action_view("frames")
         self.query_one(FilterBar).line.focus()
 
     def action_whole(self) -> None:
         """Take back what narrows the list: the selection, then span and filter."""
-        if self.pinned is not None:
-            self.action_select()
-        elif self.filter is not None or self.span is not None:
-            self.filter = self.span = None
+        scope = self.jobs.scope
+        if self.picked.anchor is not None:
+            self.picked.toggle()
+        elif scope.filter is not None or scope.span is not None:
+            scope.filter = scope.span = None
             self.query_one(FilterBar).use("")
-        self.listing.focus()
+        self.panes[0].focus()
 
     def action_pane(self, step: int) -> None:
         """From the list to the fields, to the bytes, and round."""
-        panes: list[Widget] = [self.listing]
-        if self.view in _STUDIED:
-            panes += [self.query_one(Details), self.query_one(Octets)]
-        if self.view == "paste":
-            panes = [self.query_one(PasteText), self.query_one("#pieces"), *panes[1:]]
+        panes = self.panes
         at = next((i for i, pane in enumerate(panes) if pane.has_focus), -1)
         panes[(at + step) % len(panes) if at >= 0 else 0].focus()
 
     def action_time_base(self) -> None:
         self.desk.next_base()
-        self.frames.unpaint()
-        self.talk.unpaint()
-        self.found.unpaint()
+        for each in self.query(Lines):
+            each.unpaint()
 
     def action_noise(self) -> None:
-        self.hide_noise = not self.hide_noise
-        self.reselect()
-        self.tell("noise hidden; z shows it" if self.hide_noise else "noise shown in place")
+        scope = self.jobs.scope
+        scope.hide_noise = not scope.hide_noise
+        self.jobs.reselect()
+        self.tell("noise hidden; z shows it" if scope.hide_noise else "noise shown in place")
 
     def action_follow(self) -> None:
         frames = self.frames
         frames.live = frames.following = not frames.following
         frames.grown()
         self.say()
+
+    def action_find(self) -> None:
+        self.run_worker(self.jumps.ask_what())
+
+    def action_find_on(self, back: bool) -> None:
+        self.jumps.find_on(back=back)
+
+    def action_goto(self) -> None:
+        self.run_worker(self.jumps.ask_where())
+
+    def action_counterpart(self) -> None:
+        self.jumps.to_counterpart()
+
+    def action_finding(self, step: int) -> None:
+        self.jumps.to_finding(step)
+
+    def action_bookmark(self) -> None:
+        self.bookmarks.toggle()
+
+    def action_next_bookmark(self) -> None:
+        self.bookmarks.next()
+
+    def action_comment(self) -> None:
+        self.run_worker(self.bookmarks.ask_comment())
+
+    def action_reference(self) -> None:
+        self.bookmarks.refer()
+
+    def action_select(self) -> None:
+        self.picked.toggle()
+
+    def action_copy(self) -> None:
+        self.run_worker(self.picked.copy())
+
+    def action_export(self) -> None:
+        self.run_worker(self.picked.export())
 
     def action_help(self) -> None:
         from .help import Help
@@ -295,8 +292,12 @@ class BusScreen(Jumping, Keeping, Studying, Working):
 
     def tell(self, text: str, *, wrong: bool = False) -> None:
         """A short notice; nothing in it is markup."""
-        from dissectors.text import harmless
-
         self.notify(
             harmless(text), severity="error" if wrong else "information", markup=False, timeout=6 if wrong else 3
         )
+
+
+def _view_of(widget: Widget) -> View | None:
+    """The view that a widget belongs to."""
+    names = (node.id for node in widget.ancestors_with_self)
+    return next((BY_NAME[name] for name in names if name in BY_NAME), None)

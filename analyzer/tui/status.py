@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 from rich.cells import cell_len
 from textual.strip import Strip
 
-from analyzer.findings.model import Severity
-from dissectors.text import harmless
+from dissectors.values import harmless
 
-from .paint import Painted, Piece, fitted
+from ..tables.findings import Severity
+from .paint import Painted, StyledText, fitted
 
 if TYPE_CHECKING:
-    from .desk import Desk
+    from .desk import ViewState
 
 _SPIN = "|/-\\"
 
@@ -21,7 +21,7 @@ _SPIN = "|/-\\"
 class StatusLine(Painted):
     """One line; `say` puts what the list knows into it."""
 
-    def __init__(self, desk: Desk, *, id: str) -> None:
+    def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
         self.desk = desk
         self.where = ""
@@ -38,10 +38,10 @@ class StatusLine(Painted):
         width = self.content_size.width
         if y:
             return Strip.blank(width, self.base)
-        left = [Piece(f" {self._called(max(12, width // 3))} ", "strong"), Piece(f"{self._speed()}  ", "dim")]
+        left = [StyledText(f" {self._called(max(12, width // 3))} ", "strong"), StyledText(f"{self._speed()}  ", "dim")]
         if self.doing:
-            left.append(Piece(f"{_SPIN[self._turn % len(_SPIN)]} {self.doing}  ", "accent"))
-        left.append(Piece(self.where))
+            left.append(StyledText(f"{_SPIN[self._turn % len(_SPIN)]} {self.doing}  ", "accent"))
+        left.append(StyledText(self.where))
         right = self._found()
         size = sum(cell_len(piece.text) for piece in right)
         return self.strip([*fitted(left, max(0, width - size)), *right], width, self.base)
@@ -57,9 +57,9 @@ class StatusLine(Painted):
         stop = f"{line.stop_bits:g}" if line.stop_bits else ""
         return f"{line.baud}{f' 8{line.parity}{stop}' if line.parity else ''}"
 
-    def _found(self) -> list[Piece]:
+    def _found(self) -> list[StyledText]:
         counts = self.desk.bus.found.by_severity
         kinds = ((Severity.ERROR, "E", "error"), (Severity.WARNING, "W", "warning"), (Severity.NOTE, "N", "note"))
-        return [Piece(f" {counts[level]:,}{letter}", kind) for level, letter, kind in kinds if counts[level]] + [
-            Piece(" ")
+        return [StyledText(f" {counts[level]:,}{letter}", kind) for level, letter, kind in kinds if counts[level]] + [
+            StyledText(" ")
         ]

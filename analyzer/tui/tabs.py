@@ -2,33 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from rich.text import Text
 from textual import events
 from textual.widgets import Static
 
 from .messages import ViewWanted
-
-
-class View(NamedTuple):
-    """A view of the bus: its id, its name, and a shorter one for narrow terminals."""
-
-    id: str
-    name: str
-    short: str
-
-
-VIEWS = (
-    View("frames", "Frames", "Frames"),
-    View("conversations", "Conversations", "Talk"),
-    View("findings", "Findings", "Findings"),
-    View("units", "Units", "Units"),
-    View("registers", "Registers", "Registers"),
-    View("timeline", "Timeline", "Timeline"),
-    View("report", "Report", "Report"),
-    View("paste", "Paste", "Paste"),
-)
+from .view import View
+from .views import VIEWS
 
 
 class Tabs(Static):
@@ -36,7 +16,7 @@ class Tabs(Static):
 
     def __init__(self, *, id: str) -> None:
         super().__init__(id=id, markup=False)
-        self.chosen = VIEWS[0].id
+        self.chosen = VIEWS[0].name
         self.troubles = 0
 
     def choose(self, view: str) -> None:
@@ -47,23 +27,21 @@ class Tabs(Static):
     def _words(self) -> list[tuple[View, str]]:
         """Each view with its text, as short as the width needs."""
         for narrow in (False, True):
-            words = [
-                (
-                    view,
-                    f" {i} {view.short if narrow else view.name}{' ' if not narrow or view.id == self.chosen else ''}",
-                )
-                for i, view in enumerate(VIEWS, 1)
-            ]
+            words = [(view, self._word(view, narrow=narrow)) for view in VIEWS]
             if sum(len(text) for _, text in words) <= self.size.width:
                 return words
         return [
-            (view, f" {i} {view.short if view.id == self.chosen else ''}".ljust(3)) for i, view in enumerate(VIEWS, 1)
+            (view, f" {_digit(view)} {_short(view) if view.name == self.chosen else ''}".ljust(3)) for view in VIEWS
         ]
+
+    def _word(self, view: View, *, narrow: bool) -> str:
+        title = _short(view) if narrow else view.title
+        return f" {_digit(view)} {title}{' ' if not narrow or view.name == self.chosen else ''}"
 
     def render(self) -> Text:
         line = Text(no_wrap=True)
         for view, text in self._words():
-            line.append(text, "reverse bold" if view.id == self.chosen else "")
+            line.append(text, "reverse bold" if view.name == self.chosen else "")
         return line
 
     def on_click(self, event: events.Click) -> None:
@@ -71,5 +49,14 @@ class Tabs(Static):
         at = 0
         for view, text in self._words():
             if offset is not None and at <= offset.x < at + len(text):
-                self.post_message(ViewWanted(view.id))
+                self.post_message(ViewWanted(view.name))
             at += len(text)
+
+
+def _digit(view: View) -> str:
+    """The first of its keys."""
+    return view.key.partition(",")[0]
+
+
+def _short(view: View) -> str:
+    return view.short or view.title

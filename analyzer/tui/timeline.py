@@ -11,16 +11,14 @@ from textual import events
 from textual.binding import Binding, BindingType
 from textual.strip import Strip
 
-from analyzer.model.clock import short
-from analyzer.reports.page import plural
-
+from ..words import plural, short
 from .messages import RowWanted, SpanChosen
-from .paint import Painted, Piece, fitted
+from .paint import Painted, StyledText, fitted
+from .view import JUMPS, View, grown
 
 if TYPE_CHECKING:
-    from analyzer.model.activity import Bins
-
-    from .desk import Desk
+    from ..tables.timebins import Bins
+    from .desk import ViewState
 
 _BLOCKS: Final = " ▁▂▃▄▅▆▇█"
 _DEAF: Final = "░"
@@ -47,7 +45,7 @@ class Timeline(Painted, can_focus=True):
         Binding("enter", "enter", "Show", tooltip="The span in the frame list, or the frame here"),
     ]
 
-    def __init__(self, desk: Desk, *, id: str) -> None:
+    def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
         self.desk = desk
         self.t_start = self.t_end = 0
@@ -89,37 +87,40 @@ class Timeline(Painted, can_focus=True):
         bins = self._bins
         if bins is None:
             why = "no times in this capture" if not self.desk.bus.timed else "nothing captured yet"
-            return self.strip([Piece(f"  {why}" if y == 0 else "", "dim")], width, base)
+            return self.strip([StyledText(f"  {why}" if y == 0 else "", "dim")], width, base)
         plot = max(1, height - _ABOVE - _BELOW)
         return self.strip(fitted(self._line(y, plot, bins), width), width, base)
 
-    def _line(self, y: int, plot: int, bins: Bins) -> list[Piece]:
+    def _line(self, y: int, plot: int, bins: Bins) -> list[StyledText]:
         if y == 0:
             return self._title(bins)
         if y == 1:
-            return [Piece(self._scale(), "dim")]
+            return [StyledText(self._scale(), "dim")]
         y -= _ABOVE
         if y < plot:
             return self._bars(y, plot, bins)
         y -= plot
         if y == 0:
-            return [Piece(f"{'trouble':>{_LABEL}}", "error"), *self._marks(bins.troubles, "error", "▪█")]
+            return [StyledText(f"{'trouble':>{_LABEL}}", "error"), *self._marks(bins.troubles, "error", "▪█")]
         if y == 1:
-            return [Piece(f"{'noise':>{_LABEL}}", "noise"), *self._marks(bins.noise, "noise", "·▪")]
+            return [StyledText(f"{'noise':>{_LABEL}}", "noise"), *self._marks(bins.noise, "noise", "·▪")]
         if y == 2:
             span = self._span_columns()
             under = ["─" if span and span[0] <= i <= span[1] else " " for i in range(self.columns)]
             under[self.cursor] = "▲"
-            return [Piece(" " * _LABEL), Piece("".join(under), "strong")]
+            return [StyledText(" " * _LABEL), StyledText("".join(under), "strong")]
         if y == 3:
             return self._under_cursor(bins)
         return []
 
-    def _title(self, bins: Bins) -> list[Piece]:
+    def _title(self, bins: Bins) -> list[StyledText]:
         load = self._loads(bins)
         unit = "share of the line's capacity" if self.desk.bus.char_ns else "bytes (baud not known)"
         most = f", at most {load.max():.0%}" if self.desk.bus.char_ns else ""
-        return [Piece(f" load, {unit}", "strong"), Piece(f"   a column is {short(round(bins.width_ns))}{most}", "dim")]
+        return [
+            StyledText(f" load, {unit}", "strong"),
+            StyledText(f"   a column is {short(round(bins.width_ns))}{most}", "dim"),
+        ]
 
     def _scale(self) -> str:
         """Times under the title, at round numbers of seconds since the start."""
@@ -142,7 +143,7 @@ class Timeline(Painted, can_focus=True):
             return shares
         return bins.octets / max(1, int(bins.octets.max()))
 
-    def _bars(self, y: int, plot: int, bins: Bins) -> list[Piece]:
+    def _bars(self, y: int, plot: int, bins: Bins) -> list[StyledText]:
         load = self._loads(bins)
         top = max(float(load.max()), 0.01)
         level = np.clip(np.round(load / top * plot * 8).astype(int), (load > 0).astype(int), None)
@@ -151,14 +152,14 @@ class Timeline(Painted, can_focus=True):
         if not self.desk.bus.char_ns:
             label = ""
         span, deaf = self._span_columns(), self._deaf_columns()
-        pieces = [Piece(f"{label:>{_LABEL - 1}} ", "dim")]
+        pieces = [StyledText(f"{label:>{_LABEL - 1}} ", "dim")]
         for i, cell in enumerate(cells.tolist()):
             inside = span is not None and span[0] <= i <= span[1]
             kind = "accent" if i == self.cursor else "strong" if inside else "request"
             if i in deaf and not cell:
-                pieces.append(Piece(_DEAF, kind if i == self.cursor else "error"))
+                pieces.append(StyledText(_DEAF, kind if i == self.cursor else "error"))
             else:
-                pieces.append(Piece(_BLOCKS[cell] if cell or i != self.cursor else "┊", kind))
+                pieces.append(StyledText(_BLOCKS[cell] if cell or i != self.cursor else "┊", kind))
         return pieces
 
     def _deaf_columns(self) -> set[int]:
@@ -172,11 +173,13 @@ class Timeline(Painted, can_focus=True):
                 columns |= set(range(max(low, 0), min(high, self.columns - 1) + 1))
         return columns
 
-    def _marks(self, counts: NDArray[np.int64], kind: str, glyphs: str) -> list[Piece]:
+    def _marks(self, counts: NDArray[np.int64], kind: str, glyphs: str) -> list[StyledText]:
         half = max(1, int(counts.max()) // 2)
-        return [Piece("".join(" " if not c else glyphs[0] if c < half else glyphs[1] for c in counts.tolist()), kind)]
+        return [
+            StyledText("".join(" " if not c else glyphs[0] if c < half else glyphs[1] for c in counts.tolist()), kind)
+        ]
 
-    def _under_cursor(self, bins: Bins) -> list[Piece]:
+    def _under_cursor(self, bins: Bins) -> list[StyledText]:
         i = self.cursor
         at = (self.time_at(i) - self.desk.bus.t_first) / 1e9
         load = f", load {self._loads(bins)[i]:.0%}" if self.desk.bus.char_ns else ""
@@ -186,7 +189,7 @@ class Timeline(Painted, can_focus=True):
         if i in self._deaf_columns():
             said += "; the recorder heard nothing here"
         more = f"   span {short(span[1] - span[0])}, enter shows it" if span else ""
-        return [Piece(said), Piece(more, "accent")]
+        return [StyledText(said), StyledText(more, "accent")]
 
     def _span(self) -> tuple[int, int] | None:
         if self.pinned is None:
@@ -265,3 +268,10 @@ class Timeline(Painted, can_focus=True):
 
     def on_mouse_scroll_down(self) -> None:
         self.action_zoom(2)
+
+
+VIEW: Final = View(
+    name="timeline", key="6", title="Timeline",
+    make=lambda desk: Timeline(desk, id="timeline"), refresh=grown,
+    without=(*JUMPS, "select", "time_base"),
+)  # fmt: skip

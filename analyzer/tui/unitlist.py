@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from textual.containers import Vertical
 
-from analyzer.model.clock import short
-from analyzer.reports.page import compact
-
+from ..words import compact, short
+from .filterbar import FilterBar
+from .history import History
 from .lines import Lines
-from .paint import Piece, fitted
+from .paint import StyledText, fitted
+from .view import JUMPS, View
 
 if TYPE_CHECKING:
-    from analyzer.reports.model import Report
+    from textual.widget import Widget
 
-    from .desk import Desk
+    from ..reports.model import Report
+    from .desk import ViewState
+    from .screen import BusScreen
 
 _BLOCKS = "▁▂▃▄▅▆▇█"
 _MANY = 0.05  # of the requests without a good answer
@@ -41,7 +45,7 @@ class UnitList(Lines):
 
     EMPTY = "no unit was asked yet"
 
-    def __init__(self, desk: Desk, *, id: str) -> None:
+    def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
         self.desk = desk
         self.report: Report | None = None
@@ -73,12 +77,12 @@ class UnitList(Lines):
     def count(self) -> int:
         return len(self.report.units) if self.report else 0
 
-    def head(self, width: int) -> Sequence[Piece]:
+    def head(self, width: int) -> Sequence[StyledText]:
         counts = "".join(f"{name:>6}" for name, _ in _COLUMNS)
         text = f" unit  load asked{counts}   err    p50    p95    max"
-        return fitted([Piece(f"{text}  answer times over the capture" if width >= 100 else text)], width)
+        return fitted([StyledText(f"{text}  answer times over the capture" if width >= 100 else text)], width)
 
-    def pieces(self, line: int, width: int) -> Sequence[Piece]:
+    def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         assert self.report is not None
         unit = self.report.units[line]
         bus, counts, times = self.desk.bus, unit.counts, unit.times
@@ -87,15 +91,47 @@ class UnitList(Lines):
             load = f"{bus.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first):.1%}"
         bad = counts.unanswered + counts.exceptions + counts.damaged
         rate = bad / counts.requests if counts.requests else 0.0
-        pieces = [Piece(f"{unit.unit:>5} "), Piece(f"{load:>5} ", "dim"), Piece(f"{compact(counts.requests):>5}")]
+        pieces = [
+            StyledText(f"{unit.unit:>5} "),
+            StyledText(f"{load:>5} ", "dim"),
+            StyledText(f"{compact(counts.requests):>5}"),
+        ]
         for name, key in _COLUMNS:
             number = getattr(counts, key)
             kind = "" if name == "ok" else "warning" if name == "exc" else "error"
-            pieces.append(Piece(f"{compact(number) if number else '-':>6}", kind if number else "dim"))
+            pieces.append(StyledText(f"{compact(number) if number else '-':>6}", kind if number else "dim"))
         grave = "error" if rate > _MANY else "warning" if rate else "dim"
         share = f"{rate:.0%}" if rate >= _FEW else "<1%" if rate else "-"
-        pieces.append(Piece(f"{share:>6}", grave))
-        pieces += [Piece(f"{short(t):>7}") for t in (times.p50_ns, times.p95_ns, times.max_ns)]
+        pieces.append(StyledText(f"{share:>6}", grave))
+        pieces += [StyledText(f"{short(t):>7}") for t in (times.p50_ns, times.p95_ns, times.max_ns)]
         if width >= 90:
-            pieces.append(Piece("  " + sparkline(bus.units.means(unit.unit), width - 80), "accent"))
+            pieces.append(StyledText("  " + sparkline(bus.units.means(unit.unit), width - 80), "accent"))
         return fitted(pieces, width)
+
+
+def _make(desk: ViewState) -> Widget:
+    return Vertical(UnitList(desk, id="unit-list"), History(id="unit-history", classes="history"), id="units")
+
+
+def _refresh(screen: BusScreen) -> None:
+    screen.jobs.count_report(VIEW.name, screen.query_one(UnitList).use)
+
+
+def _chosen(screen: BusScreen, sender: Widget) -> None:
+    assert isinstance(sender, UnitList)
+    screen.query_one("#unit-history", History).show(*sender.history(), from_zero=True)
+
+
+def _entered(screen: BusScreen, sender: Widget) -> None:
+    """The frames of that unit alone."""
+    assert isinstance(sender, UnitList)
+    if sender.unit is not None:
+        screen.action_view("frames")
+        screen.query_one(FilterBar).use(f"unit == {sender.unit}")
+
+
+VIEW: Final = View(
+    name="units", key="4", title="Units",
+    make=_make, refresh=_refresh, chosen=_chosen, entered=_entered,
+    without=(*JUMPS, "select"),
+)  # fmt: skip

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import analyzer
-from analyzer.frames import Kind
+from analyzer.tables.schema import Kind
 
 
 def main(corpus: Path, name: str) -> int:

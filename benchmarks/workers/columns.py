@@ -14,13 +14,13 @@ import analyzer
 
 def main(path: str, only: str = "") -> int:
     if only == "findings":
-        from analyzer.pipeline import analyse
+        from analyzer.core import analyse
         from captures import open as open_capture
 
         print(sum(len(part.findings) for part in analyse(open_capture(path))))
         return 0
-    from analyzer.columns import decode
-    from analyzer.transactions import Transactions
+    from analyzer.tables.columns import decode
+    from analyzer.tables.transactions import Transactions
 
     transactions = Transactions()
     rows = pairs = values = 0

@@ -15,7 +15,7 @@ from bus import CHAR_NS, LINE, slices
 
 from analyzer import Analysis
 from captures import Block, Capture, Chunk
-from dissectors.checks import crc_bytes
+from dissectors.crc import crc_bytes
 
 _READ = 4096  # bytes
 _SOME = np.random.default_rng(1)

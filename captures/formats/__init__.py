@@ -1,26 +1,28 @@
 """The registry of capture formats.
 
-A format is one file in this folder with a `FORMAT`; nothing else names it. A file is taken for the format whose content
-it shows without doubt, then for the one of its suffix, then for the likeliest by content. Where none fits, formats of
-other distributions are asked (entry points of the group `rtuscope.captures`, each the `Format` itself).
+A format is one file in this folder with a `FORMAT`; nothing else names it. Formats of other distributions are asked
+first (entry points of the group `rtuscope.captures`, each the `Format` itself): code that runs with the user's rights.
+A broken one is named in a warning, and left out. A file is taken for the format whose content it shows without doubt,
+then for the one of its suffix, then for the likeliest by content.
 """
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Callable, Iterable
+import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import BinaryIO
 
-from captures.chunks import Block, Source
-from captures.errors import CaptureError
-from captures.files import other_kind, read_head
-from captures.line import LineSettings
+from ..chunks import Source
+from ..errors import CaptureError
+from ..files import other_kind
 
 CERTAIN = 0.9  # a `sniff` at or over this outweighs the suffix
+SUSPECT = 0.5  # at or over this it casts doubt on a suffix
+LIKELY = 0.1  # at or over this it may do without a suffix
 ENTRY_POINTS = "rtuscope.captures"
 
 
@@ -29,14 +31,17 @@ class Format:
     """How one kind of file is recognised, read and written.
 
     `sniff` says from the first 64 KiB how likely this is the format, 0 to 1. `read` opens a file, raising CaptureError
-    where it holds nothing that can be used. `write` puts blocks into an open file; None where the format is only read.
+    where it holds nothing that can be used; it is also given those of the keywords of `captures.open` (`tz`, `baud`,
+    `parity`, `bits`, `stop`, `polarity`) that its signature has. `write` puts the blocks of a line into an open file
+    (it is given file, LineSettings, blocks, whether they are timed, and `notes` where its signature has that); None
+    where the format is only read.
     """
 
     name: str
     suffixes: tuple[str, ...]
     sniff: Callable[[bytes], float]
-    read: Callable[[Path], Source]
-    write: Callable[[BinaryIO, LineSettings, Iterable[Block], bool], None] | None = None
+    read: Callable[..., Source]
+    write: Callable[..., None] | None = None
 
 
 @cache
@@ -48,16 +53,20 @@ def formats() -> dict[str, Format]:
 
 @cache
 def foreign_formats() -> dict[str, Format]:
-    """The formats that other distributions bring, by name; one that fails to load is left out."""
+    """The formats that other distributions bring, by name."""
     from importlib.metadata import entry_points  # slow to import, and seldom needed
 
     found: dict[str, Format] = {}
     for entry in entry_points(group=ENTRY_POINTS):
         try:
             loaded = entry.load()
-        except Exception:
-            continue
-        if isinstance(loaded, Format):
+            if not isinstance(loaded, Format):
+                raise TypeError("is no captures.formats.Format")
+        except BaseException as error:
+            if isinstance(error, KeyboardInterrupt):
+                raise
+            warnings.warn(f"plug-in {entry.name} ({entry.value}) is left out: {_words(error)}", stacklevel=2)
+        else:
             found[loaded.name] = loaded
     return found
 
@@ -70,40 +79,101 @@ def by_name(name: str) -> Format:
     return found
 
 
-def recognise(path: Path) -> Format:
-    """The format of an existing file; CaptureError where there is none."""
-    head = read_head(path)
+@dataclass(frozen=True, slots=True)
+class Recognised:
+    """The format of a file, and what is odd about it where content and suffix disagree."""
+
+    format: Format
+    doubt: str | None = None
+
+
+def recognise(head: bytes, suffix: str, name: str) -> Recognised:
+    """The format of a file that begins like this; CaptureError, about `name`, where there is none.
+
+    In this order: content without doubt, the formats of other distributions first; one of theirs by suffix; files that
+    are known to be no capture; one of our own by suffix; the likeliest by content.
+    """
+    suffix = suffix.lower()
+    foreign, own = _scores(foreign_formats(), head), _scores(formats(), head)
+    for scores in (foreign, own):
+        if scores and max(scores.values()) >= CERTAIN:
+            return _by_content(scores, suffix)
+    if (by_suffix := _of_suffix(foreign, suffix)) is not None:
+        return Recognised(by_suffix)
     if kind := other_kind(head):
-        raise CaptureError(f"{path}: not a capture but {kind}")
-    for registry in (formats, foreign_formats):
-        known = registry()
-        scores = {name: float(known[name].sniff(head)) for name in known}
-        likeliest = max(known, key=lambda name: scores[name], default=None)
-        if likeliest and scores[likeliest] >= CERTAIN:
-            return known[likeliest]
-        if (by_suffix := _by_suffix(known, path, scores)) is not None:
-            return by_suffix
-        if likeliest and scores[likeliest] > 0:
-            return known[likeliest]
+        raise CaptureError(f"{name}: not a capture but {kind}")
+    by_suffix = _of_suffix(own, suffix)
+    likely = max((scores for scores in (foreign, own) if scores), key=lambda scores: max(scores.values()))
+    if by_suffix is not None and (own[by_suffix] > 0 or max(likely.values()) < LIKELY):
+        return Recognised(by_suffix, _suspicion(by_suffix, own, head))
+    if max(likely.values()) >= LIKELY:
+        return _by_content(likely, suffix)
     raise CaptureError(
-        f"{path}: neither its content nor its suffix {path.suffix!r} is that of a capture: name it .bin if it is the "
+        f"{name}: neither its content nor its suffix {suffix!r} is that of a capture: name it .bin if it is the "
         f"raw bytes of a line, .txt if it is a log (formats: {_listed(list(formats()))})"
     )
+
+
+def claimed(head: bytes, chosen: Format | None) -> bool:
+    """Whether this format, or where none is chosen any, knows a file that begins like this for its own."""
+    if chosen is not None:
+        return _scores({chosen.name: chosen}, head)[chosen] >= LIKELY
+    return any(score >= CERTAIN for known in (foreign_formats(), formats()) for score in _scores(known, head).values())
+
+
+def likely(name: str, head: bytes) -> bool:
+    """Whether a file of this name that begins like this may be a capture."""
+    try:
+        return bool(head) and recognise(head, Path(name).suffix, name) is not None
+    except CaptureError:
+        return False
 
 
 def for_writing(path: Path) -> Format:
     """The format that this name's suffix asks for; CaptureError lists the suffixes that can be written."""
     for registry in (formats, foreign_formats):
-        writable = {name: found for name, found in registry().items() if found.write is not None}
-        if (found := _by_suffix(writable, path, {})) is not None:
+        writable = {found: 0.0 for found in registry().values() if found.write is not None}
+        if (found := _of_suffix(writable, path.suffix.lower())) is not None:
             return found
     suffixes = [suffix for found in formats().values() if found.write for suffix in found.suffixes]
     raise CaptureError(f"{path}: no format to write with suffix {path.suffix!r}: use {_listed(suffixes)}")
 
 
-def _by_suffix(known: dict[str, Format], path: Path, scores: dict[str, float]) -> Format | None:
-    named = [name for name in known if path.suffix.lower() in known[name].suffixes]
-    return known[max(named, key=lambda name: scores.get(name, 0.0))] if named else None
+def _scores(known: dict[str, Format], head: bytes) -> dict[Format, float]:
+    return {candidate: _score(candidate, head) for candidate in known.values()}
+
+
+def _of_suffix(scores: dict[Format, float], suffix: str) -> Format | None:
+    named = [candidate for candidate in scores if suffix in candidate.suffixes]
+    return max(named, key=lambda candidate: scores[candidate], default=None)
+
+
+def _by_content(scores: dict[Format, float], suffix: str) -> Recognised:
+    best = max(scores, key=lambda candidate: scores[candidate])
+    others = [other.name for other in formats().values() if suffix in other.suffixes]
+    if suffix in best.suffixes or not others:
+        return Recognised(best)
+    return Recognised(best, f"named {suffix}, but its content is that of {best.name}: read as such")
+
+
+def _suspicion(chosen: Format, scores: dict[Format, float], head: bytes) -> str | None:
+    """What a file may be rather than what its suffix says; ASCII mode in raw bytes is lines of hex, too."""
+    best = max(scores, key=lambda candidate: scores[candidate])
+    if scores[best] < SUSPECT or scores[chosen] >= LIKELY or head.startswith(b":"):
+        return None
+    return f"read as {chosen.name} by its suffix, though it looks like {best.name}: --format {best.name} reads it so"
+
+
+def _score(format: Format, head: bytes) -> float:
+    try:
+        return float(format.sniff(head))
+    except Exception as error:
+        warnings.warn(f"capture format {format.name} is left out: {_words(error)}", stacklevel=2)
+        return 0.0
+
+
+def _words(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def _listed(words: list[str]) -> str:

@@ -1,6 +1,6 @@
 """Raw bytes, `.bin`: one stream without times, settings or marks.
 
-Any bytes are such a file, so it is never recognised by content: only by suffix, or when asked for by name.
+Any bytes may be such a file, so it is never recognised by content: only by suffix, or when asked for by name.
 """
 
 from __future__ import annotations
@@ -10,16 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from captures.chunks import Block, Note, columns
-from captures.files import opened, read_head
-from captures.formats import Format
-from captures.line import LineSettings
+from ..chunks import Block, Note, columns
+from ..files import opened, read_head
+from ..line import LineSettings
+from . import Format
 
 CHUNK_BYTES = 1 << 16
+_ANY_BYTES = 0.01  # likelihood: its suffix decides, not its content
 
 
 @dataclass(frozen=True, slots=True)
-class _Reader:
+class _BinaryReader:
     path: Path
     line: LineSettings
     timed: bool = False
@@ -31,9 +32,9 @@ class _Reader:
                 yield columns(data, sizes, [0] * len(sizes), timed=False)
 
 
-def _read(path: Path) -> _Reader:
+def _read(path: Path) -> _BinaryReader:
     read_head(path)
-    return _Reader(path, LineSettings())
+    return _BinaryReader(path, LineSettings())
 
 
 def _write(file: BinaryIO, line: LineSettings, blocks: Iterable[Block], timed: bool) -> None:  # noqa: ARG001
@@ -41,4 +42,4 @@ def _write(file: BinaryIO, line: LineSettings, blocks: Iterable[Block], timed: b
         file.write(block.data.tobytes())
 
 
-FORMAT = Format("bin", (".bin", ".raw", ".dat"), lambda _: 0.0, _read, _write)
+FORMAT = Format("bin", (".bin", ".raw", ".dat"), lambda _: _ANY_BYTES, _read, _write)

@@ -1,7 +1,7 @@
 """Hex text and serial logs: `.txt`, `.log`, `.hex` and whatever else people saved a terminal's output as.
 
-Each read that a line shows becomes a chunk, with the time and the direction mark that the log gives it; what lines look
-like is known in `captures.text`. A log whose first lines mostly lack times is taken as untimed. Speakers that a log
+Each read that a line shows becomes a chunk, with the time and the direction mark that the log gives it; how text is
+read is known in `captures.text`. A log whose first bytes mostly lack times is taken as untimed. Speakers that a log
 names (jpnevulator) become ports, in the order of their first word. A line that is neither bytes nor anything known is
 noted with its number.
 """
@@ -11,46 +11,62 @@ from __future__ import annotations
 import codecs
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from datetime import tzinfo
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, cast
 
-from captures.chunks import Block, Chunk, Mark, Note
-from captures.errors import CaptureError
-from captures.files import HEAD_BYTES, line_batches, opened, read_head
-from captures.formats import Format
-from captures.line import LineSettings
 from captures.text import encodings
-from captures.text.loglines import LineReader, Piece, joined
 
-_LOOK_LINES = 400  # lines by which a log is judged
+from ..chunks import Block, Chunk, Mark, Note
+from ..errors import CaptureError
+from ..files import HEAD_BYTES, line_batches, opened, read_head
+from ..line import LineSettings
+from ..text.choosing import Judge, no_judge
+from ..text.logs import LogReader, Piece, Unread, joined
+from . import Format
+
 _JOIN_BYTES = 1 << 16  # a dump of any length comes in chunks of this size
 _BLOCK_CHUNKS = 1 << 14
+_BATCH = 1 << 16  # bytes of text read at once
 
 
 @dataclass(frozen=True, slots=True)
-class _Reader:
+class _TextReader:
     path: Path
     line: LineSettings
     timed: bool
     first_ns: int  # time for bytes before the first line with a time
-    decimal: bool
+    notices: tuple[str, ...]
+    judge: Judge
+    zone: tzinfo | None
+    sample_rate: float | None
 
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:
         with opened(self.path) as file:
-            chunks = self._chunks(joined(_pieces(file, self.decimal, note), _JOIN_BYTES), note)
+            chunks = self._chunks(joined(self._pieces(file, note), _JOIN_BYTES), note)
             while held := list(_up_to(chunks, max_bytes)):
                 yield Block.from_chunks(held, timed=self.timed)
 
-    def _chunks(self, pieces: Iterable[Piece], note: Note) -> Iterator[Chunk]:
+    def _pieces(self, file: BinaryIO, note: Note) -> Iterator[Piece | Unread]:
+        reader = LogReader(self.judge, self.zone, self.sample_rate)
+        reader.learn(_text_of(file, _silent))
+        file.seek(0)
+        yield from reader.feed(enumerate(_text_of(file, note), 1))
+        yield from reader.close()
+
+    def _chunks(self, pieces: Iterable[Piece | Unread], note: Note) -> Iterator[Chunk]:
         ports: dict[str, int] = {}
         t_ns = self.first_ns
         for piece in pieces:
+            if isinstance(piece, Unread):
+                note(f"line {piece.line}", piece.why)
+                continue
             if piece.t_ns is not None:
                 t_ns = piece.t_ns
             elif self.timed:
                 note(f"line {piece.line}", "has no time: its bytes are given the time before")
-            port = ports.setdefault(piece.label, min(len(ports), 255)) if piece.label else 0
+            port = ports.setdefault(piece.port, min(len(ports), 255)) if piece.port else 0
             yield Chunk(t_ns, piece.data, port, Mark(piece.mark))
 
 
@@ -63,77 +79,56 @@ def _up_to(chunks: Iterator[Chunk], max_bytes: int) -> Iterator[Chunk]:
             return
 
 
-def _pieces(file: BinaryIO, decimal: bool, note: Note) -> Iterator[Piece]:
-    reader = LineReader(decimal)
+def _silent(where: str, what: str) -> None:
+    """For a first look, whose troubles are told when the file is read."""
+
+
+def _text_of(file: BinaryIO, note: Note) -> Iterator[str]:
+    """The lines of a text file."""
     codec = encodings.utf16(file.read(HEAD_BYTES))
     file.seek(0)
     if codec is not None:
         file = cast(BinaryIO, codecs.EncodedFile(file, "utf-8", codec, "replace"))
-    for number, lines in line_batches(file, note, 1 << 16):
-        for i, line in enumerate(lines, number):
-            reading = reader.read(encodings.line_of(line).removeprefix("\ufeff"), i)
-            if reading.problem is not None:
-                note(f"line {i}", reading.problem)
-            yield from reading.pieces
-
-
-@dataclass(frozen=True, slots=True)
-class _Look:
-    """What the head of a file promises."""
-
-    lines: int = 0  # that say anything; a tool's own lines without bytes do not count
-    with_bytes: int = 0
-    times: tuple[int, ...] = ()
-    problem: tuple[str, int] | None = None
-    decimal: bool = False
-
-
-def _look(head: bytes) -> _Look:
-    """What a file promises that begins like this; decimal numbers are bytes only where there is no hex."""
-    if encodings.is_binary(head):
-        return _Look()
-    look = _looked(head, decimal=False)
-    if look.with_bytes:
-        return look
-    decimal = _looked(head, decimal=True)
-    return decimal if decimal.with_bytes else look
-
-
-def _looked(head: bytes, *, decimal: bool) -> _Look:
-    lines = encodings.decoded(head).split("\n")
-    if len(head) >= HEAD_BYTES and len(lines) > 1:
-        lines.pop()  # cut by the end of the head
-    reader, seen, with_bytes, problem = LineReader(decimal), 0, 0, None
-    times: list[int] = []
-    for number, line in enumerate(lines[:_LOOK_LINES], 1):
-        reading = reader.read(line, number)
-        seen += bool(reading.pieces or reading.problem)
-        if reading.pieces:
-            with_bytes += 1
-            times.extend(piece.t_ns for piece in reading.pieces[:1] if piece.t_ns is not None)
-        elif reading.problem and problem is None:
-            problem = (reading.problem, number)
-    return _Look(seen, with_bytes, tuple(times), problem, decimal)
+    for _, lines in line_batches(file, note, _BATCH):
+        yield from (encodings.line_of(line) for line in lines)
 
 
 def _sniff(head: bytes) -> float:
-    look = _look(head)
-    share = look.with_bytes / look.lines if look.lines else 0.0
+    if encodings.is_binary(head):
+        return 0.0
+    given = LogReader().learn(encodings.decoded(head).split("\n"))
+    with_bytes = {piece.line for piece in given if isinstance(piece, Piece)}
+    without = {piece.line for piece in given if isinstance(piece, Unread)} - with_bytes
+    share = len(with_bytes) / len(with_bytes | without) if with_bytes else 0.0
     return 0.4 + 0.4 * share if share >= 0.2 else 0.0
 
 
-def _read(path: Path) -> _Reader:
-    head = read_head(path)
-    look = _look(head)
-    if not look.with_bytes:
-        if encodings.is_binary(head):
-            raise CaptureError(f"{path}: not text: name it .bin if it is the raw bytes of a line")
-        if look.problem is None:
-            raise CaptureError(f"{path}: no hex bytes found: the file holds only empty lines and comments")
-        what, number = look.problem
-        raise CaptureError(f"{path}: no hex bytes found, first at line {number}: {what}")
-    timed = 2 * len(look.times) > look.with_bytes
-    return _Reader(path, LineSettings(), timed, look.times[0] if timed else 0, look.decimal)
+def _read(
+    path: Path, *, judge: Judge = no_judge, tz: tzinfo | None = None, sample_rate: float | None = None
+) -> _TextReader:
+    if encodings.is_binary(read_head(path)):
+        raise CaptureError(f"{path}: not text: name it .bin if it is the raw bytes of a line")
+    reader = LogReader(judge, tz, sample_rate)
+    with opened(path) as file:
+        given = reader.learn(_text_of(file, _silent))
+    pieces = [piece for piece in given if isinstance(piece, Piece)]
+    if not pieces:
+        _refuse(path, [piece for piece in given if isinstance(piece, Unread)])
+    times = [piece.t_ns for piece in pieces if piece.t_ns is not None]
+    timed = 2 * len(times) > len(pieces)
+    notices = (f"times without a zone are read as {_zone_name(tz)}",) if timed and reader.zoneless else ()
+    return _TextReader(path, LineSettings(), timed, times[0] if timed else 0, notices, judge, tz, sample_rate)
+
+
+def _refuse(path: Path, unread: list[Unread]) -> None:
+    if not unread:
+        raise CaptureError(f"{path}: no hex bytes found: the file holds only empty lines and comments")
+    first = next((one for one in unread if not one.empty), unread[0])
+    raise CaptureError(f"{path}: no hex bytes found, first at line {first.line}: {first.why}")
+
+
+def _zone_name(zone: tzinfo | None) -> str:
+    return "local time of this machine (--tz names another zone)" if zone is None else str(zone)
 
 
 FORMAT = Format("text", (".txt", ".log", ".hex", ".asc", ".out", ".csv"), _sniff, _read)

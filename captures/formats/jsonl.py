@@ -22,12 +22,13 @@ from typing import Any, BinaryIO
 import numpy as np
 import orjson
 
-from captures.chunks import TIME_LIMIT, Block, Chunk, Mark, Note, columns
-from captures.errors import CaptureError
-from captures.files import lines_of, opened, read_head, text_batches
-from captures.formats import Format
-from captures.line import LineSettings
-from captures.text.reads import reads_in
+from ..chunks import Block, Chunk, Mark, Note, columns
+from ..errors import CaptureError
+from ..files import first_line, lines_of, opened, read_head, text_batches
+from ..line import LineSettings
+from ..text.reads import reads_in
+from ..time_order import TIME_LIMIT
+from . import Format
 
 NAME = "serial-chunks"
 VERSION = 1
@@ -37,7 +38,7 @@ _HEADER_LOOK = 4096  # bytes of a first line that is no header that are worth pa
 
 
 @dataclass(frozen=True, slots=True)
-class _Reader:
+class _JsonlReader:
     path: Path
     line: LineSettings
     timed: bool
@@ -63,23 +64,23 @@ class _Reader:
                 yield block if block is not None else _slow(lines, number, self.timed, note)
 
 
-def _read(path: Path) -> _Reader:
+def _read(path: Path) -> _JsonlReader:
     head = read_head(path)
-    first = head.split(b"\n", 1)[0]
+    first = first_line(path, head)
     try:
         header = orjson.loads(_without_bom(first))
     except orjson.JSONDecodeError as error:
         # A first line cut or damaged: go on without settings where reads follow.
         if any(_usable(line) for line in head.split(b"\n")[1:20]):
             complaint = "the header is damaged: baud rate and character length are not known"
-            return _Reader(path, LineSettings(), True, True, (complaint,))
+            return _JsonlReader(path, LineSettings(), True, True, (complaint,))
         raise CaptureError(f"{path}: line 1: not JSON ({error}): a {NAME} capture has its header there") from error
     if not isinstance(header, dict):
         raise CaptureError(f"{path}: line 1: not a JSON object: a {NAME} capture has its header there")
     if header.get("format") != NAME:
         if _usable(first):
             complaint = "no header: baud rate and character length are not known"
-            return _Reader(path, LineSettings(), True, False, (complaint,))
+            return _JsonlReader(path, LineSettings(), True, False, (complaint,))
         raise CaptureError(f"{path}: line 1: {_what_else(header)}")
     if header.get("version") != VERSION:
         raise CaptureError(
@@ -89,14 +90,14 @@ def _read(path: Path) -> _Reader:
     timed = header.get("timed") is not False and header.get("tap") != "untimed"
     settings = {key: value for key, value in header.items() if key not in ("format", "version", "timed")}
     line, complaints = LineSettings.from_header(settings)
-    return _Reader(path, line, timed, True, tuple(complaints))
+    return _JsonlReader(path, line, timed, True, tuple(complaints))
 
 
 def _sniff(head: bytes) -> float:
     first, _, others = head.partition(b"\n")
     if not _without_bom(first).startswith(b"{"):
         return 0.0
-    if NAME.encode() in first:
+    if NAME.encode() in first or _exported(first):
         return 1.0
     return 0.95 if any(_usable(line) for line in [first, *others.split(b"\n", 20)]) else 0.0
 
@@ -107,13 +108,19 @@ def _usable(line: bytes) -> bool:
     return line.startswith(b"{") and b'"t_ns"' in line and b'"hex"' in line
 
 
+def _exported(line: bytes) -> bool:
+    """Whether this line is one of this tool's own exports, which `read` refuses with what to do instead."""
+    line = line[:_HEADER_LOOK]
+    return b'"unit"' in line and (b'"crc_ok"' in line or (b'"area"' in line and b'"confidence"' in line))
+
+
 def _without_bom(line: bytes) -> bytes:
     return line.removeprefix(b"\xef\xbb\xbf")
 
 
 def _what_else(header: dict[str, Any]) -> str:
-    if "function" in header and "hex" in header:
-        return "these are frames, exported from a capture, not a capture: open the capture itself"
+    if _exported(orjson.dumps(header)):
+        return "these are frames or registers, exported from a capture, not a capture: open the capture itself"
     if "format" in header:
         return f"format {str(header['format'])[:40]!r} is not {NAME!r}"
     return f'no capture: it lacks the header {{"format": "{NAME}", "version": {VERSION}, ...}}'

@@ -1,43 +1,66 @@
-"""Tables of a logic analyser, `.csv`: Saleae Logic's data table and its older export, a byte a row.
+"""Tables of a Saleae analyzer, `.csv` and `.txt`: Logic 2's data table and Logic 1's export, a byte a row.
 
     name,type,start_time,duration,data,error          "Async Serial","data",0.0006025,2.375e-05,0xC8
     Time [s],Value,Parity Error,Framing Error         0.000602500000000,0xC8,,
 
-The columns are found by their names in the first line. A byte's time is its start plus its duration; where the table
-has no durations it is the start, which moves all times of the capture by the same character. Analyzers (the channels
-of a data table) become ports in the order of their first byte.
+The columns are found by their names in the first line. Values may be hexadecimal, binary, decimal or characters, as the
+table's radix was set: characters where any of the first rows is one. Times are seconds or ISO 8601. Analyzers (the
+channels of a data table) become ports in the order of their first byte.
+
+A byte's time is its start plus one character: by the settings given, else by the durations (which the analyzer counts
+to the middle of the stop bit) or the spacing of the first bytes, which tell the baud rate.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
-from captures.chunks import TIME_LIMIT, Block, Chunk, Note
-from captures.errors import CaptureError
-from captures.files import line_batches, opened, read_head
-from captures.formats import Format
-from captures.line import LineSettings
+import numpy as np
+
 from captures.text import stamps
 
-_NAMES = {
-    "time": ("start_time", "time [s]", "start"),
+from ..chunks import Block, Chunk, Note
+from ..errors import CaptureError
+from ..files import HEAD_BYTES, line_batches, opened, read_head
+from ..line import LineSettings
+from ..spacing import INFERRED, RATES, character_ns, fitting
+from ..time_order import TIME_LIMIT
+from . import Format
+
+_NAMES: Final = {
+    "time": ("start_time", "time [s]", "time[s]", "start"),
     "duration": ("duration",),
-    "data": ("data", "value"),
+    "data": ("data", "value", "decoded protocol result"),
     "type": ("type",),
     "name": ("name", "analyzer name"),
     "error": ("error", "parity error", "framing error"),
 }
-_MISSING = ("", "false", "no", "0")
+_MISSING: Final = ("", "false", "no", "0", "null", "none")
+_ANOTHER: Final = re.compile(r"_ns\b|channel \d+", re.I)  # in the first line of other tables
+_HEX: Final = re.compile(r"0x([0-9A-Fa-f]{1,8})\b")
+_BINARY: Final = re.compile(r"0b([01 ]{1,40})")
+_ESCAPES: Final = {
+    "\\0": 0, "\\a": 7, "\\b": 8, "\\t": 9, "\\n": 10, "\\v": 11, "\\f": 12, "\\r": 13, "\\\\": 92, "comma": 44,
+    "space": 32, "tab": 9, "cr": 13, "lf": 10, "\\'": 39, '\\"': 34,
+}  # fmt: skip
+_ESCAPED: Final = re.compile(r"\\x([0-9A-Fa-f]{1,2})")
+_DURATIONS: Final = ((9.5, 10), (10.5, 11), (10, 10), (11, 11))  # bits that a duration covers, of so many
+_OFF: Final = 0.012  # of a duration
 
 
 @dataclass(frozen=True, slots=True)
-class _Reader:
+class _SaleaeReader:
     path: Path
     line: LineSettings
     columns: Mapping[str, tuple[int, ...]]
+    characters: bool  # values are characters, not numbers
+    delimiter: str
     timed: bool = True
 
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:
@@ -49,43 +72,56 @@ class _Reader:
                     if i == 1 or not line.strip():
                         continue
                     try:
-                        chunk = self._chunk(_cells(line), ports)
+                        chunk = self._chunk(_cells(line, self.delimiter), ports)
                     except ValueError as error:
                         note(f"line {i}", f"{error}: left out")
                     else:
                         chunks.extend([chunk] if chunk is not None else [])
                 yield Block.from_chunks(chunks)
 
-    def _chunk(self, cells: list[str], ports: dict[str, int]) -> Chunk | None:
+    def _chunk(self, cells: Sequence[str], ports: dict[str, int]) -> Chunk | None:
         """The byte of a row; None for a row of another type; ValueError for one that can't be read."""
-        values = {key: [cells[i] for i in where if i < len(cells)] for key, where in self.columns.items()}
+        values = _values(cells, self.columns)
         if values["type"] and values["type"][0] not in ("data", "address"):
             return None
         if not values["time"] or not values["data"]:
             raise ValueError("columns are missing")
-        t_ns = _time(values["time"][0]) + (_time(values["duration"][0]) if values["duration"] else 0)
+        start, duration = _time(values["time"][0]), _duration(values["duration"])
+        character = 0 if self.line.baud is None else round((self.line.char_bits or 10) * 1e9 / self.line.baud)
+        t_ns = start + (character or duration)
         if not -TIME_LIMIT < t_ns < TIME_LIMIT:
             raise ValueError("its time is out of range")
         name = values["name"][0] if values["name"] else ""
+        octet = _byte(values["data"][0], characters=self.characters)
         port = ports.setdefault(name, min(len(ports), 255))
         wrong = any(cell.strip().lower() not in _MISSING for cell in values["error"])
-        return Chunk(t_ns, bytes((_byte(values["data"][0]),)), port, errors=(0,) if wrong else ())
+        return Chunk(t_ns, bytes((octet,)), port, errors=(0,) if wrong else ())
 
 
-def _cells(line: bytes) -> list[str]:
+def _values(cells: Sequence[str], columns: Mapping[str, tuple[int, ...]]) -> dict[str, list[str]]:
+    return {key: [cells[i] for i in where if i < len(cells)] for key, where in columns.items()}
+
+
+def _cells(line: bytes, delimiter: str) -> list[str]:
     try:
-        return next(csv.reader([line.decode("utf-8", "replace").strip("\r\n\ufeff")]), [])
+        text = line.decode("utf-8", "replace").strip("\r\n\ufeff")
+        return next(csv.reader([text], delimiter=delimiter), [])
     except csv.Error as error:
         raise ValueError(f"not a row of a table ({error})") from error
 
 
-def _columns(head: bytes) -> dict[str, tuple[int, ...]] | None:
-    try:
-        names = [cell.strip().lower() for cell in _cells(head.split(b"\n", 1)[0])]
-    except ValueError:
-        return None
-    columns = {key: tuple(i for i, name in enumerate(names) if name in known) for key, known in _NAMES.items()}
-    return columns if columns["time"] and columns["data"] else None
+def _header(head: bytes) -> tuple[dict[str, tuple[int, ...]], str] | None:
+    """Where the columns stand in a table that begins like this, and what parts them."""
+    first = head.split(b"\n", 1)[0]
+    for delimiter in (",", ";", "\t"):
+        try:
+            names = [cell.strip().lower() for cell in _cells(first, delimiter)]
+        except ValueError:
+            continue
+        columns = {key: tuple(i for i, name in enumerate(names) if name in known) for key, known in _NAMES.items()}
+        if columns["time"] and columns["data"] and not _ANOTHER.search(first.decode("utf-8", "replace")):
+            return columns, delimiter
+    return None
 
 
 def _time(text: str) -> int:
@@ -98,25 +134,120 @@ def _time(text: str) -> int:
         return stamp.t_ns
 
 
-def _byte(text: str) -> int:
+def _duration(cells: Sequence[str]) -> int:
     try:
-        value = int(text.strip("'\" "), 0)
-    except ValueError:
-        raise ValueError(f"{text[:40]!r} is not a byte: export the table with hexadecimal values") from None
+        return max(0, min(round(float(cells[0]) * 1e9), TIME_LIMIT)) if cells else 0
+    except (ValueError, OverflowError):
+        return 0
+
+
+def _byte(text: str, *, characters: bool) -> int:
+    bare = text.strip()
+    if len(bare) > 2 and bare[0] == bare[-1] == "'":
+        bare = bare[1:-1]
+    if found := _HEX.search(bare):
+        value = int(found[1], 16)
+    elif found := _BINARY.fullmatch(bare):
+        value = int(found[1].replace(" ", "") or "0", 2)
+    elif characters:
+        value = _character(bare if bare else " ")
+    else:
+        try:
+            value = int(bare)
+        except ValueError:
+            raise ValueError(f"{text[:40]!r} is not a byte: export the table with hexadecimal values") from None
     if not 0 <= value <= 255:
         raise ValueError(f"{text[:40]!r} is more than a byte")
     return value
 
 
+def _character(text: str) -> int:
+    if len(text) == 1 and ord(text) < 256:
+        return ord(text)
+    if (value := _ESCAPES.get(text.lower())) is not None:
+        return value
+    if (found := _ESCAPED.fullmatch(text)) is not None:
+        return int(found[1], 16)
+    if text.isdecimal() and len(text) <= 3:  # a character that cannot be shown, by its number
+        return int(text)
+    raise ValueError(f"{text[:40]!r} is not a character: export the table with hexadecimal values")
+
+
+def _is_character(text: str) -> bool:
+    """Whether a value can only be a character."""
+    bare = text.strip()
+    bare = bare[1:-1] if len(bare) > 2 and bare[0] == bare[-1] == "'" else bare
+    return not bare.isdecimal() and not _HEX.search(bare) and not _BINARY.fullmatch(bare)
+
+
 def _sniff(head: bytes) -> float:
-    return 0.95 if _columns(head) is not None else 0.0
+    return 0.95 if _header(head) is not None else 0.0
 
 
-def _read(path: Path) -> _Reader:
-    columns = _columns(read_head(path))
-    if columns is None:
+def _read(
+    path: Path,
+    *,
+    baud: int | None = None,
+    parity: str | None = None,
+    bits: int | None = None,
+    stop: float | None = None,
+) -> _SaleaeReader:
+    head = read_head(path)
+    found = _header(head)
+    if found is None:
         raise CaptureError(f"{path}: line 1: no columns for time and data: expected those of a Saleae export")
-    return _Reader(path, LineSettings(), columns)
+    columns, delimiter = found
+    rows = []
+    for line in head.split(b"\n")[1 : -1 if len(head) >= HEAD_BYTES else None]:
+        try:
+            rows.append(_values(_cells(line, delimiter), columns))
+        except ValueError:
+            continue
+    rows = [row for row in rows if row["time"] and row["data"] and row["type"][:1] in ([], ["data"], ["address"])]
+    characters = any(_is_character(row["data"][0]) for row in rows[:1000] if row["data"][0])
+    line_settings = LineSettings().with_settings(baud, parity, bits, stop)
+    if baud is None:
+        line_settings = _inferred(line_settings, rows)
+    return _SaleaeReader(path, line_settings, columns, characters, delimiter)
+
+
+def _inferred(line: LineSettings, rows: Sequence[Mapping[str, Sequence[str]]]) -> LineSettings:
+    """The settings that durations and spacing of the first bytes tell."""
+    starts: dict[str, list[int]] = defaultdict(list)
+    for row in rows:
+        try:
+            starts[row["name"][0] if row["name"] else ""].append(_time(row["time"][0]))
+        except ValueError:
+            continue
+    durations = [duration for row in rows if (duration := _duration(row["duration"]))]
+    found, how = _by_duration(float(np.median(durations)) if durations else 0.0, line.char_bits), "durations"
+    if found is None:
+        none = [np.zeros(0, np.int64)]
+        times = [
+            np.array([min(max(t, -TIME_LIMIT), TIME_LIMIT) for t in of_one], np.int64) for of_one in starts.values()
+        ]
+        steps = np.concatenate([*none, *map(np.diff, times)])
+        found, how = fitting(character_ns(steps), line.char_bits), "spacing"
+    if found is None:
+        return line
+    baud, bits = found
+    said = f"{baud} bit/s and {bits} bits a character are inferred from the {how} of bytes (--baud says otherwise)"
+    return replace(line, baud=baud, char_bits=line.char_bits or bits, notes={INFERRED: said})
+
+
+def _by_duration(duration: float, char_bits: int | None) -> tuple[int, int] | None:
+    """Baud rate and bits of a character whose frame, as the analyzer draws it, is so long, ns."""
+    near = [
+        (abs(duration * rate / 1e9 / covered - 1), rate, bits)
+        for rate in RATES
+        for covered, bits in _DURATIONS
+        if char_bits in (None, bits)
+    ]
+    best = min(near)[0]
+    if best > _OFF:
+        return None
+    _, rate, bits = next(found for found in near if found[0] < best + _OFF / 4)
+    return rate, bits
 
 
 FORMAT = Format("saleae", (".csv",), _sniff, _read)

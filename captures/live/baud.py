@@ -14,8 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from captures.chunks import Block
-
+from ..chunks import Block
 from .settings import PortSettings
 
 Judge = Callable[[Sequence[Block], PortSettings], int]

@@ -13,7 +13,7 @@ from typing import IO, Any, Final
 
 from .settings import PortSettings
 from .tap import PortError
-from .wire import Decoder, Event, Item
+from .wire import Decoder, Item, PortEvent
 
 _START: Final = (
     "import json, sys; sys.path[:0] = json.loads(sys.argv[1]); from captures.live.reader import main; main(sys.argv[2])"
@@ -80,7 +80,7 @@ class Listening:
             if not data:
                 break
             for item in decoder.feed(data):
-                if isinstance(item, Event):
+                if isinstance(item, PortEvent):
                     if item.kind == "failed":
                         raise PortError(item.text)
                     if item.kind == "ended":

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from .latency import latency_ms
+from .access import access_advice, may_listen, programs_by_device
 from .settings import PortSettings
+from .tap import latency_ms
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,8 @@ class PortInfo:
     driver: str | None = None
     link: str | None = None
     latency_ms: int | None = None
-    allowed: bool = True  # this user may open it
+    allowed: bool = True  # this user may listen to it
+    advice: str | None = None  # what to do where not
     used_by: list[str] = field(default_factory=list)
 
     def to_json(self) -> dict[str, Any]:
@@ -41,7 +42,7 @@ def ports() -> list[PortInfo]:
     """The ports that are there, by name; those of a mainboard only where there is hardware behind them."""
     from serial.tools import list_ports
 
-    links, users = _links(), _users()
+    links, users = _links(), programs_by_device()
     return sorted((_info(port, links, users) for port in list_ports.comports()), key=lambda info: info.device)
 
 
@@ -59,7 +60,8 @@ def _info(port: Any, links: dict[str, str], users: dict[str, list[str]]) -> Port
         driver=None if driver == "driver" else driver,
         link=links.get(os.path.realpath(port.device)),
         latency_ms=latency_ms(port.device),
-        allowed=os.name == "nt" or os.access(port.device, os.R_OK | os.W_OK),
+        allowed=may_listen(port.device),
+        advice=None if may_listen(port.device) else access_advice(port.device),
         used_by=users.get(os.path.realpath(port.device), []),
     )
 
@@ -73,39 +75,14 @@ def _links() -> dict[str, str]:
     return links
 
 
-def _users() -> dict[str, list[str]]:
-    """Programs that hold a terminal device open, by device, as far as /proc shows them."""
-    users: dict[str, list[str]] = {}
-    for process, device in _open_devices():
-        with suppress(OSError):
-            name = (process / "comm").read_text().strip()
-            known = users.setdefault(device, [])
-            if (who := f"{name} ({process.name})") not in known:
-                known.append(who)
-    return users
-
-
-def _open_devices() -> Iterator[tuple[Path, str]]:
-    with suppress(OSError):
-        for process in Path("/proc").glob("[0-9]*"):
-            with suppress(OSError):
-                for descriptor in (process / "fd").iterdir():
-                    with suppress(OSError):
-                        target = os.readlink(descriptor)  # noqa: PTH115 - a string is wanted
-                        if target.startswith("/dev/tty"):
-                            yield process, target
-
-
 @dataclass
 class Identity:
     """Which adapter a port was, so that it is found again when it comes back under another name."""
 
-    known: bool = False
     _usb: tuple[Any, ...] | None = None
 
     def learn(self, settings: PortSettings) -> None:
         """Remember what is open now."""
-        self.known = True
         if settings.is_device:
             self._usb = next((usb for device, usb in _usb_adapters() if device == os.path.realpath(settings.url)), None)
 

@@ -1,11 +1,12 @@
 """The process that reads taps: it waits for bytes, stamps them and passes them on, and does nothing else.
 
 In a process of its own, since a busy one stamps late: gaps of milliseconds, by which frames are told apart, would be
-gone. On POSIX it waits on the descriptors (`select`); elsewhere, and for ports without one, a thread a port waits in
-pyserial's own blocking read. No polling, no sleep.
+gone. On POSIX it waits on the descriptors (`select`); elsewhere a thread a port waits in pyserial's own blocking read.
+No polling, no sleep. A port that goes is waited for, and opened again by a thread aside.
 
 Its standard output carries `records`; what the listener is too slow to take is kept here. On standard input come
-commands, a JSON object a line; its end ends the process. A port that goes is waited for, and opened again.
+commands, a JSON object a line; its end ends the process, with an event `ended`, and so does the end of all that there
+was to listen to. Any other end is an event `failed`.
 """
 
 from __future__ import annotations
@@ -21,82 +22,93 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from .desk import Clock, Desk
-from .pipes import Commands, Pipe
+from .batching import ReadBatching, SteadyClock
+from .opening import Attempts
 from .ports import Identity
+from .records import Commands, Pipe
 from .settings import PortSettings
 from .tap import PortError, PortGoneError, Tap
 
 _RETRY_NS: Final = 500_000_000
+_NEVER: Final = 1 << 62
+_SWITCH_S: Final = 0.001  # a thread that opens a port lets the one that stamps go on
 
 
 @dataclass
 class Port:
-    """One port: open, or waited for."""
+    """One port: open, being opened, or waited for."""
 
     number: int
     settings: PortSettings
-    desk: Desk
-    blocking: bool
+    desk: ReadBatching
     wait: bool  # for a port that was never there, too
     tap: Tap | None = None
-    retry_ns: int = 0
+    retry_ns: int = _NEVER  # when to try to open it
     identity: Identity = field(default_factory=Identity)
-    _said: str = ""
+    ended: bool = False  # nothing can ever come again
+    _reported: str = ""
+    _opened_ns: int = 0  # when it was opened last; 0: never
 
-    def open(self) -> bool:
-        """Try to open it; False ends the process, since it was never there and nobody wants to wait for it."""
-        settings = self.identity.found(self.settings)
-        try:
-            self.tap = Tap(settings, blocking=self.blocking)
-        except PortError as error:
+    def attempted(self, result: Tap | PortError) -> None:
+        """An attempt to open it is over. Raises the PortError where nobody wants to wait for another."""
+        if isinstance(result, PortError):
+            if not (self.wait or self._opened_ns):
+                raise result
             self.retry_ns = self.desk.clock.now() + _RETRY_NS
-            if not (self.wait or self.identity.known):
-                self.desk.event(self.number, "failed", str(error))
-                return False
-            if str(error) != self._said:  # once, not twice a second
-                self._said = str(error)
-                self.desk.event(self.number, "waiting", f"{error}; waiting for it")
-            return True
-        back = self.identity.known
-        self.identity.learn(settings)
-        self._said = ""
-        what = "is back" if back else "open"
-        self.desk.event(self.number, "opened", f"{settings.url}: {what}", tap=self.tap.kind, back=back)
+            if str(result) != self._reported:  # once, not twice a second
+                self._reported = str(result)
+                self.desk.event(self.number, "waiting", f"{result}; waiting for it")
+            return
+        self.tap, self._reported = result, ""
+        back, self._opened_ns = bool(self._opened_ns), self.desk.clock.now()
+        now = result.settings
+        text = f"{now.url}: {'is back' if back else 'open'}"
+        self.desk.event(self.number, "opened", text, tap=result.kind, back=back, settings=now.to_json())
+        if now.is_device and _line(now) != _line(self.settings):  # they were changed meanwhile
+            self._set(result)
         self._tell_notices()
-        return True
+        if self.tap is not None and self.tap.descriptor is not None and not now.is_device:
+            self.read()  # what came while it was being negotiated
 
     def gone(self, error: PortGoneError) -> None:
         """It was unplugged: let go of it, and wait."""
         if self.tap is not None:
             self.tap.close()
         self.tap = None
-        self.retry_ns = self.desk.clock.now() + _RETRY_NS
-        self.desk.event(self.number, "lost", f"{self.settings.url}: lost ({error}); waiting for it to come back")
+        text = f"{self.settings.url}: lost ({error})"
+        if self.settings.is_bare_pty and not self.wait:  # what has this number next is somebody else's terminal
+            self.ended = True
+            self.desk.event(self.number, "lost", text)
+            return
+        self.retry_ns = max(self.desk.clock.now(), self._opened_ns + _RETRY_NS)  # soon, but not over and over
+        self.desk.event(self.number, "lost", f"{text}; waiting for it to come back")
 
     def change(self, settings: PortSettings) -> None:
         """Listen with other settings."""
         self.settings = settings
-        try:
-            if self.tap is not None:
-                self.tap.change(settings)
-        except PortGoneError as error:
-            self.gone(error)
+        if self.tap is not None:
+            self._set(self.tap)
         self._tell_notices()
         self.desk.listen_for(settings.silence_ns)
         self.desk.event(self.number, "settings", f"{settings.url}: {settings}", settings=settings.to_json())
 
-    def read(self) -> int:
-        """Take what has come; when that was, ns."""
+    def read(self) -> None:
+        """Take what has come."""
         data, errors = b"", list[int]()
         if self.tap is not None:
             try:
                 data, errors = self.tap.read()
             except PortGoneError as error:
                 self.gone(error)
-        now = self.desk.clock.now()
-        self.desk.read(now, self.number, data, errors)
-        return now
+        self.desk.read(self.desk.clock.now(), self.number, data, errors)
+        if self.tap is not None and self.tap.notices:
+            self._tell_notices()
+
+    def _set(self, tap: Tap) -> None:
+        try:
+            tap.change(self.settings)
+        except PortGoneError as error:
+            self.gone(error)
 
     def _tell_notices(self) -> None:
         if self.tap is not None:
@@ -105,143 +117,179 @@ class Port:
             self.tap.notices.clear()
 
 
+def _line(settings: PortSettings) -> tuple[int | None, str, int]:
+    return settings.baud, settings.parity, settings.data_bits
+
+
+class Ports:
+    """All ports: those that are open, and attempts to open the others. First attempts are made one after the other."""
+
+    def __init__(self, ports: list[Port], attempts: Attempts) -> None:
+        self.all = ports
+        self._attempts = attempts
+        self._first = iter(ports)  # those that were never tried
+        self._try_next()
+
+    def attempt(self, now_ns: int) -> int:
+        """Begin the attempts that are due; when the next one is, ns."""
+        due = _NEVER
+        for port in self.all:
+            if port.retry_ns <= now_ns:
+                port.retry_ns = _NEVER
+                self._attempts.begin(port.number, port.settings, port.identity)
+            due = min(due, port.retry_ns)
+        return due
+
+    def attempted(self) -> list[Port]:
+        """Take the attempts that are over; the ports that are open now. PortError: see `Port.attempted`."""
+        over = self._attempts.take()
+        for number, result in over:
+            self.all[number].attempted(result)
+            self._try_next()
+        return [self.all[number] for number, result in over if self.all[number].tap is result]
+
+    def _try_next(self) -> None:
+        port = next(self._first, None)
+        if port is not None:
+            port.retry_ns = 0
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing can come of any port."""
+        return all(port.ended for port in self.all)
+
+    def obey(self, commands: list[dict[str, Any]]) -> None:
+        """Change settings."""
+        for command in commands:
+            self.all[command["port"]].change(PortSettings.from_json(command["settings"]))
+
+
 def main(arguments: str) -> None:
     """Read until standard input ends. `arguments`: JSON of ports, hold_ns, quiet_ns, idle_ns, wait, blocking."""
     given = json.loads(arguments)
     _prefer()
-    clock = Clock()
+    clock = SteadyClock()
     out = Pipe(blocking=os.name != "posix")
-    desk = Desk(clock, out.send, hold_ns=given["hold_ns"], quiet_ns=given["quiet_ns"], idle_ns=given["idle_ns"])
+    desk = ReadBatching(clock, out.send, hold_ns=given["hold_ns"], quiet_ns=given["quiet_ns"], idle_ns=given["idle_ns"])
     settings = [PortSettings.from_json(values) for values in given["ports"]]
     desk.listen_for(max(each.silence_ns for each in settings))
-    blocking = bool(given["blocking"]) or os.name != "posix"
-    ports = [Port(number, each, desk, blocking, given["wait"]) for number, each in enumerate(settings)]
+    ports = [Port(number, each, desk, given["wait"]) for number, each in enumerate(settings)]
     try:
-        if blocking or not all(_has_descriptor(each) for each in settings):
+        if given["blocking"] or os.name != "posix":
             _by_threads(ports, desk)
         else:
             _by_waiting(ports, desk, out)
+        desk.event(0, "ended", "")
+    except PortError as error:
+        desk.event(0, "failed", str(error))
+    except Exception as error:
+        desk.event(0, "failed", f"the process that reads the port failed: {type(error).__name__}: {error}")
     finally:
         for port in ports:
             if port.tap is not None:
                 port.tap.close()
         with suppress(OSError):
-            desk.event(0, "ended", "")
             out.drain()
 
 
-def _has_descriptor(settings: PortSettings) -> bool:
-    return settings.is_device or settings.url.startswith("socket://")
-
-
-def _by_waiting(ports: list[Port], desk: Desk, out: Pipe) -> None:
-    """All ports, commands and the pipe in one wait."""
-    commands = Commands()
-    if not all(port.open() for port in ports):
-        return
-    clock, taps = desk.clock, None
+def _by_waiting(ports: list[Port], desk: ReadBatching, out: Pipe) -> None:
+    """All ports, commands, attempts and the pipe in one wait."""
+    commands, clock = Commands(), desk.clock
+    over, over_writer = os.pipe()
+    taps = Ports(ports, Attempts(lambda: os.write(over_writer, b"."), blocking=False))
     now = clock.now()
-    while True:
-        if taps != [port.tap for port in ports]:
-            taps = [port.tap for port in ports]
-            away = [port for port in ports if port.tap is None]
-            by_descriptor = {p.tap.descriptor: p for p in ports if p.tap is not None and p.tap.descriptor is not None}
-            waiting = [0, *by_descriptor]
-        until = min([desk.deadline, *(port.retry_ns for port in away)]) if away else desk.deadline
-        wait = (until - now) / 1e9
-        ready, _, _ = select.select(waiting, [1] if out.waiting else [], [], wait if wait > 0 else 0)
+    while not taps.ended:
+        listening = _descriptors(ports)
+        wait = (min(desk.deadline, taps.attempt(now)) - now) / 1e9
+        ready, _, _ = select.select([0, over, *listening], [1] if out.waiting else [], [], wait if wait > 0 else 0)
         for descriptor in ready:
-            now = by_descriptor[descriptor].read() if descriptor else clock.now()
+            if descriptor in listening:
+                listening[descriptor].read()
         if 0 in ready:
             given = commands.take()
             if given is None:
                 return
-            _obey(given, ports)
-        if not ready:
-            now = clock.now()
-        if desk.deadline <= now and (not ready or _quiet(by_descriptor)):
+            taps.obey(given)
+        if over in ready:
+            os.read(over, 4096)
+            taps.attempted()
+        now = clock.now()
+        if desk.deadline <= now and (not ready or _quiet(ports)):
             desk.due(now)
         if out.waiting:
             out.push()
-        for port in away:
-            if port.retry_ns <= now and not port.open():
-                return
 
 
-def _quiet(by_descriptor: dict[int, Port]) -> bool:
+def _descriptors(ports: list[Port]) -> dict[int, Port]:
+    """What to wait on: made anew each time, as ports come and go, and numbers of descriptors are used again."""
+    return {p.tap.descriptor: p for p in ports if p.tap is not None and p.tap.descriptor is not None}
+
+
+def _quiet(ports: list[Port]) -> bool:
     """Whether nothing waits to be read, so that a tick would not overtake it."""
-    return not select.select([*by_descriptor], [], [], 0)[0]
+    return not select.select(list(_descriptors(ports)), [], [], 0)[0]
 
 
-def _by_threads(ports: list[Port], desk: Desk) -> None:
+def _by_threads(ports: list[Port], desk: ReadBatching) -> None:
     """A thread a port waits in a blocking read, one for commands; this one tells what they bring, in order."""
     brought: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
     ended = threading.Event()
-    if not all(port.open() for port in ports):
-        return
-    for port in ports:
-        threading.Thread(target=_listen, args=(port, brought, ended), daemon=True).start()
+    taps = Ports(ports, Attempts(lambda: brought.put(("attempted",)), blocking=True))
     threading.Thread(target=_command, args=(brought,), daemon=True).start()
-    while True:
+    while not taps.ended:
         now = desk.clock.now()
+        until = min(desk.deadline, taps.attempt(now))
         try:
-            item = brought.get(timeout=max(0, desk.deadline - now) / 1e9)
+            kind, *more = brought.get(timeout=max(0, until - now) / 1e9)
         except queue.Empty:
-            desk.due(desk.clock.now())
+            if desk.clock.now() >= desk.deadline:
+                desk.due(desk.clock.now())
             continue
-        if item[0] == "end":
-            ended.set()
-            return
-        if item[0] == "read":
-            _, port, t_ns, data = item
-            desk.read(t_ns, port.number, data, [])
-        elif item[0] == "gone":
-            _, port, error, done = item
-            port.gone(error)
-            done.set()
-        elif item[0] == "open":
-            _, port, done = item
-            port.open()
-            done.set()
-        elif item[0] == "command":
-            _obey(item[1], ports)
+        if kind == "end":
+            break
+        if kind == "read":
+            port, t_ns, data, errors = more
+            desk.read(t_ns, port.number, data, errors)
+        elif kind == "gone":
+            port, tap, error = more
+            if port.tap is tap:
+                port.gone(error)
+        elif kind == "attempted":
+            for port in taps.attempted():
+                threading.Thread(target=_listen, args=(port, port.tap, brought, ended), daemon=True).start()
+        elif kind == "command":
+            taps.obey(more)
+        elif kind == "failed":
+            raise more[0]
+    ended.set()
 
 
-def _listen(port: Port, brought: queue.SimpleQueue[tuple[Any, ...]], ended: threading.Event) -> None:
-    """Wait for bytes of one port; opening and telling is the main thread's."""
+def _listen(port: Port, tap: Tap, brought: queue.SimpleQueue[tuple[Any, ...]], ended: threading.Event) -> None:
+    """Wait for bytes of one tap until it is gone; to tell that, and to open it again, is the main thread's."""
     clock = port.desk.clock
     while not ended.is_set():
-        tap, done = port.tap, threading.Event()
-        if tap is None:
-            if not ended.wait(_RETRY_NS / 1e9):
-                brought.put(("open", port, done))
-                done.wait()
-            continue
         try:
-            data, _ = tap.read()
+            data, errors = tap.read()
         except PortGoneError as error:
-            if port.tap is tap:
-                brought.put(("gone", port, error, done))
-                done.wait()
-            continue
+            brought.put(("gone", port, tap, error))
+            return
+        except Exception as error:
+            brought.put(("failed", error))
+            return
         if data:
-            brought.put(("read", port, clock.now(), data))
+            brought.put(("read", port, clock.now(), data, errors))
 
 
 def _command(brought: queue.SimpleQueue[tuple[Any, ...]]) -> None:
     for line in sys.stdin.buffer:
         with suppress(ValueError):
-            brought.put(("command", [json.loads(line)]))
+            brought.put(("command", json.loads(line)))
     brought.put(("end",))
-
-
-def _obey(commands: list[dict[str, Any]], ports: list[Port]) -> None:
-    for command in commands:
-        ports[command["port"]].change(PortSettings.from_json(command["settings"]))
 
 
 def _prefer() -> None:
     """Be scheduled before others, where that is allowed; Ctrl-C is the listener's business."""
+    sys.setswitchinterval(_SWITCH_S)
     for name in ("SIGINT", "SIGHUP", "SIGTERM"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from captures.line import LineSettings
+from ..line import LineSettings
 
 FALLBACK_BAUD = 9600  # where none matters: a pseudo-terminal, a socket
 
@@ -14,9 +14,10 @@ FALLBACK_BAUD = 9600  # where none matters: a pseudo-terminal, a socket
 class PortSettings:
     """One port and its line settings.
 
-    `url` is a device (`/dev/ttyUSB0`, `COM3`) or what pyserial opens (`socket://host:port`, `rfc2217://`, `loop://`).
-    `baud` None: not known, or no matter of this port. Receiving needs one stop bit, whatever the line has, so
-    `stop_bits` only says how long a character is.
+    `url` is a device (`/dev/ttyUSB0`, `COM3`), a gateway's raw TCP (`socket://HOST:PORT`) or a port server
+    (`rfc2217://HOST:PORT`). `baud` None: not known, or no matter of this port. Receiving needs one stop bit, whatever
+    the line has, so `stop_bits` only says how long a character is. `remote_changes` names the settings that a port
+    server is told to set when it is opened; the others are left as they are there.
     """
 
     url: str
@@ -24,11 +25,22 @@ class PortSettings:
     parity: str = "N"
     stop_bits: float = 1
     data_bits: int = 8
+    remote_changes: tuple[str, ...] = ()
 
     @property
     def is_device(self) -> bool:
         """Whether this is a serial device of this machine, with settings of its own."""
         return "://" not in self.url
+
+    @property
+    def is_bare_pty(self) -> bool:
+        """Whether this is a pseudo-terminal by its number, which the system gives to another one once it is closed."""
+        return self.url.startswith(("/dev/pts/", "/dev/ttys"))
+
+    @property
+    def is_port_server(self) -> bool:
+        """Whether this is a serial port elsewhere, whose settings can be asked for and set."""
+        return self.url.lower().startswith("rfc2217://")
 
     @property
     def char_bits(self) -> int:
@@ -59,4 +71,4 @@ class PortSettings:
     @classmethod
     def from_json(cls, values: dict[str, Any]) -> PortSettings:
         """What `to_json` gave."""
-        return cls(**values)
+        return cls(**{**values, "remote_changes": tuple(values.get("remote_changes", ()))})

@@ -1,8 +1,9 @@
-"""One port, open for listening. A tap never transmits.
+"""One port, open for listening. A tap never transmits, and leaves the line as it is.
 
-On POSIX a device's descriptor is exchanged for one that is open for reading only, so that the kernel itself refuses a
-write; elsewhere nothing in this project writes to it. RTS and DTR are set low before the port is opened, since an
-adapter may key its driver by them. The port is locked, so that no other program takes half of the bytes.
+On POSIX a device is a `ReadOnlyPort`: open for reading only, RTS and DTR low. Elsewhere pyserial opens it for reading
+and writing, since it has no other way, with both lines disabled by the first settings that it makes; nothing writes to
+it. The port is locked, so that no other program takes half of the bytes, and one that a program has open is not
+touched, as far as that can be seen: its lines and settings are that program's.
 
 Errors of single bytes (parity, framing) are marked by the driver where it can (PARMRK). What an adapter or driver can't
 do is a notice, not a failure.
@@ -19,14 +20,14 @@ from typing import Any, Final
 
 import serial
 
-from captures.errors import CaptureError, os_reason
-
-from .latency import make_prompt
-from .parmrk import Unmarked
+from ..errors import CaptureError, os_reason
+from .access import access_advice, programs_using
 from .settings import FALLBACK_BAUD, PortSettings
 
 READ_BYTES: Final = 4096
-_WAIT_S: Final = 0.2  # of a blocking read, after which it looks whether it should end
+WAIT_S: Final = 0.2  # of a blocking read, after which it looks whether it should end
+_POSIX: Final = os.name == "posix"
+_IN_USE: Final = "end that first, or listen through a tap of its own"
 
 
 class PortError(CaptureError):
@@ -40,139 +41,148 @@ class PortGoneError(Exception):
 class Tap:
     """An open port. `descriptor` can be waited on; None where only `read` can wait."""
 
-    def __init__(self, settings: PortSettings, *, blocking: bool = False) -> None:
-        """Open it; PortError says in one line why it can't be. `blocking`: only by pyserial's own read."""
+    def __init__(self, settings: PortSettings, kind: str) -> None:
+        """`settings` as they are in force; `kind` of tap in one word: usb, uart, pty, or the scheme of the URL."""
         self.settings = settings
+        self.kind = kind
         self.notices: list[str] = []
         self.descriptor: int | None = None
-        self._marks: Unmarked | None = None
-        self._serial = self._open(settings)
-        self.kind = _kind(settings)
-        if os.name == "posix" and not blocking:
-            self._take_descriptor()
-        if settings.is_device:
-            self.notices += make_prompt(self._serial, settings.url)
 
     def read(self) -> tuple[bytes, list[int]]:
         """What has come, and which of it (offsets) with an error; nothing after a wait of 0.2 s without a descriptor.
 
         PortGoneError where nothing can come any more.
         """
-        if self.descriptor is None:
-            return self._burst(), []
-        try:
-            data = os.read(self.descriptor, READ_BYTES)
-        except BlockingIOError:
-            return b"", []
-        except OSError as error:
-            raise PortGoneError(os_reason(error)) from error
-        if not data:
-            raise PortGoneError("closed at its other end, or unplugged")
-        return (data, []) if self._marks is None else self._marks.feed(data)
+        raise NotImplementedError
 
     def change(self, settings: PortSettings) -> None:
         """Other line settings on the open port; what was received with the old ones and not read is lost."""
         self.settings = settings
+
+    def close(self) -> None:
+        """Let go of the port."""
+        raise NotImplementedError
+
+
+class DeviceTap(Tap):
+    """A serial device of this machine."""
+
+    def __init__(self, settings: PortSettings, *, blocking: bool = False) -> None:
+        """Open it; PortError says in one line why it can't be. `blocking`: only by pyserial's own read."""
+        super().__init__(settings, _kind(settings))
+        if self.kind != "pty" and (users := programs_using(settings.url)):
+            raise PortError(f"{settings.url}: in use by {', '.join(users)}: {_IN_USE}")
+        self._port = _opened(settings)
+        self._marks: Unmarked | None = None
+        self._high: list[str] | None = []  # lines that were told to be high
         try:
-            self._serial.baudrate = settings.baud or FALLBACK_BAUD
-            self._serial.parity = settings.parity
-            self._serial.bytesize = settings.data_bits
+            self.notices += make_prompt(self._port, settings.url)
+            if _POSIX:
+                self._port.lower_lines()  # as after each setting
+                self.descriptor = None if blocking else self._port.fileno()
+            self._check_driver()
+        except OSError as error:
+            self.close()
+            raise PortError(_refused(settings.url, error)) from error
+
+    def read(self) -> tuple[bytes, list[int]]:
+        """See `Tap`."""
+        data = self._burst() if self.descriptor is None else self._waiting(self.descriptor)
+        return (data, []) if self._marks is None else self._marks.feed(data)
+
+    def change(self, settings: PortSettings) -> None:
+        """See `Tap`."""
+        super().change(settings)
+        try:
+            self._port.baudrate = settings.baud or FALLBACK_BAUD
+            self._port.parity = settings.parity
+            self._port.bytesize = settings.data_bits
             with suppress(OSError, ValueError, serial.SerialException, AttributeError):
-                self._serial.reset_input_buffer()
+                self._port.reset_input_buffer()
         except (OSError, ValueError, serial.SerialException) as error:
             raise PortGoneError(_words(error)) from error
         except Exception as error:  # termios.error is none of these
             self.notices.append(f"{settings.url}: {settings} is refused: {error}")
-        self._mark_errors()
+        self._check_driver()
 
     def close(self) -> None:
-        """Let go of the port."""
+        """See `Tap`."""
+        self.descriptor = None
         with suppress(Exception):  # an unplugged one complains in many ways
-            self._serial.close()
+            self._port.close()
 
-    def _open(self, settings: PortSettings) -> Any:
-        try:
-            return _opened(settings, settings.parity)
-        except PortError:
-            raise
-        except Exception as error:  # termios.error of a pseudo-terminal that knows no parity
-            if settings.parity == "N":
-                raise PortError(f"{settings.url}: cannot be opened: {_words(error)}") from error
-            self.notices.append(f"{settings.url}: parity cannot be set here ({_words(error)}): listening without")
-            return _opened(settings, "N")
-
-    def _take_descriptor(self) -> None:
-        try:
-            self.descriptor = self._serial.fileno()
-        except Exception:  # rfc2217 and loop have none
+    def _check_driver(self) -> None:
+        """What the driver made of the settings, and whether RTS and DTR are low."""
+        if not _POSIX:
             return
-        if self.settings.is_device:
-            self._forbid_writing(self.descriptor)
-            self._mark_errors()
-        else:
-            os.set_blocking(self.descriptor, False)
+        self._marks = Unmarked() if self._port.marks_errors else None
+        complaints, high = self._port.complaints, self._port.high_lines()
+        if self.kind != "pty" and high != self._high:
+            complaints += high_line_words(high)
+            self._high = high
+        self.notices += [f"{self.settings.url}: {complaint}" for complaint in complaints]
+        self._port.complaints = []
 
-    def _forbid_writing(self, descriptor: int) -> None:
-        import fcntl
-        import termios
-
-        path = self._serial.portstr
-        reading = os.open(path, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
-        os.dup2(reading, descriptor, inheritable=False)
-        os.close(reading)
+    @staticmethod
+    def _waiting(descriptor: int) -> bytes:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # pyserial's went with its descriptor
+            data = os.read(descriptor, READ_BYTES)
+        except BlockingIOError:
+            return b""
         except OSError as error:
-            raise PortError(_refused(self.settings.url, error)) from error
-        with suppress(OSError):
-            fcntl.ioctl(descriptor, termios.TIOCEXCL)
-
-    def _mark_errors(self) -> None:
-        """Let the driver mark bytes with errors; any change of settings by pyserial takes that away again."""
-        if self.descriptor is None or not self.settings.is_device:
-            return
-        import termios
-
-        self._marks = None
-        try:
-            modes = termios.tcgetattr(self.descriptor)
-            modes[0] |= termios.INPCK | termios.PARMRK
-            modes[0] &= ~(termios.IGNPAR | termios.IGNBRK | termios.BRKINT | termios.ISTRIP)
-            termios.tcsetattr(self.descriptor, termios.TCSANOW, modes)
-            if termios.tcgetattr(self.descriptor)[0] & termios.PARMRK:
-                self._marks = Unmarked()
-        except termios.error as error:
-            self.notices.append(f"{self.settings.url}: parity and framing errors cannot be seen here ({error})")
+            raise PortGoneError(os_reason(error)) from error
+        if not data:
+            raise PortGoneError("closed at its other end, or unplugged")
+        return data
 
     def _burst(self) -> bytes:
         try:
-            data: bytes = self._serial.read(1)
-            while data and len(data) < READ_BYTES and (waiting := self._serial.in_waiting):
-                data += self._serial.read(min(waiting, READ_BYTES - len(data)))
+            data: bytes = self._port.read(1)
+            while data and len(data) < READ_BYTES and (waiting := self._port.in_waiting):
+                data += self._port.read(min(waiting, READ_BYTES - len(data)))
         except (serial.SerialException, OSError, TypeError) as error:  # TypeError: pyserial's, closed while it waits
             raise PortGoneError(_words(error)) from error
         return data
 
 
-def _opened(settings: PortSettings, parity: str) -> Any:
+def high_line_words(high: list[str] | None) -> list[str]:
+    """What to say of the lines that are high though a tap wants them low; None: that cannot be read."""
+    use = "use one that switches direction by itself, or leave its transmitter unconnected"
+    if high is None:
+        return [
+            f"whether RTS and DTR are low cannot be read; an adapter that sends while one is high holds the bus: {use}"
+        ]
+    if not high:
+        return []
+    stay = "stays" if len(high) == 1 else "stay"
+    return [f"{' and '.join(high)} {stay} high; an adapter that sends while it is so HOLDS THE BUS: {use}"]
+
+
+def _opened(settings: PortSettings) -> Any:
+    """pyserial's port, open, its lines low."""
     try:
-        port = serial.serial_for_url(
-            settings.url,
-            do_not_open=True,
+        port = _port_class()(
             baudrate=settings.baud or FALLBACK_BAUD,
             bytesize=settings.data_bits,
-            parity=parity,
-            timeout=_WAIT_S,
+            parity=settings.parity,
+            timeout=WAIT_S,
         )
-        if settings.is_device:
-            port.exclusive = True
+        port.port = settings.url
         port.rts = port.dtr = False
         port.open()
     except (serial.SerialException, OSError) as error:
         raise PortError(_refused(settings.url, error)) from error
-    except ValueError as error:
-        raise PortError(f"{settings.url}: {_words(error)}") from error
+    except Exception as error:  # termios.error, ValueError
+        raise PortError(f"{settings.url}: cannot be opened: {_words(error)}") from error
     return port
+
+
+def _port_class() -> Any:
+    if not _POSIX:
+        return serial.Serial
+    from .readonly import ReadOnlyPort
+
+    return ReadOnlyPort
 
 
 def _refused(url: str, error: Exception) -> str:
@@ -181,20 +191,12 @@ def _refused(url: str, error: Exception) -> str:
     if code == errno.ENOENT or "FileNotFoundError" in text:
         return f"{url}: no such port; `rtuscope ports` lists those that are there"
     if code in (errno.EAGAIN, errno.EBUSY) or (os.name == "nt" and "PermissionError" in text):
-        return f"{url}: in use by another program: end that one first, or listen through a tap of its own"
+        return f"{url}: in use by another program: {_IN_USE}"
     if code == errno.EACCES:
-        return f"{url}: no permission: `sudo usermod -aG {_group(url)} $USER`, then log in again"
+        return f"{url}: no permission: {access_advice(url)}"
     if code == errno.ENOTTY or "Inappropriate ioctl" in text:
         return f"{url}: not a serial port"
     return f"{url}: cannot be opened: {_words(error)}"
-
-
-def _group(url: str) -> str:
-    """The group that may open a device; by most distributions `dialout`."""
-    try:
-        return Path(url).group()
-    except (OSError, KeyError, NotImplementedError):
-        return "dialout"
 
 
 def _words(error: Exception) -> str:
@@ -204,11 +206,92 @@ def _words(error: Exception) -> str:
 
 
 def _kind(settings: PortSettings) -> str:
-    """The kind of tap, in one word: usb, uart, pty, or the scheme of the URL."""
-    if not settings.is_device:
-        return settings.url.partition("://")[0]
+    """The kind of tap: usb, uart or pty."""
     real = os.path.realpath(settings.url)
     if real.startswith(("/dev/pts/", "/dev/ttys")):
         return "pty"
     driver = os.path.realpath(f"/sys/class/tty/{os.path.basename(real)}/device")  # noqa: PTH119
     return "usb" if "/usb" in driver or "usb" in real.lower() else "uart"
+
+
+# What a terminal driver puts into the bytes where PARMRK is set, taken out again.
+#
+# A byte that came with a parity or framing error is read as FF 00 and the byte, a break as FF 00 00, and a true FF as
+# FF FF (termios(3)). A mark may be cut anywhere by the end of a read.
+
+
+_FF = 0xFF
+
+
+class Unmarked:
+    """The bytes of one port as they were on the wire; keeps what a read has cut."""
+
+    def __init__(self) -> None:
+        self._held = b""  # FF, or FF 00, that the next read completes
+
+    def feed(self, data: bytes) -> tuple[bytes, list[int]]:
+        """The bytes that a read brought, and which of them (offsets) came with an error."""
+        if not self._held and _FF not in data:
+            return data, []
+        data, self._held = self._held + data, b""
+        out = bytearray()
+        errors: list[int] = []
+        at = 0
+        while (mark := data.find(_FF, at)) >= 0:
+            out += data[at:mark]
+            code = data[mark + 1 : mark + 2]
+            if code == b"\0":
+                if mark + 2 >= len(data):
+                    self._held = data[mark:]
+                    return bytes(out), errors
+                errors.append(len(out))
+                out.append(data[mark + 2])
+                at = mark + 3
+            elif code:  # FF FF; any other is no mark that a driver makes: kept as it is
+                out.append(_FF)
+                at = mark + (2 if code == b"\xff" else 1)
+            else:
+                self._held = data[mark:]
+                return bytes(out), errors
+        out += data[at:]
+        return bytes(out), errors
+
+
+# Adapters made prompt: a byte told when it comes, not when a buffer is full or a timer runs out.
+#
+# The kernel's low-latency flag does it for most drivers; FTDI's have a timer besides, 16 ms by default, in sysfs.
+
+
+PROMPT_MS: Final = 1
+
+
+def latency_timer(device: str) -> Path | None:
+    """The file with the latency timer (ms) of an FTDI adapter; None where there is none."""
+    path = Path("/sys/bus/usb-serial/devices") / Path(os.path.realpath(device)).name / "latency_timer"
+    return path if path.exists() else None
+
+
+def latency_ms(device: str) -> int | None:
+    """The latency timer of an adapter, ms; None where it has none."""
+    path = latency_timer(device)
+    try:
+        return None if path is None else int(path.read_text())
+    except (OSError, ValueError):
+        return None
+
+
+def make_prompt(port: Any, device: str) -> list[str]:
+    """Ask the driver of an open port to be prompt; what could not be done, with the command that would."""
+    with suppress(AttributeError, NotImplementedError, ValueError, OSError):  # not this driver, or not this system
+        port.set_low_latency_mode(True)
+    path = latency_timer(device)
+    if path is None or (latency_ms(device) or 0) <= PROMPT_MS:
+        return []
+    try:
+        path.write_text(f"{PROMPT_MS}\n")
+    except OSError:
+        return [
+            f"{device}: the adapter holds bytes back for {latency_ms(device)} ms, so that silences cannot be told: "
+            f"`echo {PROMPT_MS} | sudo tee {path}`"
+        ]
+    return []

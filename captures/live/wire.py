@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from captures.chunks import Block
-
+from ..chunks import Block
 from .records import COUNTS, EVENT, HEAD, READS, TICK
 
 
@@ -25,7 +24,7 @@ class Tick:
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class PortEvent:
     """Something that happened to a port: `opened`, `lost`, `waiting`, `settings`, `notice`, `failed`, `clock`, `ended`.
 
     `text` is one line for a person; `more` what a program wants.
@@ -38,7 +37,7 @@ class Event:
     more: dict[str, Any]
 
 
-Item = Block | Tick | Event
+Item = Block | Tick | PortEvent
 
 
 class Decoder:
@@ -65,7 +64,7 @@ class Decoder:
                 items.append(Tick(t_ns))
             elif kind == EVENT:
                 said = json.loads(data[body:at])
-                items.append(Event(t_ns, port, said.pop("kind"), said.pop("text"), said))
+                items.append(PortEvent(t_ns, port, said.pop("kind"), said.pop("text"), said))
         self._rest = data[at:]
         return items
 

@@ -1,26 +1,100 @@
 """One recording: raw chunks and notes in an MCAP file that is readable up to its last commit, and indexed once closed.
 
-While it is written it is called NAME.part; it takes its name when it is whole.
+While it is written it is called NAME.part; it takes its name when it is whole, and never that of another file. The
+file underneath only ever ends where a whole write ended: what is written is held until `commit`, which puts it on the
+disk, synced, or fails and takes back what it had begun. So a full disk leaves the file as it was, and what is held can
+be committed later.
 """
 
 from __future__ import annotations
 
+import errno
+import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
-from typing import IO, Any, Final, cast
+from typing import Final
 
-from mcap.writer import CompressionType, Writer
-
-from captures.chunks import Block
-from captures.formats.mcap import ChunkChannel
-from captures.line import LineSettings
-
-from .committed import CommittedFile, sync_folder
+from ..chunks import Block
+from ..formats.mcap.channel import ChunkChannel
+from ..formats.mcap.writer import ArrayWriter
+from ..line import LineSettings
 from .notes import Note, NoteChannel
 
 PART: Final = ".part"
+FileIdentity = tuple[int, ...]
+
+
+class CommittedFile:
+    """A new file at `path`, which must not exist. OSError passes."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
+        self._descriptor = os.open(path, flags, 0o666)
+        with suppress(ImportError, OSError):  # so that others see that it is in work
+            import fcntl
+
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        self._held = bytearray()
+        self.size = 0  # bytes that are safe
+        stat = os.fstat(self._descriptor)
+        self._identity = (stat.st_dev, stat.st_ino)
+        self._identified = file_identity(path)[:2] == self._identity  # not on every file system of a network
+
+    def write(self, data: bytes) -> int:
+        """Hold it."""
+        self._held += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Bytes written, held ones included."""
+        return self.size + len(self._held)
+
+    def flush(self) -> None:
+        """For writers that ask; `commit` is what counts."""
+
+    def commit(self) -> None:
+        """Put all that is held on the disk; OSError where it could not be, which then can be tried again."""
+        if not self._held:
+            return
+        done = 0
+        view = memoryview(self._held)
+        try:
+            while done < len(view):
+                done += os.write(self._descriptor, view[done:])
+            os.fsync(self._descriptor)
+        except OSError:
+            with suppress(OSError):
+                os.ftruncate(self._descriptor, self.size)
+                os.lseek(self._descriptor, self.size, os.SEEK_SET)
+            raise
+        finally:
+            view.release()
+        self.size += done
+        self._held.clear()
+
+    @property
+    def missing(self) -> bool:
+        """Whether there is nothing under its name any more, or another file: someone has taken it away."""
+        try:
+            identity = file_identity(self.path)
+        except OSError:  # not to be known at present
+            return False
+        return not identity or (self._identified and identity[:2] != self._identity)
+
+    @property
+    def deleted(self) -> bool:
+        """Whether it has no name at all any more, so that what is written is lost."""
+        return not os.fstat(self._descriptor).st_nlink
+
+    def close(self) -> None:
+        """Let go of the file; what is still held is given up. Again it does nothing."""
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
 
 
 class RecordingFile:
@@ -30,8 +104,9 @@ class RecordingFile:
         self.path = path
         self.part = path.with_name(path.name + PART)
         self.opened = time.monotonic()
+        self.bytes = 0  # of the line, safe on the disk
         self._file = CommittedFile(self.part)
-        self._writer = Writer(cast(IO[Any], self._file), compression=CompressionType.ZSTD)
+        self._writer = ArrayWriter(self._file)
         self._writer.start(library=about.get("tool", "rtuscope"))
         self._chunks = ChunkChannel(self._writer, line, about=about)
         self._notes = NoteChannel(self._writer)
@@ -51,6 +126,16 @@ class RecordingFile:
         """Bytes on the disk."""
         return self._file.size
 
+    @property
+    def missing(self) -> bool:
+        """Whether someone has taken it away."""
+        return self._file.missing
+
+    @property
+    def deleted(self) -> bool:
+        """Whether it is nowhere any more."""
+        return self._file.deleted
+
     def write(self, blocks: Sequence[Block], notes: Sequence[Note]) -> None:
         """Takes blocks and notes, which `commit` makes safe."""
         self.empty = False
@@ -58,7 +143,7 @@ class RecordingFile:
             self._chunks.write(Block.joined(blocks))
         for note in notes:
             self._notes.write(note)
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._writer.flush()
 
     def commit(self) -> None:
         """Puts on the disk what was written."""
@@ -67,13 +152,81 @@ class RecordingFile:
     def finish(self) -> None:
         """Writes the index; after an OSError it can be tried again."""
         if not self._finished:
-            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._writer.finish()
             self._finished = True
         self._file.commit()
 
-    def close(self, *, whole: bool = True) -> None:
-        """Lets go of the file and gives it its name; one that is not whole stays NAME.part."""
+    def close(self) -> None:
+        """Lets go of the file, which stays NAME.part until `take_name`."""
         self._file.close()
-        if whole:
+
+    def take_name(self, others: Iterable[Path], *, instead_of: FileIdentity = ()) -> Path:
+        """Gives it its name; where another file has that, the first of `others` that is free, unless it is this one."""
+        if instead_of and file_identity(self.path) == instead_of:
             self.part.replace(self.path)
-            sync_folder(self.path.parent)
+            path = self.path
+        else:
+            path = move_to_free_name(self.part, chain((self.path,), others))
+        sync_folder(path.parent)
+        return path
+
+
+def file_identity(path: Path) -> FileIdentity:
+    """What tells a file from any other, and from itself once it was changed; empty where there is none."""
+    try:
+        stat = path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return ()
+    return stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns
+
+
+def move_to_free_name(source: Path, names: Iterable[Path]) -> Path:
+    """Renames a file to the first of these names that no file has, whatever others do meanwhile. OSError passes."""
+    for name in names:
+        with suppress(FileExistsError):
+            _rename_without_overwriting(source, name)
+            return name
+    raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(source))
+
+
+def _rename_without_overwriting(source: Path, target: Path) -> None:
+    if os.name == "nt":
+        source.rename(target)
+        return
+    try:
+        os.link(source, target)
+    except (FileExistsError, FileNotFoundError):
+        raise
+    except OSError:  # no hard links on this file system: the name is taken by an empty file first
+        os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
+        try:
+            source.replace(target)
+        except OSError:
+            target.unlink()
+            raise
+    else:
+        source.unlink()
+
+
+def is_written(path: Path) -> bool:
+    """Whether a `CommittedFile` of some process is writing this file now; False where the system can't tell."""
+    try:
+        import fcntl
+    except ImportError:
+        return False
+    with suppress(OSError), path.open("rb") as file:
+        try:
+            fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
+def sync_folder(folder: Path) -> None:
+    """Make new names in a folder last through a power cut, where the system has a way."""
+    with suppress(OSError):  # Windows opens no folders
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

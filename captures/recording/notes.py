@@ -7,14 +7,23 @@ time; this tool reads them back with `read`.
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
+
+import orjson
+
+from ..errors import CaptureError
+from ..files import opened
+from ..formats.mcap.records import DamagedRecordError
+from ..formats.mcap.scanning import FileBytes, Record, read_summary, walk
+from ..formats.mcap.topics import TopicMessage, messages_in
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
-    from captures.formats.mcap.writer import ArrayWriter
+    from ..formats.mcap.writer import ArrayWriter
 
 TOPIC: Final = "/rtuscope/notes"
 _WARNING: Final = 3  # of foxglove.Log's levels
@@ -68,24 +77,30 @@ def read(path: Path) -> list[Note]:
 
     Of a whole file only the parts that hold notes are read.
     """
-    from mcap.reader import McapReader, NonSeekingReader, SeekingReader
-
     notes: list[Note] = []
-    try:
-        with path.open("rb") as file:
-            reader: McapReader = SeekingReader(file)
-            try:
-                summary = reader.get_summary()
-            except Exception:  # cut: read from its beginning as far as it goes
-                summary = None
-            if summary is None:
-                file.seek(0)
-                reader = NonSeekingReader(file)
-            elif all(channel.topic != TOPIC for channel in summary.channels.values()):
-                return []
-            for _, _, message in reader.iter_messages(topics=[TOPIC], log_time_order=False):
-                said: dict[str, Any] = json.loads(message.data)
-                notes.append(Note(message.log_time, str(said["name"]), str(said["message"])))
-    except Exception:  # a damaged or foreign file: what was whole is given
-        pass
+    with suppress(CaptureError), opened(path) as file:
+        data = FileBytes(file)
+        summary = read_summary(data, TOPIC)
+        if summary is not None and not any(summary.channels.values()):
+            return []
+        channels = dict(summary.channels) if summary else {}
+        for item in walk(data, summary, _ignore):
+            if isinstance(item, Record):
+                with suppress(DamagedRecordError):
+                    for message in messages_in(item, channels, TOPIC):
+                        if (note := _note_of(message)) is not None:
+                            notes.append(note)
     return sorted(notes, key=lambda note: note.t_ns)
+
+
+def _note_of(message: TopicMessage) -> Note | None:
+    """A note, None for a message that is none: its channel's declaration may be lost."""
+    try:
+        content = orjson.loads(message.data)
+        return Note(message.log_time, str(content["name"]), str(content["message"]))
+    except (ValueError, TypeError, KeyError):
+        return None
+
+
+def _ignore(where: str, what: str) -> None:
+    """Damage is for the reading of the capture to tell."""

@@ -2,7 +2,8 @@
 
 `write` only takes blocks in; `tick`, called at least every second, puts them on the disk. A full disk costs the oldest
 file of the ring; where there is none, recording pauses with what was heard in memory, as far as that goes, and goes on
-by itself when there is room. Everything that happens is said (`tell`) and noted in the record.
+by itself when there is room. A file that someone takes away, or that can no longer be written, is followed by another.
+Everything that happens is said (`tell`) and noted in the record.
 """
 
 from __future__ import annotations
@@ -11,25 +12,42 @@ import errno
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
+from itertools import chain, count
 from pathlib import Path
 from typing import Final
 
-from captures.chunks import Block
-from captures.errors import CaptureError, os_reason
-from captures.line import LineSettings
-
-from .committed import is_written
-from .mcapfile import PART, RecordingFile
+from ..chunks import Block
+from ..errors import CaptureError, os_reason
+from ..line import LineSettings
+from .mcapfile import PART, FileIdentity, RecordingFile, file_identity, is_written, move_to_free_name
 from .notes import Note
 from .repair import repair
-from .ring import SUFFIX, Limits, Ring
+from .ring import SUFFIX, Ring, RingLimits
 
 _PERIOD_S: Final = 0.5  # between commits
 _PENDING: Final = 1 << 18  # bytes that are committed at once
 _MEMORY: Final = 64 << 20  # bytes kept while the disk takes nothing
+_NOTES: Final = 10_000  # kept
 _READ_BYTES: Final = 18  # that a read costs besides its data
 _LUMP: Final = 256  # blocks that are joined
 _FULL: Final = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_MENDING: Final = ".mending"
+
+
+@dataclass(slots=True)
+class _Waiting:
+    """What waits for the disk; `bytes` of the line."""
+
+    blocks: list[Block] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
+    bytes: int = 0
+    lumps: int = 0  # of the blocks, those that were joined already
+
+    @property
+    def memory(self) -> int:
+        """Bytes of memory that it takes, about."""
+        return self.bytes + _READ_BYTES * sum(map(len, self.blocks))
 
 
 class Recorder:
@@ -43,7 +61,7 @@ class Recorder:
         path: Path,
         line: LineSettings,
         *,
-        limits: Limits = Limits(),  # noqa: B008 - frozen
+        limits: RingLimits = RingLimits(),  # noqa: B008 - frozen
         about: Mapping[str, str] | None = None,
         overwrite: bool = False,
         tell: Callable[[str], None] = print,
@@ -55,24 +73,25 @@ class Recorder:
         if path.exists() and not limits.rotates and not overwrite:
             raise CaptureError(f"{path}: is there already: give another name, or --overwrite")
         self.bytes = 0  # of the line, safe on the disk
-        self.lost = 0  # of the line, given up while the disk was full
-        self._ring = Ring(path, limits)
+        self.lost = 0  # of the line, given up for want of room or with a file that could not be kept
+        self.taken = 0  # of the line, on the disk until someone took the file away
         self._line, self._about, self._tell = line, dict(about or {}), tell
         self._line_known = line != LineSettings()  # until then the file may have to begin anew
+        self._replaced: FileIdentity = file_identity(path) if overwrite else ()
         self._file: RecordingFile | None = None
         self._files = 0
-        self._blocks: list[Block] = []
-        self._notes: list[Note] = []
-        self._lumps = 0  # of the blocks, those that were joined already
-        self._pending = 0  # bytes of the line in them
+        self._waiting = _Waiting()
+        self._handed: _Waiting | None = None  # what the file holds and the disk has not taken
         self._memory = 0  # bytes that wait for the disk, about
-        self._uncommitted: int | None = None  # bytes of the line that the file holds and the disk has not taken
         self._lost_from = 0
         self._committed = time.monotonic()
         self._complaint = ""
-        self._mend_cut()
+        _mend_cut(path, limits, tell)
+        self._ring = Ring(path, limits)
         try:
             self._file = self._open()
+        except FileExistsError as error:
+            raise CaptureError(f"{path}: another recorder is writing it") from error
         except OSError as error:
             raise CaptureError(f"{path}: cannot be written: {os_reason(error)}") from error
 
@@ -91,31 +110,40 @@ class Recorder:
         """Whether the disk takes nothing at present."""
         return bool(self._complaint)
 
+    @property
+    def result(self) -> str:
+        """What was recorded, and what not, for a last line."""
+        taken = f", {self.taken:,} taken away by someone" if self.taken else ""
+        lost = f", LOST {self.lost:,}" if self.lost else ""
+        return f"recorded {self.bytes:,} bytes of the line{taken}{lost}"
+
     def write(self, block: Block) -> None:
         """Take a block; not while so much waits for a full disk that memory would run out."""
         size = len(block.data)
-        if self._memory + size + _READ_BYTES * len(block) > _MEMORY:
+        memory = size + _READ_BYTES * len(block)
+        if self._memory + memory > _MEMORY:
             if not self._lost_from:
                 self._lost_from = int(block.t_ns[0])
                 self._tell("recording: memory for what the disk does not take is used up: bytes are lost from now on")
             self.lost += size
             return
-        self._blocks.append(block)
-        self._pending += size
-        self._memory += size + _READ_BYTES * len(block)
-        if len(self._blocks) - self._lumps >= _LUMP:  # each has a price of its own
-            self._blocks[self._lumps :] = [Block.joined(self._blocks[self._lumps :])]
-            self._lumps += 1
+        waiting = self._waiting
+        waiting.blocks.append(block)
+        waiting.bytes += size
+        self._memory += memory
+        if len(waiting.blocks) - waiting.lumps >= _LUMP:  # each has a price of its own
+            waiting.blocks[waiting.lumps :] = [Block.joined(waiting.blocks[waiting.lumps :])]
+            waiting.lumps += 1
 
     def note(self, note: Note) -> None:
         """Take a note."""
-        if len(self._notes) < 10_000:
-            self._notes.append(note)
+        if len(self._waiting.notes) < _NOTES:
+            self._waiting.notes.append(note)
 
     def tick(self) -> None:
         """Put on the disk what has waited long enough, begin the next file when it is time."""
         now = time.monotonic()
-        if now - self._committed < _PERIOD_S and self._pending < _PENDING:
+        if now - self._committed < _PERIOD_S and self._waiting.bytes < _PENDING:
             return
         self._committed = now
         self._commit()
@@ -129,59 +157,82 @@ class Recorder:
         self._line_known = True
         if line == self._line:
             return
-        self._line = line
-        if self.bytes or self._pending or self._uncommitted or self._file is None:
-            self._commit()
-            self._next()
-        else:  # nothing was heard with the old ones
+        if (
+            self._file is not None and self._file.empty and not self._waiting.bytes
+        ):  # nothing was heard with the old ones
             self._discard(self._file)
-            self._file = self._open()
+            self._file = None
+        else:
+            self._commit()
+            self._finish()
+        self._line = line
+        self._commit()
 
     def close(self) -> None:
         """Put all on the disk and finish the file. What a full disk keeps from it is told, and the file is readable."""
         self._line_known = True
         self._commit()
         self._finish()
+        left = self._waiting.bytes
+        if left:
+            self.lost += left
+            self._tell(f"recording: {left:,} bytes of the line that waited for the disk are lost")
 
     def _commit(self) -> None:
-        try:
-            if self._file is None:
-                self._file = self._open()
-            if self._uncommitted is None:
-                self._hand_over()
-            self._file.commit()
-            self._settle()
-            if self._blocks:  # what came while the disk was full
-                self._hand_over()
-                self._file.commit()
-                self._settle()
-        except OSError as error:
-            if self._make_room(error):
-                self._commit()
+        """Put all that waits on the disk, as far as it takes it."""
+        while True:
+            try:
+                if self._file is not None and self._file.missing:
+                    self._leave_missing(self._file)
+                if self._file is None:
+                    self._file = self._open()
+                while self._handed is not None or self._hand_over(self._file):
+                    self._file.commit()
+                    self._settle(self._file)
+                return
+            except OSError as error:
+                if not self._goes_on(error):
+                    return
 
-    def _hand_over(self) -> None:
-        """Give the file what is pending."""
-        if self._file is None or not (self._blocks or (self._notes and self._line_known)):
-            return
-        if self._lost_from and self._blocks:
+    def _hand_over(self, file: RecordingFile) -> bool:
+        """Give the file what waits; whether there was anything."""
+        waiting = self._waiting
+        if not (waiting.blocks or (waiting.notes and self._line_known)):
+            return False
+        if self._lost_from and waiting.blocks:
             text = f"{self.lost:,} bytes were lost while the disk was full"
-            self._notes.append(Note(max(self._lost_from, int(self._blocks[-1].t_ns[-1])), "gap", text))
+            waiting.notes.append(Note(max(self._lost_from, int(waiting.blocks[-1].t_ns[-1])), "gap", text))
             self._lost_from = 0
-        self._file.write(self._blocks, self._notes)
-        self._uncommitted = self._pending
-        self._blocks, self._notes, self._pending, self._lumps = [], [], 0, 0
+        file.write(waiting.blocks, waiting.notes)
+        self._handed, self._waiting = waiting, _Waiting()
+        return True
 
-    def _settle(self) -> None:
-        self.bytes += self._uncommitted or 0
-        self._uncommitted = None
-        self._memory = sum(len(block.data) + _READ_BYTES * len(block) for block in self._blocks)
+    def _take_back(self) -> None:
+        """What the file holds and the disk has not taken waits again, for another file."""
+        if self._handed is not None:
+            first, second = self._handed, self._waiting
+            self._waiting = _Waiting(
+                first.blocks + second.blocks, first.notes + second.notes, first.bytes + second.bytes, len(first.blocks)
+            )
+            self._handed = None
+
+    def _settle(self, file: RecordingFile) -> None:
+        """What was handed over is safe."""
+        if self._handed is not None:
+            self.bytes += self._handed.bytes
+            file.bytes += self._handed.bytes
+            self._handed = None
+        self._memory = self._waiting.memory
         if self._complaint:
             self._complaint = ""
             self._tell("recording: goes on")
 
-    def _make_room(self, error: OSError) -> bool:
-        """Give up the oldest file for a full disk; False where there is none, and recording pauses."""
+    def _goes_on(self, error: OSError) -> bool:
+        """Whether to try again at once after this error: the oldest file was given up, or this one left for another."""
         if self._gave_up_oldest(error):
+            return True
+        if self._file is not None and self._file.bytes and error.errno not in _FULL:  # it is not for want of room
+            self._leave(self._file, os_reason(error))
             return True
         if not self._complaint:
             self._complaint = os_reason(error)
@@ -193,8 +244,8 @@ class Recorder:
 
     def _gave_up_oldest(self, error: OSError) -> bool:
         if error.errno in _FULL and self._ring.limits.ring:
-            for path in self._ring.files():
-                with suppress(OSError):
+            with suppress(OSError):
+                for path in self._ring.files()[:1]:
                     path.unlink()
                     self._tell(f"recording: disk full: gave up the oldest file, {path}")
                     return True
@@ -203,63 +254,124 @@ class Recorder:
     def _next(self) -> None:
         """Finish this file and begin another."""
         self._finish()
-        try:
-            self._file = self._open()
-        except OSError as error:
-            self._make_room(error)
-        for path in self._ring.surplus(time.time(), self.size):
-            with suppress(OSError):
-                path.unlink()
+        self._commit()
+        with suppress(OSError):
+            for path in self._ring.surplus(self.size):
+                with suppress(OSError):
+                    path.unlink()
 
     def _finish(self) -> None:
-        file, self._file = self._file, None
+        """Give the file its index and its name, or leave it without: what was not on the disk waits for the next."""
+        file = self._file
         if file is None:
             return
-        if file.empty and not self._blocks:
+        if file.missing:
+            self._leave_missing(file)
+            return
+        if file.empty:
             self._discard(file)
+            self._file = None
             return
         while True:
             try:
                 file.finish()
-                file.close()
                 break
             except OSError as error:
-                if self._gave_up_oldest(error):
-                    continue
-                file.close(whole=False)
-                kept = (self._uncommitted or 0) + self._pending
-                lost = f", {kept:,} bytes of the line that waited are lost" if kept else ""
-                self._tell(
-                    f"recording: {file.part}: {os_reason(error)}: left without its index{lost}; it opens as it is, and "
-                    "`rtuscope repair` makes it whole"
-                )
-                break
-        self._uncommitted = None
+                if not self._gave_up_oldest(error):
+                    self._leave(file, os_reason(error))
+                    return
+        self._settle(file)
+        self._file = None
+        file.close()
+        try:
+            path = file.take_name(self._ring.free_names(time.time()), instead_of=self._replaced)
+        except OSError as error:
+            self._tell(f"recording: {file.part}: {os_reason(error)}: it is whole, but keeps this name")
+            return
+        if path != file.path:
+            self._tell(f"recording: {file.path} is another file now: what was recorded is {path}")
+        self._ring.ended(path)
+
+    def _leave(self, file: RecordingFile, reason: str) -> None:
+        """Give up a file that can no longer be written, which is readable as it is."""
+        self._take_back()
+        self._file = None
+        with suppress(OSError):
+            file.close()
+        self._tell(
+            f"recording: {file.part}: {reason}: left without its index; it opens as it is, and `rtuscope repair` makes "
+            "it whole"
+        )
+
+    def _leave_missing(self, file: RecordingFile) -> None:
+        """Give up a file that someone has taken away; one that is only elsewhere now is finished there."""
+        moved = False
+        with suppress(OSError):
+            if not file.deleted:
+                file.finish()
+                moved = True
+        if moved:
+            self._settle(file)
+            what = f"was moved: it is finished where it is, with {file.bytes:,} bytes of the line"
+        else:
+            self._take_back()
+            self.bytes -= file.bytes
+            self.taken += file.bytes
+            what = f"was taken away, and {file.bytes:,} bytes of the line with it"
+        self._file = None
+        with suppress(OSError):
+            file.close()
+        self._tell(f"recording: {file.part} {what}; recording goes on in a new file")
 
     def _discard(self, file: RecordingFile) -> None:
         """Leave nothing of a file that holds nothing."""
-        file.close(whole=False)
-        file.part.unlink()
+        with suppress(OSError):
+            file.close()
+        if not file.missing:
+            with suppress(OSError):
+                file.part.unlink()
         self._files -= 1
 
     def _open(self) -> RecordingFile:
-        path = self._ring.next_name(time.time(), first=not self._files)
-        file = RecordingFile(path, self._line, self._about)
+        """The next file; its folder is made anew where it was taken away."""
+        if self._files:
+            self._ring.path.parent.mkdir(parents=True, exist_ok=True)
+        path = self._ring.begin(first=not self._files)
+        about = {**self._about, **(self._ring.entry.metadata() if self._ring.limits.rotates else {})}
+        file = RecordingFile(path, self._line, about)
         self._files += 1
         return file
 
-    def _mend_cut(self) -> None:
-        """Make whole what a recorder before this one had no time to close."""
-        for part in self._ring.cut():
-            if is_written(part):
-                continue
-            whole = part.with_name(part.name.removesuffix(PART))
-            if whole.exists() or whole == self._ring.path:  # that name is for what comes now
-                whole = self._ring.next_name(part.stat().st_mtime, first=False)
-            try:
-                done = repair(part, whole)
+
+def _mend_cut(path: Path, limits: RingLimits, tell: Callable[[str], None]) -> None:
+    """Make whole what a recorder before this one had no time to close; what cannot be read is set aside."""
+    ring = Ring(path, limits)
+    for part in ring.cut():
+        if is_written(part):
+            continue
+        whole = part.with_name(part.name.removesuffix(PART))
+        mending = part.with_name(part.name + _MENDING)
+        try:
+            if whole.exists() and whole.samefile(part):  # it was named, and then the power went
                 part.unlink()
-            except (CaptureError, OSError) as error:
-                self._tell(f"recording: {part} was cut and could not be mended: {error}")
+                continue
+            done = repair(part, mending)
+            if done.chunks or done.notes:
+                begun_s = part.stat().st_mtime
+                own = () if whole == path else (whole,)  # that name is for what comes now
+                whole = move_to_free_name(mending, chain(own, ring.free_names(begun_s)))
+                damaged = f", {done.damage_count - 1} damaged places noted" if done.damage_count > 1 else ""
+                tell(f"recording: {whole} was cut and is whole again: {done.bytes:,} bytes of the line{damaged}")
             else:
-                self._tell(f"recording: {whole} was cut and is whole again: {done.bytes:,} bytes of the line")
+                mending.unlink()
+            part.unlink()
+        except (CaptureError, OSError) as error:
+            reason = os_reason(error) if isinstance(error, OSError) else str(error).removeprefix(f"{part}: ")
+            with suppress(OSError):
+                mending.unlink(missing_ok=True)
+            try:
+                aside = move_to_free_name(part, (part.with_name(f"{part.name}.{number}") for number in count(1)))
+            except OSError:
+                tell(f"recording: {part} was cut and could not be mended: {reason}")
+            else:
+                tell(f"recording: {part} was cut and could not be mended: {reason}: set aside as {aside}")

@@ -1,261 +1,413 @@
-"""Hex bytes in a piece of text: every way in which people and tools write them.
+"""Runs of hex bytes in a line of text: every way in which people and tools write them.
 
-What is written with signs of its own (`0x11`, `\\x11`, `[11][03]`, `<Buffer 11 03>`, `:1103...7E`) is taken wherever it
-stands. Bare digits are taken when all of the text, or all after a label, is made of them; inside prose only a run that
-no words or numbers would make. Letters alone (`add`, `dead`, `face`) are words.
-
-Digits that are plainly meant as bytes but do not come in pairs raise `HexError`, with the column: half a byte is never
-dropped or guessed.
+A line is searched for all shapes at once; what they give are candidates, which may overlap (`10 20 30 40` is hex or
+decimal: for shapes that are no hex see `captures.text.othershapes`). How much a writing speaks for itself is its
+`Level`: signs of its own (`0x11`, `[11][03]`) or many pairs of digits are what a person takes for bytes; a number, a
+word or an address is bytes only where a check value says so. Who chooses between candidates is
+`captures.text.choosing`.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from enum import IntEnum
+from typing import Final, NamedTuple
 
 
 class HexError(ValueError):
     """Text that should be hex bytes and is not; `str()` is one line with the position."""
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
-    """Bytes in a text; `ascii` where they are an ASCII-mode frame, kept as its characters from `:` to CR LF."""
+class Level(IntEnum):
+    """How much the writing alone speaks for bytes."""
+
+    NUMBER = 0  # only a check value makes bytes of it
+    LIKELY = 1  # bytes behind a direction mark, or where a text has nothing better
+    BYTES = 2
+
+
+class Candidate(NamedTuple):
+    """Characters `start` to `end` of a line read as bytes.
+
+    `ascii`: an ASCII-mode frame, kept as its characters from `:` to CR LF. `offset` is the dump offset that stands
+    before them, from `lead` on (`start` where there is none).
+    """
 
     data: bytes
+    start: int
+    end: int
+    shape: str
+    level: Level
     ascii: bool = False
-    cut: bool = False  # the text says that it shows only the first of the bytes
+    offset: str | None = None
+    lead: int = 0
 
 
-_H = "[0-9A-Fa-f]"
-_EDGE = r"(?<![0-9A-Za-z_])"
-_END = r"(?![0-9A-Za-z_])"
-_PLAIN = re.compile(rf"\s*{_H}{{2}}(?:[ \t]+{_H}{{2}})*\s*", re.ASCII)
-_ASCII = re.compile(rf"(?<![0-9A-Za-z_]):((?:{_H}{{2}}){{3,300}}){_END}")
-_SQUARE = re.compile(rf"(?<!\])\[{_H}{{2}}\](?:\s*\[{_H}{{2}}\])+(?!\s*\[\d)")
-_ANGLE = re.compile(rf"(?<!>)<{_H}{{2}}>(?:\s*<{_H}{{2}}>)+(?!\s*<\d)")
-_NODE = re.compile(rf"<Buffer((?:\s+{_H}{{2}})+)(\s*\.\.\.[^>]*)?\s*>")
-_NODE_JSON = re.compile(r'\{\s*"type"\s*:\s*"Buffer"\s*,\s*"data"\s*:\s*\[([\d,\s]*)\]\s*\}')
-_QUOTED = re.compile(r"""[bB]?(["'])((?:[^\\]|\\.)*?)\1""")
-_ESCAPED = re.compile(r"\\x(?:[^\\\s]|\\[xX0abfnrtv'\"\\])*")
-_SIGN = r"(?:0[xX]|16#|\$|&[hH])"  # C, PLC languages, Pascal, Basic
-_PREFIXED = re.compile(rf"{_EDGE}{_SIGN}{_H}+(?:[\s,;|]+{_SIGN}{_H}+)*{_END}")
-_SUFFIXED = re.compile(rf"{_EDGE}{_H}{{2}}[hH](?:[\s,;]+{_H}{{2}}[hH])+{_END}")
-_DUMP = re.compile(
-    rf"^\s*(?:0x)?(?P<offset>{_H}{{4,8}})(?:(?P<colon>:)\s*|\s+)"
-    rf"(?P<body>{_H}{{2}}(?:(?: |  |-){_H}{{2}}){{0,7}}(?:(?: |  | ?-){_H}{{2}}(?: {_H}{{2}}){{0,7}})?|"
-    rf"{_H}{{4}}(?: {_H}{{4}}){{0,7}}(?: {_H}{{2}})?)(?=\s|$)"
-)
-_RUN = re.compile(
-    rf"{_EDGE}(?:(?P<halves>{_H}{{2}}(?: {_H}{{2}}){{7}}  {_H}{{2}}(?: {_H}{{2}}){{0,7}})|"
-    rf"{_H}{{2}}(?:(?P<gap>[ \t]{{1,3}}){_H}{{2}}(?:(?P=gap){_H}{{2}})*|"
-    rf"(?P<sign>[-:,;._|]|, ){_H}{{2}}(?:(?P=sign){_H}{{2}})*)|(?:{_H}{{2}}){{4,}}){_END}"
-)
-_COLUMNS = re.compile(
-    rf"^\s*(?:{_H}{{4,8}}:?\s+)?(?P<bytes>{_H}{{2}}(?:[ \t]{{1,2}}{_H}{{2}}){{0,31}})[ \t]{{2,}}(?P<text>\S.*?)\s*$"
-)
-_DECIMALS = re.compile(r"(?<![\w.:])\d{1,3}(?:[\s,;|\[\]<>]+\d{1,3}){3,}(?![\w.:])", re.ASCII)
-_NUMBER = re.compile(r"\s*\d{1,6}\s*", re.ASCII)
-_TOKENS = re.compile(r"[^\s,;:|._-]+")
-_LABEL_END = re.compile(r"[:>=\])}|,\"'-](?=\s)|[:>=\])}|](?=[0-9A-Fa-f])")
-_WRAPPING = " \t\r\n,;:|=>[](){}\"'-"
-_ODD = "an odd number of hex digits in {} at column {}: write each byte with two digits"
-_ROW = 400  # characters of a hex viewer's row at most
-_LABEL_LOOK = 300  # characters in which the label before the bytes ends
-_SIMPLE_ESCAPES = {"0": 0, "a": 7, "b": 8, "t": 9, "n": 10, "v": 11, "f": 12, "r": 13, "e": 27}
-_ESCAPE = re.compile(r"\\(?:x([0-9A-Fa-f]{1,2})|([0-7]{1,3})|(.))|([^\\])", re.DOTALL)
+class Line(NamedTuple):
+    """A line to search: its text, and where what is more than brackets and blanks begins and ends in it.
 
-
-def find(text: str) -> list[Found]:
-    """All bytes in a text without times and marks; empty where there are none. Raises HexError for halves of bytes."""
-    if _PLAIN.fullmatch(text):
-        return [Found(bytes.fromhex(text))]
-    if "  " in text and (columns := _columns(text)) is not None:
-        return [columns]
-    for sign, pattern, decode in _EXPLICIT:
-        if sign in text:
-            read = map(decode, pattern.finditer(text))
-            if found := [item for item in read if item is not None]:
-                return found
-    tail = _tail(text)
-    return [tail] if tail is not None else _in_prose(text)
-
-
-def decimals(text: str) -> list[Found]:
-    """Bytes as decimal numbers, four or more in a row: 0 to 255 each, one at least of three digits.
-
-    `10 20 30 40` could be hex as well; so this is asked only of a text in which no hex bytes were found.
+    `first` are several places where it has direction marks: it begins anew behind each.
     """
-    rows = (re.findall(r"\d+", match[0]) for match in _DECIMALS.finditer(text))
-    return [Found(bytes(map(int, row))) for row in rows if max(map(int, row)) < 256 and max(map(len, row)) == 3]
+
+    text: str
+    first: frozenset[int]
+    last: int
+
+    def alone(self, start: int, end: int) -> bool:
+        """Whether nothing else is in the line."""
+        return end >= self.last and start in self.first
+
+    def before(self, start: int) -> str:
+        """A few characters before a place."""
+        return self.text[max(start - _NEAR, 0) : start]
 
 
-def strict(text: str) -> Found | None:
-    """The bytes of a text that holds nothing but hex digits and signs between them; None where it is not such."""
-    return _pure(text, 0)
+H: Final = "[0-9A-Fa-f]"
+EDGE: Final = r"(?<![0-9A-Za-z_.])"
+END: Final = r"(?![0-9A-Za-z_])"
+_GLUED: Final = rf"(?:{END}|(?=[A-Za-z]*[g-zG-Z])(?=[A-Za-z]{{2}})|(?=\d{{4}}-\d\d-\d\d))"  # to a word, to a date
+_SIGN: Final = r"(?:0[xX]|(?:[A-Z]+#)?16#|\$|&[hH]|%|[XxHh]['\"]?)"  # C, PLC languages, Pascal, Basic, URLs
+_PAIRS: Final = re.compile(rf"{EDGE}{H}{{2}}(?:[ \t]{{1,4}}{H}{{2}})*{_GLUED}")
+_SIGNED: Final = re.compile(
+    rf"{EDGE}{H}{{2}}(?P<gap>[ \t]{{0,2}}[^\w\s][^\w\n]{{0,5}}|_){H}{{2}}(?:(?P=gap){H}{{2}})*{_GLUED}"
+)
+_WORDS: Final = re.compile(
+    rf"(?<![0-9A-Za-z_.#@])(?:{H}{{2}}){{2,}}(?:(?P<gap>[ \t]{{1,2}})(?:{H}{{2}})+(?:(?P=gap)(?:{H}{{2}})+)*)?{_GLUED}"
+)
+_PREFIXED: Final = re.compile(
+    rf"{EDGE}(?P<sign>{_SIGN})(?P<first>{H}+)['\"]?(?:[\s,;|'\"\\]{{0,4}}(?P=sign){H}+['\"]?)*{_GLUED}"
+)
+_SUFFIXED: Final = re.compile(rf"{EDGE}{H}{{2}}[hH](?:[\s,;]+{H}{{2}}[hH])+{END}")
+_ASCII: Final = re.compile(rf"(?<![0-9A-Za-z_]):((?:{H}{{2}}){{3,300}}){END}")
+_OFFSET: Final = re.compile(rf"(?:^|[^\w.:-])(?P<all>(?:0[xX])?({H}{{4,8}}))[hH]?[ \t]*[:|-]?[ \t]*$")
+_ELLIPSIS: Final = re.compile(r"[ ,]?,? ?(?:\.\.\.(?![\w.])|…)")
+_HALF_AFTER: Final = re.compile(rf"[ \t]{{1,4}}({H}|{H}{{3}})(?=[ \t]*$|[ \t]+{H}{{2}}(?:\s|$))")
+_HALF_BEFORE: Final = re.compile(rf"(?:^|[ \t])({H})[ \t]{{1,4}}$")
+_NAMES: Final = re.compile(r"[a-z][a-z0-9/]*")
+_OTHER_THINGS: Final = frozenset(
+    [
+        "mac",
+        "bssid",
+        "uuid",
+        "guid",
+        "sha",
+        "sha1",
+        "sha256",
+        "md5",
+        "hash",
+        "commit",
+        "rev",
+        "revision",
+        "version",
+        "serial",
+        "s/n",
+        "sn",
+        "key",
+        "token",
+        "chip",
+        "eui",
+        "ip",
+        "ptr",
+        "pointer",
+        "date",
+        "time",
+        "id",
+        "chipid",
+        "oid",
+        "imei",
+        "iccid",
+    ]
+)
+_OF_THINGS: Final = frozenset(["address", "addr", "number", "id", "no", "nr"])
+_ROW_OF_WORDS: Final = re.compile(rf"{H}{{7,8}} +{H}{{4}}\s*$")
+_OFFSET_ENDS: Final = frozenset("0123456789abcdefABCDEFhH")
+_COMMON_SIGNS: Final = ("%", "$", "x", "X", "h", "H")
+_ELLIPSIS_STARTS: Final = frozenset(" ,.…")
+_FEW: Final = 17  # characters: six bytes
+_DIGIT: Final = re.compile(r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?![A-Za-z])|\\|[A-Za-z+/]{6}=")
+_SHORT: Final = re.compile(rf"(?<![0-9A-Za-z]){H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
+_BIG: Final = re.compile(r"[A-Za-z0-9+/]{6}[A-Za-z0-9+/=]{2}")
+_WRAPPING: Final = " \t\r\n,;:|=>[](){}\"'-._*◇◆□■#/$`"
+_NEAR: Final = 40  # characters
+_SOME: Final = 3  # bytes: fewer say nothing
+_LONG: Final = 4096  # characters: no line of words
+_MAC_LENGTH: Final = 6
+_WORD_LENGTH: Final = 8  # bytes: no address of a machine is longer
+_ROW: Final = 8  # bytes, after which dumps leave a gap
+ROWS: Final = ("pairs", "words", "swapped words")  # shapes of the rows of dumps
+_COLUMN_NUMBERS: Final = tuple(
+    [form(number) for number in range(first, first + count)]
+    for count in (8, 16)
+    for first in (0, 1)
+    for form in ("{:02X}".format, "{:02x}".format, "{:02d}".format)
+)
 
 
-def dump_line(text: str) -> tuple[str, bytes] | None:
-    """Offset (its digits) and bytes of a line of an offset dump (hexdump -C, xxd, Wireshark, od -t x1)."""
-    match = _DUMP.match(text)
-    if match is None:
-        return None
-    tokens = re.split(r"[ -]+", match["body"])
-    if match["colon"] is None and (len(tokens[0]) == 4 or int(match["offset"], 16) % 8):
-        return None  # words of four digits, the first of which only looks like an offset
-    return match["offset"], bytes.fromhex("".join(tokens))
+def line_of(text: str, marks: Iterable[int] = ()) -> Line:
+    """A text as a line to search; `marks` are the ends of its direction marks."""
+    first = frozenset(len(text) - len(text[place:].lstrip(_WRAPPING)) for place in (0, *marks))
+    return Line(text, first, len(text.rstrip(_WRAPPING)))
 
 
-def unescape(text: str) -> bytes:
-    """Bytes of a C or Python string's inside: hex, octal and letter escapes, other characters as they are."""
-    out = bytearray()
-    for digits, octal, letter, plain in _ESCAPE.findall(text):
-        if digits:
-            out.append(int(digits, 16))
-        elif octal:
-            out.append(int(octal, 8) & 0xFF)
-        elif letter:
-            out += bytes((_SIMPLE_ESCAPES[letter],)) if letter in _SIMPLE_ESCAPES else letter.encode()
-        else:
-            out += plain.encode("utf-8", "replace")
+def holds_digits(text: str) -> bool:
+    """Whether there are digits at all that can be a byte."""
+    return _DIGIT.search(text) is not None
+
+
+def holds_several(text: str) -> bool:
+    """Whether there are enough of them for a frame, in any shape."""
+    return len(text) > _LONG or "\\" in text or len(_SHORT.findall(text)) > _SOME or _BIG.search(text) is not None
+
+
+def hex_candidates(line: Line) -> Iterator[Candidate]:
+    """All runs of characters that can be hex bytes, shape by shape."""
+    text = line.text
+    yield from _pairs(line)
+    yield from _signed(line)
+    yield from _words(line)
+    if not _SIGNS.isdisjoint(text):
+        yield from _prefixed(line)
+    if "h" in text or "H" in text:
+        yield from _suffixed(text)
+    if ":" in text:
+        yield from _ascii_frames(text)
+
+
+_SIGNS: Final = frozenset("xX$#&%'\"")
+
+
+def in_its_place(found: Candidate, line: Line) -> Candidate:
+    """A candidate with what stands before it taken into account."""
+    before = line.before(found.start)
+    bare = before.rstrip(" \t:|-")
+    if found.shape in ROWS and bare[-1:] in _OFFSET_ENDS and (offset := _OFFSET.search(before)) is not None:
+        begin = found.start - len(before) + offset.start("all")
+        if begin in line.first:
+            level = max(found.level, Level.BYTES if len(found.data) > 2 else Level.LIKELY)
+            return found._replace(offset=offset[2], level=level, lead=begin)
+    if found.level and not found.ascii and _is_named_otherwise(before):
+        return found._replace(level=Level.NUMBER, lead=found.start)
+    return found._replace(lead=found.start)
+
+
+def _is_named_otherwise(before: str) -> bool:
+    """Whether the words before some digits say that they are an address, a name or the like, and no bytes."""
+    if before.endswith(("@", "::")):
+        return True
+    words = _NAMES.findall(before.lower())[-2:]
+    return (
+        bool(words)
+        and len(before) - before.lower().rfind(words[-1]) - len(words[-1]) < 4
+        and (words[-1] in _OTHER_THINGS or (words[-1] in _OF_THINGS and words[0] in _OTHER_THINGS))
+    )
+
+
+def is_cut(line: Line, end: int) -> bool:
+    """Whether the text says, at the end of some bytes, that there are more."""
+    return line.text[end : end + 1] in _ELLIPSIS_STARTS and _ELLIPSIS.match(line.text, end) is not None
+
+
+def is_halved(line: Line, start: int, end: int) -> bool:
+    """Whether half a byte stands beside these bytes."""
+    if _HALF_AFTER.match(line.text, end):
+        return True
+    return end - start < _FEW and _HALF_BEFORE.search(line.before(start)) is not None
+
+
+def _pairs(line: Line) -> Iterator[Candidate]:
+    """`11 03 00 6B`"""
+    text = line.text
+    for match in _PAIRS.finditer(text):
+        start, end = match.span()
+        if "  " in match[0]:
+            end = _before_characters(text, start, end)
+        tokens = text[start:end].split()
+        if len(tokens) < _SOME and (len(text) > _LONG or text[end : end + 1].isalnum()):
+            continue  # one number of many, or the beginning of a word
+        data = bytes.fromhex(text[start:end])
+        level = Level.BYTES if line.before(start).endswith("<Buffer ") else _level_of_pairs(line, start, end, tokens)
+        if len(tokens) > _SOME:  # what stands at the ends may be a word, or a number in a column of its own
+            second = text.index(tokens[1], start + 2)
+            apart = text[start + 2 : second] != text[second + 2 : text.index(tokens[2], second + 2)]
+            if apart or tokens[0].isalpha():
+                yield Candidate(data[1:], second, end, "pairs", level)
+                level = Level.LIKELY if apart else level
+            if text[end : end + 1].isalnum():  # "02Connected", "10 after"
+                last = start + len(text[start : end - 2].rstrip())
+                yield Candidate(data[:-1], start, last, "pairs", level)
+                level = Level.LIKELY if tokens[-1].isalpha() else level
+        yield Candidate(data, start, end, "pairs", level)
+
+
+def _level_of_pairs(line: Line, start: int, end: int, tokens: list[str]) -> Level:
+    """Three pairs are bytes where any can be no number that people write: it has a letter, or a leading zero."""
+    alone = line.alone(start, end)
+    odd = any(token[0] == "0" or not token.isdigit() for token in tokens)
+    if all(token.isalpha() for token in tokens):
+        return Level.LIKELY if alone or len(tokens) >= _SOME else Level.NUMBER
+    if len(tokens) == 1:
+        return Level.LIKELY if alone and (odd or start == min(line.first)) else Level.NUMBER
+    if len(tokens) < _SOME:
+        return Level.LIKELY if alone else Level.NUMBER
+    if tokens in _COLUMN_NUMBERS:
+        return Level.NUMBER
+    return Level.BYTES if odd else Level.LIKELY
+
+
+def _before_characters(text: str, start: int, end: int) -> int:
+    """Where the bytes of a viewer's row end, whose characters follow after a gap and may look like bytes, too."""
+    for gap in re.finditer(r"[ \t]{2,}", text[start:end]):
+        if shows(bytes.fromhex(text[start : start + gap.start()]), text[start + gap.end() :]):
+            return start + gap.start()
+    return end
+
+
+def shows(data: bytes, text: str) -> bool:
+    """Whether a text is these bytes as characters, with dots or the like for those that have none."""
+    text = text.strip("\r\n|<> \t") if len(text.rstrip()) > len(data) else text.rstrip("\r\n")
+    if len(text) == len(data) + 1 and len(data) > _ROW and text[_ROW] == " ":
+        text = text[:_ROW] + text[_ROW + 1 :]
+    text = text.ljust(len(data))
+    if len(text) != len(data):
+        return False
+    for byte, char in zip(data, text, strict=True):
+        if char != chr(byte) and (char != "." if 0x20 < byte < 0x7F else char.isascii() and char.isalnum()):
+            return False
+    return True
+
+
+def _signed(line: Line) -> Iterator[Candidate]:
+    """`11-03-00`, `11:03:00`, `11, 03, 00`, `[11][03]`, `'11', '03'`"""
+    text = line.text
+    for match in _SIGNED.finditer(text):
+        gap, end = match["gap"], match.end()
+        tokens = match[0].split(gap)
+        goes_on = text.startswith(gap, end) and text[end + len(gap) : end + len(gap) + 1].isalnum()
+        level = _level_of_signed(tokens, gap.strip())
+        if goes_on:
+            level = Level.NUMBER  # a list of other numbers
+        elif line.alone(match.start(), end):
+            level = max(level, Level.LIKELY)
+        yield Candidate(bytes.fromhex("".join(tokens)), match.start(), end, f"pairs{gap.strip()}", level)
+
+
+def _level_of_signed(tokens: list[str], gap: str) -> Level:
+    count, numbers = len(tokens), all(token.isdigit() for token in tokens)
+    if (gap in "/." and count < 5) or all(token.isalpha() for token in tokens):
+        return Level.NUMBER  # a date, an address, a version, words
+    if gap == ":" and count == _MAC_LENGTH:
+        return Level.LIKELY
+    if count > 3 or (count == 3 and not numbers):
+        return Level.BYTES if not numbers or any(token[0] == "0" for token in tokens) else Level.LIKELY
+    return Level.NUMBER
+
+
+def _words(line: Line) -> Iterator[Candidate]:
+    """`1103006B`, `1103 006B`: digits without signs between the bytes; of 16-bit words the other order, too."""
+    for match in _WORDS.finditer(line.text):
+        start, end = match.span()
+        if "  " in match[0]:
+            end = _before_characters(line.text, start, end)
+        tokens = line.text[start:end].split()
+        if len(tokens) > 2 and len(tokens[0]) > 2 and all(len(token) == 2 for token in tokens[1:]):
+            continue  # the first is an offset
+        data = bytes.fromhex("".join(tokens))
+        yield Candidate(data, start, end, "words", _level_of_words(line, start, end, tokens))
+        row = len(tokens) > 1 or _ROW_OF_WORDS.match(line.text) is not None
+        if row and all(len(token) == 4 for token in tokens):
+            yield Candidate(swapped(data), start, end, "swapped words", Level.NUMBER)
+
+
+def swapped(data: bytes) -> bytes:
+    """16-bit words with their bytes the other way round."""
+    out = bytearray(data)
+    out[::2], out[1::2] = data[1::2], data[::2]
     return bytes(out)
 
 
-def _columns(text: str) -> Found | None:
-    """A row of a hex viewer, with or without an offset: bytes, a gap, and the same bytes as characters."""
-    match = _COLUMNS.match(text) if len(text) <= _ROW else None
-    if match is None:
-        return None
-    data = bytes.fromhex(match["bytes"])
-    shown = match["text"].ljust(len(data))
-    if len(shown) != len(data):
-        return None
-    for byte, char in zip(data, shown, strict=True):
-        if char != chr(byte) if 0x20 < byte < 0x7F else char.isascii() and char.isalnum():
-            return None
-    return Found(data)
+def _level_of_words(line: Line, start: int, end: int, tokens: list[str]) -> Level:
+    digits = "".join(tokens)
+    size = len(digits) // 2
+    bare = line.alone(start, end)
+    alone = bare or (end >= line.last and line.before(start).rstrip()[-1:] in (":", "=", ","))
+    if line.text[start - 1 : start] == "-" or line.text[end : end + 1] == "-":
+        return Level.NUMBER  # part of a UUID
+    if digits.isalpha():
+        return Level.LIKELY if len(tokens) == 1 and size > 4 and alone else Level.NUMBER
+    if digits.isdigit():
+        return Level.LIKELY if bare else Level.NUMBER
+    if size >= _WORD_LENGTH:
+        return Level.BYTES if size > _WORD_LENGTH or alone or digits[0] == "0" or len(tokens) > 1 else Level.LIKELY
+    return Level.LIKELY if bare or (alone and len(tokens) > 1) else Level.NUMBER
 
 
-def _ascii_frame(match: re.Match[str]) -> Found | None:
-    return Found(match[0].encode() + b"\r\n", ascii=True)
+def _prefixed(line: Line) -> Iterator[Candidate]:
+    """`0x11, 0x03`, `16#11`, `$11`, `&H11`, `%11`"""
+    text = line.text
+    for match in _PREFIXED.finditer(text):
+        sign, start, end = match["sign"], match.start(), match.end()
+        if sign in ("x", "X") and text[start - 1 : start] == "\\":
+            continue  # an escape
+        tokens = re.findall(rf"{re.escape(sign)}({H}+)", match[0])
+        if len(tokens[-1]) > 2 and len(tokens) > 2 and all(len(token) < 3 for token in tokens[:-1]):
+            last = start + match[0].rfind(sign) + len(sign)
+            if re.match(r"20\d\d-", text[last + 2 : last + 7]):  # the line break was lost: 0xee2026-09-11
+                tokens[-1], end = text[last : last + 2], last + 2
+        if any(len(token) > 2 for token in tokens):
+            yield from _prefixed_words(line, match, tokens)
+            continue
+        level = Level.NUMBER
+        if sign not in _COMMON_SIGNS or (len(tokens) > 2 and all(len(token) == 2 for token in tokens)):
+            some = len(tokens) > 1 or line.alone(start, end)
+            level = Level.BYTES if len(tokens) > 2 else Level.LIKELY if some else Level.NUMBER
+        yield Candidate(bytes(int(token, 16) for token in tokens), start, end, "0x", level)
 
 
-def _pairs(match: re.Match[str]) -> Found | None:
-    return Found(bytes.fromhex("".join(re.findall(rf"{_H}{{2}}", match[0]))))
+def _prefixed_words(line: Line, match: re.Match[str], tokens: list[str]) -> Iterator[Candidate]:
+    if any(len(token) % 2 for token in tokens):
+        return
+    data = bytes.fromhex("".join(tokens))
+    alone = line.alone(*match.span()) and len(data) > 3
+    yield Candidate(data, *match.span(), "0x words", Level.LIKELY if alone else Level.NUMBER)
+    if all(len(token) == 4 for token in tokens):
+        yield Candidate(swapped(data), *match.span(), "swapped 0x words", Level.NUMBER)
 
 
-def _node(match: re.Match[str]) -> Found | None:
-    return Found(bytes.fromhex(match[1]), cut=bool(match[2]))
+def _suffixed(text: str) -> Iterator[Candidate]:
+    """`11h 03h`"""
+    for match in _SUFFIXED.finditer(text):
+        data = bytes.fromhex(re.sub(r"[hH,;\s]", "", match[0]))
+        yield Candidate(data, *match.span(), "h", Level.BYTES if len(data) > 2 else Level.LIKELY)
 
 
-def _node_json(match: re.Match[str]) -> Found | None:
-    values = re.findall(r"\d+", match[1])
-    for value in values:
-        if len(value) > 3 or int(value) > 255:
-            raise HexError(f"{_short(value)} is not a byte, in the Buffer at column {match.start() + 1}")
-    return Found(bytes(map(int, values))) if values else None
+def _ascii_frames(text: str) -> Iterator[Candidate]:
+    """`:1103006B00037E`"""
+    for match in _ASCII.finditer(text):
+        yield Candidate(match[0].encode() + b"\r\n", *match.span(), "ascii", Level.BYTES, ascii=True)
 
 
-def _quoted(match: re.Match[str]) -> Found | None:
-    return Found(unescape(match[2])) if "\\x" in match[2] else None
-
-
-def _escaped(match: re.Match[str]) -> Found | None:
-    if (half := re.search(r"\\x(?![0-9A-Fa-f]{2})", match[0])) is not None:
-        at = match.start() + half.start()
-        raise HexError(f"\\x without two hex digits at column {at + 1}")
-    return Found(unescape(match[0]))
-
-
-def _prefixed(match: re.Match[str]) -> Found | None:
-    words = re.findall(rf"{_SIGN}({_H}+)", match[0])
-    if len(words) == 1 and len(words[0]) < 8:
-        before, after = match.string[: match.start()], match.string[match.end() :]
-        if re.search(r"[A-Za-z0-9]", after) or re.search(r"[A-Za-z0-9][^:>=\]]*$", before):
-            return None  # a number in a sentence
-    for word in words:
-        if len(word) % 2 and len(word) > 1:
-            at = match.string.find(word, match.start())
-            raise HexError(f"an odd number of hex digits in 0x{_short(word)} at column {at + 1}")
-    return Found(bytes.fromhex("".join(word.zfill(2) for word in words)))
-
-
-# A character that such a text must have, how it looks, and its bytes.
-_EXPLICIT: tuple[tuple[str, re.Pattern[str], Callable[[re.Match[str]], Found | None]], ...] = (
-    ("<", _NODE, _node),
-    ("{", _NODE_JSON, _node_json),
-    ("[", _SQUARE, _pairs),
-    ("<", _ANGLE, _pairs),
-    ("\\", _QUOTED, _quoted),
-    ("\\", _ESCAPED, _escaped),
-    ("x", _PREFIXED, _prefixed),
-    ("X", _PREFIXED, _prefixed),
-    ("$", _PREFIXED, _prefixed),
-    ("#", _PREFIXED, _prefixed),
-    ("&", _PREFIXED, _prefixed),
-    ("h", _SUFFIXED, _pairs),
-    ("H", _SUFFIXED, _pairs),
-    (":", _ASCII, _ascii_frame),
+_ODD: Final = "an odd number of hex digits in {!r} at column {}: write each byte with two digits"
+_HALVED: Final = (
+    (
+        re.compile(r'"Buffer"\s*,\s*"data"\s*:\s*\[[\d,\s]*?\b(\d{4,}|2(?:5[6-9]|[6-9]\d)|[3-9]\d\d)\b'),
+        "{} is not a byte, in the Buffer at column {}",
+    ),
+    (re.compile(rf"(?:^|[\s,;:])0[xX]((?:{H}{{2}})+{H})\b"), "an odd number of hex digits in 0x{} at column {}"),
+    (re.compile(rf"\b{H}{{2}}(?:[ \t,:-]{{1,2}}{H}{{2}})*[ \t,:-]{{1,2}}({H}|{H}{{3}})(?![0-9A-Za-z_.])"), _ODD),
+    (re.compile(rf"(?:^|[\s,;:])(?=[a-fA-F]*\d)({H}{{5,}})\s*$"), _ODD),
+    (re.compile(r"(\\x)(?![0-9A-Fa-f]{2})"), "{} without two hex digits at column {}"),
 )
 
 
-def _tail(text: str) -> Found | None:
-    """Bare digits that are all of the text, or all that follows a label."""
-    for start in (0, *(match.end() for match in _LABEL_END.finditer(text, 0, _LABEL_LOOK))):
-        if start and text[start - 1] == "=" and _NUMBER.fullmatch(text, start):
-            return None  # baudrate=19200
-        if (found := _pure(text[start:], start)) is not None:
-            return found
+def halves(text: str) -> str | None:
+    """What is wrong with digits of this text that are meant as bytes and do not come in pairs; None for others."""
+    for pattern, words in _HALVED:
+        if (match := pattern.search(text)) is not None and not (words is _ODD and len(match[1]) % 2 == 0):
+            return words.format(shortened(match[1]), match.start(1) + 1)
     return None
 
 
-def _pure(text: str, column: int) -> Found | None:
-    body = text.strip(_WRAPPING + "._")
-    tokens = _TOKENS.findall(body)
-    if not tokens or not all(_is_hex(token) for token in tokens):
-        return None
-    if all(token.isalpha() for token in tokens) and not _letters_are_bytes(tokens):
-        return None
-    odd = [token for token in tokens if len(token) % 2]
-    if not odd:
-        return Found(bytes.fromhex("".join(tokens)))
-    evens = [token for token in tokens if len(token) % 2 == 0]
-    if (len(tokens[0]) < 5) if len(tokens) == 1 else len(evens) < len(odd):
-        return None  # a number, or numbers: not bytes
-    at = column + text.find(body) + next(m.start() for m in _TOKENS.finditer(body) if len(m[0]) % 2)
-    raise HexError(_ODD.format(repr(_short(odd[0])), at + 1))
-
-
-def _is_hex(token: str) -> bool:
-    return all(c in "0123456789abcdefABCDEF" for c in token)
-
-
-def _letters_are_bytes(tokens: list[str]) -> bool:
-    """Whether hex digits that are all letters are bytes: pairs, or longer than any word; `dead` and `added` are not."""
-    return all(len(token) == 2 for token in tokens) or (len(tokens) == 1 and len(tokens[0]) >= 10)
-
-
-def _in_prose(text: str) -> list[Found]:
-    """Runs of bare digits with words around them."""
-    runs = []
-    for match in _RUN.finditer(text):
-        digits = re.sub(rf"[^{_H[1:-1]}]", "", match[0])
-        bare = match["gap"] is None and match["sign"] is None and match["halves"] is None
-        if bare and not (re.search(r"\d", digits) and re.search(r"[A-Fa-f]", digits)):
-            continue  # a number or a word
-        if not bare and len(digits) < 6:
-            continue
-        half = re.match(rf"[ \t]+({_H}|{_H}{{3}})(?=[ \t]*$|[ \t]+{_H}{{2}}(?:\s|$))", text[match.end() :])
-        if half and match["gap"]:
-            at = match.end() + half.start(1)
-            raise HexError(_ODD.format(repr(half[1]), at + 1))
-        runs.append((bare, bytes.fromhex(digits)))
-    if not runs:
-        return []
-    longest = max(runs, key=lambda run: len(run[1]))
-    return [Found(data) for bare, data in runs if data is longest[1] or (bare == longest[0] and len(data) >= 4)]
-
-
-def _short(word: str) -> str:
+def shortened(word: str) -> str:
+    """A word as a message quotes it."""
     return word if len(word) <= 24 else word[:21] + "..."

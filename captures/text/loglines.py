@@ -1,124 +1,178 @@
-"""Lines of serial logs: bytes, times, marks and labels, whichever tool wrote them.
+"""Lines of serial logs: their times, marks and headings, and the runs of characters in them that may be bytes.
 
 Lines whose layout is a tool's own are declared in `captures.text.tools`. Every other line is read by common sense: the
-stamp is taken out, the rest is cut at its direction marks, and bytes are looked for in each part.
+stamp is taken out, marks are looked for, and what can be bytes in any shape is a run. Which runs are bytes is decided
+with the lines around, in `captures.text.settling`.
 
-`LineReader` keeps what one line says for the next: a header line (time and mark of the hex lines below it), the offsets
-of a dump, the midnight that a log of times of day passed.
+`LineReader` keeps what one line says for the next: a heading (time and mark of the rows below it), the offsets of a
+dump, the midnight that a log of times of day passed.
 """
 
 from __future__ import annotations
 
+import html
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from datetime import tzinfo
+from typing import Final
 
 from captures.text import stamps
-from captures.text.hexshapes import Found, HexError, decimals, dump_line, find, strict, unescape
-from captures.text.marks import NONE, segments
-from captures.text.tools import MARK_WORDS, SHAPES, Role, Shape
 
-LONG_LINE = 1 << 20  # characters: beyond it a line is only looked at as bare hex digits
-_ANSI = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
-_COMMENT = re.compile(r"(?:^\s*(?:#|//|;|--$)|\s(?:#|//)\s).*$")
-_WORD = re.compile(r"\w")
-_BARE_HEX = re.compile(r"[0-9A-Fa-f\s]+")
+from .choosing import Experience, Judge, Run, label_in, no_judge, runs_in
+from .hexshapes import Level, halves, line_of
+from .othershapes import unescape
+from .tools import MARK_WORDS, NONE, SHAPES, Mark, Role, Shape, marks
 
+_ANSI: Final = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+_COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
+_WORD: Final = re.compile(r"\w")
+_LETTER: Final = re.compile(r"[^\W\d_]")
+_BARE_HEX: Final = re.compile(r"[0-9A-Fa-f\s]+")
+_BARE_LEAST: Final = 4096  # characters of a line that is worth a look whether it is nothing but hex digits
+_ANNOUNCED: Final = re.compile(
+    r"(?:\b(\d{1,5}) ?bytes?\b|/(\d{1,5}):?$|\b(?:write|read|length|len|size)[ =:]+(\d{1,5})$)", re.I
+)
+_OD_WORDS: Final = re.compile(r"^[0-7]{7}(?: +[0-7]{6})+\s*$")
+_QUOTE: Final = re.compile(r"^\s*>(?:\s*>)*\s(?=\s*\S)")
+_JPNEVULATOR: Final = re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$")
+_SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,15}[0-9a-f]{2})(?:  .*)?$")
+_LABELLED: Final = 56  # characters of a heading that name it
+_REMEMBERED: Final = 2048  # lines
+_FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
 
-# Tried after everything else: a time and the name of who speaks, bytes below.
-_JPNEVULATOR = re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$")
-_SOCAT_BYTES = re.compile(r"^ ((?:[0-9a-f]{2} ){0,15}[0-9a-f]{2})(?:  .*)?$")
+# What is typed as something else than the plain characters that it means, or is markup around them.
+_PLAIN: Final = str.maketrans(
+    {0xFF01 + i: chr(0x21 + i) for i in range(94)}
+    | {"\u3000": " ", "\u00a0": " ", "\u2009": " ", "\u202f": " ", "\x00": " ", "\u2018": "'", "\u2019": "'"}
+    | {
+        "\u201c": '"',
+        "\u201d": '"',
+        "\u2013": "-",
+        "\u2212": "-",
+        "、": ",",
+        "【": "[",
+        "】": "]",
+        "│": "|",
+        "┊": " ",
+        "║": "|",
+        "┃": "|",
+        "\u200b": None,
+    }
+    | {"\ufeff": None, "\x00": " "}
+)
+_CELL: Final = re.compile(r"(?:</?(?:td|th|tr|li|p|br|div|dd|dt)\b[^<>]*>\s*)+", re.IGNORECASE)
+_TAG: Final = re.compile(r"</?(?:code|span|pre|b|i|em|strong|font|a|tt|ul|ol|table|tbody)\b[^<>]*>", re.IGNORECASE)
+_ENTITY: Final = re.compile(r"&(?:nbsp|lt|gt|quot|amp|#\d+|rarr|larr);")
+_EMPHASIS: Final = re.compile(
+    r"(?<![0-9A-Za-z*_~])[*_~]{1,4}([0-9A-Fa-f]{2}[0-9A-Fa-f ,:x-]*)[*_~]{1,4}(?![0-9A-Za-z*_~])"
+)
+_ARDUINO: Final = re.compile(r"^(\d\d:\d\d:\d\d\.\d{3}) -> ")  # its serial monitor puts this before every line
+_SIGN_EXTENDED: Final = re.compile(
+    r"(?<![0-9A-Za-z])(0[xX])?[fF]{6}([89A-Fa-f][0-9A-Fa-f])(?![0-9A-Za-z])"
+)  # %02x of a char
+_SMALL_HEX: Final = re.compile(r"(?<![0-9A-Za-z])(?:0[xX])?[0-9A-Fa-f]{1,2}(?![0-9A-Za-z])")
+_SOME: Final = 3  # numbers that make a list
+_ESCAPED_ONCE: Final = re.compile(r"(?<!\\)(?:\\\\)*\\x")
+_CAST: Final = re.compile(r"\(\s*(?:unsigned |signed )?(?:byte|sbyte|char|u?int8(?:_t)?|u8|BYTE)\s*\)\s*")
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
-    """Bytes of a log with what is known of them; `t_ns` counts on past midnight where the log has times of day.
-
-    `continues` says that these bytes belong to the same read, or dump, as the piece before.
-    """
-
-    data: bytes
-    line: int
-    text: str
-    ascii: bool = False
-    mark: int = NONE
-    t_ns: int | None = None
-    label: str = ""
-    continues: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """What one line gave: pieces, and in `problem` why not all of it could be used."""
-
-    pieces: tuple[Piece, ...] = ()
-    problem: str | None = None
-    halved: bool = False  # the problem is digits that are meant as bytes and do not come in pairs
-
-
-@dataclass(slots=True)
-class _Header:
-    """What a header line says of the hex lines below it."""
+class Heading:
+    """What a line says of the rows of bytes below it."""
 
     mark: int
     t_ns: int | None
+    fine: bool
     label: str
-    left: int | None  # bytes still to come, where the header told
-    fresh: bool = True
+    port: str = ""
+    left: int | None = None  # bytes still to come, where it says how many there are
+    joins: bool = False  # all rows below it are one read
+    exact: bool = False  # nothing else stands below it before all bytes are there
+    rows: int = 0  # that it has had
+    width: int = 0  # bytes of the row before
+
+
+@dataclass(slots=True)
+class LogLine:
+    """One line: what it holds, and what is known of it.
+
+    `t_ns` counts on past midnight where the log has times of day. `continues`: its first run belongs to the same read,
+    or dump, as the bytes before. `quiet`: a line that is known to hold no bytes. `problem` is what it could not give.
+    """
+
+    number: int
+    text: str
+    clean: str = ""
+    runs: list[Run] = field(default_factory=list)
+    t_ns: int | None = None
+    fine: bool = False
+    port: str = ""
+    continues: bool = False
+    quiet: bool = False
+    problem: str | None = None
 
 
 @dataclass(slots=True)
 class LineReader:
     """Reads a log line by line; bytes of a tool's second report of the same bytes are left out.
 
-    With `decimal` bytes are decimal numbers; that is for a text in which no others were found.
+    `zone` is that of dates without one (None: this machine's), `sample_rate` of logs that count samples, in Hz.
     """
 
-    decimal: bool = False
-    _header: _Header | None = None
-    _dump: tuple[int, int] | None = None  # bytes of the dump so far, offset of its first line
+    judge: Judge = no_judge
+    zone: tzinfo | None = None
+    sample_rate: float | None = None
+    experience: Experience = field(default_factory=Experience)
+    zoneless: bool = False  # a date without a zone was met
+    _heading: Heading | None = None
+    _dump: tuple[int, int, int | None] | None = None  # bytes of the dump so far, offset of its first line, its time
+    _row: Run | None = None  # the newest of it
     _days: int = 0
     _newest: int | None = None
     _received: bool = False  # pymodbus reports received bytes by themselves, not only those it processes
+    _memory: dict[str, tuple[int, list[Mark], list[Run]]] = field(default_factory=dict)
     _tools: list[Shape] = field(default_factory=lambda: list(SHAPES))
 
-    def read(self, line: str, number: int) -> Reading:
-        """The bytes of a line. Never raises; a line that holds neither bytes nor anything known has a `problem`."""
-        if len(line) > 4096 and _BARE_HEX.fullmatch(line):
-            return self._bare(line, number)
-        if len(line) > LONG_LINE:
-            return Reading(problem=f"a line of {len(line)} characters is not a line of a log")
-        text = _ANSI.sub("", line).replace("\x00", " ").rstrip("\r\n")
-        if not text.strip():
-            return Reading()
-        try:
-            if self.decimal:
-                return self._any_line(text, number)
-            return self._tool_line(text, number) or self._dump_line(text, number) or self._any_line(text, number)
-        except HexError as error:
-            return Reading(problem=str(error), halved=True)
+    def read(self, line: str, number: int) -> LogLine:
+        """What a line holds. Never raises."""
+        if len(line) > _BARE_LEAST and _BARE_HEX.fullmatch(line) and (bare := self._bare(line, number)) is not None:
+            return bare
+        text = plain(line)
+        if not text.strip(" \t`~"):
+            return LogLine(number, line, quiet=True)
+        found = self._below_header(text, number) or self._tool_line(text, number)
+        if found is None and (sign := _QUOTE.match(text)) is not None:
+            found = self._tool_line(text[sign.end() :], number)
+        return found or self._any_line(text, number)
 
-    def _bare(self, line: str, number: int) -> Reading:
-        try:
-            found = strict(line)
-        except HexError as error:
-            return Reading(problem=str(error), halved=True)
-        return Reading((self._piece(found, number, line[:80]),) if found else ())
+    def _bare(self, line: str, number: int) -> LogLine | None:
+        """A long line of nothing but hex digits; None for numbers and words of such digits."""
+        words = line.split()
+        if len(words) == 1 and len(words[0]) % 2:
+            return LogLine(number, line[:80], problem=halves(line))
+        if not words or any(len(word) % 2 for word in words):
+            return None
+        data = bytes.fromhex("".join(words))
+        run = Run(data, 0, len(line), "pairs", Level.BYTES, checked=self.judge(data[:_BARE_LEAST]))
+        return self._placed(LogLine(number, line[:80], runs=[run]), None, 0)
 
-    def _tool_line(self, text: str, number: int) -> Reading | None:
-        header = self._header
-        if header is not None and header.left:
-            if (body := _SOCAT_BYTES.match(text)) is not None:
-                data = bytes.fromhex(body[1])[: header.left]
-                header.left -= len(data)
-                piece = self._piece(Found(data), number, text)
-                if not header.left:
-                    self._header = None
-                return Reading((piece,))
-            self._header = None
-            lost = f"{header.left} bytes that the line above announces are missing here"
-            rest = self._tool_line(text, number) or self._any_line(text, number)
-            return replace(rest, problem=rest.problem or lost)
+    def _below_header(self, text: str, number: int) -> LogLine | None:
+        """A row of bytes that a tool's header has announced."""
+        heading = self._heading
+        if heading is None or not heading.left or not heading.exact:
+            return None
+        if (body := _SOCAT_BYTES.match(text)) is not None:
+            data = bytes.fromhex(body[1])[: heading.left]
+            run = Run(data, 1, 1 + len(body[1]), "pairs", Level.BYTES, mark=heading.mark, sure=True)
+            left = heading.left - len(data)
+            self._heading = replace(heading, left=left) if left else None
+            return LogLine(number, text, text, [run], heading.t_ns, heading.fine, heading.port)
+        self._heading = None
+        found = self._tool_line(text, number) or self._any_line(text, number)
+        found.problem = found.problem or f"{heading.left} bytes that the line above announces are missing here"
+        return found
+
+    def _tool_line(self, text: str, number: int) -> LogLine | None:
         for i, shape in enumerate(self._tools):
             if (match := shape.pattern.match(text)) is not None:
                 if i and shape.role is not Role.NOTHING:  # a log is of one tool: its shapes first from now on
@@ -126,87 +180,164 @@ class LineReader:
                 return self._shaped(shape, match, number, text)
         return None
 
-    def _shaped(self, shape: Shape, match: re.Match[str], number: int, text: str) -> Reading:
+    def _shaped(self, shape: Shape, match: re.Match[str], number: int, text: str) -> LogLine | None:
         groups = match.groupdict()
         if shape.role is Role.NOTHING:
-            return Reading()
+            heading = self._heading
+            line = self._any_line(text, number)
+            line.quiet, line.problem = True, None
+            if not line.runs:
+                self._heading = heading
+            return line
         mark = MARK_WORDS.get((groups.get("mark") or "").lower(), shape.mark)
-        t_ns = self._time(stamps.find(_whole_fraction(groups.get("time") or ""))[0])
+        stamp = stamps.find(_whole_fraction(groups.get("time") or ""), self.zone)[0]
+        t_ns, fine = self._time(stamp), stamp is not None and stamp.fine
+        if groups.get("sample") and self.sample_rate:
+            t_ns, fine = round(int(groups["sample"]) / self.sample_rate * 1e9), True
         length = int(groups["length"]) if groups.get("length") else None
         if shape.role is Role.HEADER:
-            above = self._header
-            if t_ns is None and above is not None and above.fresh:
-                t_ns = above.t_ns  # its time stands in a line of its own
-            self._header = _Header(mark, t_ns, "", length)
-            return Reading()
-        found = Found(unescape(groups["hex"])) if shape.role is Role.STRING else _payload(groups["hex"])
+            above = self._heading
+            if t_ns is None and above is not None and not above.rows:
+                t_ns, fine = above.t_ns, above.fine  # its time stands in a line of its own
+            self._heading = Heading(mark, t_ns, fine, shape.tool, left=length, joins=True, exact=True)
+            return LogLine(number, text, quiet=True)
+        line = LogLine(number, text, text, t_ns=t_ns, fine=fine, quiet=True)
         if shape.tool == "pymodbus":
             self._received = self._received or match["mark"].lower() == "recv"
             if self._received and match["mark"].lower() == "processing":
-                return Reading()
+                return line
+        found = self._payload(groups["hex"], shape)
+        self._heading = None
         if found is None:
-            return Reading()
-        problem = None
+            return line if not _WORD.search(groups["hex"]) else None
         if groups.get("cut") or found.cut:
             shown = f"{len(found.data)} of {length} bytes" if length else f"the first {len(found.data)} bytes"
-            problem = f"the log shows {shown} only"
-        data = found.data[: max(length, 0)] if length is not None else found.data
-        if not data:
-            return Reading(problem=problem)
-        return Reading((Piece(data, number, text, found.ascii, mark, t_ns),), problem)
+            line.problem = f"the log shows {shown} only"
+        if length is not None:
+            found.data = found.data[: max(length, 0)]
+        if found.data:
+            found.mark, found.sure, found.label = mark, True, f"{shape.tool} {groups.get('mark') or ''}".lower()
+            line.runs, line.quiet = [found], False
+        return line
 
-    def _dump_line(self, text: str, number: int) -> Reading | None:
-        """A line of an offset dump, joined to the dump that it goes on with."""
-        so_far = self._dump
-        line = dump_line(text)
-        if line is None:
-            if so_far is not None and _is_offset(text.strip().rstrip(":"), so_far):
-                return Reading()  # od and hexdump end with the length
-            self._dump = None
+    def _payload(self, text: str, shape: Shape) -> Run | None:
+        """The bytes of a tool's line, in whatever shape they stand in it."""
+        if shape.role is Role.STRING:
+            return Run(unescape(text), 0, len(text), "\\x", Level.BYTES)
+        _, runs = self._searched(text)
+        best = max(runs, key=lambda run: (bool(run.checked), run.level, len(run.data)), default=None)
+        if best is not None and best.level is Level.NUMBER and not best.checked and len(best.data) > 1:
             return None
-        offset, data = line
-        goes_on = so_far is not None and _is_offset(offset, so_far)
-        self._dump = (so_far[0] + len(data), so_far[1]) if goes_on and so_far else (len(data), int(offset, 16))
-        piece = self._piece(Found(data), number, text)
-        return Reading((replace(piece, continues=goes_on or piece.continues),))
+        return best
 
-    def _any_line(self, text: str, number: int) -> Reading:
-        stamp, rest = stamps.find(text)
-        bare = _COMMENT.sub("", rest) if "#" in rest or "//" in rest or rest.lstrip()[:1] in (";", "-") else rest
-        pieces: list[Piece] = []
+    def _any_line(self, text: str, number: int) -> LogLine:
+        stamp, rest = stamps.find(text, self.zone)
         t_ns = self._time(stamp)
-        problem, mark = None, NONE
-        for segment in segments(bare):
-            mark = NONE if segment.arrow and pieces else segment.mark or (NONE if pieces else mark)
-            for found in (decimals if self.decimal else find)(segment.text) if _WORD.search(segment.text) else ():
-                pieces.append(Piece(found.data, number, text, found.ascii, mark, t_ns))
-                problem = f"the text shows the first {len(found.data)} bytes only" if found.cut else problem
-        if not pieces:
-            return self._no_bytes(text, t_ns, bare, mark)
-        if stamp is None and mark == NONE and self._header is not None:
-            first = self._piece(Found(pieces[0].data, pieces[0].ascii), number, text)
-            return Reading((first, *(replace(piece, t_ns=first.t_ns) for piece in pieces[1:])), problem)
-        self._header = None
-        return Reading(tuple(pieces), problem)
+        line = LogLine(number, text, rest, t_ns=t_ns, fine=stamp is not None and stamp.fine)
+        if stamp is not None:
+            self.zoneless = self.zoneless or not (stamp.of_day or stamp.zoned)
+        if not _WORD.search(rest):
+            line.quiet = True
+            if t_ns is not None:
+                self._heading = Heading(NONE, t_ns, line.fine, "", joins=True)
+            return line
+        if self._ends_dump(rest):
+            line.quiet = True
+            return line
+        found, line.runs = self._searched(rest)
+        if not any(run.level or run.checked for run in line.runs):
+            self._as_heading(line, rest, found)
+        if not line.runs:
+            line.quiet = line.quiet or _COMMENT.match(text) is not None
+            line.problem = None if line.quiet else _why_none(text, rest)
+            return line
+        return self._placed(line, stamp, found[0].mark if found else NONE)
 
-    def _no_bytes(self, text: str, t_ns: int | None, bare: str, mark: int) -> Reading:
-        if not _WORD.search(bare) and t_ns is None and not mark:
-            return Reading()  # a comment, or a rule between entries
-        if (match := _JPNEVULATOR.match(text)) is not None:
-            self._header = _Header(mark, t_ns, match["label"], None)
-            return Reading()
-        if (t_ns is not None or mark) and not _WORD.search(segments(bare)[-1].text):
-            self._header = _Header(mark, t_ns, "", None)
-            return Reading()
-        return Reading(problem=f"no bytes found in {_short(text.strip())!r}")
+    def _searched(self, text: str) -> tuple[list[Mark], list[Run]]:
+        """Marks and runs of a text without its times; logs repeat themselves, so what was met is remembered."""
+        learnt = len(self.experience.right)
+        known = self._memory.get(text)
+        if known is None or known[0] != learnt:
+            found = marks(text)
+            runs = runs_in(line_of(text, (mark.end for mark in found)), self.judge, self.experience)
+            _with_marks(text, runs, found)
+            if len(text) > _BARE_LEAST:
+                return found, runs
+            if len(self._memory) >= _REMEMBERED:
+                self._memory.clear()
+            known = self._memory[text] = learnt, found, runs
+        return known[1], [run.anew() for run in known[2]]
 
-    def _piece(self, found: Found, number: int, text: str) -> Piece:
-        """Bytes on a line of their own: mark and time are those of the header above."""
-        header = self._header
-        if header is None:
-            return Piece(found.data, number, text, found.ascii)
-        continues, header.fresh = not header.fresh, False
-        return Piece(found.data, number, text, found.ascii, header.mark, header.t_ns, header.label, continues)
+    def _as_heading(self, line: LogLine, rest: str, found: list[Mark]) -> None:
+        """A line of words: what it says of rows below."""
+        mark = found[-1].mark if found else NONE
+        above, t_ns, fine = self._heading, line.t_ns, line.fine
+        if t_ns is None and above is not None and not above.rows:
+            t_ns, fine = above.t_ns, above.fine
+        port = ""
+        bare = found and not _WORD.search(rest[found[-1].end :])
+        if (match := _JPNEVULATOR.match(line.text)) is not None:
+            port, bare = match["label"], True
+        announced = _ANNOUNCED.search(rest.rstrip(" :"))
+        left = int(next(filter(None, announced.groups()))) if announced else None
+        self._heading = Heading(mark, t_ns, fine, label_in(rest[-_LABELLED:]), port, left, joins=bool(bare))
+        line.quiet = bool(bare) and line.t_ns is not None
+
+    def _placed(self, line: LogLine, stamp: stamps.Stamp | None, mark: int) -> LogLine:
+        """A line with bytes below its heading, and in its dump."""
+        first = next((run for run in line.runs if run.level or run.checked), line.runs[0])
+        goes_on = self._goes_on(line, first)
+        heading = self._heading
+        worded = mark or _LETTER.search(line.clean[: first.start])
+        if heading is None or worded:
+            if first.level or first.checked:
+                self._heading = None
+            line.continues = goes_on
+            return line
+        for run in line.runs:
+            run.mark = run.mark or heading.mark
+            if not run.label:
+                run.heading = heading.label or " "
+        if stamp is not None:
+            line.continues = goes_on
+            return line
+        if heading.left is not None and len(first.data) != heading.left:
+            for other in first.others:
+                if len(other.data) == heading.left and other.shape == first.shape:
+                    first.take(other)
+                    break
+        size = len(first.data)
+        if heading.rows:
+            full = heading.width >= _FULL_ROW and size <= heading.width
+            joins = heading.joins or (full and (heading.left is None or heading.left > 0))
+            line.continues = goes_on or (joins and first.offset is None)
+        left = None if heading.left is None else heading.left - size
+        self._heading = replace(heading, rows=heading.rows + 1, width=size, left=left)
+        line.port = heading.port
+        if line.t_ns is None:
+            line.t_ns, line.fine = heading.t_ns, heading.fine
+        return line
+
+    def _goes_on(self, line: LogLine, first: Run) -> bool:
+        """Whether the offset before the bytes goes on with the dump of the lines before."""
+        so_far = self._dump
+        if first.offset is None:
+            self._dump = None
+            return False
+        goes_on = so_far is not None and so_far[2] == line.t_ns and _is_offset(first.offset, so_far)
+        length, begin = (so_far[0], so_far[1]) if goes_on and so_far else (0, int(first.offset, 16))
+        self._dump, self._row = (length + len(first.data), begin, line.t_ns), first
+        return goes_on
+
+    def _ends_dump(self, rest: str) -> bool:
+        """od and hexdump end with the length."""
+        digits, so_far = rest.strip().rstrip(":"), self._dump
+        if so_far is None:
+            return False
+        if self._row is not None and "words" in self._row.shape and _is_offset(digits, (so_far[0] - 1, *so_far[1:])):
+            self._row.padded = True
+            return True
+        return _is_offset(digits, so_far)
 
     def _time(self, stamp: stamps.Stamp | None) -> int | None:
         """Nanoseconds that go on past midnight."""
@@ -220,31 +351,51 @@ class LineReader:
         return stamp.t_ns + self._days * stamps.DAY_NS
 
 
-def joined(pieces: Iterator[Piece], limit: int | None = None) -> Iterator[Piece]:
-    """Pieces with those that continue one put together, up to about `limit` bytes each."""
-    held: Piece | None = None
-    parts: list[bytes] = []
-    size = 0
-    for piece in pieces:
-        if held is not None and piece.continues and (limit is None or size < limit):
-            parts.append(piece.data)
-            size += len(piece.data)
-            continue
-        if held is not None:
-            yield held if len(parts) == 1 else replace(held, data=b"".join(parts))
-        held, parts, size = piece, [piece.data], len(piece.data)
-    if held is not None:
-        yield replace(held, data=b"".join(parts))
+def plain(line: str) -> str:
+    """A line without colours, markup and typographic signs."""
+    text = line.rstrip("\r\n")
+    if "\x1b" in text:
+        text = _ANSI.sub("", text)
+    if not text.isascii() or "\x00" in text:
+        text = text.translate(_PLAIN)
+    if "<" in text and ">" in text:
+        text = _TAG.sub("", _CELL.sub(" | ", text))
+    if "&" in text and ";" in text and _ENTITY.search(text):
+        text = html.unescape(text).replace("\u00a0", " ")
+    text = _ARDUINO.sub(r"\1    ", text)
+    if "*" in text or "_" in text or "~" in text:
+        text = _EMPHASIS.sub(r"\1", text)
+    if "ffffff" in text.lower() and len(_SIGN_EXTENDED.findall(text)) + len(_SMALL_HEX.findall(text)) > _SOME:
+        text = _SIGN_EXTENDED.sub(r"\1\2", text)
+    if "\\\\x" in text and _ESCAPED_ONCE.search(text) is None:
+        text = text.replace("\\\\", "\\")
+    return _CAST.sub("", text) if "(" in text else text
 
 
-def _payload(text: str) -> Found | None:
-    found = find(text)
-    return found[0] if found else None
+def _with_marks(text: str, runs: list[Run], found: list[Mark]) -> None:
+    """Each run with the mark before it; of one run alone, the one behind it where there is none before."""
+    for i, run in enumerate(runs):
+        plain = False
+        for mark in found:
+            if mark.end > run.start or (mark.arrow and (plain or any(other.end <= mark.start for other in runs[:i]))):
+                continue
+            run.mark, plain = mark.mark, mark.plain
+            run.direct = not _WORD.search(text[mark.end : run.start])
+    if len(runs) == 1 and not runs[0].mark:
+        behind = [mark for mark in found if mark.start >= runs[0].end and not mark.arrow]
+        if len(behind) == 1:
+            runs[0].mark = behind[0].mark
 
 
-def _is_offset(digits: str, so_far: tuple[int, int]) -> bool:
+def _why_none(text: str, rest: str) -> str:
+    if _OD_WORDS.match(rest):
+        return "16-bit words as od writes them, not bytes: use od -An -v -tx1, hexdump -C or xxd"
+    return halves(rest) or f"no bytes found in {quoted(text)}"
+
+
+def _is_offset(digits: str, so_far: tuple[int, int, int | None]) -> bool:
     """Whether these digits are where a dump goes on: in hex, or in octal as od writes it."""
-    length, first = so_far
+    length, first, _ = so_far
     if not re.fullmatch(r"[0-9A-Fa-f]{4,8}", digits):
         return False
     octal = set(digits) <= set("01234567") and not first
@@ -256,5 +407,7 @@ def _whole_fraction(time: str) -> str:
     return re.sub(r"(?<=\d{4}/\d\d/\d\d \d\d:\d\d:\d\d\.)000(?=\d{6}$)", "", time)
 
 
-def _short(text: str) -> str:
-    return text if len(text) <= 60 else text[:57] + "..."
+def quoted(text: str) -> str:
+    """A line as a message quotes it."""
+    text = text.strip()
+    return repr(text if len(text) <= 60 else text[:57] + "...")

@@ -2,54 +2,102 @@
 
 A stamp is a time of day, a date with one, a count of seconds since some start or since 1970, or a number with a unit.
 Where digits could be either a time or hex bytes (`11:03:00:64`), what follows decides: a clock has three parts and a
-fraction, and its parts are in range.
+fraction, and its parts are in range. A date without a zone is local time of the zone that the caller names.
 """
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta, timezone, tzinfo
+from functools import lru_cache
+from typing import Final
 
 DAY_NS = 86_400_000_000_000
 LIMIT_NS = 1 << 62  # the year 2116: nothing later is a time
 
-_DATE = r"(?:(?P<y>\d{4})[-/.](?P<mo>\d{1,2})[-/.](?P<d>\d{1,2})|(?P<d2>\d{1,2})[./](?P<mo2>\d{1,2})[./](?P<y2>\d{4}))"
-_CLOCK = re.compile(
-    rf"(?<![\w:.])(?:{_DATE}[T _,]{{1,2}})?(?P<h>\d{{1,2}}):(?P<mi>\d\d):(?P<s>\d\d)"
-    r"(?:\.(?P<f>\d{1,9})|,(?P<fc>\d{3}(?:\d{3}){0,2})(?!\d)|:(?P<fm>\d{3})(?!\d))?"
-    r"(?:\ ?(?P<half>[AaPp])[Mm])?(?P<zone>Z|[+-]\d\d:?\d\d)?(?!\w|:\w|\.\d)"
+_MONTHS: Final = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
+_NAME = r"(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]{0,6}\.?"
+_DATE = (
+    r"(?:(?P<y>\d{4})[-/.](?P<mo>\d{1,2})[-/.](?P<d>\d{1,2})|"
+    r"(?P<d2>\d{1,2})(?P<sign>[-./])(?P<mo2>\d{1,2})(?P=sign)(?P<y2>\d{4}|\d\d)|"
+    rf"(?P<d3>\d{{1,2}})[ -](?P<mo3>{_NAME})[ -](?P<y3>\d{{4}})|"
+    rf"(?P<mo4>{_NAME}) {{1,2}}(?P<d4>\d{{1,2}}),? (?:(?P<y4>\d{{4}}),?(?= ))?|"
+    r"(?P<y5>20\d\d)(?P<mo5>[01]\d)(?P<d5>[0-3]\d)|"
+    r"[01]?\d[-/][0-3]?\d)"
 )
-_BARE_DATE = re.compile(r"(?<![\w.:-])(?:\d{4}[-/]\d\d[-/]\d\d|\d\d[./]\d\d[./]\d{4})(?![\w:]|[-/.]\w)")
-_DATE_SIGN = re.compile(r"[-/.]")
-_SECONDS = re.compile(r"^[\s\[(]*(\d{1,10})\.(\d{3,9})(?: ?s)?(?=[\s\]):,;>|]|-\D)")
-_EPOCH = re.compile(r"^[\s\[(]*(1[2-9]\d{11}(?:\d{3}){0,2})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
-_UNIT = re.compile(r"^[\s\[(]*(\d+)(?:\.(\d{1,9}))? ?(ms|us|µs|ns|s)(?=[\s\]):,;>|])")
-_UNIT_NS = {"s": 10**9, "ms": 10**6, "us": 10**3, "µs": 10**3, "ns": 1}
+_CLOCK = re.compile(
+    rf"(?<![\w:.])(?:{_DATE}(?:,? ?T?| |_|-|,){{0,1}} ?(?<=[T _,-])|(?P<y6>\d{{4}})年(?P<mo6>\d{{1,2}})月(?P<d6>\d{{1,2}})日 ?)?"
+    r"(?P<h>\d{1,2}):(?P<mi>\d\d):(?P<s>\d\d)"
+    r"(?:\.(?P<fz>\d{3},\d{3})(?!\d)|\.(?P<f>\d{1,9})|,(?P<fc>\d{3}(?:\d{3}){0,2})(?!\d)|:(?P<fm>\d{3})(?!\d))?"
+    r"(?:\ ?(?P<half>[AaPp])\.?[Mm]\.?)?(?:\ ?(?P<zone>Z\b|[+-]\d\d:?\d\d|UTC\b|GMT\b))?(?!\w|:\w|\.\d)"
+    r"(?:\ (?P<y7>20\d\d)(?=[\]) ]))?",
+    re.IGNORECASE,
+)
+_BARE_DATE = re.compile(
+    r"(?<![\w.:-])(?:\d{4}[-/]\d\d[-/]\d\d|\d\d[./]\d\d[./]\d{4}|\d{4}\.\d\d\.\d\d)(?![\w:]|[-/.]\w)|"
+    r"(?<![\w.:-])\d\d?-(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)-\d{2,4}\b",
+    re.IGNORECASE,
+)
+_LIKELY_CLOCK = re.compile(r"\d:\d\d:\d\d")
+_LIKELY_DATE = re.compile(r"\d[-/.](?:\d\d|[A-Za-z])")
+_LONG: Final = 4096  # characters: in a longer line times are looked for
+_HEAD: Final = 256  # in the first of them alone
+_DATE_LENGTH: Final = 40  # characters that a date and a zone take at most
+_DIGIT = re.compile(r"\d")
+_LEAD = r"^[\s\[(|]*"
+_SECONDS = re.compile(_LEAD + r"(\d{1,10})\.(\d{3,9})(?: ?s)?(?=[\s\]):,;>|]|-\D|$)")
+_EPOCH = re.compile(_LEAD + r"(1[2-9]\d{11}(?:\d{3}){0,2})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
+_EPOCH_SECONDS = re.compile(_LEAD + r"(1[2-9]\d{8})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
+_UNIT = re.compile(rf"{_LEAD}(?:[\w-]+\]\s*)?(\d+)(?:\.(\d{{1,9}}))? ?(ms|us|µs|μs|ns|s)(?=[\s\]):,;>|]|$)")
+_TICKS = re.compile(  # milliseconds since a microcontroller began, as its logs write them
+    r"^\s*(?:\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\]\[[EWIDV]\])"
+)
+_UNIT_NS: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "µs": 10**3, "μs": 10**3, "ns": 1}
+_EPOCH_DAY: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
-    """A time in ns: of the day if `of_day`, else since 1970 (UTC where no zone is given) or since some start."""
+    """A time in ns: of the day if `of_day`, else since 1970 (UTC) or since some start.
+
+    `zoned` is whether the text itself named a zone; `fine` whether it goes beyond whole seconds.
+    """
 
     t_ns: int
     of_day: bool
+    zoned: bool = True
+    fine: bool = True
 
 
-def find(text: str) -> tuple[Stamp | None, str]:
-    """The first stamp of a line, and the line with every time and date in it blanked by as many spaces."""
+def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
+    """The first stamp of a line, and the line with every time and date in it blanked by as many spaces.
+
+    `zone` is that of dates without one; None for this machine's.
+    """
+    if len(text) > _LONG:
+        stamp, head = find(text[:_HEAD], zone)
+        return stamp, head + text[_HEAD:]
+    if _DIGIT.search(text) is None:
+        return None, text
     stamp = None
-    for pattern, value in ((_SECONDS, _of_seconds), (_EPOCH, _of_epoch), (_UNIT, _of_unit)):
+    for pattern, value in _COUNTS:
         if match := pattern.match(text):
-            stamp = Stamp(value(match), of_day=False)
+            stamp = value(match)
             text = _blanked(text, match)
             break
-    for match in _CLOCK.finditer(text) if ":" in text else ():
-        if (clock := _of_clock(match)) is not None:
-            stamp = stamp or clock
+    likely = _LIKELY_CLOCK.search(text)
+    while likely is not None:
+        end = likely.end()
+        for match in _CLOCK.finditer(text, max(likely.start() - _DATE_LENGTH, 0), end + _DATE_LENGTH):
+            end = max(end, match.end())
+            if (clock := _of_clock(match, zone)) is not None:
+                stamp = stamp or clock
+                text = _blanked(text, match)
+        likely = _LIKELY_CLOCK.search(text, end)
+    if _LIKELY_DATE.search(text):
+        for match in _BARE_DATE.finditer(text):
             text = _blanked(text, match)
-    for match in _BARE_DATE.finditer(text) if _DATE_SIGN.search(text) else ():
-        text = _blanked(text, match)
     if stamp is not None and abs(stamp.t_ns) >= LIMIT_NS:
         stamp = None
     return stamp, text
@@ -65,42 +113,83 @@ def _fraction(digits: str | None, unit_ns: int = 10**9) -> int:
     return int(int(digits) * unit_ns // 10 ** len(digits))
 
 
-def _of_seconds(match: re.Match[str]) -> int:
-    return int(match[1]) * 10**9 + _fraction(match[2])
+def _of_seconds(match: re.Match[str]) -> Stamp:
+    return Stamp(int(match[1]) * 10**9 + _fraction(match[2]), of_day=False)
 
 
-def _of_epoch(match: re.Match[str]) -> int:
-    return int(int(match[1]) * 10 ** (19 - len(match[1])))
+def _of_epoch(match: re.Match[str]) -> Stamp:
+    return Stamp(int(int(match[1]) * 10 ** (19 - len(match[1]))), of_day=False, fine=len(match[1]) > len("1700000000"))
 
 
-def _of_unit(match: re.Match[str]) -> int:
+def _of_unit(match: re.Match[str]) -> Stamp:
     unit = _UNIT_NS[match[3]]
-    return int(match[1][:19]) * unit + _fraction(match[2], unit)
+    return Stamp(int(match[1][:19]) * unit + _fraction(match[2], unit), of_day=False)
 
 
-def _of_clock(match: re.Match[str]) -> Stamp | None:
+def _of_ticks(match: re.Match[str]) -> Stamp:
+    return Stamp(int(next(filter(None, match.groups()))[:19]) * 10**6, of_day=False)
+
+
+_COUNTS: Final = (
+    (_SECONDS, _of_seconds),
+    (_EPOCH, _of_epoch),
+    (_EPOCH_SECONDS, _of_epoch),
+    (_UNIT, _of_unit),
+    (_TICKS, _of_ticks),
+)
+
+
+def _of_clock(match: re.Match[str], zone: tzinfo | None) -> Stamp | None:
     hour, minute, second = int(match["h"]), int(match["mi"]), int(match["s"])
     if hour > 23 or minute > 59 or second > 60:
         return None
-    if half := match["half"]:
+    half = match["half"]
+    if half:
         hour = hour % 12 + (12 if half in "Pp" else 0)
-    t_ns = (hour * 3600 + minute * 60 + second) * 10**9 + _fraction(match["f"] or match["fc"] or match["fm"])
-    year = match["y"] or match["y2"]
-    if year is None:
-        return Stamp(t_ns, of_day=True)
+    fraction = (match["fz"] or "").replace(",", "") or match["f"] or match["fc"] or match["fm"]
+    t_ns = (hour * 3600 + minute * 60 + second) * 10**9 + _fraction(fraction)
+    date = _date(match, american=bool(half))
+    if date is None:
+        return Stamp(t_ns, of_day=True, fine=bool(fraction))
     try:
-        midnight = datetime(int(year), int(match["mo"] or match["mo2"]), int(match["d"] or match["d2"]), tzinfo=UTC)
-        midnight = midnight.replace(tzinfo=_zone(match["zone"]))
-    except ValueError:
+        seconds = _midnight(*date, match["zone"], zone, hour)
+    except (ValueError, OverflowError):
         return None
-    days = (midnight - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(seconds=1)
-    return Stamp(days * 10**9 + t_ns, of_day=False)
+    return Stamp(seconds * 10**9 + t_ns, of_day=False, zoned=bool(match["zone"]), fine=bool(fraction))
 
 
-def _zone(text: str | None) -> timezone:
-    if text in (None, "Z"):
+def _date(match: re.Match[str], *, american: bool) -> tuple[int, int, int] | None:
+    """Year, month and day; None where the text has no date, or one without a year."""
+    for i in ("", "2", "3", "4", "5", "6"):
+        if (month := match[f"mo{i}"]) is None:
+            continue
+        year, day = match[f"y{i}"] or match["y7"], int(match[f"d{i}"])
+        if year is None:
+            return None
+        number = _MONTHS.index(month[:3].lower()) + 1 if month[:1].isalpha() else int(month)
+        if i == "2" and (number > 12 >= day or (american and match["sign"] == "/" and day <= 12)):
+            number, day = day, number  # month first
+        if len(year) == 2:
+            if match["sign"] == "-":
+                year, day = str(int(match["d2"])), int(year)  # 26-11-21
+            year = f"20{int(year):02d}"
+        return int(year), number, day
+    return None
+
+
+@lru_cache(maxsize=64)
+def _midnight(year: int, month: int, day: int, written: str | None, zone: tzinfo | None, hour: int) -> int:
+    """Seconds from 1970 to the midnight of a day, on the clock that this hour of it is told by."""
+    moment = datetime(year, month, day, hour)
+    if written:
+        moment = moment.replace(tzinfo=_zone(written))
+    else:
+        moment = moment.replace(tzinfo=zone) if zone is not None else moment.astimezone()
+    return (moment - _EPOCH_DAY) // timedelta(seconds=1) - hour * 3600
+
+
+def _zone(text: str) -> timezone:
+    if text[0] not in "+-":
         return UTC
-    assert text is not None
-    hours, minutes = int(text[1:3]), int(text[-2:])
-    offset = timedelta(hours=hours, minutes=minutes)
+    offset = timedelta(hours=int(text[1:3]), minutes=int(text[-2:]))
     return timezone(-offset if text[0] == "-" else offset)

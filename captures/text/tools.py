@@ -1,7 +1,11 @@
-"""The lines of logs that tools write, declared: a new tool is a new entry.
+"""What tools and people write in logs: direction marks in any line, and the layouts of tools' own lines, declared.
 
-A pattern has named groups for what it knows: `time`, `mark`, `hex`, `length` (bytes that there should be) and `cut`
-(the tool's sign that it shows only some of them).
+A word (`TX`, `Sent`, `Request`) is a mark wherever it stands, an arrow only before the line's first bytes: between two
+runs of bytes it joins a request with its answer. A colon right after a word is the word's, not the start of an ASCII
+frame. What sent and received mean for the bus is not decided here.
+
+A layout is an entry of `SHAPES`; its pattern has named groups for what it knows: `time`, `mark`, `hex`, `length` (bytes
+that there should be), `sample` (number of the last sample) and `cut` (the tool's sign that it shows only some of them).
 """
 
 from __future__ import annotations
@@ -9,8 +13,126 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from enum import Enum, auto
+from typing import Final, NamedTuple
 
-from captures.text.marks import NONE, RX, TX
+NONE, TX, RX = 0, 1, 2
+
+_WORDS: Final = {
+    TX: "tx txd send sends sending sent transmit transmitted transmitting request requesting req query outgoing wrote "
+    "written writing "
+    "запрос отправка отправлено отправлен отправляю отправляем передача передано посылка послано запит надіслано "
+    "gesendet senden sende gesendete anfrage abfrage envoi envoyé envoyée envoyer requête demande émission émis trame "
+    "enviado enviada envío enviando enviar solicitud petición consulta envio requisição pedido pergunta solicitação "
+    "inviato inviata invio inviati richiesta wysłano wysłane wysyłam zapytanie żądanie nadano "
+    "gönderilen gönderildi gönder istek sorgu odesláno dotaz verzonden verzoek skickat",
+    RX: "rx rxd recv rcvd receive receives receiving received response resp reply replied answer incoming "
+    "ответ приём прием принят принято принимаю получено получен получили відповідь отримано "
+    "empfangen empfang empfangene antwort reçu reçue réception recevoir réponse "
+    "recibido recibida recibiendo recepción respuesta recebido recebida recepção resposta "
+    "ricevuto ricevuta ricezione risposta odebrano otrzymano odbiór odpowiedź "
+    "alınan alındı gelen yanıt cevap přijato odpověď ontvangen antwoord mottaget svar",
+}
+_MARK_OF: Final = {word: mark for mark, words in _WORDS.items() for word in words.split()}
+_SIGNED: Final = {  # too common as words: marks only with a sign behind
+    "out": TX, "master": TX, "client": TX, "write": TX, "мастер": TX, "ведущий": TX,
+    "in": RX, "slave": RX, "server": RX, "read": RX, "слейв": RX, "ведомый": RX,
+}  # fmt: skip
+_EAST: Final = (  # parts of words in scripts that put no spaces between them; the last one in a word counts
+    *(
+        (word, TX)
+        for word in [
+            "发送",
+            "發送",
+            "发出",
+            "下发",
+            "请求",
+            "请求",
+            "查询",
+            "询问",
+            "问询",
+            "主机",
+            "主站",
+            "上位机",
+            "送信",
+            "要求",
+            "전송",
+            "송신",
+            "요청",
+            "发",
+        ]
+    ),
+    *(
+        (word, RX)
+        for word in [
+            "接收",
+            "收到",
+            "应答",
+            "應答",
+            "响应",
+            "响應",
+            "回复",
+            "回應",
+            "返回",
+            "从机",
+            "从站",
+            "下位机",
+            "受信",
+            "応答",
+            "수신",
+            "응답",
+            "收",
+        ]
+    ),
+)
+_ARROW_OF: Final = {">": TX, "→": TX, "⇒": TX, "▶": TX, "<": RX, "←": RX, "⇐": RX, "◀": RX}
+_CANDIDATE: Final = re.compile(
+    r"(?<![^\W_])(?P<word>[^\W\d_]{1,16})(?![^\W\d_])"
+    r"(?P<sign>\s*[:\]>|)](?!\s*(?:0x)?\d+\s*(?:[,;)\]/]|$))|\s+\d+\s*(?:$|[Bb]ytes?\b))?|"
+    r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*[<>](?=\s))"
+)
+_ASCII_WORD: Final = re.compile(r"[a-z]+")
+_ARROW: Final = re.compile(r"->|=>|>>|<-|<=|<<|^\s*[<>]\s")
+_MARKING: Final = frozenset((*_MARK_OF, *_SIGNED))
+
+
+class Mark(NamedTuple):
+    """A mark's extent in its line, and what it says; a plain word outweighs an arrow or the name of who speaks."""
+
+    start: int
+    end: int
+    mark: int
+    arrow: bool = False
+    plain: bool = False
+
+
+def marks(text: str) -> list[Mark]:
+    """The marks of a line, in order."""
+    found: list[Mark] = []
+    if text.isascii() and _MARKING.isdisjoint(_ASCII_WORD.findall(text.lower())) and not _ARROW.search(text):
+        return found  # in most lines of most logs
+    for match in _CANDIDATE.finditer(text):
+        word = match["word"]
+        if word is None:
+            arrow = match["arrow"].strip()
+            kind = _ARROW_OF[arrow[0] if arrow[0] in _ARROW_OF else arrow[-1]]
+            found.append(Mark(match.start(), match.end(), kind, arrow=True))
+        elif kind := _of_word(word, signed=match["sign"] is not None):
+            end = match.end("word")
+            plain = word.lower() not in _SIGNED
+            found.append(Mark(match.start(), end + text.startswith(":", end), kind, plain=plain))
+    return found
+
+
+def _of_word(word: str, *, signed: bool) -> int:
+    plain = word.lower()
+    kind = _MARK_OF.get(plain, NONE) or (_SIGNED.get(plain, NONE) if signed else NONE)
+    if kind or word.isascii():
+        return kind
+    last, kind = -1, NONE
+    for part, mark in _EAST:
+        if (at := word.rfind(part)) > last:
+            last, kind = at, mark
+    return kind
 
 
 class Role(Enum):

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dissectors.declaration import DeclarationError, Function
-from dissectors.registry import (
+from ..declaration import DeclarationError, Function
+from ..registry import (
     function,
     function_class,
     function_name,
@@ -20,7 +20,7 @@ from dissectors.registry import (
 )
 
 if TYPE_CHECKING:
-    from dissectors.functions.exceptions import exception_meaning, exception_name
+    from .exceptions import exception_meaning, exception_name
 
 __all__ = [
     "DeclarationError",

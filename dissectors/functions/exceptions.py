@@ -6,7 +6,7 @@ from typing import Final
 
 from construct import Struct
 
-from dissectors.parts import Code
+from ..parts import Code
 
 # code: (name, meaning)
 EXCEPTIONS: Final[dict[int, tuple[str, str]]] = {

@@ -6,10 +6,10 @@ from typing import Final
 
 from construct import Struct
 
-from dissectors.blocks import Items, Record, Registers
-from dissectors.declaration import Function
-from dissectors.limits import Bound
-from dissectors.parts import ByteCount, Code, Number
+from ..blocks import Items, Record, Registers
+from ..declaration import Function
+from ..limits import Bound
+from ..parts import ByteCount, Code, Number
 
 _REFERENCE: Final = {6: "extended memory file"}
 _LAST_RECORD: Final = 9999

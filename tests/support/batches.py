@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from analyzer.core import Analysed, analyse
 from analyzer.filters import BatchTable
-from analyzer.frames import Batch
-from analyzer.pipeline import Analysed, analyse
+from analyzer.tables.batch import Batch
 from captures.chunks import Capture
 
 

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from analyzer.deframing.options import Options
-from analyzer.deframing.stream import Deframer
-from analyzer.frames import Batch, Kind, Rows
+from analyzer.deframing.stream import RtuDeframer
+from analyzer.options import Options
+from analyzer.tables.batch import Batch
+from analyzer.tables.schema import Kind, Rows
 from captures.chunks import Block, Chunk
 from captures.line import LineSettings
-from dissectors.checks import crc_bytes
+from dissectors.crc import crc_bytes
 
 LINE = LineSettings(baud=19200, char_bits=11)
 CHAR_NS = 11 * 1_000_000_000 // 19200
@@ -63,7 +64,7 @@ def collect(batches: Sequence[Batch]) -> Found:
 
 def deframed(feeds: Sequence[Chunk | Block], line: LineSettings = LINE, options: Options | None = None) -> Found:
     """What the deframer finds when it is fed these, one after the other."""
-    deframer = Deframer(line, options or Options())
+    deframer = RtuDeframer(line, options or Options())
     return collect([*(deframer.feed(feed) for feed in feeds), deframer.close()])
 
 

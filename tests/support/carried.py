@@ -10,10 +10,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from analyzer.frames import Frame
-from dissectors.annotation import Field, annotate
+from analyzer.tables.frame import Frame
+from dissectors.annotation import annotate
+from dissectors.fields import Field
 from dissectors.functions import function
-from dissectors.lengths import Role
+from dissectors.length_rules import Role
 
 # Area: its name in topics, and the letter before an address.
 _AREAS: Final = {"0x": ("coils", "b"), "1x": ("discrete", "b"), "3x": ("input", "r"), "4x": ("holding", "r")}

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from random import Random
 
-from analyzer.findings.autopsy import Case, Verdict
+from analyzer.diagnosis.damage import DamagedFrame, Explanation
 from analyzer.simulation.conversation import Client, Habits
-from dissectors.checks import crc16
+from dissectors.crc import crc16
 from dissectors.crc_variants import VARIANTS
-from dissectors.lengths import Role
+from dissectors.length_rules import Role
 
 
 @dataclass(frozen=True)
@@ -18,12 +18,12 @@ class Damaged:
     """A case with the truth about it; `at` is where, `detail` what else there is to know."""
 
     code: str
-    case: Case
+    case: DamagedFrame
     sent: bytes
     at: int = -1
     detail: int | str = -1
 
-    def told(self, verdict: Verdict) -> bool:
+    def told(self, verdict: Explanation) -> bool:
         """Whether the place (and bit, value, variant) is right, or among those that the verdict gives as equal."""
         if self.code == "bit-flip":
             return (verdict.byte, verdict.bit) == (self.at, self.detail)
@@ -120,7 +120,7 @@ def damaged(code: str, seed: int, count: int, *, public: bool = True, vendor: in
         data, at, detail = DAMAGES[code](random, sent)
         if data == sent or not data or not crc16(data):
             continue
-        case = Case(
+        case = DamagedFrame(
             data,
             Role.RESPONSE if answer else Role.REQUEST,
             request=exchange.request if answer else None,

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 from buses import CHAR_NS, LINE
 
-from analyzer.deframing.options import Options
-from analyzer.findings.model import Finding, describe
-from analyzer.pipeline import analyse
+from analyzer.core import analyse
+from analyzer.options import Options
+from analyzer.tables.findings import Finding, describe
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
-from dissectors.checks import crc_bytes
+from dissectors.crc import crc_bytes
 
 MS = 1_000_000
 REQUEST = bytes.fromhex("1103006b00037687")

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import os
 import select
+import signal
+import subprocess
+import sys
 import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 
+from running import START, environment
 from scripts import script
 
 
@@ -90,6 +96,46 @@ def served(bus: TeeBus) -> Iterator[None]:
     """A pymodbus server with units 1, 2 and 17 on the bus."""
     with script("record_samples").serving(bus):
         yield
+
+
+class Running:
+    """A command in a process of its own, listening. `out` is its standard output so far, where `reads` says so."""
+
+    def __init__(self, *arguments: str | Path, reads: bool = False) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", START, *map(str, arguments)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=environment(),
+        )
+        atexit.register(self.process.kill)  # a test that fails leaves nobody behind who listens
+        assert self.process.stderr is not None
+        self.out = bytearray()
+        self._reader = threading.Thread(target=self._read) if reads else None
+        if self._reader is not None:
+            self._reader.start()
+        self.said: list[bytes] = []
+        while not self.said or b"listening" not in self.said[-1]:
+            self.said.append(self.process.stderr.readline())
+            assert self.said[-1], f"the command ended: {self.said}"
+
+    def ended(self, number: int | None = signal.SIGTERM) -> tuple[int, bytes, str]:
+        """Status, output and what was said after it got this signal; None: it ends by itself."""
+        if number is not None:
+            self.process.send_signal(number)
+        if self._reader is None:
+            out, said = self.process.communicate(timeout=30)
+        else:
+            assert self.process.stderr is not None
+            out, said = b"", self.process.stderr.read()
+            self._reader.join(30)
+            self.process.wait(30)
+        return self.process.returncode, bytes(self.out) + out, b"".join([*self.said, said]).decode()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        while data := os.read(self.process.stdout.fileno(), 1 << 16):
+            self.out += data
 
 
 def eventually(what: Callable[[], bool], seconds: float = 10.0) -> bool:

@@ -10,9 +10,10 @@ import numpy as np
 from hypothesis import strategies as st
 from pdus import CASES, REQUEST, RESPONSE, built, read_request
 
-from analyzer.frames import ROW, Batch, Kind
+from analyzer.tables.batch import Batch
+from analyzer.tables.schema import ROW, Kind
 from dissectors import registry
-from dissectors.checks import crc_bytes
+from dissectors.crc import crc_bytes
 
 # Of quantities as small as the answers that hypothesis likes to make, so that either is now and then the larger.
 SMALL = CASES | {(code, REQUEST): read_request(20) for code in (1, 2, 3, 4)}

@@ -8,7 +8,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from dissectors.functions import function
-from dissectors.lengths import Role
+from dissectors.length_rules import Role
 
 WORD = st.integers(0, 0xFFFF)
 BYTE = st.integers(0, 0xFF)

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import sys
 from pathlib import Path
 from types import ModuleType
 
 _FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
+
+
+def package(name: str) -> ModuleType:
+    """A package, or a module in one, by its dotted name."""
+    if str(_FOLDER) not in sys.path:
+        sys.path.append(str(_FOLDER))
+    return importlib.import_module(name)
 
 
 def script(name: str) -> ModuleType:

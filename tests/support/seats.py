@@ -12,7 +12,7 @@ from typing import Any
 from textual.pilot import Pilot
 
 import captures
-from analyzer.model.source import CaptureSource, Source
+from analyzer.model.source import CaptureSource, ViewSource
 from analyzer.tui.app import Rtuscope
 from analyzer.tui.help import Help
 from analyzer.tui.prompts import Ask, Choose
@@ -79,7 +79,7 @@ class Seat:
 
 
 @asynccontextmanager
-async def seat(source: Source, *, size: tuple[int, int] = (100, 30), view: str = "frames") -> AsyncIterator[Seat]:
+async def seat(source: ViewSource, *, size: tuple[int, int] = (100, 30), view: str = "frames") -> AsyncIterator[Seat]:
     app = Rtuscope(source, view=view)
     async with app.run_test(size=size) as pilot:
         sitting = Seat(app, pilot)
@@ -89,7 +89,7 @@ async def seat(source: Source, *, size: tuple[int, int] = (100, 30), view: str =
         yield sitting
 
 
-def using(source: Source, work: Callable[[Seat], Awaitable[None]], **options: Any) -> None:
+def using(source: ViewSource, work: Callable[[Seat], Awaitable[None]], **options: Any) -> None:
     async def main() -> None:
         async with seat(source, **options) as sitting:
             await work(sitting)

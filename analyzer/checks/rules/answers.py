@@ -10,16 +10,16 @@ from typing import Any, Final
 import numpy as np
 from lark import Token
 
-from analyzer.filters.kinds import Literal, duration
-from analyzer.frames import Rows
-from analyzer.reports import Report
-from analyzer.reports.model import Times
-from analyzer.reports.page import duration as worded
-from analyzer.transactions import Status
 from captures.line import LineSettings
 
+from ...filters.kinds import Literal, duration
+from ...reports import Report
+from ...reports.model import Times
+from ...tables.schema import Rows
+from ...tables.transactions import Status
+from ...words import duration as worded
 from ..forms import Start, form
-from ..model import Place, Places, Seen, Verdict
+from ..model import Breach, Breaches, CheckedBatch, RuleResult
 from ..parsing import at
 from .counts import whole
 
@@ -33,12 +33,12 @@ class _Answered:
     unit: int | None
 
     def __post_init__(self) -> None:
-        self._places = Places()
+        self._places = Breaches()
         self._polls = self._unheard = 0
         self._silent: int | None = None  # the newest request without an answer
         self._last = -1
 
-    def feed(self, seen: Seen) -> None:
+    def feed(self, seen: CheckedBatch) -> None:
         polls = _of_unit(seen.transactions, self.unit)
         polls = polls[polls["status"] != Status.BROADCAST]
         unheard = polls["status"] == Status.UNHEARD
@@ -52,7 +52,7 @@ class _Answered:
             self._silent = int(newest["request"]) if newest["status"] == Status.UNANSWERED else None
         self._places.add(bad, lambda number: _place(polls[number], _FATE[Status(int(polls[number]["status"]))]))
 
-    def verdict(self, report: Report) -> Verdict:  # noqa: ARG002
+    def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         count, first, polls = self._places.count, self._places.first, self._polls
         tail = ""
         if self._silent is not None and self._silent == self._last:
@@ -61,7 +61,7 @@ class _Answered:
         if self._unheard:
             tail += f"; {self._unheard:,} more while nothing was heard"
         words = f"{polls - count:,} of {polls:,} polls answered{tail}" if polls else "no polls seen"
-        return Verdict(polls > 0 and not count, words, tuple(first))
+        return RuleResult(polls > 0 and not count, words, tuple(first))
 
 
 _FATE: Final = {Status.UNANSWERED: "no answer", Status.DAMAGED: "answered by a damaged frame"}
@@ -86,9 +86,9 @@ class _Soon:
     bound: str
 
     def __post_init__(self) -> None:
-        self._places = Places()
+        self._places = Breaches()
 
-    def feed(self, seen: Seen) -> None:
+    def feed(self, seen: CheckedBatch) -> None:
         known = _of_unit(seen.transactions, self.unit)
         if self.compared in ("<", "<="):
             over = (known["response_ns"] >= 0) & ~COMPARE[self.compared](known["response_ns"], self.bound_ns)
@@ -97,18 +97,18 @@ class _Soon:
                 lambda number: _place(known[number], f"answered after {worded(int(known[number]['response_ns']))}"),
             )
 
-    def verdict(self, report: Report) -> Verdict:
+    def verdict(self, report: Report) -> RuleResult:
         times = report.times
         if self.unit is not None:
             times = next((row.times for row in report.units if row.unit == self.unit), Times())
         figure = getattr(times, f"{self.share}_ns")
         if figure is None:
-            return Verdict(False, "unknown: no response time could be measured")
+            return RuleResult(False, "unknown: no response time could be measured")
         words = f"{self.share} {worded(figure)}, {times.count:,} measured"
         if COMPARE[self.compared](figure, self.bound_ns):
-            return Verdict(True, words)
+            return RuleResult(True, words)
         beyond = f", {self._places.count:,} not {self.compared} {self.bound}" if self._places.count else ""
-        return Verdict(False, words + beyond, tuple(self._places.first))
+        return RuleResult(False, words + beyond, tuple(self._places.first))
 
 
 @form("response-time", 'SHARE "response_time"i ["of"i "unit"i NUMBER] COMPARED NUMBER [UNIT]',
@@ -132,9 +132,9 @@ def _of_unit(known: Rows, unit: int | None) -> Rows:
     return known if unit is None else known[known["unit"] == unit]
 
 
-def _place(row: np.void, text: str) -> Place:
+def _place(row: np.void, text: str) -> Breach:
     """A request as a place."""
     text = f"unit {row['unit']}, function {row['function']:02X}: {text}"
-    return Place(
+    return Breach(
         text, int(row["request"]), int(row["start"]), int(row["length"]), int(row["port"]), int(row["t_start"])
     )

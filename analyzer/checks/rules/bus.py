@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from lark import Token
 
-from analyzer.frames import Kind
-from analyzer.reports import Report
 from captures.line import LineSettings
 
+from ...reports import Report
+from ...tables.schema import Kind
 from ..errors import CheckError
 from ..forms import Start, form
-from ..model import Places, Seen, Verdict, joined, plural
+from ..model import Breaches, CheckedBatch, RuleResult, joined, plural
 from ..parsing import at
 from .answers import COMPARE
 from .counts import whole
@@ -24,9 +24,9 @@ from .counts import whole
 class _Summed:
     """A rule that the report alone decides."""
 
-    verdict: Callable[[Report], Verdict]
+    verdict: Callable[[Report], RuleResult]
 
-    def feed(self, seen: Seen) -> None:
+    def feed(self, seen: CheckedBatch) -> None:
         pass
 
 
@@ -36,11 +36,11 @@ def load(line: LineSettings, compared: Token, number: Token) -> Start:  # noqa: 
     if bound > 1:
         raise CheckError("a load is at most 100 %", at(number))
 
-    def verdict(report: Report) -> Verdict:
+    def verdict(report: Report) -> RuleResult:
         mean = report.load.mean
         if mean is None:
-            return Verdict(False, "unknown: it needs times, and the line's baud and character length")
-        return Verdict(bool(COMPARE[compared](mean, bound)), f"{mean:.1%}")
+            return RuleResult(False, "unknown: it needs times, and the line's baud and character length")
+        return RuleResult(bool(COMPARE[compared](mean, bound)), f"{mean:.1%}")
 
     return lambda: _Summed(verdict)
 
@@ -48,22 +48,22 @@ def load(line: LineSettings, compared: Token, number: Token) -> Start:  # noqa: 
 @form("at-least-frames", '"at"i "least"i NUMBER "frames"i', "the capture holds so many frames", "at least 100 frames")
 def at_least_frames(line: LineSettings, number: Token) -> Start:  # noqa: ARG001
     least = whole(number)
-    return lambda: _Summed(lambda report: Verdict(report.frames >= least, plural(report.frames, "frame", "frames")))
+    return lambda: _Summed(lambda report: RuleResult(report.frames >= least, plural(report.frames, "frame", "frames")))
 
 
 @dataclass
-class _Units:
+class _UnitsOnBus:
     """Who speaks and who is spoken to, in frames with a right check value; broadcasts apart."""
 
     allowed: frozenset[int]
     all_of_them: bool
 
     def __post_init__(self) -> None:
-        self._places = Places()
+        self._places = Breaches()
         self._seen: set[int] = set()
         self._answered: set[int] = set()
 
-    def feed(self, seen: Seen) -> None:
+    def feed(self, seen: CheckedBatch) -> None:
         rows = seen.batch.rows
         whole_ones = (rows["kind"] != Kind.NOISE) & rows["check"] & (rows["unit"] > 0)
         units, where = np.unique(rows["unit"][whole_ones], return_index=True)
@@ -73,23 +73,23 @@ class _Units:
         self._answered.update(np.unique(rows["unit"][whole_ones & (rows["kind"] == Kind.RESPONSE)]).tolist())
         self._places.add(strange, lambda row: seen.place(row, f"unit {rows['unit'][row]}"))
 
-    def verdict(self, report: Report) -> Verdict:  # noqa: ARG002
+    def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         strangers = self._seen - self.allowed
         absent = self.allowed - self._answered if self.all_of_them else set()
         parts = [f"units {joined(self._seen)}" if self._seen else "no units"]
         parts += [f"not expected: {joined(strangers)}"] if strangers else []
         parts += [f"never answered: {joined(absent)}"] if absent else []
-        return Verdict(not strangers and not absent, "; ".join(parts), tuple(self._places.first))
+        return RuleResult(not strangers and not absent, "; ".join(parts), tuple(self._places.first))
 
 
 @form("units-are", '"units"i "are"i numbers', "these units answer, and no other is asked or answers",
       "units are 1, 2, 17")  # fmt: skip
 def units_are(line: LineSettings, numbers: list[Token]) -> Start:  # noqa: ARG001
     allowed = frozenset(whole(number, 255) for number in numbers)
-    return lambda: _Units(allowed, all_of_them=True)
+    return lambda: _UnitsOnBus(allowed, all_of_them=True)
 
 
 @form("no-units-but", '"no"i "units"i "but"i numbers', "no other unit is asked or answers", "no units but 1, 2")
 def no_units_but(line: LineSettings, numbers: list[Token]) -> Start:  # noqa: ARG001
     allowed = frozenset(whole(number, 255) for number in numbers)
-    return lambda: _Units(allowed, all_of_them=False)
+    return lambda: _UnitsOnBus(allowed, all_of_them=False)

@@ -9,18 +9,17 @@ import numpy as np
 from lark import Token
 from numpy.typing import NDArray
 
-from analyzer.filters import Filter, compile_filter
-from analyzer.filters.errors import meant
-from analyzer.filters.kinds import spelled
-from analyzer.findings.model import Findings, Severity, describe
-from analyzer.findings.registry import codes, rules
-from analyzer.reports import Report
 from captures.line import LineSettings
-from dissectors.text import harmless
+from dissectors.values import harmless
 
+from ...filters import Filter, compile_filter
+from ...filters.errors import meant
+from ...filters.kinds import spelled
+from ...reports import Report
+from ...tables.findings import Findings, Severity, codes, describe, rules
 from ..errors import CheckError
 from ..forms import Start, form
-from ..model import Place, Places, Seen, Verdict, plural
+from ..model import Breach, Breaches, CheckedBatch, RuleResult, plural
 from ..parsing import at
 
 # Plain words, and the display filter that they stand for.
@@ -42,25 +41,25 @@ class _Findings:
     most: int
 
     def __post_init__(self) -> None:
-        self._places = Places()
+        self._places = Breaches()
 
-    def feed(self, seen: Seen) -> None:
+    def feed(self, seen: CheckedBatch) -> None:
         found = seen.findings
         self._places.add(np.flatnonzero(self.wanted[found["rule"]]), lambda number: _told(found, number))
 
-    def verdict(self, report: Report) -> Verdict:  # noqa: ARG002
+    def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         count = self._places.count
-        return Verdict(count <= self.most, plural(count, "finding", "findings"), tuple(self._places.first))
+        return RuleResult(count <= self.most, plural(count, "finding", "findings"), tuple(self._places.first))
 
 
-def _told(found: Findings, number: int) -> Place:
+def _told(found: Findings, number: int) -> Breach:
     finding = describe(found[number])
     text = harmless(f"{finding.code}: {finding.text}")
-    return Place(text, finding.index, finding.start, finding.length, finding.port, finding.t_ns)
+    return Breach(text, finding.index, finding.start, finding.length, finding.port, finding.t_ns)
 
 
 @dataclass
-class Passing:
+class PassingCount:
     """Counts rows that pass one filter, and of those the ones that do not pass another."""
 
     chosen: Filter
@@ -68,22 +67,24 @@ class Passing:
     due: Filter | None = None
 
     def __post_init__(self) -> None:
-        self._places = Places()
+        self._places = Breaches()
         self._chosen = 0
 
-    def feed(self, seen: Seen) -> None:
+    def feed(self, seen: CheckedBatch) -> None:
         mask = self.chosen.mask(seen.table)
         self._chosen += int(mask.sum())
         if self.due is not None:
             mask &= ~self.due.mask(seen.table)
         self._places.add(np.flatnonzero(mask), seen.place)
 
-    def verdict(self, report: Report) -> Verdict:  # noqa: ARG002
+    def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         count, first = self._places.count, tuple(self._places.first)
         if self.due is None:
-            return Verdict(count <= (self.most or 0), f"{count:,} found", first)
+            return RuleResult(count <= (self.most or 0), f"{count:,} found", first)
         words = f"{self._chosen - count:,} of {self._chosen:,} are so"
-        return Verdict(not count and self._chosen > 0, words if self._chosen else "none passes the first filter", first)
+        return RuleResult(
+            not count and self._chosen > 0, words if self._chosen else "none passes the first filter", first
+        )
 
 
 def _counted(thing: list[Token], most: int, line: LineSettings) -> Start:
@@ -91,7 +92,7 @@ def _counted(thing: list[Token], most: int, line: LineSettings) -> Start:
     name = spelled(" ".join(thing))
     if name in WORDS:
         wanted = compile_filter(WORDS[name], line)
-        return lambda: Passing(wanted, most)
+        return lambda: PassingCount(wanted, most)
     if name not in codes():
         near = meant(name, [*WORDS, *codes()]).replace("crc-errors", "crc errors")
         raise CheckError(

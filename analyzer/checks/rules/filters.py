@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from lark import Token
 
-from analyzer.filters import Filter, FilterError, compile_filter
 from captures.line import LineSettings
 
+from ...filters import Filter, FilterError, compile_filter
 from ..errors import CheckError
 from ..forms import Start, form
 from ..parsing import at
-from .counts import Passing
+from .counts import PassingCount
 
 
 def _filter(text: Token, line: LineSettings) -> Filter:
@@ -28,7 +28,7 @@ def _filter(text: Token, line: LineSettings) -> Filter:
 )
 def none_where(line: LineSettings, text: Token) -> Start:
     wanted = _filter(text, line)
-    return lambda: Passing(wanted)
+    return lambda: PassingCount(wanted)
 
 
 @form("all-where", '"all"i "where"i FILTER ":" FILTER',
@@ -36,4 +36,4 @@ def none_where(line: LineSettings, text: Token) -> Start:
       "all where function == 3 and request: quantity <= 50")  # fmt: skip
 def all_where(line: LineSettings, chosen: Token, due: Token) -> Start:
     first, second = _filter(chosen, line), _filter(due, line)
-    return lambda: Passing(first, None, second)
+    return lambda: PassingCount(first, None, second)

@@ -13,20 +13,20 @@ import numpy as np
 from lark import Token
 from numpy.typing import NDArray
 
-from analyzer.columns import AREA_CODES
-from analyzer.frames import Kind
-from analyzer.reports import Report
 from captures.line import LineSettings
-from dissectors.contents import contents
 from dissectors.functions import function
-from dissectors.lengths import Role
+from dissectors.layout import contents
+from dissectors.length_rules import Role
 from dissectors.parts import Mask
 from dissectors.structure import shape
 from dissectors.values import Area, ValueFormError, physical
 
+from ...reports import Report
+from ...tables.columns import AREA_CODES
+from ...tables.schema import Kind
 from ..errors import CheckError
 from ..forms import Start, form
-from ..model import Places, Seen, Verdict, plural
+from ..model import Breaches, CheckedBatch, RuleResult, plural
 from ..parsing import at
 
 _ENDS: Final = re.compile(r"\s*(?:-|\.\.)\s*")
@@ -35,7 +35,7 @@ _LAST: Final = 0xFFFF
 
 
 @dataclass(frozen=True, slots=True)
-class _Range:
+class _AddressRange:
     area: Area
     low: int
     high: int
@@ -45,14 +45,14 @@ class _Range:
 class _Writes:
     """Counts writes; of `ranges` those that touch them, or with `outside` those that leave them."""
 
-    ranges: tuple[_Range, ...]
+    ranges: tuple[_AddressRange, ...]
     outside: bool
 
     def __post_init__(self) -> None:
-        self._places = Places()
+        self._places = Breaches()
         self._writes = 0
 
-    def feed(self, seen: Seen) -> None:
+    def feed(self, seen: CheckedBatch) -> None:
         rows = seen.batch.rows
         requests = (rows["kind"] == Kind.REQUEST) & rows["check"]
         writing = np.flatnonzero(requests & np.isin(rows["function"], _writing()))
@@ -61,7 +61,7 @@ class _Writes:
             writing = writing[self._broken(seen, writing)]
         self._places.add(writing, seen.place)
 
-    def _broken(self, seen: Seen, writing: NDArray[np.intp]) -> NDArray[np.bool_]:
+    def _broken(self, seen: CheckedBatch, writing: NDArray[np.intp]) -> NDArray[np.bool_]:
         decoded = seen.decoded
         low = np.where(decoded.value_address >= 0, decoded.value_address, decoded.address)[writing].astype(np.int64)
         high = low + np.maximum(np.diff(decoded.offsets)[writing], 1) - 1
@@ -75,13 +75,13 @@ class _Writes:
             covered += common
         return (covered < high - low + 1) if self.outside else touched
 
-    def verdict(self, report: Report) -> Verdict:  # noqa: ARG002
+    def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         count, first = self._places.count, tuple(self._places.first)
         words = plural(self._writes, "write", "writes")
         if self.ranges:
             where = ", ".join(f"{each.area} addresses {each.low} to {each.high}" for each in self.ranges)
             words += f", {count:,} {'outside' if self.outside else 'inside'} {where} (counted from 0)"
-        return Verdict(not count, words, first)
+        return RuleResult(not count, words, first)
 
 
 @form("no-writes", '"no"i "writes"i', "nothing is written", "no writes")
@@ -116,18 +116,18 @@ def _writing() -> list[int]:
     return found
 
 
-def _disjoint(tokens: list[Token]) -> tuple[_Range, ...]:
+def _disjoint(tokens: list[Token]) -> tuple[_AddressRange, ...]:
     """Ranges in order; those that touch are one."""
-    found: list[_Range] = []
+    found: list[_AddressRange] = []
     for each in sorted(map(_range, tokens), key=lambda one: (one.area, one.low)):
         if found and found[-1].area == each.area and each.low <= found[-1].high + 1:
-            found[-1] = _Range(each.area, found[-1].low, max(found[-1].high, each.high))
+            found[-1] = _AddressRange(each.area, found[-1].low, max(found[-1].high, each.high))
         else:
             found.append(each)
     return tuple(found)
 
 
-def _range(token: Token) -> _Range:
+def _range(token: Token) -> _AddressRange:
     """`4x0-100`, `4x1-4x100`, `40001-40100`, `40001`: area and physical addresses."""
     ends = _ENDS.split(str(token))
     try:
@@ -147,4 +147,4 @@ def _range(token: Token) -> _Range:
         raise CheckError(str(error), at(token)) from error
     if high < low:
         raise CheckError(f"a range goes upwards: {ends[-1]}-{ends[0]}", at(token))
-    return _Range(area, low, high)
+    return _AddressRange(area, low, high)

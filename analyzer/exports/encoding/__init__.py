@@ -5,7 +5,7 @@ says hangs on little more than its own bytes, so a table has most of it. A frame
 annotated whole (`whole`).
 """
 
-from .lines import JsonLines
-from .whole import explain_json, noise_json
+from .envelope import explain_json, noise_json
+from .lines import FrameJsonLines
 
-__all__ = ["JsonLines", "explain_json", "noise_json"]
+__all__ = ["FrameJsonLines", "explain_json", "noise_json"]

@@ -12,14 +12,12 @@ from typing import Final
 import numpy as np
 
 from dissectors.blocks import Bits, Registers
-from dissectors.slots import Block
+from dissectors.layout import CountedBlock, Slot, Slots
+from dissectors.length_rules import Role
 
-from .forms import Rows
-from .jsontext import encoded, inside, insides, middle, parted
-from .pieces import Ints, Store
+from .forms import BatchBytes, FormBlocks, FormPart, FormRows, looked
+from .pieces import Ints, Store, encoded, inside, insides, middle, parted, without
 from .sheet import Cursor, within
-from .source import Source
-from .texts import BitText, RegisterText, bits_of
 
 _FIELDS: Final = b'","fields":['
 _VALUE: Final = b'%d,"raw":"%04x","text":"'  # `middle` of a register
@@ -28,16 +26,16 @@ _VALUE: Final = b'%d,"raw":"%04x","text":"'  # `middle` of a register
 class _BlockPieces:
     """The JSON of a block up to its values' fields."""
 
-    def __init__(self, block: Block, text: RegisterText | BitText, store: Store) -> None:
+    def __init__(self, block: CountedBlock, text: RegisterText | BitText, store: Store) -> None:
         self._at = 1 + block.offset
         self._head = store.table(lambda octets: _head(block, octets))
         self._text = text
 
-    def sizes(self, rows: Rows) -> Ints:
+    def sizes(self, rows: FormRows) -> Ints:
         """Pieces of each block up to there."""
         return 3 + self._text.sizes(rows.blocks)
 
-    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
+    def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """These pieces."""
         held = rows.blocks
         cursor.put(self._head.take(held.octets))
@@ -49,7 +47,7 @@ class _BlockPieces:
 class RegisterPieces(_BlockPieces):
     """The JSON of a block of registers."""
 
-    def __init__(self, block: Block, part: Registers, store: Store) -> None:
+    def __init__(self, block: CountedBlock, part: Registers, store: Store) -> None:
         super().__init__(block, RegisterText(part, store), store)
         self._part = part
         self._known = inside(part.words(0))
@@ -59,11 +57,11 @@ class RegisterPieces(_BlockPieces):
         self._before = store.table(self._before_words, (Registers, "before", part.area))
         self._behind = store.table(self._behind_words, (Registers, "behind", part.area))
 
-    def sizes(self, rows: Rows) -> Ints:
+    def sizes(self, rows: FormRows) -> Ints:
         """Pieces of each block."""
         return super().sizes(rows) + 5 * rows.blocks.counts + 1
 
-    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
+    def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """The pieces of these blocks."""
         super().put(rows, source, cursor)
         held = rows.blocks
@@ -97,18 +95,19 @@ class RegisterPieces(_BlockPieces):
 class BitPieces(_BlockPieces):
     """The JSON of a block of coils or inputs."""
 
-    def __init__(self, block: Block, part: Bits, store: Store) -> None:
+    def __init__(self, block: CountedBlock, part: Bits, store: Store) -> None:
         super().__init__(block, BitText(part, store), store)
         self._part = part
         self._place = store.table(self._placed)
         self._rest = store.table(self._addressed, (Bits, part.area))
         self._padding = store.table(self._padded)
+        self._heads = cache(self._head_of)  # as long as the table: a cache on the method would keep it for ever
 
-    def sizes(self, rows: Rows) -> Ints:
+    def sizes(self, rows: FormRows) -> Ints:
         """Pieces of each block."""
         return super().sizes(rows) + 2 * rows.blocks.counts + 2
 
-    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
+    def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """The pieces of these blocks."""
         super().put(rows, source, cursor)
         held = rows.blocks
@@ -127,8 +126,7 @@ class BitPieces(_BlockPieces):
         octet, byte, bit = key >> 12, key >> 4 & 0xFF, key >> 1 & 7
         return (b"," if key & 1 else _FIELDS) + self._heads(octet) + middle(bool(byte >> bit & 1), f"{byte:02x}")
 
-    @cache  # noqa: B019 - as long as the table
-    def _heads(self, octet: int) -> bytes:
+    def _head_of(self, octet: int) -> bytes:
         return parted(self._part.child(self._at + octet, False, "", 0, None))[0]
 
     def _addressed(self, key: int) -> bytes:
@@ -142,13 +140,149 @@ class BitPieces(_BlockPieces):
         return b"," + encoded(self._part.padding(self._at + octet, f"{byte:02x}", bits_of(byte), bit).to_json())
 
 
-def block_pieces(block: Block, store: Store) -> RegisterPieces | BitPieces:
+def block_pieces(block: CountedBlock, store: Store) -> RegisterPieces | BitPieces:
     """The tables of a block."""
     part = block.part
     return BitPieces(block, part, store) if isinstance(part, Bits) else RegisterPieces(block, part, store)
 
 
-def _head(block: Block, octets: int) -> bytes:
+def _head(block: CountedBlock, octets: int) -> bytes:
     """A block's field up to its bytes."""
     first, middle, _, _ = parted(block.described(bytes(octets)))
     return b"," + first + middle[: middle.index(b'"raw":"') + len(b'"raw":"')]
+
+
+# The fields of a form's frames as pieces of JSON, from behind the function code to before the check value.
+#
+# A number's piece hangs on its value; where it looks at another number, or repeats the request's, that is part of the
+# piece's number too.
+
+
+class NumberJson:
+    """The JSON of one number."""
+
+    def __init__(self, slot: Slot, store: Store) -> None:
+        self._slot = slot
+        self._bits = 8 * slot.part.width
+        # Request and response often are one declaration, and then say the same.
+        self._pieces = store.table(self._described, (slot.name, slot.offset, slot.part, slot.looks))
+        self._unlike = store.table(self._unlike_asked)
+
+    def sizes(self, rows: FormRows) -> Ints:
+        """One piece a row."""
+        return np.ones(len(rows.here), np.int64)
+
+    def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
+        """The piece of each row."""
+        slot, here = self._slot, rows.here
+        number = numbers(slot, here, source)
+        found = self._pieces.take(number)
+        if slot.echo is not None:
+            asked = looked(slot.echo, here, source)
+            value = number & ((1 << self._bits) - 1)
+            unlike = np.flatnonzero((asked >= 0) & (asked != value))
+            found[unlike] = self._unlike.take(number[unlike] << 16 | asked[unlike])
+        cursor.put(found)
+
+    def _described(self, number: int, asked: int = -1) -> bytes:
+        return b"," + encoded(self._slot.described(*taken_apart(self._slot, number), asked).to_json())
+
+    def _unlike_asked(self, number: int) -> bytes:
+        return self._described(number >> 16, number & 0xFFFF)
+
+
+def numbers(slot: Slot, here: Ints, source: BatchBytes) -> Ints:
+    """What a number's description hangs on, of each row, as one number: its value, and what it looks at."""
+    number = source.pdus.number(slot.offset, slot.part.width, here)
+    for look in slot.looks:
+        number = number | (looked(look, here, source) + 1) << 8 * slot.part.width
+    return number
+
+
+def taken_apart(slot: Slot, number: int) -> tuple[int, list[int]]:
+    """The value, and what it looks at (-1 unknown), of one of `numbers`."""
+    bits = 8 * slot.part.width
+    return number & ((1 << bits) - 1), [(number >> bits) - 1] * len(slot.looks)
+
+
+def fields(store: Store, code: int, role: Role, form: Slots) -> tuple[FormPart, ...]:  # noqa: ARG001
+    """The parts of a form."""
+    parts: list[FormPart] = [NumberJson(slot, store) for slot in form.numbers]
+    return (*parts, block_pieces(form.block, store)) if form.block is not None else tuple(parts)
+
+
+# Registers and bits on one line (`text` of their parts), put together from pieces; the same in JSON and in CSV.
+
+
+class RegisterText:
+    """The line of a block of registers: `44609 22098 17216`."""
+
+    def __init__(self, part: Registers, store: Store) -> None:
+        self._shown = part.shown
+        self._part = part
+        self._between = _more(part.text([0, 0]), part.text([0]))[:-1]
+        self._said = store.table_of_many(self._digits, (Registers, "said"))
+        self._more = store.table(lambda n: _more(part.text([0] * n), part.text([0] * part.shown)))
+
+    def sizes(self, held: FormBlocks) -> Ints:
+        """Pieces of each line."""
+        return 1 + np.minimum(held.counts, self._shown)
+
+    def put(self, held: FormBlocks, source: BatchBytes, cursor: Cursor) -> None:
+        """The pieces of these blocks' lines."""
+        shown = np.minimum(held.counts, self._shown)
+        i = within(shown)
+        values = source.words(np.repeat(held.begins, shown) + 2 * i)
+        said = self._said.take(values)
+        cursor.spread(shown, np.where(i > 0, said, without(said, len(self._between))))
+        cursor.put(self._more.take(np.maximum(held.counts, self._shown)))
+
+    def _digits(self, values: list[int]) -> list[bytes]:
+        """Each value as one of a line that is not its first."""
+        between = self._between
+        return [between + said for said in insides(list(map(self._part.digits, values)))]
+
+
+class BitText:
+    """The line of a block of bits: `11001101 011`."""
+
+    def __init__(self, part: Bits, store: Store) -> None:
+        self._shown = part.shown
+        self._part = part
+        self._said = store.table(self._digits, (Bits, "said"))
+        self._more = store.table(lambda n: _more(part.text([False] * n), part.text([False] * part.shown)))
+
+    def sizes(self, held: FormBlocks) -> Ints:
+        """Pieces of each line."""
+        return 1 + ((np.minimum(held.counts, self._shown) + 7) >> 3)
+
+    def put(self, held: FormBlocks, source: BatchBytes, cursor: Cursor) -> None:
+        """The pieces of these blocks' lines."""
+        shown = np.minimum(held.counts, self._shown)
+        groups = (shown + 7) >> 3
+        i = within(groups)
+        bits = np.minimum(np.repeat(shown, groups) - 8 * i, 8)
+        byte = source.octets(np.repeat(held.begins, groups) + i)
+        cursor.spread(groups, self._said.take(byte << 5 | bits << 1 | (i > 0)))
+        cursor.put(self._more.take(np.maximum(held.counts, self._shown)))
+
+    def _digits(self, key: int) -> bytes:
+        before = [False] * (8 * (key & 1))
+        return _more(self._part.text(before + bits_of(key >> 5)[: key >> 1 & 0xF]), self._part.text(before))
+
+
+def block_text(part: Registers | Bits, store: Store) -> RegisterText | BitText:
+    """The line of a block."""
+    return BitText(part, store) if isinstance(part, Bits) else RegisterText(part, store)
+
+
+def bits_of(byte: int) -> list[bool]:
+    """The bits of a byte, least significant first."""
+    return [bool(byte >> bit & 1) for bit in range(8)]
+
+
+def _more(text: str, known: str) -> bytes:
+    """What a text has beyond one that it begins with."""
+    if not text.startswith(known):
+        raise AssertionError(f"{text!r} does not begin with {known!r}")
+    return inside(text[len(known) :])

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
 import orjson
 
-from analyzer.frames import Batch, Frame, Kind, Protocol, Row, Rows, adu_of
-
+from ...tables.batch import Batch
+from ...tables.frame import Frame, adu_of
+from ...tables.schema import Direction, Kind, Protocol, Row, Rows
+from .forms import BatchBytes
 from .pieces import Ints, Store
 from .sheet import Cursor
-from .source import Source
-from .whole import explain_json
 
 HEAD: Final = 15  # pieces before the fields
 TAIL: Final = 2  # pieces behind them
@@ -29,7 +30,7 @@ class Envelope:
         self._confidence = store.table(self._confidences)
         self._end = store.table(lambda port: _end(_frame(port=port).to_json(fields=False)))
 
-    def put_head(self, rows: Rows, here: Ints, source: Source, cursor: Cursor) -> None:
+    def put_head(self, rows: Rows, here: Ints, source: BatchBytes, cursor: Cursor) -> None:
         """`HEAD` pieces of each of these rows of a batch, `"hex"` the last of them, its quote not closed."""
         cursor.put(b'{"index":')
         cursor.put_numbers(rows["index"])
@@ -58,7 +59,7 @@ class Envelope:
         """`TAIL` pieces of each row: the line's end is the last of them."""
         cursor.put(self._confidence.take(rows["confidence"].view(np.uint32).astype(np.int64)))
         ends = self._end.take(rows["port"].astype(np.int64))
-        special = np.arange(len(rows)) if self._explain else _told(batch, rows)
+        special = np.arange(len(rows)) if self._explain else np.flatnonzero(batch.finding_counts[here])
         if len(special):
             ends[special] = cursor.sheet.texts([self._special(batch, row) for row in here[special].tolist()])
         cursor.put(ends)
@@ -87,14 +88,6 @@ class Envelope:
         return line[line.index(b',"confidence":') : line.index(b"[]")]
 
 
-def _told(batch: Batch, rows: Rows) -> Ints:
-    """The rows of which there are findings."""
-    findings = batch.findings
-    if findings is None or not len(findings):
-        return np.zeros(0, np.int64)
-    return np.flatnonzero(np.isin(rows["start"], findings["start"]))
-
-
 def _frame(**columns: Any) -> Frame:
     """A frame of which only some columns matter."""
     plain = dict.fromkeys(Row.__slots__, 0) | {
@@ -114,3 +107,69 @@ def _end(line: dict[str, Any]) -> bytes:
     """A line from the findings on."""
     tail = {key: line[key] for key in ("findings", "port", "explain") if key in line}
     return orjson.dumps(tail, option=orjson.OPT_APPEND_NEWLINE)[len(b'{"findings":') :]
+
+
+# Frames annotated whole, one by one, and what is kept of that.
+#
+# Polls repeat: the same request, and often the same answer, comes again and again, so the fields of frames
+# seen are kept as text.
+
+
+_KEPT: Final = 16 << 20  # bytes of text
+
+
+class Whole:
+    """What `make` says of a frame by its bytes (and its request's) alone, kept."""
+
+    def __init__(self, make: Callable[[Frame], bytes]) -> None:
+        self._make = make
+        self._known: dict[tuple[bytes, bytes | None, int, int], bytes] = {}
+        self._size = 0
+
+    def text(self, frame: Frame) -> bytes:
+        """The frame's text."""
+        key = (frame.captured, frame.request_bytes, frame.row.kind, frame.row.protocol)
+        found = self._known.get(key)
+        if found is None:
+            found = self._make(frame)
+            self._size += len(found)
+            if self._size > _KEPT:
+                self._known.clear()
+                self._size = len(found)
+            self._known[key] = found
+        return found
+
+
+def noise_json(batch: Batch, row: int) -> dict[str, Any]:
+    """A stretch of noise as a mapping."""
+    values = batch.rows[row]
+    line = {
+        "kind": "noise",
+        "start": int(values["start"]),
+        "length": int(values["length"]),
+        "t_start_ns": int(values["t_start"]),
+        "t_end_ns": int(values["t_end"]),
+        "hex": batch.bytes_of(row).hex(),
+    }
+    if values["port"]:
+        line["port"] = int(values["port"])
+    if said := batch.findings_of(row):
+        line["findings"] = [finding.to_json() for finding in said]
+    return line
+
+
+def explain_json(frame: Frame) -> dict[str, Any] | None:
+    """Why the frame's boundaries stand where they do, in bits, and what would stand there instead."""
+    evidence = frame.evidence
+    if evidence is None:
+        return None
+    weights: dict[str, Any] = {
+        key: round(float(evidence[key]), 2) for key in ("length", "crc", "silence", "conversation", "margin")
+    }
+    kind = Kind(int(evidence["rival_kind"]))
+    if evidence["rival_start"] < 0 or kind == Kind.NOISE:
+        weights["runner_up"] = {"start": None, "length": None, "kind": "noise"}
+    else:
+        start, length = int(evidence["rival_start"]), int(evidence["rival_length"])
+        weights["runner_up"] = {"start": start, "length": length, "kind": Direction(kind).name}
+    return weights

@@ -1,4 +1,4 @@
-"""Frames whose declaration gives them fixed places (`dissectors.slots`), by form, for those who set them from pieces.
+"""Frames whose declaration gives them fixed places (`dissectors.layout`), by form, for those who set them from pieces.
 
 A form is what the frames of one direction and function code have in common. Of its frames those are set from pieces
 that are whole and neither odd nor too long; the others are left to the annotation of each.
@@ -6,31 +6,35 @@ that are whole and neither odd nor too long; the others are left to the annotati
 
 from __future__ import annotations
 
+import typing
+from binascii import hexlify
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer import frames
-from analyzer.frames import Kind
 from dissectors.blocks import Bits
 from dissectors.declaration import EXCEPTION
 from dissectors.functions import function
-from dissectors.lengths import Role
-from dissectors.slots import Block, Look, Slots, exception_slots, slots
+from dissectors.layout import CountedBlock, FieldRef, Slots, exception_slots, slots
+from dissectors.length_rules import Role
 
-from .pieces import Ints
-from .sheet import Cursor
-from .source import Source
+from ...tables.batch import Batch
+from ...tables.pdus import Pdus
+from ...tables.schema import Kind, Protocol, Rows
+from ...tables.schema import Protocol as Envelope
+from ...tables.schema import Rows as BatchRows
+from .pieces import Ints, Pieces, pieces
+from .sheet import Cursor, Sheet
 
 _LEAST: Final = 4  # bytes of an RTU frame that has a check value
 _LAST: Final = 0xFFFF  # the last address
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Held:
+class FormBlocks:
     """The blocks of some rows: where their bytes begin, how many those are, the first address (-1 unknown)."""
 
     begins: Ints
@@ -48,27 +52,27 @@ class Held:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
+class FormRows:
     """Rows of one form: where they stand in the batch, and their blocks, if they have any."""
 
     here: Ints
-    held: Held | None = None
+    held: FormBlocks | None = None
 
     @property
-    def blocks(self) -> Held:
+    def blocks(self) -> FormBlocks:
         """The blocks, of a form that has them."""
         if self.held is None:
             raise AssertionError("a form without a block")
         return self.held
 
 
-class Part(Protocol):
+class FormPart(typing.Protocol):
     """A stretch of a form's text."""
 
-    def sizes(self, rows: Rows) -> Ints:
+    def sizes(self, rows: FormRows) -> Ints:
         """Pieces of each row."""
 
-    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
+    def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """These pieces."""
 
 
@@ -76,15 +80,15 @@ class Part(Protocol):
 class Group:
     """Rows of one form and the lines that they are to make."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[FormPart, ...]
     lines: Ints
-    rows: Rows
+    rows: FormRows
 
     def sizes(self) -> Ints:
         """Pieces of each line."""
         return sum((part.sizes(self.rows) for part in self.parts), np.zeros(len(self.lines), np.int64))
 
-    def put(self, source: Source, cursor: Cursor) -> None:
+    def put(self, source: BatchBytes, cursor: Cursor) -> None:
         """The pieces of all lines, from the cursor's place on."""
         for part in self.parts:
             part.put(self.rows, source, cursor)
@@ -93,14 +97,14 @@ class Group:
 class Forms:
     """All forms; `parts` gives what the text of one is made of, None where it cannot be."""
 
-    def __init__(self, parts: Callable[[int, Role, Slots], tuple[Part, ...] | None]) -> None:
+    def __init__(self, parts: Callable[[int, Role, Slots], tuple[FormPart, ...] | None]) -> None:
         self._parts = parts
-        self._known: dict[int, tuple[Slots, tuple[Part, ...]] | None] = {}
+        self._known: dict[int, tuple[Slots, tuple[FormPart, ...]] | None] = {}
 
-    def groups(self, rows: frames.Rows, here: Ints, source: Source) -> list[Group]:
+    def groups(self, rows: BatchRows, here: Ints, source: BatchBytes) -> list[Group]:
         """The rows, which are number `here` of the batch, that are set from pieces, by form."""
         able = np.flatnonzero(
-            (rows["kind"] != Kind.NOISE) & (rows["protocol"] == frames.Protocol.RTU) & (rows["length"] >= _LEAST)
+            (rows["kind"] != Kind.NOISE) & (rows["protocol"] == Envelope.RTU) & (rows["length"] >= _LEAST)
         )
         keys = rows["kind"][able].astype(np.int64) << 8 | source.octets(source.pdus.begins[here[able]])
         groups = []
@@ -113,7 +117,7 @@ class Forms:
                 groups.append(Group(form[1], lines[fits], kept))
         return groups
 
-    def _form(self, code: int, role: Role) -> tuple[Slots, tuple[Part, ...]] | None:
+    def _form(self, code: int, role: Role) -> tuple[Slots, tuple[FormPart, ...]] | None:
         declared = function(code)
         if code & EXCEPTION:
             made = exception_slots() if role is Role.RESPONSE else None
@@ -123,12 +127,12 @@ class Forms:
         return None if made is None or parts is None else (made, parts)
 
 
-def looked(look: Look, here: Ints, source: Source) -> Ints:
+def looked(look: FieldRef, here: Ints, source: BatchBytes) -> Ints:
     """The number that is looked at, of each row; -1 where there is none."""
     return source.pdus.number(look.offset, look.width, here, asked=look.asked)
 
 
-def _split(form: Slots, code: int, here: Ints, source: Source) -> tuple[Rows, NDArray[np.bool_]]:
+def _split(form: Slots, code: int, here: Ints, source: BatchBytes) -> tuple[FormRows, NDArray[np.bool_]]:
     """Of these rows those that are set from pieces, and a mask of them."""
     pdus = source.pdus
     sizes = pdus.ends[here] - pdus.begins[here]
@@ -138,7 +142,7 @@ def _split(form: Slots, code: int, here: Ints, source: Source) -> tuple[Rows, ND
         fits = (asked < 0) | ((pdus.asked_ends[here] > asked) & (pdus.data.take(np.maximum(asked, 0)) == code))
     if form.block is None:
         fits &= sizes == form.size
-        return Rows(here[fits]), fits
+        return FormRows(here[fits]), fits
     block = form.block
     octets = sizes - form.size
     count = pdus.number(block.count.offset, block.count.part.width, here)
@@ -147,11 +151,11 @@ def _split(form: Slots, code: int, here: Ints, source: Source) -> tuple[Rows, ND
     fits &= counts > 0
     kept = here[fits]
     first = np.full(len(kept), -1) if block.start is None else looked(block.start, kept, source)
-    held = Held(pdus.begins[kept] + block.offset, octets[fits], first, counts[fits])
-    return Rows(kept, held), fits
+    held = FormBlocks(pdus.begins[kept] + block.offset, octets[fits], first, counts[fits])
+    return FormRows(kept, held), fits
 
 
-def _counts(block: Block, octets: Ints, here: Ints, source: Source) -> Ints:
+def _counts(block: CountedBlock, octets: Ints, here: Ints, source: BatchBytes) -> Ints:
     """How many registers or bits these bytes are; 0 where only annotation can tell."""
     if not isinstance(block.part, Bits):
         return np.where(octets & 1, 0, octets >> 1)
@@ -161,3 +165,58 @@ def _counts(block: Block, octets: Ints, here: Ints, source: Source) -> Ints:
     quantity = looked(block.quantity, here, source)
     counts = np.where(quantity < 0, bits, np.minimum(quantity, bits))
     return np.where(bits - counts >= 8, 0, counts)
+
+
+# The bytes of some rows of a batch, read by arrays: as numbers, and as hex.
+
+
+class BatchBytes:
+    """Bytes of a batch from `first` to `last` (excluded), which is as far as hex is asked for, for one sheet."""
+
+    def __init__(self, pdus: Pdus, first: int, last: int) -> None:
+        self.pdus = pdus
+        self._first = first
+        self._last = last
+        self._hex: int | None = None  # where it begins among what the sheet was lent
+
+    @classmethod
+    def of(cls, pdus: Pdus, frames: Rows) -> BatchBytes:
+        """The bytes of some RTU frames of a batch."""
+        plain = frames["protocol"] == Protocol.RTU
+        if not plain.any():
+            return cls(pdus, 0, 0)
+        begins = frames["at"][plain]
+        return cls(pdus, int(begins.min()), int((begins + frames["length"][plain]).max()))
+
+    def octets(self, at: Ints) -> Ints:
+        """The byte at each place."""
+        found: Ints = self.pdus.data.take(at).astype(np.int64)
+        return found
+
+    def words(self, at: Ints) -> Ints:
+        """The two bytes at each place, as a number."""
+        found: Ints = self.pdus.words.take(at).astype(np.int64)
+        return found
+
+    def hex(self, begins: Ints, lengths: Ints, sheet: Sheet) -> Pieces:
+        """Stretches of bytes in hex."""
+        if self._hex is None:
+            self._hex = sheet.lend(hexlify(self._octets()))
+        return pieces(self._hex + 2 * (begins - self._first), 2 * lengths)
+
+    def spaced(self, begins: Ints, lengths: Ints, sheet: Sheet) -> Pieces:
+        """Stretches of bytes in capital hex, spaces between the bytes."""
+        begin = sheet.lend(hexlify(self._octets(), " ").upper())
+        return pieces(begin + 3 * (begins - self._first), 3 * lengths - 1)
+
+    def _octets(self) -> bytes:
+        return self.pdus.data[self._first : self._last].tobytes()
+
+
+def kept(batch: Batch, first: int, last: int, *, noise: bool) -> tuple[Ints, Rows]:
+    """Of rows `first` to `last` (excluded) of a batch, their numbers and themselves; without `noise` only frames."""
+    rows = batch.rows[first:last]
+    if noise or (rows["kind"] != Kind.NOISE).all():
+        return np.arange(first, last), rows
+    here = first + np.flatnonzero(rows["kind"] != Kind.NOISE)
+    return here, batch.rows[here]

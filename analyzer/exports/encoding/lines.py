@@ -9,28 +9,26 @@ from typing import Final
 import numpy as np
 import orjson
 
-from analyzer.frames import Batch, Kind, Rows
-from analyzer.pdus import Pdus
 from dissectors.annotation import check_fields, function_field, header_fields
 from dissectors.envelopes import Adu, rtu
 from dissectors.fields import Field
-from dissectors.lengths import Role
+from dissectors.length_rules import Role
 
-from .envelope import HEAD, TAIL, Envelope
-from .fields import fields
-from .forms import Forms, Group
-from .jsontext import encoded, parted
-from .pieces import Ints, Store
+from ...tables.batch import Batch
+from ...tables.pdus import Pdus
+from ...tables.schema import Kind, Rows
+from .blocks import fields
+from .envelope import HEAD, TAIL, Envelope, Whole, noise_json
+from .forms import BatchBytes, Forms, Group, kept
+from .pieces import Ints, Store, encoded, parted
 from .sheet import Sheet
-from .source import Source, kept
-from .whole import Whole, noise_json
 
 _VALUE: Final = b'%d,"raw":"%02x%02x","text":"'  # `middle` of a check value, whose low byte comes first
 _CHECK: Final = 2  # bytes of it
 _AROUND: Final = 4  # pieces around a form's: unit and function before, the check value's two behind
 
 
-class JsonLines:
+class FrameJsonLines:
     """Frames as lines of JSON, with `noise` the stretches between them too; `explain` as `explain_json` has it."""
 
     def __init__(self, *, explain: bool = False, noise: bool = False) -> None:
@@ -58,7 +56,7 @@ class JsonLines:
         frames = np.flatnonzero(~silent)
         spoken = rows if len(frames) == len(rows) else rows[frames]
         sizes = np.where(silent, 1, HEAD + 1 + TAIL)
-        source = Source.of(self._pdus, spoken)
+        source = BatchBytes.of(self._pdus, spoken)
         groups = self._forms.groups(rows, here, source)
         for group in groups:
             sizes[group.lines] = HEAD + _AROUND + group.sizes() + TAIL
@@ -69,7 +67,7 @@ class JsonLines:
         self._put_fields(groups, rows, here, source, sheet)
         return sheet.parts()
 
-    def _put_fields(self, groups: list[Group], rows: Rows, here: Ints, source: Source, sheet: Sheet) -> None:
+    def _put_fields(self, groups: list[Group], rows: Rows, here: Ints, source: BatchBytes, sheet: Sheet) -> None:
         """All fields: those of the groups by pieces, the others' frame by frame."""
         for group in groups:
             group.put(source, sheet.at(group.lines, HEAD + 2))
@@ -81,7 +79,7 @@ class JsonLines:
         texts = [b'","fields":' + self._whole.text(frame) for frame in frames]
         sheet.at(np.flatnonzero(whole), HEAD).put_texts(texts)
 
-    def _put_around(self, rows: Rows, formed: Ints, source: Source, sheet: Sheet) -> None:
+    def _put_around(self, rows: Rows, formed: Ints, source: BatchBytes, sheet: Sheet) -> None:
         """Unit and function, and the check value, of RTU frames."""
         begins, lengths = rows["at"][formed], rows["length"][formed]
         head, tail = sheet.at(formed, HEAD), sheet.at(formed, -TAIL - 2)

@@ -8,10 +8,13 @@ a step of Python a piece. What is kept is bounded: a store that has grown too la
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+import orjson
 from numpy.typing import NDArray
+
+from dissectors.fields import Field
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
@@ -48,21 +51,21 @@ class Store:
 
     def __init__(self, kept: int = _KEPT) -> None:
         self._kept = kept
-        self._tables: dict[Hashable, Table] = {}
+        self._tables: dict[Hashable, TextTable] = {}
         self._fixed: dict[bytes, int] = {}
         self._bytes: Bytes = np.empty(1 << 16, np.uint8)
         self._used = 1
 
-    def table(self, make: Make, name: Hashable = None) -> Table:
+    def table(self, make: Make, name: Hashable = None) -> TextTable:
         """A table of pieces, made by number (0 or more) when they are first asked for; of one name there is one."""
         return self.table_of_many(lambda numbers: list(map(make, numbers)), name)
 
-    def table_of_many(self, make: MakeAll, name: Hashable = None) -> Table:
+    def table_of_many(self, make: MakeAll, name: Hashable = None) -> TextTable:
         """The same, of pieces that are made faster many at once."""
         if name is None:
             name = len(self._tables)
         if name not in self._tables:
-            self._tables[name] = Table(self, make)
+            self._tables[name] = TextTable(self, make)
         return self._tables[name]
 
     def fixed(self, text: bytes) -> int:
@@ -107,7 +110,7 @@ class Store:
             self._bytes = wider
 
 
-class Table:
+class TextTable:
     """Pieces by number."""
 
     def __init__(self, store: Store, make: MakeAll) -> None:
@@ -164,3 +167,84 @@ def sizes_in(texts: list[bytes]) -> Ints:
 def without(pieces: Pieces, head: int) -> Pieces:
     """The same pieces without so many of their first bytes."""
     return pieces + ((head << _SIZE_BITS) - head)
+
+
+# Numbers as decimal text, thousands at once: four digits at a time, looked up in a table.
+
+
+_Ints = NDArray[np.int64]
+_DIGITS: Final = 4
+_UNIT: Final = 10**_DIGITS
+_MINUS: Final = ord("-")
+_tables: list[NDArray[np.uint32]] = []
+
+
+def decimals(numbers: _Ints) -> tuple[NDArray[np.uint8], _Ints, _Ints]:
+    """The digits of these numbers: a text, and where each begins there and how many characters it has.
+
+    The least of the 64-bit numbers, which has no counterpart, is not among them.
+    """
+    if not len(numbers):
+        return np.zeros(0, np.uint8), numbers, numbers
+    negative = numbers < 0
+    rest: _Ints = np.abs(numbers)
+    least, most = len(str(int(rest.min()))), len(str(int(rest.max())))
+    sizes = np.full(len(numbers), least, np.int64)
+    for digits in range(least, most):
+        sizes += rest >= 10**digits
+    words = most // _DIGITS + 1  # room for a sign
+    text = np.empty((len(numbers), words), np.uint32)
+    for word in range(words - 1, -1, -1):
+        above = rest // _UNIT
+        rest -= _UNIT * above
+        text[:, word] = _table().take(rest)
+        rest = above
+    width = _DIGITS * words
+    begins = width * np.arange(1, len(numbers) + 1) - sizes
+    flat = text.reshape(-1).view(np.uint8)
+    if negative.any():
+        begins -= negative
+        sizes += negative
+        flat[begins[negative]] = _MINUS
+    return flat, begins, sizes
+
+
+def _table() -> NDArray[np.uint32]:
+    """`0000` to `9999`, each as one word of memory."""
+    if not _tables:
+        digits = np.arange(_UNIT)[:, None] // 10 ** np.arange(_DIGITS - 1, -1, -1) % 10 + ord("0")
+        _tables.append(digits.astype(np.uint8).view(np.uint32)[:, 0])
+    return _tables[0]
+
+
+# JSON of fields, whole and in the parts that hang on different things.
+
+
+def encoded(value: Any) -> bytes:
+    """A value as JSON."""
+    return orjson.dumps(value)
+
+
+def inside(text: str) -> bytes:
+    """What stands between the quotes of a text in JSON."""
+    return orjson.dumps(text)[1:-1]
+
+
+def insides(texts: list[str]) -> list[bytes]:
+    """What stands between the quotes of each of some texts; a quote in one would have a backslash before it."""
+    return orjson.dumps(texts)[2:-2].split(b'","') if texts else []
+
+
+def middle(value: int | bool, raw: str) -> bytes:
+    """What `parted` gives as the second part, for a number or truth value."""
+    said = ("true" if value else "false") if value is True or value is False else value
+    return f'{said},"raw":"{raw}","text":"'.encode()
+
+
+def parted(field: Field) -> tuple[bytes, bytes, bytes, bytes]:
+    """A field's JSON in four: up to its value, up to its text, its text, the rest."""
+    whole = orjson.dumps(field.to_json())
+    value = whole.index(b'"value":') + len(b'"value":')
+    text = whole.index(b'"text":"', value) + len(b'"text":"')
+    end = text + len(inside(field.text))
+    return whole[:value], whole[value:text], whole[text:end], whole[end:]

@@ -13,8 +13,7 @@ import numpy as np
 
 from captures.ragged import windows
 
-from .decimals import decimals
-from .pieces import REACH, Bytes, Ints, Pieces, Store, begins_of, pieces, sizes_in, sizes_of
+from .pieces import REACH, Bytes, Ints, Pieces, Store, begins_of, decimals, pieces, sizes_in, sizes_of
 
 _COPIED: Final = 4096  # pieces at once: what they make stays in the processor's cache
 

@@ -14,17 +14,15 @@ import numpy as np
 from dissectors.annotation import summary
 from dissectors.declaration import EXCEPTION
 from dissectors.envelopes import rtu
+from dissectors.fields import filled
 from dissectors.functions import function
-from dissectors.lengths import Role
-from dissectors.slots import Block, Slot, Slots
-from dissectors.words import filled
+from dissectors.layout import CountedBlock, Slot, Slots
+from dissectors.length_rules import Role
 
-from .fields import numbers, taken_apart
-from .forms import Part, Rows
+from .blocks import BitText, RegisterText, block_text, numbers, taken_apart
+from .forms import BatchBytes, FormPart, FormRows
 from .pieces import Ints, Store
 from .sheet import Cursor
-from .source import Source
-from .texts import BitText, RegisterText, block_text
 
 Escape = Callable[[str], bytes]
 
@@ -35,16 +33,16 @@ class _Always:
     def __init__(self, text: bytes) -> None:
         self._text = text
 
-    def sizes(self, rows: Rows) -> Ints:
+    def sizes(self, rows: FormRows) -> Ints:
         """One piece a row."""
         return np.ones(len(rows.here), np.int64)
 
-    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:  # noqa: ARG002
+    def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:  # noqa: ARG002
         """The same for all."""
         cursor.put(self._text)
 
 
-class _Number(_Always):
+class _NumberForm(_Always):
     """What a placeholder becomes by a number's value."""
 
     def __init__(self, slot: Slot, placeholder: str, store: Store, escape: Escape) -> None:
@@ -53,34 +51,34 @@ class _Number(_Always):
             lambda number: escape(filled(placeholder, [slot.described(*taken_apart(slot, number), brief=True)]) or "")
         )
 
-    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
+    def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """The piece of each row."""
         cursor.put(self._pieces.take(numbers(self._slot, rows.here, source)))
 
 
-class _Count(_Always):
+class _CountForm(_Always):
     """What a placeholder becomes by how many values a block has."""
 
-    def __init__(self, block: Block, placeholder: str, store: Store, escape: Escape) -> None:
+    def __init__(self, block: CountedBlock, placeholder: str, store: Store, escape: Escape) -> None:
         field = block.described(b"")
         self._pieces = store.table(lambda n: escape(filled(placeholder, [replace(field, value=n)]) or ""))
 
-    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:  # noqa: ARG002
+    def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:  # noqa: ARG002
         """The piece of each row."""
         cursor.put(self._pieces.take(rows.blocks.counts))
 
 
-class _Values:
+class _ValuesForm:
     """A block's values on one line."""
 
     def __init__(self, line: RegisterText | BitText) -> None:
         self._line = line
 
-    def sizes(self, rows: Rows) -> Ints:
+    def sizes(self, rows: FormRows) -> Ints:
         """Pieces of each line."""
         return self._line.sizes(rows.blocks)
 
-    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
+    def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """The pieces of all lines."""
         self._line.put(rows.blocks, source, cursor)
 
@@ -91,12 +89,14 @@ class _Exception(_Always):
     def __init__(self, code: int, store: Store, escape: Escape) -> None:
         self._pieces = store.table(lambda number: escape(summary(rtu(bytes([0, code, number, 0, 0])), Role.RESPONSE)))
 
-    def put(self, rows: Rows, source: Source, cursor: Cursor) -> None:
+    def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """The piece of each row."""
         cursor.put(self._pieces.take(source.pdus.number(1, 1, rows.here)))
 
 
-def words(store: Store, begin: Escape, escape: Escape, code: int, role: Role, form: Slots) -> tuple[Part, ...] | None:
+def words(
+    store: Store, begin: Escape, escape: Escape, code: int, role: Role, form: Slots
+) -> tuple[FormPart, ...] | None:
     """The parts of a form's summary; None where no template can be put together so.
 
     `escape` makes text fit to be written, `begin` that at the beginning.
@@ -120,12 +120,12 @@ def words(store: Store, begin: Escape, escape: Escape, code: int, role: Role, fo
 def _parts(
     pieces: list[tuple[str, str | None, str | None, str | None]],
     named: dict[str, Slot],
-    block: Block | None,
+    block: CountedBlock | None,
     store: Store,
     begin: Escape,
     escape: Escape,
-) -> tuple[Part, ...] | None:
-    parts: list[Part] = []
+) -> tuple[FormPart, ...] | None:
+    parts: list[FormPart] = []
     for literal, name, noun, conversion in pieces:
         if literal:
             parts.append(_Always((escape if parts else begin)(literal)))
@@ -135,7 +135,9 @@ def _parts(
             return None
         placeholder = f"{{{name}:{noun}}}" if noun else f"{{{name}}}"
         if name in named:
-            parts.append(_Number(named[name], placeholder, store, escape if parts else begin))
+            parts.append(_NumberForm(named[name], placeholder, store, escape if parts else begin))
         elif block is not None:
-            parts.append(_Count(block, placeholder, store, escape) if noun else _Values(block_text(block.part, store)))
+            parts.append(
+                _CountForm(block, placeholder, store, escape) if noun else _ValuesForm(block_text(block.part, store))
+            )
     return tuple(parts)

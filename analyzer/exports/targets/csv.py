@@ -6,6 +6,8 @@ and that a spreadsheet would run as a formula gets an apostrophe before it.
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
@@ -13,23 +15,28 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer.exports.encoding import explain_json
-from analyzer.exports.encoding.forms import Forms
-from analyzer.exports.encoding.pieces import Ints, Pieces, Store, without
-from analyzer.exports.encoding.sheet import Cursor, Sheet
-from analyzer.exports.encoding.source import Source, kept
-from analyzer.exports.encoding.summaries import words
-from analyzer.exports.encoding.whole import Whole
-from analyzer.exports.output import Output
-from analyzer.exports.sink import ExportOptions
-from analyzer.frames import Batch, Direction, Frame, Kind, Protocol, Rows
-from analyzer.pdus import Pdus
 from dissectors.functions import function_name
 
+from ...tables.batch import Batch
+from ...tables.columns import Decoded, decode
+from ...tables.frame import Frame
+from ...tables.pdus import Pdus
+from ...tables.schema import Direction, Kind, Protocol, Rows
+from ...words import is_clock
+from ..encoding import explain_json
+from ..encoding.envelope import Whole
+from ..encoding.forms import BatchBytes, Forms, kept
+from ..encoding.pieces import Ints, Pieces, Store, without
+from ..encoding.sheet import Cursor, Sheet
+from ..encoding.summaries import words
+from ..output import OutputStream
+from ..sink import ExportOptions
+
 if TYPE_CHECKING:
-    from analyzer.findings.model import Finding
-    from analyzer.pipeline import Analysed
     from captures import Block, Capture
+
+    from ...core import Analysed
+    from ...tables.findings import Finding
 
 COLUMNS: Final = (
     "kind",  # frame or noise
@@ -53,6 +60,10 @@ COLUMNS: Final = (
     "hex",
     "summary",
     "findings",
+    "time",  # wall clock of the first start bit, ISO 8601 in UTC; empty where the capture has no dates
+    "address",  # zero-based; of a response, what it answers
+    "quantity",
+    "values",  # registers or bits, separated by spaces
 )
 EXPLAINED: Final = (
     "bits_length",
@@ -71,9 +82,9 @@ _EXACT: Final = 1 << 53  # nanoseconds that a float still counts
 _SPECIAL: Final = frozenset(',"\r\n')
 
 
-class _Table:
-    def __init__(self, out: Output, options: ExportOptions, timed: bool) -> None:
-        self._out = out
+class _CsvTable:
+    def __init__(self, out: OutputStream, options: ExportOptions, timed: bool) -> None:
+        self._out = out if options.delimiter == "," else _Delimited(out, options.delimiter)
         self._options = options
         self._timed = timed
         self._zero: int | None = None
@@ -85,8 +96,9 @@ class _Table:
         self._confidence = self._store.table(lambda key: b",%.6f," % float(np.uint32(key).view(np.float32)))
         self._forms = Forms(partial(words, self._store, _begun, _quoted))
         self._whole = Whole(lambda frame: _begun(frame.summary()))
+        self._decoded: tuple[Batch, Decoded] | None = None
         columns = COLUMNS + (EXPLAINED if options.explain else ())
-        self._out.write(",".join(columns).encode() + b"\n")
+        self._out.write((b"\xef\xbb\xbf" if options.bom else b"") + ",".join(columns).encode() + b"\n")
 
     def block(self, block: Block) -> None:
         """Raw chunks are not in this format."""
@@ -102,7 +114,7 @@ class _Table:
         silent = rows["kind"] == Kind.NOISE
         frames = np.flatnonzero(~silent)
         spoken = rows if len(frames) == len(rows) else rows[frames]
-        source = Source.of(self._pdus, spoken)
+        source = BatchBytes.of(self._pdus, spoken)
         groups = self._forms.groups(rows, here, source)
         head = _HEAD + (_TIMES if self._timed else 1)
         sizes = np.where(silent, 1, head + 2)
@@ -127,7 +139,7 @@ class _Table:
     def close(self) -> None:
         """Nothing is left: rows are written as they come."""
 
-    def _put_head(self, rows: Rows, here: Ints, source: Source, cursor: Cursor) -> None:
+    def _put_head(self, rows: Rows, here: Ints, source: BatchBytes, cursor: Cursor) -> None:
         """Everything before the summary."""
         cursor.put(b"frame,")
         cursor.put_numbers(rows["index"])
@@ -168,19 +180,35 @@ class _Table:
 
     def _ends(self, batch: Batch, here: Ints, sheet: Sheet) -> Ints:
         """What is behind the summary: findings, and the reasons where they are asked for."""
-        ends = np.full(len(here), sheet.store.fixed(b'",\n'))
-        told = np.arange(len(here)) if self._options.explain else np.flatnonzero(_told(batch, here))
-        if len(told):
-            ends[told] = sheet.texts([self._end(batch, row) for row in here[told].tolist()])
-        return ends
+        findings = [b""] * len(here)
+        for i in np.flatnonzero(batch.finding_counts[here]).tolist():
+            findings[i] = _findings(batch.findings_of(int(here[i])))
+        why = [b""] * len(here)
+        if self._options.explain:
+            why = [_explained(batch.frame(row)) for row in here.tolist()]
+        parts = zip(findings, self._contents(batch, here), why, strict=True)
+        return sheet.texts([b'",%b,%b%b\n' % part for part in parts])
 
-    def _end(self, batch: Batch, row: int) -> bytes:
-        why = _explained(batch.frame(row)) if self._options.explain else b""
-        return b'",' + _findings(batch.findings_of(row)) + why + b"\n"
+    def _contents(self, batch: Batch, here: Ints) -> list[bytes]:
+        """Wall clock, address, quantity and values, in cells."""
+        if self._decoded is None or self._decoded[0] is not batch:
+            self._decoded = batch, decode(batch)
+        decoded = self._decoded[1]
+        times = _wall_clock(batch.rows["t_start"][here]) if self._timed else [b""] * len(here)
+        address = [b"%d" % n if n >= 0 else b"" for n in decoded.address[here].tolist()]
+        quantity = [b"%d" % n if n >= 0 else b"" for n in decoded.quantity[here].tolist()]
+        begins, ends = decoded.offsets[here].tolist(), decoded.offsets[1:][here].tolist()
+        values = decoded.values.tolist() if len(here) else []
+        texts = [
+            " ".join(map(str, values[begin:end])).encode() if end > begin else b""
+            for begin, end in zip(begins, ends, strict=True)
+        ]
+        return [b"%b,%b,%b,%b" % cells for cells in zip(times, address, quantity, texts, strict=True)]
 
     def _noise(self, batch: Batch, here: Ints) -> list[bytes]:
         blank = b"," * (COLUMNS.index("hex") - COLUMNS.index("t_end_ns"))
-        end = b"," * (len(EXPLAINED) if self._options.explain else 0) + b"\n"
+        behind = len(COLUMNS) - 1 - COLUMNS.index("findings") + (len(EXPLAINED) if self._options.explain else 0)
+        end = b"," * behind + b"\n"
         rows = batch.rows[here]
         columns: list[list[Any]] = [rows[name].tolist() for name in ("port", "start", "length")]
         form = b"noise,,%d,%d,%d,,,"
@@ -192,6 +220,24 @@ class _Table:
         hexes = [batch.bytes_of(row).hex(" ").upper().encode() for row in here.tolist()]
         said = [b",," + _findings(batch.findings_of(row)) for row in here.tolist()]
         return [b"".join((place, blank, *texts, end)) for place, *texts in zip(places, hexes, said, strict=True)]
+
+
+class _Delimited:
+    """Cells between commas, written with another character between them."""
+
+    def __init__(self, out: OutputStream, delimiter: str) -> None:
+        self._out, self._delimiter = out, delimiter
+        self._rest = b""
+
+    def write(self, data: bytes | memoryview) -> int:
+        """Whole lines are written; text with line ends in it stands in no cell of these."""
+        lines, _, self._rest = (self._rest + bytes(data)).rpartition(b"\n")
+        if lines:
+            text = io.StringIO()
+            rows = csv.reader(lines.decode().split("\n"))
+            csv.writer(text, delimiter=self._delimiter, lineterminator="\n").writerows(rows)
+            self._out.write(text.getvalue().encode())
+        return len(data)
 
 
 def _seconds(ns: Ints, sheet: Sheet) -> tuple[Pieces, Pieces]:
@@ -206,6 +252,12 @@ def _seconds(ns: Ints, sheet: Sheet) -> tuple[Pieces, Pieces]:
         before[~plain] = sheet.texts([text[:-7] for text in texts])
         behind[~plain] = sheet.texts([text[-6:] for text in texts])
     return before, behind
+
+
+def _wall_clock(t_ns: NDArray[np.int64]) -> list[bytes]:
+    """ISO 8601 in UTC to the microsecond; nothing for times that no clock of ours gave."""
+    texts = np.datetime_as_string(t_ns.astype("datetime64[ns]").astype("datetime64[us]"), timezone="UTC")
+    return [text.encode() if is_clock(ns) else b"" for text, ns in zip(texts.tolist(), t_ns.tolist(), strict=True)]
 
 
 def _unit(key: int) -> bytes:
@@ -232,13 +284,6 @@ def _explained(frame: Frame) -> bytes:
     return b"".join(b"," + ("" if cell is None else str(cell)).encode() for cell in cells)
 
 
-def _told(batch: Batch, here: Ints) -> NDArray[np.bool_]:
-    """Which of these rows there may be findings of."""
-    if batch.findings is None or not len(batch.findings):
-        return np.zeros(len(here), np.bool_)
-    return np.isin(batch.rows["start"][here], batch.findings["start"])
-
-
 def _findings(findings: Sequence[Finding]) -> bytes:
     """Findings in one cell."""
     if not findings:
@@ -261,6 +306,6 @@ def safe(text: str) -> str:
     return f"'{text}" if text.startswith(_FORMULA) else text
 
 
-def open_sink(out: Output, capture: Capture, options: ExportOptions) -> _Table:
+def open_sink(out: OutputStream, capture: Capture, options: ExportOptions) -> _CsvTable:
     """Rows onto `out`."""
-    return _Table(out, options, capture.timed)
+    return _CsvTable(out, options, capture.timed)

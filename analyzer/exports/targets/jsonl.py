@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analyzer.exports.encoding import JsonLines
-from analyzer.exports.output import Output
-from analyzer.exports.sink import ExportOptions
-from analyzer.frames import Batch
+from ...tables.batch import Batch
+from ..encoding import FrameJsonLines
+from ..output import OutputStream
+from ..sink import ExportOptions
 
 if TYPE_CHECKING:
-    from analyzer.pipeline import Analysed
     from captures import Block, Capture
 
+    from ...core import Analysed
 
-class _Lines:
-    def __init__(self, out: Output, options: ExportOptions) -> None:
+
+class _JsonLinesSink:
+    def __init__(self, out: OutputStream, options: ExportOptions) -> None:
         self._out = out
-        self._lines = JsonLines(explain=options.explain, noise=options.noise)
+        self._lines = FrameJsonLines(explain=options.explain, noise=options.noise)
 
     def block(self, block: Block) -> None:
         """Raw chunks are not in this format."""
@@ -34,6 +35,6 @@ class _Lines:
         """Nothing is left: lines are written as they come."""
 
 
-def open_sink(out: Output, capture: Capture, options: ExportOptions) -> _Lines:  # noqa: ARG001
+def open_sink(out: OutputStream, capture: Capture, options: ExportOptions) -> _JsonLinesSink:  # noqa: ARG001
     """Lines onto `out`."""
-    return _Lines(out, options)
+    return _JsonLinesSink(out, options)

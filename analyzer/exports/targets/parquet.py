@@ -1,17 +1,19 @@
-"""Parquet: a row a frame in typed columns (`analyzer.tables`), for pandas, polars, DuckDB and their like."""
+"""Parquet: a row a frame in typed columns (`analyzer.exports.arrow`), for pandas, polars, DuckDB and their like."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from analyzer.exports.output import ExportError, Output
-from analyzer.exports.sink import ExportOptions
+from ..output import ExportError, OutputStream
+from ..sink import ExportOptions
 
 if TYPE_CHECKING:
-    from analyzer.frames import Batch
-    from analyzer.pipeline import Analysed
     from captures import Block, Capture
 
+    from ...core import Analysed
+    from ...tables.batch import Batch
+
+BINARY: Final = True
 _GROUP: Final = 1 << 16  # rows of a row group, at least: more cost memory
 _GROWING: Final = ("index", "start", "t_start_ns", "t_end_ns", "request_start")  # from row to row
 _VARIED: Final = ("response_time_ns", "bytes", "values")  # of which a dictionary would help nobody
@@ -19,18 +21,18 @@ _SOUGHT: Final = (*_GROWING, "response_time_ns", "unit", "function", "address") 
 
 
 class _Groups:
-    def __init__(self, out: Output, options: ExportOptions) -> None:
+    def __init__(self, out: OutputStream, options: ExportOptions) -> None:
         try:
             from pyarrow import PythonFile, Table
             from pyarrow.parquet import ParquetWriter
 
-            from analyzer import tables
+            from analyzer.exports import arrow
         except ImportError as error:
             raise ExportError("parquet needs pyarrow: pip install 'rtuscope[columns]'") from error
 
         self._options = options
-        self._record_batch = tables.record_batch
-        self._schema = tables.schema(explain=options.explain)
+        self._record_batch = arrow.record_batch
+        self._schema = arrow.schema(explain=options.explain)
         self._table = Table.from_batches
         self._parts: list[Any] = []
         self._count = 0
@@ -69,6 +71,6 @@ class _Groups:
         self._parts, self._count = [], 0
 
 
-def open_sink(out: Output, capture: Capture, options: ExportOptions) -> _Groups:  # noqa: ARG001
+def open_sink(out: OutputStream, capture: Capture, options: ExportOptions) -> _Groups:  # noqa: ARG001
     """Row groups onto `out`."""
     return _Groups(out, options)

@@ -9,6 +9,9 @@ server's. Wireshark takes a hint from ports only where its preference `mbrtu.tcp
 direction from lengths, and cannot tell a write's echo from its request. A wrong check value is flagged as a CRC error,
 and what was found about a frame is its packet comment.
 
+The raw reads are in the file as well, in blocks that other programs step over (`captures.network.blocks`): so this tool
+reads its own file as the capture that it came from. With a filter they are left out.
+
 Blocks are packed by arrays: all of them are whole 32-bit words, so each field is one scatter over all packets.
 """
 
@@ -20,20 +23,25 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer.exports.encoding import explain_json
-from analyzer.exports.output import Output
-from analyzer.exports.sink import ExportOptions
-from analyzer.frames import Batch, Kind, Protocol
-from analyzer.version import __version__
+from captures.network import blocks as ng
+from captures.network.blocks import pcapng_block, pcapng_option
+from captures.network.links import UPPER_PDU
+from captures.network.packets import INBOUND, OUTBOUND
+
+from ...tables.batch import Batch
+from ...tables.schema import Kind, Protocol
+from ...version import __version__
+from ..encoding import explain_json
+from ..output import OutputStream
+from ..sink import ExportOptions
 
 if TYPE_CHECKING:
-    from analyzer.pipeline import Analysed
     from captures import Block, Capture, LineSettings
 
-_SECTION, _INTERFACE, _PACKET = 0x0A0D0D0A, 1, 6  # block types
-_COMMENT, _NAME, _FLAGS, _APPLICATION, _SPEED, _RESOLUTION = 1, 2, 2, 4, 8, 9  # options, by the block that they are of
-_INBOUND, _OUTBOUND, _CRC_ERROR = 1, 2, 1 << 24
-_UPPER_PDU: Final = 252  # link type: tags, then the PDU
+    from ...core import Analysed
+
+BINARY: Final = True
+_CRC_ERROR: Final = 1 << 24  # flag
 _DISSECTOR, _PORT_TYPE, _SOURCE, _DESTINATION = 12, 24, 25, 26  # tags
 _TCP: Final = 2
 _SERVER, _CLIENT = 502, 1502
@@ -42,15 +50,6 @@ _ABOUT: Final = "Port 502 is the server's: set the preference mbrtu.tcp.port to 
 
 Words = NDArray[np.uint32]
 _Ints = NDArray[np.int64]
-
-
-def _block(kind: int, body: bytes) -> bytes:
-    size = len(body) + 12
-    return struct.pack("<II", kind, size) + body + struct.pack("<I", size)
-
-
-def _option(code: int, value: bytes) -> bytes:
-    return struct.pack("<HH", code, len(value)) + value + bytes(-len(value) % 4)
 
 
 def _tags(dissector: bytes, source: int, destination: int) -> Words:
@@ -65,24 +64,29 @@ def _tags(dissector: bytes, source: int, destination: int) -> Words:
 _PORTS: Final = ((0, 0), (_CLIENT, _SERVER), (_SERVER, _CLIENT))
 _RTU: Final = np.stack([_tags(b"data" if kind == Kind.NOISE else b"mbrtu", *_PORTS[kind]) for kind in Kind])
 _PLAIN: Final = np.stack([_tags(b"data", *_PORTS[kind]) for kind in Kind])
-_WAYS: Final = np.array([0, _OUTBOUND, _INBOUND], np.uint32)
+_WAYS: Final = np.array([0, OUTBOUND, INBOUND], np.uint32)
 _BEFORE: Final = 7  # words of a packet block before its tags
 _TAGGED: Final = _RTU.shape[1]
 _AFTER: Final = 4  # words behind the bytes: the flags, the end of the options, the block's size
 
 
 class _Packets:
-    def __init__(self, out: Output, capture: Capture, options: ExportOptions) -> None:
+    def __init__(self, out: OutputStream, capture: Capture, options: ExportOptions) -> None:
         self._out = out
         self._options = options
         self._line = capture.line
         self._interfaces: dict[int, int] = {}  # by port, in order of appearance
-        about = _option(_COMMENT, _ABOUT.encode()) + _option(_APPLICATION, f"rtuscope {__version__}".encode())
-        out.write(_block(_SECTION, struct.pack("<IHHq", 0x1A2B3C4D, 1, 0, -1) + about + bytes(4)))
+        self._reads = options.filter is None
+        about = pcapng_option(ng.COMMENT, _ABOUT.encode()) + pcapng_option(
+            ng.APPLICATION, f"rtuscope {__version__}".encode()
+        )
+        out.write(ng.section(capture.line, timed=capture.timed, reads=self._reads, more=about))
         self._interface(0)
 
     def block(self, block: Block) -> None:
-        """Raw chunks are not in this format."""
+        """Raw reads as they are."""
+        if self._reads:
+            self._out.write(ng.reads_block(block))
 
     def rows(self, batch: Batch, first: int, last: int) -> None:
         """A packet a row."""
@@ -110,10 +114,12 @@ class _Packets:
 
 
 def _interface(port: int, line: LineSettings) -> bytes:
-    options = _option(_NAME, f"port {port}".encode()) + _option(_RESOLUTION, b"\x09")  # times in 10**-9 s
+    options = pcapng_option(ng.NAME, f"port {port}".encode()) + pcapng_option(
+        ng.RESOLUTION, b"\x09"
+    )  # times in 10**-9 s
     if line.baud is not None:
-        options += _option(_SPEED, struct.pack("<Q", int(line.baud)))
-    return _block(_INTERFACE, struct.pack("<HHI", _UPPER_PDU, 0, 0) + options + bytes(4))
+        options += pcapng_option(ng.SPEED, struct.pack("<Q", int(line.baud)))
+    return pcapng_block(ng.INTERFACE, struct.pack("<HHI", UPPER_PDU, 0, 0) + options + bytes(4))
 
 
 def _packets(batch: Batch, kept: NDArray[np.intp], interfaces: Words, comments: dict[int, bytes]) -> bytes:
@@ -132,7 +138,7 @@ def _packets(batch: Batch, kept: NDArray[np.intp], interfaces: Words, comments: 
     tags_size = 4 * _TAGGED
     times = np.maximum(rows["t_end"], 0)  # the format has no times before its epoch
     octets = (tags_size + lengths, tags_size + rows["length"])  # written, and as they were
-    for i, column in enumerate((_PACKET, sizes, interfaces, times >> 32, times & 0xFFFFFFFF, *octets)):
+    for i, column in enumerate((ng.ENHANCED_PACKET, sizes, interfaces, times >> 32, times & 0xFFFFFFFF, *octets)):
         packed[begins + i] = column
     kinds = rows["kind"]
     tags = _RTU[kinds]
@@ -145,7 +151,7 @@ def _packets(batch: Batch, kept: NDArray[np.intp], interfaces: Words, comments: 
     for place, option in comments.items():
         packed[behind[place] : behind[place] + extra[place]] = np.frombuffer(option, "<u4")
     behind = behind + extra
-    packed[behind] = 4 << 16 | _FLAGS  # the option's code, then its size
+    packed[behind] = 4 << 16 | ng.FLAGS  # the option's code, then its size
     packed[behind + 1] = _WAYS[kinds] | np.where((kinds != Kind.NOISE) & ~rows["check"], _CRC_ERROR, 0)
     packed[behind + 3] = sizes
     return packed.tobytes()
@@ -173,12 +179,12 @@ def _comments(batch: Batch, kept: NDArray[np.intp], explain: bool) -> dict[int, 
                 weights = ", ".join(f"{key} {value}" for key, value in why.items() if key != "runner_up")
                 said.setdefault(place, []).append(f"evidence in bits: {weights}")
     return {
-        place: b"".join(_option(_COMMENT, text.encode()[:0xFFFF]) for text in texts)
+        place: b"".join(pcapng_option(ng.COMMENT, text.encode()[:0xFFFF]) for text in texts)
         for place, texts in said.items()
         if texts
     }
 
 
-def open_sink(out: Output, capture: Capture, options: ExportOptions) -> _Packets:
+def open_sink(out: OutputStream, capture: Capture, options: ExportOptions) -> _Packets:
     """Packets onto `out`."""
     return _Packets(out, capture, options)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
+from .examples import Sights
 from .page import page
-from .sights import Sights
 
 __all__ = ["Sights", "page"]

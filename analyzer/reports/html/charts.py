@@ -9,11 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from analyzer.recorded import Deaf
-from analyzer.reports.model import UnitRow
-from analyzer.reports.page import duration, unheard
-
-from .timeline import Timeline
+from ...outages import Deaf, unheard
+from ...tables.timebins import TroubleBins
+from ...words import duration
+from ..model import UnitRow
 
 WIDTH: Final = 900  # of a drawing, in its own units; it scales with the page
 _LEFT: Final = 54
@@ -27,7 +26,7 @@ _STEPS_S: Final = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200
 
 
 @dataclass(frozen=True, slots=True)
-class Tick:
+class AxisTick:
     """A place on an axis, and what stands there."""
 
     at: float
@@ -60,12 +59,12 @@ class TimeChart:
     most: int  # troubles in the fullest bin
     bars: tuple[Bar, ...]
     deaf: tuple[Bar, ...]  # times in which the recorder heard nothing
-    ticks: tuple[Tick, ...]
+    ticks: tuple[AxisTick, ...]
     bin: str  # how long a bin is
 
 
 @dataclass(frozen=True, slots=True)
-class Range:
+class TimeRange:
     """One unit's response times on the axis."""
 
     unit: int
@@ -84,11 +83,11 @@ class RangeChart:
     left: float
     right: float
     height: float
-    rows: tuple[Range, ...]
-    ticks: tuple[Tick, ...]
+    rows: tuple[TimeRange, ...]
+    ticks: tuple[AxisTick, ...]
 
 
-def time_chart(timeline: Timeline, span_ns: int, char_ns: float | None, deaf: Sequence[Deaf] = ()) -> TimeChart:
+def time_chart(timeline: TroubleBins, span_ns: int, char_ns: float | None, deaf: Sequence[Deaf] = ()) -> TimeChart:
     """The bus over time; with `char_ns` (time of a character) as load, else as bytes a second."""
     count = timeline.used(span_ns)
     full = count * timeline.width_ns
@@ -108,7 +107,7 @@ def time_chart(timeline: Timeline, span_ns: int, char_ns: float | None, deaf: Se
     area += f"V{base:g}Z"
     most = int((timeline.errors[:count] + timeline.warnings[:count]).max())
     ticks = tuple(
-        Tick(_LEFT + at / full * (WIDTH - _LEFT - _RIGHT), duration(at) if at else "0") for at in _round_times(full)
+        AxisTick(_LEFT + at / full * (WIDTH - _LEFT - _RIGHT), duration(at) if at else "0") for at in _round_times(full)
     )
     bars = tuple(_trouble_bars(timeline, count, step, foot, max(most, 1)))
     shut = tuple(_deaf_bars(deaf, timeline.origin_ns or 0, full, foot))
@@ -124,7 +123,7 @@ def _deaf_bars(deaf: Sequence[Deaf], origin_ns: int, full_ns: int, foot: float) 
         yield Bar(_LEFT + begin * scale, 10.0, max((end - begin) * scale, 1.5), foot - 10.0, "deaf", unheard(time))
 
 
-def _trouble_bars(timeline: Timeline, count: int, step: float, foot: float, most: int) -> list[Bar]:
+def _trouble_bars(timeline: TroubleBins, count: int, step: float, foot: float, most: int) -> list[Bar]:
     bars = []
     for i in np.flatnonzero(timeline.errors[:count] + timeline.warnings[:count]).tolist():
         y = foot
@@ -166,7 +165,7 @@ def range_chart(units: Sequence[UnitRow]) -> RangeChart | None:
         return round(_LEFT + (math.log10(ns) - low) / (high - low) * wide, 1)
 
     made = tuple(
-        Range(
+        TimeRange(
             unit,
             _ROW * (i + 0.5) + 4,
             place(four[0]),
@@ -178,5 +177,5 @@ def range_chart(units: Sequence[UnitRow]) -> RangeChart | None:
         )
         for i, (unit, four, count) in enumerate(rows)
     )
-    ticks = tuple(Tick(place(10.0**power), duration(10**power)) for power in range(low, high + 1))
+    ticks = tuple(AxisTick(place(10.0**power), duration(10**power)) for power in range(low, high + 1))
     return RangeChart(_LEFT, WIDTH - _RIGHT, _ROW * len(made) + 34, made, ticks)

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from analyzer.findings.model import Finding, Findings, describe
-from analyzer.frames import Batch, Frame, Kind
+from ...tables.batch import Batch, rows_of_findings
+from ...tables.findings import Finding, Findings, describe
+from ...tables.frame import Frame
+from ...tables.schema import Kind
+from ...tables.timebins import TroubleBins
+
+if TYPE_CHECKING:
+    from ...core import Analysed
+
 
 _EACH: Final = 2
 _NOISE: Final = 32  # bytes kept of a stretch of noise
 
 
 @dataclass(frozen=True, slots=True)
-class Example:
+class FindingExample:
     """One finding with the bytes that it is about.
 
     `frame` is None for noise, of which `noise` holds the bytes from the finding on, the first ones; `length` is how
@@ -32,10 +39,10 @@ class Examples:
     """The first findings of each rule that have a place."""
 
     def __init__(self) -> None:
-        self._by_rule: dict[int, list[Example]] = {}
-        self._by_code: dict[str, list[Example]] = {}
+        self._by_rule: dict[int, list[FindingExample]] = {}
+        self._by_code: dict[str, list[FindingExample]] = {}
 
-    def of(self, code: str) -> list[Example]:
+    def of(self, code: str) -> list[FindingExample]:
         """Those of one code; none where it speaks of the bus as a whole."""
         return self._by_code.get(code, [])
 
@@ -51,16 +58,30 @@ class Examples:
                     self._by_code[example.finding.code] = kept
 
 
-def _example(batch: Batch, row: np.void) -> Example | None:
+def _example(batch: Batch, row: np.void) -> FindingExample | None:
     """The finding with the row that holds its first byte; None where this batch has no such row."""
     rows, start = batch.rows, row["start"]
-    held = (rows["port"] == row["port"]) & (rows["start"] <= start) & (start < rows["start"] + rows["length"])
-    places = np.flatnonzero(held)
-    if not len(places):
+    place = int(rows_of_findings(rows, row.reshape(1))[0])
+    if place < 0:
         return None
-    place = int(places[0])
     finding = describe(row)
     if rows["kind"][place] != Kind.NOISE:
-        return Example(finding, batch.frame(place), b"", finding.length)
+        return FindingExample(finding, batch.frame(place), b"", finding.length)
     noise = batch.bytes_of(place)[int(start - rows["start"][place]) :]
-    return Example(finding, None, noise[:_NOISE], len(noise))
+    return FindingExample(finding, None, noise[:_NOISE], len(noise))
+
+
+# What the page shows beyond the counts of a report, collected as batches come, in flat memory.
+
+
+class Sights:
+    """The bus over time, and examples of what was found."""
+
+    def __init__(self) -> None:
+        self.timeline = TroubleBins()
+        self.examples = Examples()
+
+    def feed(self, analysed: Analysed) -> None:
+        """See one batch."""
+        self.timeline.add(analysed.batch.rows, analysed.findings)
+        self.examples.add(analysed.batch, analysed.findings)

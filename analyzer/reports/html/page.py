@@ -11,16 +11,18 @@ from typing import TYPE_CHECKING, Final
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from analyzer.reports import findings
-from analyzer.reports.model import FindingRow, Report
-from analyzer.reports.page import duration, facts, nothing, plural
-from analyzer.version import __version__
-from dissectors.text import harmless
+from captures.line import LineSettings
+from dissectors.values import harmless
 
+from ...version import __version__
+from ...words import duration, plural
+from ..model import FindingRow, Report
+from ..page import facts, nothing
 from .charts import range_chart, time_chart
 from .pieces import shown
 
 if TYPE_CHECKING:
-    from .sights import Sights
+    from .examples import Sights
 
 _CARDS: Final = 8  # findings told at length; the table has all
 
@@ -36,7 +38,7 @@ def page(report: Report, sights: Sights) -> str:
         finalize=lambda value: harmless(value) if type(value) is str else value,
     )
     environment.filters.update(duration=lambda ns: "?" if ns is None else duration(ns), seconds=findings.seconds)
-    char_ns = report.char_bits * 1e9 / report.baud if report.baud and report.char_bits else None
+    char_ns = LineSettings(baud=report.baud, char_bits=report.char_bits).character_ns
     worst = [row for row in report.findings if row.severity != "note"]
     origin = sights.timeline.origin_ns if report.timed else None
     span = report.span_ns

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from analyzer.findings.model import Finding
-from analyzer.frames import Frame, Protocol, adu_of
-from analyzer.reports.page import duration
-from dissectors.annotation import Field, annotate
-from dissectors.lengths import Role
+from dissectors.annotation import annotate
+from dissectors.fields import Field
+from dissectors.length_rules import Role
 
-from .examples import Example
+from ...tables.findings import Finding
+from ...tables.frame import Frame, adu_of
+from ...tables.schema import Protocol
+from ...words import duration
+from .examples import FindingExample
 
 _BYTES: Final = 16  # shown of one field
 _TEXT: Final = 72
@@ -26,7 +28,7 @@ class Octet:
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class FieldCell:
     """One field: its bytes, or the first of them, and what it says."""
 
     name: str
@@ -42,32 +44,32 @@ class Strip:
 
     title: str
     words: str
-    pieces: tuple[Piece, ...]
+    pieces: tuple[FieldCell, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ExampleView:
     """An example, ready for the page: what was found, and the frames, a request before its answer."""
 
     text: str
     strips: tuple[Strip, ...]
 
 
-def shown(example: Example, origin_ns: int | None) -> Shown:
+def shown(example: FindingExample, origin_ns: int | None) -> ExampleView:
     """Lay an example out; `origin_ns` is the time that counts as 0, None where the capture has no times."""
     finding, frame = example.finding, example.frame
     if frame is None:
         octets = tuple(Octet(f"{byte:02X}", True) for byte in example.noise)
-        piece = Piece("", octets, example.length - len(octets), "", "")
+        piece = FieldCell("", octets, example.length - len(octets), "", "")
         title = " · ".join(("noise", *_place(finding.start, finding.port, finding.t_ns, origin_ns)))
-        return Shown(finding.text, (Strip(title, "bytes in no frame", (piece,)),))
+        return ExampleView(finding.text, (Strip(title, "bytes in no frame", (piece,)),))
     strips = []
     if frame.request_bytes is not None:
         asked = adu_of(frame.request_bytes, frame.row.protocol)
         fields = annotate(asked, Role.REQUEST)
         strips.append(Strip("the request before it", "", _pieces(fields, asked.data, range(0))))
     strips.append(_strip(frame, finding, origin_ns))
-    return Shown(finding.text, tuple(strips))
+    return ExampleView(finding.text, tuple(strips))
 
 
 def _strip(frame: Frame, finding: Finding, origin_ns: int | None) -> Strip:
@@ -95,12 +97,12 @@ def _place(start: int, port: int, t_ns: int, origin_ns: int | None) -> list[str]
     return parts
 
 
-def _pieces(fields: tuple[Field, ...], data: bytes, marks: range) -> tuple[Piece, ...]:
+def _pieces(fields: tuple[Field, ...], data: bytes, marks: range) -> tuple[FieldCell, ...]:
     made = []
     for field in fields:
         places = range(field.start, field.start + field.length)
         octets = tuple(Octet(f"{data[i]:02X}", i in marks) for i in places[:_BYTES])
         text = field.text if len(field.text) <= _TEXT else field.text[: _TEXT - 1] + "…"
         problem = field.problem or ""
-        made.append(Piece(field.name.replace("_", " "), octets, len(places) - len(octets), text, problem))
+        made.append(FieldCell(field.name.replace("_", " "), octets, len(places) - len(octets), text, problem))
     return tuple(made)

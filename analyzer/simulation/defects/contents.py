@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import struct
 
-from analyzer.simulation.conversation import adu
-
+from ..conversation import adu
 from .registry import defect
 from .stage import Stage
 

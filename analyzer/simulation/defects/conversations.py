@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from analyzer.simulation.conversation import Exchange, adu
-
+from ..conversation import Exchange, adu
 from .registry import defect
 from .stage import BROADCAST_NS, MS, Stage
 

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from random import Random
 from typing import Any
 
-from analyzer.simulation.truth import TruthFrame
-from dissectors.checks import crc16
+from dissectors.crc import crc16
 from dissectors.crc_variants import VARIANTS
 
+from ..truth import TruthFrame
 from .registry import defect
 from .stage import Stage
 

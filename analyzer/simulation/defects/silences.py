@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from analyzer.simulation.conversation import adu
-
+from ..conversation import adu
 from .registry import TIMED, defect
 from .stage import MS, Stage
 

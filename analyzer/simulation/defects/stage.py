@@ -12,9 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from random import Random
 from typing import Any, Final
 
-from analyzer.simulation.conversation import Client, Exchange, Habits, adu
-from analyzer.simulation.devices import Device
-from analyzer.simulation.truth import TruthFinding, TruthFrame
+from ..conversation import Client, Exchange, Habits, adu
+from ..devices import Device
+from ..truth import TruthFinding, TruthFrame
 
 MS: Final = 1e6  # ns
 TIMEOUT_NS: Final = 250 * MS  # that the master waits for an answer

@@ -1,7 +1,7 @@
 """This tool's own MCAP: raw chunks without loss, in a file that any MCAP viewer opens.
 
 One channel, `/rtuscope/chunks`, whose messages are protobuf with their schema in the file. A message holds many chunks
-as columns (some 64 KiB or one second of the bus), since a message each would be mostly overhead, and packed numbers of
+as columns (some 16 KiB or ten seconds of the bus), since a message each would be mostly overhead, and packed numbers of
 a fixed width, since those are arrays as they stand:
 
     t_ns      time of the first chunk, ns; the message's log_time is the same (0 where it is negative)
@@ -17,56 +17,53 @@ Files of before had the same columns in JSON, `data` in base64; they are read as
 Settings of the line are in a metadata record named `rtuscope`, written before anything else so that a file that was cut
 has them, and again in the channel's metadata. Other channels in the file are no concern of this reader.
 
-`channel` writes them beside whatever else a file holds, `messages` is one message, `reading` the way back, `writer` a
-file by arrays, `packing` its chunks, `protobuf` messages of a constant layout. Names are loaded when they are used.
+`channel` is these messages and their channel beside whatever else a file holds, `reading` the way back, `scanning` the
+records of a file that may be damaged, `records` how records are laid out, `writer` a file by arrays, `packing` its
+chunks, `protobuf` messages of a constant layout. They are loaded when they are used.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Final
+from typing import TYPE_CHECKING, BinaryIO
 
-from captures.chunks import Block, Source
-from captures.formats import Format
-from captures.line import LineSettings
+from ...chunks import Block, Source
+from ...line import LineSettings
+from .. import Format
+from .records import MAGIC
 
 if TYPE_CHECKING:
-    from captures.formats.mcap.channel import ChunkChannel as ChunkChannel
-
-TOPIC: Final = "/rtuscope/chunks"
-METADATA: Final = "rtuscope"
-MAGIC: Final = b"\x89MCAP0\r\n"
+    from ...recording.notes import Note
 
 
 def _read(path: Path) -> Source:
-    from captures.formats.mcap.reading import read
+    from .reading import read_source
 
-    return read(path)
+    return read_source(path)
 
 
-def _write(file: BinaryIO, line: LineSettings, blocks: Iterable[Block], timed: bool) -> None:
-    from captures.formats.mcap.channel import ChunkChannel
-    from captures.formats.mcap.writer import ArrayWriter
+def _write(
+    file: BinaryIO, line: LineSettings, blocks: Iterable[Block], timed: bool, *, notes: Sequence[Note] = ()
+) -> None:
+    from ...recording.notes import NoteChannel
+    from .channel import ChunkChannel
+    from .writer import ArrayWriter
 
     writer = ArrayWriter(file)
     writer.start(library="rtuscope")
     channel = ChunkChannel(writer, line, timed=timed)
     for block in blocks:
         channel.write(block)
+    if notes:
+        note_channel = NoteChannel(writer)
+        for note in notes:
+            note_channel.write(note)
     writer.finish()
 
 
 def _sniff(head: bytes) -> float:
     return 1.0 if head.startswith(MAGIC) else 0.0
-
-
-def __getattr__(name: str) -> Any:
-    if name != "ChunkChannel":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from captures.formats.mcap.channel import ChunkChannel
-
-    return ChunkChannel
 
 
 FORMAT = Format("mcap", (".mcap",), _sniff, _read, _write)

@@ -17,7 +17,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from captures.ragged import Bytes, Ints, copy_spilling, scatter, sums
+from ...ragged import Bytes, Ints, copy_spilling, scatter, sums
 
 AT_ONCE: Final = 1 << 12  # messages: their heads and what they are made of are some hundred KiB
 _RECORD: Final = 9  # bytes of an opcode and a length
@@ -48,7 +48,7 @@ class Tails:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class PackedPart:
     """Messages that have a head of one width: their numbers among all (None for all of them) and their heads."""
 
     which: Ints | None
@@ -75,7 +75,7 @@ def heads(layout: NDArray[np.void], count: int) -> NDArray[np.void]:
     return np.repeat(row, count)
 
 
-def packed(channels: Any, times: Ints, parts: Sequence[Part], tails: Tails | None = None) -> Packed:
+def packed(channels: Any, times: Ints, parts: Sequence[PackedPart], tails: Tails | None = None) -> Packed:
     """Messages as records, in this order; their heads get what the record says here.
 
     `channels` (n, or one for all) and `times` (n, ns); times before 0, which the format has not, become 0.
@@ -97,7 +97,7 @@ def packed(channels: Any, times: Ints, parts: Sequence[Part], tails: Tails | Non
     return Packed(_records(parts, tails, ends), channels, log_times, ends[:-1])
 
 
-def _records(parts: Sequence[Part], tails: Tails | None, ends: Ints) -> Bytes:
+def _records(parts: Sequence[PackedPart], tails: Tails | None, ends: Ints) -> Bytes:
     if tails is None and len(parts) == 1 and parts[0].which is None:
         return parts[0].heads.view(np.uint8)
     data = np.empty(int(ends[-1]), np.uint8)

@@ -23,7 +23,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from captures.ragged import Ints
+from ...ragged import Ints
 
 ENCODING: Final = "protobuf"
 SPARE: Final = (15, 2047)  # numbers of no field, with a tag of one and of two bytes
@@ -64,7 +64,7 @@ _WIRE: Final[dict[Type, tuple[int, str]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class MessageField:
     """One field; `names` are the values of an enum by name, `repeated` is for schemas only, not for rows."""
 
     name: str
@@ -79,7 +79,7 @@ class Message:
     """A message type by its full name, `package.Name`, with its fields in the order in which rows have them."""
 
     name: str
-    fields: tuple[Field, ...]
+    fields: tuple[MessageField, ...]
 
     @cached_property
     def numbers(self) -> dict[str, int]:
@@ -99,7 +99,7 @@ class Message:
         parts += [_part(8, _text(1, f"_{field.name}")) for field in self.fields if field.optional]
         return _file(self.name, b"".join(parts))
 
-    def _field(self, field: Field, choice: int) -> bytes:
+    def _field(self, field: MessageField, choice: int) -> bytes:
         name = field.name.encode()
         parts = [delimited(1, name), _kind(self.numbers[field.name], field.repeated, field.type)]
         if b"_" in name:
@@ -107,10 +107,10 @@ class Message:
         if field.names is not None:
             parts.append(_text(6, f".{self.name}.{_type_name(self._enum_of(field))}"))
         if field.optional:
-            parts += [_number(9, choice), _number(17, 1)]
+            parts += [varint_field(9, choice), varint_field(17, 1)]
         return b"".join(parts)
 
-    def _enum_of(self, field: Field) -> Field:
+    def _enum_of(self, field: MessageField) -> MessageField:
         """The first field with the same enum, which gives it its name: a message can't have a value's name twice."""
         return next(other for other in self.fields if other.names == field.names)
 
@@ -142,16 +142,17 @@ class Message:
 
 
 def plain_schema(name: str, fields: Iterable[str], kind: Type) -> bytes:
-    """The schema of a message whose fields are all of one type; ASCII names of up to 100 letters, no underscores.
+    """The schema of a message whose fields are all of one type, any of which it may lack; ASCII names of up to 100
+    letters, no underscores.
 
-    An export makes thousands of these, with up to `PLAIN` fields each, so no object a field is made. Their numbers
-    begin with 16, so that all tags have two bytes: `plain_items` are such fields.
+    An export makes many of these, with up to `PLAIN` fields each, so no object a field is made. Their numbers begin
+    with 16, so that all tags have two bytes: `plain_items` are such fields.
     """
-    parts = [
-        f"\x12{chr(len(field) + len(rest) + 2)}\n{chr(len(field))}{field}{rest}"
-        for field, rest in zip(fields, _plain_kinds(kind), strict=False)
-    ]
-    return _file(name, "".join(parts).encode("latin-1"))
+    parts, choices = [], []
+    for field, rest in zip(fields, _plain_kinds(kind), strict=False):
+        parts.append(f"\x12{chr(len(field) + len(rest) + 2)}\n{chr(len(field))}{field}{rest}")
+        choices.append(f"\x42{chr(len(field) + 3)}\n{chr(len(field) + 1)}_{field}")
+    return _file(name, "".join((*parts, *choices)).encode("latin-1"))
 
 
 def plain_items(kind: Type, places: Ints, values: NDArray[Any]) -> NDArray[np.void]:
@@ -226,14 +227,17 @@ def _read_varint(view: memoryview, at: int) -> tuple[int, int]:
 
 def _kind(number: int, repeated: bool, type: Type) -> bytes:
     """What a descriptor says of a field beside its name."""
-    return _number(3, number) + _number(4, _REPEATED if repeated else _OPTIONAL) + _number(5, type)
+    return varint_field(3, number) + varint_field(4, _REPEATED if repeated else _OPTIONAL) + varint_field(5, type)
 
 
 @cache
 def _plain_kinds(type: Type) -> tuple[str, ...]:
     """The same of plain fields, by their places in the message; a letter a byte. Thousands of schemas say it."""
-    rest = _number(4, _OPTIONAL) + _number(5, type)
-    return tuple((_number(3, number) + rest).decode("latin-1") for number in _PLAIN_NUMBERS)
+    rest = varint_field(4, _OPTIONAL) + varint_field(5, type) + varint_field(17, 1)
+    return tuple(
+        (varint_field(3, number) + rest + varint_field(9, choice)).decode("latin-1")
+        for choice, number in enumerate(_PLAIN_NUMBERS)
+    )
 
 
 @cache
@@ -255,11 +259,11 @@ def _file(name: str, content: bytes) -> bytes:
 
 
 def _enum(name: str, names: Mapping[str, int]) -> bytes:
-    values = (_part(2, _text(1, key) + _number(2, value)) for key, value in names.items())
+    values = (_part(2, _text(1, key) + varint_field(2, value)) for key, value in names.items())
     return _text(1, name) + b"".join(values)
 
 
-def _type_name(field: Field) -> str:
+def _type_name(field: MessageField) -> str:
     return "".join(word.capitalize() for word in field.name.split("_"))
 
 
@@ -272,7 +276,8 @@ def _varint(value: int) -> bytes:
     return bytes(found)
 
 
-def _number(number: int, value: int) -> bytes:
+def varint_field(number: int, value: int) -> bytes:
+    """A whole number, not negative, as a field."""
     return _varint(number << 3) + _varint(value)
 
 
@@ -284,4 +289,4 @@ def _text(number: int, text: str) -> bytes:
     return delimited(number, text.encode())
 
 
-_RESERVED: Final = b"".join(_part(9, _number(1, spare) + _number(2, spare + 1)) for spare in SPARE)
+_RESERVED: Final = b"".join(_part(9, varint_field(1, spare) + varint_field(2, spare + 1)) for spare in SPARE)

@@ -1,100 +1,147 @@
-"""Reading raw chunks out of an MCAP file, whole, cut or damaged.
-
-Reading takes record by record, so that damage costs only the record that it hit, and a file without its end gives all
-that was complete. The parts come from the mcap library; the walk over records is here because the library's readers
-stop at the first damage and parse every message of every channel. Chunks that by a summary with a right CRC hold none
-of our messages are stepped over.
-"""
+"""Raw chunks out of an MCAP file: what it holds, and of what is lost from when to when it was heard."""
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, Final
 
+import numpy as np
 import orjson
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata
-from mcap.records import Chunk as McapChunk
-from mcap.stream_reader import get_chunk_data_stream
 
-from captures.chunks import Block, Note
-from captures.errors import CaptureError
-from captures.files import opened
-from captures.formats.mcap import MAGIC, METADATA, TOPIC
-from captures.formats.mcap.messages import decoded, one_line
-from captures.formats.mcap.summary import Summary, summary_of
-from captures.line import LineSettings
+from ...chunks import Block, Note
+from ...errors import CaptureError
+from ...files import opened
+from ...line import LineSettings
+from ...time_order import TIME_LIMIT
+from .channel import block_of
+from .protobuf import ENCODING
+from .records import METADATA, TOPIC, DamagedRecordError, one_line, records_in
+from .scanning import FileBytes, Loss, Record, read_summary, stream_of, walk
+from .topics import UNDECLARED, TopicMessage, channel_in, messages_in
 
-RECORD_LIMIT = 1 << 30  # bytes of one record, packed or not: nothing that this tool writes comes near
+if TYPE_CHECKING:
+    from ...recording.notes import Note as LineNote
 
-_HEAD = struct.Struct("<BQ")  # opcode and length of every record
-_MESSAGE_HEAD = 22  # channel id, sequence, log time, publish time
+_EPOCH_NS: Final = 10**17  # times after 1973 are a clock's
+_HEAD_BYTES: Final = 1 << 12  # in which a file's metadata stand
 
 
 @dataclass(frozen=True, slots=True)
-class _Reader:
+class _McapSource:
+    """The raw chunks of a file (`captures.chunks.Source`)."""
+
     path: Path
     line: LineSettings
     timed: bool
     complaints: tuple[str, ...]
 
-    def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:  # noqa: ARG002 - a chunk's messages stay together
+    def notes(self) -> list[LineNote]:
+        from ...recording.notes import read
+
+        return read(self.path)
+
+    def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:
         for complaint in self.complaints:
             note(f"metadata {METADATA!r}", complaint)
+        losses = _Losses(note, self.timed)
+        waiting: list[Block] = []
+        size = 0
         with opened(self.path) as file:
-            summary = summary_of(file)
-            encodings = dict(summary.ours) if summary else {}
-            for where, opcode, content in _records(file, note, summary):
-                found = list(_blocks(where, opcode, content, encodings, self.timed, note))
-                if found:
-                    yield Block.joined(found)
+            for item in _blocks_and_losses(FileBytes(file), self.timed, note):
+                if isinstance(item, Loss):
+                    losses.add(item)
+                    continue
+                if waiting and (losses.pending or size >= max_bytes):
+                    yield Block.joined(waiting)
+                    waiting, size = [], 0
+                losses.end(item)
+                waiting.append(item)
+                size += len(item.data)
+        if waiting:
+            yield Block.joined(waiting)
+        losses.end(None)
 
 
-def read(path: Path) -> _Reader:
+def read_source(path: Path) -> _McapSource:
     """The raw chunks of a file; CaptureError where it has none."""
     with opened(path) as file:
-        settings = _find_settings(file)
-        if settings is None:
-            raise CaptureError(
-                f"{path}: an MCAP file without raw chunks (no channel {TOPIC}): only one recorded or exported by "
-                "rtuscope can be read, or it was cut before its settings"
-            )
+        settings = _settings(FileBytes(file))
+    if settings is None:
+        raise CaptureError(
+            f"{path}: an MCAP file without raw chunks (no channel {TOPIC}): only one recorded or exported by "
+            "rtuscope can be read, or it was cut before its settings"
+        )
     try:
         header = orjson.loads(settings.get("line", "{}"))
     except orjson.JSONDecodeError:
         header = None
     if not isinstance(header, dict):
-        return _Reader(path, LineSettings(), True, ("the settings of the line are damaged: not known",))
+        return _McapSource(path, LineSettings(), True, ("the settings of the line are damaged: not known",))
     line, complaints = LineSettings.from_header(header)
-    return _Reader(path, line, settings.get("timed") != "false", tuple(complaints))
+    return _McapSource(path, line, settings.get("timed") != "false", tuple(complaints))
 
 
-def _find_settings(file: BinaryIO) -> dict[str, str] | None:
-    """The settings record of a file, from the metadata or else from the channel; None where there is neither."""
-    asked = False
-    for _, opcode, content in _records(file, _ignore, None):
-        try:
-            if opcode == Opcode.METADATA:
-                record = Metadata.read(ReadDataStream(BytesIO(content)))
-                if record.name == METADATA:
-                    return dict(record.metadata)
-            elif opcode in (Opcode.CHUNK, Opcode.CHANNEL):
-                if not asked:
-                    # An intact file of other origin says so in its summary: no need to unpack all of it.
-                    asked = True
-                    summary = summary_of(file)
-                    if summary is not None and not summary.ours:
-                        return None
-                for inner, data, start, length in _inner(opcode, content):
-                    if inner == Opcode.CHANNEL and (channel := _channel(data, start, length)).topic == TOPIC:
-                        return dict(channel.metadata)
-        except Exception:  # a damaged record is the walk's to report
+def first_metadata(path: Path) -> dict[str, str]:
+    """What a file of this tool says of itself at its beginning; nothing where it says nothing, or cannot be read."""
+    with suppress(CaptureError), opened(path) as file:
+        first = next(iter(walk(FileBytes(file, block=_HEAD_BYTES), None, _ignore)), None)
+        if isinstance(first, Record) and first.opcode == Opcode.METADATA:
+            return _settings_record_in(first) or {}
+    return {}
+
+
+def log_time_span(path: Path) -> int:
+    """From the first log time in a file to the last by its summary, ns; 0 where it has none."""
+    with suppress(CaptureError), opened(path) as file:
+        summary = read_summary(FileBytes(file, block=_HEAD_BYTES), TOPIC)
+        return summary.span_ns if summary is not None else 0
+    return 0
+
+
+def _settings(data: FileBytes) -> dict[str, str] | None:
+    """The settings record, or else those of the channel, empty text for lost ones; None in a file of other origin."""
+    first = next(iter(walk(data, None, _ignore)), None)  # where this tool writes them
+    if isinstance(first, Record) and (settings := _settings_record_in(first)) is not None:
+        return settings
+    summary = read_summary(data, TOPIC)
+    if summary is not None:
+        if not any(summary.channels.values()):
+            return None
+        if "line" in summary.settings:
+            return dict(summary.settings)
+    channels = dict(summary.channels) if summary else {}
+    ours = summary is not None
+    for item in walk(data, summary, _ignore):
+        if isinstance(item, Loss):
             continue
+        if (settings := _settings_record_in(item)) is not None:
+            return settings
+        with suppress(DamagedRecordError):
+            for message in messages_in(item, channels, TOPIC):
+                ours = ours or _block(message, True) is not None
+    return {"line": ""} if ours else None
+
+
+def _settings_record_in(record: Record) -> dict[str, str] | None:
+    """Settings that a metadata record says, or the declaration of the channel."""
+    if record.opcode == Opcode.METADATA:
+        metadata = Metadata.read(stream_of(record.content))
+        return dict(metadata.metadata) if metadata.name == METADATA else None
+    if record.opcode == Opcode.CHANNEL:
+        channel = Channel.read(stream_of(record.content))
+        return dict(channel.metadata) if channel.topic == TOPIC else None
+    if record.opcode == Opcode.CHUNK:
+        with suppress(DamagedRecordError):
+            for opcode, start, end in records_in(record.content, record.packed):
+                if opcode == Opcode.CHANNEL:
+                    channel = channel_in(record.content[start:end])
+                    if channel.topic == TOPIC:
+                        return dict(channel.metadata)
     return None
 
 
@@ -102,93 +149,88 @@ def _ignore(where: str, what: str) -> None:
     """For a first look, whose damage the reading itself will note."""
 
 
-def _records(file: BinaryIO, note: Note, summary: Summary | None) -> Iterator[tuple[str, int, bytes]]:
-    """Each chunk, channel, message and metadata record of the data section, as (where, opcode, content)."""
-    size = file.seek(0, 2)
-    file.seek(0)
-    if file.read(len(MAGIC)) != MAGIC:
-        note("byte 0", "no MCAP magic: the file's beginning is damaged")
-        return
-    others = summary.others if summary else {}
-    at, complete = len(MAGIC), False
-    while True:
-        while at in others:
-            at = others[at]
-        file.seek(at)
-        head = file.read(_HEAD.size)
-        if len(head) < _HEAD.size:
-            break
-        opcode, length = _HEAD.unpack(head)
-        where = f"byte {at}"
-        if not (Opcode.HEADER <= opcode <= Opcode.DATA_END or opcode >= 0x80):
-            note(where, f"no record can begin with {opcode:02X}: what follows is damaged and not read")
-            return
-        if at + _HEAD.size + length > size:
-            break
-        at += _HEAD.size + length
-        complete = complete or opcode == Opcode.DATA_END
-        if opcode == Opcode.FOOTER:
-            if file.seek(at) == at and file.read(len(MAGIC)) == MAGIC:
-                return
-            break
-        if complete or opcode not in (Opcode.CHUNK, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA):
+def _blocks_and_losses(data: FileBytes, timed: bool, note: Note) -> Iterator[Block | Loss]:
+    """A block a message, in the order of the file, and in their places what cannot be given."""
+    summary = read_summary(data, TOPIC)
+    channels = dict(summary.channels) if summary else {}
+    messages, whole = 0, True
+    for item in walk(data, summary, note):
+        if isinstance(item, Loss):
+            whole = False
+            yield item
             continue
-        if length > RECORD_LIMIT:
-            note(where, f"a record of {length} bytes is too large: skipped")
-            continue
-        yield where, opcode, file.read(length)
-    lost = "all chunks are whole" if complete else "what was complete before is given"
-    note(f"byte {at}", f"file ends at byte {size} without a footer: {lost}")
-
-
-def _blocks(
-    where: str, opcode: int, content: bytes, encodings: dict[int, str], timed: bool, note: Note
-) -> Iterator[Block]:
-    """The messages of our channel in one record; `encodings` collects its ids, with how each is encoded."""
-    try:
-        for inner, data, start, length in _inner(opcode, content):
-            if inner == Opcode.CHANNEL:
-                channel = _channel(data, start, length)
-                if channel.topic == TOPIC:
-                    encodings[channel.id] = channel.message_encoding
+        try:
+            for message in messages_in(item, channels, TOPIC):
+                messages += 1
+                try:
+                    block = _block(message, timed)
+                except ValueError as error:
+                    yield Loss(item.at, f"a damaged message on {TOPIC} ({one_line(error)})", message.log_time)
                 else:
-                    encodings.pop(channel.id, None)
-            elif inner == Opcode.MESSAGE:
-                encoding = encodings.get(int.from_bytes(data[start : start + 2], "little"))
-                if encoding is not None:
-                    try:
-                        yield decoded(data[start + _MESSAGE_HEAD : start + length], encoding, timed)
-                    except ValueError as error:
-                        note(where, f"a message on {TOPIC} is damaged ({error}): its chunks are lost")
-    except Exception as error:  # the libraries below raise many kinds, none of which is a reason to stop
-        kind = "chunk" if opcode == Opcode.CHUNK else "record"
-        note(where, f"a damaged {kind} ({one_line(error)}): what it held is lost")
+                    if block is not None:
+                        yield block
+        except DamagedRecordError as error:
+            whole = False
+            yield Loss(item.at, f"a damaged chunk ({error})")
+    if whole and summary is not None and summary.messages is not None and messages < summary.messages:
+        note("its summary", f"{summary.messages - messages} of {summary.messages} messages on {TOPIC} are not there")
 
 
-def _channel(data: bytes, start: int, length: int) -> Channel:
-    channel: Channel = Channel.read(ReadDataStream(BytesIO(data[start : start + length])))
-    return channel
+def _block(message: TopicMessage, timed: bool) -> Block | None:
+    """The chunks of a message, None where there are none; ValueError where it is damaged.
+
+    A message whose channel's declaration is lost is one of chunks if it reads as such and its times agree.
+    """
+    if message.encoding != UNDECLARED:
+        block = block_of(message.data, message.encoding, timed)
+        return block if len(block) else None
+    try:
+        block = block_of(message.data, "json" if bytes(message.data[:1]) == b"{" else ENCODING, True)
+    except ValueError:
+        return None
+    if not len(block) or max(int(block.t_ns[0]), 0) != message.log_time:
+        return None
+    return block if timed else block_of(message.data, ENCODING, False)
 
 
-def _inner(opcode: int, content: bytes) -> Iterator[tuple[int, bytes, int, int]]:
-    """The records inside a chunk, or any other record itself: opcode, the bytes it lies in, start and length there."""
-    if opcode != Opcode.CHUNK:
-        yield opcode, content, 0, len(content)
-        return
-    data, at = _unpacked(content), 0
-    while at < len(data):
-        inner, length = _HEAD.unpack_from(data, at)
-        at += _HEAD.size
-        if at + length > len(data):
-            raise ValueError("a record reaches past the chunk's end")
-        yield inner, data, at, length
-        at += length
+class _Losses:
+    """Tells what is lost: one line for all that is lost between two blocks."""
+
+    def __init__(self, note: Note, timed: bool) -> None:
+        self.pending: list[Loss] = []
+        self._note, self._timed = note, timed
+        self._newest: int | None = None  # time of what was given
+
+    def add(self, loss: Loss) -> None:
+        """Something is lost here."""
+        self.pending.append(loss)
+
+    def end(self, following: Block | None) -> None:
+        """This block comes next; None at the end."""
+        if self.pending:
+            first = self.pending[0]
+            more = f", and {len(self.pending) - 1} more" if len(self.pending) > 1 else ""
+            self._note(f"byte {first.at}", f"{first.what}{more}: {self._span(following)}")
+            self.pending = []
+        if following is not None:
+            newest = int(following.t_ns.max())
+            self._newest = newest if self._newest is None else max(newest, self._newest)
+
+    def _span(self, following: Block | None) -> str:
+        begin, end = self._newest, None if following is None else int(following.t_ns.min())
+        if end is None:
+            end = max((loss.last_ns for loss in self.pending if loss.last_ns is not None), default=None)
+        lost = "may be lost" if all(loss.last_ns is None for loss in self.pending) else "is lost"
+        if not self._timed or (begin is None and end is None):
+            return f"what it held {lost}"
+        if begin is None or end is None:
+            bound = f"before {_moment(end)}" if end is not None else f"after {_moment(begin or 0)}"
+            return f"what was heard {bound} {lost}"
+        return f"what was heard between {_moment(begin)} and {_moment(end)} {lost}"
 
 
-def _unpacked(content: bytes) -> bytes:
-    """The records inside a chunk record; any exception where it is damaged."""
-    chunk = McapChunk.read(ReadDataStream(BytesIO(content)))
-    if chunk.uncompressed_size > RECORD_LIMIT:
-        raise ValueError(f"{chunk.uncompressed_size} bytes unpacked are too many")
-    stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-    return stream.read(length)
+def _moment(t_ns: int) -> str:
+    """A time as UTC, or in seconds where it is the capture's own."""
+    if t_ns > _EPOCH_NS:
+        return f"{np.datetime64(min(t_ns, TIME_LIMIT), 'ns').astype('datetime64[ms]')}Z"
+    return f"{t_ns / 1e9:.3f} s"

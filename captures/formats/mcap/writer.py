@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import IO, Any, Final, Protocol
 
@@ -33,17 +33,17 @@ from mcap.records import (
 )
 from numpy.typing import NDArray
 
-from captures.formats.mcap import MAGIC
-from captures.formats.mcap.packing import HEAD, Packed, index_records
-from captures.ragged import Ints
+from ...ragged import Ints
+from .packing import HEAD, Packed, index_records
+from .records import MAGIC, MESSAGE, RECORD
 
 CHUNK_SIZE: Final = 1 << 20  # bytes of a chunk before compression, about
+SINGLES_SIZE: Final = 1 << 13  # of one of single messages, the raw chunks above all: damage costs a chunk
 COMPRESSIONS: Final = ("zstd", "lz4", "")
 _LEVEL: Final = 1  # of zstd: its default costs twice the time for a tenth of the size
 _FAST: Final = -2  # of lz4: faster than its default, as large
 _IDS: Final = 1 << 16
-_HEAD: Final = struct.Struct("<BQ")  # opcode and length of every record
-_MESSAGE: Final = struct.Struct("<BQHIQQ")  # what every message record begins with
+_INDEXES_AT_ONCE: Final = 1 << 10
 
 
 class Out(Protocol):
@@ -74,7 +74,7 @@ class ArrayWriter:
         self._single_entries: list[tuple[int, int, int]] = []  # channel, log time, offset of each single message
         self._counts = np.zeros(_IDS, np.int64)
         self._times: tuple[int, int] | None = None
-        self._chunk_indexes: list[bytes] = []
+        self._chunk_indexes = ChunkIndexes()
         self._metadata_indexes: list[MetadataIndex] = []
 
     def start(self, profile: str = "", library: str = "") -> None:
@@ -111,12 +111,10 @@ class ArrayWriter:
     def add_message(self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0) -> None:
         """One message."""
         self._single_entries.append((channel_id, log_time, self._single_size))
-        head = _MESSAGE.pack(
-            Opcode.MESSAGE, HEAD.itemsize - 9 + len(data), channel_id, sequence, log_time, publish_time
-        )
+        head = MESSAGE.pack(Opcode.MESSAGE, HEAD.itemsize - 9 + len(data), channel_id, sequence, log_time, publish_time)
         self._single += (head, data)
         self._single_size += len(head) + len(data)
-        if self._single_size > self._chunk_size:
+        if self._single_size > min(self._chunk_size, SINGLES_SIZE):
             self._end_single()
 
     def add(self, messages: Packed) -> None:
@@ -141,20 +139,20 @@ class ArrayWriter:
         """Ends the last chunk and writes the summary."""
         self._end_single()
         self._out.write(_bytes(DataEnd(0)))
-        start = self._out.tell()
-        summary, groups = bytearray(), bytearray()
+        start = at = self._out.tell()
+        groups, crc = bytearray(), 0
         for opcode, records in self._summary():
-            at = len(summary)
-            summary += b"".join(records)
-            if len(summary) > at:
-                groups += _bytes(SummaryOffset(opcode, start + at, len(summary) - at))
-        offsets_start = start + len(summary)
-        summary += groups
-        footer = _bytes(Footer(start, offsets_start, 0))
-        crc = zlib.crc32(footer[:-4], zlib.crc32(summary))
-        self._out.write(bytes(summary) + _bytes(Footer(start, offsets_start, crc)) + MAGIC)
+            begin = at
+            for record in records:
+                self._out.write(record)
+                crc, at = zlib.crc32(record, crc), at + len(record)
+            if at > begin:
+                groups += _bytes(SummaryOffset(opcode, begin, at - begin))
+        footer = _bytes(Footer(start, at, 0))
+        crc = zlib.crc32(footer[:-4], zlib.crc32(groups, crc))
+        self._out.write(bytes(groups) + _bytes(Footer(start, at, crc)) + MAGIC)
 
-    def _summary(self) -> Iterable[tuple[Opcode, Sequence[bytes]]]:
+    def _summary(self) -> Iterable[tuple[Opcode, Iterable[bytes]]]:
         first, last = self._times or (0, 0)
         used = np.flatnonzero(self._counts)
         statistics = Statistics(
@@ -216,7 +214,7 @@ class ArrayWriter:
     def _write_chunk(self, chunk: Chunk, data: bytes) -> int:
         """The library's record, its empty data put right: so megabytes are not copied in between. Returns its size."""
         head = bytearray(_bytes(chunk))
-        _HEAD.pack_into(head, 0, Opcode.CHUNK, len(head) - _HEAD.size + len(data))
+        RECORD.pack_into(head, 0, Opcode.CHUNK, len(head) - RECORD.size + len(data))
         head[-8:] = len(data).to_bytes(8, "little")
         self._out.write(bytes(head))
         self._out.write(data)
@@ -237,6 +235,31 @@ class ArrayWriter:
         return bytes(out)
 
 
+class ChunkIndexes:
+    """The ChunkIndex records of a file: all but the newest packed, as a recorder adds two a second for a day."""
+
+    def __init__(self) -> None:
+        self._packed: list[bytes] = []
+        self._newest: list[bytes] = []
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def append(self, record: bytes) -> None:
+        """One more."""
+        self._newest.append(record)
+        self._count += 1
+        if len(self._newest) == _INDEXES_AT_ONCE:
+            self._packed.append(zlib.compress(b"".join(self._newest), 1))
+            self._newest = []
+
+    def __iter__(self) -> Iterator[bytes]:
+        """Records end to end, in parts of many."""
+        yield from map(zlib.decompress, self._packed)
+        yield b"".join(self._newest)
+
+
 def _chunk_index(chunk: Chunk, start: int, length: int, size: int, places: bytes, indexes: int) -> bytes:
     """A ChunkIndex record: not the library's, which takes a mapping, since there may be thousands of channels."""
     content = (
@@ -250,7 +273,7 @@ def _chunk_index(chunk: Chunk, start: int, length: int, size: int, places: bytes
 
 
 def _record(opcode: Opcode, content: Sequence[bytes]) -> bytes:
-    return b"".join((_HEAD.pack(opcode, sum(map(len, content))), *content))
+    return b"".join((RECORD.pack(opcode, sum(map(len, content))), *content))
 
 
 def _sized(content: bytes) -> bytes:

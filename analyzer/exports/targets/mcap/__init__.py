@@ -12,16 +12,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from analyzer.exports.output import Output
-    from analyzer.exports.sink import ExportOptions
-    from analyzer.exports.targets.mcap.recording import Recording
     from captures import Capture
 
+    from ...output import OutputStream
+    from ...sink import ExportOptions
+    from .recording import Recording
+
+BINARY: Final = True
 WHOLE: Final = "an MCAP file holds the whole capture, raw bytes included; write jsonl or csv, or filter what is read"
 
 
-def open_sink(out: Output, capture: Capture, options: ExportOptions) -> Recording:
+def open_sink(out: OutputStream, capture: Capture, options: ExportOptions) -> Recording:
     """A recording onto `out`."""
-    from analyzer.exports.targets.mcap.recording import Recording
+    from .recording import Recording
 
     return Recording(out, capture, options)

@@ -8,13 +8,16 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analyzer.columns import Decoded
 from analyzer.exports.targets.mcap import schemas
-from analyzer.frames import Batch, Kind, Protocol, Rows, adu_of
 from captures.formats.mcap import packing
-from captures.formats.mcap.packing import AT_ONCE, HEAD, Packed, Part, Tails
+from captures.formats.mcap.packing import AT_ONCE, HEAD, Packed, PackedPart, Tails
 from captures.formats.mcap.protobuf import Message, packed_length
 from captures.ragged import Ints
+
+from ....tables.batch import Batch
+from ....tables.columns import Decoded
+from ....tables.frame import adu_of
+from ....tables.schema import Kind, Protocol, Rows
 
 _RENAMED: Final = {"t_start_ns": "t_start", "direction": "kind", "crc_ok": "check"}
 _PLAIN: Final = ("index", "start", "length", "t_start_ns", "direction", "unit", "function", "crc_ok", "confidence")
@@ -60,7 +63,7 @@ def _packed(
     if evidence is not None:
         _explain(heads, message, evidence)
     heads["data"] = packed_length(tails.sizes)
-    return packing.packed(channel, times, [Part(None, heads)], tails)
+    return packing.packed(channel, times, [PackedPart(None, heads)], tails)
 
 
 def noise_messages(batch: Batch, channel: int) -> Packed:
@@ -71,7 +74,7 @@ def noise_messages(batch: Batch, channel: int) -> Packed:
         heads[name] = rows[_RENAMED.get(name, name)]
     tails = Tails(batch.data, rows["at"], rows["length"])
     heads["data"] = packed_length(tails.sizes)
-    return packing.packed(channel, rows["t_end"], [Part(None, heads)], tails)
+    return packing.packed(channel, rows["t_end"], [PackedPart(None, heads)], tails)
 
 
 def _explain(heads: Rows, message: Message, evidence: Rows) -> None:

@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-import orjson
-
-from analyzer.columns import decode
-from analyzer.exports.output import Output
-from analyzer.exports.sink import ExportOptions
 from analyzer.exports.targets.mcap import schemas
-from analyzer.exports.targets.mcap.findings import Log, on_frames
-from analyzer.exports.targets.mcap.frames import frame_messages, noise_messages
-from analyzer.exports.targets.mcap.transactions import transaction_messages
-from analyzer.exports.targets.mcap.values import PollGroups
-from analyzer.frames import Batch
-from analyzer.recorded import notes_of
-from analyzer.version import __version__
-from captures.formats.mcap import METADATA
 from captures.formats.mcap.channel import ChunkChannel
+from captures.formats.mcap.log_messages import LOG_NAME, log_schema
 from captures.formats.mcap.protobuf import ENCODING, Message
+from captures.formats.mcap.records import METADATA
 from captures.formats.mcap.writer import ArrayWriter
 from captures.recording.notes import NoteChannel
 
+from ....outages import notes_of
+from ....tables.batch import Batch
+from ....tables.columns import decode
+from ....version import __version__
+from ...output import OutputStream
+from ...sink import ExportOptions
+from .findings import Log
+from .frames import frame_messages, noise_messages
+from .mapped import MappedTopics
+from .transactions import transaction_messages
+from .values import UnitAreas
+
 if TYPE_CHECKING:
-    from analyzer.pipeline import Analysed
     from captures import Block, Capture
+
+    from ....core import Analysed
 
 LEFT_OUT: Final = f"{METADATA}/left out"  # name of the metadata record that says what is not on any topic
 
@@ -34,16 +35,17 @@ LEFT_OUT: Final = f"{METADATA}/left out"  # name of the metadata record that say
 class Recording:
     """A sink (`analyzer.exports.sink`) onto one file."""
 
-    def __init__(self, out: Output, capture: Capture, options: ExportOptions) -> None:
+    def __init__(self, out: OutputStream, capture: Capture, options: ExportOptions) -> None:
         self._writer = ArrayWriter(out, compression="lz4")
         self._writer.start(library=f"rtuscope {__version__}")
         self._chunks = ChunkChannel(self._writer, capture.line, timed=capture.timed, about=_about(capture))
         self._frame, self._transaction = schemas.frame(explain=options.explain), schemas.transaction()
         self._frames = self._channel("/frames", self._frame)
         self._transactions = self._channel("/transactions", self._transaction)
-        self._log = Log(self._json_channel("/findings", schemas.LOG))
+        self._log = Log(self._log_channel("/findings"))
         self._noise = self._channel("/noise", schemas.NOISE) if options.noise else None
-        self._values = PollGroups(self._writer)
+        self._values = UnitAreas(self._writer)
+        self._mapped = MappedTopics(self._writer, options.charts) if options.charts else None
         if notes := notes_of(capture):
             channel = NoteChannel(self._writer)
             for note in notes:
@@ -63,10 +65,12 @@ class Recording:
         add = self._writer.add
         for messages in transaction_messages(analysed.transactions, self._transaction, self._transactions):
             add(messages)
-        counts = on_frames(findings, batch)
+        counts = batch.finding_counts if len(batch.finding_rows) else None
         for messages in frame_messages(batch, decoded, self._frame, self._frames, counts):
             add(messages)
         add(self._values.messages(batch, decoded))
+        if self._mapped is not None and (mapped := self._mapped.messages(batch, decoded)) is not None:
+            add(mapped)
         if self._noise is not None:
             add(noise_messages(batch, self._noise))
         if findings is not None:
@@ -75,7 +79,7 @@ class Recording:
     def close(self) -> None:
         """What is left out, and the index."""
         left_out = {
-            "values": f"{self._values.left_out} messages: too many poll groups" if self._values.left_out else "",
+            "values": f"{self._values.left_out} messages: too many addresses" if self._values.left_out else "",
             "findings": f"{self._log.left_out} messages: too many of a kind" if self._log.left_out else "",
         }
         if any(left_out.values()):
@@ -86,9 +90,9 @@ class Recording:
         schema = self._writer.register_schema(message.name, ENCODING, message.schema())
         return self._writer.register_channel(topic, ENCODING, schema)
 
-    def _json_channel(self, topic: str, content: Mapping[str, Any]) -> int:
-        schema = self._writer.register_schema(content["title"], "jsonschema", orjson.dumps(content))
-        return self._writer.register_channel(topic, "json", schema)
+    def _log_channel(self, topic: str) -> int:
+        schema = self._writer.register_schema(LOG_NAME, ENCODING, log_schema())
+        return self._writer.register_channel(topic, ENCODING, schema)
 
 
 def _about(capture: Capture) -> dict[str, str]:

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from analyzer.frames import Rows
 from captures.formats.mcap import packing
-from captures.formats.mcap.packing import AT_ONCE, HEAD, Packed, Part
+from captures.formats.mcap.packing import AT_ONCE, HEAD, Packed, PackedPart
 from captures.formats.mcap.protobuf import Message
 from captures.ragged import Ints
+
+from ....tables.schema import Rows
 
 
 def transaction_messages(settled: Rows, message: Message, channel: int) -> Iterator[Packed]:
@@ -32,4 +33,4 @@ def _packed(settled: Rows, times: Ints, message: Message, channel: int) -> Packe
     message.put(heads, "response", settled["response"], present=settled["response"] >= 0)
     measured = settled["response_ns"]
     message.put(heads, "response_time_ms", measured / 1e6, present=measured >= 0)
-    return packing.packed(channel, times, [Part(None, heads)])
+    return packing.packed(channel, times, [PackedPart(None, heads)])

@@ -1,0 +1,1 @@
+"""Causes: one story for many findings. Exchanges, a ledger of them, suspects in bits, explaining away."""

@@ -1,0 +1,206 @@
+"""The ledger as suspects see it: with signatures read, the master's habits, and what is explained already left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import log2
+from typing import Final
+
+import numpy as np
+
+from dissectors.declaration import USER_DEFINED
+from dissectors.lengths import Role, rule
+
+from ..diagnosis.tap_clock import UNKNOWN, TimeTrust, silences
+from .bits import surplus_bits
+from .exchanges import Outcome
+from .foreign import PROTOCOLS
+from .ledger import Ledger
+from .polls import Poll
+from .registry import Explained, Symptom
+from .signatures import Behind, Damage, Signature, signature
+from .unitledger import UnitLedger
+
+HEALTHY: Final = 0.004  # damaged exchanges of a line on which nothing is wrong
+_WAITS: Final = 3  # that tell a timeout
+_MODE: Final = 0.12  # width of the densest waits, of themselves
+_TAIL_BYTES: Final = 4
+_SHORT_CUT: Final = 4  # bytes
+_RARE: Final = 0.01
+_FOREIGN: Final = 0.02  # of all bytes
+_FOREIGN_FRAMES: Final = 3
+
+# How damage spreads over kinds where it strikes anywhere, by chance.
+_ANYWHERE: Final[Mapping[str, float]] = {
+    "head": 0.12, "tail": 0.03, "cut-short": 0.05, "cut": 0.08, "bits": 0.24, "bits-tail": 0.03, "middle": 0.2,
+    "long": 0.06, "convention": 0.002, "count": 0.005, "crossed": 0.03, "other": 0.02, "whole": 0.13, "none": 0.003,
+}  # fmt: skip
+
+
+def kind_of(reading: Signature) -> str:
+    """The kind of damage, places at the end told apart."""
+    if reading.damage is Damage.CUT:
+        return "cut-short" if reading.bytes <= _SHORT_CUT else "cut"
+    if reading.damage is Damage.BITS and reading.at >= reading.due - 1:
+        return "bits-tail"
+    return str(reading.damage.value)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A ledger, less what is explained."""
+
+    ledger: Ledger
+    explained: Explained = frozenset()
+    _readings: dict[int, list[Signature]] = field(default_factory=dict)
+    _followed: dict[int, list[Signature]] = field(default_factory=dict)
+
+    def without(self, explained: Explained) -> Evidence:
+        """The same with more of it explained."""
+        return Evidence(self.ledger, self.explained | explained, self._readings, self._followed)
+
+    def is_open(self, symptom: Symptom, unit: int | None) -> bool:
+        """Whether nothing has explained this symptom of a unit yet."""
+        return (symptom, unit) not in self.explained
+
+    @cached_property
+    def units(self) -> list[UnitLedger]:
+        """Units that are polled."""
+        return self.ledger.polled
+
+    @cached_property
+    def verdict(self) -> TimeTrust:
+        """What the tap's times can carry."""
+        return self.ledger.clock.best() if self.ledger.timed else TimeTrust()
+
+    @cached_property
+    def t35_ns(self) -> float | None:
+        """The silence between frames; None where the line's speed is not known."""
+        found = silences(self.ledger.line, self.ledger.options)[1]
+        return None if found == UNKNOWN else found
+
+    @cached_property
+    def load(self) -> float | None:
+        """Share of the time that bytes take; None where nobody knows."""
+        if not self.ledger.line.baud or not self.ledger.span_ns:
+            return None
+        return self.ledger.bytes * self.ledger.char_ns / self.ledger.span_ns
+
+    def silent(self, unit: UnitLedger) -> int:
+        """Requests without an answer that nothing explains."""
+        return unit.count(Outcome.SILENT) if self.is_open(Symptom.SILENCE, unit.unit) else 0
+
+    def damaged(self, unit: UnitLedger) -> int:
+        """Answers that are none and that nothing explains."""
+        return unit.count(Outcome.GARBAGE) if self.is_open(Symptom.DAMAGE, unit.unit) else 0
+
+    def readings(self, unit: UnitLedger) -> list[Signature]:
+        """Samples of damaged answers, read."""
+        if not self.is_open(Symptom.DAMAGE, unit.unit):
+            return []
+        if unit.unit not in self._readings:
+            samples = [sample for sample in unit.samples.kept if sample.outcome == Outcome.GARBAGE]
+            self._readings[unit.unit] = [self._read(sample) for sample in samples]
+        return self._readings[unit.unit]
+
+    def followed(self, unit: UnitLedger) -> list[Signature]:
+        """Samples of good answers with something behind them, read."""
+        if not self.is_open(Symptom.BEHIND, unit.unit):
+            return []
+        if unit.unit not in self._followed:
+            self._followed[unit.unit] = [self._read(sample) for sample in unit.followed.kept]
+        return self._followed[unit.unit]
+
+    def behind(self, unit: UnitLedger, *kinds: Behind) -> float:
+        """About how many good answers have such a thing behind them."""
+        readings = self.followed(unit)
+        if not readings:
+            return 0.0
+        return unit.followed.offered * sum(reading.behind in kinds for reading in readings) / len(readings)
+
+    def _read(self, sample: object) -> Signature:
+        from .samples import Sample
+
+        assert isinstance(sample, Sample)
+        return signature(sample, self.ledger.char_ns, self.request_ends, timed=self.ledger.timed)
+
+    @cached_property
+    def request_ends(self) -> frozenset[bytes]:
+        """The last bytes of requests, by which a damaged one is known again."""
+        return frozenset(request[-_TAIL_BYTES:] for request in self.ledger.polls.requests)
+
+    @cached_property
+    def polls(self) -> list[Poll]:
+        """What is asked for, by unit, function and address."""
+        return self.ledger.polls.polls()
+
+    def polls_of(self, unit: int) -> list[Poll]:
+        """What one unit is asked for."""
+        return [poll for poll in self.polls if poll.unit == unit]
+
+    def elsewhere(self, unit: UnitLedger) -> float:
+        """The rate at which the answers of other units are damaged; of nobody's doing at the least."""
+        others = [other for other in self.units if other.unit != unit.unit]
+        hits, trials = sum(map(self.damaged, others)), sum(other.asked for other in others)
+        return max(HEALTHY, (hits + 0.5) / (trials + 50))
+
+    def surplus(self, unit: UnitLedger) -> float:
+        """How much likelier the damage of a unit is as its own than as everybody's, in bits."""
+        return surplus_bits(self.damaged(unit), unit.asked, self.elsewhere(unit))
+
+    @cached_property
+    def foreign(self) -> tuple[str, int]:
+        """The protocol whose frames stand among the bytes in no frame, and how many of those looked at; ("", 0)."""
+        if self.ledger.noise_bytes <= _FOREIGN * self.ledger.bytes:
+            return "", 0
+        data = b"".join(octets for _, _, octets in self.ledger.noise)
+        name, frames = max(((name, count(data)) for name, count in PROTOCOLS.items()), key=lambda item: item[1])
+        return (name, frames) if frames >= _FOREIGN_FRAMES else ("", 0)
+
+    @cached_property
+    def odd(self) -> int:
+        """Right frames of functions that nobody has declared and that are not free for users."""
+        functions = enumerate(self.ledger.functions.tolist())
+        return sum(n for code, n in functions if code not in USER_DEFINED and rule(code, Role.REQUEST) is None)
+
+    @property
+    def ordered(self) -> bool:
+        """Whether the order of frames is the line's: two taps are two clocks."""
+        return len(self.ledger.ports) < 2 or self.verdict.fine
+
+    @cached_property
+    def timeout_ns(self) -> float | None:
+        """What the master waits for an answer, to its next request: the densest of the waits that ended in silence."""
+        waits = [unit.waits.numbers for unit in self.ledger.units.values() if len(unit.waits)]
+        numbers = np.sort(np.concatenate(waits)) if waits else np.zeros(0)
+        numbers = numbers[numbers > 0]
+        if len(numbers) < _WAITS or not self.ledger.timed:
+            return None
+        ends = np.searchsorted(numbers, numbers * (1 + _MODE), side="right")
+        begin = int(np.argmax(ends - np.arange(len(numbers))))
+        return float(np.median(numbers[begin : int(ends[begin])]))
+
+    def cost(self, unit: UnitLedger, *outcomes: Outcome) -> tuple[int, float | None]:
+        """Answers lost by these outcomes, and the time (ms) that the master waited for them; None where nobody knows."""
+        lost = unit.count(*outcomes)
+        if not self.ledger.timed:
+            return lost, None
+        most = 1.3 * self.timeout_ns if self.timeout_ns else UNKNOWN
+        waited, known = 0.0, False
+        for outcome, waits in ((Outcome.SILENT, unit.waits), (Outcome.GARBAGE, unit.garbage_waits)):
+            if outcome in outcomes and len(waits):
+                waited += float(np.minimum(waits.numbers, most).mean()) * len(waits)
+                known = True
+        return lost, round(min(waited, self.ledger.span_ns) / 1e6, 3) if known else None
+
+
+def kind_bits(readings: list[Signature], expected: Mapping[str, float]) -> float:
+    """How much likelier these kinds of damage are as expected than where damage strikes anywhere."""
+    return sum(log2(expected.get(kind_of(each), _RARE) / _ANYWHERE[kind_of(each)]) for each in readings)
+
+
+def share_of(readings: list[Signature], *kinds: str) -> float:
+    """The share of readings of these kinds; 0 without any."""
+    return sum(kind_of(each) in kinds for each in readings) / len(readings) if readings else 0.0

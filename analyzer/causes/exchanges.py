@@ -1,0 +1,380 @@
+"""Requests with all that followed them until the next one: columns, one row a request.
+
+A serial answer carries no address, and a damaged one nothing to go by; but the line is half-duplex, so what stands
+between a request and the next one belongs to it, whatever it is. So damaged answers have a unit, and silence and
+garbage are two things. Rows of the deframer go in, batch after batch; an exchange is given once the next request has
+come. Nothing is kept but the rows since the newest request, and of those not more than a window.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dissectors.lengths import Role, relations, rule
+from dissectors.limits import RequestedByteCount, taken
+from dissectors.registry import revision
+
+from ..tables.batch import Batch
+from ..tables.frame import adu_of
+from ..tables.schema import NO_GAP, Kind
+from ..tables.transactions import NEVER
+from .columntable import ColumnTable
+
+_WINDOW_ROWS: Final = 512  # behind a request: what follows after that many rows is nobody's
+_WINDOW_BYTES: Final = 1 << 16
+ECHOED: Final = np.isin(np.arange(256), (5, 6, 22))  # functions whose answer is their request once more
+ANSWERED: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6, 15, 16, 22, 23))  # of which an answer is known for one
+_AHEAD: Final = 2  # exchanges that are held back
+_STRAY_BYTES: Final = 1  # so few are no answer, however damaged
+_SAME: Final = (1 << 40) - 1  # of a poll's number: all but the unit
+
+
+class Outcome(IntEnum):
+    """What became of a request."""
+
+    OK = 0
+    EXCEPTION = 1
+    SILENT = 2  # not a byte, or a single stray one
+    GARBAGE = 3  # bytes, and no answer among them
+    BROADCAST = 4
+    UNHEARD = 5  # the recorder heard nothing when an answer was due
+    NO_REQUEST = 6  # reads like a request, and is a unit's answer to the broadcast before it
+
+
+EXCHANGE = np.dtype(
+    [
+        ("t_start", np.int64),  # ns, of the request
+        ("t_asked", np.int64),  # its end
+        ("t_next", np.int64),  # start of the next request; NEVER at the end
+        ("t_answered", np.int64),  # end of the answer; NEVER for none
+        ("delay", np.int64),  # ns, end of the request to start of the answer; -1 where there is none or nobody knows
+        ("place", np.int64),  # bytes on the bus before it
+        ("request", np.int64),  # index of the frame
+        ("poll", np.int64),  # unit, function, address and quantity in one number
+        ("identity", np.int64),  # equal for requests of equal bytes
+        ("row", np.int64),  # of the request, in its stretch
+        ("row_end", np.int64),  # behind the last row of the exchange
+        ("answer", np.int64),  # row of the answer, -1 for none
+        ("gap_before", np.int64),  # ns of silence before the request; NO_GAP
+        ("answer_gap", np.int64),  # the same before an answer right behind its request
+        ("hole", np.int64),  # ns, longest silence inside the answer; 0 for none
+        ("hole_at", np.int32),  # byte of the answer before which it stands
+        ("answer_bytes", np.int32),
+        ("asked_bytes", np.int32),
+        ("due", np.int32),  # bytes of a right answer, 0 where nobody knows
+        ("noise", np.int32),  # bytes behind the request that belong to no right frame
+        ("strays", np.int32),  # right answers among them that answer nothing
+        ("late", np.int32),  # right answers to earlier requests
+        ("marks", np.int32),  # bytes of the answer that the UART marked
+        ("unit", np.uint8),
+        ("function", np.uint8),
+        ("exception", np.uint8),
+        ("outcome", np.uint8),
+        ("port", np.uint8),
+        ("next_unit", np.int16),  # of the next request, -1 at the end
+        ("repeats", np.bool_),  # the bytes of the request before
+        ("next_same", np.bool_),  # the next request repeats this one
+        ("called", np.bool_),  # of a broadcast: somebody answers it
+    ]
+)
+ROW_COLUMNS: Final = (
+    "index", "start", "length", "at", "t_start", "t_end", "request", "response_ns", "kind", "unit", "function",
+    "exception", "check", "port", "protocol", "gap_before", "gap_most", "gap_least", "gap_at", "reads", "errors",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class RowTable:
+    """Rows of the deframer (those columns of ROW), with their bytes."""
+
+    rows: ColumnTable
+    data: NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, batch: Batch) -> RowTable:
+        """The rows of a batch."""
+        rows = batch.rows
+        return cls(ColumnTable({name: np.ascontiguousarray(rows[name]) for name in ROW_COLUMNS}), batch.data)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def part(self, first: int, last: int) -> RowTable:
+        """Rows `first` to `last` (excluded); the bytes stay where they are."""
+        return RowTable(self.rows.part(first, last), self.data)
+
+    def bytes_of(self, row: int) -> bytes:
+        """The captured bytes of a row."""
+        at = int(self.rows["at"][row])
+        return self.data[at : at + int(self.rows["length"][row])].tobytes()
+
+    def compact(self) -> RowTable:
+        """The same rows with their own bytes only."""
+        if not len(self):
+            return RowTable(self.rows, np.zeros(0, np.uint8))
+        at = self.rows["at"]
+        begin, end = int(at.min()), int((at + self.rows["length"]).max())
+        columns = {name: self.rows[name].copy() for name in ROW_COLUMNS}
+        columns["at"] -= begin
+        return RowTable(ColumnTable(columns), self.data[begin:end].copy())
+
+    def followed_by(self, other: RowTable) -> RowTable:
+        """These rows and those behind them."""
+        moved = other.compact()
+        moved.rows["at"][:] += len(self.data)
+        return RowTable(ColumnTable.joined((self.rows, moved.rows)), np.concatenate((self.data, moved.data)))
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Exchanges (EXCHANGE) in order, and the rows that they are made of."""
+
+    exchanges: ColumnTable
+    table: RowTable
+
+    def rows_of(self, i: int) -> range:
+        """Rows behind the request of one exchange."""
+        return range(int(self.exchanges["row"][i]) + 1, int(self.exchanges["row_end"][i]))
+
+
+@dataclass(frozen=True, slots=True)
+class Unowned:
+    """Rows that follow no request: before the first one, or so long after one that they are not its."""
+
+    table: RowTable
+
+
+class ExchangeBuilder:
+    """Rows in, exchanges and unowned rows out.
+
+    An exchange is given when the one behind it is over as well: what a broadcast called forth may read like a request.
+    """
+
+    def __init__(self) -> None:
+        self._open: RowTable | None = None  # from the oldest request on that is not given
+        self._unheard: set[int] = set()
+        self._before: dict[str, Any] = {}  # the newest exchange that was given
+        self._bytes = 0  # on the bus before the open rows
+
+    def feed(self, rows: RowTable, unheard: Collection[int] = ()) -> Iterator[Stretch | Unowned]:
+        """What is settled once these rows are known. `unheard`: requests (by index) whose answer nobody could hear."""
+        if not len(rows):
+            return
+        self._unheard.update(unheard)
+        opened, self._open = self._open, None
+        asks = asking(rows.rows).nonzero()[0]
+        if opened is None:
+            yield from self._settle(rows)
+        elif len(asks) < _AHEAD:
+            yield from self._settle(opened.followed_by(rows))
+        else:  # what is open is settled by itself: it is little, and the new rows stay where they are
+            seam = opened.followed_by(rows.part(0, int(asks[1])))
+            yield self._stretch(seam, int(np.count_nonzero(asking(opened.rows))))
+            yield from self._settle(rows.part(int(asks[0]), len(rows)))
+
+    def _settle(self, rows: RowTable) -> Iterator[Stretch | Unowned]:
+        asks = asking(rows.rows).nonzero()[0]
+        first = int(asks[0]) if len(asks) else len(rows)
+        if first:
+            yield self._unowned(rows.part(0, first))
+            rows, asks = rows.part(first, len(rows)), asks - first
+        count = max(len(asks) - _AHEAD, 0)
+        if count:
+            last = int(asks[count])
+            yield self._stretch(rows, count)
+            rows, asks = rows.part(last, len(rows)), asks[count:] - last
+        if not len(rows):
+            return
+        opened = rows.compact()
+        behind = len(rows) - (int(asks[-1]) + 1)
+        if behind <= _WINDOW_ROWS and len(opened.data) <= _WINDOW_BYTES:
+            self._open = opened
+            return
+        tail = len(rows) - behind
+        yield from self._all(opened.part(0, tail))
+        yield self._unowned(opened.part(tail, len(rows)))
+
+    def close(self) -> Iterator[Stretch | Unowned]:
+        """No more rows come."""
+        opened, self._open = self._open, None
+        if opened is not None:
+            yield from self._all(opened)
+
+    def _all(self, rows: RowTable) -> Iterator[Stretch]:
+        count = int(np.count_nonzero(asking(rows.rows)))
+        if count:
+            yield self._stretch(rows, count)
+
+    def _unowned(self, rows: RowTable) -> Unowned:
+        self._bytes += int(rows.rows["length"].sum())
+        return Unowned(rows)
+
+    def _stretch(self, rows: RowTable, count: int) -> Stretch:
+        """The first exchanges of these rows, which begin with a request."""
+        made = _exchanges(rows, self._before)
+        made["place"][:] += self._bytes
+        if self._unheard:
+            outcome = made["outcome"]
+            outcome[np.isin(made["request"], list(self._unheard)) & (outcome == Outcome.SILENT)] = Outcome.UNHEARD
+            last = int(made["request"][count - 1])
+            self._unheard = {index for index in self._unheard if index > last}
+        given = made.part(0, count)
+        self._bytes += int(rows.rows["length"][: int(given["row_end"][-1])].sum())
+        self._before = given.row(count - 1)
+        return Stretch(given, rows)
+
+
+def _exchanges(table: RowTable, before: Mapping[str, Any]) -> ColumnTable:
+    """The exchanges of rows that begin with a request; `before`: the exchange before them."""
+    rows = table.rows
+    asks = asking(rows)
+    which = asks.nonzero()[0]
+    made = ColumnTable.zeros(EXCHANGE, len(which))
+    of = asks.cumsum() - 1  # the exchange of each row
+    for name, column in (("t_start", "t_start"), ("t_asked", "t_end"), ("request", "index"), ("unit", "unit"),
+                         ("function", "function"), ("port", "port"), ("gap_before", "gap_before"),
+                         ("asked_bytes", "length")):  # fmt: skip
+        made[name][:] = rows[column].take(which)
+    lengths = rows["length"]
+    made["place"][:] = (lengths.cumsum() - lengths).take(which)
+    made["t_next"][:-1], made["t_next"][-1] = made["t_start"][1:], NEVER
+    made["row"][:] = which
+    made["row_end"][:-1], made["row_end"][-1] = which[1:], len(rows)
+    for name, none in (("answer", -1), ("delay", -1), ("t_answered", NEVER), ("answer_gap", NO_GAP)):
+        made[name][:] = none
+    _asked(made, table, which)
+    _answered(made, rows, of)
+    _compare(made, before)
+    return made
+
+
+def _compare(made: ColumnTable, before: Mapping[str, Any]) -> None:
+    """Fill in what an exchange is beside the one before it."""
+    identity, outcome, poll = made["identity"], made["outcome"], made["poll"]
+    made["repeats"][1:] = identity[1:] == identity[:-1]
+    made["next_same"][:-1] = made["repeats"][1:]
+    made["next_unit"][:-1], made["next_unit"][-1] = made["unit"][1:], -1
+    if before:
+        made["repeats"][0] = identity[0] == before["identity"]
+    to_all = outcome == Outcome.BROADCAST
+    if not (to_all.any() or before.get("outcome") == Outcome.BROADCAST):
+        return
+    echoed = np.zeros(len(made), np.bool_)
+    echoed[1:] = to_all[:-1] & (poll[1:] & _SAME == poll[:-1] & _SAME)
+    if before:
+        echoed[0] = before["outcome"] == Outcome.BROADCAST and poll[0] & _SAME == before["poll"] & _SAME
+    echoed &= outcome == Outcome.SILENT
+    outcome[echoed] = Outcome.NO_REQUEST
+    made["called"][:-1] |= echoed[1:]
+
+
+def asking(rows: ColumnTable) -> NDArray[np.bool_]:
+    """Which rows are right requests. An echo by unit 0 is the broadcast once more: masters repeat them."""
+    kind = rows["kind"]
+    asks: NDArray[np.bool_] = kind == Kind.REQUEST
+    again = ((kind == Kind.RESPONSE) & (rows["unit"] == 0)).nonzero()[0]
+    asks[again] = ECHOED[rows["function"][again]]
+    asks &= rows["check"]
+    return asks
+
+
+def _answered(made: ColumnTable, rows: ColumnTable, of: NDArray[np.intp]) -> None:
+    """Fill in what followed each request; `of`: the exchange of each row."""
+    kind, check, lengths = rows["kind"], rows["check"], rows["length"]
+    answers = ((kind == Kind.RESPONSE) & check).nonzero()[0]
+    answers = answers[answers != made["row"][of[answers]]]
+    mine = rows["request"].take(answers) == made["request"].take(of[answers])
+    own = answers[mine][::-1]  # backwards, so that the first of several stays
+    place = of[own]
+    made["answer"][place] = own
+    for name, column in (("delay", "response_ns"), ("t_answered", "t_end"), ("exception", "exception"),
+                         ("marks", "errors"), ("answer_bytes", "length"), ("hole_at", "gap_at")):  # fmt: skip
+        made[name][place] = rows[column].take(own)
+    made["hole"][place] = np.maximum(rows["gap_most"].take(own), 0)
+    gaps = rows["gap_before"].take(own)
+    gaps[own != made["row"].take(place) + 1] = NO_GAP
+    made["answer_gap"][place] = gaps
+    others = answers[~mine]
+    if len(others):
+        others = others[ANSWERED[rows["function"][others]]]
+        np.add.at(made["strays"], of[others[rows["request"][others] < 0]], 1)
+        np.add.at(made["late"], of[others[rows["request"][others] >= 0]], 1)
+    bad = ((kind == Kind.NOISE) | ~check).nonzero()[0]
+    if len(bad):
+        np.add.at(made["noise"], of[bad], lengths[bad])
+    outcome = np.where(made["answer"] >= 0, np.uint8(Outcome.OK), np.uint8(Outcome.SILENT))
+    outcome[made["exception"] > 0] = Outcome.EXCEPTION
+    outcome[(outcome == Outcome.SILENT) & (made["noise"] > _STRAY_BYTES)] = Outcome.GARBAGE
+    outcome[made["unit"] == 0] = Outcome.BROADCAST
+    made["outcome"][:] = outcome
+    to_all = answers[made["unit"][of[answers]] == 0]
+    if len(to_all):
+        asked = made["row"][of[to_all]]
+        called = (rows["unit"][to_all] != 0) | (lengths[to_all] != lengths[asked])
+        made["called"][of[to_all[called]]] = True
+    made["called"][:] |= (outcome == Outcome.BROADCAST) & (made["noise"] > _STRAY_BYTES)
+
+
+def _asked(made: ColumnTable, table: RowTable, which: NDArray[np.intp]) -> None:
+    """Fill in what each request asks for."""
+    rows, data = table.rows, table.data
+    begins = rows["at"].take(which) + 1
+    ends = begins + made["asked_bytes"] - 3
+    if rows["protocol"].any():
+        data, begins, ends = _decoded(table, which)
+    last = len(data) - 1
+    octet = [data.take(np.minimum(begins + i, last)).astype(np.int64) for i in range(1, 5)]
+    short = ends - begins < 5
+    address, quantity = octet[0] << 8 | octet[1], octet[2] << 8 | octet[3]
+    unit, function = made["unit"].astype(np.int64), made["function"]
+    quantity[~_COUNTED[function]] = 1
+    address[short], quantity[short] = 0xFFFF, 0
+    made["poll"][:] = unit << 40 | function.astype(np.int64) << 32 | address << 16 | quantity
+    check = data.take(np.minimum(ends, last)).astype(np.int64) << 8 | data.take(np.minimum(ends + 1, last))
+    made["identity"][:] = unit << 48 | function.astype(np.int64) << 40 | (ends - begins) << 24 | check
+    constant, per_word, per_bit = answer_lengths()
+    due = constant.take(function)
+    due += per_word.take(function) * 2 * quantity + per_bit.take(function) * taken(quantity, True)
+    due[short & (per_word + per_bit > 0).take(function)] = 0
+    made["due"][:] = np.minimum(due, 1 << 16)
+
+
+def _decoded(
+    table: RowTable, which: NDArray[np.intp]
+) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64]]:
+    """The bytes of requests in ASCII mode without their envelope, and where each PDU begins and ends in them."""
+    parts = [adu_of(table.bytes_of(row), int(table.rows["protocol"][row])).data + b"\0" for row in which.tolist()]
+    lengths = np.array([len(part) for part in parts], np.int64)
+    begins = np.cumsum(lengths) - lengths
+    return np.frombuffer(b"".join(parts) or b"\0", np.uint8), begins + 1, begins + np.maximum(lengths - 2, 1)
+
+
+_COUNTED: Final = np.isin(np.arange(256), (1, 2, 3, 4, 15, 16, 20, 21, 23))  # functions with a quantity as second word
+
+
+def answer_lengths() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Bytes of an answer's ADU by function: a constant (0: nobody knows), and how often words and bits asked count."""
+    return _answer_lengths(revision())
+
+
+@lru_cache(maxsize=2)
+def _answer_lengths(_revision: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    constant, per_word, per_bit = (np.zeros(256, np.int64) for _ in range(3))
+    for function in range(128):
+        known = rule(function, Role.RESPONSE)
+        if known is None or known.base is None or known.variable:
+            continue
+        asked = [each for each in relations(function) if isinstance(each, RequestedByteCount)]
+        if asked and asked[0].quantity_offset == 3:
+            constant[function] = known.base + 3
+            (per_bit if asked[0].bits else per_word)[function] = 1
+        elif known.count is None:
+            constant[function] = known.base + 3
+    return constant, per_word, per_bit

@@ -1,0 +1,279 @@
+"""What happened to the exchanges of a bus, unit by unit: counters, spells, a few samples with their bytes.
+
+The ledger is all that suspects see. It grows with the units and polls of a bus, not with its frames.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from captures.line import LineSettings
+
+from ..diagnosis.tap_clock import COLUMNS, TapClock
+from ..options import Options
+from ..tables.batch import Batch
+from ..tables.schema import NO_GAP, Kind, Rows
+from ..tables.transactions import NEVER, Status
+from .columntable import ColumnTable
+from .exchanges import ANSWERED, ExchangeBuilder, Outcome, RowTable, Stretch, Unowned
+from .polls import PollTable
+from .samples import sampled
+from .states import StateTable
+from .thinned import Thinned
+from .timegrid import TimeGrid
+from .unitledger import NEEDED, UnitLedger
+
+_CHAR_NS: Final = 1e6  # where the line's speed is not known
+_NOISE_SAMPLES: Final = 64
+_NOISE_BYTES: Final = 512
+_EXAMPLES: Final = 3
+_STRAY: Final = 3  # bytes that one spike makes
+_HOLE: Final = 1.5  # characters
+_NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
+_OK, _EXCEPTION, _SILENT, _GARBAGE, _BROADCAST = (
+    int(each) for each in (Outcome.OK, Outcome.EXCEPTION, Outcome.SILENT, Outcome.GARBAGE, Outcome.BROADCAST)
+)
+
+
+class Ledger:
+    """Batches in; what they come to."""
+
+    def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
+        self.line = line
+        self.char_ns = (line.char_bits or 11) * 1e9 / line.baud if line.baud else _CHAR_NS
+        self.options = options
+        self.timed = False
+        self.clock = TapClock(line)
+        self.units: dict[int, UnitLedger] = {}
+        self.polls = PollTable()
+        self.states = StateTable()
+        self.grid = TimeGrid()
+        self.pauses = Thinned()  # ns, end of a good answer to the next request
+        self.request_gaps = Thinned()  # ns, silence before requests that follow a good answer, by the reads
+        self.turnarounds = Thinned()  # ns, broadcast to the next request
+        self.frames = self.requests = self.responses = self.right_bytes = self.noise_bytes = self.bytes = 0
+        self.loose_responses = 0  # right ones that answer nothing
+        self.functions, self.function_bytes = (np.zeros(256, np.int64) for _ in range(2))  # of right frames
+        self.broadcasts = 0
+        self.broadcast_runs = 0  # broadcasts right behind another
+        self.broadcasts_answered = 0
+        self.called_examples: list[int] = []
+        self.repeat_waits = Thinned()  # ns, from a request without an answer to the same one again
+        self.repeats_answered = 0  # requests that came twice and were answered then
+        self.noise: list[tuple[int, int, bytes]] = []  # a few stretches in no frame: time, port, bytes
+        self.stray_times = Thinned()  # ns, of short stretches in no frame
+        self.marked_bytes = 0  # by the UART
+        self.ports: dict[int, Counter[str]] = defaultdict(Counter)
+        self.begin: int | None = None
+        self.end = 0
+        self.exchanges = 0
+        self.next_asked, self.next_hit = (np.zeros(256, np.int64) for _ in range(2))  # see `_count_neighbours`
+        self._newest_unit = 0
+        self._repeating = False  # the newest request got no answer, and the next one is the same
+        self._builder = ExchangeBuilder()
+
+    def feed(self, batch: Batch, transactions: Rows) -> None:
+        """The next rows, with the transactions that began among them."""
+        if not len(batch):
+            return
+        table = RowTable.of(batch)
+        unheard = transactions["request"][transactions["status"] == Status.UNHEARD].tolist()
+        self._count_rows(table)
+        for part in self._builder.feed(table, unheard):
+            self._take(part)
+
+    def close(self) -> None:
+        """No more rows come."""
+        self.clock.close()
+        for part in self._builder.close():
+            self._take(part)
+
+    def unit(self, number: int) -> UnitLedger:
+        """The ledger of one unit."""
+        if number not in self.units:
+            self.units[number] = UnitLedger(number)
+        return self.units[number]
+
+    @property
+    def span_ns(self) -> int:
+        """From the first byte to the last; 0 without times."""
+        return self.end - self.begin if self.begin is not None and self.timed else 0
+
+    @property
+    def polled(self) -> list[UnitLedger]:
+        """The units that were asked for something, broadcasts apart."""
+        return [unit for number, unit in sorted(self.units.items()) if number and unit.asked]
+
+    def axis(self, exchanges: ColumnTable) -> NDArray[np.int64]:
+        """By what the order of things is told: time, or bytes where there are no times."""
+        return exchanges["t_start"] if self.timed else exchanges["place"]
+
+    def _count_rows(self, table: RowTable) -> None:
+        rows = table.rows
+        kind, check, length = rows["kind"], rows["check"], rows["length"]
+        self.timed = self.timed or bool(rows["t_end"].any())
+        framed, asks = kind != _NOISE, kind == _REQUEST
+        right = framed & check
+        frames = framed.nonzero()[0]
+        self.frames += len(frames)
+        requests = int(np.count_nonzero(right & asks))
+        self.requests += requests
+        self.responses += int(np.count_nonzero(right)) - requests
+        self.bytes += int(length.sum())
+        self.marked_bytes += int(rows["errors"].sum())
+        if self.begin is None:
+            self.begin = int(rows["t_start"][0])
+        self.end = max(self.end, int(rows["t_end"].max()))
+        self.clock.feed([rows[name] if len(frames) == len(rows) else rows[name][frames] for name in COLUMNS])
+        functions, weights = rows["function"][right], length[right]
+        self.right_bytes += int(weights.sum())
+        self.functions += np.bincount(functions, minlength=256)
+        self.function_bytes += np.bincount(functions, weights, 256).astype(np.int64)
+        loose = right & ~asks & (rows["request"] < 0)
+        self.loose_responses += int(np.count_nonzero(loose))
+        if len(frames) < len(rows):
+            self._count_noise(table, (~framed).nonzero()[0])
+        port = rows["port"]
+        for number in np.flatnonzero(np.bincount(port)).tolist():
+            here = port == number
+            tally = self.ports[number]
+            tally["requests"] += int(np.count_nonzero(here & right & asks))
+            tally["responses"] += int(np.count_nonzero(here & right & ~asks))
+
+    def _count_noise(self, table: RowTable, noise: NDArray[np.intp]) -> None:
+        length, begins = table.rows["length"][noise], table.rows["t_start"][noise]
+        self.noise_bytes += int(length.sum())
+        self.stray_times.add(begins[length <= _STRAY])
+        for row in noise[: max(_NOISE_SAMPLES - len(self.noise), 0)].tolist():
+            port = int(table.rows["port"][row])
+            self.noise.append((int(table.rows["t_start"][row]), port, table.bytes_of(row)[:_NOISE_BYTES]))
+
+    def _take(self, part: Stretch | Unowned) -> None:
+        if isinstance(part, Unowned):
+            self._count_unowned(part)
+            return
+        exchanges = part.exchanges
+        self.exchanges += len(exchanges)
+        odd = (exchanges["noise"] > 0) | (exchanges["strays"] > 0) | (exchanges["late"] > 0)
+        times = self.axis(exchanges)
+        self._sample(part, odd)
+        self.polls.add(part)
+        self.states.add(part)
+        self._count_bus(exchanges, odd, times)
+        self._count_units(exchanges, times)
+        self._count_others(part)
+
+    def _count_unowned(self, part: Unowned) -> None:
+        rows = part.table.rows
+        units = np.bincount(rows["unit"][(rows["kind"] == _RESPONSE) & rows["check"]], minlength=1)
+        for number in units.nonzero()[0].tolist():
+            self.unit(number).strays += int(units[number])
+
+    def _count_units(self, exchanges: ColumnTable, times: NDArray[np.int64]) -> None:
+        order = np.argsort(exchanges["unit"], kind="stable")
+        ordered, times = exchanges.take(order, NEEDED), times[order]
+        units = exchanges["unit"][order]
+        begins = np.flatnonzero(np.concatenate(([True], units[1:] != units[:-1]))).tolist()
+        for begin, end in zip(begins, [*begins[1:], len(units)], strict=True):
+            if units[begin]:
+                unit = self.unit(int(units[begin]))
+                unit.add(ordered.part(begin, end), times[begin:end], timed=self.timed, hole_ns=_HOLE * self.char_ns)
+
+    def _count_bus(self, exchanges: ColumnTable, odd: NDArray[np.bool_], times: NDArray[np.int64]) -> None:
+        outcome, t_next = exchanges["outcome"], exchanges["t_next"]
+        clean = (exchanges["t_answered"] != NEVER) & (t_next != NEVER) & ~odd
+        if self.timed:
+            self.pauses.add((t_next - exchanges["t_answered"])[clean])
+        gaps = exchanges["gap_before"][1:][clean[:-1]]
+        self.request_gaps.add(gaps[gaps != NO_GAP])
+        self._count_broadcasts(exchanges, outcome == _BROADCAST)
+        self._count_neighbours(exchanges["unit"], odd)
+        self._count_echoes(exchanges, outcome)
+        self.grid.add("asked", times)
+        self.grid.add("damage", times[(outcome == _GARBAGE) | (exchanges["noise"] > 0)])
+
+    def _count_broadcasts(self, exchanges: ColumnTable, to_all: NDArray[np.bool_]) -> None:
+        if not to_all.any():
+            return
+        self.broadcasts += int(np.count_nonzero(to_all))
+        self.broadcast_runs += int(np.count_nonzero(to_all[1:] & to_all[:-1]))
+        called = to_all & exchanges["called"]
+        self.broadcasts_answered += int(np.count_nonzero(called))
+        self.called_examples += exchanges["request"][called][: _EXAMPLES - len(self.called_examples)].tolist()
+        for number in exchanges["unit"][exchanges["outcome"] == Outcome.NO_REQUEST].tolist():
+            self.unit(number).called += 1
+        if self.timed:
+            known = to_all & (exchanges["t_next"] != NEVER)
+            self.turnarounds.add((exchanges["t_next"] - exchanges["t_asked"])[known])
+
+    def _count_neighbours(self, units: NDArray[np.uint8], odd: NDArray[np.bool_]) -> None:
+        """Whose exchanges are right behind whose."""
+        before = np.empty_like(units)
+        before[0], before[1:] = self._newest_unit, units[:-1]
+        self._newest_unit = int(units[-1])
+        follows = units != before
+        self.next_asked += np.bincount(before[follows], minlength=256)
+        if odd.any():
+            self.next_hit += np.bincount(before[follows & odd], minlength=256)
+
+    def _count_echoes(self, exchanges: ColumnTable, outcome: NDArray[np.uint8]) -> None:
+        """Requests without an answer that come again at once and are answered then."""
+        silent = (outcome == _SILENT) & exchanges["next_same"]
+        if silent.any() or self._repeating:
+            again = np.concatenate(([self._repeating], silent[:-1])) & (outcome <= _EXCEPTION)
+            self.repeats_answered += int(np.count_nonzero(again))
+            if self.timed:
+                self.repeat_waits.add((exchanges["t_next"] - exchanges["t_asked"])[silent])
+        self._repeating = bool(silent[-1])
+
+    def _count_others(self, part: Stretch) -> None:
+        """Right answers behind a request that are not its."""
+        exchanges = part.exchanges
+        if not (exchanges["strays"].any() or exchanges["late"].any()):
+            return
+        for i in np.flatnonzero((exchanges["strays"] > 0) | (exchanges["late"] > 0)).tolist():
+            rows, own = part.table.rows, int(exchanges["answer"][i])
+            for row in part.rows_of(i):
+                number = int(rows["unit"][row])
+                if row == own or rows["kind"][row] != _RESPONSE or not rows["check"][row] or not number:
+                    continue
+                if not ANSWERED[rows["function"][row]]:
+                    continue
+                if 0 <= own < row and number == exchanges["unit"][i]:
+                    self.unit(number).doubles += 1
+                elif rows["request"][row] >= 0:
+                    self.unit(number).late += 1
+                else:
+                    self.unit(number).strays += 1
+
+    def _sample(self, part: Stretch, odd: NDArray[np.bool_]) -> None:
+        exchanges = part.exchanges
+        if not odd.any():
+            return
+        polls, good = exchanges["poll"], exchanges["outcome"] == _OK
+        for i in odd.nonzero()[0].tolist():
+            unit = self.unit(int(exchanges["unit"][i]))
+            samples = unit.followed if exchanges["outcome"][i] <= _EXCEPTION else unit.samples
+            if samples.wants():
+                samples.keep(sampled(part, i, self._usual(part, polls, good, i)))
+
+    def _usual(self, part: Stretch, polls: NDArray[np.int64], good: NDArray[np.bool_], i: int) -> bytes | None:
+        """The newest good answer to the same poll before exchange i."""
+        before = ((polls[:i] == polls[i]) & good[:i]).nonzero()[0]
+        if len(before):
+            return part.table.bytes_of(int(part.exchanges["answer"][before[-1]]))
+        return self.polls.usual.get(int(polls[i]))
+
+
+def ledger_of(parts: Iterable[tuple[Batch, Any]], line: LineSettings) -> Ledger:
+    """The ledger of batches with their transactions."""
+    ledger = Ledger(line)
+    for batch, transactions in parts:
+        ledger.feed(batch, transactions)
+    ledger.close()
+    return ledger

@@ -1,0 +1,100 @@
+"""What a receiver makes of bytes that were sent by other settings than its own.
+
+Such garbage is no chance: the same bytes give the same garbage. As the first bytes of an answer are known from its
+request, settings of a sender can be tried until they give the bytes that were heard.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+from captures.line import LineSettings
+
+_BAUDS: Final = (1200, 2400, 4800, 9600, 14400, 19200, 28800, 38400, 57600, 115200, 230400)
+_FARTHEST: Final = 16.0  # times faster or slower
+_FORMATS: Final = ((8, "N", 1), (8, "N", 2), (8, "E", 1), (8, "O", 1), (7, "E", 1), (7, "O", 1), (7, "N", 2))
+_DRIFTS: Final = (0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12)
+_SAMPLE: Final = 0.5  # of a bit, where a receiver looks at it
+
+
+@dataclass(frozen=True, slots=True)
+class CharacterFormat:
+    """How bytes are sent: bit/s, data bits, parity, stop bits."""
+
+    baud: float
+    data_bits: int = 8
+    parity: str = "N"
+    stop_bits: int = 1
+
+    def bits(self, byte: int) -> list[int]:
+        """The levels of one character, the line's rest being 1."""
+        data = [byte >> i & 1 for i in range(self.data_bits)]
+        parity = [] if self.parity == "N" else [(sum(data) + (self.parity == "O")) & 1]
+        return [0, *data, *parity, *[1] * self.stop_bits]
+
+    @property
+    def words(self) -> str:
+        """As people write it: `19200 8E1`."""
+        return f"{self.baud:g} {self.data_bits}{self.parity}{self.stop_bits}"
+
+
+def formats_of(line: LineSettings) -> tuple[CharacterFormat, ...]:
+    """The formats that a receiver with these settings may have."""
+    if not line.baud:
+        return ()
+    if line.parity in ("N", "E", "O"):
+        return (CharacterFormat(line.baud, 8, line.parity, int(line.stop_bits or 1)),)
+    if line.char_bits == 10:
+        return (CharacterFormat(line.baud, 8, "N", 1), CharacterFormat(line.baud, 7, "E", 1))
+    return *(CharacterFormat(line.baud, 8, parity, 1) for parity in "EO"), CharacterFormat(line.baud, 8, "N", 2)
+
+
+def other_formats(line: CharacterFormat) -> Iterator[tuple[CharacterFormat, float]]:
+    """Formats that a sender may have by mistake, and by how much its clock is off."""
+    for baud in _BAUDS:
+        if 1 / _FARTHEST <= baud / line.baud <= _FARTHEST:
+            for data_bits, parity, stop_bits in _FORMATS:
+                yield CharacterFormat(baud, data_bits, parity, stop_bits), 0.0
+    for drift in _DRIFTS:
+        for sign in (1, -1):
+            yield (
+                CharacterFormat(line.baud * (1 + sign * drift), line.data_bits, line.parity, line.stop_bits),
+                sign * drift,
+            )
+
+
+@lru_cache(maxsize=1 << 14)
+def misread(data: bytes, sender: CharacterFormat, receiver: CharacterFormat) -> bytes:
+    """What the receiver makes of the beginning of these bytes: as much as hangs on them alone."""
+    levels = [bit for byte in data for bit in sender.bits(byte)]
+    ratio = sender.baud / receiver.baud  # bits of the sender in one of the receiver
+    found, at, end = bytearray(), 0.0, len(levels)
+    while True:
+        start = _falls(levels, at)
+        if start is None:
+            return bytes(found)
+        last = start + (receiver.data_bits + (receiver.parity != "N") + 1 + _SAMPLE) * ratio
+        if last >= end:
+            return bytes(found)
+        value = 0
+        for i in range(receiver.data_bits):
+            value |= levels[int(start + (i + 1 + _SAMPLE) * ratio)] << i
+        found.append(value)
+        at = last
+        if not levels[int(last)]:  # out of step: it waits for the line to rest
+            while int(at) < end and not levels[int(at)]:
+                at = int(at) + 1.0
+
+
+def _falls(levels: list[int], at: float) -> int | None:
+    """Where the line goes from 1 to 0 next."""
+    i = int(at) if at == int(at) else int(at) + 1
+    before = 1 if i == 0 else levels[i - 1] if i <= len(levels) else 1
+    for place in range(i, len(levels)):
+        if before and not levels[place]:
+            return place
+        before = levels[place]
+    return None

@@ -1,0 +1,73 @@
+"""From a ledger to causes: the suspect that saves most bits is taken, what it explains is struck, and so on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from .evidence import Evidence
+from .ledger import Ledger
+from .model import Cause
+from .registry import Suspect, Suspicion, suspects
+
+THRESHOLD: Final = 24.0  # bits under which nothing is said
+_MOST: Final = 8
+_SURE: Final = 0.99
+_DOUBT: Final = 12.0  # bits of margin that make a confidence of two thirds
+
+
+@dataclass(frozen=True, slots=True)
+class Weighed:
+    """A suspicion with the suspect that has it."""
+
+    suspect: Suspect
+    suspicion: Suspicion
+
+
+def weigh(evidence: Evidence) -> list[Weighed]:
+    """All suspicions that explain something new, the heaviest first."""
+    found = [Weighed(each, suspicion) for each in suspects() for suspicion in each.judge(evidence)]
+    fresh = [weighed for weighed in found if not weighed.suspicion.explains <= evidence.explained]
+    return sorted(fresh, key=lambda weighed: -weighed.suspicion.bits)
+
+
+def causes_of(ledger: Ledger) -> list[Cause]:
+    """The causes that a ledger shows, best first."""
+    return list(_explained(Evidence(ledger)))
+
+
+def _explained(evidence: Evidence) -> Iterator[Cause]:
+    for _ in range(_MOST):
+        found = weigh(evidence)
+        if not found or found[0].suspicion.bits < THRESHOLD:
+            return
+        best = found[0]
+        rivals = [each for each in found[1:] if each.suspicion.explains & best.suspicion.explains]
+        yield _cause(best, rivals[0] if rivals else None, timed=evidence.ledger.timed)
+        evidence = evidence.without(best.suspicion.explains)
+
+
+def _cause(best: Weighed, rival: Weighed | None, *, timed: bool) -> Cause:
+    suspect, found = best.suspect, best.suspicion
+    margin = found.bits - (max(rival.suspicion.bits, THRESHOLD / 2) if rival else THRESHOLD / 2)
+    confidence = min(_SURE, 1 - 1 / (2 + margin / _DOUBT))
+    return Cause(
+        cause=suspect.cause,
+        severity=suspect.severity.name.lower(),
+        units=found.units,
+        blame=suspect.blame,
+        text=suspect.text.format_map(found.numbers),
+        share=suspect.share.format_map(found.numbers),
+        since_ns=found.since if timed else None,
+        until_ns=found.until if timed else None,
+        period_s=found.period_s if timed else None,
+        confidence=round(confidence, 3),
+        runner_up=rival.suspect.cause if rival else None,
+        deciding_test=suspect.deciding_test.format_map(found.numbers),
+        remedy=suspect.remedy.format_map(found.numbers),
+        lost_answers=found.lost_answers,
+        lost_ms=found.lost_ms if timed else None,
+        frames=found.frames,
+        bits=round(found.bits, 1),
+    )

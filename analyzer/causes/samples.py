@@ -1,0 +1,111 @@
+"""Exchanges that went otherwise than they should, with their bytes: evenly over the time, and no more than a few."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from ..tables.schema import Kind
+from .exchanges import Outcome, Stretch
+
+_MOST: Final = 96  # of a unit
+_PIECES: Final = 12  # of a sample
+_BYTES: Final = 600
+
+
+class Piece(NamedTuple):
+    """A row behind a request: what the deframer took it for, and whether the exchange's good answer is it."""
+
+    kind: int
+    check: bool
+    answers: bool
+    unit: int
+    t_start: int
+    t_end: int
+    marks: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One exchange. `index` is that of the request's frame, `usual` a good answer to the same poll from before, or None;
+    `next_same`: the master repeated its request; `t_next` as in EXCHANGE."""
+
+    unit: int
+    function: int
+    request: bytes
+    poll: int
+    outcome: Outcome
+    due: int
+    index: int
+    t_asked: int
+    t_next: int
+    place: int
+    pieces: tuple[Piece, ...]
+    usual: bytes | None
+    next_same: bool
+    next_unit: int
+
+
+@dataclass(slots=True)
+class Samples:
+    """Some of the exchanges offered, spread evenly; `offered` counts all of them."""
+
+    kept: list[Sample] = field(default_factory=list)
+    offered: int = 0
+    _stride: int = 1
+
+    def wants(self) -> bool:
+        """Whether the next one offered is to be kept; counts it."""
+        self.offered += 1
+        return (self.offered - 1) % self._stride == 0
+
+    def keep(self, sample: Sample) -> None:
+        """Keep one that was wanted."""
+        self.kept.append(sample)
+        if len(self.kept) > _MOST:
+            self.kept = self.kept[::2]
+            self._stride *= 2
+
+    @property
+    def weight(self) -> float:
+        """How many of those offered each kept one stands for."""
+        return self.offered / len(self.kept) if self.kept else 0.0
+
+
+def sampled(stretch: Stretch, i: int, usual: bytes | None) -> Sample:
+    """The sample of one exchange of a stretch."""
+    exchange, table = stretch.exchanges.row(i), stretch.table
+    rows, pieces, room = table.rows, [], _BYTES
+    for row in stretch.rows_of(i)[:_PIECES]:
+        data = table.bytes_of(row)[:room]
+        room -= len(data)
+        kind = int(rows["kind"][row])
+        pieces.append(
+            Piece(
+                kind,
+                bool(rows["check"][row]) and kind != Kind.NOISE,
+                row == exchange["answer"],
+                int(rows["unit"][row]),
+                int(rows["t_start"][row]),
+                int(rows["t_end"][row]),
+                int(rows["errors"][row]),
+                data,
+            )
+        )
+    return Sample(
+        exchange["unit"],
+        exchange["function"],
+        table.bytes_of(exchange["row"]),
+        exchange["poll"],
+        Outcome(exchange["outcome"]),
+        exchange["due"],
+        exchange["request"],
+        exchange["t_asked"],
+        exchange["t_next"],
+        exchange["place"],
+        tuple(pieces),
+        usual,
+        exchange["next_same"],
+        exchange["next_unit"],
+    )

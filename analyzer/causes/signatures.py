@@ -1,0 +1,270 @@
+"""What became of one answer, read from its bytes: where it is damaged, and how.
+
+The request says how the answer must begin (unit, function, byte count; all of an echo) and how long it is; a good
+answer to the same poll says about what it holds. With so much known the check value can be asked what the bytes
+themselves do not tell: whether the rest is whole when the first ones are put right, or only the last one is wrong.
+"""
+
+from __future__ import annotations
+
+import builtins
+from dataclasses import dataclass
+from enum import Enum
+from functools import lru_cache
+from typing import Final
+
+from dissectors.answers import expectation
+from dissectors.crc import byte_between, crc16, crc_bytes, flipped_bit, needed, registers
+from dissectors.crc_variants import matching
+
+from ..tables.schema import Kind
+from .exchanges import Outcome
+from .samples import Piece, Sample
+
+_HEAD_MOST: Final = 12  # bytes that may be put right
+_LEAST: Final = 4
+_COUNTED: Final = 3  # bytes of an answer's header that has a byte count
+_TAIL_BITS: Final = 2  # bits of a byte that must have come before its driver let go
+_LOCAL: Final = 0.55  # share of bytes like those of a good answer: the damage is somewhere, not everywhere
+_APART_CHARS: Final = 12.0  # silence behind which bytes are no longer of one answer
+
+
+class Damage(Enum):
+    """What happened to an answer."""
+
+    NONE = "none"
+    HEAD = "head"  # the first bytes, the rest is whole
+    TAIL = "tail"  # the last bytes
+    CUT = "cut"  # it begins well and ends early
+    BITS = "bits"  # one byte has flipped bits
+    MIDDLE = "middle"  # it begins well, and some of it is wrong
+    LONG = "long"  # it begins well, and is longer than it may be
+    CONVENTION = "convention"  # whole, by another check value
+    COUNT = "count"  # whole, but its byte count is wrong
+    CROSSED = "crossed"  # the next request comes into it
+    OTHER = "other"  # a right frame, and not the answer
+    WHOLE = "whole"  # nothing of it is right
+
+
+class Behind(Enum):
+    """What stood between a good answer and the next request."""
+
+    NOTHING = "nothing"
+    ZEROS = "zeros"  # one or two 00 right behind it
+    REQUEST = "request"  # a request, damaged
+    ANSWER = "answer"  # a second answer
+    NOISE = "noise"
+
+
+@dataclass(frozen=True, slots=True)
+class Signature:
+    """The reading of one sample.
+
+    `bytes` how many are damaged or lost, `length` how many came, `at` the first damaged byte (-1 unknown), `flips` the
+    bits of it that are wrong (0 the earliest), `t_ns` when, `marks` bytes that the UART marked, `detail` a name.
+    """
+
+    damage: Damage
+    behind: Behind = Behind.NOTHING
+    bytes: int = 0
+    length: int = 0
+    due: int = 0
+    at: int = -1
+    flips: tuple[int, ...] = ()
+    t_ns: int = -1
+    marks: int = 0
+    detail: str = ""
+    t_behind: int = -1
+    headed: int = 0  # leading bytes that are as they must be
+    echoed: bool = False  # it begins with its request once more
+    delay: int = -1  # ns from the request to its first byte
+    heard: builtins.bytes = b""
+
+
+def signature(sample: Sample, char_ns: float, requests: frozenset[bytes], *, timed: bool) -> Signature:
+    """Read a sample. `requests`: last bytes of requests of this bus, by which a damaged one is known again."""
+    if sample.outcome in (Outcome.OK, Outcome.EXCEPTION):
+        kind, t = _behind(sample, requests)
+        before = next((i for i, piece in enumerate(sample.pieces) if piece.answers), 0)
+        marks = sum(piece.marks for piece in sample.pieces if piece.answers)
+        detail = "before" if before else ""
+        kind = Behind.NOISE if before and kind is Behind.NOTHING else kind
+        return Signature(Damage.NONE, kind, marks=marks, t_behind=t, detail=detail, due=sample.due)
+    burst, rest = _first_burst(sample.pieces, char_ns if timed else 0.0)
+    if not burst:
+        return Signature(Damage.NONE, due=sample.due)
+    data = b"".join(piece.data for piece in burst)
+    echoed = data.startswith(sample.request) and len(data) > len(sample.request)
+    data = data[len(sample.request) :] if echoed else data
+    found = _read(sample, data, burst, requests)
+    t = burst[0].t_start + int((max(found.at, 0) + 0.5) * char_ns)
+    behind, t_behind = (_kind_of(rest, sample, requests), rest[0].t_start) if rest else (Behind.NOTHING, -1)
+    marks = sum(piece.marks for piece in burst)
+    return Signature(found.damage, behind, found.bytes, len(data), sample.due, found.at, found.flips, t, marks,
+                     found.detail, t_behind, _headed(sample, data), echoed, burst[0].t_start - sample.t_asked,
+                     data)  # fmt: skip
+
+
+def _headed(sample: Sample, data: bytes) -> int:
+    pairs = list(zip(_header(sample.request), data, strict=False))
+    return next((i for i, (one, two) in enumerate(pairs) if one != two), len(pairs))
+
+
+@lru_cache(maxsize=4096)
+def _header(request: bytes) -> bytes:
+    """The first bytes of a right answer: all of them, where it only echoes."""
+    return expectation(request).header
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    damage: Damage
+    bytes: int = 0
+    at: int = -1
+    flips: tuple[int, ...] = ()
+    detail: str = ""
+
+
+def _read(sample: Sample, data: bytes, burst: list[Piece], requests: frozenset[bytes]) -> _Reading:
+    due, header = sample.due, _header(sample.request)
+    if crc16(data) == 0 and len(data) > _LEAST and data[:2] == header[:2]:
+        return _Reading(Damage.COUNT if len(burst) == 1 or len(data) != due else Damage.NONE, 1, 2)
+    if any(piece.check and piece.kind == Kind.RESPONSE for piece in burst):
+        return _Reading(Damage.OTHER, at=0)
+    refused = bytes((sample.unit, sample.function | 0x80))
+    if due < _LEAST or len(header) < 2:
+        return _Reading(Damage.WHOLE, len(data), 0)
+    if len(header) == due - 2:
+        header += crc_bytes(header)
+    for length, head in ((due, header), (5, refused)):
+        found = _of_length(sample, data, length, head)
+        if found is not None:
+            return found
+    if data[-_LEAST:] in requests or any(piece.kind == Kind.REQUEST for piece in burst[1:]):
+        return _Reading(Damage.CROSSED, 1, 0)
+    begins = data.startswith(header[:3]) if len(data) >= 3 else data == header[: len(data)]
+    if begins and len(data) < due:
+        return _Reading(Damage.CUT, due - len(data), len(data))
+    if begins and len(data) > due + 2:
+        return _Reading(Damage.LONG, len(data) - due, due)
+    if (flips := _flipped(data, due)) is not None:
+        return flips
+    return _like_usual(sample, data, begins=begins)
+
+
+def _of_length(sample: Sample, data: bytes, due: int, header: bytes) -> _Reading | None:
+    """What is right but for its head, its tail, its convention or one bit, if it should have had this length."""
+    count = len(data)
+    usual = sample.usual if sample.usual is not None and len(sample.usual) == due else b""
+    known = header + usual[len(header) : max(due - 2, 0)]
+    if count == due and data.startswith(header[:3]):
+        variant = next(matching(data), None)
+        if variant is not None:
+            return _Reading(Damage.CONVENTION, 2, due - 2, (), variant.name)
+    for head in range(1, min(len(known), _HEAD_MOST, due - 3) + 1):
+        rest = due - head
+        if count >= rest and crc16(known[:head] + data[count - rest :]) == 0:
+            flips: tuple[int, ...] = ()
+            if count == due and head == 1:
+                flips = _bits(data[0] ^ known[0])
+            return _Reading(Damage.HEAD, head, 0, flips)
+    if data.startswith(header[: min(3, due - 2)]) and count >= due - 1:
+        return _tail(data, due)
+    return None
+
+
+def _tail(data: bytes, due: int) -> _Reading | None:
+    """The check value's bytes lost or with high bits set, all before them right."""
+    first, second = crc_bytes(data[: due - 2])
+    rest = data[due - 2 :]
+    if rest[:1] == bytes((first,)):
+        if len(rest) == 1 or (rest[1] != second and _let_go(rest[1], second)):
+            return _Reading(Damage.TAIL, 1, due - 1)
+        return None
+    if rest and _let_go(rest[0], first) and (len(rest) == 1 or rest[1] == 0xFF):
+        return _Reading(Damage.TAIL, 2, due - 2)
+    return None
+
+
+def _let_go(byte: int, sent: int) -> bool:
+    """Whether a byte is what is left when its driver lets go: some low bits as sent, then ones."""
+    for count in range(_TAIL_BITS, 8):
+        mask = (1 << count) - 1
+        if byte == (sent & mask) | (0xFF & ~mask):
+            return True
+    return byte == 0xFF
+
+
+def _flipped(data: bytes, due: int) -> _Reading | None:
+    if len(data) != due:
+        return None
+    if (bit := flipped_bit(crc16(data), due)) is not None:
+        return _Reading(Damage.BITS, 1, bit[0], (bit[1],))
+    before, after = registers(data), needed(data)
+    fits = [(i, byte) for i in range(due) if (byte := byte_between(before[i], after[i + 1])) is not None]
+    short = [(i, _bits(byte ^ data[i])) for i, byte in fits]
+    runs = [(i, bits) for i, bits in short if bits and bits[-1] - bits[0] < len(bits) + 1]
+    if len(runs) == 1:
+        return _Reading(Damage.BITS, 1, runs[0][0], runs[0][1])
+    return None
+
+
+def _bits(pattern: int) -> tuple[int, ...]:
+    return tuple(i for i in range(8) if pattern >> i & 1)
+
+
+def _like_usual(sample: Sample, data: bytes, *, begins: bool) -> _Reading:
+    """How much of it is as in a good answer, from its beginning and from its end."""
+    usual = sample.usual
+    if usual is None or len(usual) != sample.due:
+        if begins:
+            return _Reading(Damage.MIDDLE, 1, 3)
+        header = _header(sample.request)
+        wrong = [i for i, (one, two) in enumerate(zip(header, data, strict=False)) if one != two]
+        return _Reading(Damage.WHOLE, len(data), wrong[0] if wrong else 0)
+    body = len(usual) - 2
+    ahead = [one == two for one, two in zip(usual[:body], data, strict=False)]
+    aback = [one == two for one, two in zip(reversed(usual[:body]), reversed(data[:-2]), strict=False)]
+    share = max(sum(ahead), sum(aback)) / max(body, 1)
+    if share < _LOCAL:
+        return _Reading(Damage.WHOLE, len(data), 0)
+    if sum(aback) > sum(ahead) and not begins:
+        first = len(aback) - next((i for i, same in enumerate(aback) if not same), 0)
+        headless = all(aback[: len(aback) // 2])
+        return _Reading(Damage.HEAD if headless else Damage.MIDDLE, max(1, first) if headless else 1, 0)
+    wrong = [i for i, same in enumerate(ahead) if not same]
+    at = wrong[0] if wrong else body
+    flips = _bits(usual[at] ^ data[at]) if len(wrong) == 1 and at < min(len(data), 3) else ()
+    return _Reading(Damage.MIDDLE, max(len(wrong), 1), at, flips)
+
+
+def _first_burst(pieces: tuple[Piece, ...], char_ns: float) -> tuple[list[Piece], list[Piece]]:
+    """The pieces that one silence ends, and those behind it."""
+    for i in range(1, len(pieces)):
+        if char_ns and pieces[i].t_start - pieces[i - 1].t_end > _APART_CHARS * char_ns + 5e6:
+            return list(pieces[:i]), list(pieces[i:])
+    return list(pieces), []
+
+
+def _behind(sample: Sample, requests: frozenset[bytes]) -> tuple[Behind, int]:
+    at = next((i for i, piece in enumerate(sample.pieces) if piece.answers), -1)
+    rest = [piece for i, piece in enumerate(sample.pieces) if i > at]
+    if not rest:
+        return Behind.NOTHING, -1
+    return _kind_of(rest, sample, requests), rest[0].t_start
+
+
+def _kind_of(rest: list[Piece], sample: Sample, requests: frozenset[bytes]) -> Behind:
+    if any(piece.check and piece.kind == Kind.RESPONSE and piece.unit == sample.unit for piece in rest):
+        return Behind.ANSWER
+    if all(piece.check for piece in rest):
+        return Behind.NOTHING
+    data = b"".join(piece.data for piece in rest)
+    if not any(data) and len(data) <= 2:
+        return Behind.ZEROS
+    header = _header(sample.request)[:_COUNTED]
+    if len(header) == _COUNTED and header != sample.request[:_COUNTED] and data.startswith(header):
+        return Behind.ANSWER
+    if data[-_LEAST:] in requests or any(piece.kind == Kind.REQUEST for piece in rest):
+        return Behind.REQUEST
+    return Behind.NOISE

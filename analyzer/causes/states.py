@@ -1,0 +1,180 @@
+"""Whether damage goes with a value on the bus: of each register and coil that has two states, hits in either state.
+
+Between two reads of a value that are alike the value is taken to have stood still; what was hit meanwhile is counted
+for its state. Values that take more than two are let go of, for a measured value means nothing here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .bits import likelihood_bits
+from .exchanges import Outcome, Stretch
+
+_WORDS: Final = (3, 4)
+_BITS: Final = (1, 2)
+_POLLS: Final = 512
+_COLUMNS: Final = 256  # values of a poll
+_FROM: Final = 1  # hits, before which nothing need be followed
+_SWITCHES: Final = 2  # changes of state, at the least
+
+
+@dataclass(slots=True)
+class _States:
+    """The values of one poll that may be states: column by column the two values, and hits and exchanges in each."""
+
+    one: NDArray[np.int64]
+    two: NDArray[np.int64]  # -1 until it is seen
+    many: NDArray[np.bool_]  # more than two: no state
+    hits: NDArray[np.int64]  # (2, columns)
+    trials: NDArray[np.int64]
+    switches: NDArray[np.int64]
+    newest: NDArray[np.int64]
+    hits_then: int  # on the bus so far, when the newest was read
+    trials_then: int
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A value that goes with damage: where it is, its value then, and hits and exchanges with it and without."""
+
+    unit: int
+    function: int
+    address: int
+    value: int
+    hits: int
+    trials: int
+    other_hits: int
+    other_trials: int
+    bits: float
+
+
+@dataclass(slots=True)
+class StateTable:
+    """Feeds on stretches; `likeliest` gives the value that goes with damage best."""
+
+    _polls: dict[int, _States] = field(default_factory=dict)
+    _hits: int = 0
+    _trials: int = 0
+
+    def add(self, stretch: Stretch) -> None:
+        """The next exchanges."""
+        exchanges = stretch.exchanges
+        if self._hits < _FROM and not exchanges["noise"].any():
+            self._trials += len(exchanges)
+            return
+        hit = (exchanges["noise"] > 0) | (exchanges["outcome"] == Outcome.GARBAGE)
+        hits = self._hits + np.cumsum(hit)
+        trials = self._trials + np.arange(1, len(exchanges) + 1)
+        good = (exchanges["outcome"] == Outcome.OK) & np.isin(exchanges["function"], _WORDS + _BITS)
+        places = good.nonzero()[0]
+        numbers = exchanges["poll"][places]
+        for number in np.unique(numbers).tolist():
+            if number not in self._polls and len(self._polls) >= _POLLS:
+                continue
+            mine = places[numbers == number]
+            self._follow(number, _values(stretch, mine), hits[mine], trials[mine])
+        self._hits, self._trials = int(hits[-1]), int(trials[-1])
+
+    def _follow(
+        self, number: int, values: NDArray[np.int64], hits: NDArray[np.int64], trials: NDArray[np.int64]
+    ) -> None:
+        if not values.shape[1]:
+            return
+        states = self._polls.get(number)
+        if states is None or len(states.one) != values.shape[1]:
+            count = values.shape[1]
+            none = np.zeros((2, count), np.int64)
+            states = self._polls[number] = _States(
+                values[0].copy(), np.full(count, -1), np.zeros(count, np.bool_), none, none.copy(),
+                np.zeros(count, np.int64), values[0].copy(), int(hits[0]), int(trials[0])
+            )  # fmt: skip
+        before = np.concatenate((states.newest[None], values[:-1]))
+        gained = np.diff(np.concatenate(([states.hits_then], hits)))
+        passed = np.diff(np.concatenate(([states.trials_then], trials)))
+        states.newest, states.hits_then, states.trials_then = values[-1].copy(), int(hits[-1]), int(trials[-1])
+        changed = values != before
+        moving = changed.any(axis=0)
+        steady = ~moving
+        if steady.any():
+            in_two = (values[0] == states.two) & steady
+            states.hits[0][steady & ~in_two] += int(gained.sum())
+            states.trials[0][steady & ~in_two] += int(passed.sum())
+            states.hits[1][in_two] += int(gained.sum())
+            states.trials[1][in_two] += int(passed.sum())
+        for column in np.flatnonzero(moving & ~states.many).tolist():
+            self._count(states, column, values[:, column], changed[:, column], gained, passed)
+
+    @staticmethod
+    def _count(
+        states: _States,
+        column: int,
+        values: NDArray[np.int64],
+        changed: NDArray[np.bool_],
+        gained: NDArray[np.int64],
+        passed: NDArray[np.int64],
+    ) -> None:
+        others = values[values != states.one[column]]
+        if states.two[column] < 0 and len(others):
+            states.two[column] = others[0]
+        if (others != states.two[column]).any():
+            states.many[column] = True
+            return
+        states.switches[column] += int(np.count_nonzero(changed))
+        in_two = (values != states.one[column]).astype(np.int64)
+        for state in (0, 1):
+            here = (in_two == state) & ~changed
+            states.hits[state, column] += int(gained[here].sum())
+            states.trials[state, column] += int(passed[here].sum())
+
+    def likeliest(self) -> State | None:
+        """The value whose states differ most in how often the bus was hit; None where none does."""
+        found = max(self._all(), key=lambda state: state.bits, default=None)
+        return found if found is not None and found.bits > 0 else None
+
+    def _all(self) -> Iterator[State]:
+        columns = sum(int(np.count_nonzero(states.switches >= _SWITCHES)) for states in self._polls.values())
+        price = np.log2(max(columns, 1)) + 1
+        for number, states in self._polls.items():
+            for column in np.flatnonzero((states.switches >= _SWITCHES) & ~states.many).tolist():
+                hits, trials = states.hits[:, column].tolist(), states.trials[:, column].tolist()
+                trials = [max(pair) for pair in zip(hits, trials, strict=True)]
+                if not min(trials):
+                    continue
+                rates = [(h + 0.25) / (n + 0.5) for h, n in zip(hits, trials, strict=True)]
+                own = sum(likelihood_bits(h, n, r) for h, n, r in zip(hits, trials, rates, strict=True))
+                bits = own - likelihood_bits(sum(hits), sum(trials), (sum(hits) + 0.25) / (sum(trials) + 0.5))
+                bad = int(rates[1] > rates[0])
+                yield State(
+                    number >> 40 & 0xFF,
+                    number >> 32 & 0xFF,
+                    (number >> 16 & 0xFFFF) + column,
+                    int((states.one, states.two)[bad][column]),
+                    hits[bad],
+                    trials[bad],
+                    hits[1 - bad],
+                    trials[1 - bad],
+                    float(bits - price),
+                )
+
+
+def _values(stretch: Stretch, places: NDArray[np.intp]) -> NDArray[np.int64]:
+    """The values of answers to one poll, a row each."""
+    exchanges, table = stretch.exchanges, stretch.table
+    answers = exchanges["answer"][places]
+    lengths, at = exchanges["answer_bytes"][places], table.rows["at"][answers]
+    length = int(np.bincount(lengths).argmax())
+    count = length - 5
+    if table.rows["protocol"][answers].any() or count < 1:
+        return np.zeros((len(places), 0), np.int64)
+    begins = np.where(lengths == length, at, at[np.argmax(lengths == length)])
+    octets: NDArray[Any] = table.data[begins[:, None] + 3 + np.arange(count)]
+    if int(exchanges["function"][places[0]]) in _BITS:
+        return np.unpackbits(octets, axis=1, bitorder="little")[:, :_COLUMNS].astype(np.int64)
+    words = octets[:, : count // 2 * 2].astype(np.int64)
+    return words[:, ::2] << 8 | words[:, 1::2]

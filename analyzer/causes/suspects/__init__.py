@@ -1,0 +1,1 @@
+"""Suspects, a module a subject; `analyzer.causes.registry.suspects()` has them all."""

@@ -1,0 +1,333 @@
+"""What masters and the ways to them do wrong: two of them, broadcasts, haste, too much, pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+
+from ...tables.findings import Severity
+from ..bits import likelihood_bits, surplus_bits
+from ..evidence import HEALTHY, Evidence, kind_bits
+from ..exchanges import Outcome
+from ..registry import Suspicion, Symptom, suspect
+from ..signatures import Behind
+from ..unitledger import UnitLedger
+
+_LEAST: Final = 5
+_HASTY: Final = 0.35  # of the timeout: nobody gives up so soon
+_COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.22, "long": 0.07, "other": 0.03,
+                    "middle": 0.03, "tail": 0.02, "head": 0.02, "bits": 0.01}  # fmt: skip
+_ON_FRAMES: Final = 0.93  # of what collides
+_TOO_SOON: Final = 0.9  # of t3.5
+_MOSTLY: Final = 0.5
+_FULL: Final = 0.9  # of the line's time
+_BUSY: Final = 0.6
+_REST: Final = 0.06  # of the time, that a master pauses longer than it must
+_RATES: Final = 1.5  # polls that are asked for so much oftener than others
+_SECONDS_NS: Final = 8e9
+_STORM: Final = 30  # broadcasts
+_STORM_NS: Final = 60e6
+_HOLE_CHARS: Final = 1.5
+
+
+@suspect(
+    "two-masters",
+    Severity.ERROR,
+    blame="master",
+    text="Two masters poll on this line and know nothing of each other: {crossed} requests came while an answer was due, "
+    "{damaged} answers are cut or overlaid by one",
+    share="{hits} of {exchanges} exchanges, of {units_hit} units",
+    deciding_test="Take one master off: no request may then come while an answer is due",
+    remedy="Let one master poll and the other get its values from it, or put a gateway with several clients between",
+)
+def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
+    """Requests while an answer is due, and what collides with them, for all units alike."""
+    if not evidence.ordered:
+        return
+    units = [unit for unit in evidence.units if evidence.is_open(Symptom.DAMAGE, unit.unit)]
+    hasty = sum(_hasty(evidence, unit) for unit in units)
+    late = sum(unit.late for unit in units if evidence.is_open(Symptom.LATENESS, unit.unit))
+    behind = sum(evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in units)
+    damaged = sum(map(evidence.damaged, units))
+    readings = [reading for unit in units for reading in evidence.readings(unit)]
+    hit = [unit for unit in units if evidence.damaged(unit) or unit.late or _hasty(evidence, unit)]
+    requests = sum(evidence.behind(unit, Behind.REQUEST) for unit in units)
+    crossed = hasty + late + requests + damaged * _share(readings, "crossed", "cut", "cut-short", "long")
+    hits = min(hasty + late + behind + damaged, evidence.ledger.exchanges)
+    if crossed < _LEAST or crossed < 0.4 * hits or len(hit) < min(2, len(units)) or not hasty + late + requests:
+        return
+    bits = surplus_bits(hits, evidence.ledger.exchanges, HEALTHY) + kind_bits(readings, _COLLIDED)
+    bits += 2 * (hasty + late) + likelihood_bits(damaged + requests, damaged + behind, _ON_FRAMES)
+    bits -= likelihood_bits(damaged + requests, damaged + behind, 0.5)
+    costs = [evidence.cost(unit, Outcome.SILENT, Outcome.GARBAGE) for unit in units]
+    known = [ms for _, ms in costs if ms is not None]
+    kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS)
+    yield Suspicion(
+        (),
+        bits,
+        frozenset((kind, unit.unit) for unit in evidence.units for kind in kinds),
+        {
+            "crossed": round(hasty + late + requests),
+            "damaged": damaged,
+            "hits": round(hits),
+            "exchanges": evidence.ledger.exchanges,
+            "units_hit": len(hit),
+        },
+        lost_answers=sum(lost for lost, _ in costs),
+        lost_ms=round(sum(known), 3) if known else None,
+        frames=tuple(index for unit in hit for index in unit.examples.get(Outcome.GARBAGE, []))[:6],
+    )
+
+
+def _share(readings: Sequence[object], *kinds: str) -> float:
+    from ..evidence import share_of
+    from ..signatures import Signature
+
+    return share_of([each for each in readings if isinstance(each, Signature)], *kinds)
+
+
+def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
+    """Requests behind which another one came sooner than a master gives up."""
+    timeout = evidence.timeout_ns
+    if (
+        timeout is None
+        or not evidence.is_open(Symptom.SILENCE, unit.unit)
+        or evidence.verdict.wait_ns > _HASTY * timeout
+    ):
+        return 0
+    waits = unit.waits.numbers
+    return round(len(unit.waits) * float((waits < _HASTY * timeout).mean())) if len(waits) else 0
+
+
+@suspect(
+    "broadcast-answered",
+    Severity.ERROR,
+    blame="unit",
+    text="Broadcasts are answered: bytes follow {answered} of {broadcasts} requests to unit 0 within the time of an answer",
+    share="{answered} of {broadcasts} broadcasts",
+    deciding_test="Take the units off one after the other and broadcast: the one that answers is the one whose going ends it",
+    remedy="Give the device that takes 0 for its own an address from 1 to 247, or update its firmware",
+)
+def broadcast_answered(evidence: Evidence) -> Iterator[Suspicion]:
+    """Bytes behind broadcasts."""
+    ledger = evidence.ledger
+    answered = ledger.broadcasts_answered
+    if answered < 3 or not evidence.is_open(Symptom.REQUESTS, 0):
+        return
+    noisy = sum(evidence.behind(unit, Behind.NOISE) for unit in evidence.units)
+    background = max(0.02, 2 * (noisy + 0.5) / (sum(unit.asked for unit in evidence.units) + 50))
+    yield Suspicion(
+        tuple(sorted(unit.unit for unit in ledger.units.values() if unit.called)),
+        surplus_bits(answered, ledger.broadcasts, background) * 1.1,
+        frozenset({(Symptom.REQUESTS, 0)}),
+        {"answered": answered, "broadcasts": ledger.broadcasts},
+        frames=tuple(ledger.called_examples),
+    )
+
+
+@suspect(
+    "broadcast-storm",
+    Severity.ERROR,
+    blame="master",
+    text="Broadcasts leave no time for anything else: {broadcasts} of {requests} requests go to unit 0, {pause}",
+    share="{broadcasts} of {requests} requests",
+    deciding_test="Stop what broadcasts and see whether the polls come back to their pace",
+    remedy="Broadcast when something changes, not all the time, and leave 100 to 200 ms behind each",
+)
+def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
+    """Broadcasts without turnaround, most of all requests."""
+    ledger = evidence.ledger
+    share = ledger.broadcasts / max(ledger.exchanges, 1)
+    if ledger.broadcasts < _STORM or share < _MOSTLY or ledger.broadcast_runs < 0.4 * ledger.broadcasts:
+        return
+    pause = ledger.turnarounds.quantile(0.5)
+    if pause is not None and pause > _STORM_NS:
+        return
+    if pause is None and share < 0.7:
+        return
+    silent = frozenset((Symptom.SILENCE, unit.unit) for unit in evidence.units)
+    costs = [evidence.cost(unit, Outcome.SILENT) for unit in evidence.units]
+    known = [ms for _, ms in costs if ms is not None]
+    yield Suspicion(
+        (),
+        surplus_bits(ledger.broadcasts, ledger.exchanges, 0.3)
+        + sum(surplus_bits(evidence.silent(unit), unit.asked, 0.02) for unit in evidence.units),
+        silent | {(Symptom.REQUESTS, 0), (Symptom.REQUESTS, None)},
+        {
+            "broadcasts": ledger.broadcasts,
+            "requests": ledger.exchanges,
+            "pause": f"{pause / 1e6:.3g} ms apart" if pause is not None else "one behind the other",
+        },
+        lost_answers=sum(lost for lost, _ in costs),
+        lost_ms=round(sum(known), 3) if known else None,
+    )
+
+
+@suspect(
+    "master-too-fast",
+    Severity.WARNING,
+    blame="master",
+    text="The master sends its next request {gap:.3g} characters after an answer (median), where 3.5 are due: {short} of "
+    "{requests} requests",
+    share="{short} of {requests} requests",
+    deciding_test="Let the master pause for 5 ms before each request, and watch the units that lost requests",
+    remedy="Set the master's inter-frame delay to 3.5 characters ({due:.3g} ms) at the least",
+)
+def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
+    """Less than t3.5 before requests, where the clock carries it."""
+    gaps, due = evidence.ledger.request_gaps, evidence.t35_ns
+    if (
+        due is None
+        or not evidence.verdict.fine
+        or evidence.verdict.jitter_ns > 0.3 * due
+        or len(evidence.ledger.ports) > 1
+    ):
+        return
+    share = 1 - gaps.above(_TOO_SOON * due)
+    median = gaps.quantile(0.5)
+    if len(gaps) < 20 or share < _MOSTLY or median is None:
+        return
+    yield Suspicion(
+        (),
+        surplus_bits(share * len(gaps), len(gaps), 0.05),
+        frozenset({(Symptom.TIMING, None)}),
+        {
+            "gap": median / evidence.ledger.char_ns,
+            "short": round(share * len(gaps)),
+            "requests": len(gaps),
+            "due": due / 1e6,
+        },
+    )
+
+
+@suspect(
+    "unit-too-fast",
+    Severity.WARNING,
+    blame="unit",
+    text="Unit {list} answers {gap:.3g} characters after the request (median), where 3.5 are due: {short} of {answers} "
+    "answers",
+    share="{short} of {answers} answers of unit {list}",
+    deciding_test="Look whether the master, or units that listen, lose frames right behind requests to unit {list}",
+    remedy="Set the unit's response delay to 3.5 characters ({due:.3g} ms) at the least",
+)
+def unit_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
+    """Less than t3.5 before the answers of some units."""
+    due = evidence.t35_ns
+    if (
+        due is None
+        or not evidence.verdict.fine
+        or evidence.verdict.jitter_ns > 0.3 * due
+        or len(evidence.ledger.ports) > 1
+    ):
+        return
+    found = []
+    for unit in evidence.units:
+        share = 1 - unit.gaps.above(_TOO_SOON * due) if len(unit.gaps) else 0.0
+        if len(unit.gaps) >= _LEAST and share >= _MOSTLY and evidence.is_open(Symptom.TIMING, unit.unit):
+            found.append((surplus_bits(share * len(unit.gaps), len(unit.gaps), 0.05), unit, share))
+    if not found:
+        return
+    found.sort(key=lambda one: -one[0])
+    yield Suspicion(
+        tuple(unit.unit for _, unit, _ in found),
+        sum(bits for bits, _, _ in found),
+        frozenset((Symptom.TIMING, unit.unit) for _, unit, _ in found),
+        {
+            "list": ", ".join(str(unit.unit) for _, unit, _ in found),
+            "gap": float(np.median(np.concatenate([unit.gaps.numbers for _, unit, _ in found])))
+            / evidence.ledger.char_ns,
+            "short": round(sum(share * len(unit.gaps) for _, unit, share in found)),
+            "answers": sum(len(unit.gaps) for _, unit, _ in found),
+            "due": due / 1e6,
+        },
+    )
+
+
+@suspect(
+    "converter-gaps",
+    Severity.WARNING,
+    blame="line",
+    text="Answers of {list} come in pieces with silences of about {hole:.3g} ms inside{size}: a radio, modem or converter "
+    "passes them on so",
+    share="{broken} of {answers} answers of {list}, {others_broken} of {others_answers} of others",
+    deciding_test="Tap the line on the far side of the converter: there the answers must be in one piece",
+    remedy="Give masters and gateways on the way a longer silence that ends a frame (t3.5 of 50 ms), or a converter that "
+    "knows Modbus and passes frames on whole",
+)
+def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:
+    """Holes inside the frames of some units."""
+    ledger, verdict = evidence.ledger, evidence.verdict
+    if not ledger.line.baud or not ledger.timed:
+        return
+    least = max(
+        _HOLE_CHARS * ledger.char_ns,
+        (1.5 if verdict.fine else 4.0) * (verdict.jitter_ns if verdict.fine else verdict.wait_ns),
+    )
+    if not np.isfinite(least):
+        return
+    shares = [(unit.holes.above(least), unit) for unit in evidence.units if len(unit.holes) >= _LEAST]
+    behind = sorted([pair for pair in shares if pair[0] > 0.1], key=lambda pair: -pair[0])
+    others = [pair for pair in shares if pair[0] <= 0.1]
+    broken = sum(share * len(unit.holes) for share, unit in behind)
+    if broken < _LEAST:
+        return
+    holes = np.concatenate([unit.holes.numbers[unit.holes.numbers > least] for _, unit in behind])
+    places = sum((unit.hole_places for _, unit in behind), start=type(behind[0][1].hole_places)())
+    common = _piece(places)
+    yield Suspicion(
+        tuple(unit.unit for _, unit in behind),
+        sum(surplus_bits(share * len(unit.holes), len(unit.holes), 0.02) for share, unit in behind),
+        frozenset({(Symptom.TIMING, unit.unit) for _, unit in behind} | {(Symptom.TIMING, None)}),
+        {
+            "list": "unit " + ", ".join(str(unit.unit) for _, unit in behind)
+            if others or len(behind) < 6
+            else "all units",
+            "hole": float(np.median(holes)) / 1e6,
+            "size": f", each {common} bytes long" if common else "",
+            "broken": round(broken),
+            "answers": sum(len(unit.holes) for _, unit in behind),
+            "others_broken": round(sum(share * len(unit.holes) for share, unit in others)),
+            "others_answers": sum(len(unit.holes) for _, unit in others),
+        },
+    )
+
+
+def _piece(places: dict[int, int]) -> int:
+    """The size of which most places of holes are multiples; 0 for none."""
+    total = sum(places.values())
+    for size in (256, 128, 64, 62, 48, 32, 31, 24, 20, 16, 14, 12, 10, 8):
+        if total and sum(count for place, count in places.items() if place % size == 0) >= 0.7 * total:
+            return size
+    return 0
+
+
+@suspect(
+    "overload",
+    Severity.WARNING,
+    blame="master",
+    text="More is polled than the line can carry: bytes are on it {load:.0%} of the time and the master never rests; a round "
+    "of its {polls} polls takes {cycle:.3g} s",
+    share="{load:.0%} of the line's time",
+    deciding_test="Take half of the polls off the list: the others must then come twice as often",
+    remedy="Raise the baud rate, join polls of adjacent registers into one, poll slow values less often, or use two lines",
+)
+def overload(evidence: Evidence) -> Iterator[Suspicion]:
+    """A full line, and a master without a pause."""
+    ledger, load = evidence.ledger, evidence.load
+    if load is None or ledger.span_ns < _SECONDS_NS or not _BUSY <= load <= 1.02 or ledger.exchanges < 30:
+        return
+    long, usual, due = ledger.pauses.quantile(0.97), ledger.pauses.quantile(0.5), evidence.t35_ns
+    if long is None or usual is None or due is None or long > max(2.0 * usual, 6 * ledger.char_ns):
+        return
+    rest = ledger.exchanges * max(usual - due, 0.0) / ledger.span_ns
+    intervals = [float(np.median(poll.intervals)) for poll in evidence.polls if len(poll.intervals) > 2]
+    if not intervals or rest > _REST or (load < _FULL and max(intervals) < _RATES * min(intervals)):
+        return  # a master that goes through its list without a pause does what it is told
+    yield Suspicion(
+        (),
+        200 * (load - _BUSY) + 30,
+        frozenset({(Symptom.REQUESTS, None)}),
+        {"load": load, "polls": len(intervals), "cycle": max(intervals) / 1e9},
+    )

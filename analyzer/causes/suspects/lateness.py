@@ -1,0 +1,138 @@
+"""Answers that come when the master has given up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from ...diagnosis.tap_clock import UNKNOWN
+from ...tables.findings import Severity
+from ..bits import likelihood_bits, surplus_bits
+from ..evidence import HEALTHY, Evidence, kind_of
+from ..exchanges import Outcome
+from ..registry import Suspicion, Symptom, suspect
+from ..unitledger import UnitLedger
+
+_LEAST: Final = 3
+_BACKGROUND: Final = 0.003
+_MOSTLY: Final = 0.6  # of all late answers
+_SURE_BITS: Final = 16.0
+_SOONER: Final = 0.85
+_SILENT: Final = 0.02
+
+
+@suspect(
+    "timeout-too-short",
+    Severity.ERROR,
+    blame="master",
+    text="The master does not wait long enough for unit {unit}: {late} of its answers came when the master had gone on"
+    "{delay}; what it takes for an answer to one request may be that of the one before",
+    share="{late} of {asked} requests to unit {unit}, {others_late} of {others_asked} to others",
+    deciding_test="Set the master's timeout three times as long: no request may stay without an answer then",
+    remedy="Set the response timeout longer than the slowest answer of unit {unit}, and let the master drop what comes "
+    "late before it sends again",
+)
+def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
+    """Late answers of one unit; requests repeated though they were answered, if late."""
+    if not evidence.ordered:
+        return
+    late = {unit.unit: _late(evidence, unit) for unit in evidence.units}
+    for unit in evidence.units:
+        others = [other for other in evidence.units if other.unit != unit.unit]
+        mine, rest = late[unit.unit], sum(late[other.unit] for other in others)
+        if mine < _LEAST or mine < _MOSTLY * (mine + rest):
+            continue
+        background = max(_BACKGROUND, (rest + 0.5) / (sum(other.asked for other in others) + 100))
+        asked, hits = evidence.ledger.next_asked, evidence.ledger.next_hit
+        elsewhere = (hits.sum() - hits[unit.unit] + 0.5) / (asked.sum() - asked[unit.unit] + 50)
+        behind = surplus_bits(int(hits[unit.unit]), int(asked[unit.unit]), max(HEALTHY, float(elsewhere)))
+        silent = surplus_bits(evidence.silent(unit), unit.asked, _SILENT) / 2
+        explains = {(Symptom.LATENESS, unit.unit), (Symptom.SILENCE, unit.unit), (Symptom.DOUBLES, unit.unit),
+                    (Symptom.DAMAGE, unit.unit), (Symptom.BEHIND, unit.unit)}  # fmt: skip
+        explains |= {
+            (symptom, other.unit) for other in others for symptom in (Symptom.DAMAGE, Symptom.BEHIND, Symptom.SILENCE)
+        }
+        lost, lost_ms = evidence.cost(unit, Outcome.SILENT, Outcome.GARBAGE)
+        slow = unit.delays.quantile(0.9)
+        yield Suspicion(
+            (unit.unit,),
+            surplus_bits(mine, max(unit.asked, mine), background) + 2 * mine + behind + silent,
+            frozenset(explains),
+            {
+                "unit": unit.unit,
+                "late": mine,
+                "asked": unit.asked,
+                "others_late": rest,
+                "others_asked": sum(other.asked for other in others),
+                "delay": f" (it takes up to {slow / 1e6:.3g} ms)" if slow and evidence.verdict.wait_ns < slow else "",
+            },
+            since=unit.first,
+            until=unit.last,
+            lost_answers=lost + _redundant(unit).count,
+            lost_ms=lost_ms,
+            frames=tuple(unit.examples.get(Outcome.SILENT, [])),
+        )
+
+
+def _late(evidence: Evidence, unit: UnitLedger) -> int:
+    """Answers of a unit that came too late, as far as can be told."""
+    if not evidence.is_open(Symptom.LATENESS, unit.unit):
+        return 0
+    found = unit.late + unit.strays
+    if unit.doubles <= 1.2 * unit.count(Outcome.SILENT):
+        found += unit.doubles
+    readings = evidence.readings(unit)
+    slow = _redundant(unit)
+    late = [r for r in readings if kind_of(r) in ("crossed", "other") or r.delay >= slow.bound_ns]
+    found += round(unit.count(Outcome.GARBAGE) * len(late) / max(len(readings), 1))
+    return found + max(slow.count, _unheeded(evidence, unit))
+
+
+@dataclass(frozen=True, slots=True)
+class Slow:
+    """Good answers that the master did not take: how many, and the delay (ns) from which on."""
+
+    count: int = 0
+    bound_ns: float = UNKNOWN
+
+
+def _redundant(unit: UnitLedger) -> Slow:
+    """Good answers whose request the master repeats all the same, where it is the slow ones."""
+    again, heeded = np.sort(unit.redundant.numbers), np.sort(unit.heeded.numbers)
+    if len(again) < _LEAST or not len(heeded):
+        return Slow()
+    best = Slow()
+    most = _SURE_BITS
+    every = likelihood_bits(len(again), len(again) + len(heeded), len(again) / (len(again) + len(heeded)))
+    for bound in np.unique(np.quantile(again, (0.0, 0.05, 0.1, 0.2, 0.3))).tolist():
+        slow = len(again) - int(np.searchsorted(again, bound))
+        slow_heeded = len(heeded) - int(np.searchsorted(heeded, bound))
+        quick, quick_heeded = len(again) - slow, len(heeded) - slow_heeded
+        bits = _rate_bits(slow, slow_heeded) + _rate_bits(quick, quick_heeded) - every
+        if bits > most and slow * (quick + quick_heeded) > quick * (slow + slow_heeded):
+            most = bits
+            best = Slow(round(len(unit.redundant) * slow / len(again)), bound)
+    return best
+
+
+def _rate_bits(hits: int, misses: int) -> float:
+    return likelihood_bits(hits, hits + misses, (hits + 0.5) / (hits + misses + 1))
+
+
+def _unheeded(evidence: Evidence, unit: UnitLedger) -> int:
+    """Slow answers of a unit behind which the next request comes sooner than it ever does behind those of others.
+
+    A master that has given up sends its next request by its own timeout, whatever comes in between.
+    """
+    others = [other for other in evidence.units if other.unit != unit.unit and len(other.pauses) >= _LEAST]
+    own, delay = unit.pauses.quantile(0.9), unit.delays.quantile(0.5)
+    usual = min((pause for other in others if (pause := other.pauses.quantile(0.1)) is not None), default=None)
+    delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
+    if own is None or usual is None or delay is None or not delays or len(unit.pauses) < 3 * _LEAST:
+        return 0
+    if own > _SOONER * usual or delay < 3 * max(delays) or own < 0 or evidence.verdict.wait_ns > usual - own:
+        return 0
+    return len(unit.pauses)

@@ -1,0 +1,184 @@
+"""Exceptions: units that are busy, and lists that ask for what a device does not have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from ...tables.findings import Severity
+from ..bits import clustering_bits, surplus_bits
+from ..evidence import Evidence
+from ..exchanges import Outcome
+from ..polls import Poll
+from ..registry import Suspicion, Symptom, suspect
+
+_LEAST: Final = 3
+_BUSY_LEAST: Final = 5
+_BACKGROUND: Final = 0.02  # of requests that a healthy unit refuses
+_ALWAYS: Final = 0.9
+_WRITES: Final = (5, 6, 15, 16, 22, 23)
+_READ_BY: Final = {5: (1,), 15: (1,), 6: (3, 4), 16: (3, 4), 22: (3,), 23: (3,)}
+_ILLEGAL_ADDRESS: Final = 2
+_BUSY: Final = 6
+_REFUSES: Final = (1, 2, 3, 4)
+
+
+@suspect(
+    "unit-busy",
+    Severity.WARNING,
+    blame="unit",
+    text="Unit {unit} says that it is busy, in {spells} spells: {busy} of {asked} requests got exception {code}",
+    share="{busy} of {asked} requests to unit {unit}",
+    deciding_test="Poll unit {unit} half as often: the exceptions go if it cannot keep up",
+    remedy="Poll it less often or fewer registers at once, and let the master ask again after a pause when it is busy",
+)
+def unit_busy(evidence: Evidence) -> Iterator[Suspicion]:
+    """Exception 06 or 05, in spells."""
+    for unit in evidence.units:
+        if unit.busy < _BUSY_LEAST or not evidence.is_open(Symptom.REFUSAL, unit.unit):
+            continue
+        spells = unit.refusals.all
+        runs = len(spells) + unit.refusals.single + unit.refusals.more
+        codes = [code for poll in evidence.polls_of(unit.unit) for code in poll.exceptions if code in (5, 6)]
+        begins = [each.begin for each in spells]
+        recurs = evidence.ledger.timed and len(begins) > 1
+        yield Suspicion(
+            (unit.unit,),
+            surplus_bits(unit.busy, unit.asked, _BACKGROUND) + clustering_bits(unit.busy, unit.asked, runs),
+            frozenset({(Symptom.REFUSAL, unit.unit)}),
+            {
+                "unit": unit.unit,
+                "busy": unit.busy,
+                "asked": unit.asked,
+                "spells": runs,
+                "code": f"{max(set(codes), key=codes.count, default=_BUSY):02d}",
+            },
+            since=begins[0] if begins else unit.first,
+            until=spells[-1].end if spells else unit.last,
+            period_s=round((begins[-1] - begins[0]) / (len(begins) - 1) / 1e9, 3) if recurs else None,
+            lost_answers=unit.busy,
+            frames=tuple(unit.examples.get(Outcome.EXCEPTION, [])),
+        )
+
+
+def _refused(evidence: Evidence, unit: int, codes: tuple[int, ...]) -> list[Poll]:
+    """Polls of a unit that nearly always get one of these exceptions."""
+    if not evidence.is_open(Symptom.REFUSAL, unit):
+        return []
+    return [
+        poll
+        for poll in evidence.polls_of(unit)
+        if (hits := sum(poll.exceptions[code] for code in codes)) >= _LEAST
+        and hits >= _ALWAYS * (poll.count(Outcome.OK) + poll.count(Outcome.EXCEPTION))
+    ]
+
+
+def _well(evidence: Evidence, unit: int, functions: tuple[int, ...]) -> list[Poll]:
+    """Polls of a unit by these functions that it answers."""
+    mine = evidence.polls_of(unit)
+    return [poll for poll in mine if poll.function in functions and poll.count(Outcome.OK) > poll.exceptions.total()]
+
+
+def _beside(poll: Poll, well: list[Poll]) -> bool:
+    """Whether a poll reaches just one register beyond what reads well, or all but one of its registers read well."""
+    for good in well:
+        if good.address <= poll.address and good.end == poll.end - 1 and good.end > poll.address:
+            return True
+        if good.end >= poll.end and good.address == poll.address + 1 < poll.end:
+            return True
+        if (poll.quantity == good.quantity and good.end == poll.address) or poll.end == good.address:
+            return True
+    return False
+
+
+def _suspicion(evidence: Evidence, unit: int, polls: list[Poll], weight: float) -> Suspicion:
+    hits = sum(poll.count(Outcome.EXCEPTION) for poll in polls)
+    asked = sum(poll.asked for poll in polls)
+    areas = ", ".join(f"{poll.address}..{poll.end - 1}" for poll in polls[:4]) + (" and more" if len(polls) > 4 else "")
+    return Suspicion(
+        (unit,),
+        surplus_bits(hits, asked, _BACKGROUND) * weight,
+        frozenset({(Symptom.REFUSAL, unit)}),
+        {
+            "unit": unit,
+            "refused": hits,
+            "asked": asked,
+            "polls": len(polls),
+            "areas": areas,
+            "codes": ", ".join(f"{code:02d}" for code in sorted({code for poll in polls for code in poll.exceptions})),
+        },
+        since=min(poll.first for poll in polls),
+        until=max(poll.last for poll in polls),
+        lost_answers=hits,
+        frames=tuple(evidence.ledger.units[unit].examples.get(Outcome.EXCEPTION, [])),
+    )
+
+
+_TEST: Final = "Read the registers of unit {unit} one by one around {areas}: it shows where its map begins and ends"
+
+
+@suspect(
+    "off-by-one",
+    Severity.WARNING,
+    blame="master",
+    text="The master's list is off by one for unit {unit}: {areas} is refused (exception {codes}, {refused} of {asked}), "
+    "while all but one register of it reads well",
+    share="{refused} of {asked} such requests to unit {unit}",
+    deciding_test=_TEST,
+    remedy="Compare the list with the device's manual: does it count registers from 1 (40001) and the wire from 0?",
+)
+def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
+    """Reads that reach one register too far."""
+    for unit in evidence.units:
+        refused = [p for p in _refused(evidence, unit.unit, (_ILLEGAL_ADDRESS,)) if p.function not in _WRITES]
+        if refused and all(_beside(poll, _well(evidence, unit.unit, (poll.function,))) for poll in refused):
+            yield _suspicion(evidence, unit.unit, refused, 1.1)
+
+
+@suspect(
+    "missing-registers",
+    Severity.WARNING,
+    blame="master",
+    text="The master asks unit {unit} for registers that it does not have: {areas} ({polls} polls) get exception {codes}, "
+    "{refused} of {asked} times",
+    share="{refused} of {asked} such requests to unit {unit}",
+    deciding_test=_TEST,
+    remedy="Take these registers off the list, or correct their addresses or function by the device's manual",
+)
+def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
+    """Reads that are always refused."""
+    for unit in evidence.units:
+        refused = [p for p in _refused(evidence, unit.unit, (_ILLEGAL_ADDRESS,)) if p.function not in _WRITES]
+        if refused:
+            yield _suspicion(evidence, unit.unit, refused, 1.0)
+
+
+@suspect(
+    "read-only",
+    Severity.WARNING,
+    blame="master",
+    text="The master writes registers of unit {unit} that it may only read: {areas} are refused (exception {codes}, "
+    "{refused} of {asked}), though they read well",
+    share="{refused} of {asked} such requests to unit {unit}",
+    deciding_test="Write one of these registers of unit {unit} by hand, with the value that it has",
+    remedy="Take the writes off the list, or unlock the device for writing (a parameter, a switch, remote mode)",
+)
+def read_only(evidence: Evidence) -> Iterator[Suspicion]:
+    """Writes that are always refused, where reading is not."""
+    for unit in evidence.units:
+        refused = _writes(evidence, unit.unit)
+        if refused:
+            yield _suspicion(evidence, unit.unit, refused, 1.2)
+
+
+def _writes(evidence: Evidence, unit: int) -> list[Poll]:
+    """Refused writes of addresses that read well; one poll an address, whatever the values."""
+    refused = [poll for poll in _refused(evidence, unit, _REFUSES) if poll.function in _WRITES]
+    return [
+        poll
+        for poll in refused
+        if any(
+            good.address <= poll.address and poll.end <= good.end
+            for good in _well(evidence, unit, _READ_BY[poll.function])
+        )
+    ]

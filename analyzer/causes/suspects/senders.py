@@ -1,0 +1,253 @@
+"""What one unit does wrong when it sends: its driver, its settings, its firmware."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from statistics import median
+from typing import Any, Final
+
+from ...tables.findings import Severity
+from ..bits import surplus_bits
+from ..evidence import HEALTHY, Evidence, kind_bits, share_of
+from ..exchanges import Outcome
+from ..registry import Suspicion, Symptom, suspect
+from ..signatures import Behind, Damage, Signature
+from ..unitledger import UnitLedger
+
+_LEAST: Final = 3
+_MOSTLY: Final = 0.5
+_OFTEN: Final = 0.2
+
+Numbers = Callable[[Evidence, UnitLedger, list[Signature]], Mapping[str, Any]]
+
+
+def damage_suspicions(
+    evidence: Evidence,
+    expected: Mapping[str, float],
+    kinds: tuple[str, ...],
+    more: Numbers = lambda *_: {},
+    least_share: float = _MOSTLY,
+) -> Iterator[Suspicion]:
+    """A suspicion for each unit whose answers, and not those of others, are damaged in these ways."""
+    for unit in evidence.units:
+        readings = evidence.readings(unit)
+        if len(readings) < _LEAST or share_of(readings, *kinds) < least_share:
+            continue
+        bits = evidence.surplus(unit) + kind_bits(readings, expected)
+        if bits > 0:
+            yield damage_suspicion(evidence, unit, bits, more(evidence, unit, readings))
+
+
+def damage_suspicion(evidence: Evidence, unit: UnitLedger, bits: float, more: Mapping[str, Any]) -> Suspicion:
+    """The damaged answers of one unit."""
+    others = [other for other in evidence.units if other.unit != unit.unit]
+    lost, lost_ms = evidence.cost(unit, Outcome.GARBAGE)
+    return Suspicion(
+        (unit.unit,),
+        bits,
+        frozenset({(Symptom.DAMAGE, unit.unit), (Symptom.MARKS, unit.unit)}),
+        {
+            "unit": unit.unit,
+            "damaged": unit.count(Outcome.GARBAGE),
+            "answers": unit.answered + unit.count(Outcome.GARBAGE),
+            "others_damaged": sum(other.count(Outcome.GARBAGE) for other in others),
+            "others_answers": sum(other.answered + other.count(Outcome.GARBAGE) for other in others),
+            **more,
+        },
+        since=unit.samples.kept[0].t_asked if evidence.ledger.timed and unit.samples.kept else None,
+        until=unit.samples.kept[-1].t_asked if evidence.ledger.timed and unit.samples.kept else None,
+        lost_answers=lost,
+        lost_ms=lost_ms,
+        frames=tuple(unit.examples.get(Outcome.GARBAGE, [])),
+    )
+
+
+_SHARE: Final = "{damaged} of {answers} answers of unit {unit}, {others_damaged} of {others_answers} of others"
+
+
+def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
+    return {"bytes": median(each.bytes for each in readings if each.damage is Damage.HEAD)}
+
+
+@suspect(
+    "driver-enabled-late",
+    Severity.ERROR,
+    blame="unit",
+    text="Unit {unit} enables its driver too late: the beginning of {damaged} of {answers} answers is lost or mangled "
+    "(the first {bytes:.0f} bytes, what follows is whole), of no other unit so",
+    share=_SHARE,
+    deciding_test="Swap the drops of unit {unit} and a good one: the damage goes with the unit if it is its driver",
+    remedy="Lengthen the delay between driver enable and first byte in the unit, or use a converter with automatic "
+    "direction; bias resistors hide a delay of less than a character",
+)
+def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
+    """Damage at the head of one sender's frames."""
+    yield from damage_suspicions(evidence, {"head": 0.85, "whole": 0.06, "middle": 0.03}, ("head",), _head)
+
+
+def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
+    return {"bytes": median(max(each.bytes, 1) for each in readings)}
+
+
+@suspect(
+    "driver-released-early",
+    Severity.ERROR,
+    blame="unit",
+    text="Unit {unit} releases its driver too early: the end of {damaged} of {answers} answers is cut off or filled with "
+    "ones (the last {bytes:.0f} bytes), of no other unit so",
+    share=_SHARE,
+    deciding_test="Swap the drops of unit {unit} and a good one: the damage goes with the unit if it is its driver",
+    remedy="Let the unit hold its driver until the last stop bit is out (wait for the transmitter to be empty, not for its "
+    "buffer)",
+)
+def driver_released_early(evidence: Evidence) -> Iterator[Suspicion]:
+    """Damage at the tail of one sender's frames."""
+    expected = {"tail": 0.72, "cut-short": 0.15, "bits-tail": 0.08, "middle": 0.02}
+    yield from damage_suspicions(evidence, expected, ("tail", "cut-short", "bits-tail"), _tail)
+
+
+@suspect(
+    "crc-convention",
+    Severity.ERROR,
+    blame="unit",
+    text="Unit {unit} makes its check value by another convention ({variant}): {damaged} of {answers} answers are whole "
+    "by it",
+    share=_SHARE,
+    deciding_test="Compute the check value of one answer by both conventions",
+    remedy="Update the unit's firmware, or set it to Modbus RTU if it has several protocols",
+)
+def crc_convention(evidence: Evidence) -> Iterator[Suspicion]:
+    """All frames of one unit right by one other check value."""
+
+    def variant(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
+        names = [each.detail for each in readings if each.damage is Damage.CONVENTION]
+        return {"variant": max(set(names), key=names.count)}
+
+    yield from damage_suspicions(evidence, {"convention": 0.95}, ("convention",), variant)
+
+
+@suspect(
+    "byte-count",
+    Severity.ERROR,
+    blame="unit",
+    text="Unit {unit} counts its bytes wrongly: {damaged} of {answers} answers have a right check value and a byte count "
+    "that does not fit what was asked",
+    share=_SHARE,
+    deciding_test="Compare the byte count of one answer with its length",
+    remedy="Update the unit's firmware; some masters can be told to pass over the byte count",
+)
+def byte_count(evidence: Evidence) -> Iterator[Suspicion]:
+    """All frames of one unit with a wrong count."""
+    yield from damage_suspicions(evidence, {"count": 0.95}, ("count", "other"))
+
+
+@suspect(
+    "duplicate-address",
+    Severity.ERROR,
+    blame="unit",
+    text="Two devices answer to address {unit}: {doubles} requests got two answers, {damaged} one in which two "
+    "transmitters mix, and no other unit's so",
+    share=_SHARE,
+    deciding_test="Take the device with address {unit} off the bus: if the address still answers, there is another one",
+    remedy="Give one of the two devices an address of its own",
+)
+def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
+    """Overlap, or two answers, for one unit alone."""
+    for unit in evidence.units:
+        readings = evidence.readings(unit)
+        doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
+        doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
+        crossed = round(evidence.behind(unit, Behind.REQUEST, Behind.NOISE)) if doubles >= _LEAST else 0
+        if doubles <= 1.2 * unit.count(Outcome.SILENT):
+            doubles = 0
+        bits = surplus_bits(min(doubles + crossed, unit.asked), unit.asked, HEALTHY)
+        if len(readings) >= _LEAST:
+            expected = {"whole": 0.35, "middle": 0.22, "long": 0.2, "cut": 0.06, "cut-short": 0.03, "crossed": 0.02,
+                        "head": 0.05, "tail": 0.02, "bits": 0.03}  # fmt: skip
+            bits += evidence.surplus(unit) + kind_bits(readings, expected)
+        if bits <= 0 or doubles + len(readings) < _LEAST:
+            continue
+        found = damage_suspicion(evidence, unit, bits, {"doubles": doubles})
+        explains = found.explains | {(Symptom.DOUBLES, unit.unit), (Symptom.BEHIND, unit.unit)}
+        yield Suspicion(**{**_fields(found), "explains": explains})
+
+
+def _fields(suspicion: Suspicion) -> dict[str, Any]:
+    return {name: getattr(suspicion, name) for name in Suspicion.__slots__}
+
+
+@suspect(
+    "driver-held",
+    Severity.ERROR,
+    blame="unit",
+    text="Unit {unit} holds its driver into the next request: {spoilt} requests that came behind its {answers} answers are "
+    "damaged, {others_spoilt} behind the {others_answers} of others",
+    share="{spoilt} of {answers} requests behind answers of unit {unit}, {others_spoilt} of {others_answers} behind others",
+    deciding_test="Let the master pause for 50 ms before each request: if the damage goes, a driver was held too long",
+    remedy="Shorten the time for which the unit (or its converter) holds its driver behind the last byte",
+)
+def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
+    """The request behind that unit's answers is damaged."""
+    totals = {unit.unit: evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in evidence.units}
+    for unit in evidence.units:
+        spoilt = totals[unit.unit]
+        requests = evidence.behind(unit, Behind.REQUEST)
+        others = [other for other in evidence.units if other.unit != unit.unit]
+        others_spoilt, others_answered = sum(totals[o.unit] for o in others), sum(o.answered for o in others)
+        if requests < _LEAST or requests < 0.3 * spoilt:
+            continue
+        background = max(HEALTHY, (others_spoilt + 0.5) / (others_answered + 50))
+        bits = surplus_bits(spoilt, max(unit.answered, 1), background) + requests
+        yield Suspicion(
+            (unit.unit,),
+            bits,
+            frozenset({(Symptom.BEHIND, unit.unit)}),
+            {
+                "unit": unit.unit,
+                "spoilt": round(spoilt),
+                "answers": unit.answered,
+                "others_spoilt": round(others_spoilt),
+                "others_answers": others_answered,
+            },
+            since=unit.followed.kept[0].t_asked,
+            until=unit.followed.kept[-1].t_asked,
+            lost_answers=round(requests),
+            frames=tuple(sample.index for sample in unit.followed.kept[:3]),
+        )
+
+
+@suspect(
+    "null-suffix",
+    Severity.WARNING,
+    blame="unit",
+    text="Unit {unit} sends a 00 behind its frames: {zeros} of {answers} answers have one",
+    share="{zeros} of {answers} answers of unit {unit}, {others_zeros} of {others_answers} of others",
+    deciding_test="Take unit {unit} off the bus: the extra bytes go with it",
+    remedy="Update the unit's firmware, or let its driver go sooner behind the last byte; masters that wait for a silence "
+    "take such frames for damaged",
+)
+def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
+    """A zero right behind nearly every frame of one sender."""
+    totals = {unit.unit: evidence.behind(unit, Behind.ZEROS) for unit in evidence.units}
+    found = [u for u in evidence.units if totals[u.unit] >= _LEAST and totals[u.unit] >= _MOSTLY * u.answered]
+    if not found:
+        return
+    found.sort(key=lambda unit: -totals[unit.unit] / unit.answered)
+    first, others = found[0], [unit for unit in evidence.units if unit not in found]
+    others_zeros, others_answered = sum(totals[o.unit] for o in others), sum(o.answered for o in others)
+    background = max(HEALTHY, (others_zeros + 0.5) / (others_answered + 50))
+    yield Suspicion(
+        tuple(unit.unit for unit in found),
+        sum(surplus_bits(totals[unit.unit], unit.answered, background) for unit in found),
+        frozenset((Symptom.BEHIND, unit.unit) for unit in found),
+        {
+            "unit": ", ".join(str(unit.unit) for unit in found),
+            "zeros": round(sum(totals[unit.unit] for unit in found)),
+            "answers": sum(unit.answered for unit in found),
+            "others_zeros": round(others_zeros),
+            "others_answers": others_answered,
+        },
+        since=first.followed.kept[0].t_asked,
+        until=first.followed.kept[-1].t_asked,
+        frames=tuple(sample.index for sample in first.followed.kept[:3]),
+    )

@@ -1,0 +1,110 @@
+"""A unit whose UART is not set like the line's."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from math import log2
+from typing import Any, Final
+
+from dissectors.answers import expectation
+
+from ...tables.findings import Severity
+from ..bits import surplus_bits
+from ..evidence import HEALTHY, Evidence, kind_bits, share_of
+from ..exchanges import Outcome
+from ..misreading import CharacterFormat, formats_of, misread, other_formats
+from ..registry import Suspicion, Symptom, suspect
+from ..signatures import Signature
+from ..unitledger import UnitLedger
+from .senders import damage_suspicion
+
+_LEAST: Final = 3
+_BYTE: Final = 8.0
+_MOST_BYTES: Final = 3  # that count for a sample
+_SAME, _OTHER = log2(0.96 / 0.5), log2(0.04 / 0.5)  # bits: garbage that is like that of the same poll before, or not
+_EXPECTED: Final = {"whole": 0.83, "middle": 0.06, "cut": 0.03, "long": 0.03, "head": 0.02}
+_MARKED: Final = 0.2  # of good answers
+
+
+@suspect(
+    "unit-line-settings",
+    Severity.ERROR,
+    blame="unit",
+    text="Unit {unit} does not send as the line is set ({settings}): {damaged} of its {answers} answers are garbage of "
+    "about the right length, never silence",
+    share="{damaged} of {answers} answers of unit {unit}, {others_damaged} of {others_answers} of others",
+    deciding_test="Listen to unit {unit} alone at {settings}: its answers must then read well",
+    remedy="Set the unit's baud rate, parity and stop bits to those of the line; a clock that is off by some per cent "
+    "(an RC oscillator) wants another device",
+)
+def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
+    """Garbage from one unit, or good answers that its parity bits give away."""
+    for unit in evidence.units:
+        readings = evidence.readings(unit)
+        if len(readings) >= _LEAST and share_of(readings, "whole", "middle", "long", "cut") >= 0.6:
+            bits, words = _fitting(evidence, unit, readings)
+            bits += evidence.surplus(unit) + kind_bits(readings, _EXPECTED) + _steadiness(unit)
+            if bits > 0:
+                yield damage_suspicion(evidence, unit, bits, {"settings": words})
+        elif evidence.is_open(Symptom.MARKS, unit.unit):
+            yield from _marked(evidence, unit)
+
+
+def _fitting(evidence: Evidence, unit: UnitLedger, readings: Sequence[Signature]) -> tuple[float, str]:
+    """The other settings by which the garbage's first bytes are just what was to be sent, and their weight."""
+    best, words = 0.0, "another speed or parity, or a clock that is off"
+    samples = [s for s in unit.samples.kept if s.outcome == Outcome.GARBAGE]
+    pairs = Counter(
+        (expectation(s.request).header, r.heard[:_MOST_BYTES]) for s, r in zip(samples, readings, strict=True)
+    )
+    for receiver in formats_of(evidence.ledger.line):
+        for sender, drift in other_formats(receiver):
+            bits = (
+                sum(count * _match(header, heard, sender, receiver) for (header, heard), count in pairs.items()) - _BYTE
+            )
+            if bits > best:
+                best = bits
+                words = f"a clock off by {drift:+.0%}" if drift else sender.words
+    return best, words
+
+
+def _match(header: bytes, heard: bytes, sender: CharacterFormat, receiver: CharacterFormat) -> float:
+    """Bits for first bytes that are garbled just so; nothing where they would be as they should."""
+    garbled = misread(header, sender, receiver)[:_MOST_BYTES]
+    if not garbled or header.startswith(garbled):
+        return 0.0
+    same = next((i for i, (one, two) in enumerate(zip(garbled, heard, strict=False)) if one != two), len(garbled))
+    return _BYTE * same if same == len(garbled) else -2.0
+
+
+def _steadiness(unit: UnitLedger) -> float:
+    """Whether the same poll gives the same garbage each time, as far as its header goes."""
+    polls: dict[int, list[bytes]] = defaultdict(list)
+    for sample in unit.samples.kept:
+        if sample.outcome == Outcome.GARBAGE:
+            polls[sample.poll].append(b"".join(piece.data for piece in sample.pieces)[:2])
+    bits = 0.0
+    for heads in polls.values():
+        common = Counter(heads).most_common(1)[0][1]
+        bits += (common - 1) * _SAME + (len(heads) - common) * _OTHER
+    return bits
+
+
+def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
+    """Answers whose bytes are right and whose parity or stop bits are not."""
+    others = [other for other in evidence.units if other.unit != unit.unit]
+    background = max(HEALTHY, (sum(o.marked for o in others) + 0.5) / (sum(o.answered for o in others) + 50))
+    if unit.marked < max(_LEAST, _MARKED * unit.answered):
+        return
+    numbers: Mapping[str, Any] = {"settings": "another parity"}
+    found = damage_suspicion(evidence, unit, surplus_bits(unit.marked, unit.answered, background), numbers)
+    yield Suspicion(
+        found.units,
+        found.bits,
+        frozenset({(Symptom.MARKS, unit.unit), (Symptom.DAMAGE, unit.unit)}),
+        {**found.numbers, "damaged": unit.marked, "others_damaged": sum(o.marked for o in others)},
+        since=unit.first,
+        until=unit.last,
+        frames=tuple(unit.examples.get(Outcome.OK, [])),
+    )

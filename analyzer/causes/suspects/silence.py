@@ -1,0 +1,227 @@
+"""Units that do not answer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from ...tables.findings import Severity
+from ..bits import clustering_bits, surplus_bits
+from ..evidence import Evidence
+from ..exchanges import Outcome
+from ..registry import Suspicion, Symptom, suspect
+from ..unitledger import UnitLedger
+
+_LEAST: Final = 5  # requests without an answer
+_STRAYS: Final = 0.05  # of requests: bytes that may be noise, not answers
+_BACKGROUND: Final = 0.02
+_MANY_TRIES: Final = 4.5  # a poll
+_SPELL: Final = 3  # requests in a row
+_TO_THE_END: Final = 8
+_END_SHARE: Final = 0.1  # of the capture
+_AS_LATE: Final = 0.95
+_ALL: Final = 0.5
+
+
+def _never(evidence: Evidence) -> list[UnitLedger]:
+    """Units of which nothing was ever heard."""
+    return [
+        unit
+        for unit in evidence.units
+        if evidence.silent(unit) >= _LEAST
+        and (not unit.answered or _only_repeats(unit))
+        and not unit.strays
+        and not unit.late
+        and unit.count(Outcome.GARBAGE) <= _STRAYS * unit.asked
+    ]
+
+
+def _only_repeats(unit: UnitLedger) -> bool:
+    """Whether what reads like its answers is the master's own requests once more: echoes, and as late as its repeats."""
+    if unit.answered != unit.echoes or unit.count(Outcome.SILENT) < 5 * unit.answered:
+        return False
+    delay, wait = unit.echo_delays.quantile(0.1), unit.waits.quantile(0.1)
+    return delay is None or wait is None or delay > _AS_LATE * wait
+
+
+def _died(evidence: Evidence, unit: UnitLedger) -> int | None:
+    """Since when a unit that did answer has been silent to the end."""
+    spell = unit.silences.lasting
+    if spell is None or not unit.answered or not evidence.silent(unit) or _only_repeats(unit):
+        return None
+    before = max((each.count for each in unit.silences.all if each is not spell), default=0)
+    span = evidence.ledger.grid.width * 256 if not evidence.ledger.timed else evidence.ledger.span_ns
+    lasted = (spell.end - spell.begin) / max(span, 1)
+    return spell.begin if spell.count >= max(_TO_THE_END, 3 * before) and lasted >= _END_SHARE else None
+
+
+def _tries(unit: UnitLedger) -> float:
+    """Requests a poll."""
+    return unit.asked / max(unit.asked - unit.repeats, 1)
+
+
+def _bits(silent: int, asked: int) -> float:
+    return surplus_bits(silent, asked, _BACKGROUND)
+
+
+@suspect(
+    "dead-unit",
+    Severity.ERROR,
+    blame="unit",
+    text="Unit {unit} never answers{since}: {silent} of {asked} requests to it stayed without a byte, while "
+    "{others_answered} of {others_asked} to other units were answered",
+    share="{silent} of {asked} requests to unit {unit}, {others_silent} of {others_asked} to others",
+    deciding_test="Poll unit {unit} alone, with a master put in the place of the bus: if it stays silent, it is the unit "
+    "or its address; if it answers, its drop or its place on the bus",
+    remedy="Check the unit's power, its address, and whether A and B are swapped at it; take it off the poll list if it is "
+    "not there",
+)
+def dead_unit(evidence: Evidence) -> Iterator[Suspicion]:
+    """One unit of several."""
+    never = _never(evidence)
+    if len(never) == 1 and _tries(never[0]) < _MANY_TRIES:
+        yield _silence(evidence, never[0], None)
+    for unit in evidence.units:
+        since = _died(evidence, unit)
+        if since is not None:
+            yield _silence(evidence, unit, since)
+
+
+def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspicion:
+    others = [other for other in evidence.units if other.unit != unit.unit]
+    silent = evidence.silent(unit)
+    lasting = unit.silences.lasting
+    bits = _bits(silent, unit.asked)
+    if since is not None and lasting is not None:
+        silent, bits = lasting.count, _bits(lasting.count, lasting.count)
+    lost, lost_ms = evidence.cost(unit, Outcome.SILENT)
+    return Suspicion(
+        (unit.unit,),
+        bits,
+        frozenset({(Symptom.SILENCE, unit.unit)}),
+        {
+            "unit": unit.unit,
+            "silent": silent,
+            "asked": silent if since is not None else unit.asked,
+            "since": " any more" if since is not None else "",
+            "others_asked": sum(other.asked for other in others),
+            "others_answered": sum(other.answered for other in others),
+            "others_silent": sum(other.count(Outcome.SILENT) for other in others),
+        },
+        since=unit.first if since is None else since,
+        until=unit.last,
+        lost_answers=lost,
+        lost_ms=lost_ms,
+        frames=tuple(unit.examples.get(Outcome.SILENT, [])),
+    )
+
+
+@suspect(
+    "absent-units",
+    Severity.ERROR,
+    blame="master",
+    text="{count} of {polled} polled units never answer ({list}): {silent} requests to them stayed without a byte",
+    share="{silent} of {asked} requests to units {list}, {others_silent} of {others_asked} to others",
+    deciding_test="Ask each of these units alone; if one answers then, the bus or its drop is at fault, and not the list",
+    remedy="Take units that do not exist off the poll list; check power, address and wiring of those that do",
+)
+def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
+    """Several units, and some that do answer."""
+    never = sorted(_never(evidence), key=lambda unit: -evidence.silent(unit))
+    if len(never) < 2:
+        return
+    others = [unit for unit in evidence.units if unit not in never]
+    weight = 1.0 if others else _ALL  # where nobody answers at all, the fault is hardly theirs
+    costs = [evidence.cost(unit, Outcome.SILENT) for unit in never]
+    known = [ms for _, ms in costs if ms is not None]
+    yield Suspicion(
+        tuple(unit.unit for unit in never),
+        weight * sum(_bits(evidence.silent(unit), unit.asked) for unit in never),
+        frozenset((Symptom.SILENCE, unit.unit) for unit in never),
+        {
+            "count": len(never),
+            "polled": len(evidence.units),
+            "list": ", ".join(str(unit.unit) for unit in never),
+            "silent": sum(evidence.silent(unit) for unit in never),
+            "asked": sum(unit.asked for unit in never),
+            "others_silent": sum(unit.count(Outcome.SILENT) for unit in others),
+            "others_asked": sum(unit.asked for unit in others),
+        },
+        since=min(unit.first for unit in never),
+        until=max(unit.last for unit in never),
+        lost_answers=sum(lost for lost, _ in costs),
+        lost_ms=round(sum(known), 3) if known else None,
+        frames=tuple(index for unit in never for index in unit.examples.get(Outcome.SILENT, []))[:8],
+    )
+
+
+@suspect(
+    "retry-policy",
+    Severity.WARNING,
+    blame="master",
+    text="The master asks unit {unit}, which never answers, {tries:.0f} times a poll before it goes on: {silent} requests "
+    "in vain",
+    share="{silent} of {asked} requests to unit {unit}, {tries:.1f} a poll",
+    deciding_test="Set the master's retries to one and see how much faster the other units are polled",
+    remedy="Let the master give up after one or two retries and ask a silent unit again only now and then; find out why "
+    "unit {unit} is silent",
+)
+def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
+    """A silent unit that is asked again and again."""
+    never = _never(evidence)
+    for unit in never if len(never) == 1 else ():
+        tries = _tries(unit)
+        if tries >= _MANY_TRIES:
+            lost, lost_ms = evidence.cost(unit, Outcome.SILENT)
+            yield Suspicion(
+                (unit.unit,),
+                _bits(evidence.silent(unit), unit.asked) + tries,
+                frozenset({(Symptom.SILENCE, unit.unit)}),
+                {"unit": unit.unit, "silent": evidence.silent(unit), "asked": unit.asked, "tries": tries},
+                since=unit.first,
+                until=unit.last,
+                lost_answers=lost,
+                lost_ms=lost_ms,
+                frames=tuple(unit.examples.get(Outcome.SILENT, [])),
+            )
+
+
+@suspect(
+    "unit-restarts",
+    Severity.ERROR,
+    blame="unit",
+    text="Unit {unit} goes silent for about {length:.3g} s again and again: {spells} times, {silent} requests",
+    share="{silent} of {asked} requests to unit {unit}, in {spells} spells",
+    deciding_test="Watch the unit's power and its running light, or its uptime register, when it goes silent next",
+    remedy="Check the unit's supply and its connector; a watchdog that resets it points to its firmware or to interference",
+)
+def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
+    """Silence in spells, good answers before and behind."""
+    for unit in evidence.units:
+        silent, spells = evidence.silent(unit), [each for each in unit.silences.all if each.count >= _SPELL]
+        inside = sum(each.count for each in spells)
+        if len(spells) < 2 or not unit.answered or inside < 0.6 * silent or inside < 2 * _SPELL:
+            continue
+        runs = len(unit.silences.all) + unit.silences.single + unit.silences.more
+        begins = [each.begin for each in spells]
+        lengths = [each.end - each.begin for each in spells]
+        lost, lost_ms = evidence.cost(unit, Outcome.SILENT)
+        timed = evidence.ledger.timed
+        yield Suspicion(
+            (unit.unit,),
+            _bits(silent, unit.asked) + clustering_bits(silent, unit.asked, runs),
+            frozenset({(Symptom.SILENCE, unit.unit)}),
+            {
+                "unit": unit.unit,
+                "spells": len(spells) + unit.silences.more,
+                "silent": silent,
+                "asked": unit.asked,
+                "length": sorted(lengths)[len(lengths) // 2] / 1e9,
+            },
+            since=begins[0],
+            until=spells[-1].end,
+            period_s=round((begins[-1] - begins[0]) / (len(begins) - 1) / 1e9, 3) if timed else None,
+            lost_answers=lost,
+            lost_ms=lost_ms,
+            frames=tuple(unit.examples.get(Outcome.SILENT, [])),
+        )

@@ -1,0 +1,188 @@
+"""What is wrong with the tap, not with the bus."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from dissectors.crc import crc_ok
+from dissectors.lengths import Role, pdu_length
+
+from ...deframing.stream import port_role
+from ...tables.findings import Severity
+from ..bits import surplus_bits
+from ..evidence import Evidence
+from ..exchanges import Outcome
+from ..registry import Explained, Suspicion, Symptom, suspect
+
+_LEAST: Final = 20  # frames
+_NEARLY_ALL: Final = 0.9
+_NOTHING: Final = 0.12  # of the bytes in right frames
+_BYTES: Final = 150
+_TEXT: Final = 0.7  # of bytes that people can read: no UART set wrongly gives so many
+_ECHO_NS: Final = 40e6
+_COPY_BITS: Final = 64.0  # eight bytes that are just those before
+_ADU: Final = 3  # bytes around a PDU
+
+
+def _everything(evidence: Evidence) -> Explained:
+    found = {(kind, unit.unit) for unit in evidence.ledger.units.values() for kind in Symptom}
+    return frozenset(found | {(kind, None) for kind in Symptom} | {(Symptom.REQUESTS, 0)})
+
+
+@suspect(
+    "tap-one-direction",
+    Severity.WARNING,
+    blame="tap",
+    text="The tap hears {heard} only: {frames} of them, and {others} of the other kind; nobody need be dead",
+    share="{frames} of {all} frames",
+    deciding_test="Tap the other pair, or at the other end: the missing half must be there",
+    remedy="On four wires tap both pairs; on two wires check that the tap sees both A and B, and that it does not sit behind "
+    "a converter that passes one direction on",
+)
+def tap_one_direction(evidence: Evidence) -> Iterator[Suspicion]:
+    """All frames of one kind."""
+    ledger = evidence.ledger
+    answered = sum(unit.answered for unit in evidence.units)
+    silent = sum(map(evidence.silent, evidence.units))
+    asked = sum(unit.asked for unit in evidence.units)
+    if evidence.odd > 0.5 * ledger.frames:
+        return
+    if (
+        ledger.loose_responses >= _LEAST
+        and ledger.loose_responses >= 0.75 * ledger.frames
+        and answered < 0.1 * ledger.frames
+    ):
+        yield _one(evidence, "answers", ledger.loose_responses, ledger.requests)
+    elif asked >= _LEAST and silent >= _NEARLY_ALL * asked and not answered and not ledger.responses:
+        repeated = sum(unit.repeats for unit in evidence.units)
+        if len(evidence.ledger.polls) > 1 and repeated <= 0.1 * asked and not _as_given_up(evidence):
+            yield _one(evidence, "requests", ledger.requests, ledger.responses)
+
+
+def _one(evidence: Evidence, heard: str, frames: int, others: int) -> Suspicion:
+    numbers = {"heard": heard, "frames": frames, "others": others, "all": evidence.ledger.frames}
+    bits = surplus_bits(frames, evidence.ledger.frames, 0.5) + 8.0 * frames
+    return Suspicion((), bits, _everything(evidence), numbers, evidence.ledger.begin, evidence.ledger.end)
+
+
+def _as_given_up(evidence: Evidence) -> bool:
+    """Whether the master goes on after always the same time, as it does when nobody answers."""
+    waits = [unit.waits.numbers for unit in evidence.units if len(unit.waits)]
+    if not waits or not evidence.ledger.timed:
+        return False
+    numbers = np.concatenate(waits)
+    low, middle = float(np.quantile(numbers, 0.1)), float(np.quantile(numbers, 0.6))
+    return middle - low < 0.03 * middle + evidence.ledger.char_ns
+
+
+@suspect(
+    "tap-reversed",
+    Severity.WARNING,
+    blame="tap",
+    text="The two directions of the tap are exchanged: {frames} frames on ports that are said to carry {said} read as {read}",
+    share="{frames} frames",
+    deciding_test="Exchange the two in the capture's settings: frames must appear",
+    remedy="Exchange the two ports, or their directions in the capture (`directions`)",
+)
+def tap_reversed(evidence: Evidence) -> Iterator[Suspicion]:
+    """Ports that carry the other direction than is said of them."""
+    ledger = evidence.ledger
+    wrong = right = 0
+    said = read = ""
+    for port, tally in ledger.ports.items():
+        role = port_role(ledger.line, port)
+        if role is None:
+            continue
+        other = Role.RESPONSE if role is Role.REQUEST else Role.REQUEST
+        right += tally["requests" if role is Role.REQUEST else "responses"]
+        found = tally["responses" if role is Role.REQUEST else "requests"]
+        found += sum(_frames_in(data, other) for _, where, data in ledger.noise if where == port)
+        if found > wrong / 2:
+            said, read = role.name.lower() + "s", other.name.lower() + "s"
+        wrong += found
+    if wrong >= 10 and wrong > 2 * right:
+        numbers = {"frames": wrong, "said": said, "read": read}
+        looked_at = sum(len(data) for _, _, data in ledger.noise)
+        bits = 16.0 * wrong * max(1.0, ledger.noise_bytes / max(looked_at, 1))
+        yield Suspicion((), bits, _everything(evidence), numbers, ledger.begin, ledger.end)
+
+
+def _frames_in(data: bytes, role: Role) -> int:
+    """How many frames of a role stand one behind the other from the first one on."""
+    count, at = 0, 0
+    while at + _ADU < len(data):
+        length = pdu_length(data[at + 1 :], role)
+        if length is not None and length > 0 and crc_ok(data[at : at + length + _ADU]):
+            count, at = count + 1, at + length + _ADU
+        else:
+            at += 1
+    return count
+
+
+@suspect(
+    "local-echo",
+    Severity.NOTE,
+    blame="tap",
+    text="The adapter shows what it sends: {echoes} of {requests} requests come twice, one right behind the other",
+    share="{echoes} of {requests} requests",
+    deciding_test="Take the master's adapter off and send from another one: only the adapter's own frames come twice",
+    remedy="Switch the adapter's local echo off, or tap the line with a second adapter",
+)
+def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
+    """Each request twice, at once."""
+    ledger = evidence.ledger
+    echoed = ledger.repeats_answered
+    wait = ledger.repeat_waits.quantile(0.5)
+    if wait is not None and wait > _ECHO_NS + (
+        evidence.verdict.wait_ns if np.isfinite(evidence.verdict.wait_ns) else 0.0
+    ):
+        echoed = 0
+    for unit in evidence.units:
+        readings = evidence.readings(unit)
+        share = sum(reading.echoed for reading in readings) / len(readings) if readings else 0.0
+        echoed += round(share * unit.count(Outcome.GARBAGE))
+    firsts = max(ledger.exchanges - ledger.repeats_answered - ledger.broadcasts, 1)
+    if echoed < _LEAST / 2 or echoed < 0.4 * firsts:
+        return
+    bits = _COPY_BITS * echoed
+    yield Suspicion((), bits, _everything(evidence), {"echoes": echoed, "requests": firsts}, ledger.begin, ledger.end)
+
+
+@suspect(
+    "tap-line-settings",
+    Severity.ERROR,
+    blame="tap",
+    text="Nearly nothing of what the tap hears is a frame ({right} of {bytes} bytes): it is set to another speed, parity or "
+    "polarity than the line{marks}",
+    share="{right} of {bytes} bytes in frames",
+    deciding_test="Listen at other speeds and parities (`rtuscope sniff --baud auto`), then with A and B exchanged",
+    remedy="Set the tap's baud rate and parity to those of the line ({baud} bit/s now), and connect A to A",
+)
+def tap_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
+    """Bytes, and no frames."""
+    ledger = evidence.ledger
+    data = b"".join(octets for _, _, octets in ledger.noise)
+    if (
+        evidence.foreign[1]
+        or ledger.bytes < _BYTES
+        or ledger.right_bytes > _NOTHING * ledger.bytes
+        or len(data) < _BYTES / 2
+    ):
+        return
+    text = sum(0x20 <= byte < 0x7F or byte in (0x0A, 0x0D) for byte in data) / len(data)
+    marks = ledger.marked_bytes / ledger.bytes
+    if text > _TEXT and marks < 0.02:
+        return
+    marked = f"; its UART marks {marks:.0%} of the bytes" if marks > 0.02 else ""
+    numbers = {
+        "right": ledger.right_bytes,
+        "bytes": ledger.bytes,
+        "marks": marked,
+        "baud": ledger.line.baud or "unknown",
+    }
+    yield Suspicion(
+        (), 30 + 200 * marks + ledger.noise_bytes / 2, _everything(evidence), numbers, ledger.begin, ledger.end
+    )

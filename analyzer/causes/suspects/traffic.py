@@ -1,0 +1,71 @@
+"""Traffic that is right though it looks odd: long transfers, other protocols."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from dissectors.declaration import USER_DEFINED
+from dissectors.functions import function_name
+
+from ...tables.findings import Severity
+from ..evidence import Evidence
+from ..registry import Suspicion, Symptom, suspect
+
+_FRAMES: Final = 20
+_BYTES: Final = 0.2
+_BITS: Final = 14.0  # a frame of another protocol, its check value right
+_ODD: Final = 0.6
+
+
+@suspect(
+    "vendor-transfer",
+    Severity.NOTE,
+    blame="nobody",
+    text="A transfer by function {function} ({name}) with unit {unit}: {frames} frames, {part:.0%} of all bytes; nothing is "
+    "wrong with it",
+    share="{part:.0%} of the bytes",
+    deciding_test="Ask whether firmware, a recipe or a log is being moved",
+    remedy="Nothing to mend; polls come slower while it lasts",
+)
+def vendor_transfer(evidence: Evidence) -> Iterator[Suspicion]:
+    """Long traffic of a user-defined function."""
+    ledger = evidence.ledger
+    for function in sorted(USER_DEFINED):
+        frames, part = (
+            int(ledger.functions[function]),
+            int(ledger.function_bytes[function]) / max(ledger.right_bytes, 1),
+        )
+        if frames < _FRAMES or part < _BYTES:
+            continue
+        polls = [poll for poll in evidence.polls if poll.function == function]
+        units = sorted({poll.unit for poll in polls}, key=lambda u: -sum(p.asked for p in polls if p.unit == u))
+        numbers = {"function": function, "name": function_name(function), "unit": ", ".join(map(str, units[:4])) or "?",
+                   "frames": frames, "part": part}  # fmt: skip
+        yield Suspicion(tuple(units), 100 + part * 20, frozenset({(Symptom.REQUESTS, None)}), numbers)
+
+
+@suspect(
+    "other-protocol",
+    Severity.NOTE,
+    blame="nobody",
+    text="Other traffic shares the pair: {protocol}, {frames} of its frames among the bytes looked at; it is no noise and no "
+    "fault of the wiring",
+    share="{foreign} of {bytes} bytes in no Modbus frame",
+    deciding_test="Ask what else is connected to the pair, and switch it off for a minute",
+    remedy="Give the other protocol a pair of its own if Modbus devices mind it; many take its frames for their own",
+)
+def other_protocol(evidence: Evidence) -> Iterator[Suspicion]:
+    """Frames of another protocol."""
+    ledger = evidence.ledger
+    name, frames = evidence.foreign
+    if not frames and evidence.odd >= _FRAMES and evidence.odd >= _ODD * max(ledger.frames, 1):
+        name, frames = "a protocol with the CRC of Modbus (meters use it so)", evidence.odd
+    if frames:
+        looked_at = sum(len(octets) for _, _, octets in ledger.noise)
+        kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.SILENCE, Symptom.LATENESS, Symptom.REFUSAL, Symptom.DOUBLES)
+        explains: set[tuple[Symptom, int | None]] = {(kind, unit) for unit in ledger.units for kind in kinds}
+        explains |= {(Symptom.FRAMING, None), (Symptom.REQUESTS, None), (Symptom.REQUESTS, 0)}
+        numbers = {"protocol": name, "frames": frames, "foreign": ledger.noise_bytes, "bytes": ledger.bytes}
+        bits = _BITS * frames * max(1.0, ledger.noise_bytes / max(looked_at, 1))
+        yield Suspicion((), bits, frozenset(explains), numbers, ledger.begin, ledger.end)

@@ -1,0 +1,48 @@
+"""Numbers of a stream in flat memory: some of them, evenly over the stream, and the count and sum of all."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_MOST: Final = 512
+
+
+class Thinned:
+    """Every so many-eth number of those added."""
+
+    __slots__ = ("_numbers", "_stride", "count", "total")
+
+    def __init__(self) -> None:
+        self._numbers: NDArray[np.float64] = np.zeros(0)
+        self._stride = 1
+        self.count = 0
+        self.total = 0.0
+
+    def __len__(self) -> int:
+        return self.count
+
+    def add(self, numbers: NDArray[Any]) -> None:
+        """More of the stream."""
+        first = -self.count % self._stride
+        self.count += len(numbers)
+        self.total += float(numbers.sum())
+        self._numbers = np.concatenate((self._numbers, numbers[first :: self._stride]))
+        while len(self._numbers) > _MOST:
+            self._numbers = self._numbers[::2]
+            self._stride *= 2
+
+    @property
+    def numbers(self) -> NDArray[np.float64]:
+        """Those remembered, in their order."""
+        return self._numbers
+
+    def quantile(self, share: float) -> float | None:
+        """A quantile of those remembered; None without any."""
+        return float(np.quantile(self._numbers, share)) if len(self._numbers) else None
+
+    def above(self, bound: float) -> float:
+        """The share of numbers over a bound; 0 without any."""
+        return float((self._numbers > bound).mean()) if len(self._numbers) else 0.0

@@ -1,0 +1,107 @@
+"""When things happened, in flat memory: counts by equal parts of the time, and spells of one kind of outcome."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_PARTS: Final = 256
+_FIRST_NS: Final = 100_000_000
+_SPELLS: Final = 256  # that are remembered singly
+
+
+class TimeGrid:
+    """Counts by part of the time; parts grow as the time does, so that there are never more than 256.
+
+    Each kind of count is a row that is made when it is first needed; all share the same parts.
+    """
+
+    def __init__(self, width: int = _FIRST_NS) -> None:
+        self.begin: int | None = None
+        self.width = width
+        self._rows: dict[object, NDArray[np.int64]] = {}
+
+    def add(self, kind: object, times: NDArray[np.int64], weights: NDArray[np.int64] | None = None) -> None:
+        """Count at these times, which need not be in order but do not lie before the first one by much."""
+        if not len(times):
+            return
+        if self.begin is None:
+            self.begin = int(times.min())
+        last = int(times.max()) - self.begin
+        while last >= self.width * _PARTS:
+            self._double()
+        parts = np.clip((times - self.begin) // self.width, 0, _PARTS - 1)
+        counts = np.bincount(parts, weights, _PARTS).astype(np.int64)
+        if kind in self._rows:
+            self._rows[kind] += counts
+        else:
+            self._rows[kind] = counts
+
+    def _double(self) -> None:
+        self.width *= 2
+        for kind, row in self._rows.items():
+            pairs = row.reshape(-1, 2).sum(axis=1)
+            self._rows[kind] = np.concatenate((pairs, np.zeros(_PARTS - len(pairs), np.int64)))
+
+    def counts(self, kind: object) -> NDArray[np.int64]:
+        """The counts of one kind, a part each."""
+        return self._rows.get(kind, np.zeros(_PARTS, np.int64))
+
+
+@dataclass(slots=True)
+class Spell:
+    """Consecutive exchanges that ended alike: first and last time (ns), how many."""
+
+    begin: int
+    end: int
+    count: int
+
+
+class Spells:
+    """Runs of an outcome among the exchanges of a unit; single ones are counted and not remembered."""
+
+    def __init__(self) -> None:
+        self.spells: list[Spell] = []
+        self.single = 0  # outcomes that stood alone
+        self.more = 0  # spells beyond those remembered
+        self._open: Spell | None = None
+
+    def add(self, hits: NDArray[np.bool_], times: NDArray[np.int64]) -> None:
+        """The next exchanges: whether each ended so, and when."""
+        if not hits.any():
+            self._end()
+            return
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], hits, [False])).astype(np.int8)))
+        for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            if begin or self._open is None:
+                self._end()
+                self._open = Spell(int(times[begin]), int(times[end - 1]), end - begin)
+            else:
+                self._open.end, self._open.count = int(times[end - 1]), self._open.count + end - begin
+        if not hits[-1]:
+            self._end()
+
+    def _end(self) -> None:
+        spell, self._open = self._open, None
+        if spell is None:
+            return
+        if spell.count == 1:
+            self.single += 1
+        elif len(self.spells) < _SPELLS:
+            self.spells.append(spell)
+        else:
+            self.more += 1
+
+    @property
+    def all(self) -> list[Spell]:
+        """All that are remembered, the one that still goes on among them."""
+        lasting = self._open is not None and self._open.count > 1
+        return [*self.spells, *([self._open] if lasting and self._open is not None else [])]
+
+    @property
+    def lasting(self) -> Spell | None:
+        """The one that goes on."""
+        return self._open

@@ -1,0 +1,140 @@
+"""What happened to the exchanges of one unit: counters, spells, a few samples with their bytes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..tables.schema import NO_GAP
+from ..tables.transactions import NEVER
+from .columntable import ColumnTable
+from .exchanges import ECHOED, Outcome
+from .samples import Samples
+from .thinned import Thinned
+from .timegrid import Spells
+
+_EXAMPLES: Final = 3
+_OK, _EXCEPTION, _SILENT, _GARBAGE = (
+    int(each) for each in (Outcome.OK, Outcome.EXCEPTION, Outcome.SILENT, Outcome.GARBAGE)
+)
+NEEDED: Final = (
+    "request", "outcome", "exception", "delay", "noise", "strays", "t_next", "t_asked", "t_answered", "marks",
+    "function", "answer_bytes", "asked_bytes", "answer_gap", "hole", "hole_at", "repeats", "next_same",
+)  # fmt: skip
+BUSY: Final = np.isin(np.arange(256), (5, 6))  # acknowledge, server device busy
+
+
+class UnitLedger:
+    """One unit's exchanges."""
+
+    def __init__(self, unit: int) -> None:
+        self.unit = unit
+        self.outcomes = np.zeros(len(Outcome), np.int64)
+        self.repeats = 0  # requests to it that repeat the one before
+        self.strays = 0  # right answers of it that answer nothing
+        self.late = 0  # that came when the master had gone on
+        self.doubles = 0  # that came behind another answer to the same request
+        self.marked = 0  # answers, right but for marks of the UART
+        self.marked_bytes = 0
+        self.answer_bytes = 0
+        self.examples: dict[int, list[int]] = {}  # by outcome: indices of a few requests
+        self.redundant = Thinned()  # ns, delays of good answers whose request the master repeats all the same
+        self.heeded = Thinned()  # and of those whose request it does not repeat
+        self.pauses = Thinned()  # ns, from its good answers to the next request
+        self.echoes = 0  # answers that are their request once more
+        self.echo_delays = Thinned()
+        self.called = 0  # broadcasts that it answered, by its own address
+        self.behind = 0  # good answers with something behind them before the next request
+        self.first_answer: int | None = None
+        self.last_answer: int | None = None
+        self.first = 0  # ns or bytes: `Ledger.axis`
+        self.last = 0
+        self.delays = Thinned()  # ns
+        self.waits = Thinned()  # ns, of requests that stayed without an answer, to the next request
+        self.garbage_waits = Thinned()
+        self.gaps = Thinned()  # ns, silence between a request and its answer by the reads
+        self.holes = Thinned()  # ns, the longest silence inside an answer
+        self.hole_places: Counter[int] = Counter()
+        self.silences = Spells()
+        self.refusals = Spells()
+        self.busy = 0
+        self.samples = Samples()  # without a good answer
+        self.followed = Samples()  # with one, and something behind it
+
+    def count(self, *outcomes: Outcome) -> int:
+        """How many requests to it ended so."""
+        return int(sum(self.outcomes[outcome] for outcome in outcomes))
+
+    @property
+    def asked(self) -> int:
+        """Requests to it of which something is known."""
+        return self.count(Outcome.OK, Outcome.EXCEPTION, Outcome.SILENT, Outcome.GARBAGE)
+
+    @property
+    def answered(self) -> int:
+        """Requests that got a whole answer; an exception is one."""
+        return self.count(Outcome.OK, Outcome.EXCEPTION)
+
+    def add(self, mine: ColumnTable, times: NDArray[np.int64], *, timed: bool, hole_ns: float) -> None:
+        """Count its next exchanges; `times` tell their order, `timed` whether as time. Silences over `hole_ns` are
+        holes in an answer."""
+        outcome = mine["outcome"]
+        counts = np.bincount(outcome, minlength=len(Outcome))
+        if not self.outcomes.any():
+            self.first = int(times[0])
+        self.outcomes += counts
+        self.last = int(times[-1])
+        self.repeats += int(np.count_nonzero(mine["repeats"]))
+        for kind in counts.nonzero()[0].tolist():
+            few = self.examples.setdefault(kind, [])
+            if len(few) < _EXAMPLES:
+                few += mine["request"][outcome == kind][: _EXAMPLES - len(few)].tolist()
+        good = (outcome == _OK) | (outcome == _EXCEPTION)
+        every = int(counts[_OK] + counts[_EXCEPTION])
+        if every:
+            if self.first_answer is None:
+                self.first_answer = int(times[np.argmax(good)])
+            self.last_answer = int(times[len(good) - 1 - np.argmax(good[::-1])])
+            self._add_answers(mine if every == len(mine) else mine.take(good), timed=timed, hole_ns=hole_ns)
+        if counts[_SILENT] or self.silences.lasting is not None:
+            self.silences.add(outcome == _SILENT, times)
+        if counts[_EXCEPTION] or self.refusals.lasting is not None:
+            busy = BUSY[mine["exception"]]
+            self.busy += int(np.count_nonzero(busy))
+            self.refusals.add(busy, times)
+        if timed and counts[_SILENT] + counts[_GARBAGE]:
+            waits = mine["t_next"] - mine["t_asked"]
+            known = mine["t_next"] != NEVER
+            self.waits.add(waits[known & (outcome == _SILENT)])
+            self.garbage_waits.add(waits[known & (outcome == _GARBAGE)])
+
+    def _add_answers(self, good: ColumnTable, *, timed: bool, hole_ns: float) -> None:
+        delays, noise, strays = good["delay"], good["noise"], good["strays"]
+        known, again = delays >= 0, good["next_same"]
+        self.delays.add(delays[known])
+        if again.any():
+            self.redundant.add(delays[known & again])
+        self.heeded.add(delays[known & ~again])
+        alone = (noise == 0) & (strays == 0)
+        self.behind += len(good) - int(np.count_nonzero(alone))
+        if timed:
+            t_next = good["t_next"]
+            self.pauses.add((t_next - good["t_answered"])[alone & (t_next != NEVER)])
+        marks = good["marks"]
+        if marks.any():
+            self.marked += int(np.count_nonzero(marks))
+            self.marked_bytes += int(marks.sum())
+        echoes = ECHOED[good["function"]]
+        if echoes.any():
+            echoes &= (good["exception"] == 0) & (good["answer_bytes"] == good["asked_bytes"])
+            self.echoes += int(np.count_nonzero(echoes))
+            self.echo_delays.add(delays[known & echoes])
+        gaps, holes = good["answer_gap"], good["hole"]
+        self.gaps.add(gaps[gaps != NO_GAP])
+        self.holes.add(holes)
+        long = holes > hole_ns
+        if long.any():
+            self.hole_places.update(good["hole_at"][long].tolist())

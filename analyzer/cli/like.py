@@ -1,0 +1,89 @@
+"""`rtuscope registers --like`: which register showed this number."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from .app import DONE, FAILED, UsageError
+from .inputs import tell_damage
+from .terminal import Progress, interruptible
+
+if TYPE_CHECKING:
+    from analyzer.options import Options
+    from analyzer.registers.like import Match
+    from captures import Capture
+
+_ROWS: Final = 1 << 14  # readings of a block
+_SHOWN: Final = 12
+_LONGEST: Final = 16 << 20  # bytes of a table
+
+
+def find_like(arguments: argparse.Namespace, capture: Capture, limits: Options) -> int:
+    """Print the registers that showed it, best first."""
+    from analyzer.core import deframe
+    from analyzer.registers.inference import infer
+    from analyzer.registers.like import PanelError, matches_of_series, matches_of_value, read_panel
+    from analyzer.registers.readings import RegisterReadings
+
+    wanted = str(arguments.like)
+    table = None
+    try:
+        float(wanted.replace(",", "."))
+    except ValueError:
+        table = _table_text(wanted)
+    readings, progress = RegisterReadings(_ROWS), Progress(f"registers {arguments.capture}")
+    with interruptible() as stop:
+        for batch in deframe(capture, limits):
+            readings.feed(batch)
+            if stop():
+                break
+    progress.clear()
+    tell_damage(arguments.capture, capture)
+    values = infer(readings, units=arguments.unit)
+    try:
+        if table is None:
+            found = matches_of_value(readings, wanted, values, arguments.unit)
+        else:
+            found = matches_of_series(readings, *read_panel(table, wanted), values, arguments.unit)
+    except PanelError as error:
+        raise UsageError(f"--like: {error}") from error
+    if arguments.json:
+        import json
+
+        for match in found[: 10 * _SHOWN]:
+            print(json.dumps(match.to_json(), separators=(",", ":")))
+    else:
+        sys.stdout.write(_text(found, wanted))
+    return DONE if found else FAILED
+
+
+def _table_text(name: str) -> str:
+    path = Path(name)
+    try:
+        with path.open("rb") as file:
+            data = file.read(_LONGEST + 1)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise UsageError(f"--like {name}: neither a number nor a table of times and values: {reason}") from error
+    if len(data) > _LONGEST or b"\0" in data[:4096]:
+        raise UsageError(f"--like {name}: a table of times and values as CSV is expected")
+    return data.decode("utf-8-sig", "replace")
+
+
+def _text(found: list[Match], wanted: str) -> str:
+    if not found:
+        return f"no register showed {wanted}\n"
+    lines = []
+    for match in found[:_SHOWN]:
+        where = f"unit {match.unit} {match.area} {match.address}"
+        order = f" {match.order}" if match.order else ""
+        scale = f" x{match.scale:g}" if match.scale != 1 else ""
+        offset = f" {match.offset:+g}" if match.offset else ""
+        lag = f", {match.lag_s:+.1f} s" if match.lag_s is not None else ""
+        lines.append(f"{where}: {match.type}{order}{scale}{offset} showed {match.value:g}{lag} ({match.score:.2f})")
+    if len(found) > _SHOWN:
+        lines.append(f"and {len(found) - _SHOWN} more (--json lists them)")
+    return "\n".join(lines) + "\n"

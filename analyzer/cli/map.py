@@ -1,0 +1,306 @@
+"""`rtuscope map`: register maps looked at, checked against traffic, imported, made and compared."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from .app import DONE, FAILED, NO_FRAME, UsageError
+from .inputs import load_functions, tell_damage
+from .terminal import Progress, interruptible
+
+if TYPE_CHECKING:
+    from analyzer.registers.readings import RegisterReadings
+    from analyzer.registers.recognition import UnitTexts
+    from dissectors.maps import RegisterMap
+
+EXAMPLE = """\
+rtuscope map list
+rtuscope map show eastron-sdm630
+rtuscope simulate meter.jsonl --map eastron-sdm630@1
+rtuscope map check eastron-sdm630 meter.jsonl
+rtuscope map infer meter.jsonl -o meter.csv --unit 1
+rtuscope map diff eastron-sdm630 meter.csv"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    actions = parser.add_subparsers(metavar="ACTION", title="actions", dest="action", required=True)
+    listed = actions.add_parser("list", help="the maps that are shipped")
+    listed.add_argument("--json", action="store_true", help="an object a line")
+    show = actions.add_parser("show", help="a map as a table")
+    show.add_argument("map", metavar="MAP", help="a file, or the name of a shipped map")
+    show.add_argument("--format", choices=("table", "csv", "yaml", "schema"), default="table", help="how to print it")
+    check = actions.add_parser("check", help="a map by itself, or against a capture; exit status 1 on contradictions")
+    check.add_argument("map", metavar="MAP[@UNIT]")
+    check.add_argument("capture", metavar="CAPTURE", nargs="?")
+    check.add_argument("--unit", type=int, metavar="N", help="the unit that the map is of")
+    check.add_argument("--json", action="store_true", help="an object a remark, one a line")
+    _capture_arguments(check)
+    importing = actions.add_parser("import", help="a map out of a spreadsheet or of what another program has")
+    importing.add_argument("file", metavar="FILE")
+    importing.add_argument(
+        "-o", "--output", metavar="MAP", default="-", help="file to write, .csv or .yaml; - prints it"
+    )
+    importing.add_argument("--format", metavar="F", help="the format of FILE, where its content does not tell")
+    importing.add_argument("--device", metavar="NAME", help="which device, where FILE has several")
+    importing.add_argument("--base", type=int, metavar="N", help="the address where a SunSpec model begins")
+    inferring = actions.add_parser("infer", help="a map out of traffic")
+    inferring.add_argument("capture", metavar="CAPTURE")
+    inferring.add_argument(
+        "-o", "--output", metavar="MAP", default="-", help="file to write, .csv or .yaml; - prints it"
+    )
+    inferring.add_argument("--unit", type=int, metavar="N", help="the unit to map, where the bus has several")
+    _capture_arguments(inferring)
+    differ = actions.add_parser("diff", help="what two maps have different")
+    differ.add_argument("map", metavar="A")
+    differ.add_argument("other", metavar="B")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do the action."""
+    action = {
+        "list": _list, "show": _show, "check": _check, "import": _import, "infer": _infer, "diff": _diff,
+    }[arguments.action]  # fmt: skip
+    return action(arguments)
+
+
+def _capture_arguments(parser: argparse.ArgumentParser) -> None:
+    from .inputs import add_functions_argument, add_limit_arguments
+
+    add_functions_argument(parser)
+    add_limit_arguments(parser)
+
+
+def _list(arguments: argparse.Namespace) -> int:
+    from dissectors.maps import shipped_map, shipped_names
+
+    charts = [(name, shipped_map(name)) for name in shipped_names()]
+    if arguments.json:
+        import json
+
+        for name, chart in charts:
+            line = {"name": name, "vendor": chart.vendor, "device": chart.device, "values": len(chart.rows)}
+            print(json.dumps({**line, "source": chart.source, "licence": chart.licence}, ensure_ascii=False))
+        return DONE
+    width = max(len(name) for name, _ in charts)
+    for name, chart in charts:
+        print(f"{name.ljust(width)}  {chart.vendor} {chart.device}, {len(chart.rows)} values")
+    return DONE
+
+
+def _show(arguments: argparse.Namespace) -> int:
+    from dissectors.maps import map_text, read_map
+
+    if arguments.format == "schema":
+        import json
+
+        from dissectors.maps.schema import json_schema
+
+        print(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+        return DONE
+    chart = read_map(arguments.map)
+    if arguments.format != "table":
+        sys.stdout.write(map_text(chart, f"x.{arguments.format}"))
+        return DONE
+    sys.stdout.write(_table(chart))
+    return DONE
+
+
+def _table(chart: RegisterMap) -> str:
+    from dissectors.maps.table import header_of
+    from dissectors.values import harmless
+
+    lines = [f"{key}: {value}" for key, value in header_of(chart).items() if key != "address_base"]
+    rows = []
+    for row in chart.rows:
+        last = f"-{row.end - 1}" if row.length > 1 else ""
+        order = f" {row.order}" if row.length > 1 and row.type != "text" else ""
+        scale = f"x{row.scale:g}" if row.scale != 1 else ""
+        states = ", ".join(f"{state} {name}" for state, name in row.values.items())
+        rows.append(
+            (
+                f"{row.area} {row.address}{last}",
+                f"{row.type}{order}",
+                row.name,
+                f"{scale} {row.unit}".strip(),
+                row.access,
+                states,
+            )
+        )
+    widths = [max(len(row[column]) for row in rows) for column in range(5)]
+    lines += [
+        "  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[-1]]).rstrip()
+        for row in rows
+    ]
+    return "".join(f"{harmless(line)}\n" for line in lines)
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from analyzer.registers.checking import check_map, overlaps
+    from dissectors.maps import map_for_unit
+
+    chart, unit = map_for_unit(arguments.map)
+    unit = arguments.unit if arguments.unit is not None else unit
+    for line in overlaps(chart):
+        print(f"overlap: {line}", file=sys.stderr if arguments.json else sys.stdout)
+    if arguments.capture is None:
+        if not arguments.json:
+            print(f"{chart.device or arguments.map}: {len(chart.rows)} values, readable")
+        return DONE
+    readings, texts = _readings(arguments, arguments.capture)
+    if not readings.frames:
+        print(f"rtuscope: {arguments.capture}: no Modbus frame found", file=sys.stderr)
+        return NO_FRAME
+    units = sorted({block.unit for block in readings})
+    charts = _chart_of(chart, unit, units, readings, texts)
+    remarks = check_map(readings, charts)
+    wrong = sum(remark.kind == "contradiction" for remark in remarks)
+    if arguments.json:
+        import json
+
+        for remark in remarks:
+            print(json.dumps(remark.to_json(), ensure_ascii=False))
+    else:
+        for remark in remarks:
+            last = f"-{remark.address + remark.words - 1}" if remark.words > 1 else ""
+            name = f" {remark.name}" if remark.name else ""
+            print(f"{remark.kind}: unit {remark.unit} {remark.area} {remark.address}{last}{name}: {remark.text}")
+        print(f"{wrong} contradictions in {', '.join(f'unit {number}' for number in charts)}")
+    return FAILED if wrong else DONE
+
+
+def _chart_of(
+    chart: RegisterMap, unit: int | None, units: list[int], readings: RegisterReadings, texts: UnitTexts
+) -> dict[int, RegisterMap]:
+    """The unit that the map is of: the one that was named, the only one, or the one that fits it best."""
+    from analyzer.registers.recognition import chart_bits
+
+    if unit is not None:
+        if unit not in units:
+            raise UsageError(
+                f"no answer of unit {unit} carries a value: units with values: {', '.join(map(str, units))}"
+            )
+        return {unit: chart}
+    if len(units) == 1:
+        return {units[0]: chart}
+    said = {(number, which): text for (number, which), text in texts.texts.items()}
+    scores = {
+        number: chart_bits(
+            chart,
+            [block for block in readings if block.unit == number],
+            {which: text for (owner, which), text in said.items() if owner == number},
+        )[0]
+        for number in units
+    }
+    best = max(scores, key=lambda number: scores[number])
+    if scores[best] <= 0:
+        raise UsageError(f"which unit is the map of? --unit N: units with values: {', '.join(map(str, units))}")
+    print(f"taken for the map of unit {best}, which it fits best (--unit N says otherwise)", file=sys.stderr)
+    return {best: chart}
+
+
+def _import(arguments: argparse.Namespace) -> int:
+    from pathlib import Path
+
+    from dissectors.maps import map_text
+    from dissectors.maps.importers import import_maps
+    from dissectors.maps.importers.sunspec import moved
+
+    path = Path(arguments.file)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise UsageError(f"{arguments.file}: {(error.strerror or str(error)).lower()}") from error
+    found = import_maps(arguments.file, data, name=arguments.format)
+    names = [one.chart.device for one in found]
+    if arguments.device is not None:
+        found = [one for one in found if one.chart.device == arguments.device]
+        if not found:
+            raise UsageError(f"--device {arguments.device!r}: {arguments.file} has {', '.join(map(repr, names))}")
+    elif len(found) > 1:
+        print(f"rtuscope: {arguments.file} has {len(found)} devices; taken: {names[0]!r}; --device chooses among "
+              f"{', '.join(map(repr, names))}", file=sys.stderr)  # fmt: skip
+    chosen = found[0] if arguments.base is None else moved(found[0], arguments.base)
+    for note in chosen.notes:
+        print(f"rtuscope: {note}", file=sys.stderr)
+    _write(map_text(chosen.chart, arguments.output), arguments.output, path)
+    if arguments.output != "-":
+        print(f"{arguments.output}: {len(chosen.chart.rows)} values")
+    return DONE
+
+
+def _infer(arguments: argparse.Namespace) -> int:
+    from pathlib import Path
+
+    from analyzer.registers.drafting import drafted_map
+    from analyzer.registers.inference import infer
+    from dissectors.maps import map_text
+
+    readings, _ = _readings(arguments, arguments.capture)
+    units = sorted({block.unit for block in readings})
+    if not units:
+        print(f"rtuscope: {arguments.capture}: no answer carries a register", file=sys.stderr)
+        return NO_FRAME
+    unit = arguments.unit
+    if unit is None and len(units) > 1:
+        raise UsageError(f"of which unit? --unit N: units with values: {', '.join(map(str, units))}")
+    unit = units[0] if unit is None else unit
+    if unit not in units:
+        raise UsageError(f"no answer of unit {unit} carries a value: units with values: {', '.join(map(str, units))}")
+    values = infer(readings, units=[unit])
+    chart = drafted_map(values, f"unit {unit}", f"inferred from {Path(arguments.capture).name}")
+    if not chart.rows:
+        print(f"rtuscope: {arguments.capture}: no register of unit {unit} says anything", file=sys.stderr)
+        return NO_FRAME
+    _write(map_text(chart, arguments.output), arguments.output, Path(arguments.capture))
+    if arguments.output != "-":
+        print(f"{arguments.output}: {len(chart.rows)} values")
+    return DONE
+
+
+def _diff(arguments: argparse.Namespace) -> int:
+    from analyzer.registers.drafting import map_differences
+    from dissectors.maps import read_map
+    from dissectors.values import harmless
+
+    for line in map_differences(read_map(arguments.map), read_map(arguments.other)):
+        print(harmless(line))
+    return DONE
+
+
+def _write(text: str, path: str, source: object) -> None:
+    from pathlib import Path
+
+    from analyzer.exports.output import output
+
+    with output(path, source=Path(str(source))) as file:
+        file.write(text.encode())
+
+
+def _readings(arguments: argparse.Namespace, name: str) -> tuple[RegisterReadings, UnitTexts]:
+    """What the registers of a capture were, and what its units say of themselves."""
+    import captures
+    from analyzer.core import deframe
+    from analyzer.registers.readings import RegisterReadings
+    from analyzer.registers.recognition import UnitTexts
+
+    from .inputs import chosen_limits
+
+    load_functions(arguments)
+    limits = chosen_limits(arguments)
+    capture = captures.open(name)
+    readings, texts, progress = RegisterReadings(), UnitTexts(), Progress(f"map {name}")
+    with interruptible() as stop:
+        octets = 0
+        for batch in deframe(capture, limits):
+            readings.feed(batch)
+            texts.feed(batch)
+            octets += len(batch.data)
+            progress(readings.frames, octets)
+            if stop():
+                break
+    progress.clear()
+    tell_damage(name, capture)
+    return readings, texts

@@ -1,0 +1,165 @@
+"""`rtuscope registers`: what the registers mean, told from what they were."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING, Final
+
+from .app import DONE, INTERRUPTED, NO_FRAME, UsageError
+from .inputs import (
+    add_capture_arguments,
+    add_limit_arguments,
+    chosen_limits,
+    load_functions,
+    open_capture,
+    tell_damage,
+)
+from .maps import add_map_argument, chosen_charts
+from .terminal import Progress, Stop, interruptible
+
+if TYPE_CHECKING:
+    from analyzer.registers.readings import RegisterReadings
+    from analyzer.registers.recognition import Recognised
+    from analyzer.registers.values import RegisterValue
+
+EXAMPLE = """\
+rtuscope simulate meter.jsonl --map eastron-sdm630@1
+rtuscope registers meter.jsonl
+rtuscope registers meter.jsonl --json
+rtuscope registers meter.jsonl --map eastron-sdm630@1
+rtuscope registers meter.jsonl --like 0.9"""
+_WORDS: Final = ("unit", "register", "type", "order", "role", "min", "max", "last", "sure", "why")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    add_capture_arguments(parser)
+    parser.add_argument("--unit", type=int, action="append", metavar="N", help="only this unit; may be given again")
+    add_map_argument(parser)
+    parser.add_argument("--recognise", action="store_true", help="use the maps of devices that are recognised")
+    parser.add_argument(
+        "--like", metavar="VALUE|FILE", help="find the register that showed this number, or a table of times and values"
+    )
+    parser.add_argument("--json", action="store_true", help="an object a line")
+    parser.add_argument("--all", action="store_true", help="list registers that never moved, too")
+    add_limit_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print what was inferred, or found."""
+    load_functions(arguments)
+    limits = chosen_limits(arguments)
+    charts = chosen_charts(arguments)
+    capture = open_capture(arguments)
+    if arguments.like is not None:
+        from .like import find_like
+
+        return find_like(arguments, capture, limits)
+    from analyzer.core import deframe
+    from analyzer.registers.inference import infer
+    from analyzer.registers.readings import RegisterReadings
+    from analyzer.registers.recognition import UnitTexts, recognised
+
+    texts = UnitTexts()
+    readings, progress = RegisterReadings(), Progress(f"registers {arguments.capture}")
+    with interruptible() as stop:
+        octets = 0
+        for batch in deframe(capture, limits):
+            readings.feed(batch)
+            texts.feed(batch)
+            octets += len(batch.data)
+            progress(readings.frames, octets)
+            if stop():
+                break
+    progress.clear()
+    tell_damage(arguments.capture, capture)
+    units = sorted({block.unit for block in readings})
+    known = charts.of(units)
+    values = infer(readings, units=arguments.unit, charts=known)
+    found: list[Recognised] = []
+    if len(known) < len(units) and (arguments.recognise or not arguments.json):
+        free = values if not known else infer(readings, units=arguments.unit)
+        found = [one for one in recognised(readings, texts, free) if one.unit not in known]
+    if arguments.recognise and found:
+        known = {**{one.unit: one.chart for one in found}, **known}
+        values = infer(readings, units=arguments.unit, charts=known)
+    if arguments.json:
+        _print_json(values)
+    else:
+        sys.stdout.write(_table(values, everything=arguments.all))
+        sys.stdout.write(_devices(found, used=arguments.recognise))
+    return _status(arguments, readings, values, stop)
+
+
+def _status(arguments: argparse.Namespace, readings: RegisterReadings, values: list[RegisterValue], stop: Stop) -> int:
+    if stop():
+        print("rtuscope: stopped by Ctrl-C; what was read until then was used", file=sys.stderr)
+        return INTERRUPTED
+    if not readings.frames:
+        print(f"rtuscope: {arguments.capture}: no Modbus frame found", file=sys.stderr)
+        return NO_FRAME
+    if not values:
+        if arguments.unit:
+            units = ", ".join(str(unit) for unit in sorted({block.unit for block in readings})) or "none"
+            raise UsageError(f"--unit: no values of it in {arguments.capture}: units with values: {units}")
+        print(f"rtuscope: {arguments.capture}: no answer carries a register", file=sys.stderr)
+        return NO_FRAME
+    return DONE
+
+
+def _print_json(values: list[RegisterValue]) -> None:
+    import json
+
+    for value in values:
+        print(json.dumps(value.to_json(), ensure_ascii=False, separators=(",", ":")))
+
+
+def _table(values: list[RegisterValue], *, everything: bool) -> str:
+    """The values as a table; those that never moved are counted, unless all are wanted."""
+    from dissectors.values import harmless
+
+    shown = [value for value in values if everything or value.changes or value.name or value.kind == "text"]
+    rows = [_WORDS, *(_row(value) for value in shown)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(_WORDS) - 1)]
+    lines = []
+    for row in rows:
+        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
+        lines.append(harmless("  ".join([*cells, row[-1]]).rstrip()))
+    if len(shown) < len(values):
+        lines.append(f"{len(values) - len(shown)} registers never moved (--all lists them)")
+    return "\n".join(lines) + "\n"
+
+
+def _devices(found: list[Recognised], *, used: bool) -> str:
+    """What was recognised, and how sure."""
+    lines = []
+    for one in found:
+        hint = "its map is used" if used else f"--map {one.name}@{one.unit} names its values"
+        device = f"{one.chart.vendor} {one.chart.device}"
+        lines.append(f"unit {one.unit} looks like {device} ({one.confidence:.0%}, {one.why}): {hint}")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _row(value: RegisterValue) -> tuple[str, ...]:
+    last = value.address + value.words - 1
+    where = f"{value.area} {value.address}" + (f"-{last}" if value.words > 1 else "")
+    kind = value.type if value.changes or value.name else value.kind
+    why = f"{value.name}: {value.why}" if value.name else value.why
+    scale = f" x{value.scale:g}" if value.scale not in (None, 1) else ""
+    return (
+        str(value.unit),
+        where,
+        kind,
+        value.order or "",
+        value.role or "",
+        _number(value.minimum),
+        _number(value.maximum),
+        _number(value.last) + scale + (f" {value.unit_of_measure}" if value.unit_of_measure else ""),
+        f"{value.confidence:.0%}",
+        why,
+    )
+
+
+def _number(value: float | str | None) -> str:
+    return "" if value is None else f"{value:.7g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,300 @@
+"""The analysis of a line, without a file, a clock or a thread inside: blocks in, rows with what was said of them out.
+
+One way for all: a capture read at once, the interface, a replay, a live tap. `Analyzer` takes blocks as they come and
+gives `Analysed`: rows of which all is said. Who cannot wait for that, as somebody at a terminal can't, looks at
+`latest`: rows as soon as they are certain, and what is said of them as soon as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from captures.chunks import Block, Capture
+from captures.line import LineSettings
+from captures.recording.notes import Note
+
+from .deframing.protocols import Deframer
+from .diagnosis.judge import Judge
+from .options import Options
+from .outages import Deaf, deaf_times, notes_of
+from .tables.batch import Batch, join_batches, rows_of_findings
+from .tables.findings import NOTHING, Findings
+from .tables.origin import StreamOrigin
+from .tables.schema import Rows, join_rows
+from .tables.transactions import TRANSACTION
+
+_BLOCK = 1 << 19  # bytes read at once: more costs memory and is no faster
+_NOTES = 64  # remembered of a port, the newest
+
+
+@dataclass(frozen=True, slots=True)
+class Analysed:
+    """Rows with what is said of them: transactions that settled, findings that were made.
+
+    Of an `Analyzer`'s results the transactions are those that the batch's requests began, and the findings those on its
+    rows and, in the last one, those about the bus as a whole. Of its `latest` both may speak of rows before.
+    `batch.findings` are those of `findings` that stand on its rows.
+    """
+
+    batch: Batch
+    transactions: Rows
+    findings: Findings
+
+    @classmethod
+    def nothing(cls) -> Analysed:
+        """No rows, and nothing said."""
+        return cls(Batch.empty(), np.zeros(0, TRANSACTION), NOTHING)
+
+    def until(self, count: int) -> Analysed:
+        """The same of its first `count` rows alone, and of the bus as a whole."""
+        if count >= len(self.batch):
+            return self
+        rows, evidence = self.batch.rows[:count], self.batch.evidence
+        part = replace(self.batch, rows=rows, evidence=None if evidence is None else evidence[:count])
+        findings = self.findings[(rows_of_findings(rows, self.findings) >= 0) | (self.findings["start"] < 0)]
+        begun = int(np.searchsorted(self.transactions["request"], rows["index"].max(initial=-1), side="right"))
+        return Analysed(replace(part, findings=findings), self.transactions[:begun], findings)
+
+
+class Analyzer:
+    """The analysis of one line. Frames are numbered on where it has to begin anew (`restart`).
+
+    `feed` blocks as they come, `tick` when the line is quiet (live), `close` at the end: each gives what is settled by
+    then, in wire order. `outages` are times in which nothing was heard; nobody is blamed for what is missing then.
+    """
+
+    def __init__(self, line: LineSettings, options: Options = Options(), outages: Sequence[Deaf] = ()) -> None:  # noqa: B008 - frozen
+        self._options = options
+        self._outages = list(outages)
+        self._notes: list[Note] = []
+        self._octets: dict[int, int] = {}  # bytes so far, by port
+        self._frames = 0
+        self._now = 0
+        self._begin(line, StreamOrigin())
+
+    def _begin(self, line: LineSettings, origin: StreamOrigin) -> None:
+        self.line, self._origin = line, origin
+        self._deframer = Deframer(line, self._options)
+        self._judge = Judge(line, self._options, self._outages)
+        self._unsettled = _Unsettled(self._frames)
+        self._latest = Analysed.nothing()
+
+    @property
+    def latest(self) -> Analysed:
+        """What the newest call made certain: rows, and what is said of these or of earlier ones."""
+        batch, findings = self._latest.batch, self._latest.findings
+        if len(batch):
+            batch = replace(batch, findings=findings[rows_of_findings(batch.rows, findings) >= 0])
+        return replace(self._latest, batch=batch)
+
+    def feed(self, block: Block, now_ns: int | None = None) -> list[Analysed]:
+        """Take captured bytes. `now_ns`: with a `tick` behind them."""
+        self._count(block.octets_by_port())
+        self._now = int(block.t_ns[-1]) if now_ns is None else now_ns
+        return self._advance(self._deframer.feed(block, now_ns))
+
+    def tick(self, now_ns: int) -> list[Analysed]:
+        """The line has been silent until `now_ns` (the blocks' clock)."""
+        self._now = now_ns
+        return self._advance(self._deframer.tick(now_ns))
+
+    def note(self, note: Note) -> None:
+        """Something happened to a port: lost, opened, bytes missing. No answer is missed that came meanwhile."""
+        self._notes = [*self._notes[1 - _NOTES :], note]
+        self._outages[:] = deaf_times(self._notes)
+
+    def restart(self, line: LineSettings, missed: Mapping[int, int] | None = None) -> list[Analysed]:
+        """Bytes were missed (so many, by port), or the line is another from now on; gives what was certain before."""
+        last = self.close()
+        latest = self._latest
+        self._count(missed or {})
+        self._begin(line, StreamOrigin(self._frames, dict(self._octets)))
+        self._latest = latest
+        return last
+
+    def pending(self) -> Batch:
+        """Rows that are certain and of which more may be said."""
+        return self._unsettled.rows()
+
+    def close(self) -> list[Analysed]:
+        """No more comes: the rest, and what concerns the bus as a whole."""
+        settled = self._advance(self._deframer.close())
+        batch = self._latest.batch
+        transactions, findings = self._judge.close()
+        transactions, findings = self._origin.transactions(transactions), self._origin.findings(findings)
+        self._latest = Analysed(
+            batch,
+            join_rows((self._latest.transactions, transactions)),
+            join_rows((self._latest.findings, findings)),
+        )
+        self._unsettled.add_said(transactions, findings)
+        return settled + list(self._unsettled.rest())
+
+    def _count(self, octets_by_port: Mapping[int, int]) -> None:
+        for port, octets in octets_by_port.items():
+            self._octets[port] = self._octets.get(port, 0) + octets
+
+    def _advance(self, batch: Batch) -> list[Analysed]:
+        transactions, findings = self._judge.feed(batch, self._now)
+        findings = self._origin.findings(findings)
+        transactions = self._origin.transactions(transactions)
+        batch = self._origin.batch(batch)
+        if len(batch):
+            self._frames = max(self._frames, int(batch.rows["index"].max()) + 1)
+            self._unsettled.add_rows(batch, self._frames)
+        self._latest = Analysed(batch, transactions, findings)
+        self._unsettled.add_said(transactions, findings)
+        if self._judge.waits:
+            return []
+        open_from = self._judge.open_from
+        return list(self._unsettled.settled(None if open_from is None else open_from + self._origin.frames))
+
+
+class _Unsettled:
+    """Batches that wait until nothing more can be said of their rows, and what was said so far."""
+
+    def __init__(self, frames: int) -> None:
+        self._batches: list[tuple[Batch, int]] = []  # and how many frames there were behind it
+        self._frames = frames
+        self._transactions: Rows = np.zeros(0, TRANSACTION)
+        self._findings: Findings = NOTHING
+
+    def add_rows(self, batch: Batch, frames: int) -> None:
+        """Take in a batch; `frames` so far, those in it counted."""
+        self._batches.append((batch, frames))
+
+    def add_said(self, transactions: Rows, findings: Findings) -> None:
+        """Take in what was said, of any rows that are still here."""
+        if len(transactions):
+            self._transactions = join_rows((self._transactions, transactions))
+        if len(findings):
+            self._findings = join_rows((self._findings, findings))
+
+    def rows(self) -> Batch:
+        """All rows that wait."""
+        return join_batches([batch for batch, _ in self._batches]) if self._batches else Batch.empty()
+
+    def settled(self, open_from: int | None) -> Iterator[Analysed]:
+        """Batches whose frames all come before the first one of which more may be said.
+
+        The newest stays: what stands at its end may hang on the row behind it.
+        """
+        while len(self._batches) > 1 and (open_from is None or self._batches[0][1] <= open_from):
+            batch, behind = self._batches.pop(0)
+            yield self._taken(batch, behind, rows_of_findings(batch.rows, self._findings) >= 0)
+
+    def rest(self) -> Iterator[Analysed]:
+        """No more comes: everything, with what concerns the bus as a whole in the last one, which may hold no rows."""
+        while len(self._batches) > 1:
+            yield from self.settled(None)
+        every = np.ones(len(self._findings), np.bool_)
+        if self._batches:
+            batch, behind = self._batches.pop()
+            yield self._taken(batch, behind, every)
+        elif len(self._findings):
+            yield self._taken(Batch.empty(), 0, every)
+
+    def _taken(self, batch: Batch, behind: int, mine: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Analysed:
+        findings, self._findings = self._findings[mine], self._findings[~mine]
+        begun = int(np.searchsorted(self._transactions["request"], behind))
+        transactions, self._transactions = self._transactions[:begun], self._transactions[begun:]
+        return Analysed(replace(batch, findings=findings), transactions, findings)
+
+
+def analyse(capture: Capture, options: Options = Options()) -> Iterator[Analysed]:  # noqa: B008 - frozen
+    """A whole capture, diagnosed, batch after batch in wire order; the last one may hold no rows.
+
+    Memory stays flat whatever the capture's size.
+    """
+    analyzer = Analyzer(capture.line, options, deaf_times(notes_of(capture)))
+    for block in _evenly(capture.blocks(_BLOCK), _BLOCK):
+        yield from analyzer.feed(block)
+    yield from analyzer.close()
+
+
+def as_it_comes(
+    capture: Capture,
+    options: Options = Options(),  # noqa: B008 - frozen
+    *,
+    outages: Sequence[Deaf] = (),
+    first: int = _BLOCK,
+) -> Iterator[Analysed]:
+    """The same for somebody who waits: rows as soon as they are certain, what is said of them when it is.
+
+    `first`: bytes that are read for the first batch.
+    """
+    analyzer = Analyzer(capture.line, options, outages)
+    for block in _evenly(capture.blocks(_BLOCK), first):
+        analyzer.feed(block)
+        yield analyzer.latest
+    analyzer.close()
+    yield analyzer.latest
+
+
+def deframe(capture: Capture, options: Options = Options()) -> Iterator[Batch]:  # noqa: B008 - frozen
+    """Rows of a whole capture, undiagnosed, batch after batch in wire order."""
+    deframer = Deframer(capture.line, options)
+    for block in _evenly(capture.blocks(_BLOCK), _BLOCK):
+        if len(batch := deframer.feed(block)):
+            yield batch
+    if len(batch := deframer.close()):
+        yield batch
+
+
+def observed(
+    capture: Capture, *, look: Callable[[Block], None] | None = None, stop: Callable[[], bool] | None = None
+) -> Capture:
+    """The same capture, each block shown to `look` before it is used; it ends early once `stop` says True.
+
+    What is damaged in it is found at `capture.damage`, not at the result's.
+    """
+    return Capture(_ObservedSource(capture, look, stop), path=capture.path, format=capture.format)
+
+
+@dataclass(frozen=True, slots=True)
+class _ObservedSource:
+    """The source of such a capture."""
+
+    capture: Capture
+    look: Callable[[Block], None] | None
+    stop: Callable[[], bool] | None
+
+    @property
+    def line(self) -> LineSettings:
+        return self.capture.line
+
+    @property
+    def timed(self) -> bool:
+        return self.capture.timed
+
+    def notes(self) -> list[Note]:
+        return self.capture.notes()
+
+    def blocks(self, max_bytes: int, note: Callable[[str, str], None]) -> Iterator[Block]:  # noqa: ARG002
+        for block in self.capture.blocks(max_bytes):
+            if self.stop is not None and self.stop():
+                return
+            if self.look is not None:
+                self.look(block)
+            yield block
+
+
+def _evenly(blocks: Iterable[Block], room: int) -> Iterator[Block]:
+    """The same chunks in blocks whose ends hang on the chunks alone, so that a capture reads alike from any format."""
+    held: list[Block] = []
+    for block in blocks:
+        first = 0
+        while first < len(block):
+            last = int(np.searchsorted(block.offsets, block.offsets[first] + room))
+            part = block.slice(first, min(max(last, first + 1), len(block)))
+            held.append(part)
+            room -= len(part.data)
+            first += len(part)
+            if room <= 0:
+                yield Block.joined(held)
+                held, room = [], _BLOCK
+    if held:
+        yield Block.joined(held)

@@ -1,0 +1,241 @@
+"""The undecided end of a stream: bytes, what the tap said of their times, and the silences between them.
+
+Bytes with equal times form a group, however many chunks they came in: so results depend on bytes and times alone. The
+last group is open until a later time is seen, for it may still grow.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..tables.schema import NO_GAP
+from .gaps import TURNS, classes_of
+from .rules import Bytes, Index
+
+Times = NDArray[np.int64]
+_FAR: Final = -(1 << 62)
+_LONG_READ: Final = 1 << 16  # bytes
+
+
+_NONE_MARKED: Final[Index] = np.empty(0, np.intp)
+
+
+class SegmentReads(NamedTuple):
+    """What the reads say of segments: columns, those from `gap_before` on as in `ROW`."""
+
+    t_start: Times  # ns, estimates of first start bit and last stop bit
+    t_end: Times
+    head: Times  # number of the read that brought the first byte
+    tail: Times  # and of the one that brought the last
+    gap_before: Times
+    gap_most: Times
+    gap_least: Times
+    gap_at: NDArray[np.int32]
+    reads: Times
+    errors: NDArray[np.uint16]
+
+
+GAPS: Final = SegmentReads._fields[
+    SegmentReads._fields.index("gap_before") :
+]  # those that a row has under the same names
+
+
+class CharacterTime(NamedTuple):
+    """The time of one character on the line, ns; where it is not known, a middling one to scale silences by."""
+
+    ns: float
+    known: bool
+
+
+def positions_among(errors: NDArray[np.int64], chosen: NDArray[np.bool_]) -> Index:
+    """Marked bytes (positions) that are chosen, by their positions among the chosen."""
+    positions: Index = (np.cumsum(chosen) - 1)[errors[chosen[errors]]]
+    return positions
+
+
+class ByteBuffer:
+    """Columns over the undecided bytes; index 0 is at stream offset `base`."""
+
+    def __init__(self, character: CharacterTime) -> None:
+        self.char_ns = character.ns
+        self._wire_ns = character.ns if character.known else 0.0
+        self.base = 0
+        self.data: Bytes = np.empty(0, np.uint8)
+        self.classes: NDArray[np.uint8] = np.empty(0, np.uint8)  # of the silence before each byte; 0 inside a group
+        self.group: Index = np.empty(0, np.intp)  # first byte of each group
+        self.time: Times = np.empty(0, np.int64)  # of each group, ns
+        self._silence: Times = np.empty(0, np.int64)  # before each closed group, ns; NO_GAP where nothing is known
+        self._errors: Index = np.empty(0, np.intp)  # bytes that the UART marked
+        self._marks: NDArray[np.uint8] = np.empty(0, np.uint8)  # of each group
+        self._closed = 0  # groups whose class is known
+        self._gone = 0  # groups dropped so far
+        self._partial = False  # the first group began before the first byte here
+        self._before = (_FAR, 0)  # time and mark of the group before the first one here
+
+    def __len__(self) -> int:
+        return len(self.data)
+
+    @property
+    def ready(self) -> int:
+        """Bytes before the open group; a read so long that it can't be one is not waited for."""
+        if self._closed < len(self.group) and len(self.data) - int(self.group[-1]) < _LONG_READ:
+            return int(self.group[-1])
+        return len(self.data)
+
+    @property
+    def classed(self) -> int:
+        """Bytes of which the class of the silence before them is known."""
+        return len(self.data) if self._closed == len(self.group) else int(self.group[self._closed])
+
+    @property
+    def last_time(self) -> int:
+        """Time of the newest byte, ns; far in the past when there was none."""
+        return int(self.time[-1]) if len(self.time) else self._before[0]
+
+    def append(
+        self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8], errors: Index = _NONE_MARKED
+    ) -> None:
+        """Add chunks: their bytes end to end, and size, time and direction mark of each (none of them empty).
+
+        `errors`: which of these bytes the UART marked. `close` is to be called before anything is asked of them.
+        """
+        if not len(sizes):
+            return
+        if len(errors):
+            self._errors = np.concatenate((self._errors, errors + len(self.data)))
+        starts = sizes.cumsum() - sizes + len(self.data)
+        new = np.empty(len(sizes), np.bool_)
+        new[1:] = (times[1:] != times[:-1]) | (marks[1:] != marks[:-1])
+        last_mark = int(self._marks[-1]) if len(self._marks) else self._before[1]
+        open_group = self._closed < len(self.group)
+        new[0] = not (open_group and times[0] == self.last_time and marks[0] == last_mark)
+        self.data = np.concatenate((self.data, data))
+        self.classes = np.concatenate((self.classes, np.zeros(len(data), np.uint8)))
+        self.group = np.concatenate((self.group, starts[new]))
+        self.time = np.concatenate((self.time, times[new]))
+        self._marks = np.concatenate((self._marks, marks[new]))
+
+    def close(self, *, over: bool) -> None:
+        """Work out what is known of the groups. `over`: no more bytes come with the newest time; else it stays open."""
+        first, upto = self._closed, len(self.group) - (not over)
+        if upto <= first:
+            return
+        ends = np.full(upto - first, len(self.data))
+        following = self.group[first + 1 : upto + 1]
+        ends[: len(following)] = following
+        sizes = ends - self.group[first:upto]
+        before, mark = self._before if not first else (int(self.time[first - 1]), int(self._marks[first - 1]))
+        times = np.concatenate(([before], self.time[first:upto]))
+        marks = np.concatenate(([mark], self._marks[first:upto]))
+        times = np.maximum(times, int(times[1:].min()) - (1 << 53))
+        steps = times[1:] - times[:-1]
+        silence = steps - (sizes * self.char_ns).astype(np.int64)
+        heard = steps - self._wire(sizes)
+        if before == _FAR:
+            heard[0] = NO_GAP
+        self._silence = np.concatenate((self._silence[:first], heard))
+        classes = classes_of(silence, self.char_ns)
+        if marks.any():
+            turned = (marks[1:] != marks[:-1]) & (marks[1:] != 0)
+            turned[0] &= before != _FAR
+            classes[turned] = TURNS + marks[1:][turned] - 1
+        if before == _FAR:
+            classes[0] = 0  # nothing is known of the silence before a capture
+        self.classes[self.group[first:upto]] = classes
+        self._closed = upto
+
+    def quiet(self, low: int, high: int, least_ns: int) -> Index:
+        """Byte indices in (low, high) before which the times step by `least_ns` or more; `high` excluded."""
+        first, last = self.group.searchsorted((low + 1, high)).tolist()
+        if first >= last:
+            return np.empty(0, np.intp)
+        previous = self.time[first - 1 : last - 1] if first else np.append(self._before[0], self.time[: last - 1])
+        return self.group[first:last][self.time[first:last] - previous >= least_ns]
+
+    def reads(self, starts: Index, ends: Index) -> SegmentReads:
+        """What the reads say of segments that lie end to end, at least one."""
+        bounds = np.concatenate((starts, ends[-1:]))
+        group = self.group.searchsorted(bounds, side="right") - 1
+        begins = self.group.take(group) == bounds
+        head, tail = group[:-1], group[1:] - begins[1:]
+        limits = np.empty_like(self.group)
+        limits[:-1], limits[-1] = self.group[1:], len(self.data)
+        t_end = self.time[tail] - self._wire(limits[tail] - ends)  # what came in the same read after it, too
+        t_start = self.time[head] - self._wire(limits[head] - starts)
+        t_start = np.minimum(t_start, t_end - self._wire(ends - starts))
+        known = np.full(len(limits) + 1, NO_GAP)  # a spare one: the last segment may end where all do
+        known[: len(self._silence)] = self._silence
+        if self._partial and starts[0] == 0:
+            begins[0] = False
+        most, least = np.full(len(starts), NO_GAP), np.full(len(starts), NO_GAP)
+        at, errors = np.zeros(len(starts), np.int32), np.zeros(len(starts), np.uint16)
+        several = (tail > head).nonzero()[0]
+        if len(several):
+            within = np.stack((head[several] + 1, tail[several] + 1), axis=1).ravel()
+            most[several] = np.maximum.reduceat(known, within)[::2]
+            least[several] = np.minimum.reduceat(known, within)[::2]
+            at[several] = self._longest_at(known, head[several], tail[several], most[several]) - starts[several]
+        if len(self._errors):
+            errors[:] = np.diff(np.searchsorted(self._errors, bounds))
+        before = np.where(begins[:-1], known[head], NO_GAP)
+        numbers = head + self._gone, tail + self._gone
+        return SegmentReads(t_start, t_end, *numbers, before, most, least, at, tail - head + 1, errors)
+
+    def _wire(self, count: Index) -> Times:
+        """How long so many bytes take on the wire."""
+        taken: Times = np.rint(count * self._wire_ns).astype(np.int64)
+        return taken
+
+    def _longest_at(self, silence: Times, head: Index, tail: Index, most: Times) -> Index:
+        """The byte before which each segment's longest silence stands; segments are of groups head to tail."""
+        sizes = tail - head
+        owner = np.arange(len(head)).repeat(sizes)
+        groups = (tail + 1 - sizes.cumsum()).take(owner) + np.arange(len(owner))
+        hits = (silence.take(groups) == most.take(owner)).nonzero()[0]
+        first = np.ones(len(hits), np.bool_)  # of each owner, all of which have one
+        of = owner.take(hits)
+        first[1:] = of[1:] != of[:-1]
+        first_bytes: Index = self.group.take(groups.take(hits[first]))
+        return first_bytes
+
+    def parted(
+        self, start: Index, end: Index, cut: NDArray[np.bool_], parts: NDArray[np.bool_]
+    ) -> tuple[Index, Index, Index | slice]:
+        """Segments, those to `cut` in two where a silence `parts` (by class); and which given one each is of."""
+        some = np.flatnonzero(cut)
+        cuts = [
+            low + 1 + np.flatnonzero(parts[self.classes[low + 1 : high]])
+            for low, high in zip(start[some].tolist(), end[some].tolist(), strict=True)
+        ]
+        if not any(map(len, cuts)):
+            return start, end, slice(None)
+        starts = np.sort(np.concatenate((start, *cuts)))
+        return starts, np.append(starts[1:], end[-1]), np.searchsorted(start, starts, side="right") - 1
+
+    def drop(self, count: int) -> None:
+        """Forget the first `count` bytes: they are decided."""
+        if not count:
+            return
+        gone = int(self.group.searchsorted(count, side="right")) - 1  # the group that byte `count` lies in, or before
+        if count >= len(self.data):
+            gone = len(self.group)
+        keep_partial = gone < len(self.group) and int(self.group[gone]) < count
+        self._gone += gone
+        self._partial = keep_partial
+        if gone:
+            self._before = (int(self.time[gone - 1]), int(self._marks[gone - 1]))
+        self.base += count
+        self.data = self.data[count:].copy()
+        self.classes = self.classes[count:].copy()
+        self.group = self.group[gone:] - count
+        if keep_partial:
+            self.group[0] = 0
+        self.time = self.time[gone:].copy()
+        self._silence = self._silence[gone:].copy()
+        if len(self._errors):
+            self._errors = self._errors[np.searchsorted(self._errors, count) :] - count
+        self._marks = self._marks[gone:].copy()
+        self._closed = max(0, self._closed - gone)

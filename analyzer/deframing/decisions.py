@@ -1,0 +1,439 @@
+"""What is decided of a stretch where candidates compete: when is enough known, and how far does a decision reach?
+
+Positions where something could be decided are decision points: the end of a candidate, a quiet line (idle timeout), a
+silence that ends every frame, the window being full. They are taken in stream order, and what is decided at one hangs
+on the bytes before it and the silence there alone, so a stream fed byte by byte and a whole file come to the same
+decisions at the same offsets.
+
+At each point declared candidates compete alone first, in a lattice that grows as bytes come. Everything else that a
+stretch may hold (functions of unknown length, frames made wrong, frames that came damaged) is looked for only where
+those leave noise and the line falls silent, or a window is full: the price of such a look is that of all bytes up to
+the point, so few are made (`_Look.move`).
+
+What a silence tells grows with it: at a point there is first the gap, then a quiet line, then one so long that it ends
+all. These stages are gone through in order, on a file as live, where a clock ticks through them.
+
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from dissectors.length_rules import Role
+
+from ..options import Options
+from ..tables.schema import Kind, Rows
+from .buffer import ByteBuffer
+from .candidates import CRC_BITS, predicted_length
+from .conversation import Conversation
+from .crc_windows import possible_starts
+from .forced import ForcedRuns, SearchedBytes
+from .gaps import AGAINST, SILENT, GapStatistics, SpeakerTurn, classes_of, next_checkpoint
+from .lattice import EMBEDDED, FITS, LEAD, NOISE_BYTE, SURE, Candidate, Lattice, Losers, PathStep
+from .rules import MAX_ADU
+from .segments import NOISE, DecidedSegments, evidence_rows
+from .unpredicted import (
+    broken_windows,
+    damaged_answers,
+    damaged_requests,
+    possible_edges,
+    silent_windows,
+    unknown_windows,
+)
+
+WINDOWS: Final = (96, 384, 2048)  # bytes looked at: mostly a few frames do; the last at most waits for a decision
+_KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
+_KNOWN_BITS: Final = 3.0
+_ALONE: Final = 15.0  # bits that frames end to end with silence behind them need
+_AMID: Final = 48.0  # bits that frames need after noise, or with more bytes right behind them
+_LOOKED: Final = 12  # times the bytes up to a point that looks at everything may have gone over, those there included
+_LOOKED_FREELY: Final = 2048  # and so many bytes besides
+_HEADERS: Final = 8  # beginnings of an awaited answer that are gone through
+
+
+_GAP, _IDLE, _CUT = 0, 1, 2  # stages of a silence
+STAGES: Final = 3
+_NEVER: Final = 1 << 62
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionPoint:
+    """A position at which to look, and what the silence there is."""
+
+    position: int
+    stages: int = 1  # how many it goes through: 2 when the line was quiet, 3 when no frame spans it
+    silent: bool = False  # some gap
+    plausible: bool = True  # that gap, or the lack of one, does not speak against a frame's end
+    parted: bool = False  # a gap that may part frames, or a window's end
+
+
+class Decision(NamedTuple):
+    """Certain steps from the lattice's first position on, and the paths that theirs beat where they ended."""
+
+    steps: list[PathStep]
+    rivals: Losers
+
+    @property
+    def only_frames(self) -> bool:
+        """Whether something was decided and no byte of it is noise."""
+        return bool(self.steps) and all(step.candidate is not None for step in self.steps)
+
+
+UNDECIDED: Final = Decision([], ())
+
+
+@dataclass(slots=True)
+class _Look:
+    """What is known from one undecided position on; offsets are from where the look began.
+
+    `origin` is the first byte that is not decided. A look is kept while nothing is decided there and more bytes come.
+    """
+
+    offset: int  # in the stream, of where it began
+    conversation: Conversation  # up to the origin
+    lattice: Lattice  # of declared candidates
+    origin: int = 0
+    data: bytes = b""
+    classes: list[int] = field(default_factory=list)
+    candidates: list[Candidate] = field(default_factory=list)  # declared ones
+    points: list[DecisionPoint] = field(default_factory=list)
+    pointed: int = 0  # the position up to which there are points
+    first_ends: dict[int, int] = field(default_factory=dict)  # of the candidates that begin at a position
+    position: int = 0  # the newest one looked at, and how many stages of it
+    stages: int = 0
+    work: int = 0  # bytes that looks at everything have gone over
+    affordable: bool = True  # to look at everything at that position
+    everything: Lattice | None = None  # of all candidates up to that position
+
+    def next_point(self, limit: int) -> DecisionPoint | None:
+        """The first point up to `limit` that was not looked at in all its stages."""
+        first = bisect_left(self.points, self.position, key=_position)
+        for point in self.points[first : first + 2]:
+            if point.position <= limit and (point.position > self.position or point.stages > self.stages):
+                return point
+        return None
+
+    def move(self, point: DecisionPoint) -> range:
+        """Go to a point: the stages that were not looked at. What a look at everything there costs is counted."""
+        first = self.stages if point.position == self.position else _GAP
+        if first == _GAP:
+            size = point.position - self.origin
+            self.affordable = point.parted and self.work + size <= _LOOKED * size + _LOOKED_FREELY
+            self.work += size if self.affordable else 0
+            self.everything = None
+        self.position, self.stages = point.position, max(first, point.stages)
+        return range(first, point.stages)
+
+    def go_on(self, position: int, conversation: Conversation) -> None:
+        """All before a position is decided."""
+        self.origin = self.position = position
+        self.conversation, self.stages, self.work = conversation, 0, 0
+        self.lattice.restart(position, conversation)
+
+
+class Decider:
+    """Decides what the engine cannot take as it stands. The buffer and the gap statistics are the engine's."""
+
+    def __init__(self, buffer: ByteBuffer, statistics: GapStatistics, options: Options, role: Role | None) -> None:
+        """`role`: the only one that frames of this port have, where that is known."""
+        self._buffer, self._statistics, self._options, self._role = buffer, statistics, options, role
+        self._idle_class = int(classes_of(np.array([options.idle_ns]), buffer.char_ns)[0])
+        self._look: _Look | None = None
+        self.heard: set[int] = set()  # functions that nobody has declared and this bus has used
+
+    def decide(
+        self, stretch: SearchedBytes, runs: ForcedRuns, at: int, conversation: Conversation, stages: int
+    ) -> list[Decision]:
+        """What is certain from `at` on, one decision after the other; none if more must be known.
+
+        `conversation`: up to there; `stages`: those that the silence behind the stretch has come to.
+        """
+        offset = self._buffer.base + stretch.begin + at
+        look, self._look = self._look, None
+        if look is None or look.offset != offset:
+            look = _Look(offset, conversation, Lattice(offset, self._statistics, conversation))
+        settled = next_checkpoint(offset) - offset  # silences are worth the same up to here
+        decisions: list[Decision] = []
+        while (decision := self._next(look, stretch, at, stages)).steps:
+            decisions.append(decision)
+            end = decision.steps[-1].end
+            if not decision.only_frames or end >= settled or not runs.contested(at + end):
+                return decisions
+            look.go_on(end, decision.steps[-1].conversation)
+        if not decisions:
+            self._look = look
+        return decisions
+
+    def _next(self, look: _Look, stretch: SearchedBytes, at: int, stages: int) -> Decision:
+        """What is certain next."""
+        size = len(stretch.data) - at
+        while True:
+            window = next(look.origin + window for window in WINDOWS if look.origin + window > look.position)
+            self._extend(look, stretch, at, min(size, window))
+            point = look.next_point(min(size, window))
+            if point is None and window > size:
+                break
+            if point is None:
+                point = DecisionPoint(window, plausible=False, parted=True)
+            elif point.position == window:
+                point = replace(point, parted=True)
+            decision = self._decision(look, stretch, at, point)
+            if decision.steps:
+                return decision
+        if stages and (size > look.position or stages > look.stages):
+            return self._decision(look, stretch, at, DecisionPoint(size, stages, silent=True, parted=True))
+        return UNDECIDED
+
+    def _extend(self, look: _Look, stretch: SearchedBytes, at: int, limit: int) -> None:
+        """Let a look know the first `limit` bytes, at least, and the points there of which the silence is known."""
+        buffer, begin, known = self._buffer, stretch.begin + at, len(look.data)
+        size = len(stretch.data) - at
+        if limit > known:
+            limit = min(size, max(limit, 2 * known))
+            look.data = stretch.data[at : at + limit].tobytes()
+            new = stretch.candidates_in(at, at + limit, at + known)
+            look.candidates += new
+            look.lattice.extend(look.data, look.classes)
+            look.lattice.add(new)
+            for candidate in new:
+                look.first_ends[candidate.start] = min(candidate.end, look.first_ends.get(candidate.start, _NEVER))
+        else:
+            limit = known
+        last = limit if begin + limit < buffer.classed else limit - 1
+        if last > look.pointed or limit > known:
+            look.classes[look.pointed :] = buffer.classes[begin + look.pointed : begin + limit + 1].tolist()
+            look.points += self._points(look, begin, look.pointed, last)
+            look.pointed = max(look.pointed, last)
+
+    def _points(self, look: _Look, begin: int, low: int, high: int) -> list[DecisionPoint]:
+        """The points in (low, high] of a look that began at index `begin` of the buffer."""
+        buffer, options = self._buffer, self._options
+        idle = set((buffer.quiet(begin + low, begin + high + 1, options.idle_ns) - begin).tolist())
+        cut = set((buffer.quiet(begin + low, begin + high + 1, options.cut_ns) - begin).tolist())
+        classes = buffer.classes[begin + low + 1 : begin + high + 1]
+        parted = set((low + 1 + (classes >= SILENT).nonzero()[0]).tolist())
+        ends = {c.end for c in look.candidates if low < c.end <= high}
+        return [
+            self._point(look, position, 1 + (position in idle) + (position in cut), position in parted)
+            for position in sorted(idle | cut | parted | ends)
+        ]
+
+    def _point(self, look: _Look, position: int, stages: int = 1, parted: bool = False) -> DecisionPoint:
+        silence = look.classes[position]
+        return DecisionPoint(
+            position, stages, silence > 0 or stages > 1, self._statistics.most[silence] >= AGAINST, parted or stages > 1
+        )
+
+    def _decision(self, look: _Look, stretch: SearchedBytes, at: int, point: DecisionPoint) -> Decision:
+        """What is certain at a point, stage by stage."""
+        overdue = point.position == look.origin + WINDOWS[-1]
+        for stage in look.move(point):
+            if look.first_ends.get(look.origin, _NEVER) <= point.position:  # else there is noise, whatever comes
+                look.lattice.advance(point.position)
+                decision = self._certain(look, look.lattice, point, stage)
+                if decision.only_frames:
+                    return decision
+            if look.affordable or stage == _CUT or overdue:
+                decision = self._of_everything(look, stretch, at, point, stage)
+                if decision.steps:
+                    return decision
+        return (
+            decide_overdue(self._everything(look, stretch, at, point, _GAP), point.position) if overdue else UNDECIDED
+        )
+
+    def _of_everything(
+        self, look: _Look, stretch: SearchedBytes, at: int, point: DecisionPoint, stage: int
+    ) -> Decision:
+        """What is certain at a stage of a point, or at a place before it, by all candidates that there are."""
+        if stage == _IDLE:
+            look.everything = None  # what stands before the silence now stands between two
+        if look.everything is None:
+            lattice = self._everything(look, stretch, at, point, stage)
+            points = {p.position: p for p in look.points if p.stages > 1}
+            for position in sorted({*points, *lattice.ends}):
+                if look.origin < position < point.position:
+                    lattice.advance(position)
+                    before = points.get(position) or self._point(look, position)
+                    decision = self._certain(look, lattice, before, before.stages - 1)
+                    if decision.steps:
+                        return decision
+        else:
+            lattice = look.everything
+        lattice.advance(point.position)
+        return self._certain(look, lattice, point, stage)
+
+    def _everything(self, look: _Look, stretch: SearchedBytes, at: int, point: DecisionPoint, stage: int) -> Lattice:
+        """A lattice of all candidates up to a stage of a point."""
+        if look.everything is not None:
+            return look.everything
+        origin, end = look.origin, point.position
+        data, classes = look.data[origin:end], np.array(look.classes[origin : end + 1], np.uint8)
+        declared = [
+            c._replace(start=c.start - origin, end=c.end - origin)
+            for c in look.candidates
+            if c.start >= origin and c.end <= end
+        ]
+        quiet = [p.position - origin for p in look.points if p.stages > 1 and origin < p.position < end]
+        quiet += [end - origin] * (point.silent and point.parted)
+        edges = possible_edges(data, classes, declared, quiet, self._statistics, over=stage > _GAP)
+        may = possible_starts(stretch.crc, at + origin, len(data))
+        more = unknown_windows(data, stretch.crc, at + origin, edges, declared, self.heard, may)
+        more += broken_windows(data, stretch.crc, at + origin, edges, declared + more, may)
+        more += silent_windows(data, stretch.crc, at + origin, edges, declared + more)
+        more += damaged_requests(data, edges, declared)
+        more += damaged_answers(data, edges, declared, look.conversation.open_requests)
+        lattice = Lattice(look.offset, self._statistics, look.conversation, origin)
+        lattice.extend(look.data, look.classes)
+        lattice.add(c for c in look.candidates if c.start >= origin and c.end <= end)
+        lattice.add(
+            c._replace(start=c.start + origin, end=c.end + origin) for c in more if self._role in (None, c.role)
+        )
+        look.everything = lattice
+        return lattice
+
+    def _certain(self, look: _Look, lattice: Lattice, point: DecisionPoint, stage: int) -> Decision:
+        """What a lattice that was advanced to a point makes certain at a stage of it."""
+        if stage == _CUT:
+            return Decision(lattice.steps(), lattice.rivals())
+        if stage == _GAP and not _enough(lattice, point):
+            return UNDECIDED
+        steps = lattice.steps()
+        frames = [s for s in steps if s.candidate is not None and not s.candidate.damaged]
+        idle_bits = max(0.0, self._statistics.bits_by_turn[SpeakerTurn.REQUEST][self._idle_class]) * (stage == _IDLE)
+        if not frames or _awaited(look.data[: point.position], frames, steps, lattice, idle_bits):
+            return UNDECIDED
+        return Decision(steps[: steps.index(frames[-1]) + 1], lattice.rivals())
+
+    def segments(self, decision: Decision, stretch: SearchedBytes, at: int) -> DecidedSegments:
+        """A decision's steps, whose offsets are from `at`, in the buffer; what functions they use is remembered."""
+        origin = stretch.begin + at
+        steps = decision.steps
+        start = np.array([s.start for s in steps], np.intp)
+        end = np.array([s.end for s in steps], np.intp)
+        role = np.array([s.candidate.role if s.candidate else NOISE for s in steps], np.uint8)
+        found = margins(decision)
+        margin = np.array([min(bits, SURE) for bits, _ in found], np.float32)
+        why = evidence_of_steps(steps, found, self._buffer.base + origin) if self._options.explain else None
+        for step in steps:
+            if step.candidate is not None and not step.candidate.declared:
+                self.heard.add(int(self._buffer.data[origin + step.start + 1]) & 0x7F)
+        check = np.array([s.candidate is not None and not s.candidate.damaged for s in steps], np.bool_)
+        first = at + steps[0].start
+        rivals = [s.candidate is None or stretch.rivalled(at + s.start, at + s.end, first) for s in steps]
+        return DecidedSegments(start + origin, end + origin, role, check, margin, np.array(rivals, np.bool_), why)
+
+
+def _enough(lattice: Lattice, point: DecisionPoint) -> bool:
+    """Whether the best path ends in a frame here, and has gathered what a decision needs while the line goes on."""
+    if not point.plausible:
+        return False
+    path, tip = lattice.best, lattice.best.tip
+    if path.end < point.position or tip is None or tip.candidate is None or tip.candidate.damaged:
+        return False
+    alone = point.silent and not path.noisy
+    return path.since_noise >= (_ALONE if alone else _AMID) and lattice.lead >= LEAD
+
+
+def _awaited(
+    data: bytes, frames: Sequence[PathStep], steps: Sequence[PathStep], lattice: Lattice, idle_bits: float
+) -> bool:
+    """Whether a longer frame may still come that would explain the end better: an answer that a request asked for."""
+    best, position = frames[-1].score, len(data)
+    for request in lattice.open_after(frames):
+        header = request.expects.header
+        if len(header) < 2:
+            continue
+        start = data.find(
+            header, max(steps[0].start, request.start + len(request.adu) - lattice.offset, position - MAX_ADU)
+        )
+        for _ in range(_HEADERS):
+            if start < 0:
+                break
+            length = predicted_length(data, start, Role.RESPONSE)
+            if length is not None and start + length > position:
+                before = next(s for s in steps if s.end > start)
+                score = before.before.score if before.before is not None else 0.0
+                if start > before.start:
+                    score -= lattice.noise_cost + NOISE_BYTE * (start - before.start)
+                score += CRC_BITS + _KNOWN_BITS + FITS + lattice.gap_bits(start) - idle_bits
+                score += sum(
+                    max(0.0, CRC_BITS + f.candidate.structure - EMBEDDED)
+                    for f in frames
+                    if f.start > start and f.candidate
+                )
+                if score > best:
+                    return True
+            start = data.find(header, start + 1)
+    return False
+
+
+def decide_overdue(lattice: Lattice, position: int) -> Decision:
+    """The best path's steps well before `position`: what waited too long is decided as it stands."""
+    lattice.advance(position)
+    limit = position - 2 * MAX_ADU
+    steps = []
+    for step in lattice.steps():
+        if step.end > limit:
+            if step.candidate is None and step.start < limit:
+                steps.append(PathStep(step.start, limit, None, step.before, step.score, step.conversation))
+            break
+        steps.append(step)
+    return Decision(steps, lattice.rivals())
+
+
+def margins(decision: Decision) -> list[tuple[float, PathStep | None]]:
+    """For each step, by how much its path beat the best path without it, and what that path had there.
+
+    Where two paths met, the winner's steps since they parted are as sure as the difference (soft-output Viterbi).
+    """
+    steps = decision.steps
+    margin: list[tuple[float, PathStep | None]] = [(float("inf"), None)] * len(steps)
+    index = {_key(step): i for i, step in enumerate(steps)}
+    beaten = [(at, *rival) for at, step in enumerate(steps) for rival in step.losers]
+    beaten += [(len(steps), *rival) for rival in decision.rivals]
+    for at, difference, loser in beaten:
+        shared: set[int] = set()
+        parted = 0  # steps before it are those of both
+        segments: list[PathStep] = []
+        while loser is not None:
+            i = index.get(_key(loser))
+            if i is None:
+                segments.append(loser)
+            elif steps[i] is loser:
+                parted = i + 1
+                break
+            else:
+                shared.add(i)
+            loser = loser.before
+        for i in range(parted, at):
+            if i not in shared and difference < margin[i][0]:
+                mine = steps[i]
+                margin[i] = (difference, next((p for p in segments if p.start < mine.end and p.end > mine.start), None))
+    return margin
+
+
+def evidence_of_steps(steps: Sequence[PathStep], found: Sequence[tuple[float, PathStep | None]], offset: int) -> Rows:
+    """The evidence of steps (their margins apart) that begin at a stream offset, with what `margins` found."""
+    why = evidence_rows(len(steps))
+    for row, step, (_, other) in zip(why, steps, found, strict=True):
+        row["silence"], row["conversation"] = step.gap_bits, step.conversation_bits
+        if step.candidate is not None:
+            row["length"] = step.candidate.structure
+            row["crc"] = 0.0 if step.candidate.damaged else CRC_BITS
+        if other is not None:
+            row["rival_start"], row["rival_length"] = offset + other.start, other.end - other.start
+            row["rival_kind"] = _KINDS[other.candidate.role if other.candidate else NOISE]
+    return why
+
+
+def _key(step: PathStep) -> tuple[int, int, int]:
+    return step.start, step.end, step.candidate.role if step.candidate else -1
+
+
+def _position(point: DecisionPoint) -> int:
+    return point.position

@@ -1,0 +1,52 @@
+"""What the engine has decided: segments of the stream as columns, before they are numbered and paired."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..tables.schema import EVIDENCE, Rows
+from .buffer import SegmentReads
+from .rules import Bytes, Index
+
+NOISE: Final = 2  # the role of a segment that is no frame
+
+
+class DecidedSegments(NamedTuple):
+    """Segments of the buffer, end to end, just decided."""
+
+    start: Index  # index in the buffer
+    end: Index
+    role: NDArray[np.uint8]  # Role, or NOISE
+    check: NDArray[np.bool_]  # CRC right
+    margin: NDArray[np.float32]  # bits over the next best explanation
+    contested: NDArray[np.bool_]  # decided by the lattice
+    why: Rows | None = None  # EVIDENCE, where it is wanted
+
+
+class StreamSegments(NamedTuple):
+    """Decided segments of the stream, end to end, with all that is known of them."""
+
+    offset: int  # where the first begins in the stream
+    data: Bytes  # all their bytes
+    decided: DecidedSegments  # indices are those of `data`
+    reads: SegmentReads
+
+
+def join_segments(parts: Sequence[DecidedSegments]) -> DecidedSegments:
+    """Segments that follow each other, at least one part of them."""
+    if len(parts) == 1:
+        return parts[0]
+    start, end, role, check, margin, contested = (np.concatenate([part[i] for part in parts]) for i in range(6))
+    whys = [part.why for part in parts if part.why is not None]
+    return DecidedSegments(start, end, role, check, margin, contested, np.concatenate(whys) if whys else None)
+
+
+def evidence_rows(n: int) -> Rows:
+    """Evidence of n segments, to be filled in."""
+    why = np.zeros(n, EVIDENCE)
+    why["rival_start"] = -1
+    return why

@@ -1,0 +1,166 @@
+"""flow-control-loss: the capturing port has XON/XOFF on, and eats every 11 and every 13.
+
+Up to three lost bytes are solved: put in where they make length and CRC right. What gives this away beyond doubt is
+the port's whole stream, which then holds neither of them (`Case.flow_free`): from that on, frames that miss more are
+explained by it too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import comb, inf, log2
+from typing import Final, NamedTuple
+
+from dissectors.crc import byte_between, stepped
+from dissectors.length_rules import Role
+from dissectors.lengths import pdu_length
+
+from .case import FRAME, MAX_ADU, MIN_ADU, OVERHEAD, ByteRepair, DamagedFrame, Explanation, told
+from .likelihood import BYTE, likelihood
+
+XON_XOFF: Final = frozenset((0x11, 0x13))
+_PRIOR: Final = -4.0
+_SEEN: Final = -16.0  # bits: this port does let them through
+_NONE_YET: Final = 1.5  # bits: it has not let one through so far
+_A_BYTE: Final = 0.0085  # bits that each byte says which is neither: one in 170 should be
+_MOST: Final = 10.0  # bits that their absence is worth
+_ENOUGH: Final = 400  # bytes, to go by their absence alone
+_RARE: Final = 7.0  # bits: one byte in 128
+_REACH: Final = {1: MAX_ADU, 2: 64, 3: 14}  # lost bytes: the longest stretch that is searched for so many
+_MOST_LOST: Final = 24
+
+Fit = tuple[float, tuple[ByteRepair, ...], bytes]
+
+
+def swallowed(case: DamagedFrame) -> Iterator[Explanation]:
+    """The frame with its 11 and 13 bytes put back."""
+    if XON_XOFF.intersection(case.data) or len(case.data) >= MAX_ADU:
+        return
+    prior = _PRIOR
+    if case.flow_free is not None:
+        prior += min(_NONE_YET + _A_BYTE * case.flow_free, _MOST) if case.flow_free else _SEEN
+    fits = [fit for lost, reach in _REACH.items() if len(case.data) <= reach for fit in _solved(case, lost)]
+    if fits:
+        best = max(fits)
+        bits = best[0] + log2(sum(2.0 ** (bits - best[0]) for bits, _, _ in fits))
+        yield Explanation("flow-control-loss", prior + bits, repaired=best[2], places=best[1], lost=len(best[1]))
+    elif (case.flow_free or 0) >= _ENOUGH:
+        yield from _supposed(case, prior)
+
+
+def _solved(case: DamagedFrame, lost: int) -> Iterator[Fit]:
+    """All ways to put in `lost` bytes that make a frame which could have been sent."""
+    for places in _insertions(case, 0, case.before[0], lost):
+        frame = bytearray(case.data)
+        for place in places:
+            frame.insert(place.first, place.value)
+        bits = 16.0 - BYTE * lost + likelihood(bytes(frame), case)
+        if bits > -inf:
+            yield bits, places, bytes(frame)
+
+
+def _insertions(
+    case: DamagedFrame, start: int, register: int, lost: int, done: int = 0
+) -> Iterator[tuple[ByteRepair, ...]]:
+    """Ways to put in `lost` more bytes from `start` on, where the CRC has come to `register`, so that it ends in 0."""
+    data, needed = case.data, case.needed
+    for at in range(start, len(data) + 1):
+        if lost == 1:
+            value = byte_between(register, needed[at])
+            if value in XON_XOFF and value is not None:
+                yield (ByteRepair(at + done, at + done, value),)
+        else:
+            for value in XON_XOFF:
+                for rest in _insertions(case, at, stepped(register, value), lost - 1, done + 1):
+                    yield (ByteRepair(at + done, at + done, value), *rest)
+        if at < len(data):
+            register = stepped(register, data[at])
+
+
+def _supposed(case: DamagedFrame, prior: float) -> Iterator[Explanation]:
+    """More bytes lost than can be solved: the length that is due, and the header without them, must do."""
+    data = case.data
+    passed = bytes(byte for byte in case.header if byte not in XON_XOFF)
+    if case.due is not None and data.startswith(passed):
+        length, bits = case.due, BYTE * len(case.header)
+    else:
+        predicted = pdu_length(data[1:], Role.RESPONSE if case.role is None else case.role)
+        if predicted is None or predicted < 0:
+            return
+        length, bits = predicted + OVERHEAD, 0.0
+    lost = length - len(data)
+    searched = len(data) <= _REACH.get(lost, 0)  # and no place found for them
+    if 1 <= lost <= min(_MOST_LOST, length // 4) and not searched:
+        yield Explanation(
+            "flow-control-loss", prior + bits + log2(comb(length, lost)) - _RARE * lost, length=length, lost=lost
+        )
+
+
+# A stretch of noise that is several frames in a row, all robbed of their 11 and 13 bytes by the port's flow control.
+#
+# A unit 17 or 19 never shows its address then, so that a deframer recognises none of its frames, and without silences
+# to go by they run together. From the left, each frame is looked for at the few lengths that its header can tell, with
+# and without a byte put back into it; a request that was mended tells what its answer is. All of the stretch must come
+# out.
+
+
+_HEADER: Final = 7  # bytes that lengths hang on
+_LOST: Final = 3
+
+
+class DividedFrame(NamedTuple):
+    """One of the frames: where it begins in the stretch, how many bytes of it there are, what happened to it.
+
+    `start` is negative where the stretch is but the rest of a frame that began in the row before.
+    """
+
+    start: int
+    length: int
+    verdict: Explanation
+
+
+def divided(case: DamagedFrame) -> list[DividedFrame]:
+    """The frames of a stretch, if flow control explains all of it as two or more; else nothing."""
+    parts: list[DividedFrame] = []
+    at, pending = 0, case.request
+    while at < len(case.data):
+        rest = replace(case, data=case.data[at:], role=None, request=pending, errors=())
+        found = [
+            DividedFrame(at, length, verdict)
+            for length in _lengths(rest)
+            for verdict in swallowed(replace(rest, data=rest.data[:length]))
+            if verdict.repaired is not None and verdict.bits >= FRAME
+        ]
+        if not found:
+            return []
+        best = max(found, key=lambda part: part.verdict.bits)
+        parts.append(best)
+        at += best.length
+        repaired = best.verdict.repaired or b""
+        asked = told(repaired, Role.REQUEST)
+        answers = rest.expected is not None and rest.expected.fits(repaired)
+        pending = repaired if not answers and asked is not None and asked.length == len(repaired) else None
+    return parts if len(parts) > 1 else []
+
+
+def _lengths(case: DamagedFrame) -> list[int]:
+    """How many bytes the first frame may have left, the shortest first."""
+    lengths = set()
+    if case.due is not None:
+        lengths.add(case.due)
+    for header in _headers(case.data[:_HEADER]):
+        for role in Role:
+            length = told(header, role)
+            if length is not None and not length.least:
+                lengths.add(length.length)
+    left = {length - lost for length in lengths for lost in range(1, _LOST + 1)}
+    return sorted(length for length in left if MIN_ADU - 1 <= length <= len(case.data))
+
+
+def _headers(data: bytes) -> Iterator[bytes]:
+    """A header as it stands, and with a byte put back at each place before its end."""
+    yield data
+    for at in range(len(data)):
+        for value in XON_XOFF:
+            yield data[:at] + bytes((value,)) + data[at:]

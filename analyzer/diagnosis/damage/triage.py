@@ -1,0 +1,243 @@
+"""Gives the autopsy its cases: damaged frames and noise that was one, with what the conversation knows of them.
+
+Noise that begins like a frame, or stands where an answer was due, is held to be one that came damaged, if its autopsy
+has a good explanation. One cause, one finding: such a stretch is no noise any more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from dissectors.length_rules import Role
+from dissectors.lengths import pdu_length, rule
+from dissectors.registry import revision
+
+from ...tables.batch import Batch
+from ...tables.schema import NO_GAP, Kind, Protocol, Row
+from ..view import DiagnosisStep, EarlierRow, LookBack, where
+from . import DamagedFrame, DividedFrame, Explanation, autopsy, divided, joined
+from .case import OVERHEAD
+
+HASTE_NS: Final = 50_000_000  # sooner than any master gives up waiting
+_HARD_NS: Final = 1_500_000  # what comes sooner belongs to the frame before
+_TWICE: Final = 2  # bytes
+VAGUE: Final = ("collision", "crc-error", "truncated")  # what frames that ran together are easily taken for
+_LEAST: Final = 4  # bytes of noise that may be a damaged frame
+_MOST: Final = 400
+_KEPT: Final = 4096  # requests
+_NEAR: Final = 2.0  # bits by which an explanation may lose to "nothing explains it"
+_CUT_NEAR: Final = 6.0  # the same for that the frame is cut short: its length alone says so
+_SURE: Final = 0.5  # certainty from which noise is explained
+_GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
+_IS_FLOW: Final = np.isin(np.arange(256), (0x11, 0x13))  # XON and XOFF
+
+
+class Triage:
+    """Looks at rows in turn; remembers the last ones, and whether a port has ever given an 11 or 13."""
+
+    def __init__(self, trail: LookBack) -> None:
+        self._trail = trail
+        self._flow_at: dict[int, int] = {}  # port: where its first 11 or 13 came
+        self._vague: tuple[int, int, str] | None = None  # port, end and verdict of the newest row, if that may change
+        self.explained: dict[int, None] = {}  # requests of late, by index, whose answer came damaged
+
+    def examine(self, view: DiagnosisStep) -> dict[int, Sequence[DividedFrame]]:
+        """What happened to the damaged rows of a batch, by row: one part, or several frames that ran together."""
+        batch = view.batch
+        for port in view.ports:
+            if port not in self._flow_at:
+                self._watch_flow(view, port)
+        found: dict[int, Sequence[DividedFrame]] = {}
+        for place in _suspects(view):
+            row = EarlierRow.of(batch, place)
+            if whole := self._joined(batch, place, row):
+                found.pop(place - 1, None)
+                found[place], self._vague = whole, None
+                continue
+            verdict = self._verdict(batch, place, row)
+            parts = self._divided(batch, place, row) if verdict is None or verdict.code in VAGUE else []
+            if verdict is not None or parts:
+                found[place] = parts or [DividedFrame(0, row.row.length, verdict or Explanation("crc-error", 0.0))]
+            self._vague = None
+            if row.is_frame and verdict is not None and verdict.code in VAGUE:
+                self._vague = row.row.port, row.row.start + row.row.length, verdict.code
+        return found
+
+    def _watch_flow(self, view: DiagnosisStep, port: int) -> None:
+        for hit in where(_IS_FLOW.take(view.batch.data)).tolist():
+            row = int(view.column("at").searchsorted(hit, side="right")) - 1
+            if int(view.column("port")[row]) == port:
+                self._flow_at[port] = int(view.column("start")[row] + hit - view.column("at")[row])
+                return
+
+    def _joined(self, batch: Batch, place: int, row: EarlierRow) -> list[DividedFrame]:
+        """That noise is the rest of the damaged frame before it, which explains both better than either by itself."""
+        if row.is_frame or row.row.errors or self._vague is None or (row.row.port, row.row.start) != self._vague[:2]:
+            return []
+        before = next(self._trail.back(batch, place))
+        if before.row.errors or row.row.gap_before > HASTE_NS or before.row.start + before.row.length != row.row.start:
+            return []
+        pending, known, units = self._said_before(batch, place)
+        request = None if pending is None else pending.captured
+        role = None if pending else Role.REQUEST if before.row.kind == Kind.REQUEST else Role.RESPONSE
+        case = DamagedFrame(before.captured, role, request, known, units, flow_free=self._flow_free(before.row))
+        found = joined(case, after=row.captured)
+        verdict, size = _told(found.verdict), len(before.captured)
+        more = len(row.captured) >= _LEAST or self._vague[2] == "collision"  # a byte or two alone show no second sender
+        collided = verdict.code == "collision" and more and not _GLITCHES.issuperset(row.captured)
+        if found.after and (verdict.repaired is not None or collided):
+            return [DividedFrame(-size, size + len(row.captured), verdict)]
+        if not case.flow_free:
+            return []
+        both = replace(case, data=before.captured + row.captured, role=None)
+        return [part._replace(start=part.start - size) for part in divided(both)]
+
+    def _divided(self, batch: Batch, place: int, row: EarlierRow) -> list[DividedFrame]:
+        """The frames that a stretch was before flow control ran them together, on a port that gives no 11 and 13."""
+        free = self._flow_free(row.row)
+        if not free or len(row.captured) <= 2 * _LEAST or row.row.errors:
+            return []
+        pending, known, units = self._said_before(batch, place)
+        request = None if pending is None else pending.captured
+        return divided(DamagedFrame(row.captured, None, request, known, units, flow_free=free))
+
+    def _flow_free(self, row: Row) -> int:
+        """How many bytes the port had given without any 11 or 13; 0 where there were some."""
+        first = self._flow_at.get(row.port)
+        return row.start if first is None or first >= row.start else 0
+
+    def _verdict(self, batch: Batch, place: int, row: EarlierRow) -> Explanation | None:
+        """What happened to a row; None where it is noise that nothing ties to a frame."""
+        pending, known, units = self._said_before(batch, place)
+        request = None if pending is None else pending.captured
+        role = None
+        if row.is_frame:
+            role = Role.REQUEST if row.row.kind == Kind.REQUEST else Role.RESPONSE
+            if row.row.request >= 0:
+                request = batch.request_of(place, row.row.request) or request
+            if role is Role.REQUEST and pending is not None and _soon(row, pending):
+                role = None  # no master asks again so soon: this is the answer
+            elif role is Role.REQUEST:
+                pending = request = None
+        elif tail := self._repeated(batch, place, row):
+            return tail
+        elif cut := _beginning(row.captured, request, known):
+            return self._explains(pending, cut)
+        elif len(row.captured) < _LEAST or not _begins(row.captured, request, units):
+            return None
+        if row.row.errors:
+            return self._explains(pending, None)
+        verdict = _told(_autopsy(row.captured, role, request, known, units, self._flow_free(row.row), revision()))
+        if not row.is_frame and (verdict.code == "crc-error" or verdict.certainty < _SURE):
+            like = _request_like(row.captured, known) if request is None else row.captured[:2] == request[:2]
+            return self._explains(pending, Explanation("crc-error", 0.0, 1.0)) if like else None
+        return self._explains(pending, verdict)
+
+    def _repeated(self, batch: Batch, place: int, row: EarlierRow) -> Explanation | None:
+        """That noise right behind a frame is the frame's end once more."""
+        before = next(self._trail.back(batch, place), None)
+        size = len(row.captured)
+        if before is None or not before.row.check or size < _TWICE or not row.row.gap_before < _HARD_NS:
+            return None
+        if before.row.kind == Kind.REQUEST and row.row.gap_before == NO_GAP and size >= len(before.captured) - 1:
+            return None  # rather its echo, which lost its first byte
+        if size > len(before.captured) or not before.captured.endswith(row.captured):
+            return None
+        if _GLITCHES.issuperset(row.captured):
+            return None
+        at = len(before.captured) - size
+        return Explanation("bytes-repeated", 0.0, 1.0, repaired=before.captured, byte=at, length=size)
+
+    def _explains(self, pending: EarlierRow | None, verdict: Explanation | None) -> Explanation | None:
+        """The verdict on what is, or was, the answer to a request."""
+        if pending is not None:
+            self.explained[pending.row.index] = None
+            if len(self.explained) > _KEPT:
+                del self.explained[next(iter(self.explained))]
+        return verdict
+
+    def _said_before(self, batch: Batch, place: int) -> tuple[EarlierRow | None, frozenset[bytes], frozenset[int]]:
+        """The request that waits for its answer, if one does, and requests and units of late."""
+        pending: EarlierRow | None = None
+        newest = True
+        known: set[bytes] = set()
+        units: set[int] = set()
+        for before in self._trail.back(batch, place):
+            if not before.is_frame or not before.row.check:
+                continue
+            units.add(before.row.unit)
+            if before.row.kind == Kind.REQUEST:
+                known.add(before.captured)
+                if newest and before.row.unit:
+                    pending = before
+            newest = False
+        return pending, frozenset(known), frozenset(units)
+
+
+def _suspects(view: DiagnosisStep) -> list[int]:
+    """Rows that need an autopsy: damaged frames in RTU mode, and noise that is not too long."""
+    noise = view.noise[view.column("length")[view.noise] <= _MOST] if len(view.noise) else view.noise
+    if not len(noise) and not len(view.damaged):
+        return []
+    protocol = view.column("protocol")
+    return [row for row in sorted([*noise.tolist(), *view.damaged.tolist()]) if protocol[row] == Protocol.RTU]
+
+
+def _soon(row: EarlierRow, pending: EarlierRow) -> bool:
+    """Whether a row came after a request sooner than a master gives up; so it is where times tell nothing."""
+    return row.row.t_start - pending.row.t_end < HASTE_NS
+
+
+def _beginning(data: bytes, request: bytes | None, known: Collection[bytes]) -> Explanation | None:
+    """That a few bytes are the beginning of the answer that is due, or of a request of late."""
+    if len(data) >= _LEAST or _GLITCHES.issuperset(data):
+        return None
+    if request is not None:
+        case = DamagedFrame(data, request=request)
+        return Explanation("truncated", 0.0, 1.0, length=case.due) if case.header.startswith(data) else None
+    lengths = [len(other) for other in known if other.startswith(data)]
+    return Explanation("truncated", 0.0, 1.0, length=lengths[0]) if lengths and len(data) == _LEAST - 1 else None
+
+
+def _request_like(data: bytes, known: Collection[bytes]) -> bool:
+    """Whether noise begins like a request of late, and is as long as that or as its own header predicts."""
+    lengths = {len(other) for other in known if other[:2] == data[:2]}
+    return bool(lengths) and len(data) in {*lengths, (pdu_length(data[1:], Role.REQUEST) or 0) + OVERHEAD}
+
+
+def _begins(data: bytes, request: bytes | None, units: frozenset[int]) -> bool:
+    """Whether noise may be a damaged frame: it begins like one, or stands where an answer was due."""
+    if _GLITCHES.issuperset(data):
+        return False
+    if not units:
+        return False  # no frame so far: this may be no Modbus at all
+    known = data[0] in units and rule(data[1] & 0x7F, Role.REQUEST) is not None
+    return known or request is not None or len(data) > _LEAST
+
+
+def _told(verdict: Explanation) -> Explanation:
+    """The verdict; that nothing explains the frame only where nothing comes near to it."""
+    if verdict.code != "crc-error":
+        return verdict
+    for rival in verdict.rivals:
+        if verdict.bits - rival.bits < (_CUT_NEAR if rival.code == "truncated" else _NEAR):
+            return rival
+    return verdict
+
+
+@lru_cache(maxsize=2048)
+def _autopsy(
+    data: bytes,
+    role: Role | None,
+    request: bytes | None,
+    known: frozenset[bytes],
+    units: frozenset[int],
+    free: int,
+    _revision: int,
+) -> Explanation:
+    return autopsy(DamagedFrame(data, role, request, known, units, flow_free=free))

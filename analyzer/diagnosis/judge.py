@@ -1,0 +1,90 @@
+"""Rows in; what became of requests, and what is wrong, out: for a capture, the interface and a live line alike.
+
+Rules look at columns, which costs the same for one frame as for a hundred. So frames that are as they should be wait a
+moment for their diagnosis, and the first one that is not brings theirs along. What is found does not hang on that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from captures.line import LineSettings
+
+from ..options import Options
+from ..outages import Deaf, excused, marked
+from ..tables.batch import Batch, join_batches
+from ..tables.findings import NOTHING, Findings
+from ..tables.schema import Kind, Rows, join_rows
+from ..tables.transactions import TRANSACTION, Transactions
+from .running import Diagnosis
+
+_WAIT_NS: Final = 500_000_000  # that healthy rows wait at most
+_ROWS: Final = 256  # that wait at most
+_REQUEST: Final = int(Kind.REQUEST)
+
+
+class Judge:
+    """Batches in wire order in, settled transactions and findings out; both may speak of batches before."""
+
+    def __init__(self, line: LineSettings, options: Options, outages: Sequence[Deaf] = ()) -> None:
+        """`outages`: times in which nothing was heard; nobody is blamed for what is missing then."""
+        self.outages = outages
+        self._transactions = Transactions()
+        self._diagnosis = Diagnosis(line, options)
+        self._waiting: list[Batch] = []
+        self._rows = 0  # of those
+        self._since = 0  # when the first of those came, ns
+        self._asking = False  # the last frame was a request
+
+    @property
+    def open_from(self) -> int | None:
+        """The index of the first frame of which more may be said; None where there is none.
+
+        What waits for its judgement is not counted: see `waits`.
+        """
+        bounds = (self._transactions.open_from, self._diagnosis.open_from)
+        return min((bound for bound in bounds if bound is not None), default=None)
+
+    @property
+    def waits(self) -> bool:
+        """Whether rows wait for their judgement."""
+        return bool(self._waiting)
+
+    def feed(self, batch: Batch, now_ns: int) -> tuple[Rows, Findings]:
+        """What is to be said by `now_ns`, with these rows (which may be none)."""
+        if len(batch):
+            self._since = self._since if self._waiting else now_ns
+            self._waiting.append(batch)
+            self._rows += len(batch)
+        if not self._waiting or (
+            self._rows < _ROWS and now_ns < self._since + _WAIT_NS and not (len(batch) and self._odd(batch))
+        ):
+            return np.zeros(0, TRANSACTION), NOTHING
+        return self._settle()
+
+    def close(self) -> tuple[Rows, Findings]:
+        """No more rows come: the rest, and what concerns the bus as a whole."""
+        settled, findings = self._settle() if self._waiting else (np.zeros(0, TRANSACTION), NOTHING)
+        last = marked(self._transactions.close(), self.outages)
+        concluded = excused(self._diagnosis.close(last), self.outages)
+        return join_rows((settled, last)), join_rows((findings, concluded))
+
+    def _settle(self) -> tuple[Rows, Findings]:
+        batch = join_batches(self._waiting)
+        self._waiting, self._rows = [], 0
+        settled = marked(self._transactions.feed(batch), self.outages)
+        return settled, excused(self._diagnosis.feed(batch, settled), self.outages)
+
+    def _odd(self, batch: Batch) -> bool:
+        """Whether any of these rows is not what a healthy bus says."""
+        rows = batch.rows
+        requests = rows["kind"] == _REQUEST
+        asking = requests & (rows["unit"] > 0)
+        again = (requests[0] and self._asking) or (requests[1:] & asking[:-1]).any()
+        self._asking = bool(asking[-1])
+        unasked = ~requests & (rows["request"] < 0)
+        bad = unasked.any() or not rows["check"].all() or rows["exception"].any() or rows["errors"].any()
+        return bool(again or bad)

@@ -1,0 +1,269 @@
+"""Frames whose check value is wrong: what happened to them, by their autopsy (`analyzer.diagnosis.damage.triage`).
+
+A byte that the UART marked explains more than any repair could.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import nan
+from typing import Final
+
+from dissectors.crc import crc16
+from dissectors.crc_variants import VARIANTS
+
+from ...tables.findings import About, Findings, Rule, Severity, looks_for
+from ...tables.schema import Rows
+from ..damage import DividedFrame, Explanation
+from ..damage.triage import VAGUE
+from ..view import DiagnosisStep, where
+
+_NOISY_LINE: Final = "interference, a missing or doubled termination, a loose screw, or two drivers at once"
+_LINE: Final = "check termination at both ends, shield and common; lower the baud rate to see whether it helps"
+
+
+def _places(numbers: Mapping[str, float]) -> str:
+    """Where a byte is missing or too many, with the places that fit as well."""
+    said = []
+    for first, last in (("first", "last"), ("second_first", "second_last")):
+        if first in numbers:
+            low, high = int(numbers[first]), int(numbers[last])
+            said.append(f"{low}" if low == high else f"{low} to {high}")
+    others = int(numbers["places"]) - len(said)
+    return " or ".join(said) + (f" or one of {others} more places" if others > 0 else "")
+
+
+BIT_FLIP: Final = Rule(
+    "bit-flip",
+    Severity.ERROR,
+    About.FRAME,
+    when="one flipped bit makes the check value right; the CRC's syndrome names it",
+    clause="[2] 2.5.1.2",
+    numbers=("byte", "bit", "certainty"),
+    loses=True,
+    text="one bit flipped: byte {byte:.0f} bit {bit:.0f} (0 the least significant); with it the CRC is right",
+    cause=_NOISY_LINE,
+    remedy=_LINE,
+)
+MISSING: Final = Rule(
+    "byte-missing",
+    Severity.ERROR,
+    About.FRAME,
+    when="the frame is one byte shorter than predicted, and with one byte more length and CRC are right",
+    clause="[2] 2.5.1.2",
+    numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "second_value"),
+    loses=True,
+    text=lambda numbers: (
+        f"a byte is missing: {int(numbers['value']):02X} as byte {_places(numbers)} makes the CRC right"
+    ),
+    cause="the receiver lost a byte: its buffer ran over, or its processor was busy; or the line was disturbed",
+    remedy="see whether it is the tap's receiver or the device's: tap with a logic analyser; else check the line",
+)
+EXTRA: Final = Rule(
+    "byte-extra",
+    Severity.ERROR,
+    About.FRAME,
+    when="the frame is one byte longer than predicted, and without one byte length and CRC are right",
+    clause="[2] 2.5.1.2",
+    numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "second_value"),
+    loses=True,
+    text=lambda numbers: (
+        f"a byte too many: without {int(numbers['value']):02X}, byte {_places(numbers)}, the CRC is right"
+    ),
+    cause="a pulse on the line was taken for a start bit, often while drivers switch",
+    remedy="check bias resistors and termination, and the driver-enable timing of the sender",
+)
+TRUNCATED: Final = Rule(
+    "truncated",
+    Severity.ERROR,
+    About.FRAME,
+    when="a frame begins like one of so many bytes and ends early",
+    clause="[2] 2.5.1.1",
+    numbers=("bytes", "due", "certainty"),
+    loses=True,
+    text=lambda numbers: (
+        "the frame begins like one"
+        + (f" of {numbers['due']:.0f} bytes" if "due" in numbers else "")
+        + f" and ends after {_bytes(numbers['bytes'])}"
+    ),
+    cause="the sender's driver is switched off too early, or its buffer is too short; or the tap lost the end",
+    remedy="check the sender's driver-enable timing; ask for fewer registers and see whether it helps",
+)
+VARIANT: Final = Rule(
+    "crc-variant",
+    Severity.ERROR,
+    About.FRAME,
+    when="the check value is right by another convention",
+    clause="[2] 6.2.2",
+    numbers=("variant", "certainty"),
+    loses=True,
+    text=lambda numbers: f"the check value is right by another convention: {VARIANTS[int(numbers['variant'])].name}",
+    cause="the sender's firmware computes or sends its check value wrongly",
+    remedy="the specification's is CRC-16/MODBUS, least significant byte first: have the firmware corrected",
+)
+REPEATED: Final = Rule(
+    "bytes-repeated",
+    Severity.ERROR,
+    About.FRAME,
+    when="without a doubled slice of it the frame's CRC is right",
+    numbers=("byte", "length", "certainty"),
+    loses=True,
+    text="{length:.0f} bytes from byte {byte:.0f} on come twice; once, they make the CRC right",
+    cause="a buffer bug in a converter or driver between the line and the receiver",
+    remedy="update the converter's driver or firmware, or use another one",
+)
+FLOW: Final = Rule(
+    "flow-control-loss",
+    Severity.ERROR,
+    About.FRAME,
+    when="inserted 11 or 13 bytes, the XON and XOFF characters, are the repair that makes frames right",
+    numbers=("lost", "certainty"),
+    loses=True,
+    text=lambda numbers: f"{_bytes(numbers['lost'])} of 11 or 13 (XON, XOFF) missing; put back, the CRC is right",
+    cause="the capturing port has software flow control on and swallows these bytes",
+    remedy="switch XON/XOFF off on the port (stty -ixon -ixoff)",
+)
+COLLISION: Final = Rule(
+    "collision",
+    Severity.ERROR,
+    About.FRAME,
+    when="bytes of two transmitters overlap where one answer was due",
+    clause="[2] 2.4.1",
+    numbers=("bytes", "due", "certainty"),
+    loses=True,
+    text=lambda numbers: (
+        f"{numbers['bytes']:.0f} bytes that are no frame where an answer was due"
+        + (f" of {numbers['due']:.0f}" if "due" in numbers else "")
+        + ": two transmitters at once"
+    ),
+    cause="two devices share an address, a second master, or a device that sends unasked",
+    remedy="disconnect devices one by one; look for doubled addresses and for a second master",
+)
+CRC_ERROR: Final = Rule(
+    "crc-error",
+    Severity.ERROR,
+    About.FRAME,
+    when="the CRC is wrong and nothing more exact explains it",
+    clause="[2] 2.5.1.2",
+    numbers=("received", "computed"),
+    loses=True,
+    text=lambda numbers: (
+        f"the CRC is wrong ({_crc(numbers, 'received')}, {_crc(numbers, 'computed')} is right), and nothing simple "
+        "explains it"
+    ),
+    cause=_NOISY_LINE,
+    remedy=_LINE,
+)
+PARITY: Final = Rule(
+    "parity-error",
+    Severity.ERROR,
+    About.FRAME,
+    when="the UART marked bytes of the frame for parity or framing",
+    clause="[2] 2.5.1",
+    numbers=("marked_bytes", "bytes"),
+    loses=True,
+    text="the UART marked {marked_bytes:.0f} of {bytes:.0f} bytes: wrong parity, or no stop bit where one was due",
+    cause="the line is disturbed; where it is most frames, another baud rate or parity than the sender's",
+    remedy="compare baud rate, parity and stop bits of tap and devices; then check the line",
+)
+
+
+def _bytes(count: float) -> str:
+    return "1 byte" if count == 1 else f"{count:.0f} bytes"
+
+
+def _crc(numbers: Mapping[str, float], name: str) -> str:
+    return int(numbers[name]).to_bytes(2, "little").hex(" ").upper()
+
+
+_RULES: Final = {r.code: r for r in (BIT_FLIP, MISSING, EXTRA, TRUNCATED, VARIANT, REPEATED, FLOW, COLLISION)}
+
+
+@looks_for(*_RULES.values(), CRC_ERROR, PARITY)
+class DamagedRows:
+    """Damaged frames, and the noise that was one; what is vague about the last row waits for the one behind it."""
+
+    def __init__(self) -> None:
+        self._waiting: list[Findings] = []
+
+    @property
+    def open_from(self) -> int | None:
+        return int(self._waiting[0]["index"][0]) if self._waiting else None
+
+    def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
+        rows = view.rows
+        if not len(rows):
+            return
+        marked = where(view.column("errors"))
+        if len(marked):
+            yield PARITY.on(rows[marked], rows["errors"][marked], rows["length"][marked])
+        waiting, self._waiting = self._waiting, []
+        if 0 not in view.verdicts or view.verdicts[0][0].start >= 0:  # else its rest was still to come
+            yield from waiting
+        for place, parts in view.verdicts.items():
+            told = [found for part in parts for found in _told(view, place, part)]
+            if place == len(rows) - 1 and rows["kind"][place] and parts[0].verdict.code in VAGUE:
+                self._waiting = told
+            else:
+                yield from told
+
+    def close(self, view: DiagnosisStep) -> Iterator[Findings]:  # noqa: ARG002 - a look's signature
+        """Nothing comes behind the last row."""
+        yield from self._waiting
+
+
+def _told(view: DiagnosisStep, place: int, part: DividedFrame) -> Iterator[Findings]:
+    """The finding of one part of a row, or of a row and the one before it."""
+    here, data, verdict = view.rows[place : place + 1].copy(), view.bytes_of(place), part.verdict
+    if here["errors"][0]:
+        return
+    if part.start < 0:
+        before = next(view.trail.back(view.batch, place))
+        here["index"], here["t_start"] = before.row.index, before.row.t_start
+        data = (before.captured + data)[before.row.length + part.start :]
+    data = data[max(part.start, 0) :][: part.length]
+    here["start"] += part.start
+    here["length"] = part.length
+    if verdict.code == REPEATED.code and verdict.repaired and verdict.length == len(data):
+        here = _with_the_frame_before(here, len(verdict.repaired), view, place)
+    known = _RULES.get(verdict.code)
+    if known is not None:
+        yield known.on(here, *_numbers(verdict, data))
+    else:
+        computed = crc16(data[:-2]) if len(data) > 2 else 0
+        yield CRC_ERROR.on(here, int.from_bytes(data[-2:], "little"), computed)
+
+
+def _with_the_frame_before(noise: Rows, length: int, view: DiagnosisStep, place: int) -> Rows:
+    """A frame and the noise behind it as one row."""
+    whole = noise.copy()
+    whole["start"] -= length
+    whole["length"] += length
+    behind = view.frames[view.frames > place]
+    whole["index"] = view.rows["index"][behind[0]] - 1 if len(behind) else view.rows["index"].max()
+    return whole
+
+
+def _numbers(verdict: Explanation, data: bytes) -> tuple[float, ...]:
+    """The evidence of a verdict, in the order of its rule's names."""
+    sure = verdict.certainty
+    match verdict.code:
+        case "bit-flip":
+            return _known(verdict.byte), _known(verdict.bit), sure
+        case "byte-missing" | "byte-extra":
+            first, *others = verdict.places
+            second = others[0] if others else (nan, nan, nan)
+            return first.first, first.last, first.value, len(verdict.places), sure, *second
+        case "truncated" | "collision":
+            return len(data), _known(verdict.length), sure
+        case "bytes-repeated":
+            return _known(verdict.byte), _known(verdict.length), sure
+        case "flow-control-loss":
+            return _known(verdict.lost), sure
+        case _:
+            names = [variant.name for variant in VARIANTS]
+            return names.index(verdict.variant or ""), sure
+
+
+def _known(number: int | None) -> float:
+    return nan if number is None else number

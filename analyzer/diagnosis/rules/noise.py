@@ -1,0 +1,150 @@
+"""Bytes that belong to no frame, and what their place says of where they come from.
+
+A stretch is judged when the rows on both its sides are known. One that an autopsy explains, that the UART marked, or
+that hangs together with a damaged frame is said there and not here; without any frame nothing is noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from enum import IntEnum
+from math import nan
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from ...tables.findings import About, Findings, Rule, Severity, looks_for
+from ...tables.schema import NO_GAP, ROW, Kind, Rows
+from ..view import DiagnosisStep
+
+_GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
+_GLITCH_RUN: Final = 6  # bytes
+_HARD: Final = 2.5  # characters: what stands closer belongs together
+_USUAL_CHARACTER_NS: Final = 11e9 / 9600  # where nobody said how fast the line is
+
+
+class Pattern(IntEnum):
+    """Where noise stands."""
+
+    STRAY = 0  # between frames
+    BEFORE = 1  # 00 or FF hard before a frame
+    AFTER = 2  # hard after one
+    IDLE = 3  # by itself on an idle line
+
+
+def _sender(numbers: Mapping[str, float]) -> str:
+    return f"unit {numbers['unit']:.0f}" if "unit" in numbers else "the master"
+
+
+def _text(numbers: Mapping[str, float]) -> str:
+    count = int(numbers["bytes"])
+    what = f"{count} byte{'' if count == 1 else 's'}"
+    pattern = Pattern(int(numbers["pattern"]))
+    if pattern is Pattern.IDLE:
+        return f"{what} that are no frame, on an idle line"
+    if pattern is Pattern.STRAY:
+        return f"{what} that belong to no frame"
+    side = "before" if pattern is Pattern.BEFORE else "after"
+    return f"{what} of 00 or FF right {side} the frame of {_sender(numbers)}"
+
+
+_CAUSES: Final = {
+    Pattern.STRAY: "interference, bytes of a damaged frame, or a device that speaks another protocol",
+    Pattern.BEFORE: "the driver of {} is enabled too early or too late, and the line floats while it switches",
+    Pattern.AFTER: "the driver of {} is disabled too late or too early, and the line floats while it switches",
+    Pattern.IDLE: "the idle line floats: bias resistors are missing or too weak, or there is interference",
+}
+_REMEDIES: Final = {
+    Pattern.STRAY: "look at what comes before and after; check wiring, shield and termination",
+    Pattern.BEFORE: "correct the driver-enable timing of {}; add bias resistors",
+    Pattern.AFTER: "correct the driver-enable timing of {}; add bias resistors",
+    Pattern.IDLE: "bias the line at one end (some 560 ohms to each rail), check termination and shield",
+}
+NOISE: Final = Rule(
+    "noise",
+    Severity.WARNING,
+    About.NOISE,
+    when="bytes stand between frames, or right beside them",
+    numbers=("pattern", "bytes", "unit"),
+    text=_text,
+    cause=lambda numbers: _CAUSES[Pattern(int(numbers["pattern"]))].format(_sender(numbers)),
+    remedy=lambda numbers: _REMEDIES[Pattern(int(numbers["pattern"]))].format(_sender(numbers)),
+)
+
+
+class _OpenStretch(NamedTuple):
+    """A stretch of noise that waits for the row behind it."""
+
+    row: Rows  # one
+    before: Rows  # one
+    glitch: bool
+    known: bool  # frames came before it
+
+
+@looks_for(NOISE)
+class NoiseStretches:
+    """Rows in turn; a stretch at the end waits for the next one."""
+
+    def __init__(self) -> None:
+        self._said_before = False  # the row before was noise, and is explained otherwise
+        self._waiting: _OpenStretch | None = None
+        self._frames = 0
+
+    @property
+    def open_from(self) -> int | None:
+        return self._frames - 1 if self._frames else None  # noise behind it may be its own
+
+    def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
+        rows = view.rows
+        if not len(rows):
+            return
+        if self._waiting is not None:
+            yield from self._judge(view, self._waiting, rows[:1], explained=0 in view.verdicts)
+            self._waiting = None
+        first = int(view.frames[0]) if len(view.frames) else len(rows)
+        for place in view.noise.tolist():
+            if place in view.verdicts or rows["errors"][place]:
+                continue
+            before = rows[place - 1 : place] if place else view.trail.newest
+            told = place - 1 in view.verdicts and before["kind"][0] == Kind.NOISE if place else self._said_before
+            if told and _hard(rows["gap_before"][place], view):
+                continue
+            glitch = _GLITCHES.issuperset(view.bytes_of(place))
+            stretch = _OpenStretch(rows[place : place + 1], before, glitch, self._frames > 0 or place > first)
+            if place + 1 < len(rows):
+                yield from self._judge(view, stretch, rows[place + 1 : place + 2], explained=place + 1 in view.verdicts)
+            else:
+                self._waiting = stretch._replace(row=stretch.row.copy(), before=stretch.before.copy())
+        self._said_before = len(rows) - 1 in view.verdicts and bool(rows["kind"][-1] == Kind.NOISE)
+        if len(view.frames):
+            self._frames = int(rows["index"][view.frames[-1]]) + 1
+
+    def close(self, view: DiagnosisStep) -> Iterator[Findings]:
+        """Nothing comes after the last stretch."""
+        if self._waiting is not None:
+            yield from self._judge(view, self._waiting, np.zeros(1, ROW), explained=False)
+
+    def _judge(self, view: DiagnosisStep, stretch: _OpenStretch, after: Rows, *, explained: bool) -> Iterator[Findings]:
+        row, before = stretch.row, stretch.before
+        frame_before, frame_after = bool(before["kind"][0]), bool(after["kind"][0])
+        if not (frame_after or stretch.known):
+            return
+        close_before = frame_before and _hard(row["gap_before"][0], view)
+        close_after = (frame_after or explained) and _hard(after["gap_before"][0], view)
+        if (close_before and not before["check"][0]) or (close_after and (explained or not after["check"][0])):
+            return
+        pattern, sender = Pattern.STRAY, None
+        if stretch.glitch and row["length"][0] <= _GLITCH_RUN and (close_before or close_after):
+            nearer = close_after and (not close_before or after["gap_before"][0] < row["gap_before"][0])
+            pattern, sender = (Pattern.BEFORE, after) if nearer else (Pattern.AFTER, before)
+        elif not close_before and not close_after:
+            pattern = Pattern.IDLE
+        unit = nan
+        if sender is not None and sender["kind"][0] == Kind.RESPONSE:
+            unit = float(sender["unit"][0])
+        yield NOISE.on(row, float(pattern), row["length"], unit)
+
+
+def _hard(gap_ns: int, view: DiagnosisStep) -> bool:
+    """Whether what stands there is as near as bytes of one frame; in one read nothing shows that it is not."""
+    return bool(gap_ns == NO_GAP or gap_ns < _HARD * (view.line.nominal_character_ns or _USUAL_CHARACTER_NS))

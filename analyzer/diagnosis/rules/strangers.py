@@ -1,0 +1,152 @@
+"""Answers that answer nothing: second ones, wrong ones, unasked ones; and broadcasts taken for requests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from dissectors.answers import expectation
+from dissectors.lengths import relations
+from dissectors.limits import RequestedByteCount
+from dissectors.registry import function_class
+
+from ...tables.findings import About, Findings, Rule, Severity, looks_for
+from ...tables.frame import adu_of
+from ...tables.schema import Kind
+from ..view import DiagnosisStep, EarlierRow
+
+_GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
+_FUNCTION: Final = 0x7F
+
+UNEXPECTED: Final = Rule(
+    "unexpected-response",
+    Severity.WARNING,
+    About.FRAME,
+    when="an answer has no request",
+    clause="[2] 2.4.1",
+    numbers=("unit", "function"),
+    text="unit {unit:.0f} answers, and nobody asked it",
+    cause="a second master whose requests the tap does not see, or a device that sends on its own",
+    remedy="tap the line where both directions pass; look for a second master",
+)
+DUPLICATE: Final = Rule(
+    "duplicate-response",
+    Severity.ERROR,
+    About.FRAME,
+    when="one request is answered twice",
+    clause="[2] 2.2",
+    numbers=("unit", "after_ms"),
+    text="a second answer of unit {unit:.0f} to the same request",
+    cause="two devices share an address",
+    remedy="give each device an address of its own: disconnect one and see whether the unit still answers",
+)
+MISMATCH: Final = Rule(
+    "response-mismatch",
+    Severity.ERROR,
+    About.FRAME,
+    when="an answer disagrees with its request: byte count, address, quantity or echo",
+    clause="[1] 6",
+    numbers=("unit", "function"),
+    loses=True,
+    text="the answer of unit {unit:.0f} does not fit its request: byte count or quantity differ, or the echo does",
+    cause="an answer to an earlier request, or a device that answers what it was not asked",
+    remedy="compare with the request before; read fewer registers, and update the device's firmware",
+)
+BROADCAST_ANSWERED: Final = Rule(
+    "broadcast-answered",
+    Severity.ERROR,
+    About.FRAME,
+    when="a unit answers a request to unit 0",
+    clause="[2] 2.1",
+    numbers=("unit", "function"),
+    text="unit {unit:.0f} answers a broadcast",
+    cause="a device takes 0 for its own address, or ignores that broadcasts are not answered; several would collide",
+    remedy="give the device an address from 1 to 247; do not send to unit 0",
+)
+BROADCAST_READ: Final = Rule(
+    "broadcast-read",
+    Severity.WARNING,
+    About.FRAME,
+    when="a read is sent to unit 0, which nobody may answer",
+    clause="[2] 2.1",
+    numbers=("function",),
+    text="a read is sent to unit 0, which nobody may answer",
+    cause="the unit's address is not set in the master, or it searches for a device",
+    remedy="set the unit's address in the master",
+)
+
+
+@looks_for(BROADCAST_READ)
+def broadcast_reads(view: DiagnosisStep) -> Iterator[Findings]:
+    """Requests to unit 0 of functions that read."""
+    rows = view.rows
+    sent = [row for row in view.right(view.to_all).tolist() if rows["kind"][row] == Kind.REQUEST]
+    reads = [row for row in sent if _reads(int(rows["function"][row]))]
+    if reads:
+        yield BROADCAST_READ.on(rows[reads], rows["function"][reads])
+
+
+def _reads(function: int) -> bool:
+    found = relations(function)
+    return function_class(function) == "public" and (not found or any(isinstance(r, RequestedByteCount) for r in found))
+
+
+@looks_for(UNEXPECTED, DUPLICATE, MISMATCH, BROADCAST_ANSWERED)
+class Strangers:
+    """Answers with a right check value that belong to no request."""
+
+    def __init__(self) -> None:
+        self._asked = False  # a request has been seen: before it, answers belong to what was before the capture
+
+    def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
+        rows, asks = view.rows, view.requests
+        answers = [row for row in view.right(view.to_all).tolist() if rows["kind"][row] == Kind.RESPONSE]
+        if answers:
+            yield BROADCAST_ANSWERED.on(rows[answers], 0, rows["function"][answers])
+        for place in view.strays.tolist():
+            if rows["unit"][place] and (self._asked or (len(asks) and place > asks[0])):
+                yield from self._judge(view, place)
+        self._asked = self._asked or len(asks) > 0
+
+    def _judge(self, view: DiagnosisStep, place: int) -> Iterator[Findings]:
+        answer = EarlierRow.of(view.batch, place)
+        request, answered, clean = self._request_before(view, place)
+        here = view.rows[place : place + 1]
+        unit, function = answer.row.unit, answer.row.function
+        if request is None or not clean:
+            if clean:
+                yield UNEXPECTED.on(here, unit, function)
+        elif request.row.unit == 0 and request.row.function == function:
+            yield BROADCAST_ANSWERED.on(here, unit, function)
+        elif request.row.unit != unit or (answered is not None and not _fits(request, answer)):
+            yield UNEXPECTED.on(here, unit, function)
+        elif answered is not None:
+            waited = (answer.row.t_start - answered.row.t_end) / 1e6
+            yield DUPLICATE.on(here, unit, waited if view.timed else np.nan)
+        elif _fits(request, answer):
+            yield UNEXPECTED.on(here, unit, function)
+        else:
+            yield MISMATCH.on(here, unit, function)
+
+    def _request_before(self, view: DiagnosisStep, place: int) -> tuple[EarlierRow | None, EarlierRow | None, bool]:
+        """The newest request before a row, the answer that it got, and whether nothing damaged stands between."""
+        answered = None
+        for before in view.trail.back(view.batch, place):
+            if not before.is_frame:
+                if not _GLITCHES.issuperset(before.captured):
+                    return None, None, False
+            elif before.row.kind == Kind.REQUEST:
+                return (before, answered, True) if before.row.check else (None, None, False)
+            elif not before.row.check:
+                return None, None, False  # it may have held more than one answer
+            elif before.row.request >= 0 and answered is None:
+                answered = before
+        return None, None, True
+
+
+def _fits(request: EarlierRow, answer: EarlierRow) -> bool:
+    return expectation(adu_of(request.captured, request.row.protocol).data).fits(
+        adu_of(answer.captured, answer.row.protocol).data
+    )

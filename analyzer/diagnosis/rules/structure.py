@@ -1,0 +1,248 @@
+"""Requests that break the specification's limits, and answers with bits that mean nothing.
+
+No limit stands here: the checks of the declarations are put through whole columns, and the few frames that break one
+are looked at. What a client asks is judged once, on the request; an answer that repeats it is not judged again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dissectors.functions import function_class, function_name
+from dissectors.length_rules import Role
+from dissectors.lengths import RULES, layout, relations
+from dissectors.limits import Bound, Choice, RequestedByteCount, Sized, taken
+from dissectors.registry import revision
+
+from ...deframing.rules import MAX_ADU
+from ...tables.findings import About, Findings, Rule, Severity, looks_for
+from ...tables.schema import Protocol
+from ..view import DiagnosisStep, where
+
+_LAST_UNIT: Final = 247
+_EXCEPTION: Final = 0x80
+
+
+def _asked(numbers: Mapping[str, float]) -> str:
+    function, quantity, low, high = (int(numbers[key]) for key in ("function", "quantity", "low", "high"))
+    return f"{function_name(function)} of {quantity}, allowed are {low} to {high}"
+
+
+QUANTITY: Final = Rule(
+    "quantity-out-of-range",
+    Severity.ERROR,
+    About.FRAME,
+    when="a quantity is zero or over what the function allows",
+    clause="[1] 6",
+    numbers=("quantity", "low", "high", "function"),
+    text=_asked,
+    cause="the master's poll list asks for more than one frame can carry, or for nothing",
+    remedy="split the poll into blocks within the limit",
+)
+BYTE_COUNT: Final = Rule(
+    "byte-count-mismatch",
+    Severity.ERROR,
+    About.FRAME,
+    when="the byte count does not fit the quantity in the same frame",
+    clause="[1] 6",
+    numbers=("byte_count", "quantity", "due", "function"),
+    text="the byte count is {byte_count:.0f}, the quantity beside it, {quantity:.0f}, takes {due:.0f} bytes",
+    cause="the sender computes its byte count wrongly: registers counted as bytes, or bits not rounded up",
+    remedy="correct the sender: 2 bytes a register, one byte for 8 bits begun",
+)
+COIL_VALUE: Final = Rule(
+    "invalid-coil-value",
+    Severity.ERROR,
+    About.FRAME,
+    when="function 05 writes other than 0000 or FF00",
+    clause="[1] 6.5",
+    numbers=("value",),
+    text=lambda numbers: f"a coil is written with {int(numbers['value']):04X}, allowed are FF00 (on) and 0000 (off)",
+    cause="the master writes 1 for on, or swaps the two bytes",
+    remedy="send FF00 for on and 0000 for off",
+)
+PADDING: Final = Rule(
+    "padding-bits-set",
+    Severity.NOTE,
+    About.FRAME,
+    when="unused bits of the last byte of coils are not zero",
+    clause="[1] 6.1",
+    numbers=("unused_bits", "last_byte"),
+    text=lambda numbers: (
+        f"the {int(numbers['unused_bits'])} unused bits of the last byte ({int(numbers['last_byte']):02X}) are not zero"
+    ),
+    cause="the device sends whole bytes of its memory and does not clear the bits that nobody asked for",
+    remedy="ignore these bits in the master; the device's vendor should clear them",
+)
+RESERVED_UNIT: Final = Rule(
+    "reserved-unit",
+    Severity.WARNING,
+    About.FRAME,
+    when="the unit address is 248 to 255",
+    clause="[2] 2.2",
+    numbers=("unit",),
+    text="unit {unit:.0f} is used, 248 to 255 are reserved",
+    cause="a device's own service address, or an address set wrongly",
+    remedy="give the device an address from 1 to 247",
+)
+RESERVED_FUNCTION: Final = Rule(
+    "reserved-function",
+    Severity.NOTE,
+    About.FRAME,
+    when="the function code is neither defined nor given to users",
+    clause="[1] 5",
+    numbers=("function",),
+    text=lambda numbers: (
+        f"function {int(numbers['function'])} ({int(numbers['function']):02X}) is neither defined by the specification "
+        "nor free for users (65-72 and 100-110 are)"
+    ),
+    cause="a vendor's own function outside the ranges for users",
+    remedy="look it up in the device's manual, and declare it to have it decoded (--functions)",
+)
+INVALID_FUNCTION: Final = Rule(
+    "invalid-function",
+    Severity.ERROR,
+    About.FRAME,
+    when="the function code is 0, or a request has an exception's",
+    clause="[1] 4.1",
+    numbers=("function",),
+    text=lambda numbers: f"a request with function code {int(numbers['function'])}, possible are 1 to 127",
+    cause="the sender builds its request from the wrong byte, or repeats an exception answer",
+    remedy="correct the master's function code",
+)
+TOO_LONG: Final = Rule(
+    "frame-too-long",
+    Severity.ERROR,
+    About.FRAME,
+    when="a frame is longer than 256 bytes",
+    clause="[2] 2.5.1",
+    numbers=("bytes",),
+    text=f"the frame has {{bytes:.0f}} bytes, {MAX_ADU} are the most",
+    cause="the sender ignores the limit of the serial line; receivers with a 256-byte buffer drop the frame",
+    remedy="ask for less at once, or correct the sender",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class _QuantityLimits:
+    """The limits of a quantity that stands at one place, by function code; of other functions, none."""
+
+    offset: int
+    width: int
+    functions: set[int]
+    low: NDArray[np.int64]
+    high: NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class _RequestLimits:
+    """What requests are held to here, out of all that is declared."""
+
+    quantities: tuple[_QuantityLimits, ...]
+    sizes: tuple[tuple[int, Sized], ...]  # by function code
+    coils: tuple[tuple[int, Choice], ...]
+
+
+@cache
+def _checks(_revision: int) -> _RequestLimits:
+    quantities: dict[tuple[int, int], _QuantityLimits] = {}
+    sizes, coils = [], []
+    for (code, role), known in RULES.items():
+        names = {place: name for name, (place, _) in layout(code, role).items()} if role is Role.REQUEST else {}
+        for check in known.checks if role is Role.REQUEST else ():
+            name = "" if isinstance(check, Sized) else names.get(check.offset, "")
+            if isinstance(check, Sized):
+                sizes.append((code, check))
+            elif isinstance(check, Choice) and name == "output_value":
+                coils.append((code, check))
+            elif isinstance(check, Bound) and name.startswith("quantity"):
+                of_all = _QuantityLimits(
+                    check.offset, check.width, set(), np.zeros(256, np.int64), np.full(256, 1 << 16)
+                )
+                limits = quantities.setdefault((check.offset, check.width), of_all)
+                limits.functions.add(code)
+                limits.low[code], limits.high[code] = check.low, check.high
+    return _RequestLimits(tuple(quantities.values()), tuple(sizes), tuple(coils))
+
+
+@looks_for(QUANTITY, BYTE_COUNT, COIL_VALUE)
+def limits(view: DiagnosisStep) -> Iterator[Findings]:
+    """Requests that break a check of their declaration."""
+    if not len(view.requests):
+        return
+    checks, rows = _checks(revision()), view.rows
+    for known in checks.quantities:
+        if known.functions.isdisjoint(view.asked_functions):
+            continue
+        codes, quantity = view.requested, view.numbers(known.offset, known.width)
+        low, high = known.low.take(codes), known.high.take(codes)
+        wrong = where((quantity >= 0) & ((quantity < low) | (quantity > high)))
+        if len(wrong):
+            yield QUANTITY.on(rows[view.requests[wrong]], quantity[wrong], low[wrong], high[wrong], codes[wrong])
+    for code, size in checks.sizes:
+        if code in view.asked_functions:
+            here = where(view.requested == code)
+            quantity, count = (view.numbers(*at)[here] for at in ((size.quantity_offset, 2), (size.count_offset, 1)))
+            due = taken(quantity, size.bits)
+            wrong = where((quantity >= 0) & (count >= 0) & (count != due))
+            if len(wrong):
+                yield BYTE_COUNT.on(rows[view.requests[here[wrong]]], count[wrong], quantity[wrong], due[wrong], code)
+    for code, coil in checks.coils:
+        if code in view.asked_functions:
+            here = where(view.requested == code)
+            value = view.numbers(coil.offset, coil.width)[here]
+            wrong = where((value >= 0) & ~np.isin(value, coil.values))
+            if len(wrong):
+                yield COIL_VALUE.on(rows[view.requests[here[wrong]]], value[wrong])
+
+
+@looks_for(PADDING)
+def padding(view: DiagnosisStep) -> Iterator[Findings]:
+    """Answers whose last byte holds more bits than the request asked for, and not as zeros."""
+    functions = view.column("function")[view.responses]
+    for code in where(np.bincount(functions)).tolist():
+        for relation in relations(code):
+            if not isinstance(relation, RequestedByteCount) or not relation.bits:
+                continue
+            here = view.responses[functions == code]
+            here = here[(view.column("request")[here] >= 0) & (view.function_bytes(here) == code)]
+            quantity = view.asked(here, relation.quantity_offset)
+            last = view.data.take(view.last_byte(here))
+            used = quantity & 7
+            wrong = where((quantity > 0) & (used > 0) & (last >> used > 0))
+            if len(wrong):
+                yield PADDING.on(view.rows[here[wrong]], 8 - used[wrong], last[wrong])
+
+
+@looks_for(RESERVED_UNIT, RESERVED_FUNCTION, INVALID_FUNCTION, TOO_LONG)
+def codes(view: DiagnosisStep) -> Iterator[Findings]:
+    """Units, function codes and lengths that the specification does not know."""
+    unit = where(view.column("unit") > _LAST_UNIT)
+    if len(unit):
+        rows = view.rows[view.right(unit)]
+        yield RESERVED_UNIT.on(rows, rows["unit"])
+    for code in view.asked_functions:
+        if code & _EXCEPTION or not code:
+            yield INVALID_FUNCTION.on(view.rows[view.requests[view.requested == code]], code)
+        elif _reserved(code, revision()):
+            yield RESERVED_FUNCTION.on(view.rows[view.requests[view.requested == code]], code)
+    for place in view.strays.tolist():
+        code = int(view.data[view.plain.at[place] + 1])
+        if code and not code & _EXCEPTION and _reserved(code, revision()):
+            yield RESERVED_FUNCTION.on(view.rows[place : place + 1], code)
+    long = where(view.column("length") > MAX_ADU)
+    if len(long):
+        rows = view.rows[view.right(long)]
+        rows = rows[rows["protocol"] == Protocol.RTU]
+        yield TOO_LONG.on(rows, rows["length"])
+
+
+@lru_cache(maxsize=512)
+def _reserved(code: int, _revision: int) -> bool:
+    return function_class(code) in ("reserved", "unassigned")

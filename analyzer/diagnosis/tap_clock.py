@@ -1,0 +1,173 @@
+"""What the tap's times are worth, measured on the bus itself.
+
+Bytes of a frame follow each other without a pause on a healthy line, so whatever the reads' times say beyond the
+characters' own is the tap's doing: a read that came late by d shows as a silence of d, and the next one as one of -d.
+Negative silences cannot be on the wire at all. From how many reads bring a frame and how far their silences stray
+follows what may be said at all:
+
+    a byte a read         silences inside frames count, give or take the jitter
+    several bytes a read  only waits count, give or take the longest stray silence (FIFO, latency timer, network)
+
+Verdicts change at checkpoints, fixed numbers of frames, and rest on the frames before; the first one is made of the
+first frames themselves and so is known only when they have passed.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from captures.line import LineSettings
+
+from ..options import Options
+from ..tables.schema import NO_GAP
+from .spread import ColumnQueue, Spread
+
+FIRST: Final = 32  # frames of the first verdict
+_EVERY: Final = 1024
+_MEMORY: Final = 8192  # frames, beyond which old ones fade
+_BYTE_BY_BYTE: Final = 0.9  # reads a byte
+_QUANTILE: Final = 0.995
+_MARGIN: Final = 1.2
+COLUMNS: Final = ("protocol", "reads", "length", "gap_before", "gap_most", "gap_least")
+_KEPT: Final = 512  # verdicts
+_USUAL_NS: Final = 5_000_000  # a read from user space, where nothing tells more
+_FAST_BAUD: Final = 19200  # [2] 2.5.1.1: above it, both times are fixed
+_T15_FIXED_NS, _T35_FIXED_NS = 750_000, 1_750_000
+UNKNOWN: Final = float("inf")
+
+
+@dataclass(frozen=True, slots=True)
+class TimeTrust:
+    """What times can carry: `fine`, that silences inside frames count; ns by which those and waits may be wrong."""
+
+    fine: bool = False
+    jitter_ns: float = UNKNOWN
+    wait_ns: float = UNKNOWN  # infinite where nothing is known
+    bytes_a_read: float = 0.0
+
+
+def silences(line: LineSettings, options: Options) -> tuple[float, float]:
+    """t1.5 and t3.5 in ns; infinite where the line's speed is not known."""
+    character_ns = line.nominal_character_ns
+    if line.baud is None or character_ns is None:
+        t15, t35 = UNKNOWN, UNKNOWN
+    elif line.baud > _FAST_BAUD:
+        t15, t35 = _T15_FIXED_NS, _T35_FIXED_NS
+    else:
+        t15, t35 = 1.5 * character_ns, 3.5 * character_ns
+    return (
+        t15 if options.t15_ns is None else float(options.t15_ns),
+        t35 if options.t35_ns is None else float(options.t35_ns),
+    )
+
+
+class TapClock:
+    """Learns from frames as they pass; `verdict` says what was known at a frame."""
+
+    def __init__(self, line: LineSettings) -> None:
+        self._known_speed = bool(line.baud)
+        self._frames = 0
+        self._next = FIRST
+        self._reads = self._octets = self._shared = self._counted = 0.0
+        self._late = Spread()  # frames by their least silence, if negative
+        self._astray = Spread()  # frames of several reads by their silence that is farthest from none
+        self._waiting = ColumnQueue()  # frames since the newest checkpoint
+        self._since: list[int] = []  # from which frame on each verdict holds
+        self._verdicts: list[TimeTrust] = []
+        self._best = TimeTrust()
+
+    def feed(self, frames: Sequence[NDArray[Any]]) -> None:
+        """Learn from frames, in their order, given by `COLUMNS`."""
+        self._waiting.add(*frames)
+        if self._frames + len(self._waiting) < self._next:
+            return
+        columns, low = self._waiting.take(), 0
+        while (high := low + self._next - self._frames) <= len(columns[0]):
+            self._learn(*(column[low:high] for column in columns))
+            self._frames, low = self._next, high
+            self._conclude()
+            self._next += self._next if self._next < _EVERY else _EVERY
+        self._waiting.add(*(column[low:].copy() for column in columns))
+
+    def close(self) -> None:
+        """No more frames come: the first verdict is made of those there were."""
+        if not self._verdicts:
+            if len(self._waiting):
+                self._learn(*self._waiting.take())
+            self._conclude()
+
+    def verdict(self, index: int) -> TimeTrust:
+        """What was known at a frame; nothing, as long as the first verdict is to come."""
+        return self._verdicts[max(bisect_right(self._since, index) - 1, 0)] if self._verdicts else TimeTrust()
+
+    def best(self) -> TimeTrust:
+        """The verdict so far by which most may be said."""
+        return self._best
+
+    @property
+    def known(self) -> bool:
+        """Whether the first verdict is made."""
+        return bool(self._verdicts)
+
+    def newest(self) -> TimeTrust:
+        """The verdict of now; nothing before the first one."""
+        return self._verdicts[-1] if self._verdicts else TimeTrust()
+
+    def _conclude(self) -> None:
+        self._since.append(self._frames if self._verdicts else 0)
+        self._verdicts.append(self._now())
+        self._best = max(self._best, self._verdicts[-1], key=lambda verdict: (verdict.fine, -verdict.wait_ns))
+        if len(self._verdicts) > _KEPT:
+            del self._since[0], self._verdicts[0]
+        if self._counted > _MEMORY:
+            for name in ("_reads", "_octets", "_shared", "_counted"):
+                setattr(self, name, getattr(self, name) / 2)
+            self._late.fade()
+            self._astray.fade()
+
+    def _learn(
+        self,
+        protocol: NDArray[Any],
+        reads: NDArray[Any],
+        length: NDArray[Any],
+        before: NDArray[Any],
+        most: NDArray[Any],
+        least: NDArray[Any],
+    ) -> None:
+        if protocol.any():
+            return  # ASCII mode has other silences
+        self._counted += len(reads)
+        self._reads += float(reads.sum())
+        self._octets += float(length.sum())
+        shared = before == NO_GAP
+        self._shared += float(np.count_nonzero(shared))
+        early = np.maximum(-before, 0)
+        early[shared] = 0
+        several = least != NO_GAP
+        if several.any():
+            least, first = least[several], early[several]
+            self._late.add(np.maximum(-least, first))
+            self._astray.add(np.maximum(np.maximum(np.abs(most[several]), np.abs(least)), first))
+            early = early[~several]
+        if early.any():
+            self._astray.add(early)
+
+    def _now(self) -> TimeTrust:
+        if not self._octets:
+            return TimeTrust()
+        each = self._octets / max(self._reads, 1.0)
+        jitter = self._late.quantile(_QUANTILE)
+        fine = self._known_speed and self._reads >= _BYTE_BY_BYTE * self._octets and jitter is not None
+        if fine and jitter is not None:
+            return TimeTrust(True, jitter, jitter, each)
+        astray = self._astray.quantile(_QUANTILE) if self._known_speed else None
+        if astray is not None and self._astray.weight >= 0.05 * self._counted:
+            return TimeTrust(False, UNKNOWN, astray * _MARGIN, each)
+        alone = self._shared <= 1 + 0.01 * self._counted  # each frame came in a read of its own
+        return TimeTrust(False, UNKNOWN, _USUAL_NS if alone else UNKNOWN, each)

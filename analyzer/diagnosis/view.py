@@ -1,0 +1,290 @@
+"""What a rule gets to see: rows as they came, transactions that were settled by them, and what is known of the line."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from captures.line import LineSettings
+
+from ..deframing.rules import big_endian_at as number_at
+from ..options import Options
+from ..tables.batch import Batch
+from ..tables.frame import adu_of
+from ..tables.schema import ROW, Kind, Row, Rows
+from .damage import DividedFrame
+from .tap_clock import TapClock
+
+_NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
+
+
+def where(mask: NDArray[Any]) -> NDArray[np.intp]:
+    """Places where a column is true or not 0: `np.flatnonzero` without its detours, which small batches feel."""
+    places: NDArray[np.intp] = mask.nonzero()[0]
+    return places
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PduBytes:
+    """Bytes of rows without their envelope: where each row's begin, and how many there are (check value counted 2)."""
+
+    data: NDArray[np.uint8]
+    at: NDArray[np.int64]
+    length: NDArray[np.int64]
+
+
+def _decoded(batch: Batch) -> PduBytes:
+    """Of a batch in ASCII mode."""
+    rows = batch.rows
+    parts = [
+        adu_of(batch.bytes_of(i), protocol).data + b"\0" if kind != Kind.NOISE else b""
+        for i, (kind, protocol) in enumerate(zip(rows["kind"].tolist(), rows["protocol"].tolist(), strict=True))
+    ]
+    length = np.array([len(part) for part in parts], np.int64)
+    return PduBytes(np.frombuffer(b"".join(parts), np.uint8), np.cumsum(length) - length, length)
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisStep:
+    """One batch, seen by the rules; what several rules need is made once, when the first one asks.
+
+    A row is wide and most rules look at few columns of it: `column` gives one by itself, and the properties tell which
+    rows may concern a rule at all.
+    """
+
+    batch: Batch
+    transactions: Rows  # TRANSACTION, settled by this batch
+    line: LineSettings
+    options: Options
+    timed: bool  # whether the capture has times
+    clock: TapClock
+    trail: LookBack  # the rows before this batch
+    explained: Collection[int]  # requests (by index) whose answer came damaged
+    now: int  # ns, end of the newest row
+    verdicts: dict[int, Sequence[DividedFrame]] = field(default_factory=dict)  # what happened to damaged rows, by row
+    _columns: dict[str, NDArray[Any]] = field(default_factory=dict)
+    _settled: dict[str, NDArray[Any]] = field(default_factory=dict)
+    _numbers: dict[tuple[int, int], NDArray[np.int64]] = field(default_factory=dict)
+
+    @property
+    def rows(self) -> Rows:
+        return self.batch.rows
+
+    def column(self, name: str) -> NDArray[Any]:
+        """A column of the rows, its values side by side."""
+        if name not in self._columns:
+            self._columns[name] = np.ascontiguousarray(self.batch.rows[name])
+        return self._columns[name]
+
+    def settled(self, name: str) -> NDArray[Any]:
+        """A column of the transactions in the same way."""
+        if name not in self._settled:
+            self._settled[name] = np.ascontiguousarray(self.transactions[name])
+        return self._settled[name]
+
+    @cached_property
+    def plain(self) -> PduBytes:
+        """The bytes of the frames as unit, PDU and two bytes more, whatever their envelope."""
+        if self.column("protocol").any():
+            return _decoded(self.batch)
+        return PduBytes(self.batch.data, self.column("at"), self.column("length"))
+
+    @property
+    def data(self) -> NDArray[np.uint8]:
+        """The bytes that `pdu` points into."""
+        return self.plain.data
+
+    @property
+    def kind(self) -> NDArray[np.uint8]:
+        """Kind of each row."""
+        return self.column("kind")
+
+    @cached_property
+    def ports(self) -> list[int]:
+        """Ports that rows came from."""
+        ports: list[int] = where(np.bincount(self.column("port"))).tolist()
+        return ports
+
+    @cached_property
+    def frames(self) -> NDArray[np.intp]:
+        """Rows that are frames."""
+        return where(self.kind)
+
+    @cached_property
+    def noise(self) -> NDArray[np.intp]:
+        """Rows that are not."""
+        return where(self.kind == _NOISE)
+
+    @cached_property
+    def damaged(self) -> NDArray[np.intp]:
+        """Rows that are frames with a wrong check value."""
+        return where((self.kind != _NOISE) & ~self.column("check"))
+
+    @cached_property
+    def requests(self) -> NDArray[np.intp]:
+        """Rows that are requests with a right check value."""
+        return where((self.kind == _REQUEST) & self.column("check"))
+
+    @cached_property
+    def responses(self) -> NDArray[np.intp]:
+        """And responses."""
+        return where((self.kind == _RESPONSE) & self.column("check"))
+
+    @cached_property
+    def strays(self) -> NDArray[np.intp]:
+        """Of those the ones that answer no request."""
+        return self.responses[self.column("request")[self.responses] < 0]
+
+    @cached_property
+    def to_all(self) -> NDArray[np.intp]:
+        """Rows that are frames of unit 0, the broadcast's."""
+        return where((self.kind != _NOISE) & (self.column("unit") == 0))
+
+    @cached_property
+    def requested(self) -> NDArray[np.uint8]:
+        """The function codes of the requests as they were sent."""
+        return self.data.take(self._asked_at)
+
+    @cached_property
+    def asked_functions(self) -> list[int]:
+        """Each of them once, in order."""
+        codes: list[int] = where(np.bincount(self.requested)).tolist()
+        return codes
+
+    @cached_property
+    def _asked_at(self) -> NDArray[np.intp]:
+        return self.pdu(self.requests)
+
+    @cached_property
+    def _asked_length(self) -> NDArray[np.int64]:
+        length: NDArray[np.int64] = self.plain.length[self.requests] - 3
+        return length
+
+    def numbers(self, offset: int, width: int) -> NDArray[np.int64]:
+        """The number of 1 or 2 bytes at a PDU offset of each of the `requests`; -1 where one does not reach so far."""
+        if (offset, width) not in self._numbers:
+            at, short = self._asked_at + offset, where(self._asked_length < offset + width)
+            at[short] = 0
+            self._numbers[offset, width] = found = number_at(self.data, at, width)
+            found[short] = -1
+        return self._numbers[offset, width]
+
+    def right(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Those of these rows whose check value is right."""
+        found: NDArray[np.intp] = places[self.column("check")[places]] if len(places) else places
+        return found
+
+    def bytes_of(self, row: int) -> bytes:
+        """The captured bytes of a row."""
+        return self.batch.bytes_of(row)
+
+    def pdu(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Where the PDUs of these rows begin in `data`."""
+        places: NDArray[np.intp] = self.plain.at[rows] + 1
+        return places
+
+    def function_bytes(self, rows: NDArray[np.intp]) -> NDArray[np.uint8]:
+        """Function codes as they were sent, the exception bit with them."""
+        return self.data.take(self.pdu(rows))
+
+    def last_byte(self, rows: NDArray[np.intp]) -> NDArray[np.int64]:
+        """Where the last byte of the PDU of these rows stands in `data`."""
+        places: NDArray[np.int64] = self.plain.at[rows] + self.plain.length[rows] - 3
+        return places
+
+    def reaches(self, rows: NDArray[np.intp], octets: int) -> NDArray[np.bool_]:
+        """Whether the PDUs of these rows have that many bytes at least."""
+        reached: NDArray[np.bool_] = self.plain.length[rows] >= octets + 3
+        return reached
+
+    def asked(self, answers: NDArray[np.intp], offset: int) -> NDArray[np.int64]:
+        """The two-byte number at a PDU offset of the requests that these rows answer; -1 where it is not known."""
+        asked = np.full(len(answers), -1, np.int64)
+        places = self.request_rows(answers)
+        here = where(places >= 0)
+        here = here[self.reaches(places[here], offset + 2)]
+        asked[here] = number_at(self.data, self.pdu(places[here]) + offset, 2)
+        for i in where(places < 0).tolist():
+            captured = self.batch.request_of(int(answers[i]), int(self.column("request")[answers[i]]))
+            pdu = b"" if captured is None else adu_of(captured, int(self.column("protocol")[answers[i]])).pdu
+            if len(pdu) >= offset + 2:
+                asked[i] = int.from_bytes(pdu[offset : offset + 2], "big")
+        return asked
+
+    def request_rows(self, answers: NDArray[np.intp]) -> NDArray[np.intp]:
+        """The rows of this batch that these rows answer; -1 where the request lies in an earlier batch."""
+        frames, requests = self.frames, self.column("request")[answers]
+        first = int(self.column("index")[frames[0]]) if len(frames) else 0
+        inside = requests >= first  # and so not -1
+        places: NDArray[np.intp] = np.where(inside, frames.take(np.where(inside, requests - first, 0)), -1)
+        return places
+
+
+# The rows before a row, across batches: what a rule looks back on when something is odd.
+
+
+_KEPT: Final = 64  # rows
+
+
+class EarlierRow(NamedTuple):
+    """A row with its bytes."""
+
+    row: Row
+    captured: bytes
+
+    @classmethod
+    def of(cls, batch: Batch, place: int) -> EarlierRow:
+        """A row of a batch."""
+        return cls(Row(*batch.rows[place].item()), batch.bytes_of(place))
+
+    @property
+    def is_frame(self) -> bool:
+        return self.row.kind != Kind.NOISE
+
+
+class LookBack:
+    """Looks back from any row of a batch, at most some rows into the batches before."""
+
+    def __init__(self) -> None:
+        self._earlier: deque[Batch] = deque()  # their last rows, enough of them together
+        self._rows = 0
+
+    def back(self, batch: Batch, place: int) -> Iterator[EarlierRow]:
+        """The last rows before row number `place`, the nearest first."""
+        for before in range(place - 1, max(place - 1 - _KEPT, -1), -1):
+            yield EarlierRow.of(batch, before)
+        left = _KEPT - place
+        for earlier in reversed(self._earlier):
+            for before in range(len(earlier) - 1, max(len(earlier) - 1 - left, -1), -1):
+                yield EarlierRow.of(earlier, before)
+            left -= len(earlier)
+            if left <= 0:
+                return
+
+    @property
+    def newest(self) -> Rows:
+        """The last row before this batch (one row of ROW); all zeros where there is none."""
+        return self._earlier[-1].rows[-1:] if self._earlier else np.zeros(1, ROW)
+
+    def go_on(self, batch: Batch) -> None:
+        """This batch is done."""
+        if not len(batch):
+            return
+        self._earlier.append(batch if len(batch) <= _KEPT else _end(batch))
+        self._rows += min(len(batch), _KEPT)
+        while self._rows - len(self._earlier[0]) >= _KEPT:
+            self._rows -= len(self._earlier.popleft())
+
+
+def _end(batch: Batch) -> Batch:
+    """The last rows of a batch and their bytes, which hold on to no more than themselves."""
+    rows = batch.rows[-_KEPT:].copy()
+    first = int(rows["at"][0])
+    rows["at"] -= first
+    return Batch(rows, batch.data[first:].copy())

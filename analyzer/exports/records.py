@@ -1,0 +1,155 @@
+"""The tables beside the frames: transactions, values and findings, as columns of plain values.
+
+A table is an entry of `TABLES`: its columns with their kinds, and a function that makes them of what was analysed. The
+names and units are those of JSON lines, Parquet and Python alike; None is what is not there or not known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+import orjson
+from numpy.typing import NDArray
+
+from dissectors.functions import function_name
+
+from ..tables.columns import AreaCode, decode
+from ..tables.findings import describe
+from ..tables.transactions import Status
+from ..tables.values import confirmed_values
+
+if TYPE_CHECKING:
+    from ..core import Analysed
+
+Kind = Literal["integer", "number", "text", "flag", "time"]  # a time is ns since the epoch, or since the capture's zero
+Columns = Mapping[str, list[Any]]
+
+AREA_NAMES: Final = {
+    AreaCode.COILS: "coil",
+    AreaCode.DISCRETE_INPUTS: "discrete",
+    AreaCode.INPUT_REGISTERS: "input",
+    AreaCode.HOLDING_REGISTERS: "holding",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class RecordTable:
+    """A table: the kind of each column, in their order, and what makes them, all lists of one length."""
+
+    kinds: Mapping[str, Kind]
+    columns: Callable[[Analysed], Columns]
+
+
+def _optional(values: NDArray[Any], absent: NDArray[np.bool_]) -> list[Any]:
+    return [None if gone else value for value, gone in zip(values.tolist(), absent.tolist(), strict=True)]
+
+
+def _transactions(analysed: Analysed) -> Columns:
+    rows = analysed.transactions
+    answered = rows["response"] >= 0
+    return {
+        "request": rows["request"].tolist(),
+        "request_start": rows["start"].tolist(),
+        "port": rows["port"].tolist(),
+        "t_start_ns": rows["t_start"].tolist(),
+        "unit": rows["unit"].tolist(),
+        "function": rows["function"].tolist(),
+        "name": [function_name(code) for code in rows["function"].tolist()],
+        "status": [Status(code).name.lower() for code in rows["status"].tolist()],
+        "exception": _optional(rows["exception"], rows["exception"] == 0),
+        "retry": rows["retry"].tolist(),
+        "late": rows["late"].tolist(),
+        "response": _optional(rows["response"], ~answered),
+        "response_start": _optional(rows["response_start"], ~answered),
+        "response_time_ns": _optional(rows["response_ns"], ~answered | (rows["response_ns"] < 0)),
+    }
+
+
+def _values(analysed: Analysed) -> Columns:
+    batch = analysed.batch
+    confirmed = confirmed_values(batch, decode(batch))
+    rows, address, values = confirmed.spread()
+    areas = np.array([AREA_NAMES.get(AreaCode(code), "") for code in range(len(AreaCode))], object)
+    return {
+        "t_ns": batch.rows["t_end"][rows].tolist(),
+        "port": batch.rows["port"][rows].tolist(),
+        "unit": batch.rows["unit"][rows].tolist(),
+        "area": areas[np.repeat(confirmed.area, confirmed.counts)].tolist(),
+        "address": address.tolist(),
+        "raw": values.tolist(),
+        "index": batch.rows["index"][rows].tolist(),
+    }
+
+
+def _findings(analysed: Analysed) -> Columns:
+    findings = [describe(row) for row in analysed.findings]
+    bus = [finding.start < 0 for finding in findings]
+    return {
+        "code": [finding.code for finding in findings],
+        "severity": [finding.severity.name.lower() for finding in findings],
+        "t_ns": [finding.t_ns for finding in findings],
+        "index": [finding.index for finding in findings],
+        "port": [finding.port for finding in findings],
+        "start": [None if whole else f.start for f, whole in zip(findings, bus, strict=True)],
+        "length": [None if whole else f.length for f, whole in zip(findings, bus, strict=True)],
+        "text": [finding.text for finding in findings],
+        "cause": [finding.cause or None for finding in findings],
+        "remedy": [finding.remedy or None for finding in findings],
+        "clause": [finding.clause or None for finding in findings],
+        "numbers": [orjson.dumps(dict(finding.numbers)).decode() for finding in findings],
+    }
+
+
+TABLES: Final[Mapping[str, RecordTable]] = {
+    "transactions": RecordTable(
+        {
+            "request": "integer",  # index of the request's frame
+            "request_start": "integer",
+            "port": "integer",
+            "t_start_ns": "time",
+            "unit": "integer",
+            "function": "integer",
+            "name": "text",
+            "status": "text",
+            "exception": "integer",
+            "retry": "flag",
+            "late": "flag",
+            "response": "integer",  # index of the answer's frame
+            "response_start": "integer",
+            "response_time_ns": "integer",
+        },
+        _transactions,
+    ),
+    "values": RecordTable(
+        {
+            "t_ns": "time",  # end of the answer that tells it
+            "port": "integer",
+            "unit": "integer",
+            "area": "text",  # coil, discrete, input, holding
+            "address": "integer",  # zero-based
+            "raw": "integer",
+            "index": "integer",  # of the answer's frame
+        },
+        _values,
+    ),
+    "findings": RecordTable(
+        {
+            "code": "text",
+            "severity": "text",
+            "t_ns": "time",
+            "index": "integer",  # of the frame; none for noise and the bus as a whole
+            "port": "integer",
+            "start": "integer",
+            "length": "integer",
+            "text": "text",
+            "cause": "text",
+            "remedy": "text",
+            "clause": "text",
+            "numbers": "text",  # JSON
+        },
+        _findings,
+    ),
+}

@@ -1,0 +1,267 @@
+"""What rows hold in one field, and which of them hold what is wanted: the one place where values are compared.
+
+A comparison is true of a row if any of its values is as wanted. Nothing that a row does not have is ever as wanted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cached_property
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..tables.batch import Batch
+from ..tables.columns import Decoded, decode
+from ..tables.schema import Kind
+from ..tables.schema import Protocol as Envelope
+from .table import FilterTable
+from .tree import BytesWanted, Span, Spans, TextPart, TextWanted, Wanted
+
+Mask = NDArray[np.bool_]
+_FEW: Final = 8  # spans: beyond, single numbers are looked up together
+
+
+class FieldSlice(Protocol):
+    """One field of some rows."""
+
+    def known(self) -> Mask:
+        """Which rows have it."""
+        ...
+
+    def passing(self, wanted: Wanted) -> Mask:
+        """Which rows have it with a wanted value."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ValueSlice:
+    """A value a row; `has` says which rows have one (None: all of them).
+
+    With `last` a value is a stretch of numbers, from `values` to there; `areas` are their AreaCodes.
+    """
+
+    values: NDArray[Any]
+    has: Mask | None = None
+    last: NDArray[Any] | None = None
+    areas: NDArray[np.uint8] | None = None
+
+    def known(self) -> Mask:
+        return np.ones(len(self.values), np.bool_) if self.has is None else self.has
+
+    def passing(self, wanted: Wanted) -> Mask:
+        assert isinstance(wanted, Spans)
+        good = self._any(wanted.spans)
+        return good if self.has is None else good & self.has
+
+    def _any(self, spans: Sequence[Span]) -> Mask:
+        good: Mask | None = None
+        if len(spans) > _FEW and self.last is None and self.areas is None:
+            numbers = np.array([span.low for span in spans if span.low == span.high])
+            kind = self.values.dtype if self.values.dtype.kind == "f" else numbers.dtype
+            good = np.isin(self.values, numbers.astype(kind))
+            spans = [span for span in spans if span.low != span.high]
+        for span in spans:
+            more = self._in(span)
+            good = more if good is None else np.logical_or(good, more, out=good)
+        return np.zeros(len(self.values), np.bool_) if good is None else good
+
+    def _in(self, span: Span) -> Mask:
+        low, high = self.values, self.values if self.last is None else self.last
+        least: Any = span.low
+        most: Any = span.high
+        good: Mask
+        if least is not None and most is not None and least == most and low is high:
+            good = low == least
+        elif least is not None and most is not None:
+            good = (high >= least) & (low <= most)
+        elif least is not None:
+            good = high > least if span.strict else high >= least
+        else:
+            good = low < most if span.strict else low <= most
+        if span.area is not None and self.areas is not None:
+            good &= self.areas == span.area
+        return good
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Several:
+    """Any number of values a row: `each` of them, and the row that it belongs to, of `count`."""
+
+    each: ValueSlice
+    rows: NDArray[np.integer[Any]]
+    count: int
+
+    def known(self) -> Mask:
+        return self._of(self.each.known())
+
+    def passing(self, wanted: Wanted) -> Mask:
+        return self._of(self.each.passing(wanted))
+
+    def _of(self, good: Mask) -> Mask:
+        found = np.zeros(self.count, np.bool_)
+        found[self.rows[good]] = True
+        return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bytes:
+    """The bytes of each row; of ASCII mode, what its digits stand for."""
+
+    batch: Batch
+
+    def known(self) -> Mask:
+        return np.ones(len(self.batch), np.bool_)
+
+    def passing(self, wanted: Wanted) -> Mask:
+        assert isinstance(wanted, BytesWanted)
+        found = np.zeros(len(self.batch), np.bool_)
+        plain = self.batch.rows["protocol"] == Envelope.RTU
+        for needle in wanted.needles:
+            found |= self._with(needle, wanted.whole) & plain
+        for row in np.flatnonzero(~plain).tolist():
+            is_frame = self.batch.rows["kind"][row] > 0
+            data = self.batch.frame(row).adu.data if is_frame else self.batch.bytes_of(row)
+            found[row] = any(data == each if wanted.whole else each in data for each in wanted.needles)
+        return found
+
+    def _with(self, needle: bytes, whole: bool) -> Mask:
+        begins, lengths = self.batch.rows["at"], self.batch.rows["length"]
+        data, size = self.batch.data, len(needle)
+        if size > len(data):
+            return np.zeros(len(begins), np.bool_)
+        starts = len(data) - size + 1
+        here = data[:starts] == needle[0]
+        for i, octet in enumerate(needle[1:], 1):
+            here &= data[i : starts + i] == octet
+        places = np.flatnonzero(here)
+        from_here = np.searchsorted(places, begins)
+        behind = np.searchsorted(
+            places, begins + 1 if whole else begins + lengths - size, side="left" if whole else "right"
+        )
+        found: Mask = behind > from_here
+        return found & (lengths == size) if whole else found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TextSlice:
+    """A text for some of `count` rows; the others were not asked for, or have none."""
+
+    texts: Sequence[str]
+    rows: NDArray[np.intp]
+    count: int
+
+    def known(self) -> Mask:
+        found = np.zeros(self.count, np.bool_)
+        found[self.rows] = True
+        return found
+
+    def passing(self, wanted: Wanted) -> Mask:
+        assert isinstance(wanted, TextWanted)
+        found = np.zeros(self.count, np.bool_)
+        found[self.rows] = [says(text, wanted) for text in self.texts]
+        return found
+
+
+def says(text: str, wanted: TextWanted) -> bool:
+    """Whether a text is as wanted."""
+    folded = text.casefold()
+    if wanted.part is TextPart.WHOLE:
+        return folded in wanted.needles
+    if wanted.part is TextPart.WITHIN:
+        return any(needle in folded for needle in wanted.needles)
+    return any(fnmatchcase(folded, needle) for needle in wanted.needles)
+
+
+# Some rows of a table while a filter looks at them; what is dear to make is made once, and only if it is asked for.
+
+
+BLOCK: Final = 1 << 14  # rows whose bytes are fetched at once
+
+
+class TableSlice:
+    """Rows `first` to `last` (excluded) of a table."""
+
+    def __init__(self, table: FilterTable, first: int, last: int) -> None:
+        self.table = table
+        self.first = first
+        self.last = last
+        self._blocks: dict[int, TableSlice] = {}
+
+    def __len__(self) -> int:
+        return self.last - self.first
+
+    def column(self, name: str) -> NDArray[Any]:
+        """One of the table's columns."""
+        return self.table.column(name)[self.first : self.last]
+
+    @cached_property
+    def frames(self) -> Mask:
+        """Which rows are frames."""
+        found: Mask = self.column("kind") != Kind.NOISE
+        return found
+
+    def found(self) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]:
+        """Rows with findings, and the rule of each."""
+        rows, rules = self.table.findings()
+        low, high = np.searchsorted(rows, (self.first, self.last))
+        return rows[low:high] - self.first, rules[low:high]
+
+    def block(self, number: int) -> TableSlice:
+        """`BLOCK` of its rows, kept as long as the piece."""
+        if number not in self._blocks:
+            first = self.first + number * BLOCK
+            self._blocks[number] = TableSlice(self.table, first, min(first + BLOCK, self.last))
+        return self._blocks[number]
+
+    @cached_property
+    def batch(self) -> Batch:
+        """The rows with their bytes."""
+        return self.table.batch(self.first, self.last)
+
+    @cached_property
+    def decoded(self) -> Decoded:
+        """Their addresses and values."""
+        return decode(self.batch)
+
+    @cached_property
+    def each(self) -> Each:
+        """Their values one by one."""
+        decoded = self.decoded
+        counts = np.diff(decoded.offsets)
+        rows = np.repeat(np.arange(len(counts)), counts)
+        first = decoded.value_address.astype(np.int64)[rows]
+        address = np.where(first < 0, -1, first + np.arange(len(rows)) - decoded.offsets[rows])
+        return Each(rows, len(counts), address, decoded.area[rows], decoded.values)
+
+    def summaries(self, asked: Mask | None) -> TextSlice:
+        """The words of those frames that are asked for."""
+        wanted = self.frames if asked is None else self.frames & asked
+        rows = np.flatnonzero(wanted)
+        known: dict[tuple[int, bytes, bytes | None], str] = {}  # polls say the same again and again
+        texts = []
+        for row in rows.tolist():
+            frame = self.batch.frame(row)
+            key = (frame.row.kind, frame.captured, frame.request_bytes)
+            if key not in known:
+                known[key] = frame.summary()
+            texts.append(known[key])
+        return TextSlice(texts, rows, len(self))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Each:
+    """Single values: the row of each among `count`, its address (-1 unknown), its area and itself."""
+
+    rows: NDArray[np.intp]
+    count: int
+    address: NDArray[np.int64]
+    area: NDArray[np.uint8]
+    value: NDArray[np.uint16]
+
+    def several(self, each: ValueSlice) -> Several:
+        """A field of them as one of their rows."""
+        return Several(each, self.rows, self.count)

@@ -1,0 +1,104 @@
+"""What a recording says besides bytes, and when it heard nothing.
+
+While an adapter is unplugged or a disk is full, answers are missing from the record, not from the bus. So a request
+whose answer may have fallen into such a time is neither answered nor unanswered but not heard, and no unit is blamed
+for it, nor for a frame that was cut off when such a time began.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from dissectors.values import harmless
+
+from .tables.transactions import NEVER, Status
+from .words import duration, moment
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from captures.chunks import Capture
+    from captures.recording.notes import Note
+
+    from .tables.findings import Findings
+    from .tables.schema import Rows
+
+
+_WAIT_NS: Final = 10_000_000_000  # for an answer, at the most
+_FRAME_NS: Final = 500_000_000  # that a frame takes, and the loss of an adapter to be noticed
+_CUT: Final = ("truncated", "byte-missing")
+
+
+@dataclass(frozen=True, slots=True)
+class Deaf:
+    """A time in which nothing could be heard, ns; `to_ns` is None where it lasts to the end of the recording."""
+
+    from_ns: int
+    to_ns: int | None
+    text: str
+
+
+def notes_of(capture: Capture) -> list[Note]:
+    """What is noted in a recording, in order of time; nothing where a capture is no recording."""
+    return capture.notes()
+
+
+def deaf_times(notes: Iterable[Note]) -> list[Deaf]:
+    """From the loss of an adapter to its return, and moments at which bytes were lost, in order of time."""
+    times: list[Deaf] = []
+    away: dict[str, Note] = {}  # by the port, which a note begins with
+    for note in notes:
+        port = note.text.partition(": ")[0]
+        if note.kind == "lost":
+            away.setdefault(port, note)
+        elif note.kind == "opened" and port in away:
+            lost = away.pop(port)
+            times.append(Deaf(lost.t_ns, note.t_ns, lost.text))
+        elif note.kind == "gap":
+            times.append(Deaf(note.t_ns, note.t_ns, note.text))
+    times += [Deaf(lost.t_ns, None, lost.text) for lost in away.values()]
+    return sorted(times, key=lambda time: time.from_ns)
+
+
+def marked(settled: Rows, times: Sequence[Deaf]) -> Rows:
+    """Transactions, with those UNHEARD that wait for an answer which may have come while nothing was heard."""
+    silent = np.flatnonzero(settled["status"] == Status.UNANSWERED) if times else ()
+    if not len(silent):
+        return settled
+    asked, end = settled["t_request"][silent], settled["t_next"][silent]
+    end = np.where(end == NEVER, asked + _WAIT_NS, np.minimum(end, asked + _WAIT_NS))
+    settled["status"][silent[_meets(asked, end, times)]] = Status.UNHEARD
+    return settled
+
+
+def excused(findings: Findings, times: Sequence[Deaf]) -> Findings:
+    """Findings without those of frames whose end was cut off when the recorder went deaf: no device did that."""
+    if not times or not len(findings):
+        return findings
+    from .tables.findings import codes
+
+    cut = np.flatnonzero(np.isin(findings["rule"], [codes().index(code) for code in _CUT]))
+    begun = findings["t"][cut]
+    return np.delete(findings, cut[_meets(begun, begun + _FRAME_NS, times)])
+
+
+def _meets(begin: NDArray[np.int64], end: NDArray[np.int64], times: Sequence[Deaf]) -> NDArray[np.bool_]:
+    """Which of these spans, ns, have a moment in common with a time in which nothing was heard."""
+    meets = np.zeros(len(begin), np.bool_)
+    for time in times:
+        meets |= time.from_ns <= end if time.to_ns is None else (time.from_ns <= end) & (begin <= time.to_ns)
+    return meets
+
+
+def unheard(time: Deaf) -> str:
+    """A time without ears, in words."""
+    text = harmless(time.text)
+    if time.to_ns is None:
+        return f"nothing heard from {moment(time.from_ns)} to the end: {text}"
+    if time.to_ns == time.from_ns:
+        return f"at {moment(time.from_ns)}: {text}"
+    return f"nothing heard for {duration(time.to_ns - time.from_ns)} from {moment(time.from_ns)}: {text}"

@@ -1,0 +1,106 @@
+"""What check values say of bytes: the judge that the readers of text ask which characters are bytes.
+
+A stretch is right when it is an RTU frame whose CRC is right at the length that its header predicts (or over all of the
+bytes, whatever the header says), an ASCII frame with a right LRC, or Modbus TCP: headers from the first byte on, end to
+end, each with protocol 0 and the length that its function predicts. Plain Python, at a bounded price.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final, Literal
+
+from captures.text.choosing import Checked
+from dissectors.answers import expectation
+from dissectors.crc import crc_ok
+from dissectors.declaration import EXCEPTION
+from dissectors.envelopes import MBAP, ascii_frames, tcp_frames
+from dissectors.lengths import Role, pdu_length, rule
+
+from .tiling import LEAST, MOST, predicted
+
+_LOOK: Final = 20  # places, behind the last right frame, at which another may begin
+_LAST_EXCEPTION: Final = 0x0B
+
+
+def judge(data: bytes) -> list[Checked]:
+    """The stretches of these bytes whose check value is right, in order; none overlaps another."""
+    if len(data) < LEAST:
+        return []
+    if data[:1] in (b":", b">"):
+        right = (adu for adu in ascii_frames(data) if adu.check_ok)
+        return [Checked(adu.start, adu.start + adu.length, _answers_itself(adu.data[:-1])) for adu in right]
+    return list(_rtu(data)) or list(_tcp(data))
+
+
+def envelope_of(data: bytes) -> Literal["rtu", "ascii", "tcp"] | None:
+    """The envelope in which these bytes have a right check value; None where there is none."""
+    if any(_rtu(data)):
+        return "rtu"
+    if any(adu.check_ok for adu in ascii_frames(data)):
+        return "ascii"
+    return "tcp" if any(_tcp(data)) else None
+
+
+def _rtu(data: bytes) -> Iterator[Checked]:
+    if len(data) <= MOST and crc_ok(data) and predicted_roles(data):
+        yield Checked(0, len(data), _repeats(data))
+        return
+    at, looked, right = 0, 0, False
+    while at <= len(data) - LEAST and looked < _LOOK:
+        length = 0
+        head = data[at : at + MOST] if _may_begin(data, at) else b""
+        for role in Role if head else ():
+            expected = predicted(head, role)
+            if expected is not None and LEAST <= expected <= len(head) and crc_ok(head[:expected]):
+                length = expected
+                break
+        if length:
+            yield Checked(at, at + length, _repeats(head[:length]))
+            right, looked = True, 0
+        looked += 1
+        at += length or 1
+    if not right and len(data) <= MOST and crc_ok(data) and data[1] not in (0, EXCEPTION):
+        yield Checked(0, len(data))
+
+
+def _may_begin(data: bytes, at: int) -> bool:
+    """Whether a frame that is known how to measure can begin here."""
+    function = data[at + 1]
+    if function & EXCEPTION:
+        return 0 < data[at + 2] <= _LAST_EXCEPTION
+    return rule(function, Role.REQUEST) is not None
+
+
+def predicted_roles(data: bytes) -> tuple[Role, ...]:
+    """The roles in which the header of these bytes predicts just their number."""
+    return tuple(role for role in Role if predicted(data, role) == len(data))
+
+
+def _repeats(adu: bytes) -> bool:
+    """Whether the answer to these bytes may be the same bytes again."""
+    return predicted_roles(adu) == tuple(Role) and _answers_itself(adu[:-2])
+
+
+def _answers_itself(body: bytes) -> bool:
+    """The same of unit and PDU."""
+    alike = all(pdu_length(body[1:], role) == len(body) - 1 for role in Role)
+    return alike and expectation(body).fits(body)
+
+
+def _tcp(data: bytes) -> Iterator[Checked]:
+    if predicted_roles(data):
+        return  # as well an RTU frame that was damaged
+    for adu in tcp_frames(data):
+        if len(adu.data) != MBAP - 1 + int.from_bytes(adu.data[4:6], "big") or not sound(adu.pdu):
+            return
+        yield Checked(adu.start, adu.start + adu.length, _answers_itself(adu.data[MBAP - 1 :]))
+
+
+def sound(pdu: bytes) -> bool:
+    """Whether a PDU is of a declared function and as long as it predicts in either role."""
+    for role in Role:
+        declared = rule(pdu[0], role) if pdu else None
+        if declared is not None and (declared.variable or pdu_length(pdu, role) == len(pdu)):
+            return True
+    return False

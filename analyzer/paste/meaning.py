@@ -1,0 +1,47 @@
+"""Pasted frames by a register map: the names and values of what they carry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Final
+
+from dissectors.maps import RegisterMap
+from dissectors.maps.decoding import MappedReading, readings_by_map
+
+_AREAS: Final = {
+    1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding", 16: "holding", 22: "holding",
+    23: "holding", 4: "input",
+}  # fmt: skip
+
+
+def mapped_readings(line: Mapping[str, Any], chart: RegisterMap) -> list[MappedReading]:
+    """What a frame (its JSON object) carries by a map; registers of which the address is not known are left out."""
+    area = _AREAS.get(line.get("function") or 0)
+    if area is None or line.get("exception") is not None:
+        return []
+    return readings_by_map(chart, area, dict(_words(line.get("fields") or ())))
+
+
+def _words(fields: Iterable[Mapping[str, Any]]) -> Iterator[tuple[int, int]]:
+    """Addresses and values of a frame's registers and bits."""
+    for field in fields:
+        address, value = field.get("address"), field.get("value")
+        if isinstance(address, int) and isinstance(value, int) and field["name"] not in ("address", "start"):
+            yield address, int(value)
+        yield from _words(field.get("fields") or ())
+
+
+def meaning_text(lines: Iterable[Mapping[str, Any]], chart_of: Mapping[int, RegisterMap]) -> str:
+    """The values of some frames as text, a heading a frame."""
+    parts = []
+    for line in lines:
+        chart = chart_of.get(line.get("unit") or 0)
+        readings = mapped_readings(line, chart) if chart is not None else []
+        if readings:
+            width = max(len(reading.row.name) for reading in readings)
+            parts.append(f"by the map, unit {line['unit']} at byte {line['start']}:")
+            for reading in readings:
+                last = f"-{reading.row.end - 1}" if reading.row.length > 1 else ""
+                where = f"{reading.row.area} {reading.row.address}{last}"
+                parts.append(f"  {reading.row.name:<{width}}  {reading.text}  ({where})")
+    return "".join(f"{part}\n" for part in parts)

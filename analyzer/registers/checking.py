@@ -1,0 +1,231 @@
+"""A map against a capture: what is polled and not mapped, mapped and never polled, and what the values contradict.
+
+A contradiction is only what the readings cannot be under the map: a number out of its range, a state without a name, a
+sign or an order or a type that another reading explains beyond doubt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Final, cast
+
+import numpy as np
+
+from dissectors.maps.model import MappedValue, RegisterMap
+from dissectors.values import Order
+
+from .hypotheses import numbers, patterns
+from .inference import hypothesis_number, infer
+from .readings import BlockReadings, RegisterReadings
+from .roles import is_signed
+from .values import RegisterValue
+
+_SURE: Final = 0.985  # confidence of another reading that contradicts a map
+_STEPS: Final = 4  # different readings, before their steps are judged
+_ENOUGH: Final = 8  # changes, before a type is judged
+
+
+@dataclass(frozen=True, slots=True)
+class MapRemark:
+    """Something about a map and a capture. `kind`: contradiction, partial (asked for in part), unmapped (asked for, not
+    in the map) or unpolled."""
+
+    kind: str
+    unit: int
+    area: str
+    address: int
+    words: int
+    name: str
+    text: str
+
+    def to_json(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+def overlaps(chart: RegisterMap) -> list[str]:
+    """Values of a map that share registers without being the same ones, in words."""
+    found = []
+    rows = sorted((row for row in chart.rows), key=lambda row: (row.area, row.address, row.length))
+    for one, other in pairwise(rows):
+        if one.area == other.area and other.address < one.end and (one.address, one.end) != (other.address, other.end):
+            found.append(
+                f"{one.area} {other.address}: {other.name!r} lies within {one.name!r} ({one.address} to {one.end - 1})"
+            )
+    return found
+
+
+def check_map(readings: RegisterReadings, charts: Mapping[int, RegisterMap]) -> list[MapRemark]:
+    """Remarks on the maps of these units, contradictions first."""
+    found: list[MapRemark] = []
+    for unit, chart in charts.items():
+        blocks = [block for block in readings if block.unit == unit]
+        if not blocks:
+            continue
+        free = infer(readings, units=[unit])
+        for row in chart.rows:
+            found += _contradictions(unit, row, blocks, free)
+        found += _cuts(unit, chart, blocks)
+        found += _coverage(unit, chart, blocks)
+    order = ("contradiction", "partial", "unmapped", "unpolled")
+    return sorted(found, key=lambda remark: (order.index(remark.kind), remark.unit, remark.area, remark.address))
+
+
+def _contradictions(
+    unit: int, row: MappedValue, blocks: Sequence[BlockReadings], free: Sequence[RegisterValue]
+) -> Iterator[MapRemark]:
+    block = max(
+        (b for b in blocks if b.area == row.area and b.address <= row.address and row.end <= b.address + b.quantity),
+        key=lambda b: b.count,
+        default=None,
+    )
+    if block is None:
+        return
+    for text in _wrong(row, block, free):
+        yield MapRemark("contradiction", unit, row.area, row.address, row.length, row.name, text)
+
+
+def _wrong(row: MappedValue, block: BlockReadings, free: Sequence[RegisterValue]) -> Iterator[str]:
+    at = row.address - block.address
+    words, _ = block.series
+    mine = words[:, at : at + row.length]
+    order = cast(Order, row.order)
+    if row.area in ("coil", "discrete"):
+        return
+    if row.type == "text":
+        octets = mine[-1].byteswap().tobytes().rstrip(b"\0 \xff")
+        strange = sum(byte < 0x20 for byte in octets)
+        if len(octets) > 3 and strange > len(octets) / 3:
+            yield f"a text, but it holds {' '.join(f'{word:04X}' for word in mine[-1][:4])}"
+        return
+    if row.type == "enum":
+        if row.values:
+            seen = {int(state) for state in np.unique(patterns(mine, order))}
+            if strange_states := sorted(seen - set(row.values))[:4]:
+                yield f"states without a name: {', '.join(map(str, strange_states))}"
+        return
+    if row.type.startswith("bcd"):
+        shifts = np.arange(0, 16 * row.length, 4, dtype=np.uint64)
+        digits = patterns(mine, order)[:, None] >> shifts & np.uint64(15)
+        if (digits > 9).any():
+            yield "BCD, but not all digits are decimal"
+        return
+    yield from _out_of_range(row, mine)
+    yield from _wrong_sign(row, mine)
+    yield from _wrong_type(row, mine, free)
+
+
+def _out_of_range(row: MappedValue, mine: np.ndarray[Any, Any]) -> Iterator[str]:
+    values = numbers(mine, row.order, is_float=row.is_float, signed=row.is_signed)  # type: ignore[arg-type]
+    with np.errstate(all="ignore"):
+        values = values * row.scale + row.offset
+    if row.is_float and not np.isfinite(values).all():
+        if not np.isnan(values).all():
+            yield "a float that is infinite or not a number, now and then"
+        values = values[np.isfinite(values)]
+    if not len(values) or row.scale_address is not None:
+        return
+    slack = (
+        abs(row.scale) * 0.51 if not row.is_float else 1e-6 * max(abs(row.minimum or 0), abs(row.maximum or 0), 1e-6)
+    )
+    if row.minimum is not None and values.min() < row.minimum - slack:
+        yield f"{values.min():g} {row.unit}".rstrip() + f" is below its least value {row.minimum:g}"
+    if row.maximum is not None and values.max() > row.maximum + slack:
+        yield f"{values.max():g} {row.unit}".rstrip() + f" is over its greatest value {row.maximum:g}"
+
+
+def _wrong_sign(row: MappedValue, mine: np.ndarray[Any, Any]) -> Iterator[str]:
+    if row.is_float or row.type not in ("u16", "u32", "u64", "s16", "s32", "s64"):
+        return
+    series = patterns(mine, row.order)  # type: ignore[arg-type]
+    top = np.uint64(1 << (16 * row.length - 1))
+    over = series >= top
+    if not over.any() or over.all():
+        return
+    if not row.is_signed and is_signed(series, row.length):
+        below, above = int(series[over].max()) - 2 * int(top), int(series[~over].min())
+        yield f"unsigned, but it passes below zero ({below} and {above} were read)"
+    if row.is_signed:
+        near = np.abs(np.diff(series.astype(np.float64)))
+        passes = (over[1:] != over[:-1]) & (near < float(top) / 4)
+        if passes.any() and not is_signed(series, row.length):
+            yield f"signed, but it passes {int(top)} as if it were not"
+
+
+def _wrong_type(row: MappedValue, mine: np.ndarray[Any, Any], free: Sequence[RegisterValue]) -> Iterator[str]:
+    if hypothesis_number(row) is None or row.type in ("bits", "time"):
+        return
+    order = cast(Order, row.order)
+    changes = int((mine[1:] != mine[:-1]).any(axis=1).sum())
+    if not changes:
+        return
+    if row.is_float:
+        values = np.abs(numbers(mine, order, is_float=True))
+        absurd = np.isfinite(values) & (values != 0) & ((values < 1e-15) | (values > 1e20))
+        if absurd.mean() > 0.2:
+            yield f"a float {row.order}, but it would be {values[absurd][0]:.3g}"
+            return
+    elif row.length > 1:
+        low = patterns(mine, order) & np.uint64(0xFFFF)
+        distinct = len(np.unique(patterns(mine, order)))
+        if distinct >= _STEPS and (low == low[0]).all():
+            yield f"{row.type} {row.order}, but it would move in steps of 65536 alone"
+            return
+    if changes < _ENOUGH:
+        return
+    for value in free:
+        if value.area != row.area or value.address >= row.end or value.address + value.words <= row.address:
+            continue
+        same = (value.address, value.words, value.kind == "float") == (row.address, row.length, row.is_float)
+        if same and value.order in (None, row.order):
+            return
+        if value.changes < _ENOUGH or value.confidence < _SURE:
+            continue
+        sure_of_words = value.words > 1 or row.is_float or row.length > 1
+        if sure_of_words:
+            mapped = f"{row.type} {row.order}" if row.length > 1 else row.type
+            read = f"{value.type} {value.order}" if value.order else value.type
+            yield f"{mapped}, but the readings are those of a {read} at {value.address} ({value.confidence:.1%})"
+            return
+
+
+def _cuts(unit: int, chart: RegisterMap, blocks: Sequence[BlockReadings]) -> Iterator[MapRemark]:
+    """Values of which every request that touches them asks for a part alone."""
+    for row in chart.rows:
+        if row.length == 1 or row.type == "text":
+            continue
+        touching = [
+            b for b in blocks if b.area == row.area and b.address < row.end and row.address < b.address + b.quantity
+        ]
+        if touching and not any(b.address <= row.address and row.end <= b.address + b.quantity for b in touching):
+            b = touching[0]
+            asked = f"{b.address} to {b.address + b.quantity - 1}"
+            text = f"takes {row.length} registers, but it is asked for in part only ({asked})"
+            yield MapRemark("partial", unit, row.area, row.address, row.length, row.name, text)
+
+
+def _coverage(unit: int, chart: RegisterMap, blocks: Sequence[BlockReadings]) -> Iterator[MapRemark]:
+    mapped = {(row.area, address) for row in chart.rows for address in range(row.address, row.end)}
+    polled = {(b.area, address) for b in blocks for address in range(b.address, b.address + b.quantity)}
+    for area, first, last in _stretches(polled - mapped):
+        text = "asked for, but not in the map"
+        yield MapRemark("unmapped", unit, area, first, last - first + 1, "", text)
+    for row in chart.rows:
+        if not any((row.area, address) in polled for address in range(row.address, row.end)):
+            text = "in the map, but never asked for"
+            yield MapRemark("unpolled", unit, row.area, row.address, row.length, row.name, text)
+
+
+def _stretches(places: set[tuple[Any, int]]) -> Iterator[tuple[str, int, int]]:
+    """Neighbouring addresses as (area, first, last)."""
+    begin: tuple[str, int] | None = None
+    before: tuple[str, int] | None = None
+    for place in sorted(places):
+        if before is None or begin is None or place != (before[0], before[1] + 1):
+            if begin is not None and before is not None:
+                yield begin[0], begin[1], before[1]
+            begin = place
+        before = place
+    if begin is not None and before is not None:
+        yield begin[0], begin[1], before[1]

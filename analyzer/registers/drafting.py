@@ -1,0 +1,72 @@
+"""A map out of traffic, and the differences of two maps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
+
+from dissectors.maps.cells import cells_of
+from dissectors.maps.model import MappedValue, RegisterMap
+
+from .values import RegisterValue
+
+_SKIPPED = ("other",)
+
+
+def drafted_map(values: Sequence[RegisterValue], device: str, source: str) -> RegisterMap:
+    """A map of what was inferred of one unit: names are addresses, with how sure and why beside them."""
+    orders = [value.order for value in values if value.order and value.changes]
+    order = max(set(orders), key=orders.count) if orders else "ABCD"
+    rows = [_row(value) for value in values if value.kind not in ("unknown",)]
+    return RegisterMap(device, tuple(rows), word_order=order, source=source)
+
+
+def _row(value: RegisterValue) -> MappedValue:
+    kind = value.type if value.kind != "constant" else f"u{16 * value.words}"
+    letter = "b" if value.area in ("coil", "discrete") else "r"
+    return MappedValue(
+        area=value.area,
+        address=value.address,
+        name=value.name or f"{value.role or value.kind} {letter}{value.address}",
+        type=kind,
+        order=value.order or "ABCD",
+        length=value.words,
+        scale=value.scale or 1.0,
+        unit=value.unit_of_measure or "",
+        access="rw" if value.role == "setpoint" else "",
+        description=value.why,
+        other={"confidence": f"{value.confidence:.2f}"},
+    )
+
+
+def map_differences(one: RegisterMap, other: RegisterMap) -> Iterator[str]:
+    """What differs, a line each: header, values that only one has, values that changed."""
+    for field in fields(RegisterMap):
+        if field.name not in ("rows", *_SKIPPED) and getattr(one, field.name) != getattr(other, field.name):
+            yield f"{field.name}: {getattr(one, field.name)!r} -> {getattr(other, field.name)!r}"
+    left, right = _by_place(one), _by_place(other)
+    for key in sorted({*left, *right}):
+        before, after = left.get(key), right.get(key)
+        where = f"{key[0]} {key[1]}"
+        if after is None and before is not None:
+            yield f"- {where} {before.name} ({before.type})"
+        elif before is None and after is not None:
+            yield f"+ {where} {after.name} ({after.type})"
+        elif before is not None and after is not None and before != after:
+            old, new = cells_of(before, "ABCD"), cells_of(after, "ABCD")
+            names = dict.fromkeys([*old, *new])
+            changed = [
+                f"{n} {old.get(n, '')!r} -> {new.get(n, '')!r}" for n in names if old.get(n, "") != new.get(n, "")
+            ]
+            yield f"* {where} {after.name}: {', '.join(changed)}"
+
+
+def _by_place(chart: RegisterMap) -> dict[tuple[str, int, int], MappedValue]:
+    """Rows by area, address and their number at that address."""
+    found: dict[tuple[str, int, int], MappedValue] = {}
+    for row in chart.rows:
+        turn = 0
+        while (row.area, row.address, turn) in found:
+            turn += 1
+        found[row.area, row.address, turn] = row
+    return found

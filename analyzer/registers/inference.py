@@ -1,0 +1,322 @@
+"""What the registers of a bus mean, from what they were.
+
+    readings = RegisterReadings()
+    for batch in analyzer.open("bus.mcap").batches():
+        readings.feed(batch)
+    for value in infer(readings):
+        print(value.unit, value.address, value.type, value.confidence)
+
+Theory: each polled block is cut into values. How likely each cut is follows from the description length of the series
+under each reading (`evidence`), tables learnt on open layouts (`weights`), sums over all cuts (`chain`), and a second
+pass in the light of the whole device (`device`). A map that is known decides for its registers and teaches the rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dissectors.maps.model import MappedValue, RegisterMap
+from dissectors.values import Order
+
+from . import roles
+from .cutting import Cut, cut_of
+from .hypotheses import HYPOTHESES, numbers, patterns
+from .readings import BlockReadings, RegisterReadings, Words
+from .reasons import reasons
+from .relations import SeriesKey, with_relations
+from .runs import Run, run_posteriors, runs_of
+from .texts import bit_values, text_value, texts_in
+from .values import Number, OtherReading, RegisterValue
+from .weights import Weights, shipped_weights
+
+ChartOf = Callable[[int], "RegisterMap | None"]
+_CLOCK_S: Final = 5.0  # seconds, before a clock is told
+_PAIRS: Final = [n for n, hypothesis in enumerate(HYPOTHESES) if hypothesis.family == "i32"]
+_RELATED_BLOCKS: Final = 64  # blocks in which relations are sought
+_NOTHING: Final = (0x0000, 0xFFFF, 0x7FFF, 0x8000)  # words that say nothing when they never move
+
+
+def infer(
+    readings: RegisterReadings,
+    *,
+    units: Sequence[int] | None = None,
+    charts: Mapping[int, RegisterMap] | None = None,
+    weights: Weights | None = None,
+) -> list[RegisterValue]:
+    """The values of all units, or of these, by unit, area and address; `charts` are the maps of units."""
+    weights = weights or shipped_weights()
+    charts = charts or {}
+    blocks = [block for block in readings if units is None or block.unit in units]
+    runs = runs_of(blocks)
+    for run in runs:
+        _settle_clocks(run)
+        if run.unit in charts:
+            _settle_mapped(run, charts[run.unit])
+    cuts: dict[int, list[tuple[Run, list[Cut]]]] = {}
+    for run, posterior in zip(runs, run_posteriors(runs, weights), strict=True):
+        cuts.setdefault(run.unit, []).append((run, cut_of(run, posterior)))
+    found: list[RegisterValue] = []
+    for unit in sorted({block.unit for block in blocks}):
+        chart = charts.get(unit)
+        order = _device_order([cut for _, cut_list in cuts.get(unit, []) for cut in cut_list])
+        for run, cut_list in cuts.get(unit, []):
+            found += _values(run, cut_list, chart, order)
+        found += bit_values([block for block in blocks if block.unit == unit], chart)
+    found.sort(key=lambda value: (value.unit, value.area, value.address))
+    return with_relations(found, _moved_series(runs, found))
+
+
+def _moved_series(
+    runs: Sequence[Run], values: Sequence[RegisterValue]
+) -> dict[SeriesKey, tuple[int, NDArray[np.float64]]]:
+    """The readings of numbers that moved, each with the number of its block, of the first blocks that have several."""
+    places: dict[tuple[int, str], list[Run]] = {}
+    for run in runs:
+        places.setdefault((run.unit, run.area), []).append(run)
+    found: dict[int, dict[SeriesKey, NDArray[np.float64]]] = {}
+    for value in values:
+        if not value.changes or value.kind not in ("int", "float") or value.words not in (1, 2, 4):
+            continue
+        inside = (r for r in places.get((value.unit, value.area), ()) if 0 <= value.address - r.address < r.length)
+        owner = next(inside, None)
+        if owner is None:
+            continue
+        order: Order = cast(Order, value.order or "ABCD")
+        number = next(
+            n for n, h in enumerate(HYPOTHESES)
+            if (h.words, h.is_float, h.order) == (value.words, value.kind == "float", value.order)
+        )  # fmt: skip
+        block, columns = owner.source_of(value.address - owner.address, value.words, number)
+        if id(block) not in found and len(found) >= _RELATED_BLOCKS:
+            continue
+        words = next(series for other, series in zip(owner.blocks, owner.series, strict=True) if other is block)[0]
+        mine = words[:, columns[0] : columns[0] + value.words]
+        floats = numbers(mine, order, is_float=value.kind == "float", signed=value.signed)
+        found.setdefault(id(block), {})[value.unit, value.area, value.address] = floats
+    return {
+        key: (number, floats) for number, by_key in found.items() if len(by_key) > 2 for key, floats in by_key.items()
+    }
+
+
+def _settle_mapped(run: Run, chart: RegisterMap) -> None:
+    """A mapped value excludes every other reading of its registers."""
+    for row in chart.within(run.area, run.address, run.length):
+        number = hypothesis_number(row)
+        if number is not None and run.fits[row.address - run.address, number]:
+            _settle(run, row.address - run.address, number)
+
+
+def _settle_clocks(run: Run) -> None:
+    """Two registers that count seconds since 1970 as fast as time passes are that, and nothing else."""
+    for (words, _), block in zip(run.series, run.blocks, strict=True):
+        seconds = (block.last_ns - block.first_ns) / 1e9
+        if seconds < _CLOCK_S or block.quantity < 2:
+            continue
+        for number in _PAIRS:
+            order: Order = HYPOTHESES[number].order or "ABCD"
+            ends = np.stack((words[0], block.last))
+            pairs = patterns(np.stack((ends[:, :-1], ends[:, 1:]), axis=-1), order)
+            for at in np.flatnonzero((pairs[0] >= roles.EPOCH[0]) & (pairs[1] > pairs[0])).tolist():
+                if roles.is_clock(pairs[:, at], seconds):
+                    _settle(run, block.address - run.address + at, number)
+
+
+def _settle(run: Run, begin: int, number: int) -> None:
+    """Only this hypothesis stands for its registers."""
+    end = begin + HYPOTHESES[number].words
+    for other, hypothesis in enumerate(HYPOTHESES):
+        run.fits[max(0, begin - hypothesis.words + 1) : end, other] = False
+    run.fits[begin, number] = True
+
+
+def hypothesis_number(row: MappedValue) -> int | None:
+    """The hypothesis that a mapped value is, bytes swapped in its words or not; None where it is none of them."""
+    order = {"BADC": "ABCD", "DCBA": "CDAB"}.get(row.order, row.order)
+    for number, hypothesis in enumerate(HYPOTHESES):
+        same = (hypothesis.words, hypothesis.is_float) == (row.length, row.is_float) and row.type != "text"
+        if same and hypothesis.order in (None, order):
+            return number
+    return None
+
+
+def _device_order(cuts: list[Cut]) -> str | None:
+    """The word order of which the device's other values leave little doubt."""
+    sums = {"ABCD": 0.0, "CDAB": 0.0}
+    for cut in cuts:
+        order = HYPOTHESES[cut.number].order
+        if cut.moved and order:
+            sums[order] += cut.confidence
+    best, other = sorted(sums, key=lambda order: -sums[order])
+    return best if sums[best] > 1.5 and sums[best] > 5 * sums[other] else None
+
+
+def _values(run: Run, cuts: list[Cut], chart: RegisterMap | None, order: str | None) -> Iterator[RegisterValue]:
+    texts = dict(texts_in(run))
+    until = 0
+    for cut in cuts:
+        if cut.at < until:
+            continue
+        row = chart.at(run.area, run.address + cut.at) if chart is not None else None
+        begins = row is not None and row.address == run.address + cut.at
+        if row is not None and begins and row.type == "text" and row.end <= run.address + run.length:
+            until = row.end - run.address
+            yield text_value(run, cut.at, until, row)
+            continue
+        if cut.at in texts and row is None:
+            until = texts[cut.at]
+            yield text_value(run, cut.at, until, None)
+            continue
+        if cut.moved or row is not None or HYPOTHESES[cut.number].words == 1:
+            yield _value(run, cut, row, order)
+        else:  # nothing moved: each register for itself
+            for at in range(cut.at, cut.at + HYPOTHESES[cut.number].words):
+                yield _value(
+                    run, Cut(run, at, 0, cut.confidence, False, (cut.at, cut.number, cut.confidence)), None, order
+                )
+
+
+def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None) -> RegisterValue:
+    hypothesis = HYPOTHESES[cut.number]
+    if row is not None and (row.address != run.address + cut.at or row.length != hypothesis.words):
+        row = None
+    block, columns = run.source_of(cut.at, hypothesis.words, cut.number)
+    words, beginning = next(series for other, series in zip(run.blocks, run.series, strict=True) if other is block)
+    mine = words[:, columns[0] : columns[0] + hypothesis.words]
+    device_order: Order = cast(Order, row.order) if row is not None else hypothesis.order or "ABCD"
+    series = patterns(mine, device_order)
+    moved = bool((mine != mine[0]).any())
+    signed = hypothesis.is_float or (row.is_signed if row is not None else roles.is_signed(series, hypothesis.words))
+    floats = numbers(mine, device_order, is_float=hypothesis.is_float, signed=signed)
+    ends = np.array([series[0], patterns(block.last[columns][None], device_order)[0]])
+    clock = hypothesis.family == "i32" and roles.is_clock(ends, (block.last_ns - block.first_ns) / 1e9)
+    kind = _kind(hypothesis.is_float, series[:beginning], hypothesis.words, moved, clock, row)
+    written = any(b.written and b.address <= run.address + cut.at < b.address + b.quantity for b in run.blocks)
+    role = roles.role_of(kind, floats[:beginning], moved=moved, written=written or (row is not None and row.writable))
+    low, high = _extremes(block, columns, hypothesis.is_float, device_order, signed, floats)
+    shared = f"{order} is the order of the other values" if order and hypothesis.order == order else None
+    confidence = cut.confidence
+    if row is not None:
+        confidence, why = 1.0, "as the map has it"
+    elif moved:
+        why = reasons(cut, [mine[0].tolist(), mine[-1].tolist()], shared=shared)
+    else:
+        why = _constant_words(run, cut, int(mine[0, 0]))
+    second = None if row is not None else _other(run, cut)
+    return RegisterValue(
+        unit=run.unit,
+        area=run.area,
+        address=run.address + cut.at,
+        words=hypothesis.words,
+        kind=kind,
+        signed=signed,
+        order=device_order if hypothesis.words > 1 else None,
+        role=role,
+        confidence=round(confidence, 4),
+        bits=round(_odds(confidence, second.confidence if second else 1 - confidence), 2),
+        why=why,
+        readings=block.count,
+        changes=int(block.changes[columns].max()) if len(columns) == 1 else _changes(block, mine),
+        minimum=low,
+        maximum=high,
+        last=_last(block.last[columns], device_order, is_float=hypothesis.is_float, signed=signed),
+        runner_up=second,
+        name=row.name if row is not None else None,
+        scale=row.scale if row is not None else None,
+        unit_of_measure=row.unit if row is not None else None,
+    )
+
+
+def _kind(
+    is_float: bool, series: NDArray[np.uint64], words: int, moved: bool, clock: bool, row: MappedValue | None
+) -> str:
+    if is_float:
+        return "float"
+    if row is not None and row.type in ("bits", "enum", "time"):
+        return row.type
+    if row is not None:
+        return "bcd" if row.type.startswith("bcd") else "int"
+    if not moved:
+        return "unknown" if int(series[0]) in _NOTHING else "constant"
+    if words == 1 and roles.is_bits(series):
+        return "bits"
+    if words == 1 and roles.is_enum(series):
+        return "enum"
+    if clock:
+        return "time"
+    if words <= 2 and roles.is_bcd(series, words):
+        return "bcd"
+    return "int"
+
+
+def _extremes(
+    block: BlockReadings,
+    columns: NDArray[np.int64],
+    is_float: bool,
+    order: str,
+    signed: bool,
+    floats: NDArray[np.float64],
+) -> tuple[Number, Number]:
+    first = int(columns[0])
+    if len(columns) == 1 and order in ("ABCD", "CDAB"):
+        if not signed:
+            return int(block.least[first]), int(block.greatest[first])
+        low, high = block.extremes["s16"]
+    elif len(columns) == 2 and order in ("ABCD", "CDAB"):
+        low, high = block.extremes[f"{'f' if is_float else 's' if signed else 'u'}32 {order}"]
+    else:
+        least, greatest = float(np.fmin.reduce(floats)), float(np.fmax.reduce(floats))
+        return (least, greatest) if is_float else (int(least), int(greatest))
+    return _shown(low[first]), _shown(high[first])
+
+
+def _shown(number: Any) -> Number:
+    """A number as people read it: of a float of 32 bits the digits that it has."""
+    if isinstance(number, np.floating):
+        return float(f"{float(number):.7g}") if math.isfinite(number) else None
+    return int(number)
+
+
+def _last(words: Words, order: Order, *, is_float: bool, signed: bool) -> Number:
+    number = numbers(words[None], order, is_float=is_float, signed=signed)[0]
+    if is_float:
+        return _shown(np.float32(number)) if len(words) == 2 else _shown(number)
+    whole = int(patterns(words[None], order)[0])
+    width = 16 * len(words)
+    return whole - (1 << width) if signed and whole >> (width - 1) else whole
+
+
+def _changes(block: BlockReadings, words: Words) -> int:
+    """How often a wide value changed: exactly, where all its readings stay; else at least so often."""
+    if block.stride == 1:
+        return int((words[1:] != words[:-1]).any(axis=1).sum())
+    return int(block.changes.max(initial=0, where=np.ones(len(block.changes), np.bool_)))
+
+
+def _other(run: Run, cut: Cut) -> OtherReading | None:
+    if cut.second is None or cut.second[2] < 0.005:
+        return None
+    at, number, share = cut.second
+    hypothesis = HYPOTHESES[number]
+    kind = "float" if hypothesis.is_float else "int"
+    return OtherReading(run.address + at, hypothesis.words, kind, hypothesis.order, round(share, 4))
+
+
+def _odds(confidence: float, other: float) -> float:
+    return max(math.log2(max(confidence, 1e-6) / max(other, 1e-4)), 0.0)
+
+
+def _constant_words(run: Run, cut: Cut, word: int) -> str:
+    said = f"has been {word} ({word:04X}) all the time"
+    if cut.second and cut.second[1]:
+        at, number, _ = cut.second
+        hypothesis = HYPOTHESES[number]
+        block, columns = run.source_of(at, hypothesis.words, number)
+        value = _last(block.last[columns], hypothesis.order or "ABCD", is_float=hypothesis.is_float, signed=False)
+        if hypothesis.is_float and isinstance(value, float) and value and 1e-6 < abs(value) < 1e9:
+            said += f"; with its neighbour a float {hypothesis.order} of {value:g}, perhaps"
+    return said

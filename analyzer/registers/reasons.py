@@ -1,0 +1,41 @@
+"""Why a value is read as it is, in words for an engineer."""
+
+from __future__ import annotations
+
+from .cutting import Cut
+from .hypotheses import HYPOTHESES
+
+_SHOWN = 0.6  # below this confidence two readings are shown
+
+
+def type_words(number: int) -> str:
+    """A hypothesis in words."""
+    hypothesis = HYPOTHESES[number]
+    return f"{16 * hypothesis.words}-bit{' float' if hypothesis.is_float else ''}" + (
+        f" {hypothesis.order}" if hypothesis.order else ""
+    )
+
+
+def reasons(cut: Cut, words: list[list[int]], *, shared: str | None) -> str:
+    """One line about a value that moved; `words` are the first and the last reading of its registers."""
+    hypothesis = HYPOTHESES[cut.number]
+    first, last = words
+    found = []
+    if hypothesis.words > 1:
+        quiet = [place for place in range(hypothesis.words) if not cut.run.moved[cut.at + place]]
+        if quiet:
+            names = ", ".join(f"r{cut.run.address + cut.at + place}" for place in quiet)
+            found.append(f"{names} has been {'/'.join(f'{first[place]:04X}' for place in quiet)} all the time")
+        elif hypothesis.is_float:
+            found.append("the registers move as one float")
+        else:
+            found.append("the low word runs through, the high word carries")
+        if shared:
+            found.append(shared)
+    elif first != last or cut.moved:
+        found.append("moves by itself")
+    if cut.second and cut.confidence < _SHOWN:
+        at, number, share = cut.second
+        other = f"{type_words(number)} at {cut.run.address + at} ({share:.0%})"
+        found.append(f"{type_words(cut.number)} ({cut.confidence:.0%}) or {other}")
+    return "; ".join(found)

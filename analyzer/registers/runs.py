@@ -1,0 +1,165 @@
+"""Runs of neighbouring registers of one unit: the polled blocks laid over each other, with the evidence of each.
+
+Where several blocks cover the same registers, the one with most readings speaks. A value lies within one request, so
+registers that no block covers together are never one value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from captures.ragged import Ints
+from dissectors.maps.model import MapArea
+
+from .chain import IMPOSSIBLE, chain_sums
+from .device import device_codes, device_counts
+from .evidence import NONE, BlockEvidence, Codes, block_evidence
+from .hypotheses import HYPOTHESES, moved_registers
+from .readings import BlockReadings, Words
+from .weights import Weights
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(slots=True, eq=False)
+class Run:
+    """T neighbouring registers of one unit and area, from `address` on.
+
+    `codes[h]` are the tables' entries of hypothesis h, `fits` (T, H) where it can stand, `moved` (T) which registers
+    moved, `source` (T, H) the number of the block that speaks of a segment, `series` the readings of each block.
+    """
+
+    unit: int
+    area: MapArea
+    address: int
+    blocks: list[BlockReadings]
+    series: list[tuple[Words, int]]
+    codes: list[Codes]
+    fits: NDArray[np.bool_]
+    moved: NDArray[np.bool_]
+    source: Ints
+
+    @property
+    def length(self) -> int:
+        return len(self.moved)
+
+    def source_of(self, at: int, words: int, number: int) -> tuple[BlockReadings, Ints]:
+        """The block that speaks of a segment under a hypothesis, and its columns there."""
+        which = int(self.source[at, number])
+        block = self.blocks[which if which >= 0 else int(self.source[at, 0])]
+        begin = self.address + at - block.address
+        return block, np.arange(begin, begin + words)
+
+
+def runs_of(blocks: Iterable[BlockReadings]) -> list[Run]:
+    """The runs of registers (not of coils and inputs) in these blocks, by unit, area and address."""
+    words = [block for block in blocks if block.area in ("input", "holding")]
+    series = {id(block): block.series for block in words}
+    evidence = dict(zip(series, block_evidence(list(series.values())), strict=True))
+    groups: dict[tuple[int, MapArea], list[BlockReadings]] = {}
+    for block in words:
+        groups.setdefault((block.unit, block.area), []).append(block)
+    found = []
+    for members in groups.values():
+        members.sort(key=lambda block: block.address)
+        together: list[BlockReadings] = []
+        end = -1
+        for block in members:
+            if together and block.address > end:
+                found.append(_run(together, series, evidence))
+                together = []
+            together.append(block)
+            end = max(end, block.address + block.quantity) if len(together) > 1 else block.address + block.quantity
+        found.append(_run(together, series, evidence))
+    return found
+
+
+def _run(
+    blocks: list[BlockReadings], series: Mapping[int, tuple[Words, int]], evidence: Mapping[int, BlockEvidence]
+) -> Run:
+    address = min(block.address for block in blocks)
+    length = max(block.address + block.quantity for block in blocks) - address
+    fits = np.zeros((length, len(HYPOTHESES)), np.bool_)
+    source = np.full((length, len(HYPOTHESES)), -1, np.int64)
+    moved = np.zeros(length, np.bool_)
+    codes: list[dict[str, Ints]] = [{} for _ in HYPOTHESES]
+    ranked = sorted(range(len(blocks)), key=lambda number: (blocks[number].count, not blocks[number].written))
+    for number in ranked:
+        block = blocks[number]
+        mine = evidence[id(block)]
+        at = block.address - address
+        moved[at : at + block.quantity] = mine.moved
+        for hypothesis, by_table in enumerate(mine.codes):
+            for name, values in by_table.items():
+                whole = codes[hypothesis].setdefault(name, np.full(length, NONE, np.int64))
+                whole[at : at + len(values)] = values
+                fits[at : at + len(values), hypothesis] = True
+                source[at : at + len(values), hypothesis] = number
+    own = [series[id(block)] for block in blocks]
+    return Run(blocks[0].unit, blocks[0].area, address, blocks, own, list(codes), fits, moved, source)
+
+
+def run_posteriors(runs: Sequence[Run], weights: Weights) -> list[Floats]:
+    """The share of each segment (T, H) of each run, in the light of its whole unit."""
+    if not runs:
+        return []
+    first = run_pass(runs, weights, 0, [weights.scores(0, run.codes, run.length) for run in runs], 1.0)
+    scores = [weights.scores(1, codes, run.length) for run, codes in zip(runs, second_codes(runs, first), strict=True)]
+    return run_pass(runs, weights, 1, scores, weights.temperature)
+
+
+def second_codes(runs: Sequence[Run], first: Sequence[Floats]) -> list[list[Codes]]:
+    """The codes of the second pass: those of the first, and what the unit's other values are by the first pass."""
+    moved = [moved_registers(run.moved) > 0 for run in runs]
+    counts: dict[int, Floats] = {}
+    for run, own, moves in zip(runs, first, moved, strict=True):
+        none: Floats = np.zeros((2, len(HYPOTHESES)))
+        counts[run.unit] = np.add(counts.get(run.unit, none), device_counts(own, moves))
+    return [
+        [
+            {**one, **other}
+            for one, other in zip(run.codes, device_codes(counts[run.unit], own, moves, run.fits), strict=True)
+        ]
+        for run, own, moves in zip(runs, first, moved, strict=True)
+    ]
+
+
+def run_pass(
+    runs: Sequence[Run], weights: Weights, which: int, scores: list[Floats], temperature: float
+) -> list[Floats]:
+    """Shares of one pass: of a device with either word order, weighed by how well all its runs together bear it."""
+    units = {unit: number for number, unit in enumerate(dict.fromkeys(run.unit for run in runs))}
+    devices = np.array([units[run.unit] for run in runs])
+    priors, by_order = weights.orders(which)
+    totals = np.tile(priors / temperature, (len(units), 1))
+    posteriors = np.empty((len(runs), 2), object)
+    transitions, begin, end = weights.chain(which)
+    for part in _alike(runs):
+        lengths = np.array([runs[number].length for number in part])
+        padded = np.full((len(part), int(lengths.max()), len(HYPOTHESES)), IMPOSSIBLE)
+        for row, number in enumerate(part):
+            padded[row, : lengths[row]] = np.where(runs[number].fits, scores[number], IMPOSSIBLE)
+        for order, bonus in enumerate(by_order):
+            odds = (transitions / temperature, begin / temperature, end / temperature)
+            sums = chain_sums((padded + bonus) / temperature, lengths, *odds)
+            np.add.at(totals[:, order], devices[part], sums.log_total)
+            for row, number in enumerate(part):
+                posteriors[number, order] = sums.posterior[row, : lengths[row]]
+    shares = np.exp(totals - totals.max(axis=1, keepdims=True))
+    shares /= shares.sum(axis=1, keepdims=True)
+    return [
+        shares[device, 0] * both[0] + shares[device, 1] * both[1]
+        for device, both in zip(devices, posteriors, strict=True)
+    ]
+
+
+def _alike(runs: Sequence[Run]) -> list[list[int]]:
+    """The runs in groups of about one length."""
+    groups: dict[int, list[int]] = {}
+    for number, run in enumerate(runs):
+        groups.setdefault(run.length.bit_length(), []).append(number)
+    return list(groups.values())

@@ -1,0 +1,225 @@
+"""A site drawn by chance: a line, its client's list, its units; a case does its harm to it and lets it run.
+
+Everything that may differ from site to site does: speed and parity, how many units and how fast, what is polled and how
+often, timeouts, retries and pauses, how long the capture is and that it begins in the middle.
+"""
+
+from __future__ import annotations
+
+import struct
+from array import array
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from random import Random
+from typing import Any
+
+import captures
+
+from ..taps import TAPS, with_errors
+from .master import FieldMaster, FieldPoll, FieldRequest, Manners
+from .schedule import Schedule
+from .uart import Octet, Uart
+from .units import MS, FieldUnit
+from .wire import FieldWire, Pulse
+
+SECOND = 1e9
+_BAUDS = (1200, 2400, 4800, 9600, 9600, 9600, 19200, 19200, 38400, 57600, 115200)
+_PARITIES = ("N", "N", "E", "E", "O")
+_REQUESTS = 1500  # about: a site's capture is no longer than these take
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """What an analysis of a case should say first: a cause (None: nothing at all) and one of these units, if any are
+    named; `also` are other causes that are true of it."""
+
+    cause: str | None
+    units: tuple[int, ...] = ()
+    also: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FieldCapture:
+    """What a tap delivered, and what the clients know about their requests."""
+
+    line: captures.LineSettings
+    chunks: list[captures.Chunk]
+    expected: Expected
+    requests: list[FieldRequest]
+    begin_ns: float
+    end_ns: float
+
+    def lost(self) -> list[FieldRequest]:
+        """Requests within the capture that got no answer that their client took."""
+        return [one for one in self.requests if one.result == "lost" and self.begin_ns < one.end < self.end_ns]
+
+
+@dataclass
+class Bench:
+    """One site."""
+
+    random: Random
+    tap_name: str
+    uart: Uart
+    schedule: Schedule
+    wire: FieldWire
+    units: dict[int, FieldUnit]
+    master: FieldMaster
+    masters: list[FieldMaster]
+    duration_ns: float
+    begin_ns: float
+    header: dict[str, Any] = field(default_factory=dict)
+    marks_errors: bool = True
+    tapped: Callable[[list[Octet]], list[Octet]] = lambda octets: octets  # what the adapter makes of it
+    epoch_ns: int = 0
+
+    def unit(self, *, asked: int = 1) -> FieldUnit:
+        """One of the units, which the client asks for so many things at least."""
+        fit = [u for u in self.units if sum(poll.unit == u for poll in self.master.polls) >= asked]
+        return self.units[self.random.choice(sorted(fit or self.units))]
+
+    def clock(self) -> float:
+        """A moment within the capture, ns."""
+        return self.begin_ns + self.random.random() * (self.duration_ns - self.begin_ns)
+
+    def pulses(self, pulses: Sequence[Pulse]) -> None:
+        """Induce these besides those that are."""
+        self.wire.pulses = sorted([*self.wire.pulses, *pulses])
+
+    def run(self, expected: Expected) -> FieldCapture:
+        """Let it run, and tap it."""
+        for master in self.masters:
+            master.start(0.05 * SECOND + self.random.random() * 0.3 * SECOND)
+        self.schedule.run(self.duration_ns)
+        self.wire.finish(self.duration_ns)
+        return FieldCapture(
+            captures.LineSettings(**self.header),
+            list(self._chunks()),
+            expected,
+            [request for master in self.masters for request in master.requests],
+            self.begin_ns,
+            self.duration_ns,
+        )
+
+    def _chunks(self) -> list[captures.Chunk]:
+        chunks: list[captures.Chunk] = []
+        for port, tap in enumerate(self.wire.taps):
+            stream = self.tapped(tap.recorded)
+            ends = [octet.t_ns for octet in stream]
+            low, high = bisect_left(ends, self.begin_ns), bisect_left(ends, self.duration_ns)
+            part = stream[low:high]
+            data = bytes(octet.value for octet in part)
+            times = array("d", (octet.t_ns + self.epoch_ns for octet in part))
+            errors = [i for i, octet in enumerate(part) if octet.error] if self.marks_errors else []
+            character = tap.uart.char_ns
+            delivered = TAPS[self.tap_name].deliver(data, times, self.random, character)
+            made = with_errors(delivered, errors)
+            chunks += [captures.Chunk(c.t_ns, c.data, port, c.mark, c.errors) for c in made]
+        return sorted(chunks, key=lambda chunk: chunk.t_ns)
+
+
+def site(
+    random: Random,
+    tap: str,
+    *,
+    units: tuple[int, int] = (2, 9),
+    bauds: Sequence[int] = _BAUDS,
+    seconds: tuple[float, float] = (20, 600),
+    parities: Sequence[str] = _PARITIES,
+) -> Bench:
+    """A healthy site; a case narrows what it needs."""
+    uart = Uart(random.choice(bauds), 8, random.choice(parities), 1)
+    if uart.parity == "N" and random.random() < 0.3:
+        uart = Uart(uart.baud, 8, "N", 2)
+    schedule = Schedule()
+    wire = FieldWire(random, schedule, uart)
+    wire.contention = random.choice(("low", "strong", "random"))
+    numbers = random.sample(range(1, 248 if random.random() < 0.2 else 40), random.randint(*units))
+    servers = {number: FieldUnit(number, uart, wire, random) for number in sorted(numbers)}
+    polls = _polls(random, uart, list(servers))
+    slowest = max(server.delay_ms for server in servers.values())
+    manners = _manners(random, uart, slowest)
+    master = FieldMaster(uart, wire, random, polls, manners)
+    duration = min(random.uniform(*seconds), max(seconds[0], _REQUESTS * _usual_seconds(uart, manners, slowest, polls)))
+    header = {"baud": int(uart.baud), "char_bits": uart.char_bits, "tap": tap}
+    if random.random() < 0.4:
+        header["parity"], header["stop_bits"] = uart.parity, uart.stop_bits
+    begin = random.choice((0.0, 0.0, random.uniform(0, 0.1) * duration * SECOND))
+    bench = Bench(
+        random, tap, uart, schedule, wire, servers, master, [master], duration * SECOND + begin, begin, header
+    )
+    bench.marks_errors = random.random() < 0.6
+    bench.epoch_ns = random.choice((0, 0, 1_760_000_000_000_000_000 + random.randrange(10**16)))
+    return bench
+
+
+def _manners(random: Random, uart: Uart, slowest_ms: float) -> Manners:
+    longest = 70 * uart.char_ns / MS
+    least = 4 * slowest_ms + longest
+    base = random.choice((0.0, 2.0, 5.0, 10.0, 20.0, 50.0))
+    spread = random.choice((0.0, 0.1, 0.5))
+    cycle = random.choice((0.0, 0.0, 500.0, 1000.0, 2000.0))
+    if not cycle:  # a client without a cycle rests a little between its polls
+        base = max(base, random.uniform(8, 20) * uart.char_ns / MS)
+    return Manners(
+        timeout_ms=max(least, random.choice((100.0, 200.0, 250.0, 500.0, 1000.0))),
+        retries=random.choice((0, 1, 1, 2, 3)),
+        pause_ms=lambda _: base * (1 + spread * random.random()),
+        cycle_ms=cycle,
+        turnaround_ms=random.choice((100.0, 120.0, 150.0, 200.0)),
+        on_bad=random.choice(("wait", "wait", "again")),
+    )
+
+
+def _usual_seconds(uart: Uart, manners: Manners, delay_ms: float, polls: Sequence[FieldPoll]) -> float:
+    one = 45 * uart.char_ns / MS + 0.6 * delay_ms + manners.pause_ms(0)
+    return max(one, manners.cycle_ms / max(len(polls), 1)) / 1e3
+
+
+def read_pdu(function: int, address: int, quantity: int) -> Callable[[float], bytes]:
+    """A read."""
+    pdu = struct.pack(">BHH", function, address, quantity)
+    return lambda _: pdu
+
+
+def write_pdu(random: Random, function: int, address: int, quantity: int = 1) -> Callable[[float], bytes]:
+    """A write whose values change."""
+
+    def pdu(_: float) -> bytes:
+        if function == 5:
+            return struct.pack(">BHH", 5, address, random.choice((0, 0xFF00)))
+        if function == 6:
+            return struct.pack(">BHH", 6, address, random.randrange(2000))
+        values = [random.randrange(2000) for _ in range(quantity)]
+        return struct.pack(f">BHHB{quantity}H", 16, address, quantity, 2 * quantity, *values)
+
+    return pdu
+
+
+def _polls(random: Random, uart: Uart, numbers: Sequence[int]) -> list[FieldPoll]:
+    longest = 60 if uart.baud >= 9600 else 24
+    alike = random.random() < 0.5  # sister units, asked for the same things
+    shapes = [_shapes(random, longest) for _ in range(1 if alike else len(numbers))]
+    polls = []
+    for i, number in enumerate(numbers):
+        polls += [FieldPoll(number, pdu) for pdu in shapes[i % len(shapes)]]
+    order = random.random()
+    if order < 0.3:
+        random.shuffle(polls)
+    if random.random() < 0.25:
+        function = random.choice((5, 6, 16))
+        pdu = write_pdu(random, function, random.randrange(200), random.randint(1, 4))
+        polls.append(FieldPoll(random.choice(list(numbers)), pdu, random.uniform(2, 9) * SECOND))
+    return polls
+
+
+def _shapes(random: Random, longest: int) -> list[Callable[[float], bytes]]:
+    at, pdus = random.choice((0, 0, 1, 100, 256, 1000, 3000, 30000)), []
+    for _ in range(random.choice((1, 1, 2, 2, 3, 4))):
+        function = random.choice((3, 3, 3, 4, 4, 1, 2))
+        quantity = random.choice((1, 2, 2, 4, 6, 8, 10, 16, 20, 32, longest))
+        quantity = min(quantity, longest) * (4 if function <= 2 else 1)
+        pdus.append(read_pdu(function, at, quantity))
+        at += quantity + random.choice((8, 40, 200))
+    return pdus

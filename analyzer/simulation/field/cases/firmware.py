@@ -1,0 +1,138 @@
+"""Devices that answer wrongly, lists that ask for what is not there, and traffic that is right though it looks odd."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from random import Random
+
+from dissectors.crc_variants import VARIANTS
+
+from ..bench import SECOND, Expected, FieldCapture, read_pdu, site, write_pdu
+from ..master import FieldPoll
+from ..units import FieldUnit, Tamper
+from .registry import field_case
+
+
+@field_case("crc-convention")
+def crc_convention(random: Random, tap: str) -> FieldCapture:
+    """A unit's firmware makes its check value by another convention."""
+    bench = site(random, tap, seconds=(30, 300))
+    unit = bench.unit()
+    variant = random.choice(VARIANTS)
+
+    def seal(number: int, pdu: bytes) -> bytes:
+        body = bytes((number,)) + pdu
+        return body + variant.made(body)
+
+    unit.seal = seal
+    return bench.run(Expected("crc-convention", (unit.unit,)))
+
+
+@field_case("byte-count")
+def byte_count(random: Random, tap: str) -> FieldCapture:
+    """A unit's firmware counts its bytes wrongly."""
+    bench = site(random, tap, seconds=(30, 300))
+    unit = bench.unit()
+    kind = random.choice(("words", "zero", "one-more", "one-less"))
+
+    def miscount(request: bytes, answer: bytes, _: float) -> bytes:
+        if request[0] > 4 or answer[0] & 0x80:
+            return answer
+        wrong = {"words": answer[1] // 2, "zero": 0, "one-more": answer[1] + 1, "one-less": answer[1] - 1}[kind]
+        return bytes((answer[0], wrong & 0xFF)) + answer[2:]
+
+    unit.tampers.append(miscount)
+    return bench.run(Expected("byte-count", (unit.unit,)))
+
+
+def _within(begin: int, end: int) -> Tamper:
+    """A map of words from one address to another, the last not included."""
+
+    def check(request: bytes, answer: bytes, _: float) -> bytes:
+        function = request[0]
+        address = int.from_bytes(request[1:3])
+        quantity = 1 if function in (5, 6) else int.from_bytes(request[3:5])
+        return answer if begin <= address and address + quantity <= end else bytes((function | 0x80, 2))
+
+    return check
+
+
+def _own_polls(unit: FieldUnit, polls: list[FieldPoll], pdus: list[Callable[[float], bytes]]) -> list[FieldPoll]:
+    """The list with the polls of one unit replaced by these."""
+    kept = [poll for poll in polls if poll.unit != unit.unit]
+    return kept + [FieldPoll(unit.unit, pdu) for pdu in pdus]
+
+
+@field_case("off-by-one")
+def off_by_one(random: Random, tap: str) -> FieldCapture:
+    """The client's list counts from one, the device from zero, or the other way round."""
+    bench = site(random, tap, seconds=(30, 300))
+    unit = bench.unit()
+    function, begin = random.choice((3, 3, 4)), random.choice((1, 1, 100, 1000))
+    size, many = random.choice((1, 2, 4, 10, 16)), random.randint(2, 6)
+    shift = random.choice((-1, 1))
+    pdus = [read_pdu(function, begin + shift + k * size, size) for k in range(many)]
+    unit.tampers.append(_within(begin, begin + many * size))
+    bench.master.polls = _own_polls(unit, bench.master.polls, pdus)
+    return bench.run(Expected("off-by-one", (unit.unit,), ("missing-registers",)))
+
+
+@field_case("missing-registers")
+def missing_registers(random: Random, tap: str) -> FieldCapture:
+    """The client's list holds registers that the device does not have."""
+    bench = site(random, tap, seconds=(30, 300))
+    unit = bench.unit()
+    function = random.choice((3, 3, 4))
+    pdus = [read_pdu(function, at, random.choice((2, 8, 10))) for at in random.sample(range(0, 200, 20), 3)]
+    pdus += [
+        read_pdu(function, at, random.choice((1, 2, 10)))
+        for at in random.sample((400, 1000, 4000, 30000), random.randint(1, 3))
+    ]
+    unit.tampers.append(_within(0, 230))
+    bench.master.polls = _own_polls(unit, bench.master.polls, pdus)
+    return bench.run(Expected("missing-registers", (unit.unit,)))
+
+
+@field_case("read-only")
+def read_only(random: Random, tap: str) -> FieldCapture:
+    """The client writes registers that the device lets nobody write, though it reads them well."""
+    bench = site(random, tap, seconds=(40, 300))
+    unit = bench.unit()
+    address, code = random.choice((0, 10, 100)), random.choice((2, 3, 4, 1))
+    code = random.choice((2, 3)) if code in (1, 4) and random.random() < 0.7 else code
+
+    def refuse(request: bytes, answer: bytes, _: float) -> bytes:
+        return bytes((request[0] | 0x80, code)) if request[0] in (6, 16) else answer
+
+    unit.tampers.append(refuse)
+    pdus = [read_pdu(3, address, 10), read_pdu(3, address + 40, 6)]
+    bench.master.polls = _own_polls(unit, bench.master.polls, pdus)
+    write = write_pdu(random, random.choice((6, 16)), address + random.randrange(6), 2)
+    bench.master.polls.append(FieldPoll(unit.unit, write, random.uniform(1, 4) * SECOND))
+    return bench.run(Expected("read-only", (unit.unit,)))
+
+
+@field_case("vendor-transfer")
+def vendor_transfer(random: Random, tap: str) -> FieldCapture:
+    """A long transfer by a user-defined function; nothing is wrong."""
+    bench = site(random, tap, units=(1, 5), seconds=(20, 120))
+    unit = bench.unit()
+    function, size = random.choice((65, 66, 70, 100, 105)), random.choice((16, 64, 128, 200))
+    block = [0]
+
+    def pdu(_: float) -> bytes:
+        block[0] += 1
+        return struct.pack(">BHB", function, block[0] & 0xFFFF, size) + random.randbytes(size)
+
+    def confirm(request: bytes, answer: bytes, _: float) -> bytes:
+        return request[:3] + b"\0" if request[0] == function else answer
+
+    unit.tampers.append(confirm)
+    unit.lenient = False
+    for poll in bench.master.polls:
+        poll.period_ns = random.uniform(3, 9) * SECOND
+    bench.master.polls.append(FieldPoll(unit.unit, pdu))
+    bench.master.manners.cycle_ms = 0.0
+    bench.master.manners.timeout_ms += 300
+    return bench.run(Expected("vendor-transfer", (unit.unit,)))

@@ -1,0 +1,119 @@
+"""Units that do not answer, or not in time."""
+
+from __future__ import annotations
+
+from random import Random
+
+from ..bench import Expected, FieldCapture, read_pdu, site
+from ..master import FieldPoll
+from ..units import MS
+from .registry import ANY_TAP, LOCAL, field_case
+
+
+@field_case("dead-unit")
+def dead_unit(random: Random, tap: str) -> FieldCapture:
+    """One unit of several never answers."""
+    bench = site(random, tap, units=(2, 10))
+    unit = bench.unit()
+    bench.master.manners.retries = random.choice((0, 0, 1, 1, 2, 3))
+    begin = 0.0 if random.random() < 0.85 else bench.begin_ns + random.uniform(0.2, 0.6) * bench.duration_ns
+    unit.silent = lambda t: t >= begin
+    return bench.run(Expected("dead-unit", (unit.unit,)))
+
+
+@field_case("absent-units")
+def absent_units(random: Random, tap: str) -> FieldCapture:
+    """The client's list holds units that are not there."""
+    bench = site(random, tap, units=(4, 10))
+    absent = random.sample(sorted(bench.units), random.randint(2, len(bench.units) - 1))
+    for number in absent:
+        bench.units[number].silent = lambda _: True
+    bench.master.manners.retries = random.choice((0, 0, 1, 2))
+    return bench.run(Expected("absent-units", tuple(absent)))
+
+
+@field_case("unit-restarts")
+def unit_restarts(random: Random, tap: str) -> FieldCapture:
+    """A unit goes silent for a while, again and again."""
+    bench = site(random, tap, seconds=(90, 400))
+    unit = bench.unit()
+    times = random.randint(3, 8)
+    period = (bench.duration_ns - bench.begin_ns) / times
+    down, regular = random.uniform(0.08, 0.3) * period, random.choice((0.0, 0.05, 0.4))
+    spells = []
+    for k in range(times):
+        begin = bench.begin_ns + (k + 0.4 + regular * (random.random() - 0.5)) * period
+        spells.append((begin, begin + down * random.uniform(0.9, 1.1)))
+    unit.silent = lambda t: any(begin <= t < end for begin, end in spells)
+    for poll in bench.master.polls:
+        if poll.unit == unit.unit:  # often enough for a spell to show
+            poll.period_ns = 0
+    bench.master.manners.cycle_ms = min(bench.master.manners.cycle_ms, down / 4 / MS)
+    bench.master.manners.timeout_ms = min(bench.master.manners.timeout_ms, down / 6 / MS)
+    return bench.run(Expected("unit-restarts", (unit.unit,)))
+
+
+@field_case("unit-busy")
+def unit_busy(random: Random, tap: str) -> FieldCapture:
+    """A unit says for a while, again and again, that it is busy."""
+    bench = site(random, tap, seconds=(40, 400))
+    unit = bench.unit()
+    code, times = random.choice((6, 6, 5)), random.randint(2, 7)
+    period = (bench.duration_ns - bench.begin_ns) / times
+    share = random.uniform(0.15, 0.6)
+
+    def busy(request: bytes, answer: bytes, t: float) -> bytes:
+        return bytes((request[0] | 0x80, code)) if (t - bench.begin_ns) % period < share * period else answer
+
+    unit.tampers.append(busy)
+    return bench.run(Expected("unit-busy", (unit.unit,)))
+
+
+@field_case("retry-policy")
+def retry_policy(random: Random, tap: str) -> FieldCapture:
+    """The client asks a silent unit again and again before it goes on."""
+    bench = site(random, tap, units=(3, 9), seconds=(60, 400))
+    unit = bench.unit()
+    unit.silent = lambda _: True
+    bench.master.manners.retries = random.choice((5, 6, 9, 10, 19))
+    return bench.run(Expected("retry-policy", (unit.unit,), ("dead-unit",)))
+
+
+@field_case("timeout-too-short", LOCAL)
+def timeout_too_short(random: Random, tap: str) -> FieldCapture:
+    """A unit takes longer than its client waits, always or often."""
+    bench = site(random, tap, seconds=(40, 300))
+    unit = bench.unit()
+    manners = bench.master.manners
+    others = max((one.delay_ms for one in bench.units.values() if one is not unit), default=0.0)
+    manners.timeout_ms = max(60.0, 1.5 * manners.timeout_ms / 4, 1.6 * others + 75 * bench.uart.char_ns / MS)
+    usual, often = manners.timeout_ms * random.uniform(1.05, 1.9), random.choice((0.2, 0.5, 1.0))
+    unit.delay = lambda _pdu, _t: (
+        usual * MS * random.uniform(0.95, 1.1) if random.random() < often else unit._usual_delay()
+    )
+    manners.retries = random.choice((0, 0, 1, 2))
+    return bench.run(Expected("timeout-too-short", (unit.unit,)))
+
+
+@field_case("timeout-too-short-shifted", ANY_TAP)
+def timeout_too_short_shifted(random: Random, tap: str) -> FieldCapture:
+    """A slow unit's answers are each taken for that of the next request, which asks the same shape."""
+    bench = site(random, tap, units=(2, 6), seconds=(40, 300))
+    unit = bench.unit()
+    manners = bench.master.manners
+    quantity, address, many = random.choice((1, 2, 4, 10)), random.choice((0, 100, 1000)), random.randint(3, 8)
+    bench.master.polls = [poll for poll in bench.master.polls if poll.unit != unit.unit]
+    for k in range(many):
+        pdu = read_pdu(random.choice((3, 3, 3)), address + k * (quantity + 20), quantity)
+        bench.master.polls.append(FieldPoll(unit.unit, pdu))
+    others = max((one.delay_ms for one in bench.units.values() if one is not unit), default=0.0)
+    manners.timeout_ms = max(50.0, manners.timeout_ms / 3, 1.6 * others + 75 * bench.uart.char_ns / MS)
+    manners.retries = random.choice((0, 0, 1))
+    asked = 8 * bench.uart.char_ns / MS
+    late = manners.timeout_ms * random.uniform(1.08, 1.4)
+    if random.random() < 0.7:  # just behind the next request
+        late = (
+            manners.timeout_ms + max(manners.pause_ms(0), 4 * bench.uart.char_ns / MS) + asked + random.uniform(3, 40)
+        )
+    unit.delay = lambda _pdu, _t: late * MS * random.uniform(0.99, 1.01)
+    return bench.run(Expected("timeout-too-short", (unit.unit,)))

@@ -1,0 +1,158 @@
+"""Servers as they are: they hear the line by their own UART, take what is whole and theirs, and answer after a while.
+
+What is wrong with one is set from outside: when it is silent, how late it is, what becomes of its answer's PDU
+(`tampers`), of its check value (`seal`) and of its driver (`shapes`).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+from random import Random
+
+from dissectors.crc import crc_ok
+
+from ..conversation import adu
+from .registers import Holdings
+from .uart import Octet, Uart
+from .wire import Burst, FieldWire
+
+MS = 1e6
+_READS = (1, 2, 3, 4)
+_AGAIN_NS = 300 * MS
+Tamper = Callable[[bytes, bytes, float], bytes | None]  # request PDU, answer PDU, time: what is answered instead
+Shape = Callable[[Burst, Random], None]
+
+
+class FieldUnit:
+    """One server."""
+
+    def __init__(self, unit: int, uart: Uart, wire: FieldWire, random: Random) -> None:
+        self.unit = unit
+        self.uart = uart  # by which it hears
+        self.sends = uart  # and by which it speaks
+        self.random = random
+        self.holdings = Holdings(random)
+        self.bits = Holdings(random)
+        self.delay_ms = random.choice((2.0, 4.0, 8.0, 15.0, 30.0)) * random.uniform(0.8, 1.3)
+        self.jitter = random.uniform(0.02, 0.3)
+        self.lenient = random.random() < 0.3  # finds a request behind other bytes
+        self.patience = 0.85  # of t3.5: the silence that ends a frame for it
+        self.silent: Callable[[float], bool] = lambda _: False
+        self.delay: Callable[[bytes, float], float] = lambda _pdu, _t: self._usual_delay()
+        self.tampers: list[Tamper] = []
+        self.seal: Callable[[int, bytes], bytes] = adu
+        self.shapes: list[Shape] = []
+        self.answers_all = False  # also what is sent to unit 0
+        self.answered: list[float] = []  # when
+        self.strength = random.uniform(0.5, 1.5)
+        self._wire = wire
+        self._heard: list[Octet] = []
+        self._frames = 0  # that it has heard
+        self._deaf_to_all = 0.0
+        self._spoke = (0.0, 0.0)  # from when to when: it does not hear itself
+        wire.listeners.append(self)
+
+    def hear(self, octets: Sequence[Octet], t: float) -> None:
+        """Bytes came; nobody sends any more at `t`."""
+        begin, end = self._spoke
+        octets = [octet for octet in octets if not begin < octet.t_ns <= end]
+        if not octets:
+            return
+        for octet in octets:
+            if (
+                self._heard
+                and octet.t_ns - self.uart.char_ns - self._heard[-1].t_ns > self.uart.silence_ns * self.patience
+            ):
+                self._heard = []
+                self._frames += 1
+            self._heard.append(octet)
+        request = self._request()
+        if request is None or self.silent(t):
+            return
+        if request[0] == 0:
+            if t < self._deaf_to_all:  # or the answers of several would call forth each other
+                return
+            self._deaf_to_all = t + _AGAIN_NS
+        due = self._heard[-1].t_ns + self.delay(request[1:-2], t)
+        heard = self._frames, len(self._heard)
+        self._wire.schedule.at(due, lambda now: self._answer(request, heard, now))
+
+    def _usual_delay(self) -> float:
+        least = self.uart.silence_ns + 0.3 * MS
+        return max(least, self.delay_ms * MS * self.random.lognormvariate(0, self.jitter))
+
+    def _request(self) -> bytes | None:
+        data = bytes(octet.value for octet in self._heard[-260:])
+        spoilt = [i for i, octet in enumerate(self._heard[-260:]) if octet.error]
+        first = spoilt[-1] + 1 if spoilt else 0
+        starts = [0] if not self.lenient else range(first, max(first + 1, len(data) - 7))
+        for start in starts:
+            whole = data[start:]
+            mine = whole[:1] == bytes((self.unit,)) or (whole[:1] == b"\0" and (self.answers_all or len(whole) > 1))
+            if start >= first and mine and len(whole) >= 4 and whole[1] < 0x80 and crc_ok(whole):
+                return whole if len(whole) == _request_length(whole) else None
+        return None
+
+    def _answer(self, request: bytes, heard: tuple[int, int], now: float) -> None:
+        if not self.lenient and heard[0] == self._frames and len(self._heard) > heard[1]:
+            return  # more came behind it: that was no frame
+        pdu: bytes | None = self.respond(request[1:-2], now)
+        if request[0] == 0 and not self.answers_all:
+            return
+        for tamper in self.tampers:
+            if pdu is not None:
+                pdu = tamper(request[1:-2], pdu, now)
+        if pdu is None:
+            return
+        data = self.seal(self.unit if request[0] else self.answer_unit(), pdu)
+        burst = burst_of(self, self.sends, data, now)
+        burst.strength = self.strength
+        for shape in self.shapes:
+            shape(burst, self.random)
+        self.answered.append(now)
+        self._spoke = (burst.on, max(burst.last, burst.off) + 0.6 * self.uart.char_ns)
+        self._wire.send(burst)
+
+    def answer_unit(self) -> int:
+        """The unit in its answer to a broadcast."""
+        return self.unit
+
+    def respond(self, pdu: bytes, t: float) -> bytes:
+        """A healthy answer to a request PDU."""
+        function = pdu[0]
+        if function in _READS and len(pdu) >= 5:
+            address, quantity = struct.unpack(">HH", pdu[1:5])
+            if function <= 2:
+                bits = [word & 1 for word in self.bits.read(address, quantity, t)]
+                packed = bytes(sum(bit << i for i, bit in enumerate(bits[k : k + 8])) for k in range(0, len(bits), 8))
+                return bytes((function, len(packed))) + packed
+            words = self.holdings.read(address, quantity, t)
+            return struct.pack(f">BB{quantity}H", function, 2 * quantity, *words)
+        if function == 5:
+            self.bits.write(int.from_bytes(pdu[1:3]), [pdu[3] & 1])
+            return pdu[:5]
+        if function == 6:
+            self.holdings.write(int.from_bytes(pdu[1:3]), [int.from_bytes(pdu[3:5])])
+            return pdu[:5]
+        if function == 15:
+            return pdu[:5]
+        if function == 16:
+            address, quantity = struct.unpack(">HH", pdu[1:5])
+            self.holdings.write(address, struct.unpack(f">{quantity}H", pdu[6 : 6 + 2 * quantity]))
+            return pdu[:5]
+        return bytes((function | 0x80, 1))
+
+
+def _request_length(frame: bytes) -> int:
+    if frame[1] <= 6:
+        return 8
+    return 9 + frame[6] if frame[1] in (15, 16) and len(frame) > 8 else 0 if frame[1] in (15, 16) else len(frame)
+
+
+def burst_of(sender: object, uart: Uart, data: bytes, t: float, gap_ns: float = 0.0) -> Burst:
+    """Bytes sent back to back from `t` on, the driver enabled just long enough."""
+    step = uart.char_ns + gap_ns
+    starts = [t + i * step for i in range(len(data))]
+    margin = 0.4 * uart.bit_ns
+    return Burst(sender, uart, data, starts, t - margin, starts[-1] + uart.char_ns + margin)

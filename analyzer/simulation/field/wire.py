@@ -1,0 +1,198 @@
+"""The pair of wires: who drives it, what it is like when nobody does, and what each receiver makes of it.
+
+A sender drives the line from `on` to `off`, which need not be the time that its characters take: a driver may be
+enabled late, released early or held on. Where two drive, one of them wins, or the line is anybody's guess. Where nobody
+drives, bias resistors hold the line at rest; without them it follows whatever is induced. Pulses are induced from
+outside and may be stronger than a driver. Reflections bend what far senders send.
+
+What a clean stretch gives to a receiver with the sender's settings is known without looking at its bits; all other
+stretches are composed of levels and read bit by bit.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from random import Random
+from typing import Literal, NamedTuple, Protocol
+
+from .schedule import Schedule
+from .uart import LineSignal, Octet, Uart, receive, waveform
+
+_APART = 3.0  # characters of silence after which nothing of one stretch hangs on the next
+_TAIL = 1.5  # characters that a receiver may need to end one that began last
+
+
+class Pulse(NamedTuple):
+    """Something induced: from, to (ns), and what it does: to a driven line too, or to a floating one only."""
+
+    begin: float
+    end: float
+    kind: Literal["flip", "low", "float"]
+
+
+@dataclass(slots=True)
+class Burst:
+    """What one sender puts on the line at once."""
+
+    sender: object
+    uart: Uart
+    data: bytes
+    starts: list[float]
+    on: float
+    off: float
+    strength: float = 1.0
+    plain: bool = True  # a receiver with its settings gets just its bytes
+    times: list[float] = field(default_factory=list)
+    levels: list[int] = field(default_factory=list)
+
+    @property
+    def last(self) -> float:
+        """ns, end of its last stop bit."""
+        return self.starts[-1] + self.uart.char_ns
+
+    def level(self, t: float) -> int:
+        if not self.times:
+            self.times, self.levels = waveform(self.uart, self.data, self.starts)
+        i = bisect_left(self.times, t + 1e-3) - 1
+        return self.levels[i] if i >= 0 else int(not self.uart.inverted)
+
+
+class Listener(Protocol):
+    """A receiver on the line."""
+
+    uart: Uart
+
+    def hear(self, octets: Sequence[Octet], t: float) -> None:
+        """Bytes since the last time; nobody sends any more at `t`."""
+
+
+Bend = Callable[[Burst, Random], list[Pulse]]  # reflections of one burst
+
+
+@dataclass(slots=True)
+class TapEnd:
+    """One receiver of the tap: its settings, which senders it hears (four wires carry each direction apart), and what
+    it made of them."""
+
+    uart: Uart
+    hears: Callable[[Burst], bool] | None = None
+    recorded: list[Octet] = field(default_factory=list)
+
+
+class FieldWire:
+    """One line with its listeners and what taps it."""
+
+    def __init__(self, random: Random, schedule: Schedule, uart: Uart) -> None:
+        self.random = random
+        self.schedule = schedule
+        self.uart = uart
+        self.taps = [TapEnd(uart)]
+        self.listeners: list[Listener] = []
+        self.pulses: list[Pulse] = []  # in order of time; whoever makes them sets them before the start
+        self.bends: Bend | None = None
+        self.contention: Literal["low", "strong", "random"] = "strong"
+        self._bursts: list[Burst] = []  # of the stretch that is going on
+        self._bent: list[Pulse] = []
+        self._heard_to = 0.0  # the taps have read the line up to here
+        self._notified = 0.0
+
+    def send(self, burst: Burst) -> None:
+        """Somebody begins to drive now."""
+        last = max((each.off for each in self._bursts), default=0.0)
+        longest = max([self.uart.char_ns, burst.uart.char_ns, *(each.uart.char_ns for each in self._bursts)])
+        if self._bursts and min(burst.on, burst.starts[0]) - last > _APART * longest:
+            self._settle(last + _TAIL * longest)
+        if self.bends is not None:
+            self._bent += self.bends(burst, self.random)
+        self._bursts.append(burst)
+        self.schedule.at(burst.last, self._ended)
+
+    def busy(self, t: float) -> bool:
+        """Whether somebody drives at this time."""
+        return any(burst.on <= t < burst.off for burst in self._bursts)
+
+    def finish(self, t: float) -> None:
+        """No more is sent: the tap reads on until `t`."""
+        if self._bursts:
+            self._settle(max(t, max(burst.off for burst in self._bursts) + 3 * self.uart.char_ns))
+
+    def _ended(self, t: float) -> None:
+        if any(burst.last > t + 1 for burst in self._bursts):
+            return
+        begin, self._notified = self._notified, t
+        heard: dict[Uart, list[Octet]] = {}
+        for listener in self.listeners:
+            if listener.uart not in heard:
+                octets = self._read(self._bursts, listener.uart, min(burst.on for burst in self._bursts), t)
+                heard[listener.uart] = [octet for octet in octets if octet.t_ns > begin + 1]
+            listener.hear(heard[listener.uart], t)
+
+    def _settle(self, t: float) -> None:
+        """The taps read a stretch; pulses since the one before belong to it."""
+        for tap in self.taps:
+            bursts = [burst for burst in self._bursts if tap.hears is None or tap.hears(burst)]
+            if bursts or tap.hears is None:
+                tap.recorded += self._read(bursts, tap.uart, self._heard_to, t)
+        self._heard_to = t
+        self._bursts, self._bent = [], []
+
+    def _read(self, bursts: Sequence[Burst], uart: Uart, begin: float, end: float) -> list[Octet]:
+        begin = min([begin, *(burst.on for burst in bursts[:1])])
+        low = bisect_left(self.pulses, (begin - 4 * uart.char_ns,))
+        high = bisect_left(self.pulses, (end,))
+        pulses = self.pulses[low:high]
+        if len(bursts) == 1 and not pulses and not self._bent:
+            burst = bursts[0]
+            if burst.plain and burst.uart == uart:
+                char = uart.char_ns
+                return [Octet(t + char, value, False) for t, value in zip(burst.starts, burst.data, strict=True)]
+        signal = self._composed(bursts, [*pulses, *self._bent])
+        return receive(signal, uart, begin, end)
+
+    def _composed(self, bursts: Sequence[Burst], pulses: Sequence[Pulse]) -> LineSignal:
+        cuts: set[float] = set()
+        for burst in bursts:
+            burst.level(0)
+            cuts.update((burst.on, burst.off))
+            cuts.update(t for t in burst.times if burst.on < t < burst.off)
+        for pulse in pulses:
+            cuts.update((pulse.begin, pulse.end))
+        times, levels, level = [], [], 1
+        active: list[Pulse] = []
+        at, coming = 0, sorted(pulses)
+        for t in sorted(cuts):
+            while at < len(coming) and coming[at].begin <= t:
+                active.append(coming[at])
+                at += 1
+            active = [pulse for pulse in active if pulse.end > t]
+            now = self._level(t, bursts, active)
+            if now != level:
+                times.append(t)
+                levels.append(now)
+                level = now
+        return LineSignal(times, levels)
+
+    def _level(self, t: float, bursts: Sequence[Burst], pulses: Sequence[Pulse]) -> int:
+        drivers = [burst for burst in bursts if burst.on <= t < burst.off]
+        level = 1
+        if drivers:
+            by_driver = [burst.level(t) for burst in drivers]
+            level = by_driver[0]
+            if len(set(by_driver)) > 1:
+                level = self._won(drivers, by_driver, t)
+        for pulse in pulses:
+            if pulse.kind == "flip":
+                level = 1 - level
+            elif pulse.kind == "low" or not drivers:
+                level = 0
+        return level
+
+    def _won(self, drivers: Sequence[Burst], levels: Sequence[int], t: float) -> int:
+        if self.contention == "low":
+            return 0
+        if self.contention == "random":
+            return Random(f"{t:.0f}").randrange(2)  # the same for all who hear it
+        strongest = max(range(len(drivers)), key=lambda i: drivers[i].strength)
+        return levels[strongest]

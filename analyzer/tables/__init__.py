@@ -1,0 +1,1 @@
+"""The ground: frames, transactions, values and findings as tables, what cuts and holds them."""

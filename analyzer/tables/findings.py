@@ -1,0 +1,229 @@
+"""A finding: what was seen and measured, how grave it is, what probably causes it and what to do.
+
+Findings travel as rows of `FINDING`, a few numbers each, and become words (`Finding`) only where somebody reads them.
+Observation is not root cause: `text` says what was seen, `cause` what it likely comes from.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from functools import cache
+from importlib import import_module
+from math import isfinite
+from typing import TYPE_CHECKING, Any, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ..diagnosis.view import DiagnosisStep
+    from .schema import Rows
+
+
+NUMBERS: Final = 8  # figures of evidence that a finding carries at most
+FINDING: Final = np.dtype(
+    [
+        ("rule", np.int16),  # position of its code in `registry.codes()`
+        ("index", np.int64),  # number of the frame; -1 for noise and for what concerns the bus as a whole
+        ("start", np.int64),  # offset of the bytes meant in their port's stream; -1 for the bus as a whole
+        ("length", np.int64),  # bytes
+        ("port", np.uint8),
+        ("t", np.int64),  # ns, start of those bytes
+        ("numbers", np.float64, (NUMBERS,)),  # evidence, named by the rule; NaN where unknown
+    ]
+)
+Findings = NDArray[np.void]
+NOTHING: Final[Findings] = np.zeros(0, FINDING)
+
+
+class Severity(IntEnum):
+    """How grave a finding is."""
+
+    NOTE = 1
+    WARNING = 2
+    ERROR = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A finding in words.
+
+    `numbers` is the evidence by name (the name's end is its unit: `_ms`, `_bytes`), unknown ones left out; `clause` is
+    what of the specification it rests on, or empty. `index` is None where no frame is meant, `start` and `length` are
+    -1 and 0 where the whole bus is.
+    """
+
+    code: str
+    severity: Severity
+    text: str
+    cause: str
+    remedy: str
+    clause: str
+    numbers: Mapping[str, float]
+    index: int | None
+    start: int
+    length: int
+    port: int
+    t_ns: int
+
+    def to_json(self) -> dict[str, Any]:
+        """The object that stands in a frame's JSON line."""
+        line: dict[str, Any] = {"code": self.code, "severity": self.severity.name.lower(), "text": self.text}
+        for key in ("cause", "remedy", "clause"):
+            if value := getattr(self, key):
+                line[key] = value
+        if self.numbers:
+            line["numbers"] = {key: int(n) if n == int(n) else round(n, 6) for key, n in self.numbers.items()}
+        return line
+
+
+def evidence(rule: Rule, numbers: Iterable[float]) -> dict[str, float]:
+    """The numbers of a row of `FINDING` by the names that its rule gives them, unknown ones left out."""
+    return {name: number for name, number in zip(rule.numbers, numbers, strict=False) if isfinite(number)}
+
+
+def describe(row: np.void) -> Finding:
+    """A row of `FINDING` in words."""
+
+    rule = rules()[row["rule"]]
+    index = int(row["index"])
+    numbers = evidence(rule, row["numbers"].tolist())
+    return Finding(
+        code=rule.code,
+        severity=rule.severity,
+        text=rule.words(rule.text, numbers),
+        cause=rule.words(rule.cause, numbers),
+        remedy=rule.words(rule.remedy, numbers),
+        clause=rule.clause,
+        numbers=numbers,
+        index=None if index < 0 else index,
+        start=int(row["start"]),
+        length=int(row["length"]),
+        port=int(row["port"]),
+        t_ns=int(row["t"]),
+    )
+
+
+# The one collection of rules: a `Rule` declares a finding, a look finds it.
+#
+# A module of `analyzer.diagnosis.rules` holds declarations and looks; nothing lists the modules:
+#
+#   SILENT_UNIT = Rule("silent-unit", Severity.NOTE, About.BUS, numbers=("unit",), text="unit {unit:.0f} never answers")
+#
+#     @looks_for(SILENT_UNIT)
+#     def silent_unit(view: View) -> Iterator[Findings]:
+#         yield SILENT_UNIT.on(view.rows[suspicious], view.column("unit")[suspicious])
+#
+# A look is called with each `View` in turn. One that remembers is a class without arguments, made anew for each
+# diagnosis and called the same way; it may have `close(view)` for what only the end shows, and `open_from`, the index
+# of the first frame that it may still speak of. What it says must hang on the rows alone, never on how they were cut
+# into views.
+
+
+Words = str | Callable[[Mapping[str, float]], str]  # a template over the evidence, or a function of it
+Look = Callable[["DiagnosisStep"], Iterable[Findings]]
+
+
+class About(Enum):
+    """What a finding speaks of."""
+
+    FRAME = "frame"
+    TRANSACTION = "transaction"
+    NOISE = "noise"
+    BUS = "bus"
+
+
+@dataclass(frozen=True, eq=False)
+class Rule:
+    """The declaration of a finding.
+
+    `numbers` names its evidence, at most eight figures; `clause` is where the specification has it ([1] application
+    protocol V1.1b3, [2] serial line V1.02); `when` says in words what is found. The other words are templates over
+    the evidence (`{unit:.0f}`), or functions of it.
+    """
+
+    code: str
+    severity: Severity
+    about: About
+    text: Words
+    cause: Words = ""
+    remedy: Words = ""
+    clause: str = ""
+    when: str = ""
+    numbers: tuple[str, ...] = ()
+    loses: bool = False  # an answer each time
+    wastes: str = ""  # which of the numbers is time that was lost, in ms
+
+    def on(self, rows: Rows, *numbers: Any) -> Findings:
+        """A finding on each of these rows (ROW); `numbers` are arrays of their length, or one figure for all."""
+        return self.at(rows["index"], rows["start"], rows["length"], rows["port"], rows["t_start"], *numbers)
+
+    def at(self, index: Any, start: Any, length: Any, port: Any, t_ns: Any, *numbers: Any) -> Findings:
+        """The same by the columns of FINDING."""
+        found = np.zeros(len(start), FINDING)
+        for name, column in (("index", index), ("start", start), ("length", length), ("port", port), ("t", t_ns)):
+            found[name] = column
+        return self._filled(found, numbers)
+
+    def of_bus(self, t_ns: int, *numbers: float) -> Findings:
+        """A finding about the bus as a whole."""
+        found = np.zeros(1, FINDING)
+        found["index"] = found["start"] = -1
+        found["t"] = t_ns
+        return self._filled(found, numbers)
+
+    def _filled(self, found: Findings, numbers: tuple[Any, ...]) -> Findings:
+        if len(numbers) != len(self.numbers) or len(numbers) > NUMBERS:
+            raise TypeError(f"{self.code}: {len(numbers)} figures for {len(self.numbers)} names")
+        found["rule"] = codes().index(self.code)
+        found["numbers"] = np.nan
+        for i, figure in enumerate(numbers):
+            found["numbers"][:, i] = figure
+        return found
+
+    @staticmethod
+    def words(words: Words, numbers: Mapping[str, float]) -> str:
+        """Words over this evidence."""
+        return words.format_map(numbers) if isinstance(words, str) else words(numbers)
+
+
+_L = TypeVar("_L", bound=Callable[..., Any])
+_looks: list[Callable[..., Any]] = []
+_declared: dict[str, Rule] = {}
+
+
+def looks_for(*found: Rule) -> Callable[[_L], _L]:
+    """Registers a look (a function, or a class that remembers) for these rules."""
+
+    def enter(look: _L) -> _L:
+        for rule in found:
+            if _declared.setdefault(rule.code, rule) is not rule:
+                raise ValueError(f"two rules have the code {rule.code}")
+        _looks.append(look)
+        return look
+
+    return enter
+
+
+@cache
+def rules() -> tuple[Rule, ...]:
+    """All rules, in the order of their codes."""
+    package = import_module("analyzer.diagnosis.rules")
+    for name in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
+        import_module(f"{package.__name__}.{name}")
+    return tuple(_declared[code] for code in sorted(_declared))
+
+
+@cache
+def codes() -> tuple[str, ...]:
+    """The codes of all rules, sorted: `FINDING["rule"]` is a position in it."""
+    return tuple(rule.code for rule in rules())
+
+
+def fresh_looks() -> list[Look]:
+    """All looks, those that remember with nothing to remember yet."""
+    rules()
+    return [look() if isinstance(look, type) else look for look in _looks]

@@ -1,0 +1,153 @@
+"""A frame: a view of one row, made when somebody looks at it; nothing keeps one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dissectors.annotation import Context, annotate, summary
+from dissectors.envelopes import Adu, ascii_adu, ascii_frames, rtu
+from dissectors.fields import Field
+from dissectors.functions import function_name
+from dissectors.length_rules import Role
+
+from .findings import Finding
+from .schema import Kind, Protocol, Row
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One frame: a row of columns with its bytes, and its request's where it answers one."""
+
+    row: Row
+    captured: bytes
+    request_bytes: bytes | None = None
+    evidence: np.void | None = None
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def index(self) -> int:
+        return self.row.index
+
+    @property
+    def start(self) -> int:
+        return self.row.start
+
+    @property
+    def length(self) -> int:
+        return self.row.length
+
+    @property
+    def port(self) -> int:
+        return self.row.port
+
+    @property
+    def t_start_ns(self) -> int:
+        return self.row.t_start
+
+    @property
+    def t_end_ns(self) -> int:
+        return self.row.t_end
+
+    @property
+    def protocol(self) -> str:
+        return Protocol(self.row.protocol).name.lower()
+
+    @property
+    def role(self) -> Role:
+        return Role.REQUEST if self.row.kind == Kind.REQUEST else Role.RESPONSE
+
+    @property
+    def direction(self) -> str:
+        return self.role.name.lower()
+
+    @property
+    def unit(self) -> int:
+        return self.row.unit
+
+    @property
+    def function(self) -> int:
+        return self.row.function
+
+    @property
+    def name(self) -> str:
+        """The function's name in the Modbus specification."""
+        return function_name(self.function)
+
+    @property
+    def exception(self) -> int | None:
+        return self.row.exception or None
+
+    @property
+    def crc_ok(self) -> bool:
+        return self.row.check
+
+    @property
+    def request_start(self) -> int | None:
+        start = self.row.request_start
+        return None if start < 0 else start
+
+    @property
+    def response_time_ns(self) -> int | None:
+        time = self.row.response_ns
+        return None if time < 0 else time
+
+    @property
+    def confidence(self) -> float:
+        return self.row.confidence
+
+    @property
+    def adu(self) -> Adu:
+        return adu_of(self.captured, self.row.protocol)
+
+    @property
+    def context(self) -> Context:
+        """What the conversation adds to the reading of these bytes."""
+        if self.request_bytes is None:
+            return Context()
+        return Context(request=adu_of(self.request_bytes, self.row.protocol).pdu)
+
+    def fields(self) -> tuple[Field, ...]:
+        """Every field, annotated; offsets are in the ADU."""
+        return annotate(self.adu, self.role, self.context)
+
+    def summary(self) -> str:
+        """The frame in words, on one line."""
+        return summary(self.adu, self.role, self.context)
+
+    def to_json(self, *, fields: bool = True) -> dict[str, Any]:
+        """The frame as the JSON line that `rtuscope export` writes."""
+        line: dict[str, Any] = {
+            "index": self.index,
+            "start": self.start,
+            "length": self.length,
+            "t_start_ns": self.t_start_ns,
+            "t_end_ns": self.t_end_ns,
+            "protocol": self.protocol,
+            "direction": self.direction,
+            "unit": self.unit,
+            "function": self.function,
+            "name": self.name,
+            "exception": self.exception,
+            "crc_ok": self.crc_ok,
+            "request_start": self.request_start,
+            "response_time_ns": self.response_time_ns,
+            "hex": self.adu.data.hex(),
+        }
+        if fields:
+            line["fields"] = [item.to_json() for item in self.fields()]
+        line["confidence"] = round(self.confidence, 6)
+        line["findings"] = [finding.to_json() for finding in self.findings]
+        if self.port:
+            line["port"] = self.port
+        return line
+
+
+def adu_of(captured: bytes, protocol: int) -> Adu:
+    """The ADU that these captured bytes are; of ASCII mode, what their digits stand for."""
+    if protocol != Protocol.ASCII:
+        return rtu(captured)
+    found = ascii_frames(captured)
+    return found[0] if found else ascii_adu(b"")

@@ -1,0 +1,257 @@
+"""Requests with their answers, as columns.
+
+A transaction is a request and what became of it. It is settled when its answer has come, or when so many frames have
+followed that none will; settled ones are given in the order of their requests, so that the columns of all batches put
+end to end are the conversation of the whole capture.
+
+A serial answer carries no address. Where several requests of one shape are open and as many answers follow, a server
+answers in the order in which it was asked, which shows only when the second answer has come: `put_in_order`.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dissectors.lengths import relations
+from dissectors.limits import RequestedByteCount
+
+from .batch import Batch
+from .schema import Kind, Rows
+
+NEVER: Final = -(1 << 62)  # a time that is none
+_PATIENCE: Final = 16  # frames after a request, beyond which no answer is waited for
+_REACH: Final = 1 << 16  # and bytes, noise included
+_GLITCHES: Final = (0x00, 0xFE, 0xFF)  # noise bytes that say nothing
+_ALIKE: Final = 2  # bytes in which a damaged request may differ from its repetition
+
+
+class Status(IntEnum):
+    """What became of a request."""
+
+    ANSWERED = 0
+    EXCEPTION = 1
+    UNANSWERED = 2
+    BROADCAST = 3  # nobody answers those
+    DAMAGED = 4  # an answer came, with a wrong CRC
+    UNHEARD = 5  # it may have been answered while the recorder heard nothing (`analyzer.outages`)
+
+
+TRANSACTION = np.dtype(
+    [
+        ("request", np.int64),  # index of the request's frame
+        ("response", np.int64),  # index of the answer's, -1 for none
+        ("start", np.int64),  # offset of the request's first byte in its port's stream
+        ("length", np.int64),  # bytes of the request
+        ("response_start", np.int64),  # the same of the answer, -1 for none
+        ("response_length", np.int64),
+        ("t_start", np.int64),  # ns, start of the request
+        ("t_request", np.int64),  # ns, end of the request
+        ("t_response", np.int64),  # ns, start of the answer; -1 for none
+        ("response_ns", np.int64),  # -1 for none, or where the tap can't tell
+        ("t_next", np.int64),  # of an unanswered one: ns, start of the next request; NEVER for none
+        ("garbage", np.int64),  # and bytes between the two that belong to no request, glitches apart
+        ("unit", np.uint8),
+        ("function", np.uint8),
+        ("exception", np.uint8),  # exception code of the answer, 0 for none
+        ("status", np.uint8),  # Status
+        ("retry", np.bool_),  # the same bytes as the request before, which got no good answer
+        ("late", np.bool_),  # the master had sent another request before this answer came
+        ("port", np.uint8),
+    ]
+)
+
+
+OF_ANSWER: Final = {  # column of a transaction: that of its answer
+    "response": "index",
+    "response_start": "start",
+    "response_length": "length",
+    "t_response": "t_start",
+    "response_ns": "response_ns",
+    "exception": "exception",
+}
+
+
+class Transactions:
+    """Turns batches into transactions; holds only those that are open."""
+
+    def __init__(self) -> None:
+        self._open: Rows = np.zeros(0, TRANSACTION)
+        self._last_request: bytes | None = None
+        self._failed = False  # the newest that is settled got no good answer
+        self._last_row: tuple[bool, bytes] = (True, b"")  # of the last row: whether it was a whole frame, its bytes
+        self._frames = 0
+        self._octets = 0  # on the bus so far, all ports together
+        self._places = np.zeros(0, np.int64)  # of the open requests: octets on the bus up to their ends
+
+    def feed(self, batch: Batch) -> NDArray[np.void]:
+        """Transactions that are settled after this batch, in the order of their requests."""
+        rows = batch.rows
+        if not len(rows):
+            return self._settle(0)
+        kind = np.ascontiguousarray(rows["kind"])
+        requests = np.flatnonzero((kind == Kind.REQUEST) & rows["check"])  # nobody answers a damaged one
+        responses = np.flatnonzero(kind == Kind.RESPONSE)
+        responses = responses[_at(rows, "request", responses) >= 0]
+        frames = np.flatnonzero(kind)
+        if len(frames):
+            self._frames = int(rows["index"][frames[-1]]) + 1
+        known = len(self._open)
+        opened = np.zeros(known + len(requests), TRANSACTION)
+        opened[:known], self._open = self._open, opened
+        _begin(opened[known:], rows, requests)
+        ends = self._octets + np.cumsum(rows["length"])
+        self._places = np.concatenate((self._places, ends[requests]))
+        self._octets = int(ends[-1])
+        self._count_garbage(batch, requests, known)
+        self._answer(rows, responses)
+        self._mark_retries(batch, requests, known)
+        status = self._open["status"]
+        waiting = (status == Status.UNANSWERED) | (status == Status.BROADCAST)
+        waiting &= self._open["request"] >= self._frames - _PATIENCE
+        waiting &= self._places >= self._octets - _REACH
+        count = int(np.argmax(waiting)) if waiting.any() else len(waiting)
+        return self._settle(count)
+
+    @property
+    def open_from(self) -> int | None:
+        """Index of the first request that is not settled."""
+        return int(self._open["request"][0]) if len(self._open) else None
+
+    def close(self) -> NDArray[np.void]:
+        """The rest: no answer comes any more."""
+        return self._settle(len(self._open))
+
+    def _settle(self, count: int) -> NDArray[np.void]:
+        settled, self._open = self._open[:count], self._open[count:].copy()
+        if count:
+            self._failed = bool(_failed(settled[-1:])[0])
+        done = settled["status"] != Status.UNANSWERED
+        settled["t_next"][done], settled["garbage"][done] = NEVER, 0
+        self._places = self._places[count:].copy()
+        return settled
+
+    def _count_garbage(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
+        """What lies between each request and the next, and when that next one began."""
+        rows = batch.rows
+        bad = np.flatnonzero((rows["kind"] != Kind.REQUEST) & (rows["request"] < 0))
+        lost = np.zeros(len(rows) + 1, np.int64)
+        for row in bad.tolist():
+            at = int(rows["at"][row])
+            octets = batch.data[at : at + int(rows["length"][row])]
+            lost[row + 1] = len(octets) - int(np.isin(octets, _GLITCHES).sum())
+        total = np.cumsum(lost)
+        first = max(known - 1, 0)
+        bounds = np.append(requests, len(rows))
+        between = np.diff(total[bounds]) if known == 0 else np.diff(np.append(0, total[bounds]))
+        self._open["garbage"][first:] += between
+        starts = _at(rows, "t_start", requests)
+        if known:
+            self._open["t_next"][first:-1] = starts
+        elif len(requests):
+            self._open["t_next"][:-1] = starts[1:]
+
+    def _answer(self, rows: Rows, responses: NDArray[np.intp]) -> None:
+        asked = np.ascontiguousarray(self._open["request"])
+        wanted = _at(rows, "request", responses)
+        place = np.searchsorted(asked, wanted)
+        found = place < len(asked)
+        found[found] = asked[place[found]] == wanted[found]
+        place, responses = place[found], responses[found]
+        for name, column in OF_ANSWER.items():
+            self._open[name][place] = _at(rows, column, responses)
+        status = np.where(_at(rows, "exception", responses) > 0, np.uint8(Status.EXCEPTION), np.uint8(Status.ANSWERED))
+        status[~_at(rows, "check", responses)] = Status.DAMAGED
+        self._open["status"][place] = status
+        following = np.append(asked[1:], np.iinfo(np.int64).max)
+        late = following[place] < _at(rows, "index", responses)
+        self._open["late"][place] = late
+        for at in place[late].tolist():
+            self._put_in_order(at)
+
+    def _put_in_order(self, place: int) -> None:
+        """A late answer that came right after one to a newer request of its shape: the earlier request had that one."""
+        opened = self._open
+        while True:
+            before = np.flatnonzero(opened["response"] == opened["response"][place] - 1)
+            if not len(before) or int(before[0]) < place or not self._alike(place, int(before[0])):
+                return
+            newer = int(before[0])
+            own, other = opened["response"][place], opened["response"][newer]
+            for name in ("response", "response_start", "response_length", "t_response", "exception", "status"):
+                one, two = opened[name][[place, newer]]
+                opened[name][place], opened[name][newer] = two, one
+            newest = np.searchsorted(opened["request"], (other, own)) - 1
+            opened["late"][place], opened["late"][newer] = newest[0] != place, newest[1] != newer
+            for at in (place, newer):
+                if opened["response_ns"][at] >= 0:
+                    opened["response_ns"][at] = max(0, opened["t_response"][at] - opened["t_request"][at])
+
+    def _alike(self, place: int, newer: int) -> bool:
+        """Whether the answers to these two requests could as well be exchanged."""
+        one, two = self._open[place], self._open[newer]
+        if any(one[name] != two[name] for name in ("unit", "function", "length", "response_length", "port")):
+            return False
+        return bool(two["retry"]) or all(
+            isinstance(relation, RequestedByteCount) for relation in relations(int(one["function"]))
+        )
+
+    def _mark_retries(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
+        """Of the new requests, which repeat the one before? Few went without a good answer, so those are compared."""
+        if len(requests):
+            opened = self._open
+            bad = np.append(self._failed if not known else _failed(opened[known - 1 : known]), _failed(opened[known:]))
+            for i in np.flatnonzero(bad[:-1]).tolist():
+                asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
+                row = int(requests[i])
+                if asked is not None and len(asked) == batch.rows["length"][row]:
+                    opened["retry"][known + i] = batch.bytes_of(row) == asked
+            self._mark_second_tries(batch, requests, known)
+            self._last_request = batch.bytes_of(int(requests[-1]))
+        last = len(batch) - 1
+        self._last_row = bool(batch.rows["check"][last]), batch.bytes_of(last)
+
+    def _mark_second_tries(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
+        """Requests right behind a damaged one, or behind noise, that is them but for a byte or two."""
+        before = requests - 1
+        whole = np.append(batch.rows["check"], self._last_row[0])[before]  # -1: the last row of the batch before
+        for i in np.flatnonzero(~whole).tolist():
+            damaged = self._last_row[1] if before[i] < 0 else batch.bytes_of(int(before[i]))
+            request = batch.bytes_of(int(requests[i]))
+            if abs(len(damaged) - len(request)) <= _ALIKE and _shared(damaged, request) >= len(request) - _ALIKE:
+                self._open["retry"][known + i] = True
+
+
+def _failed(transactions: Rows) -> NDArray[np.bool_]:
+    """Which of these got no good answer in time."""
+    status = transactions["status"]
+    failed: NDArray[np.bool_] = (status != Status.ANSWERED) & (status != Status.EXCEPTION) | transactions["late"]
+    return failed
+
+
+def _shared(one: bytes, two: bytes) -> int:
+    """How many bytes two byte strings share at their beginnings and ends."""
+    most = min(len(one), len(two))
+    head = next((i for i in range(most) if one[i] != two[i]), most)
+    tail = next((i for i in range(most - head) if one[-1 - i] != two[-1 - i]), most - head)
+    return head + tail
+
+
+def _begin(opened: Rows, rows: Rows, requests: NDArray[np.intp]) -> None:
+    """Fill in transactions of requests that nobody has answered yet."""
+    for name in ("unit", "function", "port", "start", "length", "t_start"):
+        opened[name] = _at(rows, name, requests)
+    opened["request"], opened["t_request"] = _at(rows, "index", requests), _at(rows, "t_end", requests)
+    for name in ("response", "response_start", "response_length", "t_response", "response_ns"):
+        opened[name] = -1
+    opened["t_next"] = NEVER
+    opened["status"] = np.where(opened["unit"] == 0, np.uint8(Status.BROADCAST), np.uint8(Status.UNANSWERED))
+
+
+def _at(rows: Rows, name: str, which: NDArray[np.intp]) -> NDArray[Any]:
+    """A column of some rows; the copy of it lies closer together than rows do."""
+    found: NDArray[Any] = rows[name].copy().take(which)
+    return found

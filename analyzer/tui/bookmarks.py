@@ -1,0 +1,84 @@
+"""What the user adds to rows: bookmarks, comments, the time reference; kept beside the capture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from captures import CaptureError
+
+from ..words import TimeBase
+from .frames import FrameList
+from .prompts import Ask
+
+if TYPE_CHECKING:
+    from .screen import BusScreen
+
+
+class Bookmarks:
+    """The main screen's notes, as the user sets them."""
+
+    def __init__(self, screen: BusScreen) -> None:
+        self._screen = screen
+        self._desk = screen.desk
+
+    def toggle(self) -> None:
+        """Set a bookmark on the row, or take it away."""
+        screen, notes = self._screen, self._desk.notes
+        if screen.row is None:
+            return
+        place = self._desk.place(screen.row)
+
+        def change() -> None:
+            said = notes.comments.get(place)
+            if notes.toggle(place):
+                kept = "until you leave" if notes.path is None else f"in {notes.path.name}"
+                screen.tell(f"bookmark kept {kept}; ' goes to the next")
+            else:
+                screen.tell("bookmark and comment taken away" if said else "bookmark taken away")
+
+        self._noted(change)
+
+    def refer(self) -> None:
+        """Make the row the time reference; again takes it back."""
+        screen, notes = self._screen, self._desk.notes
+        if screen.row is None or not self._desk.bus.timed:
+            screen.tell("no times here")
+            return
+        place = self._desk.place(screen.row)
+        again = notes.reference == place
+        self._desk.base = TimeBase.START if again else TimeBase.REFERENCE
+        self._noted(lambda: notes.refer(None if again else place))
+
+    async def ask_comment(self) -> None:
+        """Ask for a comment on the row."""
+        screen, notes = self._screen, self._desk.notes
+        if screen.row is None:
+            return
+        place = self._desk.place(screen.row)
+        hint = f"Enter keeps it {'beside the capture' if notes.path else 'until you leave'}"
+        text = await screen.app.push_screen_wait(Ask("Comment", hint, value=notes.comments.get(place, "")))
+        if text is not None:
+            self._noted(lambda: notes.comment(place, text))
+
+    def next(self) -> None:
+        """Go to the next bookmark, from the first one on again."""
+        table = self._desk.bus.table
+        rows = sorted(row for row in (table.row_of_byte(*place) for place in self._desk.notes.comments) if row >= 0)
+        if not rows:
+            self._screen.tell("no bookmarks yet: m sets one")
+            return
+        here = -1 if self._screen.row is None else self._screen.row
+        self._screen.jumps.go(next((row for row in rows if row > here), rows[0]))
+
+    def _noted(self, change: Callable[[], object]) -> None:
+        """Change the notes; where they cannot be kept in their file, say so."""
+        screen = self._screen
+        try:
+            change()
+        except CaptureError as error:
+            screen.tell(f"kept until you quit only: {error}", wrong=True)
+        for each in screen.query(FrameList):
+            each.unpaint()
+        if screen.row is not None:
+            screen.study_row(screen.row)

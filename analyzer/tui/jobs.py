@@ -1,0 +1,197 @@
+"""What goes on in threads: reading, testing rows, counting. A thread changes nothing that is shown: it calls back."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, TypeVar
+
+from textual.worker import get_current_worker
+
+from ..model.selection import Everything, Selection, Test, both, conversations, frames_only, within
+
+if TYPE_CHECKING:
+    from ..model.filtering import CompiledTest
+    from ..reports.model import Report
+    from .screen import BusScreen
+
+_PERIOD_S: Final = 0.1  # between two tellings
+_QUIET_S: Final = 1.0  # between two while nothing comes
+_REPORT_S: Final = 1.0
+_LAG: Final = 64  # rows: by then what was found about one is known, as a rule
+
+T = TypeVar("T")
+Stop = Callable[[], bool]
+
+
+@dataclass
+class Scope:
+    """What the user narrows the rows to."""
+
+    filter: CompiledTest | None = None
+    span: tuple[int, int] | None = None  # ns
+    hide_noise: bool = False
+
+    def tests(self) -> list[Test]:
+        """What a row must pass; nothing where all are wanted."""
+        tests: list[Test] = []
+        if self.hide_noise:
+            tests.append(frames_only)
+        if self.span is not None:
+            tests.append(within(*self.span))
+        if self.filter is not None:
+            tests.append(self.filter.test)
+        return tests
+
+
+class Jobs:
+    """The main screen's work. `doing` says what goes on; `selection` are the rows that the scope leaves."""
+
+    def __init__(self, screen: BusScreen) -> None:
+        self._screen = screen
+        self._bus, self._source = screen.desk.bus, screen.desk.source
+        self.doing = ""
+        self.scope = Scope()
+        self.selection: Selection | None = None
+        self._conversation = Selection(self._bus, conversations)
+        self._waiting: Selection | None = None  # will be shown once it has come as far as the cursor
+        self._counted_at: dict[str, float] = {}  # by view
+        self._told_notices: set[str] = set()
+
+    def begin(self) -> None:
+        """Read the source."""
+        self._screen.conversations.rows = self._conversation
+        self._start("load", self._load)
+        self._select()
+
+    def run(
+        self, group: str, work: Callable[[Stop], T], then: Callable[[T], object], *, exclusive: bool = True
+    ) -> None:
+        """Work in a thread, and what to do with what it gives; an `exclusive` one takes the place of its group's last.
+
+        `work` is given a function that says when its outcome is not wanted any more.
+        """
+
+        def thread() -> None:
+            worker = get_current_worker()
+            outcome = work(lambda: worker.is_cancelled)
+            if not worker.is_cancelled:
+                self._screen.call_later(then, outcome)
+
+        self._start(group, thread, exclusive=exclusive)
+
+    def _start(self, group: str, thread: Callable[[], None], *, exclusive: bool = False) -> None:
+        self._screen.run_worker(thread, thread=True, group=group, exclusive=exclusive, exit_on_error=False)
+
+    # Reading
+
+    def _load(self) -> None:
+        """The source into the model."""
+        worker = get_current_worker()
+        told, came, trouble = 0.0, False, ""
+        try:
+            for analysed in self._source.steps(lambda: worker.is_cancelled):
+                if worker.is_cancelled:
+                    return
+                self._bus.line = self._source.line  # a tap may find it out as it listens
+                self._bus.feed(analysed)
+                now = time.monotonic()
+                came = came or len(analysed.batch) > 0
+                if now - told >= (_PERIOD_S if came else _QUIET_S):
+                    told, came = now, False
+                    self._screen.call_later(self._rows_came)
+        except Exception as error:  # told in one line; what was read stays
+            trouble = str(error) or type(error).__name__
+        self._bus.close()
+        self._screen.call_later(self._loaded, trouble)
+
+    def _rows_came(self) -> None:
+        live = self._source.live
+        self.doing = "listening" if live else f"reading, {self._bus.store.size / 1e6:,.0f} MB"
+        self._first_row()
+        if live:
+            self._tell_notices()
+        self._screen.refresh_view()
+
+    def _first_row(self) -> None:
+        if self._screen.row is None and self._bus.count:
+            self._screen.frames.renewed()
+
+    def _tell_notices(self) -> None:
+        """What the source has to say, each thing once."""
+        for notice in self._source.notices():
+            if notice not in self._told_notices:
+                self._told_notices.add(notice)
+                self._screen.tell(notice, wrong=True)
+
+    def _loaded(self, trouble: str) -> None:
+        """No more rows come; `trouble` says why if it is not that the source was read to its end."""
+        self.doing = ""
+        if self.scope.filter is not None and self.scope.filter.settled:
+            self.reselect()
+        self._first_row()
+        self._screen.refresh_view()
+        if trouble:
+            self._screen.tell(f"reading ended: {trouble}", wrong=True)
+        self._tell_notices()
+        if not self._bus.frames and not trouble and self._screen.view != "paste":
+            self._screen.tell("no Modbus frame was found", wrong=True)
+
+    # Testing rows
+
+    def reselect(self) -> None:
+        """The rows that the scope leaves."""
+        tests = self.scope.tests()
+        lag = _LAG if self.scope.filter is not None and self.scope.filter.settled else 0
+        self._waiting = Selection(self._bus, both(tests), lag=lag) if tests else None
+        self._conversation = Selection(self._bus, both([conversations, *tests]), lag=lag)
+        self.selection = self._waiting
+        if self._waiting is None:
+            self._screen.frames.use(Everything(self._bus))
+        self._screen.conversations.use(self._conversation)
+        self._select()
+
+    def _select(self) -> None:
+        """Test rows as they come, until there are no more of them."""
+        selections = [each for each in (self.selection, self._conversation) if each is not None]
+
+        def thread() -> None:
+            worker = get_current_worker()
+            while not worker.is_cancelled:
+                whole = self._bus.whole
+                for selection in selections:
+                    while not worker.is_cancelled and _extended(selection, lambda: worker.is_cancelled):
+                        self._screen.call_later(self._selection_grew)
+                if whole:
+                    self._screen.call_later(self._selection_grew)
+                    return
+                time.sleep(_PERIOD_S)
+
+        self._start("select", thread, exclusive=True)
+
+    def _selection_grew(self) -> None:
+        waiting, row = self._waiting, self._screen.row
+        if waiting is not None and (row is None or waiting.done > row or waiting.done >= self._bus.count):
+            self._waiting = None
+            self._screen.frames.use(waiting)
+        if self.selection is not None and self._bus.whole:
+            done, count = self.selection.done, self._bus.count
+            self.doing = f"filtering {done / max(1, count):.0%}" if done < count else ""
+        self._screen.refresh_view()
+
+    # Counting
+
+    def count_report(self, view: str, then: Callable[[Report], None]) -> None:
+        """Newer figures of the whole bus for a view, not too often."""
+        now = time.monotonic()
+        if now - self._counted_at.get(view, 0.0) >= _REPORT_S or self._bus.whole:
+            self._counted_at[view] = now
+            self.run(f"report for {view}", lambda _: self._bus.report(self._source), then)
+
+
+def _extended(selection: Selection, stop: Stop) -> bool:
+    """Test rows for a little while; whether any were there to test."""
+    before, until = selection.done, time.monotonic() + _PERIOD_S
+    selection.extend(lambda: stop() or time.monotonic() > until)
+    return selection.done > before

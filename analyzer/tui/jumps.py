@@ -1,0 +1,112 @@
+"""Going somewhere: to a row, its counterpart, a finding, a bookmark, a hit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from ..model import goto, search
+from .prompts import Ask, Choose
+
+if TYPE_CHECKING:
+    from .screen import BusScreen
+
+_WAYS: Final = (
+    ("h", "bytes: 03 02, 0x03,0x02", search.for_bytes),
+    ("t", "text: in the bytes or in the words of the list", search.for_text),
+    ("v", "value: a register such as 17216 or -5, a float such as 230.5", search.for_value),
+)
+
+
+class Jumps:
+    """How the main screen goes places."""
+
+    def __init__(self, screen: BusScreen) -> None:
+        self._screen = screen
+        self._bus = screen.desk.bus
+        self._hits: search.Hits | None = None
+        self._sought = ""
+
+    def go(self, row: int) -> None:
+        """Show a row in the frame list, or in the conversations where those are shown."""
+        screen = self._screen
+        if screen.view == "conversations":
+            if not screen.conversations.go(row):
+                screen.tell("the line shown holds it, or comes before it")
+            return
+        if screen.view != "frames":
+            screen.row = row
+            screen.action_view("frames")
+        if not screen.frames.go(row):
+            screen.tell("that row is not among those shown (Esc shows all); this one comes before it")
+        screen.frames.focus()
+
+    def to_counterpart(self) -> None:
+        """From a request to its answer, from an answer to its request."""
+        partner = None if self._screen.row is None else self._bus.partner(self._screen.row)
+        if partner is None:
+            self._screen.tell("no counterpart is known")
+        else:
+            self.go(partner)
+
+    def to_finding(self, step: int) -> None:
+        """The next row with a finding, or the one before."""
+        row = self._bus.found.next_row(-1 if self._screen.row is None else self._screen.row, step)
+        if row is None:
+            self._screen.tell("no finding further on" if step > 0 else "no finding before this")
+        else:
+            self.go(row)
+
+    async def ask_where(self) -> None:
+        """Ask where to go, and go there."""
+        here = self._screen.row or 0
+
+        def wrong(text: str) -> str:
+            try:
+                goto.place(text, self._bus, here)
+            except goto.GotoError as error:
+                return str(error)
+            return ""
+
+        text = await self._screen.app.push_screen_wait(Ask("Go to", goto.FORMS, wrong=wrong))
+        if text is not None:
+            self.go(goto.place(text, self._bus, here))
+
+    async def ask_what(self) -> None:
+        """Ask what to look for, and look."""
+        ask = self._screen.app.push_screen_wait
+        which = await ask(Choose("Find", [(key, words) for key, words, _ in _WAYS]))
+        if which is None:
+            return
+        _, hint, make = _WAYS[which]
+
+        def wrong(text: str) -> str:
+            try:
+                make(text)
+            except search.SearchError as error:
+                return str(error)
+            return ""
+
+        text = await ask(Ask("Find", hint, value=self._sought, wrong=wrong))
+        if text is not None:
+            self._sought, self._hits = text, make(text)
+            self.find_on(back=False)
+
+    def find_on(self, *, back: bool) -> None:
+        """The next hit, or the one before."""
+        screen, hits = self._screen, self._hits
+        if hits is None:
+            screen.action_find()
+            return
+        screen.jobs.doing = f"looking for {self._sought[:20]}"
+        screen.say()
+        row = -1 if screen.row is None else screen.row
+        screen.jobs.run("find", lambda stop: search.find(self._bus, hits, row, back=back, stop=stop), self._sought_out)
+
+    def _sought_out(self, row: int | None) -> None:
+        screen = self._screen
+        screen.jobs.doing = ""
+        if row is None:
+            screen.tell(f"{self._sought[:40]} is not found further on")
+            screen.say()
+        else:
+            self.go(row)

@@ -1,0 +1,160 @@
+"""Rows that the user picks, to copy their bytes or to export them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import TYPE_CHECKING, BinaryIO, Final, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..exports.output import OutputStream
+from ..model.selection import Selection
+from .copying import WAYS
+from .jobs import Stop
+from .prompts import Ask, Choose
+from .saving import save, write
+
+if TYPE_CHECKING:
+    from .screen import BusScreen
+
+_PLAIN: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,99}")
+_COPIED: Final = 256  # rows, at most
+
+
+class _Saved(NamedTuple):
+    """What became of an export: `trouble` says why it failed, if it did; `file` holds it, if it is for a browser."""
+
+    rows: int
+    trouble: str = ""
+    file: BinaryIO | None = None
+
+
+class PickedRows:
+    """The rows from the anchor to the cursor, if an anchor is set."""
+
+    def __init__(self, screen: BusScreen) -> None:
+        self._screen = screen
+        self.anchor: int | None = None
+
+    def rows(self) -> NDArray[np.int64]:
+        """Those of them that the list shows."""
+        if self.anchor is None or self._screen.row is None:
+            return np.zeros(0, np.int64)
+        low, high = sorted((self.anchor, self._screen.row))
+        shown = self._screen.frames.rows
+        if isinstance(shown, Selection):
+            rows = shown.rows()
+            return rows[(rows >= low) & (rows <= high)]
+        return np.arange(low, high + 1)
+
+    def toggle(self) -> None:
+        """Begin at the cursor, or end it."""
+        screen = self._screen
+        self.anchor = None if self.anchor is not None or screen.view != "frames" else screen.row
+        screen.frames.pinned = self.anchor
+        screen.frames.unpaint()
+        screen.say()
+
+    async def copy(self) -> None:
+        """Ask how, and put the bytes on the terminal's clipboard (OSC 52)."""
+        screen = self._screen
+        data = self._octets()
+        if not data:
+            screen.tell("no bytes to copy")
+            return
+        ways = [(way.key, way.name) for way in WAYS]
+        which = await screen.app.push_screen_wait(Choose(f"Copy {len(data)} bytes as", ways))
+        if which is not None:
+            screen.app.copy_to_clipboard(WAYS[which].write(data))
+            screen.tell("copied, if the terminal allows it (OSC 52)")
+
+    def _octets(self) -> bytes:
+        """The picked rows' bytes, those of the field that has the keys, or the frame's."""
+        if self.anchor is None:
+            return self._screen.detail.chosen_bytes
+        return b"".join(self._screen.desk.bus.captured(int(row)) for row in self.rows()[:_COPIED])
+
+    async def export(self) -> None:
+        """Ask for a file, and write the picked rows to it, or the shown ones; a browser downloads it."""
+        screen, app = self._screen, self._screen.app
+        rows = self._rows_to_save()
+        if not len(rows):
+            screen.tell("no rows to export")
+            return
+        what = f"the {len(rows):,} rows {'selected' if self.anchor is not None else 'shown'}"
+        question = f"Download {what} as" if app.is_web else f"Export {what} to"
+        wrong = _no_download if app.is_web else _no_file
+        text = await app.push_screen_wait(
+            Ask(question, "a file; its suffix tells the format", wrong=wrong, value="frames.csv")
+        )
+        if not text:
+            return
+        path = Path(text).expanduser()
+        if not app.is_web and path.exists():
+            choices = [("n", "leave it as it is"), ("o", "overwrite it")]
+            if not await app.push_screen_wait(Choose(f"{path.name} is there already", choices)):
+                screen.tell(f"{path.name} left as it is")
+                return
+        screen.jobs.doing = "exporting"
+        screen.say()
+        screen.jobs.run(
+            "export", lambda stop: self._save(rows, path, stop), lambda saved: self._saved(path, saved), exclusive=False
+        )
+
+    def _rows_to_save(self) -> NDArray[np.int64]:
+        if self.anchor is not None:
+            return self.rows()
+        shown = self._screen.frames.rows
+        return shown.rows() if isinstance(shown, Selection) else np.arange(shown.count)
+
+    def _save(self, rows: NDArray[np.int64], path: Path, stop: Stop) -> _Saved:
+        """Write them: for a browser to a file without a name, since nobody there is to name files of this machine."""
+        bus, source = self._screen.desk.bus, self._screen.desk.source
+        try:
+            if not self._screen.app.is_web:
+                return _Saved(save(bus, source, rows, path, stop))
+            nameless = cast(BinaryIO, TemporaryFile())  # noqa: SIM115 - the browser takes it
+            count = write(bus, source, rows, path, OutputStream(nameless), stop)
+            nameless.seek(0)
+            return _Saved(count, file=nameless)
+        except Exception as error:  # told in one line
+            return _Saved(0, str(error) or type(error).__name__)
+
+    def _saved(self, path: Path, saved: _Saved) -> None:
+        screen = self._screen
+        screen.jobs.doing = ""
+        screen.say()
+        if saved.trouble:
+            screen.tell(saved.trouble, wrong=True)
+        elif saved.file is not None:
+            screen.app.deliver_binary(saved.file, save_filename=path.name)
+            screen.tell(f"{saved.rows:,} rows handed to the browser as {path.name}")
+        else:
+            screen.tell(f"{saved.rows:,} rows written to {path}")
+
+
+def _no_file(text: str) -> str:
+    """Why an export cannot go to a file of that name; empty where it can."""
+    path = Path(text).expanduser()
+    return _no_format(path) or ("" if path.parent.is_dir() else f"no such folder as {Path(text).parent}")
+
+
+def _no_download(text: str) -> str:
+    """Why a browser cannot be given a file of that name; empty where it can."""
+    if not _PLAIN.fullmatch(text):
+        return "a plain name, such as frames.csv: where it goes is the browser's business"
+    return _no_format(Path(text))
+
+
+def _no_format(path: Path) -> str:
+    from ..exports import ExportError
+    from ..exports.sink import target
+
+    try:
+        target(path)
+    except ExportError as error:
+        return str(error)
+    return ""

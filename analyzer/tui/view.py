@@ -1,0 +1,52 @@
+"""A view of the bus: one record, from which the screen makes its tab, its key, its widget, and what happens in it.
+
+A new view is a file with such a record and a line in `views`. Its functions get the screen, and of a list the widget
+whose cursor moved; what they need of the view itself they ask the screen for by the widget's class.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from .paint import Painted
+
+if TYPE_CHECKING:
+    from textual.widget import Widget
+
+    from .desk import ViewState
+    from .screen import BusScreen
+
+JUMPS: Final = ("find", "find_on", "goto", "counterpart", "finding")  # the screen's actions that go to another row
+
+
+def nothing(screen: BusScreen) -> None:
+    """Nothing is to be done."""
+
+
+def ignored(screen: BusScreen, sender: Widget) -> None:
+    """What was chosen means nothing to others."""
+
+
+def grown(screen: BusScreen) -> None:
+    """The view's one widget paints what came."""
+    screen.query_one(f"#{screen.view}", Painted).grown()
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A tab of the main screen."""
+
+    name: str  # the widget's id, and what commands call it
+    key: str
+    title: str
+    make: Callable[[ViewState], Widget]
+    refresh: Callable[[BusScreen], None] = nothing  # it is shown, or rows came since
+    chosen: Callable[[BusScreen, Widget], None] = ignored  # the cursor of one of its lists moved
+    entered: Callable[[BusScreen, Widget], None] = ignored  # a line of one of its lists was opened
+    shown: Callable[[BusScreen], None] = nothing  # it has just come up
+    short: str = ""  # title on narrow terminals
+    detail: bool = False  # with the frame under the cursor below
+    filtered: bool = False  # with the filter's line above
+    without: tuple[str, ...] = ()  # the screen's actions that mean nothing in it

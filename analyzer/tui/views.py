@@ -1,0 +1,20 @@
+"""All views, in the order of their tabs: a new one is a line here."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from . import conversations, findings, frames, pastepane, registerlist, report, timeline, unitlist
+from .view import View
+
+VIEWS: Final[tuple[View, ...]] = (
+    frames.VIEW,
+    conversations.VIEW,
+    findings.VIEW,
+    unitlist.VIEW,
+    registerlist.VIEW,
+    timeline.VIEW,
+    report.VIEW,
+    pastepane.VIEW,
+)
+BY_NAME: Final = {view.name: view for view in VIEWS}

@@ -1,0 +1,103 @@
+"""Times in words: absolute, since the start, since the row before, since a reference."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from enum import Enum
+from typing import Final
+
+_EPOCH_NS: Final = 10**17  # times after 1973 are taken for a clock's, others count from the start of the capture
+
+
+class TimeBase(Enum):
+    """What times count from."""
+
+    START = "since start"
+    ABSOLUTE = "UTC"
+    PREVIOUS = "since previous"
+    REFERENCE = "since reference"
+
+
+def is_clock(t_ns: int) -> bool:
+    """Whether a time is a clock's, and so has a date."""
+    return t_ns > _EPOCH_NS
+
+
+def seconds(ns: int) -> str:
+    """`12.345678`, in seconds to the microsecond; negative ones with a sign."""
+    sign, ns = ("-", -ns) if ns < 0 else ("", ns)
+    micros = (ns + 500) // 1000
+    return f"{sign}{micros // 1_000_000}.{micros % 1_000_000:06d}"
+
+
+def time_of_day(t_ns: int) -> str:
+    """`08:29:51.123456` UTC."""
+    micros = t_ns // 1000
+    moment = datetime.fromtimestamp(micros // 1_000_000, UTC)
+    return f"{moment:%H:%M:%S}.{micros % 1_000_000:06d}"
+
+
+def date_and_time(t_ns: int) -> str:
+    """`2026-11-21 08:29:51.123456 UTC`, or seconds on the capture's own clock."""
+    if not is_clock(t_ns):
+        return f"{seconds(t_ns)} s on the capture's clock"
+    moment = datetime.fromtimestamp(t_ns // 1_000_000_000, UTC)
+    return f"{moment:%Y-%m-%d} {time_of_day(t_ns)} UTC"
+
+
+def short(ns: int | None) -> str:
+    """A duration in at most six characters and a sign: `870us`, `12.3ms`, `4.21s`, `3h12m`; a dash for none."""
+    if ns is None:
+        return "-"
+    if ns < 0:
+        return "-" + short(-ns)
+    if ns < 999_500:
+        return f"{ns / 1e3:.0f}us"
+    if ns < 999_500_000:
+        return f"{ns / 1e6:.3g}ms"
+    if ns < 99_950_000_000:
+        return f"{ns / 1e9:.3g}s"
+    minutes, rest = divmod(ns // 1_000_000_000, 60)
+    if minutes < 100:
+        return f"{minutes}m{rest:02d}s"
+    hours, minutes = divmod(minutes, 60)
+    if hours < 100:
+        return f"{hours}h{minutes:02d}m"
+    return f"{hours // 24}d" if hours < 24_000 else ">999d"
+
+
+def moment(t_ns: int) -> str:
+    """A time of a clock."""
+    return f"{datetime.fromtimestamp(t_ns / 1e9, UTC):%Y-%m-%d %H:%M:%S} UTC"
+
+
+def duration(ns: int) -> str:
+    """A time in its natural unit, three or four digits: `870 us`, `12.3 ms`, `4.2 s`, `3 h 12 min`."""
+    if ns < 999_500:
+        return f"{ns / 1e3:.0f} us"
+    if ns < 999_500_000:
+        return f"{ns / 1e6:.3g} ms"
+    seconds = ns / 1e9
+    if seconds < 99.95:
+        return f"{seconds:.3g} s"
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    days, hours = divmod(hours, 24)
+    if days:
+        return f"{days} d {hours} h"
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds} s"
+
+
+def compact(number: int) -> str:
+    """A count in at most five characters: `9999`, `12.3k`, `1.2M`."""
+    if number < 10_000:
+        return str(number)
+    for scale, letter in ((1e3, "k"), (1e6, "M"), (1e9, "G"), (1e12, "T")):
+        if number < 999.5 * scale:
+            return f"{number / scale:.{2 if number < 9.995 * scale else 1 if number < 99.95 * scale else 0}f}{letter}"
+    return ">999T"
+
+
+def plural(number: int, one: str, many: str) -> str:
+    """`1 retry`, `2 retries`."""
+    return f"{number:,} {one if number == 1 else many}"

@@ -1,0 +1,132 @@
+"""Fuzz: hostile inputs for every target, in processes of their own, timed and weighed.
+
+A target may raise only what its users are told in a line; no input of 64 KiB takes over a second of CPU, and no process
+over 300 MB. Input number i of a target is the same for a seed, whatever else is run.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+from contextlib import suppress
+from pathlib import Path
+from random import Random
+from typing import Final
+
+from attack.inputs import spoilt
+from attack.outcome import Outcome
+from attack.targets import Target, targets
+
+MEGABYTES: Final = 300
+_DEAD_S: Final = 60  # after which a process is asked where it stands, and ended
+_TOLD: Final = 20  # failures of a target that are told in full
+
+
+def attack(seed: int, inputs: int, *, only: str = "", first: int = 0) -> Outcome:
+    """So many inputs over all targets by their shares, or over those whose name has `only` in it."""
+    chosen = [target for name, target in targets().items() if only in name]
+    shares = sum(target.share for target in chosen)
+    outcome = Outcome("fuzz")
+    begun, slowest, largest = time.monotonic(), 0.0, 0.0
+    for target in chosen:
+        count, at = max(1, round(inputs * target.share / shares)), first
+        target_begun, failures = time.monotonic(), len(outcome.failures)
+        while at < first + count:
+            done = _run(target.name, seed, at, first + count - at, outcome)
+            at = done["next"]
+            slowest, largest = max(slowest, done["slowest"]), max(largest, done["megabytes"])
+        outcome.tried += count
+        rate = count / (time.monotonic() - target_begun)
+        bad = len(outcome.failures) - failures
+        print(f"  {target.name}: {count:,} inputs, {rate:,.0f} a second, {bad} failures", file=sys.stderr, flush=True)
+    spent = time.monotonic() - begun
+    outcome.figures = f"seed {seed}, slowest {slowest:.2f} s, largest process {largest:.0f} MB, {spent:.0f} s"
+    return outcome
+
+
+def _run(name: str, seed: int, first: int, count: int, outcome: Outcome) -> dict[str, float]:
+    """One process for as many inputs as it lives; where the next has to go on, and its figures."""
+    with tempfile.NamedTemporaryFile() as place:
+        command = [
+            sys.executable,
+            str(Path(__file__).parent),
+            "--worker",
+            name,
+            str(seed),
+            str(first),
+            str(count),
+            place.name,
+        ]
+        process = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+        lines = [json.loads(line) for line in process.stdout.splitlines() if line.startswith("{")]
+        reached = int(Path(place.name).read_text() or first)
+    again = f"benchmarks/attack fuzz --only {name!r} --seed {seed} --first"
+    told = [f"{name} ({again} {line['input']} --inputs 1): {line['failure']}" for line in lines if "failure" in line]
+    outcome.failures += told
+    ends = [line for line in lines if "next" in line]
+    if ends:
+        return ends[0]
+    last = process.stderr.strip()[-1500:]
+    outcome.failures.append(f"{name} ({again} {reached} --inputs 1): the process died ({process.returncode}): {last}")
+    return {"next": reached + 1, "slowest": 0.0, "megabytes": 0.0}
+
+
+def work(name: str, seed: int, first: int, count: int, place: str) -> None:
+    """What a process of its own does: an object a line for each failure, and one at the end."""
+    target = targets()[name]
+    at_work = os.open(place, os.O_WRONLY)
+    slowest, told = 0.0, 0
+    with suppress(Exception):  # what is loaded when it is first used is not the input's
+        target.take(target.seeds()[0], Random(0))
+    for number in range(first, first + count):
+        if (number - first) % 64 == 0:
+            faulthandler.dump_traceback_later(_DEAD_S, exit=True)
+        os.pwrite(at_work, b"%d" % number, 0)
+        failure, spent = _one(target, seed, number)
+        slowest = max(slowest, spent)
+        megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
+        if not failure and megabytes > MEGABYTES:
+            failure = f"{megabytes:.0f} MB"
+        if failure and told < _TOLD:
+            print(json.dumps({"input": number, "failure": failure}), flush=True)
+            told += 1
+        if megabytes > MEGABYTES:  # it would be said of all inputs to come
+            break
+    else:
+        number = first + count - 1
+    print(json.dumps({"next": number + 1, "slowest": slowest, "megabytes": megabytes}), flush=True)
+
+
+def _one(target: Target, seed: int, number: int) -> tuple[str, float]:
+    """What was wrong with one input, if anything, and the CPU seconds that it took."""
+    chance = Random(f"{seed} {target.name} {number}")
+    data = spoilt(chance, target.seeds(), target.tokens)
+    failure = ""
+    begun = time.process_time()
+    try:
+        target.take(data, chance)
+    except Exception as error:
+        if not _is_told(error, target):
+            failure = f"{data[:60]!r}: " + "".join(traceback.format_exception(error, limit=-4)).strip()
+        elif "\n" in str(error):
+            failure = f"{data[:60]!r}: an error of more than a line: {error}"
+    spent = time.process_time() - begun
+    if spent > target.seconds and not failure:
+        failure = f"{data[:60]!r}... of {len(data):,} bytes: {spent:.1f} s"
+    return failure, spent
+
+
+def _is_told(error: Exception, target: Target) -> bool:
+    """Whether it is an error of this target, raised on purpose: not by Python underneath."""
+    if not isinstance(error, target.errors):
+        return False
+    if type(error).__module__ != "builtins":
+        return True
+    return (traceback.extract_tb(error.__traceback__)[-1].line or "").startswith("raise ")

@@ -1,0 +1,254 @@
+"""Learns the tables of log odds by which registers are inferred, and writes them with their provenance.
+
+    python benchmarks/fit_registers.py [--folds N] [--seeds N] [--rounds N] [-o FILE]
+
+A conditional model of how blocks of registers are cut into values, fitted by gradient on devices made from the open
+layouts. With `--folds` families of makers are held out in turn and scored; the temperature comes from those. The tables
+that are written are fitted on all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from register_scores import Tally, tallied
+from register_series import MadeDevice, devices, family, layouts, true_cut
+
+from analyzer.registers.chain import ChainSums, chain_sums
+from analyzer.registers.hypotheses import FAMILY_OF, HYPOTHESES
+from analyzer.registers.runs import Run, run_pass, runs_of, second_codes
+from analyzer.registers.weights import DEVICE_ORDERS, TABLES, Weights, neighbour_codes, order_codes
+
+Floats = NDArray[np.float64]
+OUT = Path(__file__).resolve().parents[1] / "analyzer" / "registers" / "weights.json"
+STARTS = dict(zip(TABLES, np.cumsum([0, *TABLES.values()])[:-1].tolist(), strict=True))
+TOTAL = sum(TABLES.values())
+BUCKETS = (4, 10, 25, 60, 130)
+
+
+@dataclass(slots=True, eq=False)
+class Example:
+    """A run with its true segments, and its codes as entries of one flat table (TOTAL: none)."""
+
+    run: Run
+    cut: NDArray[np.int64]
+    entries: list[NDArray[np.int64]]  # by hypothesis, (T, K)
+    device: int
+    order: int  # of the device, a number of DEVICE_ORDERS
+
+
+def example(run: Run, device: MadeDevice, number: int) -> Example | None:
+    """None where the truth of a run is not one block's."""
+    for area, address, quantity, rows in device.truth:
+        if (area, address, quantity) == (run.area, run.address, run.length):
+            cut = true_cut(address, quantity, rows)
+            order = DEVICE_ORDERS.index(device.order)
+            return Example(run, cut, entries_of(run.codes, run.length), number, order)
+    return None
+
+
+def entries_of(codes: Sequence, longest: int) -> list[NDArray[np.int64]]:
+    found = []
+    for by_table in codes:
+        columns = []
+        for name, code in by_table.items():
+            padded = np.full(longest, TOTAL, np.int64)
+            padded[: len(code)] = np.where(code >= 0, code + STARTS[name], TOTAL)
+            columns.append(padded)
+        found.append(np.stack(columns, axis=1) if columns else np.full((longest, 1), TOTAL, np.int64))
+    return found
+
+
+class Fit:
+    """The gradient of one pass over all examples."""
+
+    def __init__(self, examples: list[Example], strength: float) -> None:
+        self.strength = strength
+        self.buckets = []
+        for low, high in zip((0, *BUCKETS), BUCKETS, strict=False):
+            chosen = [e for e in examples if low < e.run.length <= high]
+            if chosen:
+                self.buckets.append(_Bucket(chosen))
+        self.devices = 1 + max(e.device for e in examples)
+        self.true = sum((bucket.true for bucket in self.buckets), np.zeros(TOTAL + 1))
+        orders = {e.device: e.order for e in examples}
+        for order in orders.values():
+            self.true[STARTS["device order"] + order] += 1
+        self.present = np.isin(np.arange(self.devices), list(orders))
+
+    def expected(self, weights: Floats) -> Floats:
+        """Expected counts under the weights, each device of either word order as likely as its runs make it."""
+        totals = np.tile(weights[STARTS["device order"] : STARTS["device order"] + 2], (self.devices, 1))
+        sums = []
+        for bucket in self.buckets:
+            both = [bucket.sums(weights, order) for order in range(2)]
+            for order, one in enumerate(both):
+                np.add.at(totals[:, order], bucket.devices, one.log_total)
+            sums.append(both)
+        shares = np.exp(totals - totals.max(axis=1, keepdims=True))
+        shares /= shares.sum(axis=1, keepdims=True)
+        found = np.zeros(TOTAL + 1)
+        found[STARTS["device order"] : STARTS["device order"] + 2] = shares[self.present].sum(axis=0)
+        for bucket, both in zip(self.buckets, sums, strict=True):
+            for order, one in enumerate(both):
+                found += bucket.expected(one, order, shares[bucket.devices, order])
+        return found
+
+    def run(self, rounds: int, start: Floats | None = None) -> Floats:
+        """Weights after so many rounds of Adam."""
+        weights = np.zeros(TOTAL + 1) if start is None else start.copy()
+        mean, spread = np.zeros_like(weights), np.zeros_like(weights)
+        for step in range(1, rounds + 1):
+            expected = self.expected(weights)
+            gradient = (self.true - expected) - self.strength * weights
+            gradient[TOTAL] = 0
+            mean = 0.9 * mean + 0.1 * gradient
+            spread = 0.98 * spread + 0.02 * gradient**2
+            rate = 0.12 * min(1.0, 4 * (1 - step / (rounds + 1)))
+            weights += rate * (mean / (1 - 0.9**step)) / (np.sqrt(spread / (1 - 0.98**step)) + 1e-3)
+        return weights
+
+
+class _Bucket:
+    def __init__(self, examples: list[Example]) -> None:
+        self.lengths = np.array([e.run.length for e in examples])
+        self.devices = np.array([e.device for e in examples])
+        longest = int(self.lengths.max())
+        self.entries = []
+        for number in range(len(HYPOTHESES)):
+            width = max(e.entries[number].shape[1] for e in examples)
+            block = np.full((len(examples), longest, width), TOTAL, np.int64)
+            for row, e in enumerate(examples):
+                block[row, : e.run.length, : e.entries[number].shape[1]] = e.entries[number]
+            self.entries.append(block)
+        self.fits = np.zeros((len(examples), longest, len(HYPOTHESES)), np.bool_)
+        for row, e in enumerate(examples):
+            self.fits[row, : e.run.length] = e.run.fits
+        self.true = np.zeros(TOTAL + 1)
+        neighbours = neighbour_codes() + STARTS["neighbours"]
+        for row, e in enumerate(examples):
+            for at, number in e.cut.tolist():
+                np.add.at(self.true, self.entries[number][row, at], 1)
+            numbers = e.cut[:, 1]
+            np.add.at(self.true, order_codes()[e.order][numbers] + STARTS["value order"], 1)
+            np.add.at(self.true, neighbours[numbers[:-1], numbers[1:]], 1)
+            self.true[STARTS["begin"] + FAMILY_OF[numbers[0]]] += 1
+            self.true[STARTS["end"] + FAMILY_OF[numbers[-1]]] += 1
+
+    def sums(self, weights: Floats, order: int) -> ChainSums:
+        """Of devices that have this word order."""
+        scores = np.stack([weights[block].sum(axis=2) for block in self.entries], axis=-1)
+        scores += weights[order_codes()[order] + STARTS["value order"]]
+        scores[~self.fits] = -1e9
+        transitions = weights[neighbour_codes() + STARTS["neighbours"]]
+        begin, end = weights[STARTS["begin"] + FAMILY_OF], weights[STARTS["end"] + FAMILY_OF]
+        return chain_sums(scores, self.lengths, transitions, begin, end)
+
+    def expected(self, sums: ChainSums, order: int, shares: Floats) -> Floats:
+        """Expected counts, each run weighed by the share of the order in its device."""
+        posterior = sums.posterior * shares[:, None, None]
+        found = np.zeros(TOTAL + 1)
+        for number, block in enumerate(self.entries):
+            share = np.repeat(posterior[:, :, number].ravel(), block.shape[2])
+            found += np.bincount(block.ravel(), share, TOTAL + 1)
+        np.add.at(found, order_codes()[order] + STARTS["value order"], posterior.sum(axis=(0, 1)))
+        neighbours = np.einsum("r,rij->ij", shares, sums.neighbours)
+        np.add.at(found, neighbour_codes() + STARTS["neighbours"], neighbours)
+        np.add.at(found, STARTS["begin"] + FAMILY_OF, posterior[:, 0].sum(axis=0))
+        last = np.zeros(len(HYPOTHESES))
+        for number, hypothesis in enumerate(HYPOTHESES):
+            at = self.lengths - hypothesis.words
+            inside = at >= 0
+            last[number] = posterior[np.flatnonzero(inside), at[inside], number].sum()
+        np.add.at(found, STARTS["end"] + FAMILY_OF, last)
+        return found
+
+
+def tables_of(weights: Floats) -> dict[str, Floats]:
+    return {name: weights[STARTS[name] : STARTS[name] + size] for name, size in TABLES.items()}
+
+
+def fitted(made: list[tuple[MadeDevice, list[Run]]], rounds: int, strength: float) -> Weights:
+    """Both passes, fitted on these devices."""
+    groups = [
+        [e for run in runs if (e := example(run, device, number)) is not None]
+        for number, (device, runs) in enumerate(made)
+    ]
+    first = Fit([e for group in groups for e in group], strength).run(rounds)
+    halfway = Weights((tables_of(first), tables_of(first)), 1.0, {})
+    second = []
+    for (_, runs), group in zip(made, groups, strict=True):
+        own = run_pass(runs, halfway, 0, [halfway.scores(0, run.codes, run.length) for run in runs], 1.0)
+        codes = dict(zip(map(id, runs), second_codes(runs, own), strict=True))
+        for e in group:
+            entries = entries_of(codes[id(e.run)], e.run.length)
+            second.append(Example(e.run, e.cut, entries, e.device, e.order))
+    last = Fit(second, strength).run(rounds, first)
+    return Weights((tables_of(first), tables_of(last)), 1.0, {})
+
+
+def folds(count: int) -> list[set[str]]:
+    """Families held out, by fold."""
+    names = sorted({family(chart) for chart in layouts().values()})
+    return [set(names[number::count]) for number in range(count)]
+
+
+def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--folds", type=int, default=0)
+    parser.add_argument("--seeds", type=int, default=8)
+    parser.add_argument("--rounds", type=int, default=100)
+    parser.add_argument("--strength", type=float, default=1.5)
+    parser.add_argument("--temperature", type=float, default=1.0)
+    parser.add_argument("--misses", action="store_true", help="print each miss of a held-out family")
+    parser.add_argument("--only-fold", type=int)
+    parser.add_argument("-o", default=str(OUT))
+    parser.add_argument("--dry", action="store_true", help="write nothing")
+    options = parser.parse_args(arguments)
+    begin = time.perf_counter()
+    made = [(d, runs_of(d.readings)) for polls, seeds in ((60, range(options.seeds)), (150, range(100, 101)))
+            for d in devices(seeds, polls, widen=0.1)]  # fmt: skip
+    print(f"{len(made)} devices, {time.perf_counter() - begin:.1f} s", file=sys.stderr)
+    if options.folds:
+        everything = Tally()
+        fresh = list(devices(range(1000, 1003), 60, flip=0.0))
+        for number, out in enumerate(folds(options.folds)):
+            if options.only_fold not in (None, number):
+                continue
+            weights = fitted([pair for pair in made if pair[0].family not in out], options.rounds, options.strength)
+            tally = Tally()
+            for device in fresh:
+                if device.family in out:
+                    tallied(device, weights, tally)
+                    tallied(device, weights, everything)
+            if options.misses:
+                print(*tally.misses, sep="\n")
+            print(f"held out {', '.join(sorted(out))[:100]}\n  {tally}", flush=True)
+        print(f"all held out\n  {everything}\n{everything.calibration()}")
+    if not options.dry:
+        weights = fitted(made, options.rounds, options.strength)
+        content = {
+            "provenance": {
+                "made_by": "benchmarks/fit_registers.py",
+                "layouts": sorted(layouts()),
+                "devices": len(made),
+                "rounds": options.rounds,
+                "strength": options.strength,
+            },
+            "temperature": options.temperature,
+            "passes": [{n: np.round(t, 3).tolist() for n, t in tables.items()} for tables in weights.passes],
+        }
+        Path(options.o).write_text(json.dumps(content, separators=(",", ":")).replace('],"', '],\n"') + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

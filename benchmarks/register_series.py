@@ -1,0 +1,138 @@
+"""Devices with maps and what their registers were: the truth on which inference is fitted and scored.
+
+Layouts are the shipped maps and those in `layouts/`; a family is a maker, or what the header of a layout says. Each
+device is made anew from a layout: moved to other addresses, sometimes with the other word order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from random import Random
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analyzer.registers.hypotheses import HYPOTHESES
+from analyzer.registers.readings import RegisterReadings
+from analyzer.simulation.mapped.client import MappedClient
+from dissectors.maps import RegisterMap, read_map, shipped_map, shipped_names
+from dissectors.maps.model import MappedValue
+
+LAYOUTS = Path(__file__).parent / "layouts"
+OTHER_ORDER = {"ABCD": "CDAB", "CDAB": "ABCD"}
+
+
+def layouts() -> dict[str, RegisterMap]:
+    """All layouts by name."""
+    found = {name: shipped_map(name) for name in shipped_names()}
+    return found | {path.stem: read_map(path) for path in sorted(LAYOUTS.glob("*.csv"))}
+
+
+def family(chart: RegisterMap) -> str:
+    """The maker, or what the layout says that it is."""
+    return (chart.other.get("family") or chart.vendor or chart.device).lower()
+
+
+@dataclass(frozen=True, slots=True)
+class MadeDevice:
+    """A device of which the readings are there, and of each polled block the values that it holds."""
+
+    name: str
+    family: str
+    order: str
+    readings: RegisterReadings
+    truth: tuple[tuple[str, int, int, tuple[MappedValue, ...]], ...]  # area, address, quantity
+
+
+def made_device(
+    name: str, chart: RegisterMap, random: Random, polls: int, *, flip: float = 0.0, widen: float = 0.0
+) -> MadeDevice:
+    """A device of this layout, polled so many times."""
+    if random.random() < flip:
+        chart = reordered(chart)
+    if random.random() < widen:
+        chart = widened(chart)
+    chart = moved(chart, random)
+    client = MappedClient(random, [(1, chart)])
+    device = client.devices[0]
+    blocks = {(poll.area, poll.address, poll.quantity): [] for poll in client.polls}
+    for _ in range(polls):
+        device.step()
+        for area, address, quantity in blocks:
+            blocks[area, address, quantity].append(device.read(area, address, quantity))
+    readings = RegisterReadings()
+    truth = []
+    for (area, address, quantity), rows in blocks.items():
+        if area in ("input", "holding"):
+            readings.put(1, area, address, np.array(rows, np.uint16))
+            truth.append((area, address, quantity, tuple(chart.within(area, address, quantity))))
+    return MadeDevice(name, family(chart), chart.word_order, readings, tuple(truth))
+
+
+def moved(chart: RegisterMap, random: Random) -> RegisterMap:
+    """The same values at other addresses."""
+    shifts: dict[str, int] = {}
+    for area in ("input", "holding"):
+        rows = [row for row in chart.rows if row.area == area]
+        if rows:
+            lowest, highest = min(row.address for row in rows), max(row.end for row in rows)
+            shifts[area] = random.randint(-lowest, 0x10000 - highest)
+    return replace(chart, rows=tuple(replace(row, address=row.address + shifts.get(row.area, 0)) for row in chart.rows))
+
+
+def reordered(chart: RegisterMap) -> RegisterMap:
+    """The same values with the other word order."""
+    return replace(
+        chart,
+        word_order=OTHER_ORDER.get(chart.word_order, chart.word_order),
+        rows=tuple(replace(row, order=OTHER_ORDER.get(row.order, row.order)) for row in chart.rows),
+    )
+
+
+def widened(chart: RegisterMap) -> RegisterMap:
+    """The same with 64-bit values in place of those of 32 bits, what follows moved up."""
+    rows, shift = [], {"input": 0, "holding": 0}
+    wider = {"u32": "u64", "s32": "s64", "f32": "f64"}
+    for row in sorted(chart.rows, key=lambda row: row.address):
+        if row.area in shift:
+            kind = wider.get(row.type, row.type)
+            moved_row = replace(row, address=row.address + shift[row.area], type=kind)
+            if kind != row.type:
+                moved_row = replace(moved_row, length=4)
+                shift[row.area] += 2
+            if moved_row.end <= 0x10000:
+                rows.append(moved_row)
+    return replace(chart, rows=tuple(rows))
+
+
+def number_of(row: MappedValue) -> int:
+    """The hypothesis that is true of a value; texts and what nobody infers are single registers (0)."""
+    for number, hypothesis in enumerate(HYPOTHESES):
+        fits = hypothesis.words == row.length and hypothesis.is_float == row.is_float and row.type != "text"
+        if fits and hypothesis.order in (None, row.order):
+            return number
+    return 0
+
+
+def true_cut(address: int, quantity: int, rows: tuple[MappedValue, ...]) -> NDArray[np.int64]:
+    """The true segments of a block: (register, hypothesis) a row; what is not listed is single registers."""
+    cut, at = [], 0
+    starts = {row.address - address: row for row in rows}
+    while at < quantity:
+        row = starts.get(at)
+        number = number_of(row) if row is not None else 0
+        cut.append((at, number))
+        at += HYPOTHESES[number].words
+    return np.array(cut)
+
+
+def devices(
+    seeds: range, polls: int, *, only: set[str] | None = None, flip: float = 0.3, widen: float = 0.0
+) -> Iterator[MadeDevice]:
+    """Devices of all layouts, or of those of these families, once a seed."""
+    for name, chart in layouts().items():
+        if only is None or family(chart) in only:
+            for seed in seeds:
+                yield made_device(name, chart, Random(f"{name} {seed}"), polls, flip=flip, widen=widen)

@@ -1,0 +1,59 @@
+"""Scores the inference of registers on devices whose maps are known.
+
+    python benchmarks/score_registers.py [--polls N] [--seeds N] [--layouts FOLDER] [--family F] [--misses]
+
+Devices are made from the layouts (shipped maps and `layouts/`, or the maps of another folder), moved to other
+addresses, polled as masters do. A value counts where a word of it moved; it is right where registers, integer or float,
+and word order are. What the tables were fitted on is in their provenance: figures for those families flatter;
+`fit_registers.py --folds N` gives figures of families held out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from random import Random
+
+from register_scores import Tally, tallied
+from register_series import family, layouts, made_device
+
+from analyzer.registers.weights import shipped_weights
+from dissectors.maps import read_map
+
+
+def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--polls", type=int, default=60)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--first-seed", type=int, default=5000)
+    parser.add_argument("--layouts", type=Path, metavar="FOLDER", help="maps of your own instead")
+    parser.add_argument("--family", help="only layouts of this maker")
+    parser.add_argument("--by-layout", action="store_true", help="a line a layout")
+    parser.add_argument("--misses", action="store_true", help="print each miss")
+    options = parser.parse_args(arguments)
+    charts = layouts()
+    if options.layouts is not None:
+        charts = {path.stem: read_map(path) for path in sorted(options.layouts.glob("*.*"))}
+    weights, everything = shipped_weights(), Tally()
+    for name, chart in charts.items():
+        if options.family not in (None, family(chart)):
+            continue
+        tally = Tally()
+        for seed in range(options.first_seed, options.first_seed + options.seeds):
+            device = made_device(name, chart, Random(f"{name} {seed}"), options.polls)
+            tallied(device, weights, tally)
+            tallied(device, weights, everything)
+        if options.by_layout and tally.due["all"]:
+            print(f"{name:<26} {tally}")
+        if options.misses:
+            print(*tally.misses, sep="\n")
+    if not everything.due["all"]:
+        print("no value moved", file=sys.stderr)
+        return 1
+    print(f"all layouts: {everything}\n{everything.calibration()}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,170 @@
+"""The capture in a logic analyser's file: each channel that carries characters a port, a byte a read.
+
+The first edges of all channels are looked at when the file is opened: they say which channels carry characters, and how
+the line was set. A read's time is the end of its byte's stop bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..chunks import Block, Note, columns
+from ..errors import CaptureError
+from ..line import LineSettings
+from ..spacing import INFERRED
+from .inference import ENOUGH, GivenSettings, settings_of
+from .uart import Characters, Times, Uart, UartSettings
+
+TAP: Final = "logic"  # the line's `tap`
+_PORTS: Final = 256
+_LOOK: Final = 64  # pieces of a file by which its channels are judged, at most
+
+
+@dataclass(frozen=True, slots=True)
+class EdgePiece:
+    """Edges of all channels in a stretch of time, ns, ascending; all of them up to `until_ns` are known by then."""
+
+    edges: Sequence[Times]
+    until_ns: int
+
+
+class EdgeFile(Protocol):
+    """What a file format's reader gives: channels with their names, when they begin, the levels before their edges."""
+
+    @property
+    def names(self) -> Sequence[str]: ...
+
+    @property
+    def levels(self) -> Sequence[int]: ...
+
+    @property
+    def begin_ns(self) -> int: ...
+
+    def pieces(self, note: Note) -> Iterator[EdgePiece]: ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Channel:
+    number: int
+    port: int
+    level: int
+    settings: UartSettings
+
+
+def edge_source(path: Path, file: EdgeFile, given: GivenSettings) -> EdgeSource:
+    """The capture in a file of edges; CaptureError where no channel carries characters."""
+    heads = _heads(file)
+    found: list[tuple[int, UartSettings, Times]] = []
+    twins: list[str] = []
+    for number, edges in enumerate(heads):
+        judged = settings_of(edges, file.levels[number], given, file.begin_ns)
+        if judged is None:
+            continue
+        starts = Uart(judged[0], file.levels[number], file.begin_ns).feed(edges, None).start_ns
+        twin = next((file.names[other] for other, one, of_other in found if _twins(starts, of_other, one)), None)
+        if twin is not None:
+            twins.append(f"{file.names[number]} carries the same as {twin}: left out")
+        elif len(found) < _PORTS:
+            found.append((number, judged[0], starts))
+    if not found:
+        busy = [name for name, edges in zip(file.names, heads, strict=True) if len(edges)]
+        what = f"{', '.join(busy[:8])} change, but not like a UART's line" if busy else "none of them ever changes"
+        raise CaptureError(
+            f"{path}: no serial line among {len(heads)} channels: {what} (a rate can be given with --baud)"
+        )
+    channels = [_Channel(number, port, file.levels[number], one) for port, (number, one, _) in enumerate(found)]
+    return EdgeSource(file, channels, _line(file, channels, given), tuple(twins))
+
+
+def _heads(file: EdgeFile) -> list[Times]:
+    """The first edges of each channel, enough to judge it."""
+    parts: list[list[Times]] = [[] for _ in file.names]
+    for piece in islice(file.pieces(lambda *_: None), _LOOK):
+        for part, edges in zip(parts, piece.edges, strict=True):
+            part.append(edges)
+        counts = [sum(map(len, part)) for part in parts]
+        if max(counts) >= ENOUGH and all(count == 0 or count >= ENOUGH / 8 for count in counts):
+            break
+    return [np.concatenate(part)[:ENOUGH] if part else np.zeros(0, np.int64) for part in parts]
+
+
+def _twins(one: Times, two: Times, settings: UartSettings) -> bool:
+    """Whether two channels are one line, such as both wires of a pair: their characters begin together."""
+    count = min(len(one), len(two), 100)
+    return count > 0 and bool((np.abs(one[:count] - two[:count]) < settings.bit_ns).mean() > 0.9)
+
+
+def _line(file: EdgeFile, channels: Sequence[_Channel], given: GivenSettings) -> LineSettings:
+    first = channels[0].settings
+    parity, stop = first.parity, float(first.stop_bits)
+    notes = {}
+    if len(file.names) > 1:
+        notes = {f"port {one.port}": f"{file.names[one.number]}, {one.settings}" for one in channels}
+    if given.baud is None or given.parity is None:
+        others = {str(one.settings) for one in channels}
+        notes[INFERRED] = f"{' and '.join(sorted(others))} inferred from the edges (--baud, --parity say otherwise)"
+    return LineSettings(round(first.baud), first.char_bits, parity, stop, TAP, notes)
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeSource:
+    """The bytes of the channels that carry characters."""
+
+    file: EdgeFile
+    channels: Sequence[_Channel]
+    line: LineSettings
+    notices: tuple[str, ...]
+    timed: bool = True
+
+    def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:  # noqa: ARG002 - as the file comes
+        return (block for block, _ in self.measured(note))
+
+    def measured(self, note: Note) -> Iterator[tuple[Block, NDArray[np.int64]]]:
+        """Blocks, each with (2, n) numbers: how long, in ns, so many bits of each byte took; 0 and 0 where unknown."""
+        uarts = [Uart(one.settings, one.level, self.file.begin_ns) for one in self.channels]
+        for piece in self.file.pieces(note):
+            parts = [
+                uart.feed(piece.edges[one.number], piece.until_ns)
+                for uart, one in zip(uarts, self.channels, strict=True)
+            ]
+            yield self._block(parts)
+        none = np.zeros(0, np.int64)
+        yield self._block([uart.feed(none, None) for uart in uarts])
+
+    def _block(self, parts: Sequence[Characters]) -> tuple[Block, NDArray[np.int64]]:
+        """Characters of all channels as single bytes in order of their ends."""
+        ends = np.concatenate([part.end_ns for part in parts])
+        order = np.argsort(ends, kind="stable")
+        port = np.repeat([one.port for one in self.channels], [len(part.end_ns) for part in parts])[order]
+        value = np.concatenate([part.value for part in parts])[order]
+        wrong = np.concatenate([part.framing | part.parity for part in parts])[order]
+        extras = {"port": port, "errors": np.flatnonzero(wrong)}
+        block = columns(value.tobytes(), np.ones(len(order), np.int64), ends[order], timed=True, extras=extras)
+        span = np.concatenate([part.span_ns for part in parts])[order]
+        bits = np.concatenate([part.span_bits for part in parts])[order]
+        return block, np.stack((span, bits.astype(np.int64)))
+
+
+def edge_reader(load: Callable[[Path], EdgeFile]) -> Callable[..., EdgeSource]:
+    """The `read` of a format whose files `load` opens as edges."""
+
+    def read(
+        path: Path,
+        *,
+        baud: int | None = None,
+        parity: str | None = None,
+        bits: int | None = None,
+        stop: float | None = None,
+        polarity: str | None = None,
+    ) -> EdgeSource:
+        inverted = None if polarity is None else polarity == "inverted"
+        return edge_source(path, load(path), GivenSettings(baud, parity, bits, stop, inverted))
+
+    return read

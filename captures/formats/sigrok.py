@@ -1,0 +1,155 @@
+"""sigrok sessions, `.sr`: the samples of a logic analyser, as PulseView and sigrok-cli save them.
+
+A zip with `metadata` (sample rate, names of the probes) and the samples of all probes in parts `logic-1-1`, `logic-1-2`
+and so on, each sample as many bytes as the probes need. Analog channels are passed over.
+"""
+
+from __future__ import annotations
+
+import configparser
+import re
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..chunks import Note
+from ..edges.source import EdgePiece, edge_reader
+from ..edges.uart import Times
+from ..errors import CaptureError
+from ..files import opened
+from . import Format
+
+_ZIP: Final = b"PK\x03\x04"
+_MEMBER: Final = 30  # offset of the first member's name in a zip
+_MEMBERS: Final = (b"version", b"metadata", b"logic-1")
+_PIECE: Final = 1 << 22  # bytes of samples at once
+_RATE: Final = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kMG]?)(?:Hz)?\s*")
+_SCALE: Final = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9}
+_MOST: Final = 1 << 20  # bytes of metadata
+_SECOND: Final = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Session:
+    path: Path
+    names: list[str]
+    levels: list[int]
+    parts: list[str]  # members with samples, in order
+    unit: int  # bytes of a sample
+    rate: int  # samples a second
+    begin_ns: int = 0
+
+    def pieces(self, note: Note) -> Iterator[EdgePiece]:
+        before = sum(level << bit for bit, level in enumerate(self.levels))
+        done = 0  # samples
+        for data in self._samples(note):
+            changed = _changes(data, before)
+            now = data[changed]
+            flipped = now ^ np.concatenate((np.array([before], data.dtype), now[:-1]))
+            at = _nanoseconds(changed + done, self.rate)
+            edges = [at[flipped >> np.asarray(bit, data.dtype) & 1 == 1] for bit in range(len(self.names))]
+            before, done = int(data[-1]), done + len(data)
+            yield EdgePiece(edges, int(_nanoseconds(np.array([done]), self.rate)[0]))
+
+    def _samples(self, note: Note) -> Iterator[NDArray[np.unsignedinteger]]:
+        """All samples in pieces, as numbers."""
+        width = 1 << (self.unit - 1).bit_length()
+        with opened(self.path) as file, _archive(self.path, file) as archive:
+            for part in self.parts:
+                rest = b""
+                try:
+                    with archive.open(part) as member:
+                        while piece := member.read(_PIECE):
+                            rest += piece
+                            size = len(rest) // self.unit * self.unit
+                            if size:
+                                yield _numbers(rest[:size], self.unit, width)
+                            rest = rest[size:]
+                except Exception as error:  # zlib.error and what a damaged zip raises have no base of their own
+                    note(part, f"damaged ({str(error)[:80]}): what came before was read")
+                    return
+                if rest:
+                    note(part, f"{len(rest)} bytes behind the last whole sample: left out")
+
+
+def _changes(data: NDArray[np.unsignedinteger], before: int) -> NDArray[np.int64]:
+    """The samples that differ from the one before them."""
+    changed = np.flatnonzero(data[1:] != data[:-1]) + 1
+    return np.concatenate(([0], changed)) if int(data[0]) != before else changed
+
+
+def _numbers(data: bytes, unit: int, width: int) -> NDArray[np.unsignedinteger]:
+    if unit == width:
+        return np.frombuffer(data, f"<u{width}")
+    wide = np.zeros((len(data) // unit, width), np.uint8)
+    wide[:, :unit] = np.frombuffer(data, np.uint8).reshape(-1, unit)
+    return wide.view(f"<u{width}").ravel()
+
+
+def _nanoseconds(samples: NDArray[np.int64], rate: int) -> Times:
+    seconds, rest = np.divmod(samples, rate)
+    at: Times = seconds * _SECOND + rest * _SECOND // rate
+    return at
+
+
+@contextmanager
+def _archive(path: Path, file: object) -> Iterator[zipfile.ZipFile]:
+    try:
+        with zipfile.ZipFile(file) as archive:  # type: ignore[call-overload]
+            yield archive
+    except (zipfile.BadZipFile, NotImplementedError, EOFError, ValueError) as error:
+        raise CaptureError(f"{path}: a sigrok session that cannot be opened: {str(error)[:80]}") from error
+
+
+def _sniff(head: bytes) -> float:
+    if not head.startswith(_ZIP):
+        return 0.0
+    return 1.0 if head[_MEMBER:].startswith(_MEMBERS) else 0.0
+
+
+def _load(path: Path) -> _Session:
+    with opened(path) as file, _archive(path, file) as archive:
+        return _session(path, archive)
+
+
+def _session(path: Path, archive: zipfile.ZipFile) -> _Session:
+    """What the metadata says; CaptureError where it does not make sense."""
+    try:
+        with archive.open("metadata") as member:
+            text = member.read(_MOST).decode("utf-8", "replace")
+        ini = configparser.ConfigParser(interpolation=None, strict=False)
+        ini.read_string(text)
+    except Exception as error:
+        raise CaptureError(f"{path}: a sigrok session without readable metadata: {str(error)[:80]!r}") from error
+    device = next(
+        (ini[name] for name in ini.sections() if name.startswith("device") and "capturefile" in ini[name]), None
+    )
+    if device is None:
+        raise CaptureError(f"{path}: a sigrok session without logic channels: nothing here is a serial line")
+    rate = _RATE.fullmatch(device.get("samplerate", ""))
+    unit, probes = device.get("unitsize", "1"), device.get("total probes", "8")
+    if rate is None or not unit.isdecimal() or not probes.isdecimal() or not 1 <= int(unit) <= 8:
+        raise CaptureError(f"{path}: a sigrok session without a usable sample rate, probes or sample size")
+    hertz = round(float(rate[1]) * _SCALE[rate[2]])
+    if not 1 <= hertz <= _SECOND:
+        raise CaptureError(f"{path}: a sample rate of {hertz} Hz is out of range")
+    name = device["capturefile"]
+    numbers = {member: re.fullmatch(rf"{re.escape(name)}(?:-(\d{{1,9}}))?", member) for member in archive.namelist()}
+    parts = sorted((int(found[1] or 0), member) for member, found in numbers.items() if found)
+    count = min(int(probes), 8 * int(unit))
+    names = [device.get(f"probe{bit + 1}", f"probe {bit + 1}") for bit in range(count)]
+    session = _Session(path, names, [0] * count, [member for _, member in parts], int(unit), hertz)
+    first = next(session._samples(lambda *_: None), None)
+    if first is None:
+        raise CaptureError(f"{path}: a sigrok session without samples")
+    levels = [int(first[0]) >> bit & 1 for bit in range(count)]
+    return _Session(path, names, levels, session.parts, session.unit, session.rate)
+
+
+FORMAT = Format("sigrok", (".sr",), _sniff, edge_reader(_load))

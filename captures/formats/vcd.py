@@ -1,0 +1,184 @@
+"""Value change dumps, `.vcd` (IEEE 1364): what simulators write, and logic analysers export.
+
+Changes of variables of one bit are taken, each a channel; unknown and high-impedance values are passed over. The dump
+is read by arrays: a token that begins with `#` is a time, one that begins with 0 or 1 a change, the rest says whose.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..chunks import Note
+from ..edges.source import EdgePiece, edge_reader
+from ..edges.uart import Times
+from ..errors import CaptureError
+from ..files import opened
+from ..time_order import TIME_LIMIT
+from . import Format
+
+_HEADER: Final = 1 << 20  # bytes of declarations, at most
+_PIECE: Final = 1 << 20
+_CHANNELS: Final = 256
+_SCALE: Final = re.compile(rb"\$timescale\s+(1|10|100)\s*(s|ms|us|ns|ps|fs)\s+\$end")
+_FEMTOSECONDS: Final = {b"s": 10**15, b"ms": 10**12, b"us": 10**9, b"ns": 10**6, b"ps": 10**3, b"fs": 1}
+_VARIABLE: Final = re.compile(rb"\$var\s+\S+\s+1\s+(\S+)\s+(\S+)(?:\s+\[\d+\])?\s+\$end")
+_END: Final = re.compile(rb"\$enddefinitions\s+\$end")
+_COMMENT: Final = re.compile(rb"\$comment\b.*?\$end", re.S)
+_DIGITS: Final = 18  # of a time
+_ZERO, _ONE, _HASH = b"01#"
+_VECTORS: Final = tuple(b"bBrR")
+_NS: Final = 10**6  # femtoseconds
+
+
+@dataclass(frozen=True, slots=True)
+class _Changes:
+    """Tokens of a stretch of the dump: those that say a value of one bit, with their time and where the name begins."""
+
+    at: NDArray[np.int64]  # of the identifier
+    size: NDArray[np.int64]  # of it
+    value: NDArray[np.bool_]
+    time: NDArray[np.int64]
+    last: int  # the newest time
+
+
+@dataclass(frozen=True, slots=True)
+class _Dump:
+    path: Path
+    names: list[str]
+    levels: list[int]
+    codes: list[bytes]
+    begin: int  # where the changes begin
+    scale: int  # femtoseconds in a unit of time
+    begin_ns: int = 0
+
+    def pieces(self, note: Note) -> Iterator[EdgePiece]:
+        known = [level == 1 for level in self.levels]
+        for data, changes in self._changes(note):
+            edges = []
+            for channel, code in enumerate(self.codes):
+                mine = _named(data, changes, code)
+                value = changes.value[mine]
+                flipped = value != np.concatenate(([known[channel]], value[:-1])) if len(value) else value
+                edges.append(self._nanoseconds(changes.time[mine][flipped]))
+                known[channel] = bool(value[-1]) if len(value) else known[channel]
+            yield EdgePiece(edges, int(self._nanoseconds(np.array([changes.last]))[0]))
+
+    def _changes(self, note: Note) -> Iterator[tuple[NDArray[np.uint8], _Changes]]:
+        now, damaged = 0, 0
+        with opened(self.path) as file:
+            file.seek(self.begin)
+            rest, ended = b"", False
+            while not ended:
+                piece = file.read(_PIECE)
+                ended = not piece
+                rest += piece
+                cut = len(rest) if ended else max(rest.rfind(b"\n"), rest.rfind(b" ")) + 1
+                text = rest[:cut]
+                if b"$comment" in text:
+                    if not ended and text.rfind(b"$comment") > text.rfind(b"$end") and len(rest) < 8 * _PIECE:
+                        continue
+                    text = _COMMENT.sub(b"", text)
+                rest = rest[cut:]
+                if len(rest) > 8 * _PIECE:
+                    note(self.path.name, "a word that does not end: what follows is left out")
+                    return
+                if text:
+                    data = np.frombuffer(text, np.uint8)
+                    changes, wrong = _parsed(data, now)
+                    damaged += wrong
+                    now = changes.last
+                    yield data, changes
+        if damaged:
+            note(self.path.name, f"{damaged:,} times that are no numbers, or go back: held at the time before")
+
+    def _nanoseconds(self, time: NDArray[np.int64]) -> Times:
+        if self.scale >= _NS:
+            return np.minimum(time, (TIME_LIMIT - 1) // (self.scale // _NS)) * (self.scale // _NS)
+        return time // (_NS // self.scale)
+
+
+def _parsed(data: NDArray[np.uint8], now: int) -> tuple[_Changes, int]:
+    """The changes in a text of whole tokens, from time `now` on, and how many times are none."""
+    space = data <= 32
+    edge = np.diff(space.astype(np.int8), prepend=1, append=1)
+    starts, ends = np.flatnonzero(edge < 0), np.flatnonzero(edge > 0)
+    first = data[starts]
+    size = ends - starts
+    vector = np.isin(first, _VECTORS)
+    behind = np.concatenate(([False], vector[:-1]))[: len(first)]  # its identifier is a token of its own
+    is_time = (first == _HASH) & ~behind
+    stamps = np.flatnonzero(is_time)
+    times, right = _numbers(data, starts[stamps] + 1, size[stamps] - 1)
+    times = np.concatenate(([now], np.where(right, times, 0)))
+    ordered = np.maximum.accumulate(times)
+    wrong = int((ordered != times).sum())
+    of_token = ordered[np.cumsum(is_time)]
+    bit = ((first == _ZERO) | (first == _ONE)) & ~behind & (size > 1)
+    named = behind & np.concatenate(([False], np.isin(first[:-1], _VECTORS[:2])))[: len(first)]
+    value = np.where(behind, np.concatenate(([0], data[ends[:-1] - 1]))[: len(first)], first)
+    chosen = np.flatnonzero((bit | named) & ((value == _ZERO) | (value == _ONE)))
+    skip = np.where(behind[chosen], 0, 1)
+    return _Changes(
+        starts[chosen] + skip, size[chosen] - skip, value[chosen] == _ONE, of_token[chosen], int(ordered[-1])
+    ), wrong
+
+
+def _numbers(
+    data: NDArray[np.uint8], at: NDArray[np.int64], size: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Decimal numbers of so many digits that begin there, and which of them are numbers."""
+    value = np.zeros(len(at), np.int64)
+    right = (size > 0) & (size <= _DIGITS)
+    for place in range(int(min(size.max(initial=0), _DIGITS))):
+        here = np.flatnonzero(right & (size > place))
+        digit = data[at[here] + place].astype(np.int64) - _ZERO
+        value[here] = value[here] * 10 + digit
+        right[here[(digit < 0) | (digit > 9)]] = False
+    return value, right
+
+
+def _named(data: NDArray[np.uint8], changes: _Changes, code: bytes) -> NDArray[np.int64]:
+    """The changes of the variable with this identifier."""
+    mine = np.flatnonzero(changes.size == len(code))
+    for place, octet in enumerate(code):
+        mine = mine[data[changes.at[mine] + place] == octet]
+    return mine
+
+
+def _sniff(head: bytes) -> float:
+    if b"$var" not in head or b"$timescale" not in head:
+        return 0.0
+    return 1.0 if head.lstrip().startswith(b"$") else 0.0
+
+
+def _load(path: Path) -> _Dump:
+    with opened(path) as file:
+        head = file.read(_HEADER)
+    end = _END.search(head)
+    scale = _SCALE.search(head)
+    if end is None or scale is None:
+        raise CaptureError(f"{path}: no value change dump, or one without $timescale and $enddefinitions")
+    found = dict(reversed([(code, name) for code, name in _VARIABLE.findall(head[: end.start()])]))
+    codes = list(reversed(found))[:_CHANNELS]
+    if not codes:
+        raise CaptureError(f"{path}: no variable of one bit in this dump: nothing here is a serial line")
+    names = [found[code].decode("utf-8", "replace") for code in codes]
+    dump = _Dump(path, names, [0] * len(codes), codes, end.end(), int(scale[1]) * _FEMTOSECONDS[scale[2]])
+    levels = [0] * len(codes)
+    for data, changes in dump._changes(lambda *_: None):
+        for channel, code in enumerate(codes):
+            mine = _named(data, changes, code)
+            levels[channel] = int(changes.value[mine[0]]) if len(mine) else 0
+        first = int(dump._nanoseconds(changes.time[:1])[0]) if len(changes.time) else 0
+        return _Dump(path, names, levels, codes, dump.begin, dump.scale, first)
+    return dump
+
+
+FORMAT = Format("vcd", (".vcd",), _sniff, edge_reader(_load))

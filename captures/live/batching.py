@@ -1,0 +1,139 @@
+"""When what was read is told: at once where somebody waits for it, together where much comes.
+
+A record each read would wake the listener a thousand times a second. So reads are gathered for some milliseconds and
+told, if it can be waited for, by the first read after a pause: then whole frames are told, and that they are over.
+When the line falls quiet they are told together with a tick, which says that nothing came since.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from .records import Read, event_record, reads_record, tick_record
+
+BEAT_NS: Final = 500_000_000  # between ticks on a line that stays quiet
+_PAUSE_NS: Final = 1_200_000  # more than is between the reads of a USB adapter amid a frame
+_MORE: Final = 1.3  # times as long reads are gathered where no pause comes
+_CLOCK_STEP_NS: Final = 500_000_000
+
+
+class SteadyClock:
+    """Nanoseconds since the epoch that never step: a monotonic clock, set by the wall clock once.
+
+    `perf_counter`, not `monotonic`, which on Windows ticks every 16 ms in the older Pythons: no gap would be left.
+    """
+
+    def __init__(self) -> None:
+        self._anchor = _wall_minus_monotonic()
+        self._told = self._anchor
+
+    def now(self) -> int:
+        """The time, ns."""
+        return self._anchor + time.perf_counter_ns()
+
+    def step(self) -> int | None:
+        """By how much the wall clock was set, or the machine slept, since this was last asked; None for hardly, ns."""
+        offset = _wall_minus_monotonic()
+        step, told = offset - self._told, self._told
+        self._told = offset if abs(step) >= _CLOCK_STEP_NS else told
+        return step if abs(step) >= _CLOCK_STEP_NS else None
+
+    @property
+    def ahead_ns(self) -> int:
+        """By how much the wall clock is ahead of this one now."""
+        return self._told - self._anchor
+
+
+def _wall_minus_monotonic() -> int:
+    """The least disturbed of a few measurements, ns."""
+    best = (1 << 62, 0)
+    for _ in range(3):
+        before = time.perf_counter_ns()
+        wall = time.time_ns()
+        after = time.perf_counter_ns()
+        best = min(best, (after - before, wall - (before + after) // 2))
+    return best[1]
+
+
+class ReadBatching:
+    """Gathers records and hands them to `send`. `deadline` is when `due` wants to be called next, ns."""
+
+    def __init__(
+        self, clock: SteadyClock, send: Callable[[bytes], None], *, hold_ns: int, quiet_ns: int, idle_ns: int
+    ) -> None:
+        """The times are those of `listening.Listening`."""
+        self.clock = clock
+        self._send = send
+        self._hold, self._quiet, self._idle = hold_ns, quiet_ns, idle_ns
+        self._most = int(_MORE * hold_ns)
+        self._steps: list[int] = []  # after the last byte: when to tick
+        self.listen_for(0)
+        self._reads: list[Read] = []  # gathered
+        self._held: list[bytes] = []  # records behind them
+        self._last = clock.now()  # the newest read, or beat
+        self.deadline = 0
+        self._plan()
+
+    def listen_for(self, silence_ns: int) -> None:
+        """The line's own silences are so long: shorter ones are no news."""
+        quiet = max(self._quiet, silence_ns)
+        self._steps = sorted({quiet, max(self._idle, quiet)})
+        self._pause = max(_PAUSE_NS, silence_ns)
+        self._ticked = len(self._steps)
+
+    def read(self, t_ns: int, port: int, data: bytes, errors: Sequence[int]) -> None:
+        """A read of a port."""
+        if not data:
+            return
+        self._reads.append((t_ns, port, data, errors))
+        since, paused = self._reads[0][0], t_ns - self._last > self._pause
+        self._last, self._ticked = t_ns, 0
+        if t_ns - since >= (self._hold if paused else self._most):
+            self._held.append(tick_record(t_ns))  # this read is over: the next one will be later
+            self._flush()
+        else:
+            self.deadline = min(t_ns + self._steps[0], since + self._most)
+
+    def event(self, port: int, kind: str, text: str, **more: Any) -> None:
+        """Something happened; told at once."""
+        self._held.append(event_record(self.clock.now(), port, kind, text, **more))
+        self._flush()
+
+    def due(self, now_ns: int) -> None:
+        """Tick if the line has been quiet for long enough; call when all that came before `now_ns` was read."""
+        while self._ticked < len(self._steps) and now_ns >= self._last + self._steps[self._ticked]:
+            self._ticked += 1
+            self._held.append(tick_record(now_ns))
+        if self._ticked >= len(self._steps) and now_ns >= self._last + BEAT_NS:
+            self._beat(now_ns)
+        if self._reads and not self._held and now_ns >= self._reads[0][0] + self._most:
+            self._held.append(tick_record(now_ns))
+        if self._held:
+            self._flush()
+        else:
+            self._plan()
+
+    def _beat(self, now_ns: int) -> None:
+        self._last = now_ns
+        if self.clock.step() is not None:
+            ahead = self.clock.ahead_ns
+            text = f"the computer's clock was set, or it slept: now {ahead / 1e9:+.3f} s against the recorded times"
+            self._held.append(event_record(now_ns, 0, "clock", text, ahead_ns=ahead))
+        self._held.append(tick_record(now_ns))
+
+    def _flush(self) -> None:
+        if self._reads:
+            self._held.insert(0, reads_record(self._reads))
+            self._reads.clear()
+        self._send(b"".join(self._held))
+        self._held.clear()
+        self._plan()
+
+    def _plan(self) -> None:
+        """When there is something to do next, if nothing more comes."""
+        wait = self._steps[self._ticked] if self._ticked < len(self._steps) else BEAT_NS
+        self.deadline = self._last + wait
+        if self._reads:
+            self.deadline = min(self.deadline, self._reads[0][0] + self._most)

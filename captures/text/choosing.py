@@ -1,0 +1,225 @@
+"""Which of the runs of characters in a line are bytes: the check values say, then the writing, then a person's sense.
+
+`Judge` is how this package, which knows nothing of protocols, hears of check values: a caller who knows a protocol
+passes one in. Without it the writing alone decides.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+from .hexshapes import (
+    ROWS,
+    Candidate,
+    Level,
+    Line,
+    hex_candidates,
+    holds_digits,
+    holds_several,
+    in_its_place,
+    is_cut,
+    is_halved,
+    shows,
+)
+from .othershapes import other_candidates
+
+MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
+_LEAST: Final = 4  # bytes that can hold a check value
+_ENOUGH: Final = 0.5  # of a number's bytes that a check value must cover
+_AROUND: Final = " \t|<>"  # signs around the characters of a row
+_MARKED: Final = "\0marked"  # in place of the label, for all runs behind direction marks
+_LABEL: Final = 28  # characters
+_NUMBERS: Final = re.compile(r"0[xX][0-9A-Fa-f]+|\b(?=[a-fA-F]*\d)[0-9A-Fa-f]+\b|\d+")
+_BLANKS: Final = re.compile(r"[\s|*#/>`-]+")
+
+
+class Checked(NamedTuple):
+    """A stretch of bytes whose check value, or whose header's length, is right.
+
+    `repeats`: its answer may be the same bytes again.
+    """
+
+    start: int
+    end: int
+    repeats: bool = False
+
+
+Judge = Callable[[bytes], Sequence[Checked]]
+
+
+def no_judge(_: bytes) -> Sequence[Checked]:
+    """For those who know no protocol."""
+    return ()
+
+
+@dataclass(slots=True)
+class Run:
+    """Bytes that a line may hold: what was chosen of several readings of the same characters, and what became of it.
+
+    `label` is the text before it without its numbers, by which runs of one kind are known again, `heading` that of the
+    words above where none are before it; `direct`: a direction mark stands right before it. `checked` are the stretches
+    with right check values, in this run alone or together with its neighbours; `rivals` the shapes of other readings
+    that are as right.
+    """
+
+    data: bytes
+    start: int
+    end: int
+    shape: str
+    level: Level
+    label: str = ""
+    mark: int = 0
+    direct: bool = False
+    heading: str = ""
+    ascii: bool = False
+    cut: bool = False
+    offset: str | None = None
+    halved: bool = False
+    sure: bool = False  # a tool's own layout says so
+    padded: bool = False  # the dump's end says that there is a byte less
+    checked: Sequence[Checked] = ()
+    taken: bool = False
+    why: str | None = None  # it was not taken
+    others: Sequence[Candidate] = ()  # the same characters read otherwise
+    rivals: Sequence[str] = ()
+
+    def anew(self) -> Run:
+        """The same before it was decided on."""
+        return Run(
+            self.data, self.start, self.end, self.shape, self.level, self.label, self.mark, self.direct, "", self.ascii,
+            self.cut, self.offset, self.halved, checked=self.checked, others=self.others, rivals=self.rivals,
+        )  # fmt: skip
+
+    def take(self, candidate: Candidate | Run) -> None:
+        """Read it otherwise."""
+        self.data, self.shape, self.start, self.end = candidate.data, candidate.shape, candidate.start, candidate.end
+
+
+@dataclass(slots=True)
+class Experience:
+    """What has been learnt of a text: how often runs of a label and a shape were there, and how often right.
+
+    Right is one with a right check value, or one behind words that is plainly bytes.
+    """
+
+    met: dict[tuple[str, str], int] = field(default_factory=dict)
+    reports: set[tuple[str, ...]] = field(default_factory=set)  # labels and shapes of two reports of the same bytes
+    columns: dict[str, tuple[int, str]] = field(default_factory=dict)  # of lines alike: which number, read how
+    right: dict[tuple[str, str], int] = field(default_factory=dict)
+    threshold: Level = Level.BYTES
+    decimals: bool = False  # lists of decimal numbers are bytes: there is nothing else
+    other: bool = False  # there are bytes that are beyond doubt
+
+    def note(self, run: Run) -> None:
+        """One more run."""
+        right = run.checked or (run.level is Level.BYTES and run.label)
+        for label in (run.label, _MARKED) if run.direct else (run.label,):
+            self.met[label, run.shape] = self.met.get((label, run.shape), 0) + 1
+            for shape in (run.shape, *run.rivals) if right else ():
+                self.right[label, shape] = self.right.get((label, shape), 0) + 1
+
+    def trust(self, label: str, shape: str, *, direct: bool) -> int:
+        """How often what stands behind this label, or mark, in this shape was right; 0 where it mostly was not."""
+        most = 0
+        for name in (label, _MARKED) if direct else (label,):
+            right = self.right.get((name, shape), 0)
+            if 4 * right >= self.met.get((name, shape), 0):
+                most = max(most, right)
+        return most
+
+
+def runs_in(line: Line, judge: Judge, experience: Experience) -> list[Run]:
+    """The runs of a line, none overlapping another, in order; none is taken yet."""
+    if not holds_digits(line.text):
+        return []
+    ranked = [_ranked(candidate, line, judge, experience) for candidate in hex_candidates(line)]
+    if not any(entry.whole for entry in ranked) and holds_several(line.text):  # right in hex: no other reading needed
+        ranked += [_ranked(candidate, line, judge, experience) for candidate in other_candidates(line)]
+    if not ranked:
+        return []
+    offsets = {entry.candidate.lead for entry in ranked if entry.candidate.offset is not None}
+    ranked.sort(key=lambda entry: (entry.candidate.start not in offsets, *entry.rank), reverse=True)
+    places: list[tuple[int, int, Run]] = []  # of the runs chosen, in order
+    for _, candidate, checked, whole in ranked:
+        at = bisect_left(places, (candidate.lead,))
+        clash = next((places[i][2] for i in (at - 1, at) if _overlaps(places, i, candidate)), None)
+        if clash is None:
+            places.insert(at, (candidate.lead, candidate.end, _run(candidate, line, checked)))
+        elif candidate.start == clash.start:
+            clash.others = (*clash.others, candidate)
+            if whole and clash.checked:
+                clash.rivals = (*clash.rivals, candidate.shape)
+    runs = [run for _, _, run in places]
+    behind = 0  # the newest run that may be bytes
+    for i, run in enumerate(runs):
+        if behind:
+            run.label = label_in(line.text[max(behind, run.start - 2 * _LABEL) : run.start])
+        if run.level or run.checked:
+            behind = run.end
+        row = run.offset is not None or (i + 1 < len(runs) and len(run.data) > _LEAST and run.shape in ROWS)
+        if row and (run.offset is not None or shows(run.data, line.text[run.end :].strip(_AROUND))):
+            return runs[: i + 1]  # what stands behind are the same bytes as characters
+    return runs
+
+
+class _Ranked(NamedTuple):
+    """A candidate with what speaks for it; `whole`: all of it has right check values."""
+
+    rank: tuple[int, int, int, int, int]
+    candidate: Candidate
+    checked: Sequence[Checked]
+    whole: bool
+
+
+def _ranked(candidate: Candidate, line: Line, judge: Judge, experience: Experience) -> _Ranked:
+    candidate = in_its_place(candidate, line)
+    size = len(candidate.data)
+    checked = checked_in(candidate, judge) if size >= _LEAST else ()
+    covered = sum(span.end - span.start for span in checked)
+    trusted = 0
+    if experience.right:
+        direct = candidate.start in line.first and candidate.start > min(line.first)
+        trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
+    rank = (covered, covered - size if covered else 0, trusted, candidate.level, candidate.end - candidate.start)
+    return _Ranked(rank, candidate, checked, covered == size > 0)
+
+
+def _run(candidate: Candidate, line: Line, checked: Sequence[Checked]) -> Run:
+    data, start, end, shape, level, ascii_mode, offset, _ = candidate
+    halved = shape == "pairs" and not checked and is_halved(line, start, end)
+    return Run(
+        data, start, end, shape, level, label_of(line, start), ascii=ascii_mode, cut=is_cut(line, end), offset=offset,
+        halved=halved, checked=checked,
+    )  # fmt: skip
+
+
+def _overlaps(places: Sequence[tuple[int, int, Run]], i: int, candidate: Candidate) -> bool:
+    return 0 <= i < len(places) and places[i][0] < candidate.end and candidate.lead < places[i][1]
+
+
+def checked_in(candidate: Candidate, judge: Judge) -> Sequence[Checked]:
+    """The stretches of a candidate with a right check value; of a number's bytes they must cover enough."""
+    checked = judge(candidate.data[:MOST_JUDGED])
+    if checked and candidate.level is Level.NUMBER:
+        covered = sum(span.end - span.start for span in checked)
+        if covered < _ENOUGH * min(len(candidate.data), MOST_JUDGED):
+            return ()
+    return checked
+
+
+def label_of(line: Line, start: int) -> str:
+    """The end of what stands before a run, in small letters and without numbers."""
+    before = line.text[max(start - 2 * _LABEL, 0) : start]
+    return label_in(before) if before else ""
+
+
+@lru_cache(maxsize=4096)
+def label_in(before: str) -> str:
+    """The same of a text; nothing where there are no words."""
+    words = _BLANKS.sub(" ", _NUMBERS.sub("", before.lower())).strip()[-_LABEL:]
+    return words if any(char.isalpha() for char in words) else ""

@@ -1,0 +1,207 @@
+"""A text as its bytes: the one reader of pasted text and of logs in files.
+
+Lines come in one after the other; those of a stretch are settled together, so that memory stays flat whatever the size.
+What a text is like (which labels stand before bytes, whether there is anything but decimals) is learnt from its
+beginning before anything of it is given.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import tzinfo
+from itertools import islice
+from typing import Final
+
+from .choosing import Experience, Judge, no_judge
+from .hexshapes import Level, halves
+from .loglines import LineReader, LogLine, quoted
+from .settling import only_bytes, settle
+
+_LEARNT_LINES: Final = 800  # of a text's beginning,
+_LEARNT: Final = 1 << 16  # and characters
+# What is taken for bytes unchecked, from the plainest on, as far as a text has nothing plainer.
+_STANDARDS: Final = ((Level.BYTES, False), (Level.LIKELY, False), (Level.BYTES, True))
+_STRETCH: Final = 512  # lines that are settled together
+_MOST: Final = 1 << 18  # characters of a line that is searched at once
+_PORTION: Final = re.compile(rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST}}}")
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Bytes of a log with what is known of them; `t_ns` counts on past midnight where the log has times of day.
+
+    `continues` says that these bytes belong to the same read, or dump, as the piece before. `port` names who speaks.
+    """
+
+    data: bytes
+    line: int
+    text: str
+    ascii: bool = False
+    mark: int = 0
+    t_ns: int | None = None
+    port: str = ""
+    continues: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Unread:
+    """A line of which not all was read, and why.
+
+    `empty`: it does not look as if there were any bytes in it.
+    """
+
+    line: int
+    text: str
+    why: str
+    empty: bool = False
+
+
+class LogReader:
+    """Reads a text: `feed` its lines, then `close`.
+
+    `zone` is that of dates without one (None: this machine's), `sample_rate` that of logs that count samples, in Hz.
+    """
+
+    def __init__(self, judge: Judge = no_judge, zone: tzinfo | None = None, sample_rate: float | None = None) -> None:
+        self._judge, self._zone, self._sample_rate = judge, zone, sample_rate
+        self._experience = Experience()
+        self._lines = self._line_reader()
+        self._held: list[LogLine] = []
+
+    @property
+    def zoneless(self) -> bool:
+        """Whether dates without a zone were met."""
+        return self._lines.zoneless
+
+    def learn(self, lines: Iterable[str]) -> list[Piece | Unread]:
+        """Look at the beginning of a text, which is given again with `feed`; gives what it holds."""
+        experience = self._experience = Experience()
+        reader = self._line_reader()
+        read = [part for number, line in enumerate(_beginning(lines), 1) for part in _read(reader, line, number)]
+        for run in (run for line in read for run in line.runs):
+            experience.note(run)
+        for experience.threshold, experience.decimals in _STANDARDS[only_bytes(read) :]:
+            settle(read, self._judge, experience)
+            experience.other = any(run.taken for line in read for run in line.runs)
+            if experience.other:
+                break
+        else:
+            experience.threshold, experience.decimals = _STANDARDS[0]
+        self._lines = self._line_reader()
+        self._lines.zoneless = reader.zoneless
+        return [given for line in read for given in _given(line)]
+
+    def feed(self, lines: Iterable[tuple[int, str]]) -> Iterator[Piece | Unread]:
+        """Lines with their numbers; gives what has been settled."""
+        for number, line in lines:
+            for part in _read(self._lines, line, number):
+                self._held.append(part)
+                for run in part.runs:
+                    self._experience.note(run)
+            if len(self._held) >= _STRETCH:
+                yield from self._settled(_safe_cut(self._held))
+
+    def close(self) -> Iterator[Piece | Unread]:
+        """No more lines come; gives the rest."""
+        yield from self._settled(len(self._held))
+
+    def _line_reader(self) -> LineReader:
+        return LineReader(self._judge, self._zone, self._sample_rate, self._experience)
+
+    def _settled(self, count: int) -> Iterator[Piece | Unread]:
+        lines, self._held = self._held[:count], self._held[count:]
+        settle(lines, self._judge, self._experience)
+        for line in lines:
+            yield from _given(line)
+
+
+def read_lines(
+    lines: Sequence[str], judge: Judge = no_judge, zone: tzinfo | None = None, sample_rate: float | None = None
+) -> list[Piece | Unread]:
+    """All of a text at once."""
+    reader = LogReader(judge, zone, sample_rate)
+    reader.learn(lines)
+    return [*reader.feed(enumerate(lines, 1)), *reader.close()]
+
+
+def _beginning(lines: Iterable[str]) -> Iterator[str]:
+    size = 0
+    for line in islice(lines, _LEARNT_LINES):
+        size += len(line) + 1
+        if size > _LEARNT:
+            cut = line[: max(len(line) - (size - _LEARNT), 0) & ~1]
+            yield cut[: cut.rfind(" ") + 1] or cut
+            return
+        yield line
+
+
+def _read(reader: LineReader, line: str, number: int) -> Iterator[LogLine]:
+    if len(line) <= _MOST:
+        yield reader.read(line, number)
+        return
+    if line[:_MOST].isalnum():  # nothing to cut at
+        yield reader.read(line, number)
+        return
+    for match in _PORTION.finditer(line):
+        yield reader.read(match[0], number)
+
+
+def _safe_cut(lines: Sequence[LogLine]) -> int:
+    """How many of these lines can be settled without those to come: up to one without any runs, if there is one."""
+    least = len(lines) // 2
+    return next(
+        (i for i in range(len(lines) - 1, least, -1) if not lines[i].runs and not lines[i].continues), len(lines)
+    )
+
+
+def _given(line: LogLine) -> Iterator[Piece | Unread]:
+    taken = [run for run in line.runs if run.taken]
+    text = line.text if len(line.text) <= 200 else line.text[:197] + "..."
+    for i, run in enumerate(taken):
+        continues = line.continues and not i
+        yield Piece(run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues)
+    if line.problem is not None:
+        yield Unread(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))
+    for run in taken:
+        if run.cut and line.problem is None:
+            yield Unread(line.number, text, f"the text shows the first {len(run.data)} bytes only")
+        if run.halved and not run.checked:
+            yield Unread(line.number, text, halves(line.clean) or "half a byte")
+    if not taken and line.problem is None and line.runs and not line.quiet:
+        yield Unread(line.number, text, *_why(line))
+
+
+def _why(line: LogLine) -> tuple[str, bool]:
+    """Why nothing of a line was read, and whether it does not look like bytes at all."""
+    said = next((run.why for run in line.runs if run.why), None)
+    if said is not None:
+        return said, False
+    if (half := halves(line.clean)) is not None:
+        return half, False
+    run = max(line.runs, key=lambda run: (run.level, len(run.data)))
+    if len(run.data) < 3 and run.level is Level.NUMBER:
+        return f"no bytes found in {quoted(line.text)}", True
+    shown = line.clean[run.start : run.end]
+    return f"{quoted(shown)} may be anything: no check value says that these are bytes", False
+
+
+def joined(pieces: Iterable[Piece | Unread], limit: int | None = None) -> Iterator[Piece | Unread]:
+    """The same with pieces that continue one put together, up to about `limit` bytes each."""
+    held: Piece | None = None
+    parts: list[bytes] = []
+    size = 0
+    for piece in pieces:
+        if isinstance(piece, Unread):
+            yield piece
+            continue
+        if held is not None and piece.continues and (limit is None or size < limit):
+            parts.append(piece.data)
+            size += len(piece.data)
+            continue
+        if held is not None:
+            yield held if len(parts) == 1 else replace(held, data=b"".join(parts))
+        held, parts, size = piece, [piece.data], len(piece.data)
+    if held is not None:
+        yield held if len(parts) == 1 else replace(held, data=b"".join(parts))

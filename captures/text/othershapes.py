@@ -1,0 +1,176 @@
+"""Runs of bytes that are written otherwise than in hex pairs: decimals, single digits, strings with escapes, base64.
+
+But for strings with `\\x` and the arrays of Node.js they are bytes only where a check value says so: `10, 20, 30, 40`
+may be anything.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left
+from collections.abc import Iterator
+from typing import Final
+
+from .hexshapes import EDGE, END, Candidate, H, Level, Line
+
+_LONG: Final = 1 << 16  # characters: these shapes are not looked for in a longer line
+_ESCAPES: Final = re.compile(r"\\(?:x[0-9A-Fa-f]{2}|u00[0-9A-Fa-f]{2}|u\{[0-9A-Fa-f]{1,2}\}|\d{1,3})")
+_QUOTE: Final = re.compile(r"\\.|([\"'])", re.DOTALL)
+_BARE: Final = re.compile(r"\\[xu\d]\S*(?: (?=\S{0,20}\\(?:x|\d{3}))\S*)*")
+_NUL: Final = re.compile(r"(?<!\\)\\0(?=\d)")
+_HALF: Final = re.compile(r"\\x(?![0-9A-Fa-f]{2})")
+_ESCAPE: Final = re.compile(
+    r"\\(?:x([0-9A-Fa-f]{1,2})|u00([0-9A-Fa-f]{2})|u\{([0-9A-Fa-f]{1,2})\}|([0-7]{1,3})|(.))|([^\\])", re.DOTALL
+)
+_DECIMAL_ESCAPE: Final = re.compile(r"()()()\\(\d{1,3})|\\(.)|([^\\])", re.DOTALL)
+_SIMPLE_ESCAPES: Final = {"0": 0, "a": 7, "b": 8, "t": 9, "n": 10, "v": 11, "f": 12, "r": 13, "e": 27}
+_DECIMALS: Final = (
+    re.compile(r"(?<![\w.+-])-?\d{1,3}(?:[ \t]{1,4}-?\d{1,3}){3,}(?!\w|[.,]\d)"),
+    re.compile(
+        r"(?<![\w.+-])-?\d{1,3}[ \t]*(?P<sign>[,;|:./]|\][ \t]?\[|>[ \t]?<|\}[ \t]?\{|[\"'],[ \t]?[\"'])[ \t]{0,4}"
+        r"-?\d{1,3}(?:[ \t]*(?P=sign)[ \t]{0,4}-?\d{1,3}){2,}(?!\w|[.,]\d)"
+    ),
+    re.compile(r"(?<![\w.+-])\d{1,3}(?P<dash>-)\d{1,3}(?:-\d{1,3}){2,}(?![\w-])"),
+)
+_NODE_JSON: Final = re.compile(r'"type"\s*:\s*"Buffer"\s*,\s*"data"\s*:\s*\[\s*$')
+_DIGITS: Final = (
+    re.compile(rf"{EDGE}{H}{{1,2}}(?:[ \t]{{1,4}}{H}{{1,2}}){{3,}}{END}"),
+    re.compile(rf"{EDGE}{H}{{1,2}}(?P<gap>[ \t]?[,:;|-][ \t]?){H}{{1,2}}(?:(?P=gap){H}{{1,2}}){{2,}}{END}"),
+)
+_BINARY: Final = re.compile(r"(?<![\w.])[01]{8}(?:[\s,;|]{1,3}[01]{8}){3,}(?!\w)")
+_BASE64: Final = re.compile(r"(?<![\w+/=])(?:[A-Za-z0-9+/]{4})+(?:[A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=)?(?![\w+/=])")
+_PLAIN_WORD: Final = re.compile(r"[A-Za-z]?(?:[a-z]*|[A-Z]*)|[a-z/]+")
+_LEAST_BASE64: Final = 8  # characters
+
+
+def other_candidates(line: Line) -> Iterator[Candidate]:
+    """All runs of characters that can be bytes and are no hex pairs."""
+    text = line.text
+    if len(text) > _LONG:
+        return
+    if "\\" in text:
+        yield from _strings(text)
+    yield from _decimals(text)
+    yield from _digits(text)
+    if "000" in text:
+        yield from _binary(text)
+    yield from _base64(text)
+
+
+def _strings(text: str) -> Iterator[Candidate]:
+    r"""`'\x11\x03\x00k'`, `\021\003`, quoted or not, other characters as they are."""
+    if _ESCAPES.search(text) is None:
+        return
+    at = 0
+    for start, end in (*_quoted(text), (len(text), len(text))):
+        if _ESCAPES.search(text, start, end) is not None or start == len(text):
+            for match in _BARE.finditer(text, at, start):
+                yield from _unquoted(text, match.start(), match.end())
+            if start < end:
+                yield from _string(text[start:end], start, end)
+                for first, last in _quoted(text[start:end]):  # a string in a string
+                    if _ESCAPES.search(text, start + first, start + last) is not None:
+                        yield from _string(text[start + first : start + last], start + first, start + last)
+            at = end
+
+
+def _unquoted(text: str, start: int, end: int) -> Iterator[Candidate]:
+    """Escapes without quotes; the characters before the first may belong to them, and all of the line."""
+    body = text[start:end].rstrip("'\",)];")
+    yield from _string(body, start, start + len(body))
+    if start + len(body) < end:
+        yield Candidate(unescape(text[start:end]), start, end, "\\x", Level.NUMBER)
+    word = text.rfind(" ", 0, start) + 1
+    for begin in {word, len(text) - len(text.lstrip())} - {start}:
+        rest = text[begin:] if begin != word else text[begin : start + len(body)]
+        yield Candidate(unescape(rest), begin, begin + len(rest), "\\x", Level.NUMBER)
+
+
+def _quoted(text: str) -> Iterator[tuple[int, int]]:
+    """Where the insides of quoted strings begin and end."""
+    places: dict[str, list[int]] = {"'": [], '"': []}
+    for match in _QUOTE.finditer(text):
+        if match[1]:
+            places[match[1]].append(match.start())
+    at = 0
+    for start, sign in sorted((place, sign) for sign, of_sign in places.items() for place in of_sign):
+        following = bisect_left(places[sign], start + 1)
+        if start >= at and following < len(places[sign]):
+            at = places[sign][following] + 1
+            yield start + 1, at - 1
+
+
+def _string(body: str, start: int, end: int) -> Iterator[Candidate]:
+    hexadecimal = "\\x" in body or "\\u" in body
+    level = Level.BYTES if hexadecimal or len(_ESCAPES.findall(body)) > 2 else Level.NUMBER
+    if _HALF.search(body):
+        level = Level.NUMBER
+    yield Candidate(unescape(body), start, end, "\\x", level)
+    if _NUL.search(body):  # as Rust and JavaScript have it
+        yield Candidate(unescape(_NUL.sub(r"\\x00", body)), start, end, "\\0", Level.NUMBER)
+    if not hexadecimal:  # as Lua has it
+        yield Candidate(unescape(body, _DECIMAL_ESCAPE, 10), start, end, "\\decimal", Level.NUMBER)
+
+
+def unescape(text: str, escape: re.Pattern[str] = _ESCAPE, base: int = 8) -> bytes:
+    """Bytes of a C or Python string's inside: hex, octal and letter escapes, other characters as they are."""
+    out = bytearray()
+    for digits, wide, braced, number, letter, plain in escape.findall(text):
+        if digits or wide or braced:
+            out.append(int(digits or wide or braced, 16))
+        elif number:
+            out.append(int(number, base) & 0xFF)
+        elif letter in _SIMPLE_ESCAPES:
+            out.append(_SIMPLE_ESCAPES[letter])
+        else:
+            out += _octets(letter or plain)
+    return bytes(out)
+
+
+def _octets(char: str) -> bytes:
+    """A character as the one byte that it was: Python 2 and terminals show bytes over 7F as letters."""
+    for codec in ("latin-1", "cp1252", "cp1251"):
+        try:
+            return char.encode(codec)
+        except UnicodeEncodeError:
+            continue
+    return char.encode("utf-8", "replace")
+
+
+def _decimals(text: str) -> Iterator[Candidate]:
+    """`17, 3, 0, 107`, `[17 3 0 107]`, `[17][3]`, `17-3-0`; negative ones as Java has them."""
+    for pattern in _DECIMALS:
+        for match in pattern.finditer(text):
+            dashed = "dash" in match.groupdict()
+            values = [int(word) for word in re.findall(r"\d+" if dashed else r"-?\d+", match[0])]
+            if max(values) < 256 and min(values) > -129 and not (min(values) < 0 and max(values) > 127):
+                node = _NODE_JSON.search(text, max(match.start() - 40, 0), match.start())
+                level = Level.BYTES if node else Level.NUMBER
+                yield Candidate(bytes(value & 0xFF for value in values), *match.span(), "decimal", level)
+
+
+def _digits(text: str) -> Iterator[Candidate]:
+    """`11 3 0 6B`, as `Serial.print(byte, HEX)` writes them."""
+    for pattern in _DIGITS:
+        for match in pattern.finditer(text):
+            tokens = re.findall(rf"{H}+", match[0])
+            if min(map(len, tokens)) == 1:
+                data = bytes(int(token, 16) for token in tokens)
+                yield Candidate(data, *match.span(), "digits", Level.NUMBER)
+
+
+def _binary(text: str) -> Iterator[Candidate]:
+    """`00010001 00000011`"""
+    for match in _BINARY.finditer(text):
+        data = bytes(int(word, 2) for word in re.findall(r"\d+", match[0]))
+        yield Candidate(data, *match.span(), "binary", Level.NUMBER)
+
+
+def _base64(text: str) -> Iterator[Candidate]:
+    """`EQMAawADdoc=`"""
+    for match in _BASE64.finditer(text):
+        if len(match[0]) < _LEAST_BASE64 or _PLAIN_WORD.fullmatch(match[0]):
+            continue
+        from base64 import b64decode
+
+        yield Candidate(b64decode(match[0]), *match.span(), "base64", Level.NUMBER)

@@ -1,0 +1,324 @@
+"""The cells of a map: a column is one entry of `COLUMNS`, from its text to what `MappedValue` holds and back.
+
+A cell that cannot be read raises `CellError`, which says what was expected; who reads the file adds where.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from dissectors.values import ORDERS, ValueFormError, physical
+
+from .model import (
+    ANY_LENGTH,
+    AREA_WORDS,
+    DIGIT_OF_AREA,
+    VALUE_TYPES,
+    MapArea,
+    MappedValue,
+    Signature,
+)
+
+_LAST_ADDRESS: Final = 0xFFFF
+_LONGEST: Final = 125  # registers: no answer carries more ([1] 6.3)
+_NAME_LENGTH: Final = 200
+_AREA_OF_DIGIT: Final = {digit: area for area, digit in DIGIT_OF_AREA.items()}
+_TYPE_WORDS: Final = {
+    "uint16": "u16", "int16": "s16", "uint32": "u32", "int32": "s32", "uint64": "u64", "int64": "s64",
+    "float": "f32", "float32": "f32", "double": "f64", "float64": "f64", "string": "text", "bitfield": "bits",
+    "bit": "bool", "boolean": "bool", "bcd": "bcd16",
+}  # fmt: skip
+
+
+class CellError(ValueError):
+    """What a cell should have held: `column` and `expected`."""
+
+    def __init__(self, column: str, text: object, expected: str) -> None:
+        super().__init__(f"{column} is {str(text)[:60]!r}: expected {expected}")
+        self.column = column
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column: its JSON Schema and what it means to a reader."""
+
+    name: str
+    schema: Mapping[str, Any]
+    help: str
+
+
+_NUMBER: Final = {"type": ["number", "string"]}
+COLUMNS: Final[tuple[Column, ...]] = (
+    Column("area", {"enum": ["coil", "discrete", "input", "holding"]}, "which of the four tables"),
+    Column("address", {"type": ["integer", "string"]}, "decimal, hex (0x6B), 4x108, or 40108 where area is empty"),
+    Column("name", {"type": "string", "minLength": 1}, "what people call it"),
+    Column("type", {"enum": list(VALUE_TYPES)}, "how the registers are read; u16 if empty, bool in coil and discrete"),
+    Column("order", {"enum": list(ORDERS)}, "where the bytes A (most significant) to D go; the header's if empty"),
+    Column("length", {"type": ["integer", "string"]}, "registers, of a text, an enum, bits or a time"),
+    Column("scale", _NUMBER, "value = raw * scale + offset"),
+    Column("offset", _NUMBER, "value = raw * scale + offset"),
+    Column("scale_register", {"type": ["integer", "string"]}, "address whose signed value is a power of ten"),
+    Column("unit", {"type": "string"}, "unit of measure"),
+    Column("values", {"type": ["object", "string"]}, "names of states or bits: 0=off; 1=on"),
+    Column("access", {"enum": ["r", "w", "rw"]}, "read, write or both"),
+    Column("min", _NUMBER, "least plausible value, in the unit"),
+    Column("max", _NUMBER, "greatest plausible value, in the unit"),
+    Column("description", {"type": "string"}, "more words"),
+    Column("group", {"type": "string"}, "a heading to list it under"),
+)
+COLUMN_NAMES: Final = tuple(column.name for column in COLUMNS)
+
+
+def value_of(cells: Mapping[str, object], *, base: int = 0, order: str = "ABCD") -> MappedValue:
+    """The value of one row's cells by column name; CellError where one cannot be read."""
+    area, address = area_and_address(cells.get("area"), cells.get("address"), base)
+    name = _text(cells, "name")
+    if not name:
+        raise CellError("name", "", "a name")
+    kind = type_of(cells.get("type"), area)
+    low, high = _number(cells, "min"), _number(cells, "max")
+    if low is not None and high is not None and low > high:
+        raise CellError("max", cells.get("max"), f"at least min, {low:g}")
+    length = length_of(cells.get("length"), kind)
+    if address + length > _LAST_ADDRESS + 1:
+        raise CellError("address", cells.get("address"), f"that {length} registers end by {_LAST_ADDRESS}")
+    scale = _number(cells, "scale")
+    if scale == 0:
+        raise CellError("scale", 0, "a number other than 0")
+    return MappedValue(
+        area=area,
+        address=address,
+        name=name[:_NAME_LENGTH],
+        type=kind,
+        order=order_of(cells.get("order"), order),
+        length=length,
+        scale=1.0 if scale is None else scale,
+        offset=_number(cells, "offset") or 0.0,
+        scale_address=_scale_register(cells.get("scale_register"), area, base),
+        unit=_text(cells, "unit"),
+        values=names_of(cells.get("values")),
+        access=_access(cells.get("access")),
+        minimum=low,
+        maximum=high,
+        description=_text(cells, "description"),
+        group=_text(cells, "group"),
+        other={str(k): str(v) for k, v in cells.items() if k not in COLUMN_NAMES and v not in (None, "")},
+    )
+
+
+def cells_of(value: MappedValue, order: str = "ABCD") -> dict[str, str]:
+    """The cells of one value, those that say nothing new left empty; addresses count from 0."""
+    length = value.type in ANY_LENGTH and value.length != VALUE_TYPES[value.type]
+    return {
+        "area": value.area,
+        "address": str(value.address),
+        "name": value.name,
+        "type": value.type,
+        "order": "" if value.order == order else value.order,
+        "length": str(value.length) if length else "",
+        "scale": "" if value.scale == 1 else number_text(value.scale),
+        "offset": "" if value.offset == 0 else number_text(value.offset),
+        "scale_register": "" if value.scale_address is None else str(value.scale_address),
+        "unit": value.unit,
+        "values": "; ".join(f"{state}={_escaped(name)}" for state, name in value.values.items()),
+        "access": value.access,
+        "min": "" if value.minimum is None else number_text(value.minimum),
+        "max": "" if value.maximum is None else number_text(value.maximum),
+        "description": value.description,
+        "group": value.group,
+        **value.other,
+    }
+
+
+def area_and_address(area: object, address: object, base: int = 0) -> tuple[MapArea, int]:
+    """Area and zero-based address. Where `area` is empty the address must be a logical one, which names it."""
+    text = _cell(address).replace(" ", "").replace("_", "")
+    chosen = area_of(area) if _cell(area) else None
+    if not text:
+        raise CellError("address", "", "an address such as 107, 0x6B, 4x108 or 40108")
+    prefix = re.fullmatch(r"([0134])x(\d+)", text, re.IGNORECASE)
+    if chosen is None or (prefix and prefix[1] != "0"):
+        try:
+            digit, number = physical(text)
+        except ValueFormError:
+            raise CellError("address", text, "a logical address (4x108, 40108, 400108), as area is empty") from None
+        named = _AREA_OF_DIGIT[digit[0]]
+        if chosen not in (None, named):
+            raise CellError("address", text, f"an address of area {chosen}")
+        return named, number
+    number = whole_number("address", text)
+    number -= base
+    if not 0 <= number <= _LAST_ADDRESS:
+        raise CellError("address", text, f"{base} to {_LAST_ADDRESS + base}")
+    return chosen, number
+
+
+def area_of(area: object) -> MapArea:
+    """The area that a word means."""
+    named = AREA_WORDS.get(_cell(area).lower().replace("_", " "))
+    if named is None:
+        raise CellError("area", area, "coil, discrete, input or holding")
+    return named
+
+
+def type_of(kind: object, area: MapArea) -> str:
+    """The type that a word means; the area's own where there is none."""
+    word = _cell(kind).lower()
+    if not word:
+        return "bool" if area in ("coil", "discrete") else "u16"
+    word = _TYPE_WORDS.get(word, word)
+    if word not in VALUE_TYPES:
+        raise CellError("type", kind, f"one of {', '.join(VALUE_TYPES)}")
+    if area in ("coil", "discrete") and word != "bool":
+        raise CellError("type", kind, f"bool in area {area}")
+    return word
+
+
+def order_of(order: object, default: str = "ABCD") -> str:
+    """The word and byte order."""
+    word = _cell(order).upper()
+    if not word:
+        return default
+    if word not in ORDERS:
+        raise CellError("order", order, f"one of {', '.join(ORDERS)}")
+    return word
+
+
+def length_of(length: object, kind: str) -> int:
+    """Registers that a value takes."""
+    usual = VALUE_TYPES[kind]
+    if not _cell(length):
+        if not usual:
+            raise CellError("length", "", f"how many registers the {kind} takes")
+        return usual
+    number = whole_number("length", length)
+    if not 1 <= number <= _LONGEST:
+        raise CellError("length", length, f"1 to {_LONGEST} registers")
+    if kind not in ANY_LENGTH and number != usual:
+        raise CellError("length", length, f"{usual}, as a {kind} takes")
+    return number
+
+
+def names_of(values: object) -> dict[int, str]:
+    """Names of states or bits, from `0=off; 1=on` or from a mapping."""
+    if values is None or values == "":
+        return {}
+    if isinstance(values, Mapping):
+        pairs = [(_cell(key), _cell(name)) for key, name in values.items()]
+    else:
+        pairs = []
+        for part in re.split(r"(?<!\\)[;|\n]", str(values)):
+            if part.strip():
+                state, mark, name = part.partition("=")
+                if not mark:
+                    raise CellError("values", values, "states with names, such as 0=off; 1=on")
+                pairs.append((state.strip(), re.sub(r"\\([;|=\\])", r"\1", name.strip())))
+    return {whole_number("values", state): name for state, name in pairs}
+
+
+def whole_number(column: str, value: object) -> int:
+    """A whole number, decimal or hex (0x6B, 6Bh); `107.0`, as spreadsheets write it, is one too."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return value
+    text = _cell(value)
+    if re.fullmatch(r"-?\d+(\.0+)?", text):
+        return int(text.partition(".")[0])
+    if re.fullmatch(r"0[xX][0-9A-Fa-f]+", text):
+        return int(text, 16)
+    if re.fullmatch(r"[0-9][0-9A-Fa-f]*[hH]", text):
+        return int(text[:-1], 16)
+    raise CellError(column, value, "a whole number, decimal or hex (0x6B)")
+
+
+def number_text(number: float) -> str:
+    """A number as a cell has it: the shortest that reads the same."""
+    return str(int(number)) if number == int(number) and abs(number) < 1e15 else repr(float(number))
+
+
+def signature_of(text: object) -> Signature:
+    """The header's `match`: `server_id: TEXT; register: holding 40000 = 0x5375 0x6E53; poll: input 0 72`."""
+    clauses: list[tuple[str, str]] = []
+    if isinstance(text, Mapping):
+        for key, listed in text.items():
+            clauses += [(str(key), _cell(one)) for one in (listed if isinstance(listed, list) else [listed])]
+    else:
+        for part in str(text or "").split(";"):
+            if part.strip():
+                key, mark, rest = part.partition(":")
+                if not mark:
+                    raise CellError("match", part, "server_id:, identification:, register: or poll:")
+                clauses.append((key.strip(), rest.strip()))
+    texts: dict[str, list[str]] = {"server_id": [], "identification": []}
+    registers, polls = [], []
+    for key, rest in clauses:
+        if key in texts:
+            texts[key].append(rest)
+        elif key in ("register", "registers"):
+            where, _, words = rest.partition("=")
+            area, address = _spot(where, 2)
+            registers.append((area, address[0], tuple(whole_number("match", word) for word in words.split())))
+        elif key in ("poll", "polls"):
+            area, numbers = _spot(rest, 3)
+            polls.append((area, numbers[0], numbers[1]))
+        else:
+            raise CellError("match", key, "server_id, identification, register or poll")
+    return Signature(tuple(texts["server_id"]), tuple(texts["identification"]), tuple(registers), tuple(polls))
+
+
+def signature_text(match: Signature) -> str:
+    """The header line that `signature_of` reads."""
+    return "; ".join(
+        [f"server_id: {text}" for text in match.server_id]
+        + [f"identification: {text}" for text in match.identification]
+        + [f"register: {area} {at} = {' '.join(map(str, words))}" for area, at, words in match.registers]
+        + [f"poll: {area} {at} {quantity}" for area, at, quantity in match.polls]
+    )
+
+
+def _spot(text: str, count: int) -> tuple[MapArea, list[int]]:
+    words = text.split()
+    if len(words) != count:
+        raise CellError("match", text, "an area and addresses, such as input 0 72")
+    return area_of(words[0]), [whole_number("match", word) for word in words[1:]]
+
+
+def _scale_register(cell: object, area: MapArea, base: int) -> int | None:
+    return area_and_address(area, cell, base)[1] if _cell(cell) else None
+
+
+def _access(cell: object) -> str:
+    word = _cell(cell).lower().replace("/", "")
+    word = {"ro": "r", "wo": "w", "read": "r", "write": "w", "readwrite": "rw", "wr": "rw"}.get(word, word)
+    if word not in ("", "r", "w", "rw"):
+        raise CellError("access", cell, "r, w or rw")
+    return word
+
+
+def _number(cells: Mapping[str, object], column: str) -> float | None:
+    text = _cell(cells.get(column))
+    if not text:
+        return None
+    above, bar, below = text.replace(",", ".").partition("/")
+    try:
+        number = float(above) / float(below) if bar else float(above)
+    except (ValueError, ZeroDivisionError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise CellError(column, cells.get(column), "a number")
+    return number
+
+
+def _text(cells: Mapping[str, object], column: str) -> str:
+    return _cell(cells.get(column))
+
+
+def _cell(value: object) -> str:
+    return "" if value is None else str(value).strip()
+
+
+def _escaped(name: str) -> str:
+    return re.sub(r"([;|=\\])", r"\\\1", name)

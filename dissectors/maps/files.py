@@ -1,0 +1,92 @@
+"""Maps by file or by name: reading, writing, and the maps that come with this package."""
+
+from __future__ import annotations
+
+import os
+import re
+from functools import lru_cache
+from importlib.resources import files as package_files
+from pathlib import Path
+from typing import Final
+
+from .model import MapError, RegisterMap
+from .table import read_table, write_table
+
+_YAML: Final = (".yaml", ".yml")
+_MOST: Final = 8 << 20  # bytes: no map is longer
+_LAST_UNIT: Final = 255
+
+
+def read_map(name: str | os.PathLike[str]) -> RegisterMap:
+    """The map in a file (.csv, .tsv, .yaml), or the shipped one of that name; MapError says why there is none."""
+    path = Path(name)
+    if path.suffix.lower() not in (".csv", ".tsv", ".txt", *_YAML) and not path.is_file():
+        if str(name) in shipped_names():
+            return shipped_map(str(name))
+        raise MapError(_unknown(str(name)))
+    try:
+        with path.open("rb") as file:
+            data = file.read(_MOST + 1)
+    except OSError as error:
+        raise MapError(f"{name}: {(error.strerror or str(error)).lower()}") from error
+    if len(data) > _MOST:
+        raise MapError(f"{name}: over {_MOST >> 20} MiB is no register map")
+    text = _decoded(data, path)
+    if path.suffix.lower() in _YAML:
+        from .yamlform import read_yaml
+
+        return read_yaml(text, str(name))
+    return read_table(text, str(name))
+
+
+def map_text(chart: RegisterMap, name: str | os.PathLike[str]) -> str:
+    """A map as the text of a file of this name."""
+    if Path(name).suffix.lower() in _YAML:
+        from .yamlform import write_yaml
+
+        return write_yaml(chart)
+    return write_table(chart)
+
+
+def map_for_unit(text: str) -> tuple[RegisterMap, int | None]:
+    """`MAP@UNIT` or `MAP`: the map and the unit that it is for, None for any."""
+    found = re.fullmatch(r"(.+)@(\d+)", text)
+    if found is None:
+        return read_map(text), None
+    unit = int(found[2])
+    if unit > _LAST_UNIT:
+        raise MapError(f"{text}: unit {unit}: 0 to {_LAST_UNIT} are possible")
+    return read_map(found[1]), unit
+
+
+def shipped_names() -> list[str]:
+    """The names of the maps that come with this package."""
+    folder = package_files(__package__) / "shipped"
+    return sorted(entry.name.removesuffix(".csv") for entry in folder.iterdir() if entry.name.endswith(".csv"))
+
+
+@lru_cache(maxsize=128)
+def shipped_map(name: str) -> RegisterMap:
+    """One of them."""
+    file = package_files(__package__) / "shipped" / f"{name}.csv"
+    return read_table(file.read_text(encoding="utf-8"), f"{name}.csv")
+
+
+def _decoded(data: bytes, path: Path) -> str:
+    """Text as spreadsheets save it: UTF-8, UTF-16 with its mark, else the Windows page of Russian."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return data.decode("utf-16", "replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        if b"\0" in data:
+            raise MapError(f"{path}: bytes, not text: a map is a table in CSV or YAML") from None
+        return data.decode("cp1251", "replace")
+
+
+def _unknown(name: str) -> str:
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, shipped_names(), 1)
+    hint = f"did you mean {near[0]}?" if near else "`rtuscope map list` names those that are shipped"
+    return f"{name}: no such file, and no shipped map of that name: {hint}"

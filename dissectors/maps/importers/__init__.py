@@ -1,0 +1,60 @@
+"""Register maps out of what other programs and spreadsheets have: one file a format.
+
+A format's module has `NAME`, `recognises(source)` and `read(source)`, which gives a map a device; it is listed in
+`FORMATS`, the surest first. What a format says and a map cannot is told in the notes, never dropped without a word.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Final, Protocol, cast
+
+from ..model import MapError
+from .source import ImportedMap, MapSource
+
+FORMATS: Final = (
+    "sunspec",
+    "wirenboard",
+    "solarman",
+    "homeassistant",
+    "esphome",
+    "modbus_exporter",
+    "modbus_schema",
+    "telegraf",
+    "modpoll",
+    "iobroker",
+    "own",
+    "spreadsheet",
+)
+
+
+class MapFormat(Protocol):
+    """What a format's module offers."""
+
+    NAME: str
+
+    def recognises(self, source: MapSource) -> bool: ...
+
+    def read(self, source: MapSource) -> list[ImportedMap]: ...
+
+
+def map_format(name: str) -> MapFormat:
+    """One format by name."""
+    if name not in FORMATS:
+        raise MapError(f"no map format {name!r}: there are {', '.join(FORMATS)}")
+    return cast(MapFormat, import_module(f"{__package__}.{name}"))
+
+
+def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[ImportedMap]:
+    """The maps in a file, its format found by content or given by name; MapError says why there are none."""
+    source = MapSource(file, data)
+    for candidate in (name,) if name is not None else FORMATS:
+        form = map_format(candidate)
+        if form.recognises(source):
+            found = [one for one in form.read(source) if one.chart.rows]
+            if found:
+                return found
+            raise MapError(f"{file}: read as {form.NAME}, but no register is in it")
+    if name is not None:
+        raise MapError(f"{file}: is not {map_format(name).NAME}")
+    raise MapError(f"{file}: no known form of a register map: --format names one of {', '.join(FORMATS)}")

@@ -1,0 +1,94 @@
+"""Home Assistant's `modbus:` configuration (YAML): sensors, binary sensors, switches and others of hubs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from .source import ImportedMap, MapBuilder, MapSource, mappings, number_in, scaled, whole_in
+
+NAME = "a modbus: configuration of Home Assistant"
+_LISTS: Final = ("sensors", "binary_sensors", "switches", "lights", "fans", "covers", "climates")
+_TYPES: Final = {
+    "int": "s16", "uint": "u16", "int16": "s16", "uint16": "u16", "int32": "s32", "uint32": "u32", "int64": "s64",
+    "uint64": "u64", "float": "f32", "float32": "f32", "float64": "f64", "string": "text",
+}  # fmt: skip
+_AREAS: Final = {
+    "holding": "holding", "holdings": "holding", "input": "input", "coil": "coil", "coils": "coil",
+    "discrete_input": "discrete", "discrete_inputs": "discrete",
+}  # fmt: skip
+_ORDERS: Final = {"word": "CDAB", "byte": "BADC", "word_byte": "DCBA", "none": None}
+
+
+def recognises(source: MapSource) -> bool:
+    """A hub that has one of the lists."""
+    return any(True for _ in _hubs(source))
+
+
+def read(source: MapSource) -> list[ImportedMap]:
+    """A map a hub and unit."""
+    builders: dict[tuple[str, str], MapBuilder] = {}
+    for hub in _hubs(source):
+        for kind in _LISTS:
+            for item in mappings(hub.get(kind)):
+                unit = item.get("device_address", item.get("slave", hub.get("slave", 1)))
+                name = str(hub.get("name") or "modbus")
+                key = (name, str(unit))
+                builder = builders.setdefault(key, MapBuilder(source.name, device=f"{name} unit {unit}"))
+                _item(builder, kind, item)
+    return [builder.built() for builder in builders.values()]
+
+
+def _hubs(source: MapSource) -> Iterator[Mapping[str, Any]]:
+    content = source.yaml
+    if isinstance(content, Mapping) and "modbus" in content:
+        content = content["modbus"]
+    for hub in mappings(content):
+        if any(isinstance(hub.get(kind), list) and kind != "registers" for kind in _LISTS):
+            yield hub
+
+
+def _item(builder: MapBuilder, kind: str, item: Mapping[str, Any]) -> None:
+    name = item.get("name") or item.get("unique_id")
+    address = whole_in(item.get("address"))
+    wanted = str(item.get("input_type") or item.get("write_type") or ("coil" if "binary" in kind else "holding"))
+    area = _AREAS.get(wanted)
+    if address is None or area is None:
+        builder.note(f"{name}: address {item.get('address')!r} of {wanted!r} is not known")
+        return
+    writable = kind not in ("sensors", "binary_sensors")
+    if area in ("coil", "discrete"):
+        builder.add({"area": area, "address": address, "name": name, "access": "rw" if writable else "r"}, name)
+        return
+    word = str(item.get("data_type") or "int16").lower()
+    count = whole_in(item.get("count")) or 1
+    data_type = _TYPES.get(word)
+    if word in ("int", "uint") and count in (2, 4):
+        data_type = f"{'s' if word == 'int' else 'u'}{16 * count}"
+    if data_type is None:
+        structure = str(item.get("structure") or "")
+        data_type = {">f": "f32", ">i": "s32", ">I": "u32", ">h": "s16", ">H": "u16", ">d": "f64"}.get(structure)
+        if data_type is None:
+            builder.note(f"{name}: data type {word!r} with structure {structure!r} is no type of a map")
+            return
+    scale, offset = number_in(item, "scale", 1.0), number_in(item, "offset", 0.0)
+    virtual = whole_in(item.get("virtual_count", item.get("slave_count"))) or 0
+    length = {"u16": 1, "s16": 1, "u32": 2, "s32": 2, "f32": 2}.get(data_type, 4)
+    for turn in range(virtual + 1):
+        builder.add(
+            {
+                "area": area,
+                "address": address + turn * length,
+                "name": f"{name} {turn + 1}" if virtual else name,
+                "type": data_type,
+                "order": _ORDERS.get(str(item.get("swap") or "none").lower()),
+                "length": count if data_type == "text" else None,
+                **scaled(scale or 1.0, offset),
+                "unit": item.get("unit_of_measurement"),
+                "min": item.get("min_value"),
+                "max": item.get("max_value"),
+                "access": "rw" if writable else None,
+                "description": item.get("device_class"),
+            },
+            name,
+        )

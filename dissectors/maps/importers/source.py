@@ -1,0 +1,177 @@
+"""A file to import, read once in each way that is asked for, and what comes of it."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import PurePath
+from typing import Any, Final
+
+from ..cells import CellError, value_of
+from ..model import MapError, MappedValue, RegisterMap
+
+_MOST_NOTES: Final = 20
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedMap:
+    """A map, and what of the file it does not carry."""
+
+    chart: RegisterMap
+    notes: tuple[str, ...] = ()
+
+
+class MapSource:
+    """The file `name` with its bytes `data`; what it is not (YAML, JSON ...) is None."""
+
+    def __init__(self, name: str, data: bytes) -> None:
+        self.name = name
+        self.data = data
+        self.suffix = PurePath(name).suffix.lower()
+        self.stem = PurePath(name).stem
+
+    @cached_property
+    def text(self) -> str:
+        if self.data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            return self.data.decode("utf-16", "replace")
+        try:
+            return self.data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            return self.data.decode("cp1251", "replace")
+
+    @cached_property
+    def is_text(self) -> bool:
+        return b"\0" not in self.data[:4096] or self.data[:2] in (b"\xff\xfe", b"\xfe\xff")
+
+    @cached_property
+    def json(self) -> Any:
+        try:
+            return json.loads(self.text) if self.is_text and self.text.lstrip()[:1] in ("{", "[") else None
+        except (ValueError, RecursionError):
+            return None
+
+    @cached_property
+    def toml(self) -> Any:
+        try:
+            return tomllib.loads(self.text) if self.is_text and "=" in self.text else None
+        except (tomllib.TOMLDecodeError, RecursionError):
+            return None
+
+    @cached_property
+    def yaml(self) -> Any:
+        """The YAML content; tags that a program defines for itself stand for their plain values."""
+        if not self.is_text or ":" not in self.text:
+            return None
+        import yaml
+
+        class Lenient(yaml.SafeLoader):
+            pass
+
+        def plain(loader: yaml.SafeLoader, _suffix: str, node: yaml.Node) -> Any:
+            if isinstance(node, yaml.MappingNode):
+                return loader.construct_mapping(node, deep=True)
+            if isinstance(node, yaml.SequenceNode):
+                return loader.construct_sequence(node, deep=True)
+            return str(node.value)
+
+        Lenient.add_multi_constructor("!", plain)
+        try:
+            return yaml.load(self.text, Loader=Lenient)
+        except (yaml.YAMLError, RecursionError, ValueError):
+            return None
+
+
+@dataclass(slots=True)
+class MapBuilder:
+    """Rows of one device as they are found; what cannot be a row becomes a note."""
+
+    file: str
+    device: str = ""
+    vendor: str = ""
+    order: str = "ABCD"
+    source: str = ""
+    rows: list[MappedValue] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    bits: dict[tuple[str, int], dict[int, str]] = field(default_factory=dict)
+
+    def add(self, cells: Mapping[str, object], what: object) -> None:
+        """A row of these cells; `what` names it in a note."""
+        try:
+            row = value_of({key: cell for key, cell in cells.items() if cell is not None}, order=self.order)
+        except CellError as error:
+            self.note(f"{what}: {error}")
+            return
+        twins = [other for other in self.rows if (other.area, other.address) == (row.area, row.address)]
+        if any(replace(other, name=row.name) == row and other.name == row.name for other in twins):
+            return
+        taken = {other.name for other in twins}
+        if row.name in taken:
+            number = next(n for n in range(2, len(self.rows) + 3) if f"{row.name} {n}" not in taken)
+            row = replace(row, name=f"{row.name} {number}")
+        self.rows.append(row)
+
+    def add_bits(self, area: str, address: int, first: int, width: int, name: str) -> None:
+        """A part of a register: bits `first` to `first + width - 1`."""
+        names = self.bits.setdefault((area, address), {})
+        for bit in range(first, first + width):
+            label = name if width == 1 else f"{name} bit {bit - first}"
+            names[bit] = f"{names[bit]} / {label}" if bit in names else label
+
+    def note(self, text: str) -> None:
+        self.notes.append(" ".join(text.split())[:300])
+
+    def built(self) -> ImportedMap:
+        """The map; registers of which bits have names are one value each."""
+        for (area, address), names in self.bits.items():
+            cells = {"area": area, "address": address, "type": "bits", "values": dict(sorted(names.items()))}
+            self.add({**cells, "name": f"Bits of {address}"}, f"register {address}")
+        notes = self.notes[:_MOST_NOTES]
+        if len(self.notes) > _MOST_NOTES:
+            notes.append(f"and {len(self.notes) - _MOST_NOTES} more such")
+        chart = RegisterMap(
+            self.device or PurePath(self.file).stem,
+            tuple(self.rows),
+            vendor=self.vendor,
+            word_order=self.order,
+            source=self.source or f"imported from {PurePath(self.file).name}",
+        )
+        return ImportedMap(chart, tuple(notes))
+
+
+def scaled(scale: float, offset: float = 0.0) -> dict[str, object]:
+    """Cells of value = raw * scale + offset, without the noise of binary fractions."""
+    return {"scale": f"{scale:.10g}", "offset": f"{offset:.10g}" if offset else None}
+
+
+def number_in(mapping: Mapping[str, Any], key: str, default: float) -> float:
+    """A number of a mapping, the default where there is none."""
+    value = mapping.get(key, default)
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return default
+
+
+def whole_in(value: object) -> int | None:
+    """A whole number, decimal or hex, None where it is none."""
+    from ..cells import whole_number
+
+    try:
+        return whole_number("address", value)
+    except CellError:
+        return None
+
+
+def mappings(content: object) -> Iterable[Mapping[str, Any]]:
+    """The mappings of a list, or the one that stands alone."""
+    if isinstance(content, Mapping):
+        return [content]
+    return [item for item in content if isinstance(item, Mapping)] if isinstance(content, list) else []
+
+
+def refused(source: MapSource, form: str, expected: str) -> MapError:
+    """Why a file is not of a format."""
+    return MapError(f"{source.name}: not {form}: expected {expected}")

@@ -1,0 +1,147 @@
+"""Maps as a flat table: CSV, what spreadsheets write. Lines `# key: value` before the column names are the header.
+
+Read as people have it: comma, semicolon or tab; a byte order mark; header lines with the delimiters that a spreadsheet
+adds. Unknown header keys and columns are kept. Written so that reading gives the same map.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
+
+from .cells import (
+    COLUMN_NAMES,
+    CellError,
+    cells_of,
+    order_of,
+    signature_of,
+    signature_text,
+    value_of,
+    whole_number,
+)
+from .model import MapError, MappedValue, RegisterMap
+
+HEADER_KEYS: Final = (
+    "device",
+    "vendor",
+    "version",
+    "address_base",
+    "word_order",
+    "match",
+    "source",
+    "licence",
+)
+_NEEDED: Final = ("address", "name")
+
+
+def read_table(text: str, file: str) -> RegisterMap:
+    """The map in a CSV text; MapError names file, row, column and what was expected."""
+    lines = text.removeprefix("\ufeff").splitlines()
+    header: dict[str, str] = {}
+    begin = len(lines)
+    for number, line in enumerate(lines):
+        bare = line.strip().strip('"').strip()
+        if bare.startswith("#"):
+            key, mark, value = bare.lstrip("# ").partition(":")
+            if mark and key.strip():
+                header[key.strip().lower()] = value.strip().rstrip(",;\t").strip().strip('"')
+        elif bare.strip(",;\t "):
+            begin = number
+            break
+    if begin == len(lines):
+        raise MapError(f"{file}: no table: expected a row of column names (address, name, type ...)")
+    delimiter = max(",;\t", key=lines[begin].count)
+    numbered = ((begin + number, row) for number, row in csv_rows(lines[begin:], delimiter, file))
+    _, names = next(numbered)
+    columns = [name.strip().lower() for name in names]
+    for needed in _NEEDED:
+        if needed not in columns:
+            there = ", ".join(filter(None, columns))
+            raise MapError(f"{file}: row {begin + 1}: no column {needed!r}: there are {there}")
+    return assembled(header, _cells(numbered, columns), file)
+
+
+def csv_rows(lines: Sequence[str], delimiter: str, file: str) -> Iterator[tuple[int, list[str]]]:
+    """The rows of a CSV text, each with the number of its last line; MapError where it is none."""
+    rows = csv.reader(lines, delimiter=delimiter)
+    try:
+        for row in rows:
+            yield rows.line_num, row
+    except csv.Error as error:
+        raise MapError(f"{file}: row {rows.line_num}: no CSV: {error}") from error
+
+
+def write_table(chart: RegisterMap) -> str:
+    """The CSV text of a map."""
+    out = io.StringIO()
+    for key, value in header_of(chart).items():
+        out.write(f"# {key}: {' '.join(value.split())}\n")
+    rows = [cells_of(row, chart.word_order) for row in chart.rows]
+    extra = dict.fromkeys(name for row in rows for name in row if name not in COLUMN_NAMES)
+    always = ("area", "address", "name", "type")
+    wanted = [name for name in COLUMN_NAMES if name in always or any(row[name] for row in rows)]
+    writer = csv.DictWriter(out, [*wanted, *extra], restval="", extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return out.getvalue()
+
+
+def header_of(chart: RegisterMap) -> dict[str, str]:
+    """The header block, empty lines left out."""
+    header = {
+        "device": chart.device,
+        "vendor": chart.vendor,
+        "version": chart.version,
+        "address_base": "0",
+        "word_order": chart.word_order,
+        "match": signature_text(chart.match),
+        "source": chart.source,
+        "licence": chart.licence,
+        **chart.other,
+    }
+    return {key: value for key, value in header.items() if value}
+
+
+def assembled(header: Mapping[str, object], rows: Iterator[tuple[int, Mapping[str, object]]], file: str) -> RegisterMap:
+    """A map out of a header and numbered rows of cells."""
+    where = f"{file}: header"
+    try:
+        base = whole_number("address_base", header.get("address_base", 0) or 0)
+        if base not in (0, 1):
+            raise CellError("address_base", base, "0 or 1")
+        order = order_of(header.get("word_order"))
+        match = signature_of(header.get("match"))
+        values: list[MappedValue] = []
+        names: dict[tuple[str, int, str], int] = {}
+        for number, cells in rows:
+            where = f"{file}: row {number}"
+            value = value_of(cells, base=base, order=order)
+            before = names.setdefault((value.area, value.address, value.name), number)
+            if before != number:
+                raise CellError("name", value.name, f"one row a value: row {before} has it at {value.address} already")
+            values.append(value)
+    except CellError as error:
+        raise MapError(f"{where}: {error}") from error
+    if not values:
+        raise MapError(f"{file}: no rows: expected one a value")
+    return RegisterMap(
+        device=str(header.get("device") or ""),
+        rows=tuple(values),
+        vendor=str(header.get("vendor") or ""),
+        version=str(header.get("version") or ""),
+        word_order=order,
+        match=match,
+        source=str(header.get("source") or ""),
+        licence=str(header.get("licence") or ""),
+        other={str(k): str(v) for k, v in header.items() if k not in HEADER_KEYS and v not in (None, "")},
+    )
+
+
+def _cells(rows: Iterator[tuple[int, list[str]]], columns: Sequence[str]) -> Iterator[tuple[int, Mapping[str, object]]]:
+    for number, row in rows:
+        if any(cell.strip() for cell in row) and not row[0].lstrip().startswith("#"):
+            named = dict(zip(columns, row, strict=False))
+            named.pop("", None)
+            yield number, {key: cell.strip() for key, cell in named.items()}

@@ -1,0 +1,78 @@
+"""Maps as YAML: the same columns and header keys as the table, with enums as mappings.
+
+device: Meter
+word_order: CDAB
+registers:
+  - {area: input, address: 0, name: Voltage, type: u32, scale: 0.1, unit: V}
+  - area: holding
+    address: 7
+    name: Mode
+    type: enum
+    values: {0: off, 1: on}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+import yaml
+
+from .cells import cells_of
+from .model import MapError, MappedValue, RegisterMap
+from .table import assembled, header_of
+
+_ROWS: Final = "registers"
+_TEXT_STATES: Final = {True: "on", False: "off"}  # YAML reads on and off as truth
+
+
+def read_yaml(text: str, file: str) -> RegisterMap:
+    """The map in a YAML text; MapError names file, row, column and what was expected."""
+    try:
+        content = yaml.load(text, Loader=yaml.CSafeLoader if hasattr(yaml, "CSafeLoader") else yaml.SafeLoader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f" line {mark.line + 1}" if mark is not None else ""
+        raise MapError(f"{file}:{where} {getattr(error, 'problem', None) or 'no YAML'}") from error
+    except RecursionError as error:
+        raise MapError(f"{file}: nested too deeply for a map") from error
+    if not isinstance(content, Mapping) or not isinstance(content.get(_ROWS), list):
+        raise MapError(f"{file}: expected a mapping with a list {_ROWS!r}")
+    header = {str(key).lower(): value for key, value in content.items() if key != _ROWS}
+    return assembled(header, _rows(content[_ROWS], file), file)
+
+
+def write_yaml(chart: RegisterMap) -> str:
+    """The YAML text of a map."""
+    header: dict[str, Any] = dict(header_of(chart))
+    rows = [_row(row, chart.word_order) for row in chart.rows]
+    text: str = yaml.safe_dump(
+        {**header, "address_base": 0, _ROWS: rows}, allow_unicode=True, sort_keys=False, width=120
+    )
+    return text
+
+
+def _rows(rows: list[Any], file: str) -> Iterator[tuple[int, Mapping[str, object]]]:
+    for number, row in enumerate(rows, 1):
+        if not isinstance(row, Mapping):
+            raise MapError(f"{file}: row {number}: expected a mapping of columns")
+        cells = {str(key).lower(): _plain(value) for key, value in row.items()}
+        yield number, cells
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {key: _TEXT_STATES.get(name, name) if isinstance(name, bool) else name for key, name in value.items()}
+    return value
+
+
+def _row(value: MappedValue, order: str) -> dict[str, Any]:
+    cells: dict[str, Any] = {key: cell for key, cell in cells_of(value, order).items() if cell != ""}
+    cells["address"] = value.address
+    for key in ("scale", "offset", "min", "max"):
+        if key in cells:
+            number = float(cells[key])
+            cells[key] = int(number) if number == int(number) and abs(number) < 1e15 else number
+    if value.values:
+        cells["values"] = dict(value.values)
+    return cells

@@ -1,0 +1,251 @@
+"""The analysis while a bus goes on gives what it gives on the whole file; what it had to miss is counted and placed."""
+
+import itertools
+import threading
+
+import numpy as np
+import pytest
+from buses import LINE, adu, spaced, streams
+from hypothesis import given, settings
+
+import captures
+from analyzer.core import Analysed, Analyzer, analyse, deframe
+from analyzer.live.session import Session
+from analyzer.tables.findings import describe
+from analyzer.tables.schema import Kind
+from captures import samples
+from captures.chunks import Block, Capture, Chunk
+from captures.line import LineSettings
+from captures.live.wire import PortEvent, Tick
+
+POLL = [adu("1103006b0003"), bytes.fromhex("110306ae415652434049ad")]
+COLUMNS = ["index", "start", "length", "t_start", "t_end", "request", "request_start", "kind", "unit", "check", "port"]
+
+
+def rows_of(parts):
+    return np.concatenate([part.batch.rows for part in parts])
+
+
+class Watched:
+    """An analyzer, and whoever looks at what is certain by now; `settled` is what it gave when all was said."""
+
+    def __init__(self, line):
+        self.analyzer = Analyzer(line)
+        self.settled = []
+
+    def __getattr__(self, name):
+        def called(*arguments):
+            self.settled += getattr(self.analyzer, name)(*arguments)
+            return self.analyzer.latest
+
+        return called
+
+
+def live(capture):
+    """A capture fed read by read, with the ticks that a tap gives."""
+    feed = Watched(capture.line)
+    chunks = list(capture.chunks())
+    for chunk, after in itertools.zip_longest(chunks, chunks[1:]):
+        yield feed.feed(Block.from_chunks([chunk]))
+        for wait in (8_000_000, 50_000_000):
+            if after is None or chunk.t_ns + wait < after.t_ns:
+                yield feed.tick(chunk.t_ns + wait)
+    yield feed.close()
+
+
+@pytest.mark.parametrize("sample", ["healthy.jsonl", "troubled.jsonl", "mbpoll.mcap"])
+def test_live_rows_are_those_of_the_file(sample):
+    capture = captures.open(samples.path(sample))
+    mine = rows_of(live(capture))
+    theirs = np.concatenate([batch.rows for batch in deframe(capture)])
+    for name in COLUMNS:
+        assert mine[name].tolist() == theirs[name].tolist(), name
+
+
+@settings(max_examples=30, deadline=None)
+@given(streams())
+def test_live_rows_tile_the_bytes_however_they_come(chunks):
+    parts = list(live(Capture.of(LINE, chunks)))
+    rows = rows_of(parts)
+    assert b"".join(part.batch.data.tobytes() for part in parts) == b"".join(chunk.data for chunk in chunks)
+    ends = rows["start"] + rows["length"]
+    assert rows["start"].tolist() == [0, *ends[:-1].tolist()][: len(rows)]
+
+
+def test_a_frame_on_a_quiet_line_does_not_wait_for_the_next_one():
+    feed, (chunk,) = Watched(LINE), spaced(POLL[:1])
+    assert not len(feed.feed(Block.from_chunks([chunk])).batch)
+    assert len(feed.tick(chunk.t_ns + 8_000_000).batch) == 1
+
+
+def test_frames_before_the_newest_read_are_given_with_it():
+    feed, heard, given = Watched(LINE), 0, 0
+    for chunk in spaced(POLL * 40):
+        batch = feed.feed(Block.from_chunks([chunk]), chunk.t_ns).batch  # as a tap does that is read after a pause
+        assert given + len(batch) >= heard  # all before this one: nobody waits for the read behind it
+        heard, given = heard + 1, given + len(batch)
+
+
+def test_a_line_in_ascii_mode_is_seen_from_its_first_frames():
+    data = [b":1103006B00037E\r\n", b":110306AE41565243401B\r\n"]
+    data[1] = b":110306AE4156524340" + b"%02X" % (-sum(bytes.fromhex("110306AE4156524340")) & 0xFF) + b"\r\n"
+    feed = Watched(LINE)
+    parts = [feed.feed(Block.from_chunks([chunk])) for chunk in spaced(data * 3)]
+    rows = rows_of([*parts, feed.close()])
+    assert rows["protocol"].tolist() == [1] * 6
+    assert rows["check"].all()
+
+
+def test_frames_are_numbered_and_placed_on_after_bytes_were_missed():
+    feed = Watched(LINE)
+    chunks = spaced(POLL * 4)
+    first = [feed.feed(Block.from_chunks(chunks[:4])), feed.restart(LINE, {0: 1000})]
+    second = [feed.feed(Block.from_chunks(chunks[4:])), feed.close()]
+    rows = rows_of([*first, *second])
+    assert rows["index"].tolist() == list(range(8))
+    assert rows["start"].tolist() == [0, 8, 19, 27, 1038, 1046, 1057, 1065]
+    assert rows["request_start"].tolist() == [-1, 0, -1, 19, -1, 1038, -1, 1057]
+    assert rows["request"].tolist() == [-1, 0, -1, 2, -1, 4, -1, 6]
+    (batch, *_) = [part.batch for part in second if len(part.batch)]
+    assert [frame.summary() for frame in batch.frames()][:2] == [
+        "read 3 holding registers from 107 (40108)", "3 registers: 44609 22098 17216",
+    ]  # fmt: skip
+
+
+class Scripted:
+    """A source that gives items when it is told to."""
+
+    line = LINE
+    waits = False
+
+    def __init__(self, items):
+        self._items = items
+        self.go = threading.Event()
+
+    def items(self):
+        yield from self._items
+        self.go.set()
+
+    def judge(self, heard, sense):
+        pass
+
+    def close(self):
+        pass
+
+
+class Kept:
+    """A recorder in memory."""
+
+    def __init__(self):
+        self.data = b""
+        self.notes, self.lines, self.closed = [], [], False
+
+    def write(self, block):
+        self.data += block.data.tobytes()
+
+    def note(self, note):
+        self.notes.append(note.kind)
+
+    def settings(self, line):
+        self.lines.append(line)
+
+    def tick(self):
+        pass
+
+    def close(self):
+        self.closed = True
+
+
+def test_bytes_that_the_analysis_cannot_take_are_recorded_and_counted():
+    blocks = [Block.from_chunks([chunk]) for chunk in spaced(POLL * 200)]
+    source, recorder = Scripted(blocks), Kept()
+    with Session(source, recorder=recorder, backlog=500) as session:
+        source.go.wait(10)  # all is recorded before the first step is taken
+        steps = list(session.steps())
+    sent = b"".join(POLL * 200)
+    assert recorder.data == sent
+    assert recorder.closed
+    missed = sum(step.missed for step in steps)
+    analysed = sum(int(step.batch.rows["length"].sum()) for step in steps)
+    assert missed + analysed == len(sent)
+    assert 0 < analysed <= 500
+    for step in steps:
+        for row in range(len(step.batch)):
+            start, length = int(step.batch.rows["start"][row]), int(step.batch.rows["length"][row])
+            assert step.batch.bytes_of(row) == sent[start : start + length]
+
+
+def test_a_replay_waits_for_the_analysis_and_misses_nothing():
+    source = Scripted([Block.from_chunks([chunk]) for chunk in spaced(POLL * 200)])
+    source.waits = True
+    with Session(source, backlog=500) as session:
+        steps = list(session.steps())
+    assert sum(step.missed for step in steps) == 0
+    assert sum(len(step.batch) for step in steps) == 400
+
+
+@pytest.mark.parametrize("unplugged", [False, True])
+def test_no_unit_is_blamed_for_an_answer_that_came_while_the_adapter_was_away(unplugged):
+    before, after = spaced([*POLL * 4, POLL[0]]), spaced(POLL * 12)
+    lost, back = before[-1].t_ns + 50_000_000, before[-1].t_ns + 700_000_000
+    away = [PortEvent(lost, 0, "lost", "/dev/x: lost", {}), PortEvent(back, 0, "opened", "/dev/x: is back", {})]
+    shift = back + 100_000_000 - after[0].t_ns
+    later = [Block.from_chunks([Chunk(chunk.t_ns + shift, chunk.data)]) for chunk in after]
+    items = [*(Block.from_chunks([chunk]) for chunk in before), *(away if unplugged else []), *later]
+    with Session(Scripted(items)) as session:
+        found = np.concatenate([step.findings for step in session.steps()])
+    assert ("no-response" in {describe(finding).code for finding in found}) is not unplugged
+
+
+def test_what_the_source_raises_comes_out_where_the_steps_are_taken():
+    class Broken(Scripted):
+        def items(self):
+            yield Tick(1)
+            raise captures.CaptureError("the adapter is on fire")
+
+    recorder = Kept()
+    with Session(Broken([]), recorder=recorder) as session, pytest.raises(captures.CaptureError, match="on fire"):
+        list(session.steps())
+    assert recorder.closed
+
+
+def test_other_settings_of_the_line_reach_the_record_and_the_analysis():
+    source = Scripted([PortEvent(1, 0, "settled", "9600", {}), *[Block.from_chunks([c]) for c in spaced(POLL)]])
+    source.line = LineSettings(baud=9600, char_bits=10)
+    recorder = Kept()
+    with Session(source, recorder=recorder) as session:
+        rows = np.concatenate([step.batch.rows for step in session.steps()])
+    assert recorder.lines == [source.line]
+    assert recorder.notes == ["settled"]
+    assert rows["kind"].tolist() == [Kind.REQUEST, Kind.RESPONSE]
+
+
+@pytest.mark.parametrize("sample", ["healthy.jsonl", "troubled.jsonl", "mbpoll.mcap"])
+def test_what_is_settled_is_what_was_told_on_the_way(sample):
+    capture = captures.open(samples.path(sample))
+    watched, told = Watched(capture.line), []
+    for chunk in capture.chunks():
+        told.append(watched.feed(Block.from_chunks([chunk])))
+        pending = watched.analyzer.pending()
+        counted = sum(len(part.batch) for part in watched.settled) + len(pending)
+        assert counted == sum(len(part.batch) for part in told), "every row is settled or pending"
+    told.append(watched.close())
+    for name in COLUMNS:
+        assert rows_of(watched.settled)[name].tolist() == rows_of(told)[name].tolist(), name
+    whole = list(analyse(captures.open(samples.path(sample))))
+    for name in ("findings", "transactions"):
+        assert said_by(watched.settled, name) == said_by(told, name) == said_by(whole, name)
+
+
+def said_by(parts, name):
+    """The rows of one column of results, whatever their order: as the bytes that they are."""
+    every = np.concatenate([getattr(part, name) for part in parts])
+    return sorted(row.tobytes() for row in every)
+
+
+def test_findings_settle_with_the_rows_that_they_stand_on():
+    for sample in ("troubled.jsonl", "mbpoll.mcap"):
+        for part in analyse(captures.open(samples.path(sample))):
+            assert isinstance(part, Analysed)
+            placed = part.findings[part.findings["start"] >= 0]
+            assert len(placed) == int((part.batch.finding_rows >= 0).sum())

@@ -1,0 +1,406 @@
+"""Logic analysers: edges to bytes whatever the line's settings, the formats that hold edges, tables of analyzers."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import random
+import re
+import shutil
+import struct
+import subprocess
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from wave_forms import edges_of, frames_on_line, random_frames, sampled
+
+import captures
+from captures import Capture, CaptureError
+from captures.edges.inference import GivenSettings, settings_of
+from captures.edges.uart import Uart, UartSettings
+
+FILES = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+FORMS = ((8, "N", 1), (8, "E", 1), (8, "O", 1), (8, "N", 2), (7, "E", 1), (7, "O", 1), (8, "S", 1))
+SIGROK = shutil.which("sigrok-cli")
+
+
+def whole(capture: Capture, port: int = 0) -> bytes:
+    return b"".join(chunk.data for chunk in capture.chunks() if chunk.port == port)
+
+
+def line(
+    chance: random.Random,
+    baud: float,
+    form: tuple[int, str, float],
+    *,
+    gap: float = 0.0,
+    off: float = 0.0,
+    count: int = 30,
+) -> tuple[list[int], bytes]:
+    """Edges of random frames, and their bytes."""
+    data_bits, parity, stop = form
+    frames = random_frames(chance, count, ascii_only=data_bits == 7)
+    char_bits = 1 + data_bits + (parity != "N") + stop
+    pause = round(4 * char_bits * 1e9 / baud)
+    characters = frames_on_line(frames, baud * (1 + off), char_bits, gap, pause)
+    return edges_of(characters, baud, data_bits, parity, off), b"".join(frames)
+
+
+@pytest.mark.parametrize("baud", [300, 1200, 9600, 19200, 38400, 115200, 460800])
+@pytest.mark.parametrize("form", FORMS)
+def test_settings_are_found_from_the_edges(baud: int, form: tuple[int, str, float]) -> None:
+    """With gaps between characters or none, a clock that is off, either polarity, and eight samples a bit."""
+    for gap, off, inverted in itertools.product((0, 0.4, 1.7), (0, 0.02, -0.02), (False, True)):
+        edges, sent = line(random.Random(f"{baud}{form}{gap}{off}"), baud, form, gap=gap, off=off)
+        step = 1e9 / (8 * baud)
+        times = (np.ceil(np.array(edges) / step) * step).astype(np.int64)
+        level = int(not inverted)
+        found = settings_of(times, level, GivenSettings())
+        assert found is not None
+        expected = UartSettings(baud, form[0], form[1], form[2], inverted)
+        if gap:  # a gap may be a second stop bit
+            expected = UartSettings(baud, form[0], form[1], found[0].stop_bits, inverted)
+        assert found[0] == expected
+        assert Uart(found[0], level).feed(times, None).value.tobytes() == sent
+
+
+@FILES
+@given(data=st.data(), form=st.sampled_from(FORMS), baud=st.sampled_from([9600, 115200]))
+def test_edges_fed_in_pieces_give_the_same(data: st.DataObject, form: tuple[int, str, float], baud: int) -> None:
+    chance = random.Random(data.draw(st.integers(0, 999)))
+    edges, _ = line(chance, baud, form, count=6)
+    times = np.array(edges)
+    known = UartSettings(baud, form[0], form[1], form[2])
+    at_once = Uart(known, 1, 0).feed(times, None)
+    uart, parts, before = Uart(known, 1, 0), [], 0
+    cuts = sorted(data.draw(st.lists(st.integers(0, int(times[-1])), max_size=8)))
+    for until in cuts:
+        last = int(np.searchsorted(times, until, "right"))
+        parts.append(uart.feed(times[before:last], until))
+        before = last
+    parts.append(uart.feed(times[before:], None))
+    for i, column in enumerate(at_once):
+        assert np.concatenate([part[i] for part in parts]).tolist() == column.tolist()
+
+
+def test_times_errors_and_measured_rates() -> None:
+    baud, off = 19200, -0.015
+    characters = frames_on_line([bytes(range(64))], baud * (1 + off), 11, 0.3)
+    edges = np.array(edges_of(characters, baud, 8, "E", off, wrong=[3, 7], broken=[9]))
+    found = Uart(UartSettings(baud, 8, "E", 1), 1).feed(edges, None)
+    assert found.value.tolist() == list(range(64))
+    assert np.flatnonzero(found.parity).tolist() == [3, 7]
+    assert np.flatnonzero(found.framing).tolist() == [9]
+    assert np.abs(found.start_ns - [start for start, _ in characters]).max() <= 1
+    assert (found.end_ns - found.start_ns == round(11e9 / baud + 0.5)).all()
+    measured = 1e9 * found.span_bits.sum() / found.span_ns.sum()
+    assert abs(measured / baud - 1 - off) < 1e-4
+
+
+def test_a_capture_that_begins_amid_a_character() -> None:
+    edges, sent = line(random.Random(3), 9600, (8, "E", 1))
+    for skip in range(1, 40):
+        times = np.array(edges[skip:])
+        level = int(skip % 2 == 0)
+        found = settings_of(times, level, GivenSettings())
+        assert found is not None
+        got = Uart(found[0], level).feed(times, None).value.tobytes()
+        assert got[-len(sent) + 40 :] == sent[-len(got) :][-len(sent) + 40 :]
+
+
+def test_what_is_given_is_taken_as_it_is() -> None:
+    edges, _ = line(random.Random(5), 9600, (8, "E", 1))
+    found = settings_of(np.array(edges), 1, GivenSettings(baud=19200, parity="N", bits=8, stop=1))
+    assert found is not None
+    assert str(found[0]) == "19200 bit/s 8N1"
+    found = settings_of(np.array(edges), 1, GivenSettings(parity="E"))
+    assert found is not None
+    assert str(found[0]) == "9600 bit/s 8E1"
+
+
+@pytest.mark.parametrize(
+    "edges",
+    [
+        [],
+        [5],
+        list(range(0, 10**6, 1000)),  # a clock
+        [round(random.Random(1).uniform(0, 1e9) + i * 1e9) for i in range(50)],  # a driver's enable
+        [0] * 400,
+    ],
+)
+def test_other_signals_are_no_characters(edges: list[int]) -> None:
+    assert settings_of(np.array(edges, np.int64), 1, GivenSettings()) is None
+
+
+def sr(samples: bytes, rate: str = "1 MHz", names: tuple[str, ...] = ("RO",), unit: int = 1, parts: int = 1) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("version", "2")
+        probes = "".join(f"probe{i + 1}={name}\n" for i, name in enumerate(names))
+        archive.writestr(
+            "metadata",
+            "[global]\nsigrok version=0.5.2\n\n[device 1]\ncapturefile=logic-1\n"
+            f"total probes={len(names)}\nsamplerate={rate}\ntotal analog=0\n{probes}unitsize={unit}\n",
+        )
+        size = -(-len(samples) // parts)
+        for part in range(parts):
+            archive.writestr(f"logic-1-{part + 1}", samples[part * size : (part + 1) * size])
+    return file.getvalue()
+
+
+def vcd(channels: dict[str, list[int]], unit: str = "1 ns", divisor: int = 1, vector: bool = False) -> bytes:
+    codes = {name: "!#ab"[i] + "0" * (i % 2) for i, name in enumerate(channels)}
+    changes = sorted((t // divisor, name) for name, edges in channels.items() for t in edges)
+    out = [f"$date now $end\n$timescale {unit} $end\n$scope module bus $end\n"]
+    out += [f"$var wire 1 {code} {name} $end\n" for name, code in codes.items()]
+    out += ["$var wire 8 % bus [7:0] $end\n$upscope $end\n$enddefinitions $end\n$comment 0! says nothing $end\n"]
+    out += ["#0\n$dumpvars\n", *(f"1{code}\n" for code in codes.values()), "bxxxx %\n$end\n"]
+    levels = dict.fromkeys(channels, 1)
+    for t, name in changes:
+        levels[name] ^= 1
+        out.append(f"#{t} b{levels[name]} {codes[name]} b1010 %\n" if vector else f"#{t} {levels[name]}{codes[name]}\n")
+    return "".join(out).encode()
+
+
+def binary_export(edges: list[int], version: int = 0, level: int = 1) -> bytes:
+    times = (np.array(edges) / 1e9).astype("<f8")
+    if version == 0:
+        head = struct.pack("<iiIddQ", 0, 0, level, times[0] - 0.1, times[-1] + 0.1, len(times))
+        return b"<SALEAE>" + head + times.tobytes()
+    half = len(times) // 2
+    out = b"<SALEAE>" + struct.pack("<iiQ", 1, 0, 2)
+    for begin, part in ((0, times[:half]), (half, times[half:])):
+        out += struct.pack("<IdddQ", level ^ begin & 1, 1e6, part[0] - 1e-9, part[-1], len(part)) + part.tobytes()
+    return out
+
+
+def edge_table(channels: dict[str, list[int]], head: str = "Time [s]", end: str = "\n") -> bytes:
+    changes = sorted((t, name) for name, edges in channels.items() for t in edges)
+    levels = dict.fromkeys(channels, 1)
+    rows = [",".join([head, *channels]), ",".join(["0.000000000", *map(str, levels.values())])]
+    for t, name in changes:
+        levels[name] ^= 1
+        rows.append(",".join([f"{t / 1e9:.9f}", *map(str, levels.values())]))
+    return (end.join(rows) + end).encode()
+
+
+def opened(folder: Path, content: bytes, name: str, **given: object) -> Capture:
+    path = folder / name
+    path.write_bytes(content)
+    return captures.open(path, **given)  # type: ignore[arg-type]
+
+
+EDGES, SENT = line(random.Random(11), 19200, (8, "E", 1))
+OTHER, ANSWERED = line(random.Random(12), 19200, (8, "E", 1))
+ENABLE = [EDGES[0] - 50_000, EDGES[-1] + 50_000]
+
+
+def contents() -> dict[str, bytes]:
+    end = max(EDGES[-1], OTHER[-1]) + 10**7
+    samples = sampled([EDGES, ENABLE, OTHER], 1e6, end).tobytes()
+    wide = b"".join(bytes([sample, 7]) for sample in samples)
+    channels = {"RO": EDGES, "DE": ENABLE, "TX": OTHER}
+    return {
+        "one.sr": sr(samples, names=("RO", "DE", "TX")),
+        "parts.sr": sr(samples, "1000000", ("RO", "DE", "TX"), parts=3),
+        "wide.sr": sr(wide, "1 MHz", ("RO", "DE", "TX"), unit=2),
+        "ns.vcd": vcd(channels),
+        "us.vcd": vcd(channels, "1 us", 1000),
+        "ps.vcd": vcd({name: [t * 1000 for t in edges] for name, edges in channels.items()}, "1 ps"),
+        "vectors.vcd": vcd(channels, vector=True),
+        "logic2.csv": edge_table(channels),
+        "logic1.csv": edge_table({f" {name}": edges for name, edges in channels.items()}, "Time[s]", "\r\n"),
+    }
+
+
+@pytest.mark.parametrize("name", sorted(contents()))
+def test_every_format_of_edges_gives_the_bytes(tmp_path: Path, name: str) -> None:
+    capture = opened(tmp_path, contents()[name], name)
+    assert (whole(capture, 0), whole(capture, 1)) == (SENT, ANSWERED)
+    assert (capture.line.baud, capture.line.parity, capture.line.char_bits, capture.line.tap) == (
+        19200,
+        "E",
+        11,
+        "logic",
+    )
+    assert capture.line.notes["port 1"].startswith("TX")
+    assert "inferred" in capture.notices[0]
+    times = [chunk.t_ns for chunk in capture.chunks()]
+    assert times == sorted(times)
+    assert abs(times[0] - min(EDGES[0], OTHER[0]) - 11e9 / 19200) < 2000
+    assert not capture.damage
+
+
+@pytest.mark.parametrize("version", [0, 1])
+@pytest.mark.parametrize("inverted", [False, True])
+def test_saleae_binary(tmp_path: Path, version: int, inverted: bool) -> None:
+    capture = opened(tmp_path, binary_export(EDGES, version, int(not inverted)), "digital_0.bin")
+    assert capture.format == "saleae-binary"
+    assert whole(capture) == SENT
+    assert ("inverted" in capture.notices[0]) is inverted
+
+
+def test_both_wires_of_a_pair_are_one_line(tmp_path: Path) -> None:
+    samples = sampled([EDGES, [t + 300 for t in EDGES]], 1e6, EDGES[-1] + 10**7, [1, 0]).tobytes()
+    capture = opened(tmp_path, sr(samples, names=("A", "B")), "pair.sr")
+    assert whole(capture) == SENT
+    assert {chunk.port for chunk in capture.chunks()} == {0}
+    assert "B carries the same as A" in capture.notices[0]
+
+
+def test_settings_that_are_given_are_not_inferred(tmp_path: Path) -> None:
+    given_ones = {"baud": 19200, "parity": "E", "bits": 8, "stop": 1, "polarity": "normal"}
+    capture = opened(tmp_path, binary_export(EDGES), "digital_0.bin", **given_ones)
+    assert whole(capture) == SENT
+    assert not capture.notices
+    wrong = opened(tmp_path, binary_export(EDGES), "digital_0.bin", baud=9600)
+    assert wrong.line.baud == 9600
+    assert sum(len(block.errors) for block in wrong.blocks()) > 10, "framing errors are marked"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("still.sr", sr(bytes(10_000)), "none of them ever changes"),
+        ("clock.sr", sr(bytes([0, 1]) * 10_000), "RO change, but not like a UART's line"),
+        ("analog.sr", sr(b"", names=()), "without samples"),
+        ("rate.sr", sr(bytes(9), "fast"), "sample rate"),
+        ("no.vcd", b"$timescale 1 ns $end\n$var wire 8 ! bus $end\n$enddefinitions $end\n", "no variable of one bit"),
+        ("cut.bin", b"<SALEAE>\0\0\0\0", "Saleae Logic 2"),
+        ("new.bin", b"<SALEAE>" + struct.pack("<ii", 7, 0) + bytes(40), "version 7"),
+        ("analog.bin", b"<SALEAE>" + struct.pack("<ii", 0, 1) + bytes(40), "analog"),
+        ("a.logicdata", b"\0\1\2\3" * 50, "Options > Export data"),
+    ],
+)
+def test_what_holds_no_line_is_refused_in_a_line(tmp_path: Path, name: str, content: bytes, expected: str) -> None:
+    with pytest.raises(CaptureError) as caught:
+        opened(tmp_path, content, name)
+    assert expected in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_logic_2_session_says_what_to_export(tmp_path: Path) -> None:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("meta.json", "{}")
+        archive.writestr("digital-0.bin", bytes(100))
+    with pytest.raises(CaptureError, match=re.escape("File > Export Data")):
+        opened(tmp_path, file.getvalue(), "session.sal")
+
+
+@pytest.mark.skipif(SIGROK is None, reason="sigrok-cli is not installed")
+@pytest.mark.parametrize(("form", "options"), [((8, "N", 1), "parity=none"), ((8, "E", 1), "parity=even")])
+def test_sigrok_decodes_the_same(tmp_path: Path, form: tuple[int, str, float], options: str) -> None:
+    edges, sent = line(random.Random(21), 38400, form, count=12)
+    path = tmp_path / "bus.sr"
+    path.write_bytes(sr(sampled([edges], 2e6, edges[-1] + 10**7).tobytes(), "2 MHz"))
+    decoder = f"uart:rx=RO:baudrate=38400:{options}"
+    command = [str(SIGROK), "-i", str(path), "-P", decoder, "-A", "uart=rx-data"]
+    theirs = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert bytes(int(row.split()[-1], 16) for row in theirs.splitlines()) == sent
+    assert whole(captures.open(path)) == sent
+    dump = tmp_path / "bus.vcd"
+    subprocess.run([str(SIGROK), "-i", str(path), "-O", "vcd", "-o", str(dump)], capture_output=True, check=True)
+    assert whole(captures.open(dump)) == sent
+
+
+# Tables of analyzers
+
+
+def table(rows: list[str], head: str = "name,type,start_time,duration,data,error") -> bytes:
+    return "\n".join([head, *rows, ""]).encode()
+
+
+def logic2(octets: bytes, shown: str, *, baud: int = 9600, bits: int = 10, iso: bool = False) -> bytes:
+    """A data table whose values are shown in this form."""
+    character = bits / baud
+    rows = []
+    for i, octet in enumerate(octets):
+        start = 0.5 + i * character * 1.001 + (i // 8) * 0.01
+        when = f"2026-11-21T10:15:{start:012.9f}Z" if iso else f"{start:.9f}"
+        rows.append(f'"Async Serial","data",{when},{(bits - 0.5) / baud:.9f},{shown.format(octet)},')
+    return table(rows)
+
+
+OCTETS = bytes(random.Random(2).randrange(256) for _ in range(80))
+
+
+@pytest.mark.parametrize("shown", ["0x{:02X}", "{:d}", "0b{:08b}", "'{:d}'"])
+@pytest.mark.parametrize("iso", [False, True])
+def test_logic_2_tables_in_every_radix(tmp_path: Path, shown: str, iso: bool) -> None:
+    capture = opened(tmp_path, logic2(OCTETS, shown, iso=iso), "table.csv")
+    assert whole(capture) == OCTETS
+    assert (capture.line.baud, capture.line.char_bits) == (9600, 10)
+    assert "inferred from the durations" in capture.notices[0]
+    first = next(capture.chunks())
+    start = 1_795_256_100_500_000_000 if iso else 500_000_000
+    assert first.t_ns == start + round(10e9 / 9600)
+
+
+@pytest.mark.parametrize(("baud", "bits"), [(19200, 11), (115200, 10), (38400, 10), (9600, 11)])
+def test_durations_tell_rate_and_length(tmp_path: Path, baud: int, bits: int) -> None:
+    capture = opened(tmp_path, logic2(OCTETS, "0x{:02X}", baud=baud, bits=bits), "table.csv")
+    assert (capture.line.baud, capture.line.char_bits) == (baud, bits)
+    given_one = opened(tmp_path, logic2(OCTETS, "0x{:02X}", baud=baud, bits=bits), "table.csv", baud=1200)
+    assert given_one.line.baud == 1200
+    assert not given_one.notices
+
+
+def test_logic_1_tables(tmp_path: Path) -> None:
+    head = "Time [s],Value,Parity Error,Framing Error"
+    rows = [f"{0.1 + i * 10 / 19200:.15f},0x{octet:02X},{'Error' if i == 3 else ''}," for i, octet in enumerate(OCTETS)]
+    capture = opened(tmp_path, table(rows, head), "table.txt")
+    assert whole(capture) == OCTETS
+    assert [chunk.errors for chunk in capture.chunks()][:5] == [(), (), (), (0,), ()]
+    assert (capture.line.baud, capture.line.char_bits) == (19200, 10)
+    assert "inferred from the spacing" in capture.notices[-1]
+
+
+def test_tables_of_characters(tmp_path: Path) -> None:
+    cells = [":", "1", "1", "0", "3", "' '", "COMMA", "\\t", "\\r", "\\n", "\\x80", '"\\\\"', "'13'", "255"]
+    rows = [f"{0.1 + i / 100},{cell},," for i, cell in enumerate(cells)]
+    capture = opened(tmp_path, table(rows, "Time [s],Value,Parity Error,Framing Error"), "table.txt", format="saleae")
+    assert whole(capture) == b":1103 ,\t\r\n\x80\\\x0d\xff"
+
+
+def test_analyzers_are_ports_and_other_rows_are_passed_over(tmp_path: Path) -> None:
+    rows = [
+        '"RX","data",1.0,0.001,0x01,',
+        '"I2C","start",1.0,0.001,,',
+        '"TX","data",1.1,0.001,0x02,"framing"',
+        "x,data,9,9,zz,",
+    ]
+    capture = opened(tmp_path, table(rows), "table.csv")
+    assert [(chunk.port, chunk.data, chunk.errors) for chunk in capture.chunks()] == [(0, b"\1", ()), (1, b"\2", (0,))]
+    assert capture.damage[0].where == "line 5"
+
+
+SEEDS = [
+    *(content for name, content in contents().items() if name in ("one.sr", "ns.vcd", "logic2.csv")),
+    binary_export(EDGES[:200]),
+    binary_export(EDGES[:200], 1),
+    logic2(OCTETS, "0x{:02X}"),
+]
+
+
+@pytest.mark.parametrize("which", range(len(SEEDS)))
+@settings(FILES, max_examples=60)
+@given(data=st.data())
+def test_damaged_bytes_never_crash_a_reader(tmp_path: Path, which: int, data: st.DataObject) -> None:
+    content = bytearray(SEEDS[which])
+    for _ in range(data.draw(st.integers(1, 6))):
+        at = data.draw(st.integers(0, len(content) - 1) | st.integers(0, min(300, len(content) - 1)))
+        piece = data.draw(
+            st.binary(max_size=9) | st.sampled_from([b"\xff" * 8, b"#9" * 30, b",", b"\n", b"nan", b"1e400"])
+        )
+        content[at : at + data.draw(st.integers(0, 9))] = piece
+    try:
+        capture = opened(tmp_path, bytes(content), "any.csv")
+        for block in capture.blocks():
+            assert len(block.t_ns) == len(block.offsets) - 1 == len(block.port)
+    except CaptureError as error:
+        assert "\n" not in str(error)

@@ -1,0 +1,309 @@
+"""Register maps: the flat table and its errors, YAML, the shipped ones, and what other programs have."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dissectors.maps import MapError, RegisterMap, map_for_unit, map_text, read_map, shipped_map, shipped_names
+from dissectors.maps.importers import FORMATS, import_maps
+from dissectors.maps.model import MappedValue, Signature
+from dissectors.maps.schema import json_schema
+from dissectors.maps.table import read_table, write_table
+from dissectors.maps.yamlform import read_yaml, write_yaml
+from dissectors.values import ORDERS, ordered, registers_of
+
+WORDS = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), min_size=1, max_size=12)
+NUMBERS = st.floats(-1e6, 1e6).filter(lambda number: number != 0)
+TYPES = {"u16": 1, "s16": 1, "u32": 2, "s32": 2, "u64": 4, "s64": 4, "f32": 2, "f64": 4, "bcd32": 2}
+
+
+@st.composite
+def values(draw: st.DrawFn) -> MappedValue:
+    kind = draw(st.sampled_from([*TYPES, "enum", "bits", "text"]))
+    length = TYPES.get(kind) or draw(st.integers(1, 20))
+    states = draw(st.dictionaries(st.integers(0, 99), WORDS, max_size=3)) if kind in ("enum", "bits") else {}
+    low = draw(st.none() | NUMBERS)
+    return MappedValue(
+        area=draw(st.sampled_from(("input", "holding"))),
+        address=draw(st.integers(0, 65000)),
+        name=draw(WORDS),
+        type=kind,
+        order=draw(st.sampled_from(ORDERS)),
+        length=length,
+        scale=draw(NUMBERS),
+        offset=draw(NUMBERS),
+        scale_address=draw(st.none() | st.integers(0, 65535)),
+        unit=draw(WORDS),
+        values=states,
+        access=draw(st.sampled_from(("", "r", "w", "rw"))),
+        minimum=low,
+        maximum=None if low is None else low + 1,
+        description=draw(WORDS),
+        other={"note": draw(WORDS)},
+    )
+
+
+CHARTS = st.builds(
+    RegisterMap,
+    device=st.just("Meter"),
+    rows=st.lists(values(), min_size=1, max_size=5, unique_by=lambda row: (row.area, row.address)).map(tuple),
+    vendor=st.just("Maker"),
+    word_order=st.sampled_from(ORDERS),
+    match=st.just(Signature(("ID",), ("OBJ",), (("holding", 40000, (0x5375, 0x6E53)),), (("input", 0, 72),))),
+    other=st.just({"functions": "3, 4"}),
+)
+
+
+@given(CHARTS)
+def test_a_map_survives_its_files(chart: RegisterMap) -> None:
+    assert read_table(write_table(chart), "x.csv") == chart
+    assert read_yaml(write_yaml(chart), "x.yaml") == chart
+
+
+@given(st.binary(max_size=200))
+def test_no_bytes_are_more_than_an_error(data: bytes) -> None:
+    for form in (*FORMATS, None):
+        try:
+            import_maps("x.csv", data, name=form)
+        except MapError as error:
+            assert "\n" not in str(error)
+
+
+@given(st.text(max_size=300))
+def test_no_text_is_more_than_an_error(text: str) -> None:
+    for read in (read_table, read_yaml):
+        try:
+            read(text, "x")
+        except MapError as error:
+            assert str(error).startswith("x:")
+    with contextlib.suppress(MapError):
+        import_maps("x", text.encode("utf-8", "replace"))
+
+
+@pytest.mark.parametrize(
+    ("row", "expected"),
+    [
+        ("input,70000,V,u16", "row 2: address is '70000': expected 0 to 65535"),
+        ("inptu,7,V,u16", "row 2: area is 'inptu': expected coil, discrete, input or holding"),
+        ("input,7,V,u17", "row 2: type is 'u17': expected one of bool, u16"),
+        ("input,7,,u16", "row 2: name is '': expected a name"),
+        ("coil,7,V,u16", "row 2: type is 'u16': expected bool in area coil"),
+        ("input,x,V,u16", "row 2: address is 'x': expected a whole number"),
+        (",7,V,u16", "row 2: address is '7': expected a logical address"),
+        ("input,65535,V,u32", "row 2: address is '65535': expected that 2 registers end by 65535"),
+        ("input,7,V,text", "row 2: length is '': expected how many registers"),
+    ],
+)
+def test_an_error_names_the_cell(row: str, expected: str) -> None:
+    with pytest.raises(MapError) as raised:
+        read_table(f"area,address,name,type\n{row}\n", "meter.csv")
+    assert str(raised.value).startswith("meter.csv: ")
+    assert expected in str(raised.value)
+
+
+def test_addresses_in_all_their_forms() -> None:
+    text = "area,address,name\nholding,107,a\nholding,0x6B,b\n,4x108,c\n,40108,d\n,400108,e\nholding,6Bh,f\n"
+    assert {(row.area, row.address) for row in read_table(text, "x").rows} == {("holding", 107)}
+    based = read_table("# address_base: 1\narea,address,name\ninput,108,a\n", "x")
+    assert based.rows[0].address == 107
+
+
+def test_tables_as_spreadsheets_write_them() -> None:
+    text = '\ufeff"# device: Meter;;;"\narea;address;name;type;scale;note\ninput;1.0;V;u16;0,1;my own\n;;;;;\n'
+    chart = read_table(text, "x")
+    assert chart.device == "Meter"
+    assert (chart.rows[0].scale, chart.rows[0].other) == (0.1, {"note": "my own"})
+
+
+def test_shipped_maps_are_whole() -> None:
+    names = shipped_names()
+    assert {"el-psu", "nl-16di", "eastron-sdm630", "fronius-sunspec-int"} <= set(names)
+    for name in names:
+        chart = shipped_map(name)
+        assert chart.device and chart.source and chart.licence == "Apache-2.0", name
+        assert map_text(chart, f"{name}.yaml")
+    supply = shipped_map("el-psu")
+    flags = supply.at("input", 2)
+    assert flags is not None and flags.values[7] == "overvoltage"
+    assert supply.other["longest_frame"] == "40"
+    inputs = shipped_map("nl-16di")
+    assert len([row for row in inputs.rows if row.area == "discrete"]) == 16
+
+
+def test_maps_by_name_file_and_unit(tmp_path: Path) -> None:
+    chart, unit = map_for_unit("xy-md02@7")
+    assert (chart.device, unit) == ("XY-MD02", 7)
+    file = tmp_path / "mine.csv"
+    file.write_text(map_text(chart, file), encoding="utf-16")
+    assert read_map(file) == chart
+    for wrong in ("xy-md03", str(tmp_path / "none.csv"), f"{file}@999"):
+        with pytest.raises(MapError):
+            map_for_unit(wrong)
+
+
+def test_the_schema_names_every_column() -> None:
+    schema = json_schema()
+    columns = schema["properties"]["registers"]["items"]["properties"]
+    assert {"area", "address", "type", "order", "scale_register", "values"} <= set(columns)
+
+
+@given(st.lists(st.integers(0, 0xFFFF), min_size=1, max_size=4), st.sampled_from(ORDERS))
+def test_registers_of_bytes_and_back(words: list[int], order: str) -> None:
+    assert list(registers_of(ordered(words, order), order)) == words  # type: ignore[arg-type]
+
+
+HA = """
+modbus:
+  - name: hub
+    sensors:
+      - {name: Voltage, slave: 3, address: 10, input_type: input, data_type: uint32, swap: word, scale: 0.1,
+         unit_of_measurement: V}
+      - {name: Room, slave: 3, address: 0x20, unit_of_measurement: C}
+    switches:
+      - {name: Pump, slave: 3, address: 5, write_type: coil}
+"""
+ESPHOME = """
+sensor:
+  - platform: modbus_controller
+    name: Power
+    register_type: read
+    address: 0x3102
+    value_type: U_DWORD_R
+    filters: [{multiply: 0.01}, {lambda: !lambda 'return x;'}]
+binary_sensor:
+  - {platform: modbus_controller, name: Charging, register_type: read, address: 0x3201, bitmask: 0x0004}
+"""
+SOLARMAN = """
+requests: [{start: 0, end: 10, mb_functioncode: 0x04}]
+parameters:
+  - group: grid
+    items:
+      - {name: Energy, rule: 3, scale: 0.1, uom: kWh, registers: [0x0002, 0x0003]}
+      - {name: Heat, rule: 2, scale: 0.1, offset: 1000, registers: [5]}
+      - {name: State, rule: 1, registers: [6], lookup: [{key: 0, value: Off}, {key: 1, value: Run}]}
+"""
+TELEGRAF = """
+[[inputs.modbus]]
+  name = "meter"
+  slave_id = 1
+  holding_registers = [
+    {name = "power", byte_order = "CDAB", data_type = "FLOAT32-IEEE", address = [8, 9]},
+    {name = "energy", byte_order = "ABCD", data_type = "UFIXED", scale = 0.01, address = [10, 11]},
+  ]
+"""
+EXPORTER = """
+modules:
+  - name: m
+    metrics:
+      - {name: p, address: 300022, dataType: int16, factor: 3.5}
+      - {name: q, address: 40023, dataType: float32, endianness: yolo}
+"""
+SCHEMA = """
+description: D
+blocks:
+  - id: Main
+    fields:
+      - {id: F, expression: 'ieee754_32(hr:00010 # 2)', unit: V}
+      - {id: S, expression: 'int16(4x21; 0xDEAD) / 10'}
+      - {id: C, expression: 'F * 2'}
+"""
+MODPOLL = "device,m,1,,,\npoll,input_register,30001,36,BE_LE\nref,V1,30001,float32,r,V\nref,A1,30007,uint16,r,A,0.1\n"
+IOBROKER = (
+    "_address\tname\tunit\ttype\tlen\tfactor\toffset\n69\tU\tV\tuint16be\t1\t0.1\t0\n71\tI\tA\tfloatsw\t2\t1\t0\n"
+)
+WIRENBOARD = """{"title": "T", /* c */ "device": {"name": "T", "channels": [
+  {"name": "U", "reg_type": "input", "address": "0x10", "format": "u32", "scale": 0.01, "word_order": "little_endian"},
+  {"name": "Ready", "reg_type": "holding", "address": "50199:0:1"}, // bit 0
+  {"name": "Run", "reg_type": "holding", "address": "50199:11:1"}]}}"""
+SUNSPEC = json.dumps(
+    {
+        "id": 103,
+        "group": {
+            "name": "inverter",
+            "points": [
+                {"name": "ID", "type": "uint16", "size": 1},
+                {"name": "A", "type": "uint16", "size": 1, "sf": "A_SF", "units": "A", "label": "Amps"},
+                {"name": "A_SF", "type": "sunssf", "size": 1},
+                {"name": "Sn", "type": "string", "size": 16},
+            ],
+        },
+    }
+)
+RUSSIAN = (
+    "Параметры;;;;\nАдрес;Наименование;Тип данных;Ед. изм.;Множитель\n0x0A;Напряжение;uint16;В;0,1\n11;Ток;float;А;\n"
+)
+GERMAN = (
+    "Registeradresse;Bezeichnung;Datentyp;Einheit;Faktor\n40001;Spannung L1;FLOAT32;V;1\n40003;Strom;INT16;A;0,01\n"
+)
+ENGLISH = (
+    "Modbus Register,Parameter,Format,Units,Scale,R/W\n30001,Voltage,Float,V,,R\n100-101,Energy,UINT32,kWh,/100,RO\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "expected"),
+    [
+        ("c.yaml", HA, [("input", 10, "u32", "CDAB", 0.1), ("holding", 32, "s16", "ABCD", 1),
+                        ("coil", 5, "bool", "ABCD", 1)]),
+        ("c.yaml", ESPHOME, [("input", 0x3102, "u32", "CDAB", 0.01), ("input", 0x3201, "bits", "ABCD", 1)]),
+        ("c.yaml", SOLARMAN, [("input", 2, "u32", "CDAB", 0.1), ("input", 5, "s16", "CDAB", 0.1),
+                              ("input", 6, "enum", "CDAB", 1)]),
+        ("c.toml", TELEGRAF, [("holding", 8, "f32", "CDAB", 1), ("holding", 10, "u32", "ABCD", 0.01)]),
+        ("c.yml", EXPORTER, [("input", 22, "s16", "ABCD", 3.5), ("holding", 23, "f32", "CDAB", 1)]),
+        ("c.yaml", SCHEMA, [("holding", 10, "f32", "ABCD", 1), ("holding", 20, "s16", "ABCD", 0.1)]),
+        ("c.csv", MODPOLL, [("input", 0, "f32", "CDAB", 1), ("input", 6, "u16", "ABCD", 0.1)]),
+        ("inputRegs.tsv", IOBROKER, [("input", 69, "u16", "ABCD", 0.1), ("input", 71, "f32", "CDAB", 1)]),
+        ("c.json", WIRENBOARD, [("input", 16, "u32", "CDAB", 0.01), ("holding", 50199, "bits", "ABCD", 1)]),
+        ("c.json", SUNSPEC, [("holding", 40070, "u16", "ABCD", 1), ("holding", 40071, "u16", "ABCD", 1),
+                             ("holding", 40072, "s16", "ABCD", 1), ("holding", 40073, "text", "ABCD", 1)]),
+        ("c.csv", RUSSIAN, [("holding", 10, "u16", "ABCD", 0.1), ("holding", 11, "f32", "ABCD", 1)]),
+        ("c.csv", GERMAN, [("holding", 0, "f32", "ABCD", 1), ("holding", 2, "s16", "ABCD", 0.01)]),
+        ("c.csv", ENGLISH, [("input", 0, "f32", "ABCD", 1), ("holding", 100, "u32", "ABCD", 0.01)]),
+    ],
+)  # fmt: skip
+def test_maps_of_others_round_trip(file: str, text: str, expected: list[tuple[str, int, str, str, float]]) -> None:
+    (found,) = import_maps(file, text.encode())
+    rows = [(row.area, row.address, row.type, row.order, row.scale) for row in found.chart.rows]
+    assert rows == expected
+    assert read_table(write_table(found.chart), "x") == found.chart
+
+
+def test_what_a_map_cannot_carry_is_noted() -> None:
+    assert any("lambda" in note for note in import_maps("c.yaml", ESPHOME.encode())[0].notes)
+    assert any("F * 2" in note for note in import_maps("c.yaml", SCHEMA.encode())[0].notes)
+    heat = next(row for row in import_maps("c.yaml", SOLARMAN.encode())[0].chart.rows if row.name == "Heat")
+    assert heat.offset == -100
+    amps = import_maps("c.json", SUNSPEC.encode())[0].chart.rows[1]
+    assert amps.scale_address == 40072
+
+
+def test_a_workbook(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    sheet = book.active
+    for row in (
+        ["Register list"],
+        [],
+        ["Address", "Name", "Type", "Unit"],
+        [5, "Flow", "float", "m3/h"],
+        ["0x10", "State", "", ""],
+    ):
+        sheet.append(row)
+    book.save(tmp_path / "list.xlsx")
+    (found,) = import_maps("list.xlsx", (tmp_path / "list.xlsx").read_bytes())
+    assert [(row.address, row.type) for row in found.chart.rows] == [(5, "f32"), (16, "u16")]
+    with pytest.raises(MapError):
+        import_maps("bad.xlsx", b"PK\x03\x04 nothing")
+
+
+def test_unknown_files_say_which_formats_there_are() -> None:
+    with pytest.raises(MapError, match="no known form"):
+        import_maps("x.bin", b"\0\1\2")
+    assert replace(shipped_map("xy-md02"), device="x").device == "x"
