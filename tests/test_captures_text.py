@@ -246,8 +246,8 @@ def test_tables_of_a_logic_analyser(tmp_path: Path) -> None:
     assert capture.format == "saleae"
     assert list(capture.chunks()) == [
         Chunk(626_372, b"\xc8"),
-        Chunk(653_750, b"\x01", errors=(0,)),
-        Chunk(723_750, b"\x11", port=1),
+        Chunk(653_872, b"\x01", errors=(0,)),
+        Chunk(723_872, b"\x11", port=1),
     ]
     assert [damage.where for damage in capture.damage] == ["line 6", "line 7"]
     older = log(tmp_path, LOGIC1, "logic.txt")

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from captures.hexwords import Words, read_line, read_text
+from captures.hexwords import Words, read_line, read_paste, read_text
 from captures.text.hexshapes import HexError
 
 REQUEST = bytes.fromhex("1103006b00037687")
@@ -139,14 +139,17 @@ def test_times_and_marks_around_the_bytes(text: str, mark: int, t_ns: int | None
         "id 12345678 opened",
         "COM3 opened at 9600 baud, 8N1",
         "v1.2.3",
-        "# 11 03 00 6B",
-        "// 0x11, 0x03",
     ],
 )
 def test_words_times_dates_and_sizes_are_not_bytes(text: str) -> None:
     assert read_line(text) is None
     with pytest.raises(HexError, match="no hex bytes"):
         read_text(text)
+
+
+@pytest.mark.parametrize("sign", ["#", "//", ";", "--"])
+def test_comments_hold_bytes_like_any_other_line(sign: str) -> None:
+    assert [words.data for words in read_text(f"{sign} 11 03 00 6B 00 03 76 87")] == [REQUEST]
 
 
 @pytest.mark.parametrize("text", ["baudrate=9600", "Set rtu baudrate=19200", "baudrate=115200", "address = 1000"])
@@ -216,8 +219,9 @@ def test_halves_of_bytes_are_refused_with_their_place(text: str, said: str) -> N
             read(text)
         assert said in str(caught.value)
         assert "\n" not in str(caught.value)
-    with pytest.raises(HexError, match="line 2: "):
-        read_text(f"11 03 00 6B\n{text}")
+    beside = read_paste(f"11 03 00 6B\n{text}")
+    assert beside.words[0].data == REQUEST[:4]
+    assert [(line.line, said in line.why) for line in beside.unread] == [(2, True)], "told, and the rest is read"
 
 
 def test_ascii_frames_are_kept_as_characters() -> None:
@@ -300,8 +304,12 @@ def test_a_long_line_takes_little_time() -> None:
     assert time.process_time() - start < 2
 
 
-@pytest.mark.parametrize(
-    "text", ["11  x" + " " * 900_000 + "y", "1\t" * 400_000, "1\tIRP_MJ_READ\t" + "ab\t" * 300_000]
-)
+@pytest.mark.parametrize("text", ["11  x" + " " * 900_000 + "y", "1\t" * 400_000])
 def test_no_line_takes_for_ever(text: str) -> None:
     assert read_line(text) is None
+
+
+def test_a_long_line_of_short_words_is_read_to_its_end() -> None:
+    words = read_line("1\tIRP_MJ_READ\t" + "ab\t" * 300_000)
+    assert words is not None
+    assert set(words.data) == {0xAB}

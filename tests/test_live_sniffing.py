@@ -29,6 +29,7 @@ from analyzer.cli.commands import load
 from captures.line import LineSettings
 from captures.live.access import programs_using
 from captures.recording.notes import read
+from captures.recording.recorder import Recorder
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
 REQUEST, ANSWER = bytes.fromhex("1103006b00037687"), bytes.fromhex("110306ae415652434049ad")
@@ -338,7 +339,8 @@ def test_bytes_that_were_lost_are_told_last_and_by_the_status(monkeypatch, capfd
     class Full(Scripted):
         """A recorder whose disk was full for too long."""
 
-        bytes, lost, paused, size = 10, 12_345, False, 0
+        bytes, lost, taken, paused, size = 10, 12_345, 0, False, 0
+        result = Recorder.result
         write = note = settings = tick = close = lambda *_: None
 
     module = importlib.import_module(f"analyzer.cli.{command}")

@@ -412,7 +412,7 @@ def test_notes_that_are_no_file_never_keep_a_capture_from_opening(tmp_path: Path
         Notes.beside(tmp_path / ("n" * 250))
     if hasattr(os, "mkfifo"):
         os.mkfifo(tmp_path / "pipe.jsonl.rtuscope.json")
-        with pytest.raises(NotesError, match="a pipe or a device"):
+        with pytest.raises(NotesError, match="not a file but a device"):
             Notes.beside(tmp_path / "pipe.jsonl")
 
 

@@ -180,7 +180,7 @@ def opened_capture(path: str, arguments: argparse.Namespace) -> Capture:
     given = {name: getattr(arguments, name) for name in _READING}
     capture = captures.open(path, format=arguments.input_format, judge=judge, **given)
     for notice in capture.notices:
-        print(f"rtuscope: {notice}", file=sys.stderr)
+        tell(notice)
     return capture
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from .app import DONE, FAILED, NO_FRAME, UsageError
 from .inputs import load_functions, tell_damage
-from .terminal import Progress, interruptible
+from .terminal import Progress, interruptible, tell
 
 if TYPE_CHECKING:
     from analyzer.registers.readings import RegisterReadings
@@ -144,14 +144,17 @@ def _check(arguments: argparse.Namespace) -> int:
     chart, unit = map_for_unit(arguments.map)
     unit = arguments.unit if arguments.unit is not None else unit
     for line in overlaps(chart):
-        print(f"overlap: {line}", file=sys.stderr if arguments.json else sys.stdout)
+        if arguments.json:
+            tell(f"overlap: {line}")
+        else:
+            print(f"overlap: {line}")
     if arguments.capture is None:
         if not arguments.json:
             print(f"{chart.device or arguments.map}: {len(chart.rows)} values, readable")
         return DONE
     readings, texts = _readings(arguments, arguments.capture)
     if not readings.frames:
-        print(f"rtuscope: {arguments.capture}: no Modbus frame found", file=sys.stderr)
+        tell(f"{arguments.capture}: no Modbus frame found")
         return NO_FRAME
     units = sorted({block.unit for block in readings})
     charts = _chart_of(chart, unit, units, readings, texts)
@@ -197,7 +200,7 @@ def _chart_of(
     best = max(scores, key=lambda number: scores[number])
     if scores[best] <= 0:
         raise UsageError(f"which unit is the map of? --unit N: units with values: {', '.join(map(str, units))}")
-    print(f"taken for the map of unit {best}, which it fits best (--unit N says otherwise)", file=sys.stderr)
+    tell(f"taken for the map of unit {best}, which it fits best (--unit N says otherwise)")
     return {best: chart}
 
 
@@ -220,11 +223,11 @@ def _import(arguments: argparse.Namespace) -> int:
         if not found:
             raise UsageError(f"--device {arguments.device!r}: {arguments.file} has {', '.join(map(repr, names))}")
     elif len(found) > 1:
-        print(f"rtuscope: {arguments.file} has {len(found)} devices; taken: {names[0]!r}; --device chooses among "
-              f"{', '.join(map(repr, names))}", file=sys.stderr)  # fmt: skip
+        others = ", ".join(map(repr, names))
+        tell(f"{arguments.file} has {len(found)} devices; taken: {names[0]!r}; --device chooses among {others}")
     chosen = found[0] if arguments.base is None else moved(found[0], arguments.base)
     for note in chosen.notes:
-        print(f"rtuscope: {note}", file=sys.stderr)
+        tell(note)
     _write(map_text(chosen.chart, arguments.output), arguments.output, path)
     if arguments.output != "-":
         print(f"{arguments.output}: {len(chosen.chart.rows)} values")
@@ -241,7 +244,7 @@ def _infer(arguments: argparse.Namespace) -> int:
     readings, _ = _readings(arguments, arguments.capture)
     units = sorted({block.unit for block in readings})
     if not units:
-        print(f"rtuscope: {arguments.capture}: no answer carries a register", file=sys.stderr)
+        tell(f"{arguments.capture}: no answer carries a register")
         return NO_FRAME
     unit = arguments.unit
     if unit is None and len(units) > 1:
@@ -252,7 +255,7 @@ def _infer(arguments: argparse.Namespace) -> int:
     values = infer(readings, units=[unit])
     chart = drafted_map(values, f"unit {unit}", f"inferred from {Path(arguments.capture).name}")
     if not chart.rows:
-        print(f"rtuscope: {arguments.capture}: no register of unit {unit} says anything", file=sys.stderr)
+        tell(f"{arguments.capture}: no register of unit {unit} says anything")
         return NO_FRAME
     _write(map_text(chart, arguments.output), arguments.output, Path(arguments.capture))
     if arguments.output != "-":

@@ -16,7 +16,7 @@ from .inputs import (
     tell_damage,
 )
 from .maps import add_map_argument, chosen_charts
-from .terminal import Progress, Stop, interruptible
+from .terminal import Progress, Stop, interruptible, tell
 
 if TYPE_CHECKING:
     from analyzer.registers.readings import RegisterReadings
@@ -94,16 +94,16 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _status(arguments: argparse.Namespace, readings: RegisterReadings, values: list[RegisterValue], stop: Stop) -> int:
     if stop():
-        print("rtuscope: stopped by Ctrl-C; what was read until then was used", file=sys.stderr)
+        tell("stopped by Ctrl-C; what was read until then was used")
         return INTERRUPTED
     if not readings.frames:
-        print(f"rtuscope: {arguments.capture}: no Modbus frame found", file=sys.stderr)
+        tell(f"{arguments.capture}: no Modbus frame found")
         return NO_FRAME
     if not values:
         if arguments.unit:
             units = ", ".join(str(unit) for unit in sorted({block.unit for block in readings})) or "none"
             raise UsageError(f"--unit: no values of it in {arguments.capture}: units with values: {units}")
-        print(f"rtuscope: {arguments.capture}: no answer carries a register", file=sys.stderr)
+        tell(f"{arguments.capture}: no answer carries a register")
         return NO_FRAME
     return DONE
 

@@ -27,16 +27,18 @@ _SAID: Final = 10_000  # findings: a paste is read by people
 
 
 def findings(frames: Sequence[PastedFrame]) -> list[tuple[Finding, ...]]:
-    """What is wrong with each of these frames."""
-    sent = [_as_rtu(frame) for frame in frames]
-    batch = Batch(_rows(frames, sent), np.frombuffer(b"".join(sent), np.uint8))
+    """What is wrong with each of these frames; of one cut before its function code there is nothing to say."""
+    examined = [i for i, frame in enumerate(frames) if frame.adu.pdu or frame.adu.protocol == "rtu"]
+    chosen = [frames[i] for i in examined]
+    sent = [_as_rtu(frame) for frame in chosen]
+    batch = Batch(_rows(chosen, sent), np.frombuffer(b"".join(sent), np.uint8))
     transactions, diagnosis = Transactions(), Diagnosis(LineSettings(), Options())
     told = list(diagnosis.feed(batch, transactions.feed(batch)))
     told += list(diagnosis.close(transactions.close()))
     found: list[list[Finding]] = [[] for _ in frames]
     for row in told[:_SAID]:
         if row["index"] >= 0:
-            found[int(row["index"])].append(describe(row))
+            found[examined[int(row["index"])]].append(describe(row))
     return [tuple(each) for each in found]
 
 
@@ -63,7 +65,7 @@ def _rows(frames: Sequence[PastedFrame], sent: Sequence[bytes]) -> Rows:
         row["unit"] = data[0] if data else 0
         row["function"] = frame.function or 0
         row["exception"] = frame.exception or 0
-        row["check"] = frame.check_ok is not False
+        row["check"] = frame.check_ok is not False or frame.adu.protocol == "tcp"  # which has none to be wrong
         if frame.request_start in at:
             row["request"] = at[frame.request_start]
     return rows

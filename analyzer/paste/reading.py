@@ -236,10 +236,9 @@ def _tcp(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> tupl
             at + MBAP - 1 + int.from_bytes(data[at + 4 : at + 6], "big") if len(data) - at >= _LENGTH_END else len(data)
         )
         adu = tcp(data[at : min(end, len(data))], at)
-        if end > edge and edge < len(data):  # a line's end in it, which is one of a frame unless lines are a byte each
-            some = edge - at > MBAP or edge - at < _LENGTH_END
-            if not (some and any(pdu_length(adu.pdu, role) == len(adu.pdu) for role in BOTH)):
-                adu = tcp(data[at:edge], at)
+        whole = any(pdu_length(adu.pdu, role) == len(adu.pdu) for role in BOTH)
+        if end > edge and edge < len(data) and not whole:  # a line's end in it
+            adu = tcp(data[at:edge], at)
         found.append(Turn(adu, at, possible(adu.pdu, roles), _cut(adu), marks.get(at, 0)))
         at += len(adu.data)
     return _tiled(data, turns(found))

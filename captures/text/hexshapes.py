@@ -10,6 +10,7 @@ word or an address is bytes only where a check value says so. Who chooses betwee
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from enum import IntEnum
 from typing import Final, NamedTuple
@@ -124,6 +125,7 @@ _ROW_OF_WORDS: Final = re.compile(rf"{H}{{7,8}} +{H}{{4}}\s*$")
 _OFFSET_ENDS: Final = frozenset("0123456789abcdefABCDEFhH")
 _COMMON_SIGNS: Final = ("%", "$", "x", "X", "h", "H")
 _ELLIPSIS_STARTS: Final = frozenset(" ,.…")
+_GAP: Final = re.compile(r"[ \t]+")
 _FEW: Final = 17  # characters: six bytes
 _DIGIT: Final = re.compile(r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?![A-Za-z])|\\|[A-Za-z+/]{6}=")
 _SHORT: Final = re.compile(rf"(?<![0-9A-Za-z]){H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
@@ -229,7 +231,8 @@ def _pairs(line: Line) -> Iterator[Candidate]:
         level = Level.BYTES if line.before(start).endswith("<Buffer ") else _level_of_pairs(line, start, end, tokens)
         if len(tokens) > _SOME:  # what stands at the ends may be a word, or a number in a column of its own
             second = text.index(tokens[1], start + 2)
-            apart = text[start + 2 : second] != text[second + 2 : text.index(tokens[2], second + 2)]
+            (usual, _), *_ = Counter(_GAP.findall(text, second, end)).most_common(1)
+            apart = text[start + 2 : second] != usual
             if apart or tokens[0].isalpha():
                 yield Candidate(data[1:], second, end, "pairs", level)
                 level = Level.LIKELY if apart else level
