@@ -233,7 +233,7 @@ def _pairs(line: Line) -> Iterator[Candidate]:
             second = text.index(tokens[1], start + 2)
             (usual, _), *_ = Counter(_GAP.findall(text, second, end)).most_common(1)
             apart = text[start + 2 : second] != usual
-            if apart or tokens[0].isalpha():
+            if apart or (tokens[0].isalpha() and not line.alone(start, end)):
                 yield Candidate(data[1:], second, end, "pairs", level)
                 level = Level.LIKELY if apart else level
             if text[end : end + 1].isalnum():  # "02Connected", "10 after"
