@@ -183,7 +183,7 @@ def _ranked(candidate: Candidate, line: Line, judge: Judge, experience: Experien
     covered = sum(span.end - span.start for span in checked)
     trusted = 0
     if experience.right:
-        direct = candidate.start in line.first and candidate.start > min(line.first)
+        direct = candidate.start in line.first and candidate.start > line.begin
         trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
     rank = (covered, covered - size if covered else 0, trusted, candidate.level, candidate.end - candidate.start)
     return _Ranked(rank, candidate, checked, covered == size > 0)
