@@ -110,6 +110,7 @@ class Experience:
     met: dict[tuple[str, str], int] = field(default_factory=dict)
     reports: set[tuple[str, ...]] = field(default_factory=set)  # labels and shapes of two reports of the same bytes
     columns: dict[str, tuple[int, str]] = field(default_factory=dict)  # of lines alike: which number, read how
+    in_vain: int = 0  # rows of numbers whose columns were searched without finding anything
     right: dict[tuple[str, str], int] = field(default_factory=dict)
     threshold: Level = Level.BYTES
     decimals: bool = False  # lists of decimal numbers are bytes: there is nothing else

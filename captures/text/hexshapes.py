@@ -68,7 +68,9 @@ class Line(NamedTuple):
 H: Final = "[0-9A-Fa-f]"
 EDGE: Final = r"(?<![0-9A-Za-z_.])"
 END: Final = r"(?![0-9A-Za-z_])"
-_GLUED: Final = rf"(?:{END}|(?=[A-Za-z]{{0,31}}[g-zG-Z])(?=[A-Za-z]{{2}})|(?=\d{{4}}-\d\d-\d\d))"  # to a word, to a date
+_GLUED: Final = (
+    rf"(?:{END}|(?=[A-Za-z]{{0,31}}[g-zG-Z])(?=[A-Za-z]{{2}})|(?=\d{{4}}-\d\d-\d\d))"  # to a word, to a date
+)
 _SIGN: Final = r"(?:0[xX]|(?:[A-Z]+#)?16#|\$|&[hH]|%|[XxHh]['\"]?)"  # C, PLC languages, Pascal, Basic, URLs
 _PAIRS: Final = re.compile(rf"{EDGE}{H}{{2}}(?:[ \t]{{1,4}}{H}{{2}})*{_GLUED}")
 _SIGNED: Final = re.compile(
