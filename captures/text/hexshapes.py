@@ -134,6 +134,7 @@ _DIGIT: Final = re.compile(r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?
 _SHORT: Final = re.compile(rf"(?<![0-9A-Za-z]){H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
 _BIG: Final = re.compile(r"[A-Za-z0-9+/]{6}[A-Za-z0-9+/=]{2}")
 _WRAPPING: Final = " \t\r\n,;:|=>[](){}\"'-._*◇◆□■#/$`"
+_SOLID: Final = re.compile(f"[^{re.escape(_WRAPPING)}]")
 _NEAR: Final = 40  # characters
 _SOME: Final = 3  # bytes: fewer say nothing
 _LONG: Final = 4096  # characters: no line of words
@@ -151,8 +152,12 @@ _COLUMN_NUMBERS: Final = tuple(
 
 def line_of(text: str, marks: Iterable[int] = ()) -> Line:
     """A text as a line to search; `marks` are the ends of its direction marks."""
-    first = frozenset(len(text) - len(text[place:].lstrip(_WRAPPING)) for place in (0, *marks))
-    return Line(text, first, len(text.rstrip(_WRAPPING)), min(first))
+    first, begin, behind = set(), len(text), len(text)
+    for place in sorted({0, *marks}, reverse=True):
+        solid = _SOLID.search(text, place, behind)
+        begin, behind = begin if solid is None else solid.start(), place
+        first.add(begin)
+    return Line(text, frozenset(first), len(text.rstrip(_WRAPPING)), begin)
 
 
 def holds_digits(text: str) -> bool:
