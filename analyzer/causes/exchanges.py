@@ -276,12 +276,8 @@ def _compare(made: ColumnTable, before: Mapping[str, Any]) -> None:
 
 
 def asking(rows: ColumnTable) -> NDArray[np.bool_]:
-    """Which rows are right requests. An echo by unit 0 is the broadcast once more: masters repeat them."""
-    kind = rows["kind"]
-    asks: NDArray[np.bool_] = kind == Kind.REQUEST
-    again = ((kind == Kind.RESPONSE) & (rows["unit"] == 0)).nonzero()[0]
-    asks[again] = ECHOED[rows["function"][again]]
-    asks &= rows["check"]
+    """Which rows are right requests."""
+    asks: NDArray[np.bool_] = (rows["kind"] == Kind.REQUEST) & rows["check"]
     return asks
 
 

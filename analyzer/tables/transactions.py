@@ -59,6 +59,7 @@ TRANSACTION = np.dtype(
         ("exception", np.uint8),  # exception code of the answer, 0 for none
         ("status", np.uint8),  # Status
         ("retry", np.bool_),  # the same bytes as the request before, which got no good answer
+        ("again", np.bool_),  # a broadcast of the same bytes as the broadcast before
         ("late", np.bool_),  # the master had sent another request before this answer came
         ("port", np.uint8),
     ]
@@ -208,7 +209,7 @@ class Transactions:
                 asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
                 row = int(requests[i])
                 if asked is not None and len(asked) == batch.rows["length"][row]:
-                    opened["retry"][known + i] = batch.bytes_of(row) == asked
+                    opened["again" if asked[0] == 0 else "retry"][known + i] = batch.bytes_of(row) == asked
             self._mark_second_tries(batch, requests, known)
             self._last_request = batch.bytes_of(int(requests[-1]))
         last = len(batch) - 1

@@ -117,6 +117,7 @@ class _TransactionColumns(NamedTuple):
     exception: int
     status: int
     retry: bool
+    again: bool
     late: bool
     port: int
     number: int
@@ -164,7 +165,7 @@ class Outcomes:
     def _take(self, view: DiagnosisStep) -> None:
         """Count new transactions, and hold those that may have to be looked at."""
         status, again, units = view.settled("status"), view.settled("retry"), view.settled("unit")
-        odd = where((status == _UNANSWERED) | again | view.settled("late"))
+        odd = where((status == _UNANSWERED) | again | view.settled("again") | view.settled("late"))
         if len(odd):
             self._odd = self._requests + int(odd[-1])
         near = np.zeros(len(status) + 2, np.bool_)  # one before and one behind them
@@ -202,15 +203,15 @@ class Outcomes:
         found: dict[Rule, list[int]] = {rule: [] for rule in _RULES}
         for i in range(first, upto):
             this = known[i]
-            if this.late and this.response >= 0:
+            if this.late and this.response >= 0 and this.unit:
                 found[LATE].append(i)
-            if this.status != _UNANSWERED and not this.retry:
+            if this.status != _UNANSWERED and not this.retry and not this.again:
                 continue
             quick = view.timed and view.clock.verdict(this.request).wait_ns < HASTE_NS / 2
             rule = self._outcome(view, known, i, quick=quick)
             if rule is not None:
                 found[rule].append(i)
-            if this.retry and rule is not ECHO and rule is not BROADCAST_ANSWERED:
+            if this.retry and rule is not ECHO:
                 found[RETRY].append(i)
         for rule, which in found.items():
             if which:
@@ -230,11 +231,12 @@ class Outcomes:
         """What became of a request without an answer, or of one that repeats the one before."""
         this, before = known[i], known[i - 1] if i else None
         hasty = _hasty(before, this, quick=quick)
+        if this.again and before is not None:
+            behind = known[i + 1] if i + 1 < len(known) else None
+            earlier = known[i - 2] if i > 1 else None
+            return BROADCAST_ANSWERED if quick and _echoed(earlier, before, this, behind) else None
         if this.retry and before is not None:
             again = _again(before, this)
-            soon = not quick or this.t_start - before.t_request < HASTE_NS
-            if again and soon and this.unit == 0:
-                return BROADCAST_ANSWERED
             if (hasty and _at_once(view, before, this)) or (again and not quick and self._echoing(this.number)):
                 return ECHO
         if this.status != _UNANSWERED:
@@ -300,6 +302,23 @@ def _hasty(before: _TransactionColumns | None, this: _TransactionColumns, *, qui
     if before is None or not quick or before.status != _UNANSWERED or not _again(before, this):
         return False
     return this.t_start - before.t_request < HASTE_NS
+
+
+def _echoed(
+    earlier: _TransactionColumns | None,
+    before: _TransactionColumns,
+    this: _TransactionColumns,
+    behind: _TransactionColumns | None,
+) -> bool:
+    """Whether a broadcast that comes twice came the second time from a device: at once, and neither before nor behind.
+
+    Clients repeat broadcasts, though after a pause, and those that make none send more than two.
+    """
+    if not (_again(before, this) and this.t_start - before.t_request < HASTE_NS):
+        return False
+    if before.again and earlier is not None and before.t_start - earlier.t_request < HASTE_NS:
+        return False
+    return behind is None or not (behind.again and behind.t_start - this.t_request < HASTE_NS)
 
 
 def _answers_broadcast(before: _TransactionColumns | None, this: _TransactionColumns, *, quick: bool) -> bool:

@@ -5,7 +5,7 @@ A byte that the UART marked explains more than any repair could.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from math import nan
 from typing import Final
 
@@ -185,6 +185,7 @@ class DamagedRows:
 
     def __init__(self) -> None:
         self._waiting: list[Findings] = []
+        self._cut_by_end = False  # what waits is the beginning of a frame
 
     @property
     def open_from(self) -> int | None:
@@ -197,19 +198,38 @@ class DamagedRows:
         marked = where(view.column("errors"))
         if len(marked):
             yield PARITY.on(rows[marked], rows["errors"][marked], rows["length"][marked])
-        waiting, self._waiting = self._waiting, []
+        waiting, self._waiting, self._cut_by_end = self._waiting, [], False
         if 0 not in view.verdicts or view.verdicts[0][0].start >= 0:  # else its rest was still to come
             yield from waiting
         for place, parts in view.verdicts.items():
             told = [found for part in parts for found in _told(view, place, part)]
-            if place == len(rows) - 1 and rows["kind"][place] and parts[0].verdict.code in VAGUE:
-                self._waiting = told
+            if place == 0 and not view.trail.newest["length"][0] and _begins_late(parts):
+                continue  # the capture begins inside it
+            last = place == len(rows) - 1
+            cut = last and _ends_early(parts)
+            if cut or (last and rows["kind"][place] and parts[0].verdict.code in VAGUE):
+                self._waiting, self._cut_by_end = told, cut
             else:
                 yield from told
 
     def close(self, view: DiagnosisStep) -> Iterator[Findings]:  # noqa: ARG002 - a look's signature
-        """Nothing comes behind the last row."""
-        yield from self._waiting
+        """Nothing comes behind the last row; where the capture cut it short, nothing is wrong with it."""
+        if not self._cut_by_end:
+            yield from self._waiting
+
+
+def _begins_late(parts: Sequence[DividedFrame]) -> bool:
+    """Whether a row is whole but for its first byte."""
+    verdict = parts[0].verdict
+    return verdict.code == MISSING.code and verdict.places[0].first == 0
+
+
+def _ends_early(parts: Sequence[DividedFrame]) -> bool:
+    """Whether a row is whole but for its end."""
+    verdict = parts[-1].verdict
+    if verdict.code == MISSING.code:
+        return verdict.repaired is not None and verdict.places[0].last == len(verdict.repaired) - 1
+    return verdict.code == TRUNCATED.code
 
 
 def _told(view: DiagnosisStep, place: int, part: DividedFrame) -> Iterator[Findings]:
