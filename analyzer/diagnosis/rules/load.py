@@ -47,6 +47,7 @@ SLOW: Final = Rule(
     About.BUS,
     when="a unit's response time stands out against the others or its own past",
     numbers=("unit", "p50_ms", "p95_ms", "usual_ms", "own_past"),
+    varies="own_past",
     text=lambda numbers: (
         f"unit {numbers['unit']:.0f} answers in {numbers['p50_ms']:.3g} ms (median; 95 % within "
         f"{numbers['p95_ms']:.3g} ms), "

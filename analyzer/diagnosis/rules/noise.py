@@ -66,6 +66,7 @@ NOISE: Final = Rule(
     About.NOISE,
     when="bytes stand between frames, or right beside them",
     numbers=("pattern", "bytes", "unit"),
+    varies="pattern",
     text=_text,
     cause=lambda numbers: _CAUSES[Pattern(int(numbers["pattern"]))].format(_sender(numbers)),
     remedy=lambda numbers: _REMEDIES[Pattern(int(numbers["pattern"]))].format(_sender(numbers)),
