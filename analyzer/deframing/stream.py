@@ -16,6 +16,7 @@ from captures.chunks import Block, Chunk
 from captures.line import LineSettings
 from captures.ragged import copy_pieces, sums
 from dissectors.length_rules import Role
+from dissectors.lengths import pdu_length
 
 from ..options import Options
 from ..tables.batch import Batch
@@ -115,11 +116,22 @@ class RtuDeframer:
         count = len(frames)
         rows["index"][frames] = np.arange(self._frames, self._frames + count)
         self._frames += count
+        self._ask_all(loose)
         earlier = self._pairer.pair(rows, loose.data, loose.head, loose.tail)
         if not self._timed:  # a source without a clock: better no times than made-up ones
             rows["t_start"] = rows["t_end"] = 0
             rows["response_ns"] = -1
         return Batch(rows, loose.data, earlier, loose.why if self._options.explain else None)
+
+    def _ask_all(self, loose: _UnorderedRows) -> None:
+        """A frame to unit 0 that reads as a request is one: nobody may answer a broadcast, and clients repeat them."""
+        rows = loose.rows
+        said = (rows["kind"] == Kind.RESPONSE) & (rows["unit"] == 0) & rows["check"]
+        for row in said.nonzero()[0].tolist():
+            at, length = int(rows["at"][row]), int(rows["length"][row])
+            reads = pdu_length(loose.data[at + 1 : at + length - 2].tobytes(), Role.REQUEST) == length - 3
+            if reads and port_role(self._line, int(rows["port"][row])) is not Role.RESPONSE:
+                rows["kind"][row] = Kind.REQUEST
 
 
 class _UnorderedRows:
