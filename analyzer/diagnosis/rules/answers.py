@@ -18,7 +18,7 @@ from dissectors.lengths import relations
 from dissectors.limits import Echo
 
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
-from ...tables.schema import Rows, join_rows, take_rows
+from ...tables.schema import Protocol, Rows, join_rows, take_rows
 from ...tables.transactions import NEVER, TRANSACTION, Status
 from ..damage.triage import HASTE_NS
 from ..tap_clock import FIRST, UNKNOWN
@@ -43,13 +43,23 @@ NO_RESPONSE: Final = Rule(
     About.TRANSACTION,
     when="nobody answers a request",
     clause="[2] 2.4.1",
-    numbers=("unit", "waited_ms", "function"),
+    numbers=("unit", "waited_ms", "function", "over_tcp"),
     loses=True,
     wastes="waited_ms",
     text=_silent,
-    cause="no such unit, or one without power; else a wrong baud rate or parity, swapped A and B, or a request that "
-    "reached it damaged",
-    remedy="check the unit's power, address, line settings and wiring; take it out of the poll list if it is not there",
+    cause=lambda numbers: (
+        "no such unit behind this server, or one that its serial line does not reach"
+        if "over_tcp" in numbers
+        else "no such unit, or one without power; else a wrong baud rate or parity, swapped A and B, or a request that "
+        "reached it damaged"
+    ),
+    remedy=lambda numbers: (
+        "check the unit's number, and the line behind the gateway if it is one; take it out of the poll list if "
+        "it is not there"
+        if "over_tcp" in numbers
+        else "check the unit's power, address, line settings and wiring; take it out of the poll list if it is not "
+        "there"
+    ),
 )
 RETRY: Final = Rule(
     "retry",
@@ -119,6 +129,7 @@ class _TransactionColumns(NamedTuple):
     retry: bool
     late: bool
     port: int
+    protocol: int
     number: int
 
     @property
@@ -229,6 +240,8 @@ class Outcomes:
     ) -> Rule | None:
         """What became of a request without an answer, or of one that repeats the one before."""
         this, before = known[i], known[i - 1] if i else None
+        if this.protocol == Protocol.TCP:  # no echoes, no broadcasts
+            return NO_RESPONSE if this.status == _UNANSWERED and this.t_next != NEVER else None
         hasty = _hasty(before, this, quick=quick)
         if this.retry and before is not None:
             again = _again(before, this)
@@ -324,7 +337,8 @@ def _said(rule: Rule, held: Rows, which: NDArray[np.intp], timed: NDArray[np.boo
         return rule.at(*columns, these["unit"], behind, these["request"])
     if rule is NO_RESPONSE:
         waited = np.where(timed, (these["t_next"] - these["t_request"]) / 1e6, np.nan)
-        return rule.at(*columns, these["unit"], waited, these["function"])
+        over_tcp = np.where(these["protocol"] == Protocol.TCP, 1.0, np.nan)
+        return rule.at(*columns, these["unit"], waited, these["function"], over_tcp)
     if rule is RETRY:
         failed = (which > 0) & np.isin(before["status"], (_UNANSWERED, _DAMAGED)) & timed
         return rule.at(*columns, these["unit"], np.where(failed, (these["t_start"] - before["t_start"]) / 1e6, np.nan))
