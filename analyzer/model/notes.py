@@ -29,9 +29,7 @@ class Notes:
     path: Path | None = None
     comments: dict[Place, str] = field(default_factory=dict)
     reference: Place | None = None
-    _before: list[tuple[Place, str | None]] = field(
-        default_factory=list, compare=False
-    )  # what changes took the place of
+    _before: list[tuple[Place, str | None]] = field(default_factory=list, compare=False)  # what changes replaced
 
     @classmethod
     def beside(cls, capture: Path | None) -> Notes:
