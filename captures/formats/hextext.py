@@ -17,6 +17,8 @@ from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, cast
 
+import numpy as np
+
 from captures.text import encodings
 
 from ..chunks import Block, Chunk, Mark, Note
@@ -27,6 +29,7 @@ from ..text.choosing import Judge, no_judge
 from ..text.logs import LogReader, Piece, Unread, joined
 from . import Format
 
+_MARK_WORDS = ("", "TX", "RX")
 _JOIN_BYTES = 1 << 16  # a dump of any length comes in chunks of this size
 _BLOCK_CHUNKS = 1 << 14
 _BATCH = 1 << 16  # bytes of text read at once
@@ -158,4 +161,20 @@ def _zone_name(zone: tzinfo | None) -> str:
     return "local time of this machine (--tz names another zone)" if zone is None else str(zone)
 
 
-FORMAT = Format("text", (".txt", ".log", ".hex", ".asc", ".out", ".csv"), _sniff, _read)
+def _write(file: BinaryIO, line: LineSettings, blocks: Iterable[Block], timed: bool) -> None:  # noqa: ARG001 - no room
+    """A read a line: time in UTC, direction mark, bytes."""
+    for block in blocks:
+        whole = np.datetime_as_string(block.t_ns.astype("datetime64[ns]"), unit="ns").tolist() if timed else None
+        lines = []
+        for i in range(len(block)):
+            words = [f"{whole[i]}Z"] if whole is not None else []
+            words += [_MARK_WORDS[block.mark[i]]] if block.mark[i] else []
+            lines.append(
+                " ".join([*words, block.data[block.offsets[i] : block.offsets[i + 1]].tobytes().hex(" ")]) + "\n"
+            )
+        file.write("".join(lines).encode())
+
+
+FORMAT = Format(
+    "text", (".txt", ".log", ".hex", ".asc", ".out", ".csv"), _sniff, _read, _write, (".txt", ".log", ".hex")
+)
