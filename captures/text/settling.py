@@ -17,6 +17,7 @@ from .choosing import MOST_JUDGED, Checked, Experience, Judge, Run, label_in
 from .hexshapes import Candidate, H, Level
 from .loglines import LogLine
 
+_SMALL: Final = 0x10
 _TAIL: Final = 260  # bytes without a right check value that a later run may complete
 _TAIL_RUNS: Final = 4
 _TAIL_LINES: Final = 16
@@ -198,10 +199,16 @@ def _one_column(lines: list[LogLine], judge: Judge, *, alike: bool) -> tuple[int
     if len(lines) < _COLUMN:
         return None
     table = [_tokens(line) for line in lines]
-    fewest = min(max(map(len, table)), _MOST_COLUMNS)
-    for i in (*range(-1, -1 - fewest, -1), *range(fewest)):
+    counts = {len(tokens) for tokens in table}
+    fewest = min(max(counts), _MOST_COLUMNS)
+    from_front = range(fewest) if len(counts) > 1 else range(max(counts) - fewest)  # not counted from the end before
+    seen: set[tuple[bytes | None, ...]] = set()
+    for i in (*range(-1, -1 - fewest, -1), *from_front):
         for reading in ("hexadecimal", "decimal"):
             parts = [getattr(tokens[i], reading) if -len(tokens) <= i < len(tokens) else None for tokens in table]
+            if (same := tuple(parts)) in seen:
+                continue
+            seen.add(same)
             inside = _inside_frames(parts, judge)
             if not any(inside):
                 continue
@@ -219,8 +226,12 @@ def _inside_frames(parts: Sequence[bytes | None], judge: Judge) -> list[bool]:
     row = 0
     while row < len(parts):
         some = list(takewhile(lambda part: part is not None, parts[row : row + _TAIL]))
+        data = b"".join(part for part in some if part)
+        if len(data) < _COLUMN or max(data) < _SMALL:  # as no check value is
+            row += len(some) + 1 if len(some) < _TAIL else _STEP + 1
+            continue
         starts = [0, *accumulate(len(part) for part in some if part is not None)]
-        spans = [span for span in judge(b"".join(part for part in some if part)) if {span.start, span.end} <= {*starts}]
+        spans = [span for span in judge(data) if {span.start, span.end} <= {*starts}]
         for span in spans:
             for k in range(starts.index(span.start), starts.index(span.end)):
                 inside[row + k] = True
