@@ -24,6 +24,7 @@ from ..tables.schema import ROW, Kind, Rows, join_rows, take_rows
 from .buffer import GAPS, CharacterTime, Times, positions_among
 from .engine import Engine
 from .enveloped import EnvelopedPairer
+from .foreign import ForeignTalk
 from .rules import Bytes, Index
 from .segments import StreamSegments, evidence_rows
 
@@ -74,6 +75,7 @@ class PortsDeframer:
         self._options = options
         self._make = engine
         self._engines: dict[int, PortEngine] = {}
+        self._foreign = ForeignTalk()
         self._pairer = EnvelopedPairer()
         self._frames = 0
         self._held = _UnorderedRows.nothing()
@@ -136,6 +138,7 @@ class PortsDeframer:
 
     def _batch(self, loose: _UnorderedRows) -> Batch:
         rows = loose.rows
+        self._foreign.mark(rows, loose.data)
         frames = rows["kind"].nonzero()[0]  # all but NOISE
         count = len(frames)
         rows["index"][frames] = np.arange(self._frames, self._frames + count)
