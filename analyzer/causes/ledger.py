@@ -32,6 +32,7 @@ _CHAR_NS: Final = 1e6  # where the line's speed is not known
 _NOISE_SAMPLES: Final = 64
 _NOISE_BYTES: Final = 512
 _EXAMPLES: Final = 3
+_BACK: Final = 2  # exchanges
 _STRAY: Final = 3  # bytes that one spike makes
 _HOLE: Final = 1.5  # characters
 _NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
@@ -248,6 +249,10 @@ class Ledger:
                     self.unit(number).doubles += 1
                 elif rows["request"][row] >= 0:
                     self.unit(number).late += 1
+                elif number == exchanges["unit"][i]:
+                    self.unit(number).unfit += own < 0
+                elif _was_answered(exchanges, i, number):
+                    self.unit(number).doubles += 1
                 else:
                     self.unit(number).strays += 1
 
@@ -268,6 +273,14 @@ class Ledger:
         if len(before):
             return part.table.bytes_of(int(part.exchanges["answer"][before[-1]]))
         return self.polls.usual.get(int(polls[i]))
+
+
+def _was_answered(exchanges: ColumnTable, i: int, unit: int) -> bool:
+    """Whether the newest request to a unit before exchange i was answered, not long before."""
+    for before in range(i - 1, max(i - 1 - _BACK, -1), -1):
+        if exchanges["unit"][before] == unit:
+            return bool(exchanges["answer"][before] >= 0)
+    return False
 
 
 def ledger_of(parts: Iterable[tuple[Batch, Any]], line: LineSettings) -> Ledger:

@@ -34,7 +34,8 @@ class UnitLedger:
         self.unit = unit
         self.outcomes = np.zeros(len(Outcome), np.int64)
         self.repeats = 0  # requests to it that repeat the one before
-        self.strays = 0  # right answers of it that answer nothing
+        self.strays = 0  # right answers of it that answer nothing, while another unit is asked
+        self.unfit = 0  # and that stand where its answer was due, and are another
         self.late = 0  # that came when the master had gone on
         self.doubles = 0  # that came behind another answer to the same request
         self.marked = 0  # answers, right but for marks of the UART
