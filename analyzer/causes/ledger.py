@@ -27,6 +27,7 @@ from .states import StateTable
 from .thinned import Thinned
 from .timegrid import TimeGrid
 from .unitledger import NEEDED, UnitLedger
+from .valuetable import ValueTable
 
 _CHAR_NS: Final = 1e6  # where the line's speed is not known
 _NOISE_SAMPLES: Final = 64
@@ -53,6 +54,7 @@ class Ledger:
         self.units: dict[int, UnitLedger] = {}
         self.polls = PollTable()
         self.states = StateTable()
+        self.values = ValueTable()
         self.grid = TimeGrid()
         self.pauses = Thinned()  # ns, end of a good answer to the next request
         self.request_gaps = Thinned()  # ns, silence before requests that follow a good answer, by the reads
@@ -165,6 +167,7 @@ class Ledger:
         self._sample(part, odd)
         self.polls.add(part)
         self.states.add(part)
+        self.values.add(part, times)
         self._count_bus(exchanges, odd, times)
         self._count_units(exchanges, times)
         self._count_others(part)
