@@ -329,7 +329,13 @@ def _piece(places: dict[int, int]) -> int:
 def overload(evidence: Evidence) -> Iterator[Suspicion]:
     """A full line, and a master without a pause."""
     ledger, load = evidence.ledger, evidence.load
-    if load is None or ledger.span_ns < _SECONDS_NS or not _BUSY <= load <= 1.02 or ledger.exchanges < 30:
+    if (
+        load is None
+        or len(ledger.ports) > 1
+        or ledger.span_ns < _SECONDS_NS
+        or not _BUSY <= load <= 1.02
+        or ledger.exchanges < 30
+    ):
         return
     due = evidence.t35_ns
     if due is None or not len(ledger.pauses) or ledger.pauses.total / len(ledger.pauses) > _HURRIED * due + _HURRIED_NS:

@@ -21,6 +21,7 @@ _EMPTY: Final = (0, 0x7FFF, 0x8000, 0xFFFF)  # what is not connected stands stil
 _LEAST_UP: Final = 5
 _WORD: Final = 1 << 16
 _PAIRS: Final = 2
+_AT_ONCE: Final = 4  # reads, within which all stop
 _STEADIER: Final = 3.0
 _STILL: Final = 0.4  # of the capture
 _COUNTS: Final = 0.9  # of the steps of a counter that do not go down
@@ -71,6 +72,8 @@ def frozen_values(evidence: Evidence) -> Iterator[Suspicion]:
             frozen = lively & (len(changed) - last >= max(_READS // 2, _STILL * len(changed)))
             if np.count_nonzero(frozen) < max(_COLUMNS, 0.5 * np.count_nonzero(lively)):
                 continue
+            if not (_stopped(changed[:, frozen], last[frozen]) or _never(others, frozen)):
+                continue
             since = int(last[frozen].max())
             still = len(changed) - since
             rate = float(np.median(others[:, frozen], axis=0).mean())
@@ -88,6 +91,20 @@ def frozen_values(evidence: Evidence) -> Iterator[Suspicion]:
                 since=int(poll.times[since]),
                 until=int(poll.times[-1]),
             )
+
+
+def _stopped(changed: NDArray[np.bool_], last: NDArray[np.intp]) -> bool:
+    """Whether registers that moved till then stood still all at once."""
+    since = int(last.max())
+    before = changed[:since]
+    return since >= _LEAST_UP and since - int(last.min()) <= _AT_ONCE and bool((before.mean(axis=0) >= _MOVES).all())
+
+
+def _never(others: NDArray[np.float64], frozen: NDArray[np.bool_]) -> bool:
+    """Whether registers that never moved are those of a sister indeed: the other units' move all alike."""
+    if len(others) < _PAIRS or np.count_nonzero(frozen) <= _COLUMNS:
+        return False
+    return bool((others.max(axis=0) - others.min(axis=0)).mean() < _MOVES and (others[:, frozen] >= _MOVES).all())
 
 
 def _long(poll: PollValues, column: int, *, swapped: bool = False) -> NDArray[np.int64]:
