@@ -22,6 +22,7 @@ _MOSTLY: Final = 0.6  # of all late answers
 _SURE_BITS: Final = 16.0
 _SOONER: Final = 0.85
 _SILENT: Final = 0.02
+_OTHERS: Final = 2
 
 
 @suspect(
@@ -131,8 +132,10 @@ def _unheeded(evidence: Evidence, unit: UnitLedger) -> int:
     own, delay = unit.pauses.quantile(0.9), unit.delays.quantile(0.5)
     usual = min((pause for other in others if (pause := other.pauses.quantile(0.1)) is not None), default=None)
     delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
-    if own is None or usual is None or delay is None or not delays or len(unit.pauses) < 3 * _LEAST:
+    if own is None or usual is None or delay is None or len(unit.pauses) < 3 * _LEAST:
         return 0
+    if len(delays) < _OTHERS:
+        return 0  # the one other unit may be the last of a round, behind which the master rests
     if own > _SOONER * usual or delay < 3 * max(delays) or own < 0 or evidence.verdict.wait_ns > usual - own:
         return 0
     return len(unit.pauses)

@@ -108,11 +108,7 @@ def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
 def _out_of_step(evidence: Evidence, unit: UnitLedger) -> float:
     """Bits for garbage that begins as a known header does whose first bits are missing, nearly the same number each
     time: its receiver is out of step from there on."""
-    kept = [sample for sample in unit.samples.kept if sample.outcome == Outcome.GARBAGE]
-    pairs = Counter(
-        (expectation(sample.request).header, reading.heard[:_BEGINNING])
-        for sample, reading in zip(kept, evidence.readings(unit), strict=True)
-    )
+    pairs = Counter((expectation(each.request).header, each.heard[:_BEGINNING]) for each in evidence.readings(unit))
     best = 0.0
     for receiver in formats_of(evidence.ledger.line):
         for lost in range(2, _LOST_BITS):

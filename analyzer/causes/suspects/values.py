@@ -213,7 +213,7 @@ def word_order(evidence: Evidence) -> Iterator[Suspicion]:
         first: dict[int, int] = {}
         for column in range(group[0].words.shape[1] - 1):
             orders = {poll.unit: _order(poll, column) for poll in group}
-            if sum(order is not None for order in orders.values()) < max(2, _MOST_SISTERS * len(group)):
+            if None in orders.values():
                 continue
             for unit, order in orders.items():
                 if order is not None:

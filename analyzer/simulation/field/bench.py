@@ -156,7 +156,7 @@ def site(
 
 
 def _manners(random: Random, uart: Uart, slowest_ms: float) -> Manners:
-    longest = 70 * uart.char_ns / MS
+    longest = 140 * uart.char_ns / MS
     least = 4 * slowest_ms + longest
     base = random.choice((0.0, 2.0, 5.0, 10.0, 20.0, 50.0))
     spread = random.choice((0.0, 0.1, 0.5))
