@@ -26,7 +26,6 @@ _LEAST: Final = 4
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
 _TAIL_BITS: Final = 2  # bits of a byte that must have come before its driver let go
 _LOCAL: Final = 0.55  # share of bytes like those of a good answer: the damage is somewhere, not everywhere
-_MOST_HEADER: Final = 2  # unit and function
 _SURELY: Final = 1.5  # times what silences may be wrong by
 _APART_CHARS: Final = 12.0  # silence behind which bytes are no longer of one answer
 
@@ -96,7 +95,7 @@ def signature(sample: Sample, char_ns: float, requests: frozenset[bytes], *, off
         return Signature(Damage.NONE, kind, marks=marks, t_behind=t, detail=detail, due=sample.due)
     burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
     every = b"".join(piece.data for piece in sample.pieces)
-    if not burst or (len(every) == sample.due and crc16(every) == 0 and _headed(sample, every) >= _MOST_HEADER):
+    if not burst or (len(every) == sample.due and crc16(every) == 0 and every.startswith(_header(sample.request))):
         return Signature(Damage.NONE, due=sample.due)
     data = b"".join(piece.data for piece in burst)
     echoed = data.startswith(sample.request) and len(data) > len(sample.request)

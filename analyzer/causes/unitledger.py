@@ -45,6 +45,7 @@ class UnitLedger:
         self.redundant = Thinned()  # ns, delays of good answers whose request the master repeats all the same
         self.heeded = Thinned()  # and of those whose request it does not repeat
         self.pauses = Thinned()  # ns, from its good answers to the next request
+        self.turns = Thinned()  # ns, from a request that is well answered to the next one
         self.echoes = 0  # answers that are their request once more
         self.echo_delays = Thinned()
         self.called = 0  # broadcasts that it answered, by its own address
@@ -123,7 +124,9 @@ class UnitLedger:
         self.behind += len(good) - int(np.count_nonzero(alone))
         if timed:
             t_next = good["t_next"]
-            self.pauses.add((t_next - good["t_answered"])[alone & (t_next != NEVER)])
+            followed = alone & (t_next != NEVER)
+            self.pauses.add((t_next - good["t_answered"])[followed])
+            self.turns.add((t_next - good["t_asked"])[followed])
         marks = good["marks"]
         if marks.any():
             self.marked += int(np.count_nonzero(marks))

@@ -22,6 +22,7 @@ from ..unitledger import UnitLedger
 _LEAST: Final = 3
 _MOSTLY: Final = 0.5
 _OFTEN: Final = 0.2
+_RARELY: Final = 0.05
 
 Numbers = Callable[[Evidence, UnitLedger, list[Signature]], Mapping[str, Any]]
 
@@ -238,6 +239,8 @@ def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
         requests = evidence.behind(unit, Behind.REQUEST)
         others = [other for other in evidence.units if other.unit != unit.unit]
         others_spoilt, others_answered = sum(totals[o.unit] for o in others), sum(o.answered for o in others)
+        if _always_spoilt(evidence, unit, spoilt) and others_spoilt <= _RARELY * others_answered:
+            requests = max(requests, 0.5 * spoilt)  # so damaged that they are not known again
         if requests < _LEAST or requests < 0.3 * spoilt:
             continue
         background = max(HEALTHY, (others_spoilt + 0.5) / (others_answered + 50))
@@ -258,6 +261,12 @@ def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
             lost_answers=round(requests),
             frames=tuple(sample.index for sample in unit.followed.kept[:3]),
         )
+
+
+def _always_spoilt(evidence: Evidence, unit: UnitLedger, spoilt: float) -> bool:
+    """Whether noise stands behind most good answers of a unit, which are well themselves, and no request does."""
+    damaged = evidence.damaged(unit)
+    return spoilt >= _MOSTLY * unit.answered and spoilt >= _LEAST and damaged <= _RARELY * unit.asked
 
 
 @suspect(
