@@ -148,8 +148,11 @@ class TapClock:
         most: NDArray[Any],
         least: NDArray[Any],
     ) -> None:
-        if protocol.any():
-            return  # ASCII mode has other silences
+        if protocol.any():  # ASCII mode has other silences, Modbus TCP none
+            plain = protocol == 0
+            reads, length, before, most, least = (each[plain] for each in (reads, length, before, most, least))
+            if not len(reads):
+                return
         self._counted += len(reads)
         self._reads += float(reads.sum())
         self._octets += float(length.sum())

@@ -22,14 +22,16 @@ from dissectors.limits import RequestedByteCount
 
 from .batch import Batch
 from .frame import adu_of
-from .schema import Kind, Rows
+from .schema import Kind, Protocol, Rows
 
 ECHOED: Final = np.isin(np.arange(256), (5, 6, 22))  # functions whose answer is their request once more
 NEVER: Final = -(1 << 62)  # a time that is none
 _PATIENCE: Final = 16  # frames after a request, beyond which no answer is waited for
+_PIPELINED: Final = 1024  # the same over Modbus TCP, where many connections and transactions are open at once
 _REACH: Final = 1 << 16  # and bytes, noise included
 _GLITCHES: Final = (0x00, 0xFE, 0xFF)  # noise bytes that say nothing
 _MIN_ADU: Final = 4
+_TRANSACTION_ID: Final = 2  # bytes, anew in each request over Modbus TCP
 _ALIKE: Final = 2  # bytes in which a damaged request may differ from its repetition
 
 
@@ -67,6 +69,7 @@ TRANSACTION = np.dtype(
         ("late", np.bool_),  # the master had sent another request before this answer came
         ("mistaken", np.bool_),  # and it fits that one as well
         ("port", np.uint8),
+        ("protocol", np.uint8),  # Protocol
     ]
 )
 
@@ -117,7 +120,8 @@ class Transactions:
         self._mark_retries(batch, requests, known)
         status = self._open["status"]
         waiting = (status == Status.UNANSWERED) | (status == Status.BROADCAST)
-        waiting &= self._open["request"] >= self._frames - _PATIENCE
+        patience = np.where(self._open["protocol"] == Protocol.TCP, _PIPELINED, _PATIENCE)
+        waiting &= self._open["request"] >= self._frames - patience
         waiting &= self._places >= self._octets - _REACH
         count = int(np.argmax(waiting)) if waiting.any() else len(waiting)
         return self._settle(count)
@@ -176,6 +180,7 @@ class Transactions:
         self._open["status"][place] = status
         following = np.append(asked[1:], np.iinfo(np.int64).max)
         late = following[place] < _at(rows, "index", responses)
+        late &= self._open["protocol"][place] != Protocol.TCP  # whose answers say what they answer
         self._open["late"][place] = late
         for at, row in zip(place[late].tolist(), responses[late].tolist(), strict=True):
             self._open["mistaken"][at] = self._mistaken(batch, row)
@@ -229,7 +234,10 @@ class Transactions:
                 asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
                 row = int(requests[i])
                 if asked is not None and len(asked) == batch.rows["length"][row]:
-                    opened["retry"][known + i] = asked[0] > 0 and batch.bytes_of(row) == asked
+                    tcp = opened["protocol"][known + i] == Protocol.TCP
+                    first = _TRANSACTION_ID if tcp else 0
+                    same = batch.bytes_of(row)[first:] == asked[first:]
+                    opened["retry"][known + i] = same and bool(tcp or asked[0])
             self._mark_second_tries(batch, requests, known)
             self._mark_again(batch, requests, known)
             self._last_request = batch.bytes_of(int(requests[-1]))
@@ -279,13 +287,14 @@ def _shared(one: bytes, two: bytes) -> int:
 
 def _begin(opened: Rows, rows: Rows, requests: NDArray[np.intp]) -> None:
     """Fill in transactions of requests that nobody has answered yet."""
-    for name in ("unit", "function", "port", "start", "length", "t_start"):
+    for name in ("unit", "function", "port", "protocol", "start", "length", "t_start"):
         opened[name] = _at(rows, name, requests)
     opened["request"], opened["t_request"] = _at(rows, "index", requests), _at(rows, "t_end", requests)
     for name in ("response", "response_start", "response_length", "t_response", "response_ns"):
         opened[name] = -1
     opened["t_next"] = NEVER
-    opened["status"] = np.where(opened["unit"] == 0, np.uint8(Status.BROADCAST), np.uint8(Status.UNANSWERED))
+    to_all = (opened["unit"] == 0) & (opened["protocol"] != Protocol.TCP)  # unit 0 of a TCP server is itself
+    opened["status"] = np.where(to_all, np.uint8(Status.BROADCAST), np.uint8(Status.UNANSWERED))
 
 
 def _at(rows: Rows, name: str, which: NDArray[np.intp]) -> NDArray[Any]:

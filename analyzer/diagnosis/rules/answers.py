@@ -18,7 +18,7 @@ from dissectors.lengths import relations
 from dissectors.limits import Echo
 
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
-from ...tables.schema import Rows, join_rows, take_rows
+from ...tables.schema import Protocol, Rows, join_rows, take_rows
 from ...tables.transactions import NEVER, TRANSACTION, Status
 from ..damage.triage import HASTE_NS
 from ..tap_clock import FIRST, UNKNOWN
@@ -44,7 +44,7 @@ NO_RESPONSE: Final = Rule(
     About.TRANSACTION,
     when="nobody answers a request",
     clause="[2] 2.4.1",
-    numbers=("unit", "waited_ms", "function", "answered_before"),
+    numbers=("unit", "waited_ms", "function", "answered_before", "over_tcp"),
     varies="answered_before",
     loses=True,
     wastes="waited_ms",
@@ -52,12 +52,17 @@ NO_RESPONSE: Final = Rule(
     cause=lambda numbers: (
         "a request that reached it damaged, a unit that restarts or is busy, or a loose contact: it answers otherwise"
         if numbers["answered_before"]
+        else "no such unit behind this server, or one that its serial line does not reach"
+        if "over_tcp" in numbers
         else "it has not answered so far: no such unit, or one without power; else a wrong baud rate or parity, "
         "swapped A and B, or a request that reached it damaged"
     ),
     remedy=lambda numbers: (
         "look when it falls silent: its power, its connector, what the master asks of it just then"
         if numbers["answered_before"]
+        else "check the unit's number, and the line behind the gateway if it is one; take it off the poll list if it "
+        "is not there"
+        if "over_tcp" in numbers
         else "check the unit's power, address, line settings and wiring; take it off the poll list if it is not there"
     ),
 )
@@ -143,6 +148,7 @@ class _TransactionColumns(NamedTuple):
     late: bool
     mistaken: bool
     port: int
+    protocol: int
     number: int
 
     @property
@@ -258,6 +264,8 @@ class Outcomes:
     ) -> Rule | None:
         """What became of a request without an answer, or of one that repeats the one before."""
         this, before = known[i], known[i - 1] if i else None
+        if this.protocol == Protocol.TCP:  # no echoes, no broadcasts
+            return NO_RESPONSE if this.status == _UNANSWERED and this.t_next != NEVER else None
         hasty = _hasty(before, this, quick=quick)
         if this.again and before is not None:
             behind = known[i + 1] if i + 1 < len(known) else None
@@ -416,7 +424,8 @@ def _said(rule: Rule, held: Rows, which: NDArray[np.intp], timed: NDArray[np.boo
         return rule.at(index, start, length, these["port"], t_ns, these["unit"], later)
     if rule is NO_RESPONSE:
         waited = np.where(timed, (these["t_next"] - these["t_request"]) / 1e6, np.nan)
-        return rule.at(*columns, these["unit"], waited, these["function"], 0)
+        over_tcp = np.where(these["protocol"] == Protocol.TCP, 1.0, np.nan)
+        return rule.at(*columns, these["unit"], waited, these["function"], 0, over_tcp)
     if rule is RETRY:
         failed = (which > 0) & np.isin(before["status"], (_UNANSWERED, _DAMAGED)) & timed
         return rule.at(*columns, these["unit"], np.where(failed, (these["t_start"] - before["t_start"]) / 1e6, np.nan))

@@ -16,7 +16,8 @@ from dissectors.crc import crc16
 from dissectors.crc_variants import VARIANTS
 
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
-from ...tables.schema import Kind, Rows
+from ...tables.frame import adu_of
+from ...tables.schema import Kind, Protocol, Rows
 from ..damage import DividedFrame, Explanation
 from ..damage.triage import VAGUE
 from ..view import DiagnosisStep, where
@@ -186,6 +187,24 @@ PARITY: Final = Rule(
 )
 
 
+LRC_ERROR: Final = Rule(
+    "lrc-error",
+    Severity.ERROR,
+    About.FRAME,
+    when="the LRC of a frame in ASCII mode is wrong",
+    clause="[2] 2.5.2.2",
+    numbers=("received", "computed"),
+    loses=True,
+    text=lambda numbers: (
+        f"the LRC is wrong ({int(numbers['received']):02X}, {int(numbers['computed']):02X} is right)"
+        if "received" in numbers
+        else "the frame is too short to hold an LRC"
+    ),
+    cause=_NOISY_LINE,
+    remedy=_LINE,
+)
+
+
 def _bytes(count: float) -> str:
     return "1 byte" if count == 1 else f"{count:.0f} bytes"
 
@@ -195,6 +214,16 @@ def _crc(numbers: Mapping[str, float], name: str) -> str:
 
 
 _RULES: Final = {r.code: r for r in (BIT_FLIP, MISSING, EXTRA, TRUNCATED, VARIANT, REPEATED, FLOW, COLLISION)}
+
+
+@looks_for(LRC_ERROR)
+def wrong_lrcs(view: DiagnosisStep) -> Iterator[Findings]:
+    """Damaged frames of ASCII mode, which has no CRC to take them apart by."""
+    for place in view.damaged[view.column("protocol")[view.damaged] == Protocol.ASCII].tolist():
+        adu = adu_of(view.bytes_of(place), Protocol.ASCII)
+        if not view.rows["errors"][place]:
+            values = (nan if value is None else value for value in (adu.check_received, adu.check_computed))
+            yield LRC_ERROR.on(view.rows[place : place + 1], *values)
 
 
 @looks_for(*_RULES.values(), CRC_ERROR, PARITY)

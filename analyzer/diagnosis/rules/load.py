@@ -21,7 +21,7 @@ from dissectors.limits import Bound, RequestedByteCount
 from dissectors.registry import revision
 
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
-from ...tables.schema import Kind
+from ...tables.schema import Kind, Protocol
 from ..spread import ColumnQueue, Spread
 from ..tap_clock import UNKNOWN
 from ..view import DiagnosisStep, where
@@ -255,9 +255,15 @@ class Busy:
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         if len(view.rows) and view.timed:
-            starts, ends = view.column("t_start"), view.column("t_end")
-            self._waiting.add(view.kind, view.column("unit"), starts, ends)
-            self._octets += len(view.batch.data)
+            names = ("t_start", "t_end", "unit", "length")
+            starts, ends, units, sizes = (view.column(name) for name in names)
+            kinds = view.kind
+            if (networked := view.column("protocol") == Protocol.TCP).any():  # that is no load of a line
+                starts, ends, kinds, units, sizes = (each[~networked] for each in (starts, ends, kinds, units, sizes))
+                if not len(starts):
+                    return iter(())
+            self._waiting.add(kinds, units, starts, ends)
+            self._octets += int(sizes.sum())
             self._first = int(starts[0]) if self._first is None else self._first
             self._last = int(ends[-1])
             if len(self._waiting) >= _AT_ONCE:

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
-from ...tables.schema import NO_GAP, ROW, Kind, Rows
+from ...tables.schema import NO_GAP, ROW, Kind, Protocol, Rows
 from ..view import DiagnosisStep
 
 _GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
@@ -104,7 +104,7 @@ class NoiseStretches:
             self._waiting = None
         first = int(view.frames[0]) if len(view.frames) else len(rows)
         for place in view.noise.tolist():
-            if place in view.verdicts or rows["errors"][place]:
+            if place in view.verdicts or rows["errors"][place] or rows["protocol"][place] == Protocol.TCP:
                 continue
             before = rows[place - 1 : place] if place else view.trail.newest
             told = place - 1 in view.verdicts and before["kind"][0] == Kind.NOISE if place else self._said_before

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
-from ...tables.schema import NO_GAP, Kind, Rows
+from ...tables.schema import NO_GAP, Kind, Protocol, Rows
 from ..tap_clock import UNKNOWN, silences
 from ..view import DiagnosisStep, where
 
@@ -122,7 +122,7 @@ class Timing:
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         rows, places = view.rows, _worth_a_look(view)
-        self._frames += len(view.frames)
+        self._frames += int(np.count_nonzero(view.column("protocol")[view.frames] != Protocol.TCP))
         if len(places):
             before = rows[np.maximum(places - 1, 0)]
             if places[0] == 0:
