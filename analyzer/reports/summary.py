@@ -258,6 +258,7 @@ def summarize(
     from ..causes.ledger import Ledger
     from ..causes.reasoning import causes_of
     from ..core import analyse
+    from .polls import poll_rows
 
     line = capture.line
     summary = Summary.of(line)
@@ -279,4 +280,4 @@ def summarize(
     if ledger is None:
         return replace(report, filter="" if filter is None else filter.text)
     ledger.close()
-    return replace(report, causes=tuple(causes_of(ledger)))
+    return replace(report, causes=tuple(causes_of(ledger)), polls=poll_rows(ledger))
