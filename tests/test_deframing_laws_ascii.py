@@ -8,7 +8,7 @@ from buses import CHAR_NS, LINE, Found, collect, transactions
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analyzer.deframing.ascii import AsciiDeframer
+from analyzer.deframing.protocols import Deframer
 from analyzer.options import Options
 from captures.chunks import Block, Chunk
 from captures.line import LineSettings
@@ -49,7 +49,7 @@ def ascii_streams(draw: st.DrawFn) -> tuple[list[Chunk], LineSettings]:
 
 def found_in(line: LineSettings, feeds: list[Chunk | Block | int]) -> Found:
     """What comes of blocks and chunks, and of ticks (times, ns)."""
-    deframer = AsciiDeframer(line, Options())
+    deframer = Deframer(line, Options(protocol="ascii"))
     batches = [deframer.tick(feed) if isinstance(feed, int) else deframer.feed(feed) for feed in feeds]
     return collect([*batches, deframer.close()])
 

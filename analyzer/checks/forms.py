@@ -13,14 +13,20 @@ from __future__ import annotations
 
 import pkgutil
 from collections.abc import Callable
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from .model import Measure
 
+if TYPE_CHECKING:
+    from dissectors.maps.units import UnitMaps
+
 Start = Callable[[], Measure]
+CHARTS: Final[ContextVar[UnitMaps | None]] = ContextVar("CHARTS", default=None)
+"""The register maps of units, while a form's function makes a rule."""
 
 TERMINALS: Final = r"""
 thing: WORD+
@@ -44,7 +50,7 @@ SHOWN: Final = {
     "UNIT": "a unit such as ms",
     "RANGE": "addresses such as 4x0-100 or 40001-40100",
     "WORD": "a finding's code or a plain word for it such as 'crc errors'",
-    "FILTER": "a display filter (docs/filters.md)",
+    "FILTER": "a display filter (rtuscope help filters)",
     "$END": "the end",
 }
 

@@ -33,19 +33,18 @@ def said_directions(line: LineSettings) -> tuple[int, int] | None:
     return None
 
 
-def certain_frames(rows: Rows, data: Bytes) -> NDArray[np.bool_]:
+def certain_frames(rows: Rows) -> NDArray[np.bool_]:
     """Which rows are whole frames of declared functions that do not look like one of the other kind."""
     found: NDArray[np.bool_] = (rows["kind"] != Kind.NOISE) & rows["check"]
-    found &= length_tables().certain.take(data.take(np.minimum(rows["at"] + 1, max(len(data) - 1, 0))) & 0x7F)
+    found &= length_tables().certain.take(rows["function"])
     return found
 
 
-def either_way(rows: Rows, data: Bytes) -> NDArray[np.bool_]:
+def either_way(rows: Rows) -> NDArray[np.bool_]:
     """Which rows are whole frames that read alike in both directions, as a write and its echo do."""
-    function = data.take(np.minimum(rows["at"] + 1, max(len(data) - 1, 0)))
     tables = length_tables()
-    alike = tables.known & ~tables.certain & (np.arange(256) < 0x80)
-    found: NDArray[np.bool_] = (rows["kind"] != Kind.NOISE) & rows["check"] & alike.take(function)
+    alike = (tables.known & ~tables.certain).take(rows["function"])
+    found: NDArray[np.bool_] = (rows["kind"] != Kind.NOISE) & rows["check"] & alike & (rows["exception"] == 0)
     return found
 
 
@@ -54,7 +53,7 @@ def settled_directions(rows: Rows, data: Bytes, ports: tuple[int, int]) -> tuple
 
     `rows`: the first ones of both, as they were heard.
     """
-    certain, kind, port = certain_frames(rows, data), rows["kind"], rows["port"]
+    certain, kind, port = certain_frames(rows), rows["kind"], rows["port"]
     counts = [[int((certain & (port == p) & (kind == k)).sum()) for k in (Kind.REQUEST, Kind.RESPONSE)] for p in ports]
     (asked, answered), (others_asked, others_answered) = counts
     first = asked - _SHARE * answered, answered - _SHARE * asked
@@ -73,7 +72,7 @@ def settled_directions(rows: Rows, data: Bytes, ports: tuple[int, int]) -> tuple
 
 def _by_echoes(rows: Rows, data: Bytes, ports: tuple[int, int]) -> tuple[int, int] | None:
     """The same where every frame looks like its echo: an echo follows soon, the next request later."""
-    frames = rows[either_way(rows, data)]
+    frames = rows[either_way(rows)]
     texts = [data[at : at + length].tobytes() for at, length in zip(frames["at"], frames["length"], strict=True)]
     waits: dict[int, list[int]] = {port: [] for port in ports}
     for i in range(1, len(frames)):

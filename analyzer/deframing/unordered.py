@@ -40,7 +40,11 @@ class UnorderedRows:
         at, length = decided.start, decided.end - decided.start
         kind = _KIND_OF_ROLE.take(decided.role)
         framed = kind != 0  # NOISE
-        function = data.take(np.minimum(at + 1, len(data) - 1))
+        if segments.heads is None:
+            last = len(data) - 1
+            unit, function, code = (data.take(np.minimum(at + i, last)) for i in range(3))
+        else:
+            unit, function, code = segments.heads.T
         failed = (framed & (function > 0x7F) & (length >= 3)).nonzero()[0]
         rows = np.zeros(len(at), ROW)
         rows["start"], rows["length"], rows["at"] = at + segments.offset, length, at
@@ -50,8 +54,9 @@ class UnorderedRows:
         for name in GAPS:
             rows[name] = getattr(reads, name)
         rows["confidence"] = 1.0 / (1.0 + np.exp2(-np.maximum(decided.margin, 0.0)))
-        rows["unit"], rows["function"] = data.take(at) * framed, (function & 0x7F) * framed
-        rows["exception"][failed] = data.take(at[failed] + 2)
+        rows["unit"], rows["function"] = unit * framed, (function & 0x7F) * framed
+        rows["exception"][failed] = code[failed]
+        rows["protocol"] = segments.protocol
         why = evidence_rows(0) if decided.why is None else decided.why
         return cls(rows, data, reads.head, reads.tail, reads.heard, why)
 

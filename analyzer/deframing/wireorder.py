@@ -13,7 +13,7 @@ when all that was heard within the horizon behind it is known.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 from dissectors.answers import Expectation, expectation
 
-from ..tables.schema import NO_GAP, Kind
+from ..tables.frame import adu_of
+from ..tables.schema import NO_GAP, Kind, Protocol
 from .directions import either_way, said_directions, settled_directions
 from .unordered import UnorderedRows
 
@@ -49,6 +50,10 @@ class Across(NamedTuple):
     answers: NDArray[np.bool_]
     requests: int
     unsure_ns: NDArray[np.int64]  # response times up to this may be the clocks' doing
+
+    def of(self, which: NDArray[Any]) -> Across:
+        """The same of some rows."""
+        return Across(self.answers[which], self.requests, self.unsure_ns[which])
 
 
 class WireOrder:
@@ -80,6 +85,8 @@ class WireOrder:
         if self._since is None:
             return UnorderedRows.joined(parts), None
         loose = UnorderedRows.joined([self._held, *parts])
+        if self._directions is not None and (loose.rows["protocol"] == Protocol.TCP).any():
+            self._directions = None  # its transactions are numbered, and several may be open
         heard = loose.heard
         order = np.lexsort((loose.rows["port"], heard))
         known = len(order) if until is None else int(np.searchsorted(heard[order], until))
@@ -118,7 +125,7 @@ class WireOrder:
         kinds = dict(zip(self._directions, (Kind.REQUEST, Kind.RESPONSE), strict=True))
         for port, kind in kinds.items():
             mine = which[(loose.rows["port"][which] == port) & (loose.rows["kind"][which] != kind)]
-            mine = mine[either_way(loose.rows[mine], loose.data)]
+            mine = mine[either_way(loose.rows[mine])]
             loose.rows["kind"][mine] = kind
 
 
@@ -196,7 +203,8 @@ class _Merge:
         """Of rows (places in `loose`, as heard) those that can be placed, and how unsure times are at each."""
         rows = loose.rows[which]
         self._loose, self._which = loose, which.tolist()
-        names = ("kind", "port", "at", "length", "t_start", "t_end", "reads", "gap_most", "gap_least", "check")
+        names = ("kind", "port", "at", "length", "t_start", "t_end", "reads", "gap_most", "gap_least", "check",
+                 "protocol")  # fmt: skip
         self._columns = {name: rows[name].tolist() for name in names}
         self._heard = loose.heard[which].tolist()
         column = self._columns["port"]
@@ -287,4 +295,6 @@ class _Merge:
 
     def _adu(self, i: int) -> bytes:
         at, length = self._columns["at"][i], self._columns["length"][i]
-        return self._loose.data[at : at + length].tobytes()
+        adu = self._loose.data[at : at + length].tobytes()
+        protocol = self._columns["protocol"][i]
+        return adu if protocol == Protocol.RTU else adu_of(adu, Protocol(protocol)).data

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from datetime import tzinfo
 from itertools import islice
@@ -32,7 +33,8 @@ _PORTION: Final = re.compile(rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST
 class Piece:
     """Bytes of a log with what is known of them; `t_ns` counts on past midnight where the log has times of day.
 
-    `continues` says that these bytes belong to the same read, or dump, as the piece before. `port` names who speaks.
+    `continues` says that these bytes belong to the same read, or dump, as the piece before. `port` names who speaks,
+    `envelope` the protocol that check values say these bytes are of.
     """
 
     data: bytes
@@ -43,6 +45,7 @@ class Piece:
     t_ns: int | None = None
     port: str = ""
     continues: bool = False
+    envelope: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,13 +65,25 @@ class LogReader:
     """Reads a text: `feed` its lines, then `close`.
 
     `zone` is that of dates without one (None: this machine's), `sample_rate` that of logs that count samples, in Hz.
+    `experience` is what another reader learnt of the same text, in place of `learn`.
     """
 
-    def __init__(self, judge: Judge = no_judge, zone: tzinfo | None = None, sample_rate: float | None = None) -> None:
+    def __init__(
+        self,
+        judge: Judge = no_judge,
+        zone: tzinfo | None = None,
+        sample_rate: float | None = None,
+        experience: Experience | None = None,
+    ) -> None:
         self._judge, self._zone, self._sample_rate = judge, zone, sample_rate
-        self._experience = Experience()
+        self._experience = Experience() if experience is None else experience
         self._lines = self._line_reader()
         self._held: list[LogLine] = []
+
+    @property
+    def experience(self) -> Experience:
+        """What was learnt, for another reader of the same text (a copy: it goes on learning)."""
+        return deepcopy(self._experience)
 
     @property
     def zoneless(self) -> bool:
@@ -161,7 +176,8 @@ def _given(line: LogLine) -> Iterator[Piece | Unread]:
     text = line.text if len(line.text) <= 200 else line.text[:197] + "..."
     for i, run in enumerate(taken):
         continues = line.continues and not i
-        yield Piece(run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues)
+        envelope = run.checked[0].envelope if run.checked else ""
+        yield Piece(run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues, envelope)
     if line.problem is not None:
         yield Unread(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))
     for run in taken:
