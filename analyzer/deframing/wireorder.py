@@ -29,6 +29,7 @@ from .unordered import UnorderedRows
 _SETTLE_FRAMES: Final = 32  # by which directions are settled
 _SETTLE_NS: Final = 2_000_000_000  # or those heard in this time
 _MOST_NS: Final = 60_000_000  # that two adapters' times may be apart: latency timers, jitter, clocks set by hand
+_AHEAD_NS: Final = 32_000_000  # that an answer may seem to come before its request
 _LEAST_NS: Final = 2_000_000
 _EVER: Final = -(1 << 62)
 _EVERY: Final = 64  # frames, after which the horizon is measured anew
@@ -65,6 +66,7 @@ class WireOrder:
         self._held = UnorderedRows.nothing()
         self._directions = said_directions(line)
         self._settled = self._directions is not None
+        self._newest: UnorderedRows | None = None  # one row, of before there were two
         self._merge = _Merge()
 
     @property
@@ -83,7 +85,9 @@ class WireOrder:
     def take(self, parts: Sequence[UnorderedRows], until: int | None) -> tuple[UnorderedRows, Across | None]:
         """Rows whose places are certain, with more of them; all that was heard before `until` is known (None: all)."""
         if self._since is None:
-            return UnorderedRows.joined(parts), None
+            loose = UnorderedRows.joined(parts)
+            self._remember(loose, np.arange(len(loose.rows)))
+            return loose, None
         loose = UnorderedRows.joined([self._held, *parts])
         if self._directions is not None and (loose.rows["protocol"] == Protocol.TCP).any():
             self._directions = None  # its transactions are numbered, and several may be open
@@ -91,6 +95,7 @@ class WireOrder:
         order = np.lexsort((loose.rows["port"], heard))
         known = len(order) if until is None else int(np.searchsorted(heard[order], until))
         early = min(known, int(np.searchsorted(heard[order], self._since)))  # before there was a second port
+        self._remember(loose, order[:early])
         if not self._settled and known > early:
             self._settle(loose, order[early:known], until)
         if not self._settled or self._directions is None:
@@ -98,6 +103,9 @@ class WireOrder:
             self._held = loose.picked(order[count:])
             return loose.picked(order[:count]), None
         self._turn(loose, order[early:])
+        if self._newest is not None:
+            self._merge.begin(self._newest, self._directions[0])
+            self._newest = None
         placed, unsure = self._merge.order(loose, order[early:], self._directions, until)
         left = np.ones(len(order), np.bool_)
         left[order[:early]] = left[placed] = False
@@ -108,6 +116,11 @@ class WireOrder:
         across = found.rows["port"] == answers
         across[:early] = False
         return found, Across(across, asks, np.concatenate((np.zeros(early, np.int64), unsure)))
+
+    def _remember(self, loose: UnorderedRows, which: NDArray[np.intp]) -> None:
+        """Keep the newest row that was heard before there was a second port."""
+        if len(which):
+            self._newest = loose.picked(which[-1:])
 
     def _settle(self, loose: UnorderedRows, order: NDArray[np.intp], until: int | None) -> None:
         """Settle directions by the first frames, once there are enough of them."""
@@ -228,6 +241,14 @@ class _Merge:
             at[lane] = upto
         return which[np.array(placed, np.intp)], np.array(unsure, np.int64)
 
+    def begin(self, newest: UnorderedRows, requests: int) -> None:
+        """The row before there were two ports may be a request that is still open."""
+        row = newest.rows[0]
+        if row["kind"] == Kind.REQUEST and row["port"] == requests and row["unit"] and row["check"]:
+            adu, protocol = newest.data.tobytes(), Protocol(int(row["protocol"]))
+            self._asked = expectation(adu if protocol == Protocol.RTU else adu_of(adu, protocol).data)
+            self._asked_ns = (int(newest.heard[0]), int(row["t_end"]))
+
     def _next(self, lanes: list[list[int]], at: list[int], horizon: int) -> tuple[int, int]:
         """The lane that goes on, and up to where."""
         heads = [self._head(lanes[lane], at[lane], horizon) for lane in (0, 1)]
@@ -266,7 +287,10 @@ class _Merge:
             if second is not None and asks.fits(self._adu(second.row)):
                 return 1
             return self._nearer(request, answer)
-        return 1 if ours else 0
+        if ours:
+            return 1
+        ahead = self._columns["t_end"][request] - self._columns["t_start"][answer]
+        return 0 if ahead <= _AHEAD_NS else None
 
     def _nearer(self, request: int, answer: int) -> int:
         """The same where the answer fits both: was the request before given up?"""
