@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from dissectors.maps.units import UnitMaps
 
 
-def add_map_argument(parser: argparse.ArgumentParser) -> None:
+def add_map_argument(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """--map."""
     parser.add_argument(
         "--map",

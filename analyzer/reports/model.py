@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from ..causes.model import Cause
     from ..outages import Deaf
+    from ..registers.watch import WatchedValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +135,7 @@ class Report:
     filter: str = ""  # what the rest of the report is narrowed to
     causes: tuple[Cause, ...] = ()  # what explains the findings, best first; none on a healthy bus
     findings: tuple[FindingRow, ...] = ()  # those that cost the bus most come first
+    values: tuple[WatchedValue, ...] = ()  # what registers held, by a map or as far as inference is sure
     notes: tuple[Note, ...] = ()  # of a recording: what happened besides bytes
     deaf: tuple[Deaf, ...] = ()  # of a recording: when it heard nothing
 
