@@ -266,4 +266,6 @@ def summarize(
     if ledger is None:
         return replace(report, filter="" if filter is None else filter.text)
     ledger.close()
+    if values is not None:
+        ledger.values = values.troubles()
     return replace(report, causes=tuple(causes_of(ledger)))
