@@ -84,3 +84,16 @@ def test_lines_as_they_happen(bus: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert all("values" not in json.loads(line) for line in ran(capsys, *replay, "--json").out.splitlines())
     hot = ran(capsys, *replay, "--filter", "value(Temperature) > 0", *MAPS)
     assert hot.out and all("Temperature" in line for line in hot.out.splitlines())
+
+
+def test_in_python_and_as_arrow(bus: Path) -> None:
+    named = analyzer.open(bus).with_maps(*MAPS[1::2])
+    rows = [row for row in named.records("values") if row["name"] == "Voltage L1"]
+    assert rows and all(row["unit_of_measure"] == "V" for row in rows)
+    assert {value.name for value in named.report().values} >= {"Voltage L1", "Temperature"}
+    high = sorted(row["value"] for row in rows)[-1]
+    assert len(list(named.filter(f'value("Voltage L1") >= {high:.4f} V').frames())) >= 1
+    pytest.importorskip("pyarrow")
+    table = named.to_arrow("values")
+    assert table.column("value").to_pylist() == [row["value"] for row in named.records("values")]
+    assert analyzer.open(bus).to_arrow().num_rows > 0
