@@ -1,14 +1,8 @@
-"""Values that tell trouble: what is planted is found, and a healthy device is never accused."""
+"""Values out of the limits of their map."""
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
 import numpy as np
-import pytest
-from buses import adu
-from running import ran
 
 from analyzer.registers.limits import limit_breaches
 from analyzer.registers.readings import RegisterReadings
@@ -54,22 +48,3 @@ def test_numbers_out_of_a_maps_limits() -> None:
     rows = (MappedValue("input", 100, "Voltage", "f32", length=2, unit="V", maximum=200.0),)
     (found,) = limit_breaches(readings_of(u1=meter()), {1: RegisterMap("x", rows)})
     assert found.unit == 1 and "Voltage" in found.text and "greatest value 200" in found.text
-
-
-def test_troubles_are_causes_in_the_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A unit that hangs, polled with another that lives; a healthy pair has no cause."""
-    for name, frozen in (("sick", 70), ("well", None)):
-        tables = {1: meter(frozen=frozen), 2: meter(seed=5)}
-        reads, now = [], 0
-        for row in range(ROWS):
-            for unit, table in tables.items():
-                data = table[row].astype(">u2").tobytes()
-                for frame in (bytes((unit, 4, 0, 100, 0, 9)), bytes((unit, 4, len(data))) + data):
-                    now += 20_000_000
-                    reads.append({"t_ns": now, "hex": adu(frame.hex()).hex()})
-        path = tmp_path / f"{name}.jsonl"
-        header = {"format": "serial-chunks", "version": 1, "baud": 19200, "char_bits": 11}
-        path.write_text("".join(f"{json.dumps(line)}\n" for line in (header, *reads)))
-        report = json.loads(ran(capsys, "report", path, "--values", "--json").out)
-        causes = [(cause["cause"], cause["units"]) for cause in report["causes"]]
-        assert causes == ([("frozen-values", [1])] if frozen else []), causes
