@@ -26,7 +26,7 @@ from analyzer.exports import export
 from analyzer.model import goto, search
 from analyzer.model.bus import Bus
 from analyzer.model.notes import Notes, NotesError
-from analyzer.model.registers import history
+from analyzer.model.registers import RegisterSeries
 from analyzer.model.selection import Everything, Selection, conversations, frames_only, within
 from analyzer.model.source import CaptureSource
 from analyzer.model.table import COLUMNS, PIECE, ByteStore, RowTable, ShortTimes
@@ -149,7 +149,8 @@ def test_registers_are_the_newest_values_that_frames_carry(each: int) -> None:
     for register in found[:: max(1, len(found) // 10)]:
         name = f"{'b' if register.area < 2 else 'r'}{register.address}"
         values = expected[register.unit, areas[register.area], name]
-        assert [reading.value for reading in history(bus, register)] == values[-512:]
+        series = RegisterSeries(register.unit, register.area, register.address).extend(bus)
+        assert series.readings()[2][:, 0].tolist() == values
         assert register.before == (values[-2] if len(values) > 1 else None)
 
 
@@ -230,6 +231,10 @@ def test_every_finding_on_a_row_is_marked_there_and_can_be_jumped_to(wire: str, 
     last = max(standing)
     assert found.rows_beyond(last, 1).tolist() == []
     assert found.rows_beyond(last, -1).tolist() == sorted(standing - {last}, reverse=True)
+
+
+def test_causes_are_those_of_the_analysis(troubled: Bus) -> None:
+    assert troubled.causes() == analyzer.open(samples.path("troubled.jsonl")).causes() != []
 
 
 def test_search_finds_bytes_text_and_values(troubled: Bus) -> None:

@@ -21,7 +21,8 @@ from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.findings import FindingList
 from analyzer.tui.help import Help
 from analyzer.tui.pastepane import PasteText, PieceList
-from analyzer.tui.registerlist import History, RegisterList
+from analyzer.tui.plot import Plot
+from analyzer.tui.registerlist import RegisterList
 from analyzer.tui.timeline import Timeline
 from analyzer.tui.unitlist import UnitList
 from captures import samples
@@ -66,10 +67,11 @@ def test_views_of_conversations_findings_units_registers_timeline_and_report(cap
         registers = screen.query_one(RegisterList)
         assert registers.count() == len(sitting.bus.registers)
         await sitting.press("end")
-        await sitting.until(lambda: "readings" in screen.query_one("#history", History).title)
-        before = sitting.shown()
-        await sitting.press("v")
-        assert sitting.shown() != before and "s16" in sitting.shown()
+        await sitting.until(lambda: "readings" in screen.query_one(Plot).title)
+        await sitting.press("home", "v")
+        assert (
+            registers.register is not None and registers.meaning(registers.owner(registers.register)).source == "yours"
+        )
         await sitting.press("enter")
         assert screen.view == "frames"
         await sitting.press("7")

@@ -67,7 +67,7 @@ class Rtuscope(App[None]):
         return [*super().get_line_filters(), HARMLESS]
 
     def get_default_screen(self) -> Screen[None]:
-        return BusScreen(self.desk, view=self._view)
+        return BusScreen(self.desk, self.wire, view=self._view)
 
     def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:
         """What Textual would send, as the difference from what stands there."""

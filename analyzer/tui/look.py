@@ -120,7 +120,7 @@ def _facts(desk: ViewState, row: int, frame: Frame | None = None) -> tuple[Item,
     facts: list[tuple[str, str]] = []
     if bus.timed:
         t = table.value("t_start", row)
-        facts.append(("time", date_and_time(t)))
+        facts.append(("time", date_and_time(t, desk.zone)))
         facts.append(("since start", f"{seconds(t - bus.t_first)} s"))
         facts.append(("on the wire", short(table.value("t_end", row) - t)))
         gap = bus.gap_ns(row)
