@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -77,11 +78,17 @@ def terminal(tmp_path: Path) -> Iterator[Watched]:
 
 
 def cost(terminal: Watched, keys: str, times: int = 1, quiet: float = 0.5) -> float:
+    """Bytes that a key costs, however slow the machine is to begin with sending them."""
     terminal.settle(quiet)
-    terminal.count = 0
+    total = 0
     for _ in range(times):
+        terminal.count = 0
         terminal.press(keys, quiet)
-    return terminal.count / times
+        if not terminal.count:
+            with suppress(AssertionError):
+                terminal.until(lambda: terminal.count > 0, 5).settle(quiet)
+        total += terminal.count
+    return total / times
 
 
 def test_a_key_costs_little(terminal: Watched) -> None:

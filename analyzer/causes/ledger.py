@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +18,7 @@ from captures.line import LineSettings
 from ..diagnosis.tap_clock import COLUMNS, TapClock
 from ..options import Options
 from ..tables.batch import Batch
-from ..tables.schema import NO_GAP, Kind, Rows
+from ..tables.schema import NO_GAP, Kind, Protocol, Rows, take_rows
 from ..tables.transactions import NEVER, Status
 from .columntable import ColumnTable
 from .exchanges import ANSWERED, ExchangeBuilder, Outcome, RowTable, Stretch, Unowned
@@ -79,6 +80,8 @@ class Ledger:
 
     def feed(self, batch: Batch, transactions: Rows) -> None:
         """The next rows, with the transactions that began among them."""
+        if (networked := batch.rows["protocol"] == Protocol.TCP).any():  # what happens there has no wire for a cause
+            batch = replace(batch, rows=take_rows(batch.rows, ~networked))
         if not len(batch):
             return
         table = RowTable.of(batch)

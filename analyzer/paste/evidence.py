@@ -15,7 +15,7 @@ from dissectors.answers import expectation
 from dissectors.crc import crc_ok
 from dissectors.declaration import EXCEPTION
 from dissectors.envelopes import MBAP, ascii_frames, tcp_frames
-from dissectors.lengths import Role, pdu_length, rule
+from dissectors.lengths import Role, pdu_length, rule, sound_roles
 
 from .tiling import LEAST, MOST, predicted
 
@@ -92,15 +92,6 @@ def _tcp(data: bytes) -> Iterator[Checked]:
     if predicted_roles(data):
         return  # as well an RTU frame that was damaged
     for adu in tcp_frames(data):
-        if len(adu.data) != MBAP - 1 + int.from_bytes(adu.data[4:6], "big") or not sound(adu.pdu):
+        if len(adu.data) != MBAP - 1 + int.from_bytes(adu.data[4:6], "big") or not sound_roles(adu.pdu):
             return
         yield Checked(adu.start, adu.start + adu.length, _answers_itself(adu.data[MBAP - 1 :]))
-
-
-def sound(pdu: bytes) -> bool:
-    """Whether a PDU is of a declared function and as long as it predicts in either role."""
-    for role in Role:
-        declared = rule(pdu[0], role) if pdu else None
-        if declared is not None and (declared.variable or pdu_length(pdu, role) == len(pdu)):
-            return True
-    return False

@@ -27,6 +27,7 @@ class Protocol(IntEnum):
 
     RTU = 0
     ASCII = 1
+    TCP = 2
 
 
 class Direction(IntEnum):
@@ -53,7 +54,7 @@ ROW = np.dtype(
         ("unit", np.uint8),
         ("function", np.uint8),  # without the exception bit
         ("exception", np.uint8),  # exception code, 0 for none
-        ("check", np.bool_),  # CRC or LRC right
+        ("check", np.bool_),  # CRC or LRC right; of Modbus TCP, which has none, True
         ("port", np.uint8),
         ("protocol", np.uint8),  # Protocol
         ("contested", np.bool_),  # noise, or a frame in whose bytes another could end

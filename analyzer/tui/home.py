@@ -179,7 +179,7 @@ def _cause_items(cause: Cause) -> tuple[Item, ...]:
         ("frames", ", ".join(f"{index:,}" for index in cause.frames) + "   Enter goes there" if cause.frames else ""),
     )  # fmt: skip
     kinds = {"what": "strong", "do": "good"}
-    return tuple(Item(name, text, kind=kinds.get(name, ""), label=f"{name:<10}") for name, text in facts if text)
+    return tuple(Item(name, text, kind=kinds.get(name, ""), label=f"{name:<11}") for name, text in facts if text)
 
 
 def _unit_items(unit: UnitRow, causes: Sequence[Cause]) -> tuple[Item, ...]:
@@ -192,17 +192,17 @@ def _unit_items(unit: UnitRow, causes: Sequence[Cause]) -> tuple[Item, ...]:
         Item(
             "asked",
             f"{counts.requests:,}: " + ", ".join(f"{number:,} {word}" for number, word in ended if number),
-            label=f"{'asked':<10}",
+            label=f"{'asked':<11}",
         )
     ]
     if times.count:
         said = f"half within {short(times.p50_ns)}, 95% within {short(times.p95_ns)}, {short(times.max_ns)} at most"
-        items.append(Item("answers", said, label=f"{'answers':<10}"))
+        items.append(Item("answers", said, label=f"{'answers':<11}"))
     mine = [cause for cause in causes if unit.unit in cause.units]
     items += [
-        Item(f"cause {i}", cause.text, kind=cause.severity, label=f"{'cause':<10}") for i, cause in enumerate(mine)
+        Item(f"cause {i}", cause.text, kind=cause.severity, label=f"{'cause':<11}") for i, cause in enumerate(mine)
     ]
-    items.append(Item("Enter", "its rows alone", kind="dim", label=f"{'Enter':<10}"))
+    items.append(Item("Enter", "its rows alone", kind="dim", label=f"{'Enter':<11}"))
     return tuple(items)
 
 

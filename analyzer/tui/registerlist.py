@@ -13,7 +13,7 @@ from textual.containers import Vertical
 from captures import CaptureError
 from dissectors.values import AREAS, logical
 
-from ..model.meanings import CHOICES, PLAIN, Meaning, Spot, chosen, told
+from ..model.meanings import AREA_WORDS, CHOICES, PLAIN, Meaning, Spot, chosen, told
 from ..model.registers import RegisterSeries, WatchedRegister
 from ..words import short
 from .lines import Lines
@@ -109,7 +109,7 @@ class RegisterList(Lines):
         meaning = self.meaning(spot)
         bit = register.area < _BIT_AREAS
         members = self._members(register, meaning)
-        name = meaning.name or AREAS[_AREA_NAMES[register.area]]
+        name = meaning.name or AREA_WORDS[register.area]
         room = _name_width(width)
         name = name if len(name) <= room else name[: room - 1] + "…"
         pieces = [

@@ -170,7 +170,7 @@ class BusScreen(Screen[None]):
         if frames.live and not bus.whole:
             where += ", following" if frames.following else f", {waiting:,} below (F follows)"
         if self.jobs.scope.narrows and not BY_NAME[self.view].filtered and self.view != "paste":
-            where = "the whole capture: filter and span are for Frames, Conversations, Findings"
+            where = "whole capture, unfiltered"
         if self.picked.anchor is not None:
             where += f", {len(self.picked.rows()):,} selected"
         self.query_one(StatusLine).say(where, self.jobs.doing)

@@ -121,6 +121,10 @@ class Wire:
                 continue
             for i, (cell, look) in enumerate(zip(cells, own, strict=True), at):
                 if texts[i] != cell or looks[i] != look:
+                    if not texts[i]:  # the other half of a wide character goes with this one
+                        texts[i - 1], looks[i - 1] = " ", None
+                    if i + 1 < width and not texts[i + 1]:
+                        texts[i + 1], looks[i + 1] = " ", None
                     texts[i], looks[i] = cell, look
                     yield i
 
