@@ -148,8 +148,8 @@ class BusScreen(Screen[None]):
         self.query_one(Tabs).choose(view)
         self.detail.display = record.detail
         self.query_one(FilterBar).display = record.filtered
-        for each in VIEWS:
-            self.set_class(each is record, f"-{each.name}")
+        for name in ("home", "paste"):  # of the pane alone: a class of the screen would style every widget anew
+            self.detail.set_class(view == name, f"-{name}")
         record.shown(self)
         self.refresh_view()
         self.refresh_bindings()
