@@ -3,48 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from analyzer.registers.limits import limit_breaches
 from analyzer.registers.readings import RegisterReadings
 from dissectors.maps import RegisterMap
 from dissectors.maps.model import MappedValue
 
-ROWS = 120
 
-
-def words_of(values: np.ndarray, form: str) -> np.ndarray:
-    return np.asarray(values).astype(form).view(">u2").reshape(len(values), -1).astype(np.uint16)
-
-
-def walk(seed: int, level: float, step: float) -> np.ndarray:
-    return level + np.cumsum(np.random.default_rng(seed).normal(0, step, ROWS))
-
-
-def meter(*, frozen: int | None = None, torn: bool = False, swapped: bool = False, seed: int = 0) -> np.ndarray:
-    """Three floats, a 16-bit value and a counter of 32 bits."""
-    floats = [walk(seed + n, 230 + n, 0.4) for n in range(3)]
-    counter = 65_536 * 7 - 300 + 11 * np.arange(ROWS)
-    counted = words_of(counter, ">u4")
-    if torn:
-        carry = int(np.flatnonzero(np.diff(counted[:, 0].astype(int)))[0]) + 1
-        counted[carry, 0] -= 1
-    columns = [words_of(series, ">f4") for series in floats] + [counted]
-    if swapped:
-        columns = [column[:, ::-1] for column in columns]
-    table = np.concatenate([*columns, words_of(walk(seed + 9, 4000, 30), ">u2")], axis=1)
-    if frozen is not None:
-        table[frozen:] = table[frozen]
-    return table
-
-
-def readings_of(**units: np.ndarray) -> RegisterReadings:
+@pytest.mark.parametrize(("maximum", "said"), [(200.0, "greatest value 200"), (500.0, None)])
+def test_numbers_out_of_a_maps_limits(maximum: float, said: str | None) -> None:
+    volts = (230 + np.arange(120) % 7).astype(">f4").view(">u2").reshape(-1, 2).astype(np.uint16)
     readings = RegisterReadings()
-    for name, table in units.items():
-        readings.put(int(name[1:]), "input", 100, table, np.arange(ROWS) * 1_000_000_000)
-    return readings
-
-
-def test_numbers_out_of_a_maps_limits() -> None:
-    rows = (MappedValue("input", 100, "Voltage", "f32", length=2, unit="V", maximum=200.0),)
-    (found,) = limit_breaches(readings_of(u1=meter()), {1: RegisterMap("x", rows)})
-    assert found.unit == 1 and "Voltage" in found.text and "greatest value 200" in found.text
+    readings.put(1, "input", 100, volts, np.arange(120) * 1_000_000_000)
+    row = MappedValue("input", 100, "Voltage", "f32", length=2, unit="V", maximum=maximum)
+    found = limit_breaches(readings, {1: RegisterMap("x", (row,))})
+    assert [breach.unit for breach in found] == ([1] if said else [])
+    assert not said or ("Voltage" in found[0].text and said in found[0].text)
