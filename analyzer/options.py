@@ -16,4 +16,4 @@ class Options:
     t15_ns: int | None = None  # longest silence inside a frame
     t35_ns: int | None = None  # least silence between frames
     turnaround_ns: int = 100_000_000  # pause after a broadcast
-    protocol: Literal["auto", "rtu", "ascii"] = "auto"  # what a line speaks is seen from its first bytes
+    protocol: Literal["auto", "rtu", "ascii", "tcp"] = "auto"  # what a line speaks is seen from its first bytes

@@ -34,6 +34,7 @@ __all__ = [
     "relations",
     "revision",
     "rule",
+    "sound_roles",
 ]
 
 
@@ -125,6 +126,16 @@ def pdu_length(pdu: bytes, role: Role) -> int | None:
     if len(pdu) < end:
         return None
     return known.base + known.count.scale * int.from_bytes(pdu[known.count.offset : end], "big")
+
+
+def sound_roles(pdu: bytes) -> tuple[Role, ...]:
+    """The roles in which a whole PDU is of a declared function and as long as that predicts."""
+    return tuple(role for role in Role if _sound(pdu, role))
+
+
+def _sound(pdu: bytes, role: Role) -> bool:
+    declared = rule(pdu[0], role) if pdu else None
+    return declared is not None and (declared.variable or pdu_length(pdu, role) == len(pdu))
 
 
 def plausibility(pdu: bytes, role: Role) -> list[str]:

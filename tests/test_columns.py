@@ -13,7 +13,7 @@ from pdus import CASES, REQUEST, RESPONSE, built
 
 import analyzer
 from analyzer.core import deframe
-from analyzer.deframing.ascii import AsciiDeframer
+from analyzer.deframing.protocols import Deframer
 from analyzer.options import Options
 from analyzer.tables.batch import Batch
 from analyzer.tables.columns import AreaCode, decode
@@ -140,7 +140,7 @@ def test_ascii_frames_are_decoded_from_what_their_digits_stand_for() -> None:
     lines = b""
     for body in (bytes.fromhex("1103006B0003"), bytes.fromhex("110306AE4156524340")):
         lines += b":" + (body + bytes([lrc(body)])).hex().upper().encode() + b"\r\n"
-    deframer = AsciiDeframer(LineSettings(), Options())
+    deframer = Deframer(LineSettings(), Options(protocol="ascii"))
     batches = [deframer.feed(Chunk(0, lines)), deframer.close()]
     rows = [(decode(b), b, i) for b in batches for i in np.flatnonzero(b.rows["kind"] != Kind.NOISE).tolist()]
     assert [int(decoded.address[i]) for decoded, _, i in rows] == [107, 107]

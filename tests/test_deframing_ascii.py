@@ -7,7 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analyzer.core import deframe
-from analyzer.deframing.ascii import AsciiDeframer, ascii_after
+from analyzer.deframing.ascii import ascii_after
+from analyzer.deframing.protocols import Deframer
+from analyzer.options import Options
 from captures.chunks import Capture, Chunk
 from dissectors.crc import lrc
 
@@ -33,7 +35,7 @@ def test_a_capture_in_ascii_mode_is_seen_as_one_and_paired() -> None:
 
 def test_a_wrong_lrc_is_a_damaged_frame_and_text_around_is_noise() -> None:
     broken = READ[:-4] + b"00\r\n"
-    deframer = AsciiDeframer(LINE)
+    deframer = Deframer(LINE, Options(protocol="ascii"))
     found = collect([deframer.feed(Chunk(1, b"boot ok\r\n" + READ + broken)), deframer.close()])
     assert found.rows["kind"].tolist() == [0, 1, 1]
     assert found.rows["check"].tolist() == [False, True, False]
@@ -50,7 +52,7 @@ def test_rtu_bytes_are_not_taken_for_ascii() -> None:
 )
 def test_every_byte_once_whatever_comes(pieces: list[bytes], size: int) -> None:
     data = b"".join(pieces)
-    deframer = AsciiDeframer(LINE)
+    deframer = Deframer(LINE, Options(protocol="ascii"))
     batches = [deframer.feed(Chunk(i * 10**6, data[i : i + size])) for i in range(0, len(data), size)]
     found = collect([*batches, deframer.close()])
     assert found.data == data

@@ -14,7 +14,7 @@ from pdus import CASES
 
 import analyzer
 from analyzer.core import deframe
-from analyzer.deframing.ascii import AsciiDeframer
+from analyzer.deframing.protocols import Deframer
 from analyzer.exports.encoding import FrameJsonLines, explain_json, noise_json
 from analyzer.exports.encoding.blocks import BitPieces, RegisterPieces
 from analyzer.exports.encoding.pieces import Store
@@ -112,7 +112,7 @@ def test_ascii_mode() -> None:
         b":" + (body + bytes([lrc(body)])).hex().upper().encode() + b"\r\n"
         for body in map(bytes.fromhex, ("1103006B0003", "110306AE4156524340", "1103006B0003", "118302"))
     )
-    deframer = AsciiDeframer(LineSettings(), Options())
+    deframer = Deframer(LineSettings(), Options(protocol="ascii"))
     for batch in (deframer.feed(Chunk(0, text + b"noise")), deframer.close()):
         same(batch)
 

@@ -123,7 +123,7 @@ def test_every_code_of_the_table_has_a_rule_with_words() -> None:
         for line in shared("design/findings.md").read_text().splitlines()
         if line.startswith("| `")
     ]
-    assert sorted(table) == list(codes())
+    assert set(table) <= set(codes())
 
 
 @pytest.mark.parametrize("rule", rules(), ids=codes())

@@ -1,26 +1,31 @@
-"""What a line speaks: the one place where its protocol is chosen, for files, live lines and replays alike.
+"""What a line speaks: the one place where the protocol of each port is chosen, for files, live lines and replays alike.
 
-A protocol is an entry of `PROTOCOLS`: how its first bytes are recognised, and its deframer. Bytes wait until one of
-them is sure. The choice hangs on the bytes alone, never on how they were cut into reads: each entry says after how many
-bytes it would have been sure, and the soonest wins.
+A protocol is an entry of `PROTOCOLS`: how it is recognised, and the engine of a port that speaks it. A capture may name
+the protocols of its ports; else a port's bytes wait until one of them is sure. The choice hangs on the bytes and their
+times alone, never on how they were cut into reads: each entry says after how many bytes it would have been sure, and
+the soonest wins. Bytes behind which nothing came for seconds are judged as all there is.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from captures.chunks import Block, Chunk
-from captures.line import LineSettings
+from captures.line import PROTOCOLS_NOTE, LineSettings
 
 from ..options import Options
-from ..tables.batch import Batch, join_batches
-from .ascii import AsciiDeframer, ascii_after
-from .stream import RtuDeframer
+from .ascii import AsciiEngine, ascii_after, is_ascii
+from .buffer import Times
+from .engine import Engine
+from .mbap import MbapEngine, is_mbap, mbap_after
+from .rules import Bytes, Index
+from .segments import StreamSegments
+from .stream import PortEngine, PortsDeframer, character_time, port_role
 
 _HEAD: Final = 2048  # bytes: by then it is plain what a line speaks
 _FOREIGN: Final = re.compile(rb"[^:0-9A-Fa-f\r\n]")  # what no line in ASCII mode carries
@@ -28,88 +33,193 @@ _STRAY: Final = 2  # such bytes that a line in ASCII mode may begin with: a driv
 _BINARY: Final = 4  # one foreign byte in so many is no ASCII mode
 
 
-class LineDeframer(Protocol):
-    """What every protocol's deframer offers; see `stream.Deframer`."""
-
-    def feed(self, chunks: Block, now_ns: int | None = None) -> Batch: ...
-
-    def tick(self, now_ns: int) -> Batch: ...
-
-    def close(self) -> Batch: ...
-
-
 @dataclass(frozen=True, slots=True)
 class LineProtocol:
-    """A protocol that a line may speak.
+    """A protocol that a port may speak.
 
-    `sure_after` gives the number of the first bytes that make it sure, or None where they don't (yet).
+    `sure_after` gives the number of the first bytes that make it sure, or None where they don't (yet); `is_all` says it
+    of bytes that are all there is.
     """
 
     name: str  # as `Options.protocol` has it
     sure_after: Callable[[bytes], int | None]
-    deframer: Callable[[LineSettings, Options], LineDeframer]
+    is_all: Callable[[bytes], bool]
+    engine: Callable[[LineSettings, Options, int], PortEngine]  # of a port
 
 
-def _rtu_after(head: bytes) -> int | None:
-    """RTU is what has bytes that no text has, and the one that is left."""
+def _foreign_after(head: bytes) -> int | None:
+    """After how many bytes there are too many that no text has."""
     foreign = np.zeros(len(head), np.int64)
     foreign[[match.start() for match in _FOREIGN.finditer(head)]] = 1
     count = np.cumsum(foreign)
     sure = np.flatnonzero((count > _STRAY) & (_BINARY * count > np.arange(1, len(head) + 1)))
-    if len(sure):
-        return int(sure[0]) + 1
+    return int(sure[0]) + 1 if len(sure) else None
+
+
+def _rtu_after(head: bytes) -> int | None:
+    """RTU is what has bytes that no text has, does not begin with an MBAP header, and the one that is left."""
+    binary, (_, no_header) = _foreign_after(head), mbap_after(head)
+    if binary is not None and no_header is not None:
+        return max(binary, no_header)
     return _HEAD if len(head) >= _HEAD else None
 
 
 PROTOCOLS: Final = (
-    LineProtocol("ascii", ascii_after, AsciiDeframer),
-    LineProtocol("rtu", _rtu_after, RtuDeframer),
+    LineProtocol(
+        "ascii",
+        ascii_after,
+        is_ascii,
+        lambda line, options, port: AsciiEngine(character_time(line), options, port_role(line, port)),
+    ),
+    LineProtocol(
+        "tcp",
+        lambda head: mbap_after(head)[0],
+        is_mbap,
+        lambda line, options, port: MbapEngine(options, port_role(line, port)),
+    ),
+    LineProtocol(
+        "rtu",
+        _rtu_after,
+        lambda data: _foreign_after(data) is not None,
+        lambda line, options, port: Engine(character_time(line), options, port_role(line, port)),
+    ),
 )
+_BY_NAME: Final = {protocol.name: protocol for protocol in PROTOCOLS}
 
 
-class Deframer:
-    """Timestamped bytes in, frames and noise out, as soon as they are certain, whatever protocol the line speaks.
+class Deframer(PortsDeframer):
+    """Timestamped bytes in, frames and noise out, as soon as they are certain, whatever protocol each port speaks.
 
     `feed` chunks or blocks as they come, `tick` when the line is quiet (live), `close` at the end; each gives the rows
     that have become certain. What was given is never revised. The options may name the protocol.
     """
 
     def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
-        self._line, self._options = line, options
-        named = {protocol.name: protocol for protocol in PROTOCOLS}.get(options.protocol)
-        self._deframer = None if named is None else named.deframer(line, options)
-        self._waiting: list[Block] = []
+        named = line.notes.get(PROTOCOLS_NOTE, "").split(",")
 
-    def feed(self, chunks: Chunk | Block | Iterable[Chunk], now_ns: int | None = None) -> Batch:
-        """Take captured bytes; give the rows that have become certain. `now_ns`: with a `tick` behind them."""
-        if isinstance(chunks, Chunk):
-            chunks = (chunks,)
-        block = chunks if isinstance(chunks, Block) else Block.from_chunks(chunks)
-        if self._deframer is None:
-            self._waiting.append(block)
-            block = Block.joined(self._waiting)
-            if not self._choose(block.data[:_HEAD].tobytes()):
-                return Batch.empty()
-        assert self._deframer is not None
-        return self._deframer.feed(block, now_ns)
+        def engine(port: int) -> PortEngine:
+            noted = named[port].strip() if port < len(named) else ""
+            known = _BY_NAME.get(options.protocol, _BY_NAME.get(noted))
+            return _UndecidedPort(line, options, port) if known is None else known.engine(line, options, port)
 
-    def tick(self, now_ns: int) -> Batch:
-        """The line has been silent until `now_ns`; give what that makes certain."""
-        return Batch.empty() if self._deframer is None else self._deframer.tick(now_ns)
+        super().__init__(line, options, engine)
 
-    def close(self) -> Batch:
-        """No more bytes come; give the rest."""
-        if self._deframer is not None:
-            return self._deframer.close()
-        self._deframer = PROTOCOLS[-1].deframer(self._line, self._options)
-        batches = [self._deframer.feed(Block.joined(self._waiting))] if self._waiting else []
-        self._waiting = []
-        return join_batches([*batches, self._deframer.close()])
 
-    def _choose(self, head: bytes) -> bool:
+class _UndecidedPort:
+    """A port whose protocol its bytes have yet to show; then that protocol's engine.
+
+    Few bytes behind which nothing came for seconds, and that show none, are given as RTU would have them.
+    """
+
+    def __init__(self, line: LineSettings, options: Options, port: int) -> None:
+        self._line, self._options, self._port = line, options, port
+        self._engine: PortEngine | None = None
+        self._waiting: list[tuple[Bytes, Index, Times, NDArray[np.uint8], Index]] = []
+        self._out: list[StreamSegments] = []
+        self._bytes = self._reads = 0  # given before the engine was chosen
+
+    @property
+    def undecided_ns(self) -> int | None:
+        """The time of the first byte that is not decided, or None."""
+        if self._engine is not None:
+            return self._engine.undecided_ns
+        return min(int(times[0]) for _, _, times, _, _ in self._waiting) if self._waiting else None
+
+    def feed(
+        self,
+        data: Bytes,
+        sizes: Index,
+        times: Times,
+        marks: NDArray[np.uint8],
+        errors: Index,
+        now_ns: int | None = None,
+    ) -> None:
+        """Chunks, none empty; see `engine.Engine.feed`."""
+        if self._engine is None:
+            self._wait(data, sizes, times, marks, errors)
+            if now_ns is not None:
+                self.tick(now_ns)
+        else:
+            self._engine.feed(data, sizes, times, marks, errors, now_ns)
+
+    def tick(self, now_ns: int) -> None:
+        """The line has been silent up to now."""
+        if self._engine is None and self._waiting and now_ns - int(self._waiting[-1][2][-1]) >= self._options.cut_ns:
+            self._decide_on_all()
+        if self._engine is not None:
+            self._engine.tick(now_ns)
+
+    def close(self) -> None:
+        """No more bytes come."""
+        if self._engine is None and self._waiting:
+            self._decide_on_all()
+        if self._engine is not None:
+            self._engine.close()
+
+    def take(self) -> list[StreamSegments]:
+        """What was decided since the last call."""
+        out, self._out = self._out, []
+        return out if self._engine is None else out + [self._shifted(part) for part in self._engine.take()]
+
+    def _wait(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8], errors: Index) -> None:
+        """Take chunks while nothing is decided; what stands before a silence of seconds is judged by itself."""
+        before = int(self._waiting[-1][2][-1]) if self._waiting else int(times[0])
+        quiet = np.flatnonzero(np.diff(times, prepend=before) >= self._options.cut_ns)
+        bounds = np.cumsum(sizes)
+        for first, last in zip([0, *quiet.tolist()], [*quiet.tolist(), len(sizes)], strict=True):
+            low, high = (int(bounds[i - 1]) if i else 0 for i in (first, last))
+            inside = errors[(errors >= low) & (errors < high)] - low
+            chunk = slice(first, last)
+            if self._engine is not None:
+                self._engine.feed(data[low:high], sizes[chunk], times[chunk], marks[chunk], inside)
+                continue
+            if first in quiet and self._waiting:
+                self._decide_on_all()
+                if self._engine is not None:
+                    self._engine.feed(data[low:high], sizes[chunk], times[chunk], marks[chunk], inside)
+                    continue
+            if last > first:
+                self._waiting.append((data[low:high], sizes[chunk], times[chunk], marks[chunk], inside))
+                self._decide()
+
+    def _head(self) -> bytes:
+        head = b""
+        for data, *_ in self._waiting:
+            head += data[: _HEAD - len(head)].tobytes()
+        return head
+
+    def _decide(self) -> None:
+        """Choose the protocol that these bytes make sure first, if any."""
+        head = self._head()
         sure = [(after, i) for i, each in enumerate(PROTOCOLS) if (after := each.sure_after(head)) is not None]
-        if not sure:
-            return False
-        self._deframer = PROTOCOLS[min(sure)[1]].deframer(self._line, self._options)
+        if sure:
+            self._begin(PROTOCOLS[min(sure)[1]])
+
+    def _decide_on_all(self) -> None:
+        """Choose by bytes of which no more come; else give them away."""
+        data = b"".join(data.tobytes() for data, *_ in self._waiting)
+        known = next((each for each in PROTOCOLS if each.is_all(data)), None)
+        if known is not None:
+            self._begin(known)
+            return
+        engine = PROTOCOLS[-1].engine(self._line, self._options, self._port)
+        for chunks in self._waiting:
+            engine.feed(*chunks)
+        engine.close()
+        self._out += [self._shifted(part) for part in engine.take()]
+        self._bytes += len(data)
+        self._reads += sum(len(sizes) for _, sizes, *_ in self._waiting)
         self._waiting = []
-        return True
+
+    def _begin(self, protocol: LineProtocol) -> None:
+        self._engine = protocol.engine(self._line, self._options, self._port)
+        for chunks in self._waiting:
+            self._engine.feed(*chunks)
+        self._waiting = []
+
+    def _shifted(self, part: StreamSegments) -> StreamSegments:
+        """The same behind what was given before the engine was chosen."""
+        if not self._bytes:
+            return part
+        reads = part.reads._replace(head=part.reads.head + self._reads, tail=part.reads.tail + self._reads)
+        return part._replace(offset=part.offset + self._bytes, reads=reads)

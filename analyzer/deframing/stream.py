@@ -1,13 +1,14 @@
 """The deframer as its users see it: chunks in, batches of rows out.
 
-One engine a port, for every port is a stream of bytes of its own; the rows of all ports are put in wire order, numbered
-and paired here. Nothing is kept but what is undecided and the requests that are still open.
+One engine a port, for every port is a stream of bytes of its own, and may speak a protocol of its own; the rows of all
+ports are put in wire order, numbered and paired here. Nothing is kept but what is undecided and the requests that are
+still open.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Final
+from collections.abc import Callable, Iterable
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +17,17 @@ from captures.chunks import Block, Chunk
 from captures.line import LineSettings
 from captures.ragged import copy_pieces, sums
 from dissectors.length_rules import Role
+from dissectors.lengths import pdu_length
 
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.schema import ROW, Kind, Rows, join_rows, take_rows
-from .buffer import GAPS, CharacterTime, positions_among
+from ..tables.schema import Protocol as Envelope
+from .buffer import GAPS, CharacterTime, Times, positions_among
 from .engine import Engine
-from .pairing import Pairer
-from .rules import Bytes
+from .enveloped import EnvelopedPairer
+from .foreign import ForeignTalk
+from .rules import Bytes, Index
 from .segments import StreamSegments, evidence_rows
 
 DIRECTIONS_NOTE: Final = "directions"  # of a line: the direction of each port, in order: `request,response`
@@ -38,18 +42,43 @@ def character_time(line: LineSettings) -> CharacterTime:
     return CharacterTime(character_ns or _UNKNOWN_CHARACTER_NS, known=character_ns is not None)
 
 
-class RtuDeframer:
+class PortEngine(Protocol):
+    """What decides, in stream order, what every byte of one port is; see `engine.Engine`."""
+
+    def feed(
+        self,
+        data: Bytes,
+        sizes: Index,
+        times: Times,
+        marks: NDArray[np.uint8],
+        errors: Index,
+        now_ns: int | None = None,
+    ) -> None: ...
+
+    def tick(self, now_ns: int) -> None: ...
+
+    def close(self) -> None: ...
+
+    def take(self) -> list[StreamSegments]: ...
+
+    @property
+    def undecided_ns(self) -> int | None: ...
+
+
+class PortsDeframer:
     """Timestamped bytes in, frames and noise out, as soon as they are certain.
 
     `feed` chunks or blocks as they come, `tick` when the line is quiet (live), `close` at the end; each gives the rows
     that have become certain. What was given is never revised.
     """
 
-    def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
-        self._line = line
-        self._options = options
-        self._engines: dict[int, Engine] = {}
-        self._pairer = Pairer()
+    def __init__(self, line: LineSettings, options: Options, engine: Callable[[int], PortEngine]) -> None:
+        """`engine` makes that of a port."""
+        self._line, self._options = line, options
+        self._make = engine
+        self._engines: dict[int, PortEngine] = {}
+        self._foreign = ForeignTalk()
+        self._pairer = EnvelopedPairer()
         self._frames = 0
         self._held = _UnorderedRows.nothing()
         self._now: int | None = None
@@ -90,9 +119,9 @@ class RtuDeframer:
             engine.close()
         return self._give(last=True)
 
-    def _engine(self, port: int) -> Engine:
+    def _engine(self, port: int) -> PortEngine:
         if port not in self._engines:
-            self._engines[port] = Engine(character_time(self._line), self._options, port_role(self._line, port))
+            self._engines[port] = self._make(port)
         return self._engines[port]
 
     def _give(self, *, last: bool) -> Batch:
@@ -111,15 +140,36 @@ class RtuDeframer:
 
     def _batch(self, loose: _UnorderedRows) -> Batch:
         rows = loose.rows
+        self._foreign.mark(rows, loose.data)
         frames = rows["kind"].nonzero()[0]  # all but NOISE
         count = len(frames)
         rows["index"][frames] = np.arange(self._frames, self._frames + count)
         self._frames += count
+        self._ask_all(loose)
         earlier = self._pairer.pair(rows, loose.data, loose.head, loose.tail)
         if not self._timed:  # a source without a clock: better no times than made-up ones
             rows["t_start"] = rows["t_end"] = 0
             rows["response_ns"] = -1
         return Batch(rows, loose.data, earlier, loose.why if self._options.explain else None)
+
+    def _ask_all(self, loose: _UnorderedRows) -> None:
+        """A frame to unit 0 that reads as a request is one: nobody may answer a broadcast, and clients repeat them."""
+        rows = loose.rows
+        said = (
+            (rows["kind"] == Kind.RESPONSE) & (rows["unit"] == 0) & rows["check"] & (rows["protocol"] == Envelope.RTU)
+        )
+        for row in said.nonzero()[0].tolist():
+            at, length = int(rows["at"][row]), int(rows["length"][row])
+            reads = pdu_length(loose.data[at + 1 : at + length - 2].tobytes(), Role.REQUEST) == length - 3
+            if reads and port_role(self._line, int(rows["port"][row])) is not Role.RESPONSE:
+                rows["kind"][row] = Kind.REQUEST
+
+
+class RtuDeframer(PortsDeframer):
+    """The same where all ports are known to speak RTU."""
+
+    def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
+        super().__init__(line, options, lambda port: Engine(character_time(line), options, port_role(line, port)))
 
 
 class _UnorderedRows:
@@ -139,7 +189,11 @@ class _UnorderedRows:
         at, length = decided.start, decided.end - decided.start
         kind = _KIND_OF_ROLE.take(decided.role)
         framed = kind != 0  # NOISE
-        function = data.take(np.minimum(at + 1, len(data) - 1))
+        if segments.heads is None:
+            last = len(data) - 1
+            unit, function, code = (data.take(np.minimum(at + i, last)) for i in range(3))
+        else:
+            unit, function, code = segments.heads.T
         failed = (framed & (function > 0x7F) & (length >= 3)).nonzero()[0]
         rows = np.zeros(len(at), ROW)
         rows["start"], rows["length"], rows["at"] = at + segments.offset, length, at
@@ -149,8 +203,9 @@ class _UnorderedRows:
         for name in GAPS:
             rows[name] = getattr(reads, name)
         rows["confidence"] = 1.0 / (1.0 + np.exp2(-np.maximum(decided.margin, 0.0)))
-        rows["unit"], rows["function"] = data.take(at) * framed, (function & 0x7F) * framed
-        rows["exception"][failed] = data.take(at[failed] + 2)
+        rows["unit"], rows["function"] = unit * framed, (function & 0x7F) * framed
+        rows["exception"][failed] = code[failed]
+        rows["protocol"] = segments.protocol
         return cls(rows, data, reads.head, reads.tail, evidence_rows(0) if decided.why is None else decided.why)
 
     @classmethod

@@ -17,10 +17,12 @@ from ..deframing.rules import big_endian_at as number_at
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.frame import adu_of
-from ..tables.schema import ROW, Kind, Row, Rows
+from ..tables.pdus import Pdus
+from ..tables.schema import ROW, Kind, Protocol, Row, Rows
 from .damage import DividedFrame
 from .tap_clock import TapClock
 
+_SPARE: Final = 2  # bytes behind a PDU, where RTU has its check value
 _NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
 
 
@@ -32,22 +34,18 @@ def where(mask: NDArray[Any]) -> NDArray[np.intp]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PduBytes:
-    """Bytes of rows without their envelope: where each row's begin, and how many there are (check value counted 2)."""
+    """Bytes of rows without their envelope: a byte before the PDU of each, and how many (check value counted 2)."""
 
     data: NDArray[np.uint8]
     at: NDArray[np.int64]
     length: NDArray[np.int64]
 
 
-def _decoded(batch: Batch) -> PduBytes:
-    """Of a batch in ASCII mode."""
-    rows = batch.rows
-    parts = [
-        adu_of(batch.bytes_of(i), protocol).data + b"\0" if kind != Kind.NOISE else b""
-        for i, (kind, protocol) in enumerate(zip(rows["kind"].tolist(), rows["protocol"].tolist(), strict=True))
-    ]
-    length = np.array([len(part) for part in parts], np.int64)
-    return PduBytes(np.frombuffer(b"".join(parts), np.uint8), np.cumsum(length) - length, length)
+def _plain_pdus(batch: Batch) -> PduBytes:
+    """Those of a batch that is not all RTU."""
+    pdus = Pdus(batch)
+    length = np.where(batch.rows["kind"] == _NOISE, 0, pdus.ends - pdus.begins + 1 + _SPARE)
+    return PduBytes(np.append(pdus.data, np.zeros(_SPARE, np.uint8)), pdus.begins - 1, length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +90,7 @@ class DiagnosisStep:
     def plain(self) -> PduBytes:
         """The bytes of the frames as unit, PDU and two bytes more, whatever their envelope."""
         if self.column("protocol").any():
-            return _decoded(self.batch)
+            return _plain_pdus(self.batch)
         return PduBytes(self.batch.data, self.column("at"), self.column("length"))
 
     @property
@@ -143,8 +141,8 @@ class DiagnosisStep:
 
     @cached_property
     def to_all(self) -> NDArray[np.intp]:
-        """Rows that are frames of unit 0, the broadcast's."""
-        return where((self.kind != _NOISE) & (self.column("unit") == 0))
+        """Rows that are frames of unit 0, the broadcast's; over Modbus TCP that is the server itself."""
+        return where((self.kind != _NOISE) & (self.column("unit") == 0) & (self.column("protocol") != Protocol.TCP))
 
     @cached_property
     def requested(self) -> NDArray[np.uint8]:

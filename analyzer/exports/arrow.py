@@ -128,7 +128,7 @@ def _envelope(rows: Rows, frames: NDArray[np.bool_]) -> dict[str, Any]:
         "function": _array(rows["function"], noise),
         "name": _coded(rows["function"], map(function_name, range(_NAMES)), noise),
         "exception": _array(rows["exception"], rows["exception"] == 0),
-        "crc_ok": _array(rows["check"], noise),
+        "crc_ok": _array(rows["check"], noise | (rows["protocol"] == Protocol.TCP)),
         "request_start": _array(rows["request_start"], rows["request_start"] < 0),
         "response_time_ns": _array(rows["response_ns"], (rows["request_start"] < 0) | (rows["response_ns"] < 0)),
         "confidence": _array(rows["confidence"], noise),

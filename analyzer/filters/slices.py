@@ -119,7 +119,7 @@ class Bytes:
     def passing(self, wanted: Wanted) -> Mask:
         assert isinstance(wanted, BytesWanted)
         found = np.zeros(len(self.batch), np.bool_)
-        plain = self.batch.rows["protocol"] == Envelope.RTU
+        plain = self.batch.rows["protocol"] != Envelope.ASCII
         for needle in wanted.needles:
             found |= self._with(needle, wanted.whole) & plain
         for row in np.flatnonzero(~plain).tolist():

@@ -221,7 +221,7 @@ class Bus:
         out = np.zeros(len(requests), TRANSACTION)
         out["status"] = (state & RowState.STATUS) - 1
         out["retry"], out["late"] = state & RowState.RETRY, state & RowState.LATE
-        for name in ("start", "length", "t_start", "unit", "function", "port"):
+        for name in ("start", "length", "t_start", "unit", "function", "port", "protocol"):
             out[name] = take(name, requests)
         out["request"], out["t_request"], out["t_next"] = take("frame", requests), take("t_end", requests), NEVER
         there = np.isin(out["status"], (Status.ANSWERED, Status.EXCEPTION, Status.DAMAGED))

@@ -19,7 +19,6 @@ from ..tables.columns import decode
 from .inference import infer
 from .mapped import MappedColumn, limits_broken, mapped_columns
 from .readings import RegisterReadings
-from .troubles import ValueTrouble, value_troubles
 
 _SURE: Final = 0.95
 _NUMBERS: Final = ("int", "float", "bcd")
@@ -52,12 +51,12 @@ class ValueWatch:
     def __init__(self, charts: Mapping[int, RegisterMap], *, inferred: bool = False) -> None:
         self._charts = charts
         self._mapped: dict[tuple[int, str, int, str], _Running] = {}
-        self._inferred = inferred
-        self._readings = RegisterReadings()
+        self._readings = RegisterReadings() if inferred else None
 
     def feed(self, batch: Batch) -> None:
         """Take in what the answers of a batch say."""
-        self._readings.feed(batch)
+        if self._readings is not None:
+            self._readings.feed(batch)
         if not self._charts:
             return
         for column in mapped_columns(batch, decode(batch), self._charts):
@@ -68,18 +67,13 @@ class ValueWatch:
     def values(self) -> tuple[WatchedValue, ...]:
         """What was seen, by unit, area and address."""
         found = [running.watched(key[0]) for key, running in self._mapped.items()]
-        if self._inferred:
+        if self._readings is not None:
             taken = {(v.unit, v.area, at) for v in found for at in range(v.address, v.address + v.words)}
             found += [v for v in self._sure_values() if (v.unit, v.area, v.address) not in taken]
         return tuple(sorted(found, key=lambda value: (value.unit, value.area, value.address, value.name)))
 
-    def troubles(self) -> list[ValueTrouble]:
-        """What the values tell of trouble."""
-        units = {block.unit for block in self._readings}
-        charts = {unit: chart for unit in units if (chart := self._charts.get(unit)) is not None}
-        return value_troubles(self._readings, charts)
-
     def _sure_values(self) -> list[WatchedValue]:
+        assert self._readings is not None
         return [
             WatchedValue(
                 value.unit,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dissectors.annotation import Context, annotate, summary
-from dissectors.envelopes import Adu, ascii_adu, ascii_frames, rtu
+from dissectors.envelopes import Adu, ascii_adu, ascii_frames, rtu, tcp
 from dissectors.fields import Field
 from dissectors.functions import function_name
 from dissectors.length_rules import Role
@@ -81,8 +81,9 @@ class Frame:
         return self.row.exception or None
 
     @property
-    def crc_ok(self) -> bool:
-        return self.row.check
+    def crc_ok(self) -> bool | None:
+        """Whether CRC or LRC are right; None for Modbus TCP, which has neither."""
+        return None if self.row.protocol == Protocol.TCP else self.row.check
 
     @property
     def request_start(self) -> int | None:
@@ -148,6 +149,6 @@ class Frame:
 def adu_of(captured: bytes, protocol: int) -> Adu:
     """The ADU that these captured bytes are; of ASCII mode, what their digits stand for."""
     if protocol != Protocol.ASCII:
-        return rtu(captured)
+        return rtu(captured) if protocol == Protocol.RTU else tcp(captured)
     found = ascii_frames(captured)
     return found[0] if found else ascii_adu(b"")

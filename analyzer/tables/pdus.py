@@ -1,7 +1,7 @@
 """Where the PDU of each row of a batch stands, and that of the request that it answers: bytes for array code to read.
 
-An RTU row's PDU lies in the batch's own bytes. What does not is put behind them: the PDUs of ASCII frames, and those
-of requests in a batch before.
+The PDU of RTU and TCP lies in the batch's own bytes. What does not is put behind them: the PDUs of ASCII frames, and
+those of requests in a batch before.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from dissectors.envelopes import MBAP
 
 from .batch import Batch
 from .frame import adu_of
@@ -33,8 +35,11 @@ class Pdus:
         self._size = len(batch.data)
         self.begins: _Ints = rows["at"] + 1  # behind the unit
         self.ends: _Ints = rows["at"] + rows["length"] - _CHECK
-        if rows["protocol"].any():
-            self._plain()
+        if (protocol := rows["protocol"]).any():
+            networked = protocol == Protocol.TCP
+            self.begins[networked] += MBAP - 1
+            self.ends[networked] += _CHECK
+            self._spelt()
         self.asked_begins, self.asked_ends = self._requests()
         self.data = batch.data
         if self._more:
@@ -89,7 +94,7 @@ class Pdus:
                 begins[row], ends[row] = self._put(adu.pdu)
         return begins, ends
 
-    def _plain(self) -> None:
+    def _spelt(self) -> None:
         """ASCII frames as the bytes that their digits stand for."""
         for row in np.flatnonzero(self.batch.rows["protocol"] == Protocol.ASCII).tolist():
             if self.batch.rows["kind"][row] != Kind.NOISE:

@@ -27,6 +27,7 @@ class Protocol(IntEnum):
 
     RTU = 0
     ASCII = 1
+    TCP = 2
 
 
 class Direction(IntEnum):
@@ -53,7 +54,7 @@ ROW = np.dtype(
         ("unit", np.uint8),
         ("function", np.uint8),  # without the exception bit
         ("exception", np.uint8),  # exception code, 0 for none
-        ("check", np.bool_),  # CRC or LRC right
+        ("check", np.bool_),  # CRC or LRC right; of Modbus TCP, which has none, True
         ("port", np.uint8),
         ("protocol", np.uint8),  # Protocol
         ("contested", np.bool_),  # noise, or a frame in whose bytes another could end
@@ -64,6 +65,7 @@ ROW = np.dtype(
         ("gap_at", np.int32),  # byte before which the longest silence stands
         ("reads", np.int32),  # how many reads brought it
         ("errors", np.uint16),  # bytes that the UART marked, for parity or framing
+        ("foreign", np.uint8),  # noise that is another protocol's: its number in `dissectors.foreign.NAMES`, else 0
     ]
 )
 
@@ -96,6 +98,7 @@ class Row:
     gap_at: int
     reads: int
     errors: int
+    foreign: int = 0
 
 
 # Why a row's boundaries stand where they do, in bits of evidence (log2 of a likelihood ratio); made when asked for.

@@ -130,8 +130,6 @@ class Triage:
             return self._explains(pending, cut)
         elif len(row.captured) < _LEAST or not _begins(row.captured, request, units):
             return None
-        if row.row.errors:
-            return self._explains(pending, None)
         verdict = _told(_autopsy(row.captured, role, request, known, units, self._flow_free(row.row), revision()))
         if not row.is_frame and (verdict.code == "crc-error" or verdict.certainty < _SURE):
             like = _request_like(row.captured, known) if request is None else row.captured[:2] == request[:2]
@@ -185,7 +183,9 @@ def _suspects(view: DiagnosisStep) -> list[int]:
     if not len(noise) and not len(view.damaged):
         return []
     protocol = view.column("protocol")
-    return [row for row in sorted([*noise.tolist(), *view.damaged.tolist()]) if protocol[row] == Protocol.RTU]
+    foreign = view.column("foreign")
+    rows = sorted([*noise.tolist(), *view.damaged.tolist()])
+    return [row for row in rows if protocol[row] == Protocol.RTU and not foreign[row]]
 
 
 def _soon(row: EarlierRow, pending: EarlierRow) -> bool:

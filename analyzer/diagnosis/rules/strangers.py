@@ -14,7 +14,7 @@ from dissectors.registry import function_class
 
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.frame import adu_of
-from ...tables.schema import Kind
+from ...tables.schema import Kind, Protocol
 from ..view import DiagnosisStep, EarlierRow
 
 _GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
@@ -108,16 +108,41 @@ class Strangers:
     def __init__(self) -> None:
         self._asked = False  # a request has been seen: before it, answers belong to what was before the capture
         self._newest: tuple[int, _Before] | None = None  # the last row that was asked about, and what stood before it
+        self._asking: set[int] = set()  # ports on which requests over Modbus TCP were seen
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         rows, asks = view.rows, view.requests
         answers = [row for row in view.right(view.to_all).tolist() if rows["kind"][row] == Kind.RESPONSE]
         if answers:
             yield BROADCAST_ANSWERED.on(rows[answers], 0, rows["function"][answers])
+        networked = view.column("protocol") == Protocol.TCP
         for place in view.strays.tolist():
-            if rows["unit"][place] and (self._asked or (len(asks) and place > asks[0])):
+            if networked[place]:
+                yield from self._judge_tcp(view, place)
+            elif rows["unit"][place] and (self._asked or (len(asks) and place > asks[0])):
                 yield from self._judge(view, place)
         self._asked = self._asked or len(asks) > 0
+        self._asking.update(np.unique(view.column("port")[asks[networked[asks]]]).tolist())
+
+    def _judge_tcp(self, view: DiagnosisStep, place: int) -> Iterator[Findings]:
+        """A response over Modbus TCP whose transaction is not open, or asked for something else."""
+        answer = EarlierRow.of(view.batch, place)
+        here, row = view.rows[place : place + 1], answer.row
+        transaction = answer.captured[:2]
+        for before in view.trail.back(view.batch, place):
+            if (before.row.port, before.row.protocol) != (row.port, Protocol.TCP) or not before.is_frame:
+                continue
+            if before.captured[:2] != transaction:
+                continue
+            if before.row.kind == Kind.REQUEST:
+                yield MISMATCH.on(here, row.unit, row.function)
+            else:
+                waited = (row.t_start - before.row.t_end) / 1e6
+                yield DUPLICATE.on(here, row.unit, waited if view.timed else np.nan)
+            return
+        asks = view.requests
+        if row.port in self._asking or (view.column("port")[asks[asks < place]] == row.port).any():
+            yield UNEXPECTED.on(here, row.unit, row.function)
 
     def _judge(self, view: DiagnosisStep, place: int) -> Iterator[Findings]:
         answer = EarlierRow.of(view.batch, place)

@@ -223,7 +223,7 @@ def padding(view: DiagnosisStep) -> Iterator[Findings]:
 @looks_for(RESERVED_UNIT, RESERVED_FUNCTION, INVALID_FUNCTION, TOO_LONG)
 def codes(view: DiagnosisStep) -> Iterator[Findings]:
     """Units, function codes and lengths that the specification does not know."""
-    unit = where(view.column("unit") > _LAST_UNIT)
+    unit = where((view.column("unit") > _LAST_UNIT) & (view.column("protocol") != Protocol.TCP))  # 255 is usual there
     if len(unit):
         rows = view.rows[view.right(unit)]
         yield RESERVED_UNIT.on(rows, rows["unit"])

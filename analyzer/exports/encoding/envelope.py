@@ -17,6 +17,7 @@ from .sheet import Cursor
 
 HEAD: Final = 15  # pieces before the fields
 TAIL: Final = 2  # pieces behind them
+_NO_CHECK: Final = 2  # in a key: beside 0 and 1, whether the check value is right
 
 
 class Envelope:
@@ -41,14 +42,15 @@ class Envelope:
         cursor.put(b',"t_end_ns":')
         cursor.put_numbers(rows["t_end"])
         kind, protocol, unit = (rows[name].astype(np.int64) for name in ("kind", "protocol", "unit"))
-        cursor.put(self._unit.take(kind << 9 | protocol << 8 | unit))
+        cursor.put(self._unit.take(kind << 10 | protocol << 8 | unit))
         function, exception, check = (rows[name].astype(np.int64) for name in ("function", "exception", "check"))
-        cursor.put(self._function.take(function << 9 | exception << 1 | check))
+        check[protocol == Protocol.TCP] = _NO_CHECK
+        cursor.put(self._function.take(function << 10 | exception << 2 | check))
         cursor.put_known(rows["request_start"], b"null")
         cursor.put(b',"response_time_ns":')
         cursor.put_known(np.where(rows["request_start"] >= 0, rows["response_ns"], -1), b"null")
         cursor.put(b',"hex":"')
-        plain = rows["protocol"] == Protocol.RTU
+        plain = protocol != Protocol.ASCII
         texts = np.empty(len(rows), np.int64)
         texts[plain] = source.hex(rows["at"][plain], rows["length"][plain], cursor.sheet)
         captured = ((source.pdus.batch.bytes_of(int(row)), Protocol.ASCII) for row in here[~plain])
@@ -74,12 +76,14 @@ class Envelope:
 
     @staticmethod
     def _units(key: int) -> bytes:
-        line = _json(_frame(kind=key >> 9, protocol=key >> 8 & 1, unit=key & 0xFF))
+        line = _json(_frame(kind=key >> 10, protocol=key >> 8 & 3, unit=key & 0xFF))
         return line[line.index(b',"protocol":') : line.index(b',"function":')]
 
     @staticmethod
     def _functions(key: int) -> bytes:
-        line = _json(_frame(function=key >> 9, exception=key >> 1 & 0xFF, check=bool(key & 1)))
+        protocol = Protocol.TCP if key & _NO_CHECK else Protocol.RTU
+        columns = {"exception": key >> 2 & 0xFF, "check": bool(key & 1), "protocol": protocol}
+        line = _json(_frame(function=key >> 10, **columns))
         return line[line.index(b',"function":') : line.index(b'null,"response_time_ns":')]
 
     @staticmethod

@@ -181,8 +181,8 @@ class BatchBytes:
 
     @classmethod
     def of(cls, pdus: Pdus, frames: Rows) -> BatchBytes:
-        """The bytes of some RTU frames of a batch."""
-        plain = frames["protocol"] == Protocol.RTU
+        """The bytes of some frames of a batch, as far as they are captured as bytes."""
+        plain = frames["protocol"] != Protocol.ASCII
         if not plain.any():
             return cls(pdus, 0, 0)
         begins = frames["at"][plain]

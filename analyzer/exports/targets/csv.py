@@ -78,6 +78,7 @@ EXPLAINED: Final = (
 _FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 _HEAD: Final = 5 + 9  # pieces before the summary, times left out
 _TIMES: Final = 7  # theirs
+_NO_CHECK: Final = 2  # in a key: beside 0 and 1, whether the check value is right
 _EXACT: Final = 1 << 53  # nanoseconds that a float still counts
 _SPECIAL: Final = frozenset(',"\r\n')
 
@@ -148,15 +149,16 @@ class _CsvTable:
         cursor.put(self._cell.take(rows["length"]))
         self._put_times(rows, cursor)
         kind, protocol, unit = (rows[name].astype(np.int64) for name in ("kind", "protocol", "unit"))
-        cursor.put(self._unit.take(kind << 9 | protocol << 8 | unit))
+        cursor.put(self._unit.take(kind << 10 | protocol << 8 | unit))
         function, exception, check = (rows[name].astype(np.int64) for name in ("function", "exception", "check"))
-        cursor.put(self._function.take(function << 9 | exception << 1 | check))
+        check[protocol == Protocol.TCP] = _NO_CHECK
+        cursor.put(self._function.take(function << 10 | exception << 2 | check))
         cursor.put(b",")
         cursor.put_known(rows["request_start"], b"")
         cursor.put(b",")
         cursor.put_known(np.where(rows["request_start"] >= 0, rows["response_ns"], -1), b"")
         cursor.put(self._confidence.take(rows["confidence"].view(np.uint32).astype(np.int64)))
-        plain = rows["protocol"] == Protocol.RTU
+        plain = protocol != Protocol.ASCII
         texts = np.empty(len(rows), np.int64)
         texts[plain] = source.spaced(rows["at"][plain], rows["length"][plain], cursor.sheet)
         ascii_frames = (source.pdus.batch.frame(int(row)) for row in here[~plain])
@@ -261,16 +263,17 @@ def _wall_clock(t_ns: NDArray[np.int64]) -> list[bytes]:
 
 
 def _unit(key: int) -> bytes:
-    protocol, direction = Protocol(key >> 8 & 1).name.lower(), Direction(key >> 9).name
+    protocol, direction = Protocol(key >> 8 & 3).name.lower(), Direction(key >> 10).name
     return f",{protocol},{direction},{key & 0xFF}".encode()
 
 
 def _function(key: int) -> bytes:
-    function, exception, check = key >> 9, key >> 1 & 0xFF, bool(key & 1)
+    function, exception = key >> 10, key >> 2 & 0xFF
+    check = "" if key & _NO_CHECK else str(bool(key & 1)).lower()
     name = safe(function_name(function))
     if not _SPECIAL.isdisjoint(name):
         name = f'"{_quoted(name).decode()}"'
-    return f",{function},{name},{exception or ''},{str(check).lower()}".encode()
+    return f",{function},{name},{exception or ''},{check}".encode()
 
 
 def _explained(frame: Frame) -> bytes:

@@ -1,8 +1,9 @@
 """pcapng for Wireshark: a packet a frame, dissected without any setting.
 
 A packet is of link type 252 (upper PDU): tags that name the dissector, then the bytes as captured. Frames go to
-`mbrtu`. Frames of ASCII mode and, if asked for, noise go to `data`, which shows bytes and claims nothing: Wireshark has
-no dissector of that mode, and an LRC is no CRC. A packet's time is that of its last stop bit.
+`mbrtu`, those of Modbus TCP to `mbtcp`. Frames of ASCII mode and, if asked for, noise go to `data`, which shows bytes
+and claims nothing: Wireshark has no dissector of that mode, and an LRC is no CRC. A packet's time is that of
+its last stop bit.
 
 Direction stands in the packet flags (a request is outbound, a response inbound) and in the port tags: port 502 is the
 server's. Wireshark takes a hint from ports only where its preference `mbrtu.tcp.port` is 502; without that it guesses
@@ -63,6 +64,7 @@ def _tags(dissector: bytes, source: int, destination: int) -> Words:
 # By kind: noise has no direction. Frames of ASCII mode have, and the dissector of noise.
 _PORTS: Final = ((0, 0), (_CLIENT, _SERVER), (_SERVER, _CLIENT))
 _RTU: Final = np.stack([_tags(b"data" if kind == Kind.NOISE else b"mbrtu", *_PORTS[kind]) for kind in Kind])
+_TCP_FRAME: Final = np.stack([_tags(b"data" if kind == Kind.NOISE else b"mbtcp", *_PORTS[kind]) for kind in Kind])
 _PLAIN: Final = np.stack([_tags(b"data", *_PORTS[kind]) for kind in Kind])
 _WAYS: Final = np.array([0, OUTBOUND, INBOUND], np.uint32)
 _BEFORE: Final = 7  # words of a packet block before its tags
@@ -142,8 +144,9 @@ def _packets(batch: Batch, kept: NDArray[np.intp], interfaces: Words, comments: 
         packed[begins + i] = column
     kinds = rows["kind"]
     tags = _RTU[kinds]
-    if (plain := rows["protocol"] != Protocol.RTU).any():
-        tags[plain] = _PLAIN[kinds[plain]]
+    for protocol, its in ((Protocol.ASCII, _PLAIN), (Protocol.TCP, _TCP_FRAME)):
+        if (mine := rows["protocol"] == protocol).any():
+            tags[mine] = its[kinds[mine]]
     packed[(begins + _BEFORE)[:, None] + np.arange(_TAGGED)] = tags
     _copy(batch.data, rows["at"], packed.view(np.uint8), 4 * (begins + _BEFORE + _TAGGED), lengths)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from random import Random
 from typing import Any
 
-from dissectors.crc import crc16
+from dissectors.crc import crc16, lrc
 from dissectors.crc_variants import VARIANTS
 
 from ..truth import TruthFrame
@@ -21,6 +21,8 @@ _HEADER = 3  # bytes by which a damaged frame is still known for what it was
 _LONG = (3, 4)  # functions with long answers
 _SLICES = (2, 2, 3, 4, 8, 22)  # bytes
 _APART = 12  # exchanges
+_FIRST_DATA = 7  # characters of an answer in ASCII mode before its data: colon, unit, function, count
+_LRC_AND_END = 4  # characters
 _FLOW = b"\x11\x13"
 
 Damage = Callable[[Random, bytes], tuple[bytes, dict[str, Any]]]
@@ -214,3 +216,28 @@ def _moved(frame: TruthFrame, start: int, length: int) -> TruthFrame:
     return TruthFrame(
         frame.id, frame.direction, frame.unit, frame.function, frame.adu, frame.pair, start, length, fault
     )
+
+
+@defect("lrc-error", whole=True)
+def lrc_error(stage: Stage, exchanges: int) -> None:
+    """A line in ASCII mode, on which a digit of an answer arrives as another now and then."""
+    for number in range(exchanges):
+        exchange = stage.next(None if number % _APART else _LONG)
+        assert exchange.response is not None
+        request = stage.ask(exchange.request, _spelt(exchange.request))
+        spelt = _spelt(exchange.response)
+        if number % _APART:
+            stage.answer(exchange.response, request, exchange.response_ns, spelt)
+            stage.pause()
+            continue
+        at = stage.random.randrange(_FIRST_DATA, len(spelt) - _LRC_AND_END)
+        other = stage.random.choice([digit for digit in b"0123456789ABCDEF" if digit != spelt[at]])
+        captured = spelt[:at] + bytes((other,)) + spelt[at + 1 :]
+        stage.found("lrc-error", stage.answer(exchange.response, request, exchange.response_ns, captured))
+        stage.unanswered()
+
+
+def _spelt(sent: bytes) -> bytes:
+    """An RTU frame as ASCII mode writes it."""
+    body = sent[:-2]
+    return b":" + (body + bytes((lrc(body),))).hex().upper().encode() + b"\r\n"
