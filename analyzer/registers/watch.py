@@ -17,6 +17,7 @@ from dissectors.maps.model import MappedValue, RegisterMap
 from ..tables.batch import Batch
 from ..tables.columns import decode
 from .inference import infer
+from .limits import LimitBreach, limit_breaches
 from .mapped import MappedColumn, limits_broken, mapped_columns
 from .readings import RegisterReadings
 
@@ -51,12 +52,12 @@ class ValueWatch:
     def __init__(self, charts: Mapping[int, RegisterMap], *, inferred: bool = False) -> None:
         self._charts = charts
         self._mapped: dict[tuple[int, str, int, str], _Running] = {}
-        self._readings = RegisterReadings() if inferred else None
+        self._inferred = inferred
+        self._readings = RegisterReadings()
 
     def feed(self, batch: Batch) -> None:
         """Take in what the answers of a batch say."""
-        if self._readings is not None:
-            self._readings.feed(batch)
+        self._readings.feed(batch)
         if not self._charts:
             return
         for column in mapped_columns(batch, decode(batch), self._charts):
@@ -67,13 +68,18 @@ class ValueWatch:
     def values(self) -> tuple[WatchedValue, ...]:
         """What was seen, by unit, area and address."""
         found = [running.watched(key[0]) for key, running in self._mapped.items()]
-        if self._readings is not None:
+        if self._inferred:
             taken = {(v.unit, v.area, at) for v in found for at in range(v.address, v.address + v.words)}
             found += [v for v in self._sure_values() if (v.unit, v.area, v.address) not in taken]
         return tuple(sorted(found, key=lambda value: (value.unit, value.area, value.address, value.name)))
 
+    def breaches(self) -> list[LimitBreach]:
+        """Values that their maps do not allow."""
+        units = {block.unit for block in self._readings}
+        charts = {unit: chart for unit in units if (chart := self._charts.get(unit)) is not None}
+        return limit_breaches(self._readings, charts)
+
     def _sure_values(self) -> list[WatchedValue]:
-        assert self._readings is not None
         return [
             WatchedValue(
                 value.unit,

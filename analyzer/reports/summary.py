@@ -286,4 +286,6 @@ def summarize(
     if ledger is None:
         return replace(report, filter="" if filter is None else filter.text)
     ledger.close()
+    if values is not None:
+        ledger.breaches = values.breaches()
     return replace(report, causes=tuple(causes_of(ledger)), polls=poll_rows(ledger))
