@@ -168,7 +168,7 @@ def test_where_nothing_can_be_written_is_said(tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match="directory"):
         captures.write(tmp_path / "folder.jsonl", READS)
     with pytest.raises(CaptureError, match="read, but not written"):
-        captures.write(tmp_path / "out.txt", READS, format="text")
+        captures.write(tmp_path / "out.vcd", READS, format="vcd")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="modes are POSIX")

@@ -12,6 +12,7 @@ COMMANDS: Final[dict[str, str]] = {
     "parse": "annotate pasted bytes: one frame, a request with its answer, or a stretch of a log",
     "open": "the terminal interface: a capture, or a prompt to paste bytes at",
     "export": "write a capture's frames as JSON lines, CSV or MCAP",
+    "convert": "captures as another capture: another format, cut, merged, their clocks mended",
     "report": "the bus in one page: units, functions, response times, load, errors",
     "check": "assert rules on a capture, for test benches and CI",
     "registers": "what the registers mean: type, word order, role, with confidence and reasons",
@@ -23,6 +24,7 @@ COMMANDS: Final[dict[str, str]] = {
     "repair": "make a whole file of a recording that was cut",
     "simulate": "make a capture of a plausible bus, with faults if asked, and its ground truth",
     "demo": "open the bundled sample capture; on a pipe, report on it",
+    "help": "the pages of the documentation: filters, findings, checks, formats, maps ...",
     "completion": "print the completion script of a shell",
 }
 

@@ -1,8 +1,9 @@
 """Modbus TCP: frames by their MBAP headers, which say where they end ([3] 3.1.3); no check value, no silences.
 
 A header is transaction, protocol 0, a length of 2 to 254, unit. Frames follow each other end to end. One whose length
-its function does not predict is cut where another frame begins inside it; what no header covers is noise, up to the
-next header whose length its function does predict. Direction comes from length and conversation, as in RTU mode.
+its function does not predict, or behind which none follows, is cut where another frame begins inside it; what no header
+covers is noise, up to the next header whose length its function does predict. Direction comes from length and
+conversation, as in RTU mode.
 """
 
 from __future__ import annotations
@@ -95,10 +96,13 @@ class MbapEngine:
             self.tick(now_ns)
 
     def tick(self, now_ns: int) -> None:
-        """The line has been silent up to now: what is whole is given, for frames end themselves."""
-        if now_ns > self.buffer.last_time:
+        """The line has been silent up to now: after a while what is whole is given."""
+        silence = now_ns - self.buffer.last_time
+        if silence > 0:
             self.buffer.close(over=True)
-        self._work(self.buffer.ready, last=False)
+        data = self.buffer.data[: self.buffer.ready].tobytes()
+        whole = silence >= self._options.idle_ns and not self._astray and is_chain(data)
+        self._work(self.buffer.ready, last=whole)
 
     def close(self) -> None:
         """No more bytes come."""
@@ -174,16 +178,27 @@ def frames_in(data: bytes, *, astray: bool = False, last: bool) -> tuple[list[tu
             astray = False
             continue
         end = at + _BEFORE + data[at + 5] if at + _BEFORE <= size else size + 1
-        if end > size and not last:
-            break
-        inner = end
-        if end > size or not sound_roles(data[at + MBAP : end]):
-            inner = _next_sound(data, at + 1, min(end, size), last=True)
-        if inner == end:
-            frames.append((at, end))
-        at = inner
+        if end + _BEFORE > size and not last:
+            break  # what follows may tell that it was cut
+        if end > size or not (sound_roles(data[at + MBAP : end]) and _may_begin(data, end)):
+            inner = _next_sound(data, at + 1, size, last=last)
+            if inner < min(end, size) and not _is_whole(data, inner):
+                break
+            if inner < end:
+                at = inner
+                continue
+        frames.append((at, end))
+        at = end
     behind = frames[-1][1] if frames else 0
     return frames, at if at == size else behind + (at - behind) // NOISE_MOST * NOISE_MOST
+
+
+def is_chain(data: bytes) -> bool:
+    """Whether bytes are frames end to end, each as long as its function predicts."""
+    at = 0
+    while at + MBAP < len(data) and _may_begin(data, at) and sound_roles(data[at + MBAP : at + _BEFORE + data[at + 5]]):
+        at += _BEFORE + data[at + 5]
+    return at == len(data)
 
 
 def _is_whole(data: bytes, at: int) -> bool:

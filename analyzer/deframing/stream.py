@@ -26,6 +26,7 @@ from ..tables.schema import Protocol as Envelope
 from .buffer import GAPS, CharacterTime, Times, positions_among
 from .engine import Engine
 from .enveloped import EnvelopedPairer
+from .foreign import ForeignTalk
 from .rules import Bytes, Index
 from .segments import StreamSegments, evidence_rows
 
@@ -76,6 +77,7 @@ class PortsDeframer:
         self._line, self._options = line, options
         self._make = engine
         self._engines: dict[int, PortEngine] = {}
+        self._foreign = ForeignTalk()
         self._pairer = EnvelopedPairer()
         self._frames = 0
         self._held = _UnorderedRows.nothing()
@@ -138,6 +140,7 @@ class PortsDeframer:
 
     def _batch(self, loose: _UnorderedRows) -> Batch:
         rows = loose.rows
+        self._foreign.mark(rows, loose.data)
         frames = rows["kind"].nonzero()[0]  # all but NOISE
         count = len(frames)
         rows["index"][frames] = np.arange(self._frames, self._frames + count)

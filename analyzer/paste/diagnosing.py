@@ -1,8 +1,4 @@
-"""The diagnosis of a paste: its frames as rows of a bus, without times that mean anything.
-
-Frames of all envelopes are put as RTU, which the rules of content and conversation speak of; a wrong check value is
-examined in RTU alone.
-"""
+"""The diagnosis of a paste: its frames as rows of a bus, each in its envelope, without times that mean anything."""
 
 from __future__ import annotations
 
@@ -12,14 +8,13 @@ from typing import Final
 import numpy as np
 
 from captures.line import LineSettings
-from dissectors.crc import crc_bytes
 from dissectors.length_rules import Role
 
 from ..diagnosis.running import Diagnosis
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.findings import Finding, describe
-from ..tables.schema import NO_GAP, ROW, Kind, Rows
+from ..tables.schema import NO_GAP, ROW, Kind, Protocol, Rows
 from ..tables.transactions import Transactions
 from .model import PastedFrame
 
@@ -30,7 +25,7 @@ def findings(frames: Sequence[PastedFrame]) -> list[tuple[Finding, ...]]:
     """What is wrong with each of these frames; of one cut before its function code there is nothing to say."""
     examined = [i for i, frame in enumerate(frames) if frame.adu.pdu or frame.adu.protocol == "rtu"]
     chosen = [frames[i] for i in examined]
-    sent = [_as_rtu(frame) for frame in chosen]
+    sent = [_as_captured(frame) for frame in chosen]
     batch = Batch(_rows(chosen, sent), np.frombuffer(b"".join(sent), np.uint8))
     transactions, diagnosis = Transactions(), Diagnosis(LineSettings(), Options())
     told = list(diagnosis.feed(batch, transactions.feed(batch)))
@@ -42,12 +37,9 @@ def findings(frames: Sequence[PastedFrame]) -> list[tuple[Finding, ...]]:
     return [tuple(each) for each in found]
 
 
-def _as_rtu(frame: PastedFrame) -> bytes:
+def _as_captured(frame: PastedFrame) -> bytes:
     adu = frame.adu
-    if adu.protocol == "rtu":
-        return adu.data
-    body = bytes((adu.unit or 0,)) + adu.pdu
-    return body + crc_bytes(body)
+    return b":" + adu.data.hex().upper().encode() + b"\r\n" if adu.protocol == "ascii" else adu.data
 
 
 def _rows(frames: Sequence[PastedFrame], sent: Sequence[bytes]) -> Rows:
@@ -60,12 +52,13 @@ def _rows(frames: Sequence[PastedFrame], sent: Sequence[bytes]) -> Rows:
     rows["gap_before"] = rows["gap_most"] = rows["gap_least"] = NO_GAP
     rows["reads"] = 1
     at = {frame.start: i for i, frame in enumerate(frames)}
-    for row, frame, data in zip(rows, frames, sent, strict=True):
+    for row, frame in zip(rows, frames, strict=True):
         row["kind"] = Kind.REQUEST if frame.role is Role.REQUEST else Kind.RESPONSE
-        row["unit"] = data[0] if data else 0
+        row["protocol"] = Protocol[frame.adu.protocol.upper()]
+        row["unit"] = frame.adu.unit or 0
         row["function"] = frame.function or 0
         row["exception"] = frame.exception or 0
-        row["check"] = frame.check_ok is not False or frame.adu.protocol == "tcp"  # which has none to be wrong
+        row["check"] = frame.check_ok is not False or row["protocol"] == Protocol.TCP  # which has none to be wrong
         if frame.request_start in at:
             row["request"] = at[frame.request_start]
     return rows

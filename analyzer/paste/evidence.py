@@ -29,7 +29,7 @@ def judge(data: bytes) -> list[Checked]:
         return []
     if data[:1] in (b":", b">"):
         right = (adu for adu in ascii_frames(data) if adu.check_ok)
-        return [Checked(adu.start, adu.start + adu.length, _answers_itself(adu.data[:-1])) for adu in right]
+        return [Checked(adu.start, adu.start + adu.length, _answers_itself(adu.data[:-1]), "ascii") for adu in right]
     return list(_rtu(data)) or list(_tcp(data))
 
 
@@ -44,7 +44,7 @@ def envelope_of(data: bytes) -> Literal["rtu", "ascii", "tcp"] | None:
 
 def _rtu(data: bytes) -> Iterator[Checked]:
     if len(data) <= MOST and crc_ok(data) and predicted_roles(data):
-        yield Checked(0, len(data), _repeats(data))
+        yield Checked(0, len(data), _repeats(data), "rtu")
         return
     at, looked, right = 0, 0, False
     while at <= len(data) - LEAST and looked < _LOOK:
@@ -56,12 +56,12 @@ def _rtu(data: bytes) -> Iterator[Checked]:
                 length = expected
                 break
         if length:
-            yield Checked(at, at + length, _repeats(head[:length]))
+            yield Checked(at, at + length, _repeats(head[:length]), "rtu")
             right, looked = True, 0
         looked += 1
         at += length or 1
     if not right and len(data) <= MOST and crc_ok(data) and data[1] not in (0, EXCEPTION):
-        yield Checked(0, len(data))
+        yield Checked(0, len(data), envelope="rtu")
 
 
 def _may_begin(data: bytes, at: int) -> bool:
@@ -94,4 +94,4 @@ def _tcp(data: bytes) -> Iterator[Checked]:
     for adu in tcp_frames(data):
         if len(adu.data) != MBAP - 1 + int.from_bytes(adu.data[4:6], "big") or not sound_roles(adu.pdu):
             return
-        yield Checked(adu.start, adu.start + adu.length, _answers_itself(adu.data[MBAP - 1 :]))
+        yield Checked(adu.start, adu.start + adu.length, _answers_itself(adu.data[MBAP - 1 :]), "tcp")

@@ -65,6 +65,7 @@ ROW = np.dtype(
         ("gap_at", np.int32),  # byte before which the longest silence stands
         ("reads", np.int32),  # how many reads brought it
         ("errors", np.uint16),  # bytes that the UART marked, for parity or framing
+        ("foreign", np.uint8),  # noise that is another protocol's: its number in `dissectors.foreign.NAMES`, else 0
     ]
 )
 
@@ -97,6 +98,7 @@ class Row:
     gap_at: int
     reads: int
     errors: int
+    foreign: int = 0
 
 
 # Why a row's boundaries stand where they do, in bits of evidence (log2 of a likelihood ratio); made when asked for.

@@ -42,6 +42,7 @@ class Format:
     sniff: Callable[[bytes], float]
     read: Callable[..., Source]
     write: Callable[..., None] | None = None
+    write_suffixes: tuple[str, ...] | None = None  # of files to write, where not all of `suffixes`
 
 
 @cache
@@ -132,11 +133,18 @@ def likely(name: str, head: bytes) -> bool:
 def for_writing(path: Path) -> Format:
     """The format that this name's suffix asks for; CaptureError lists the suffixes that can be written."""
     for registry in (formats, foreign_formats):
-        writable = {found: 0.0 for found in registry().values() if found.write is not None}
-        if (found := _of_suffix(writable, path.suffix.lower())) is not None:
-            return found
-    suffixes = [suffix for found in formats().values() if found.write for suffix in found.suffixes]
+        for found in registry().values():
+            if path.suffix.lower() in _written(found):
+                return found
+    suffixes = [suffix for found in formats().values() for suffix in _written(found)]
     raise CaptureError(f"{path}: no format to write with suffix {path.suffix!r}: use {_listed(suffixes)}")
+
+
+def _written(format: Format) -> tuple[str, ...]:
+    """The suffixes of files of a format that are written."""
+    if format.write is None:
+        return ()
+    return format.suffixes if format.write_suffixes is None else format.write_suffixes
 
 
 def _scores(known: dict[str, Format], head: bytes) -> dict[Format, float]:

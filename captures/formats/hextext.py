@@ -2,14 +2,15 @@
 
 Each read that a line shows becomes a chunk, with the time and the direction mark that the log gives it; how text is
 read is known in `captures.text`. A log whose first bytes mostly lack times is taken as untimed. Speakers that a log
-names (jpnevulator) become ports, in the order of their first word. A line that is neither bytes nor anything known is
+names (jpnevulator) become ports, in the order of their first word, and so do protocols where check values show several
+in one log; what shows none is of the one before it. A line that is neither bytes nor anything known is
 noted with its number.
 """
 
 from __future__ import annotations
 
 import codecs
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import tzinfo
 from functools import lru_cache
@@ -17,16 +18,19 @@ from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, cast
 
+import numpy as np
+
 from captures.text import encodings
 
 from ..chunks import Block, Chunk, Mark, Note
 from ..errors import CaptureError
 from ..files import HEAD_BYTES, line_batches, opened, read_head
-from ..line import LineSettings
+from ..line import PROTOCOLS_NOTE, LineSettings
 from ..text.choosing import Judge, no_judge
 from ..text.logs import LogReader, Piece, Unread, joined
 from . import Format
 
+_MARK_WORDS = ("", "TX", "RX")
 _JOIN_BYTES = 1 << 16  # a dump of any length comes in chunks of this size
 _BLOCK_CHUNKS = 1 << 14
 _LOOK = 1 << 14  # bytes by which a text is known
@@ -40,10 +44,16 @@ class _TextReader:
     timed: bool
     first_ns: int  # time for bytes before the first line with a time
     notices: tuple[str, ...]
+    ports: Mapping[tuple[str, str], int]  # of those who speak, and of the protocols where there are several
     judge: Judge
     zone: tzinfo | None
     sample_rate: float | None
     learnt: LogReader
+
+    @property
+    def mixed(self) -> bool:
+        """Whether the log holds several protocols."""
+        return any(envelope for _, envelope in self.ports)
 
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:
         with opened(self.path) as file:
@@ -57,7 +67,8 @@ class _TextReader:
         yield from reader.close()
 
     def _chunks(self, pieces: Iterable[Piece | Unread], note: Note) -> Iterator[Chunk]:
-        ports: dict[str, int] = {}
+        ports = dict(self.ports)
+        envelope = next((envelope for _, envelope in ports), "")
         t_ns = self.first_ns
         for piece in pieces:
             if isinstance(piece, Unread):
@@ -67,7 +78,9 @@ class _TextReader:
                 t_ns = piece.t_ns
             elif self.timed:
                 note(f"line {piece.line}", "has no time: its bytes are given the time before")
-            port = ports.setdefault(piece.port, min(len(ports), 255)) if piece.port else 0
+            envelope = piece.envelope or envelope
+            who = (piece.port, envelope if self.mixed else "")
+            port = ports.setdefault(who, min(len(ports), 255)) if any(who) else 0
             yield Chunk(t_ns, piece.data, port, Mark(piece.mark))
 
 
@@ -119,7 +132,24 @@ def _read(
     times = [piece.t_ns for piece in pieces if piece.t_ns is not None]
     timed = 2 * len(times) > len(pieces)
     notices = (f"times without a zone are read as {_zone_name(tz)}",) if timed and reader.zoneless else ()
-    return _TextReader(path, LineSettings(), timed, times[0] if timed else 0, notices, judge, tz, sample_rate, reader)
+    ports = _ports(pieces)
+    spoken = {number: envelope for (_, envelope), number in ports.items()}
+    if not any(spoken.values()):
+        spoken = dict.fromkeys(spoken, next((piece.envelope for piece in pieces if piece.envelope), ""))
+    line = LineSettings(notes={PROTOCOLS_NOTE: ",".join(spoken.values())} if any(spoken.values()) else {})
+    return _TextReader(path, line, timed, times[0] if timed else 0, notices, ports, judge, tz, sample_rate, reader)
+
+
+def _ports(pieces: Sequence[Piece]) -> dict[tuple[str, str], int]:
+    """A port for each who speaks, and for each protocol of theirs where there are several."""
+    mixed = len({piece.envelope for piece in pieces} - {""}) > 1
+    envelope = next((piece.envelope for piece in pieces if piece.envelope), "")
+    ports: dict[tuple[str, str], int] = {}
+    for piece in pieces:
+        envelope = piece.envelope or envelope
+        who = (piece.port, envelope if mixed else "")
+        ports.setdefault(who, min(len(ports), 255) if any(who) else 0)
+    return ports
 
 
 def _refuse(path: Path, unread: list[Unread]) -> None:
@@ -133,4 +163,20 @@ def _zone_name(zone: tzinfo | None) -> str:
     return "local time of this machine (--tz names another zone)" if zone is None else str(zone)
 
 
-FORMAT = Format("text", (".txt", ".log", ".hex", ".asc", ".out", ".csv"), _sniff, _read)
+def _write(file: BinaryIO, line: LineSettings, blocks: Iterable[Block], timed: bool) -> None:  # noqa: ARG001 - no room
+    """A read a line: time in UTC, direction mark, bytes."""
+    for block in blocks:
+        whole = np.datetime_as_string(block.t_ns.astype("datetime64[ns]"), unit="ns").tolist() if timed else None
+        lines = []
+        for i in range(len(block)):
+            words = [f"{whole[i]}Z"] if whole is not None else []
+            words += [_MARK_WORDS[block.mark[i]]] if block.mark[i] else []
+            lines.append(
+                " ".join([*words, block.data[block.offsets[i] : block.offsets[i + 1]].tobytes().hex(" ")]) + "\n"
+            )
+        file.write("".join(lines).encode())
+
+
+FORMAT = Format(
+    "text", (".txt", ".log", ".hex", ".asc", ".out", ".csv"), _sniff, _read, _write, (".txt", ".log", ".hex")
+)

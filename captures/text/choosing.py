@@ -41,12 +41,13 @@ _BLANKS: Final = re.compile(r"[\s|*#/>`-]+")
 class Checked(NamedTuple):
     """A stretch of bytes whose check value, or whose header's length, is right.
 
-    `repeats`: its answer may be the same bytes again.
+    `repeats`: its answer may be the same bytes again. `envelope`: the protocol that it is a frame of, by its name.
     """
 
     start: int
     end: int
     repeats: bool = False
+    envelope: str = ""
 
 
 Judge = Callable[[bytes], Sequence[Checked]]

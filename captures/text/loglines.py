@@ -23,6 +23,7 @@ from .hexshapes import Level, halves, line_of
 from .othershapes import unescape
 from .tools import MARK_WORDS, NONE, SHAPES, Mark, Role, Shape, marks
 
+_LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
 _ANSI: Final = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 _COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
 _WORD: Final = re.compile(r"\w")
@@ -173,7 +174,7 @@ class LineReader:
         return found
 
     def _tool_line(self, text: str, number: int) -> LogLine | None:
-        for i, shape in enumerate(self._tools):
+        for i, shape in enumerate(self._tools if len(text) >= _LEAST_SHAPED else ()):
             if (match := shape.pattern.match(text)) is not None:
                 if i and shape.role is not Role.NOTHING:  # a log is of one tool: its shapes first from now on
                     self._tools.insert(0, self._tools.pop(i))

@@ -33,7 +33,8 @@ _PORTION: Final = re.compile(rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST
 class Piece:
     """Bytes of a log with what is known of them; `t_ns` counts on past midnight where the log has times of day.
 
-    `continues` says that these bytes belong to the same read, or dump, as the piece before. `port` names who speaks.
+    `continues` says that these bytes belong to the same read, or dump, as the piece before. `port` names who speaks,
+    `envelope` the protocol that check values say these bytes are of.
     """
 
     data: bytes
@@ -44,6 +45,7 @@ class Piece:
     t_ns: int | None = None
     port: str = ""
     continues: bool = False
+    envelope: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +176,8 @@ def _given(line: LogLine) -> Iterator[Piece | Unread]:
     text = line.text if len(line.text) <= 200 else line.text[:197] + "..."
     for i, run in enumerate(taken):
         continues = line.continues and not i
-        yield Piece(run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues)
+        envelope = run.checked[0].envelope if run.checked else ""
+        yield Piece(run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues, envelope)
     if line.problem is not None:
         yield Unread(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))
     for run in taken:

@@ -183,7 +183,9 @@ def _suspects(view: DiagnosisStep) -> list[int]:
     if not len(noise) and not len(view.damaged):
         return []
     protocol = view.column("protocol")
-    return [row for row in sorted([*noise.tolist(), *view.damaged.tolist()]) if protocol[row] == Protocol.RTU]
+    foreign = view.column("foreign")
+    rows = sorted([*noise.tolist(), *view.damaged.tolist()])
+    return [row for row in rows if protocol[row] == Protocol.RTU and not foreign[row]]
 
 
 def _soon(row: EarlierRow, pending: EarlierRow) -> bool:

@@ -106,6 +106,8 @@ class NoiseStretches:
         for place in view.noise.tolist():
             if place in view.verdicts or rows["errors"][place] or rows["protocol"][place] == Protocol.TCP:
                 continue
+            if rows["foreign"][place]:
+                continue
             before = rows[place - 1 : place] if place else view.trail.newest
             told = place - 1 in view.verdicts and before["kind"][0] == Kind.NOISE if place else self._said_before
             if told and _hard(rows["gap_before"][place], view):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import struct
 
+from dissectors.foreign import mstp_check
+
 from ..conversation import Exchange, adu
 from .registry import defect
 from .stage import MS, Stage
@@ -63,3 +65,17 @@ def timing_blind(stage: Stage, exchanges: int) -> None:
     """Nothing is wrong with the bus, but this tap's times cannot show its silences."""
     stage.healthy(exchanges)
     stage.found_on_bus("timing-blind")
+
+
+@defect("other-protocol", taps=("precise", "irq", "ftdi16"))
+def other_protocol(stage: Stage) -> None:
+    """Devices of another protocol speak on the pair between two polls."""
+    random = stage.random
+    kind, source = random.choice((0, 1)), random.randrange(12)
+    head = bytes((kind, (source + 1) % 12, source, 0, 0))
+    frame = b"\x55\xff" + head + bytes((mstp_check(head),))  # a token of BACnet MS/TP
+    start = len(stage.data)
+    for byte in frame:
+        stage.put(byte)
+    stage.found_at("other-protocol", start)
+    stage.pause()

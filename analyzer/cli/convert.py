@@ -1,0 +1,208 @@
+"""`rtuscope convert`: captures as another capture: another format, cut, merged, their clocks mended."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING, Final
+
+from dissectors.values import harmless
+
+from .app import DONE, INTERRUPTED, NO_FRAME, UsageError
+from .inputs import (
+    CAPTURE_HELP,
+    add_functions_argument,
+    add_reading_arguments,
+    load_functions,
+    opened_capture,
+    tell_damage,
+)
+from .moments import moment, time_span
+from .outputs import add_overwrite_argument, to_be_overwritten
+from .terminal import interruptible, tell
+
+if TYPE_CHECKING:
+    from captures import Block, Capture
+    from captures.formats import Format
+
+_SECONDS: Final = 5.0
+_MOST_SECONDS: Final = 1e6
+EXAMPLE = """\
+rtuscope simulate bus.jsonl --wire noisy
+rtuscope convert bus.jsonl -o bus.mcap
+rtuscope convert bus.jsonl -o part.jsonl --frames 100..200
+rtuscope convert bus.jsonl -o near.jsonl --around 'crc_ok == false' --seconds 1
+rtuscope convert bus.jsonl bus.mcap -o both.jsonl --port plc --port meter --shift 2=+250ms"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("captures", nargs="+", metavar="IN", help=f"{CAPTURE_HELP}; several are merged by time")
+    parser.add_argument("-o", "--output", metavar="OUT", required=True, help="file to write; - is standard output")
+    add_overwrite_argument(parser, "OUT")
+    parser.add_argument(
+        "--to-format", metavar="F", help="serial-chunks, mcap, pcapng, bin or text; by default OUT's suffix tells"
+    )
+    cut = parser.add_argument_group("what is kept (all, if nothing is given)")
+    cut.add_argument(
+        "--from",
+        dest="begin",
+        metavar="T",
+        help="from this time on: 12.5s after the first byte, 08:30:00, 2026-01-31T08:30Z",
+    )
+    cut.add_argument("--to", dest="end", metavar="T", help="up to this time")
+    cut.add_argument(
+        "--frames", metavar="A..B", help="these frames, by their numbers in an export, and what is between"
+    )
+    cut.add_argument("--around", metavar="FILTER", help="what is near frames that pass, such as 'exception'")
+    cut.add_argument("--seconds", type=float, metavar="S", help="with --around: so near, before and after (5)")
+    merge = parser.add_argument_group("merging")
+    merge.add_argument(
+        "--port", dest="names", action="append", default=[], metavar="NAME", help="name of the ports of the next IN"
+    )
+    merge.add_argument(
+        "--shift",
+        action="append",
+        default=[],
+        metavar="[N=]T",
+        help="add to the times of IN number N, else of all: --shift 2=+1.5s, --shift=-250ms",
+    )
+    add_reading_arguments(parser)
+    add_functions_argument(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write it."""
+    import captures
+
+    from ..core import observed
+
+    load_functions(arguments)
+    paths: list[str] = arguments.captures
+    if len(arguments.names) > len(paths):
+        raise UsageError(f"--port is given {len(arguments.names)} times for {len(paths)} captures")
+    if arguments.seconds is not None and arguments.around is None:
+        raise UsageError("--seconds goes with --around")
+    chosen = _format(arguments)
+    opened = [opened_capture(path, arguments) for path in paths]
+    for capture in opened:
+        to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=capture.path)
+    written = _Written()
+    with interruptible() as stop:
+        made = _cut(_merged(opened, arguments), arguments)
+        out = sys.stdout.buffer if arguments.output == "-" else arguments.output
+        captures.write(out, observed(made, look=written.look, stop=stop), format=chosen.name)
+        stopped = stop()
+    for path, capture in zip(paths, opened, strict=True):
+        tell_damage(path, capture)
+    if lost := _lost(made, chosen, written):
+        tell(f"{arguments.output}: files of this format have no room for {', '.join(lost)}")
+    said = f"{arguments.output}: {written.reads:,} reads, {written.bytes:,} bytes of the line"
+    print(harmless(said), file=sys.stderr if arguments.output == "-" else sys.stdout)
+    if stopped:
+        tell("stopped by Ctrl-C; what was done is kept, and partial")
+        return INTERRUPTED
+    return DONE if written.bytes else NO_FRAME
+
+
+class _Written:
+    """How much was written."""
+
+    def __init__(self) -> None:
+        self.reads = self.bytes = 0
+        self.ports = self.errors = False
+
+    def look(self, block: Block) -> None:
+        """One more block."""
+        self.reads += len(block)
+        self.bytes += len(block.data)
+        self.ports = self.ports or bool(block.port.any())
+        self.errors = self.errors or bool(len(block.errors))
+
+
+def _format(arguments: argparse.Namespace) -> Format:
+    from pathlib import Path
+
+    from captures.formats import by_name, for_writing
+
+    if arguments.to_format is None and arguments.output != "-":
+        return for_writing(Path(arguments.output))
+    chosen = by_name(arguments.to_format or "serial-chunks")
+    if chosen.write is None:
+        raise UsageError(f"--to-format {chosen.name}: captures in this format can be read, but not written")
+    return chosen
+
+
+def _lost(made: Capture, chosen: Format, written: _Written) -> list[str]:
+    """What the format cannot hold."""
+    from captures.io import keeps_notes
+
+    lost = []
+    if chosen.name == "bin" and made.timed:
+        lost.append("times and direction marks")
+    if chosen.name in ("bin", "text"):
+        lost += ["the line's settings"] if made.line.baud is not None else []
+        lost += ["ports"] if written.ports else []
+        lost += ["marks of wrong bytes"] if written.errors else []
+    if not keeps_notes(chosen) and (notes := made.notes()):
+        lost.append("1 note" if len(notes) == 1 else f"{len(notes):,} notes")
+    return lost
+
+
+def _merged(opened: list[Capture], arguments: argparse.Namespace) -> Capture:
+    from captures.editing import merged, shifted
+
+    shifts = [0] * len(opened)
+    for text in arguments.shift:
+        number, sign, words = text.rpartition("=")
+        if sign and not (number.isdecimal() and 1 <= int(number) <= len(opened)):
+            raise UsageError(f"--shift {text}: before the = stands the number of an IN, 1 to {len(opened)}")
+        for i in [int(number) - 1] if sign else range(len(opened)):
+            shifts[i] += time_span(words, "--shift")
+    for capture, shift in zip(opened, shifts, strict=True):
+        if shift and not capture.timed:
+            raise UsageError(f"--shift: {capture.path or 'the capture'} has no times")
+    moved = [shifted(capture, shift) if shift else capture for capture, shift in zip(opened, shifts, strict=True)]
+    return merged(moved, arguments.names)
+
+
+def _cut(made: Capture, arguments: argparse.Namespace) -> Capture:
+    """What is asked for of it; each way of cutting narrows what the ones before have left."""
+    from captures.editing import cut_to_times
+
+    if arguments.begin is not None or arguments.end is not None:
+        from captures.io import time_zone
+
+        first = next((int(block.t_ns[0]) for block in made.blocks() if len(block)), 0)
+        zone = None if arguments.tz is None else time_zone(arguments.tz)
+        begin = -(1 << 62) if arguments.begin is None else moment(arguments.begin, "--from", first, zone)
+        end = 1 << 62 if arguments.end is None else moment(arguments.end, "--to", first, zone)
+        if begin > end:
+            raise UsageError(f"--from {arguments.begin} is later than --to {arguments.end}")
+        made = cut_to_times(made, [(begin, end)])
+    if arguments.frames is not None:
+        from ..exports.cutting import frames_only
+
+        low, dots, high = arguments.frames.partition("..")
+        if not (low.isdecimal() and (high.isdecimal() if dots else True)) or int(low) > int(high or low):
+            raise UsageError(f"--frames {arguments.frames}: give a number, or two as in 100..200")
+        made = frames_only(made, int(low), int(high or low))
+    if arguments.around is not None:
+        made = _around(made, arguments)
+    return made
+
+
+def _around(made: Capture, arguments: argparse.Namespace) -> Capture:
+    from ..exports.cutting import around
+    from ..filters import FilterError, compile_filter
+
+    seconds = _SECONDS if arguments.seconds is None else arguments.seconds
+    if not 0 <= seconds <= _MOST_SECONDS:
+        raise UsageError(f"--seconds {seconds:g}: give 0 to {_MOST_SECONDS:g}")
+    try:
+        made, count = around(made, compile_filter(arguments.around, made.line), seconds)
+    except FilterError as error:
+        raise UsageError(f"--around: {error}") from error
+    if not count:
+        tell("--around: nothing passes the filter")
+    return made
