@@ -88,6 +88,17 @@ def duration(ns: int) -> str:
     return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds} s"
 
 
+def between(low_ns: int, high_ns: int) -> str:
+    """A duration that lies between two: `9..17 ms`, `0..1.2 s`; `870 us` where they are one."""
+    if low_ns == high_ns:
+        return duration(low_ns)
+    for scale, unit in ((1e3, "us"), (1e6, "ms"), (1e9, "s")):
+        if high_ns < 999.5 * scale or unit == "s":
+            low, high = (f"{ns / scale:.2g}" if ns < 9.95 * scale else f"{ns / scale:.0f}" for ns in (low_ns, high_ns))
+            return f"{low}..{high} {unit}"
+    return duration(high_ns)
+
+
 def compact(number: int) -> str:
     """A count in at most five characters: `9999`, `12.3k`, `1.2M`."""
     if number < 10_000:

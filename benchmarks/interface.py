@@ -98,17 +98,18 @@ class Terminal:
 
 
 def make(frames: int, path: Path) -> None:
-    """A capture of the bus that `speed.py` knows."""
-    import speed
+    """A capture of the bus that `bus.py` makes, a read a frame."""
+    import bus
+    from corpus import a_read_a_frame
 
     import captures
     from captures.chunks import Capture
 
     class Source:
-        line, timed = speed.LINE, True
+        line, timed = bus.LINE, True
 
         def blocks(self, max_bytes: int, note: object) -> object:  # noqa: ARG002
-            return speed.bus(frames)
+            return map(a_read_a_frame, bus.slices(frames))
 
     captures.write(path, Capture(Source()))  # type: ignore[arg-type]
 

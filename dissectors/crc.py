@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Final
 
+_LEAST: Final = 4  # bytes of an RTU ADU: unit, function code, CRC
+
 
 def _entry(byte: int) -> int:
     for _ in range(8):
@@ -35,7 +37,18 @@ def crc_bytes(data: bytes) -> bytes:
 
 def crc_ok(adu: bytes) -> bool:
     """Whether an RTU ADU (unit to CRC) is long enough to be one and ends in the right CRC."""
-    return len(adu) >= 4 and crc16(adu) == 0
+    return len(adu) >= _LEAST and crc16(adu) == 0
+
+
+def crc_ends(data: bytes, start: int, most: int) -> list[int]:
+    """Where RTU ADUs with a right CRC that begin at `start` and are of at most `most` bytes end, in order."""
+    crc, ends = 0xFFFF, []
+    table = CRC_TABLE
+    for end, byte in enumerate(data[start : start + most], start + 1):
+        crc = (crc >> 8) ^ table[(crc ^ byte) & 0xFF]
+        if not crc and end - start >= _LEAST:
+            ends.append(end)
+    return ends
 
 
 def lrc(data: bytes) -> int:

@@ -25,6 +25,10 @@ from analyzer.tables.schema import Kind
 from captures import samples
 from captures.chunks import Capture
 from captures.line import LineSettings
+from dissectors.maps import shipped_map
+from dissectors.maps.units import UnitMaps
+
+CHARTS = UnitMaps(other=shipped_map("eastron-sdm630"))
 
 
 @cache
@@ -67,11 +71,11 @@ def test_the_issues_examples() -> None:
 @pytest.mark.parametrize("field", FIELDS, ids=lambda field: field.name)
 def test_every_field_has_an_example_that_works(field: object) -> None:
     found = next(each for each in FIELDS if each is field)
-    filtered = compile_filter(found.example)
+    filtered = compile_filter(found.example, charts=CHARTS)
     assert found.name in filtered.fields
     assert len(filtered.mask(troubled())) == len(troubled())
     for alias in found.aliases:
-        renamed = compile_filter(found.example.replace(found.name, alias))
+        renamed = compile_filter(found.example.replace(found.name, alias), charts=CHARTS)
         assert (renamed.mask(troubled()) == filtered.mask(troubled())).all()
 
 
@@ -82,7 +86,7 @@ def test_fields_ask_only_for_the_columns_that_tables_promise() -> None:
             return super().column(name)
 
     for field in FIELDS:
-        compile_filter(field.example).mask(Watched(troubled().whole, LINE))
+        compile_filter(field.example, charts=CHARTS).mask(Watched(troubled().whole, LINE))
 
 
 @pytest.mark.parametrize(
@@ -354,6 +358,6 @@ def test_the_reference_is_of_this_table() -> None:
     assert page.read_text(encoding="utf-8") == made, "write it anew: python -m analyzer.reference.filters"
     for block in made.split("```text\n")[1:]:
         for line in block.split("```")[0].splitlines():
-            assert check(line) is None, line
+            assert check(line, charts=CHARTS) is None, line
     for quoted in re.findall(r"`([a-z_]+ (?:==|!=|in|>|<) [^`]+)`", made):
         assert check(quoted) is None, quoted

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scripts import package
 
 from dissectors.maps import MapError, RegisterMap, map_for_unit, map_text, read_map, shipped_map, shipped_names
 from dissectors.maps.importers import FORMATS, import_maps
@@ -19,6 +19,7 @@ from dissectors.maps.table import read_table, write_table
 from dissectors.maps.yamlform import read_yaml, write_yaml
 from dissectors.values import ORDERS, ordered, registers_of
 
+FILES = package("attack.mapfiles")
 WORDS = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), min_size=1, max_size=12)
 NUMBERS = st.floats(-1e6, 1e6).filter(lambda number: number != 0)
 TYPES = {"u16": 1, "s16": 1, "u32": 2, "s32": 2, "u64": 4, "s64": 4, "f32": 2, "f64": 4, "bcd32": 2}
@@ -159,113 +160,25 @@ def test_registers_of_bytes_and_back(words: list[int], order: str) -> None:
     assert list(registers_of(ordered(words, order), order)) == words  # type: ignore[arg-type]
 
 
-HA = """
-modbus:
-  - name: hub
-    sensors:
-      - {name: Voltage, slave: 3, address: 10, input_type: input, data_type: uint32, swap: word, scale: 0.1,
-         unit_of_measurement: V}
-      - {name: Room, slave: 3, address: 0x20, unit_of_measurement: C}
-    switches:
-      - {name: Pump, slave: 3, address: 5, write_type: coil}
-"""
-ESPHOME = """
-sensor:
-  - platform: modbus_controller
-    name: Power
-    register_type: read
-    address: 0x3102
-    value_type: U_DWORD_R
-    filters: [{multiply: 0.01}, {lambda: !lambda 'return x;'}]
-binary_sensor:
-  - {platform: modbus_controller, name: Charging, register_type: read, address: 0x3201, bitmask: 0x0004}
-"""
-SOLARMAN = """
-requests: [{start: 0, end: 10, mb_functioncode: 0x04}]
-parameters:
-  - group: grid
-    items:
-      - {name: Energy, rule: 3, scale: 0.1, uom: kWh, registers: [0x0002, 0x0003]}
-      - {name: Heat, rule: 2, scale: 0.1, offset: 1000, registers: [5]}
-      - {name: State, rule: 1, registers: [6], lookup: [{key: 0, value: Off}, {key: 1, value: Run}]}
-"""
-TELEGRAF = """
-[[inputs.modbus]]
-  name = "meter"
-  slave_id = 1
-  holding_registers = [
-    {name = "power", byte_order = "CDAB", data_type = "FLOAT32-IEEE", address = [8, 9]},
-    {name = "energy", byte_order = "ABCD", data_type = "UFIXED", scale = 0.01, address = [10, 11]},
-  ]
-"""
-EXPORTER = """
-modules:
-  - name: m
-    metrics:
-      - {name: p, address: 300022, dataType: int16, factor: 3.5}
-      - {name: q, address: 40023, dataType: float32, endianness: yolo}
-"""
-SCHEMA = """
-description: D
-blocks:
-  - id: Main
-    fields:
-      - {id: F, expression: 'ieee754_32(hr:00010 # 2)', unit: V}
-      - {id: S, expression: 'int16(4x21; 0xDEAD) / 10'}
-      - {id: C, expression: 'F * 2'}
-"""
-MODPOLL = "device,m,1,,,\npoll,input_register,30001,36,BE_LE\nref,V1,30001,float32,r,V\nref,A1,30007,uint16,r,A,0.1\n"
-IOBROKER = (
-    "_address\tname\tunit\ttype\tlen\tfactor\toffset\n69\tU\tV\tuint16be\t1\t0.1\t0\n71\tI\tA\tfloatsw\t2\t1\t0\n"
-)
-WIRENBOARD = """{"title": "T", /* c */ "device": {"name": "T", "channels": [
-  {"name": "U", "reg_type": "input", "address": "0x10", "format": "u32", "scale": 0.01, "word_order": "little_endian"},
-  {"name": "Ready", "reg_type": "holding", "address": "50199:0:1"}, // bit 0
-  {"name": "Run", "reg_type": "holding", "address": "50199:11:1"}]}}"""
-SUNSPEC = json.dumps(
-    {
-        "id": 103,
-        "group": {
-            "name": "inverter",
-            "points": [
-                {"name": "ID", "type": "uint16", "size": 1},
-                {"name": "A", "type": "uint16", "size": 1, "sf": "A_SF", "units": "A", "label": "Amps"},
-                {"name": "A_SF", "type": "sunssf", "size": 1},
-                {"name": "Sn", "type": "string", "size": 16},
-            ],
-        },
-    }
-)
-RUSSIAN = (
-    "Параметры;;;;\nАдрес;Наименование;Тип данных;Ед. изм.;Множитель\n0x0A;Напряжение;uint16;В;0,1\n11;Ток;float;А;\n"
-)
-GERMAN = (
-    "Registeradresse;Bezeichnung;Datentyp;Einheit;Faktor\n40001;Spannung L1;FLOAT32;V;1\n40003;Strom;INT16;A;0,01\n"
-)
-ENGLISH = (
-    "Modbus Register,Parameter,Format,Units,Scale,R/W\n30001,Voltage,Float,V,,R\n100-101,Energy,UINT32,kWh,/100,RO\n"
-)
-
-
 @pytest.mark.parametrize(
     ("file", "text", "expected"),
     [
-        ("c.yaml", HA, [("input", 10, "u32", "CDAB", 0.1), ("holding", 32, "s16", "ABCD", 1),
+        ("c.yaml", FILES.HA, [("input", 10, "u32", "CDAB", 0.1), ("holding", 32, "s16", "ABCD", 1),
                         ("coil", 5, "bool", "ABCD", 1)]),
-        ("c.yaml", ESPHOME, [("input", 0x3102, "u32", "CDAB", 0.01), ("input", 0x3201, "bits", "ABCD", 1)]),
-        ("c.yaml", SOLARMAN, [("input", 2, "u32", "CDAB", 0.1), ("input", 5, "s16", "CDAB", 0.1),
+        ("c.yaml", FILES.ESPHOME, [("input", 0x3102, "u32", "CDAB", 0.01), ("input", 0x3201, "bits", "ABCD", 1)]),
+        ("c.yaml", FILES.SOLARMAN, [("input", 2, "u32", "CDAB", 0.1), ("input", 5, "s16", "CDAB", 0.1),
                               ("input", 6, "enum", "CDAB", 1)]),
-        ("c.toml", TELEGRAF, [("holding", 8, "f32", "CDAB", 1), ("holding", 10, "u32", "ABCD", 0.01)]),
-        ("c.yml", EXPORTER, [("input", 22, "s16", "ABCD", 3.5), ("holding", 23, "f32", "CDAB", 1)]),
-        ("c.yaml", SCHEMA, [("holding", 10, "f32", "ABCD", 1), ("holding", 20, "s16", "ABCD", 0.1)]),
-        ("c.csv", MODPOLL, [("input", 0, "f32", "CDAB", 1), ("input", 6, "u16", "ABCD", 0.1)]),
-        ("inputRegs.tsv", IOBROKER, [("input", 69, "u16", "ABCD", 0.1), ("input", 71, "f32", "CDAB", 1)]),
-        ("c.json", WIRENBOARD, [("input", 16, "u32", "CDAB", 0.01), ("holding", 50199, "bits", "ABCD", 1)]),
-        ("c.json", SUNSPEC, [("holding", 40070, "u16", "ABCD", 1), ("holding", 40071, "u16", "ABCD", 1),
+        ("c.toml", FILES.TELEGRAF, [("holding", 8, "f32", "CDAB", 1), ("holding", 10, "u32", "ABCD", 0.01)]),
+        ("c.yml", FILES.EXPORTER, [("input", 22, "s16", "ABCD", 3.5), ("holding", 23, "f32", "CDAB", 1)]),
+        ("c.yaml", FILES.SCHEMA, [("holding", 10, "f32", "ABCD", 1), ("holding", 20, "s16", "ABCD", 0.1)]),
+        ("c.csv", FILES.MODPOLL, [("input", 0, "f32", "CDAB", 1), ("input", 6, "u16", "ABCD", 0.1)]),
+        ("inputRegs.tsv", FILES.IOBROKER, [("input", 69, "u16", "ABCD", 0.1), ("input", 71, "f32", "CDAB", 1)]),
+        ("c.json", FILES.WIRENBOARD, [("input", 16, "u32", "CDAB", 0.01), ("holding", 50199, "bits", "ABCD", 1)]),
+        ("c.json", FILES.SUNSPEC, [("holding", 40070, "u16", "ABCD", 1), ("holding", 40071, "u16", "ABCD", 1),
                              ("holding", 40072, "s16", "ABCD", 1), ("holding", 40073, "text", "ABCD", 1)]),
-        ("c.csv", RUSSIAN, [("holding", 10, "u16", "ABCD", 0.1), ("holding", 11, "f32", "ABCD", 1)]),
-        ("c.csv", GERMAN, [("holding", 0, "f32", "ABCD", 1), ("holding", 2, "s16", "ABCD", 0.01)]),
-        ("c.csv", ENGLISH, [("input", 0, "f32", "ABCD", 1), ("holding", 100, "u32", "ABCD", 0.01)]),
+        ("c.csv", FILES.RUSSIAN, [("holding", 10, "u16", "ABCD", 0.1), ("holding", 11, "f32", "ABCD", 1)]),
+        ("c.csv", FILES.GERMAN, [("holding", 0, "f32", "ABCD", 1), ("holding", 2, "s16", "ABCD", 0.01)]),
+        ("c.csv", FILES.ENGLISH, [("input", 0, "f32", "ABCD", 1), ("holding", 100, "u32", "ABCD", 0.01)]),
     ],
 )  # fmt: skip
 def test_maps_of_others_round_trip(file: str, text: str, expected: list[tuple[str, int, str, str, float]]) -> None:
@@ -276,11 +189,11 @@ def test_maps_of_others_round_trip(file: str, text: str, expected: list[tuple[st
 
 
 def test_what_a_map_cannot_carry_is_noted() -> None:
-    assert any("lambda" in note for note in import_maps("c.yaml", ESPHOME.encode())[0].notes)
-    assert any("F * 2" in note for note in import_maps("c.yaml", SCHEMA.encode())[0].notes)
-    heat = next(row for row in import_maps("c.yaml", SOLARMAN.encode())[0].chart.rows if row.name == "Heat")
+    assert any("lambda" in note for note in import_maps("c.yaml", FILES.ESPHOME.encode())[0].notes)
+    assert any("F * 2" in note for note in import_maps("c.yaml", FILES.SCHEMA.encode())[0].notes)
+    heat = next(row for row in import_maps("c.yaml", FILES.SOLARMAN.encode())[0].chart.rows if row.name == "Heat")
     assert heat.offset == -100
-    amps = import_maps("c.json", SUNSPEC.encode())[0].chart.rows[1]
+    amps = import_maps("c.json", FILES.SUNSPEC.encode())[0].chart.rows[1]
     assert amps.scale_address == 40072
 
 

@@ -6,6 +6,7 @@ error holds it in readable form, and no other control characters than the progra
 
 from __future__ import annotations
 
+import csv
 import io
 import json
 import re
@@ -183,6 +184,44 @@ def test_a_canary_in_declared_functions(text: str, tmp_path: Path, capsys: pytes
     path.write_text(text, encoding="utf-8")
     done = clean(ran(capsys, "parse", "11 41 05", "--functions", path), shown=" = 1" not in text)
     assert done.status == 2 and done.err.count("\n") == 1, done
+
+
+@pytest.mark.parametrize("form", ["yaml", "csv", "json"])
+def test_a_canary_in_every_cell_of_a_map(
+    form: str, capture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / f"{NAME}.{form}", tmp_path / f"{NAME}out.csv"
+    cells = {"name": CANARY, "unit": CANARY, "description": CANARY, "group": CANARY, CANARY: CANARY}
+    rows = [{"area": "holding", "address": 107 + n, "max": 1, **cells, "name": f"{n}{CANARY}"} for n in range(3)]
+    states = {"area": "holding", "address": 110, "name": CANARY, "type": "enum", "values": {0: CANARY}}
+    content = {"device": CANARY, "vendor": CANARY, CANARY: CANARY, "match": f"server_id: {CANARY}"}
+    if form == "yaml":
+        path.write_text(json.dumps({**content, "registers": [*rows, states]}), encoding="utf-8")
+    elif form == "csv":
+        table = io.StringIO()
+        writer = csv.DictWriter(table, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+        path.write_text(f"# device: {CANARY.split(chr(10))[0]}\n{table.getvalue()}", encoding="utf-8", newline="")
+    else:
+        channels = [{"name": row["name"], "reg_type": "holding", "address": row["address"]} for row in rows]
+        model = {"title": CANARY, "device": {"name": CANARY, "channels": [*channels, {"name": CANARY}]}}
+        path.write_text(json.dumps(model), encoding="utf-8")
+    clean(ran(capsys, "map", "import", path, "-o", out))
+    clean(ran(capsys, "map", "import", path, "-o", out))
+    clean(ran(capsys, "map", "import", path))
+    for command in (
+        ("map", "show", out), ("map", "show", out, "--format", "csv"), ("map", "show", out, "--format", "yaml"),
+        ("map", "check", out), ("map", "check", f"{out}@17", capture), ("map", "check", f"{out}@17", capture, "--json"),
+        ("map", "diff", out, "xy-md02"), ("registers", capture, "--map", out), ("map", "show", NAME),
+        ("registers", capture, "--map", out, "--json"), ("map", "infer", capture, "--unit", "17"),
+        ("parse", "--map", out, f"{adu('1103006b0001').hex()} {adu('1103020001').hex()}"),
+        ("export", capture, "--table", "values", "--map", out, "-o", "-"), ("registers", capture, "--like", CANARY),
+        ("map", "import", CANARY), ("map", "import", out, "--device", CANARY),
+        ("map", "import", out, "--format", CANARY),
+        ("registers", capture, "--map", CANARY), ("map", "diff", out, CANARY), ("map", "infer", CANARY),
+    ):  # fmt: skip
+        clean(ran(capsys, *command), shown=command[:2] != ("map", "infer"))
 
 
 def test_a_canary_in_the_name_of_a_port(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -185,7 +185,7 @@ def test_bookmarks_and_comments_stay_beside_the_capture(capture: Path) -> None:
         assert sitting.row == sitting.bus.count - 1
         assert '"pump [red]off"' in sitting.shown()
         await sitting.press("home", "down", "m")
-        assert "bookmark taken away" in sitting.notices()
+        assert "bookmark taken away; u brings it back" in sitting.notices()
         await sitting.press("apostrophe", "apostrophe")
         assert sitting.row == sitting.bus.count - 1
 

@@ -226,12 +226,10 @@ def test_every_finding_on_a_row_is_marked_there_and_can_be_jumped_to(wire: str, 
         assert row >= 0 and port == finding.port and start <= finding.start < start + length, finding
         assert finding in bus.findings(row) and table.value("mark", row) >= finding.severity
         standing.add(row)
-    visited, row = [], found.next_row(-1, 1)
-    while row is not None:
-        visited.append(row)
-        row = found.next_row(row, 1)
-    assert visited == sorted(standing) and visited
-    assert found.next_row(visited[-1], -1) == (visited[-2] if len(visited) > 1 else None)
+    assert found.rows_beyond(-1, 1).tolist() == sorted(standing) and standing
+    last = max(standing)
+    assert found.rows_beyond(last, 1).tolist() == []
+    assert found.rows_beyond(last, -1).tolist() == sorted(standing - {last}, reverse=True)
 
 
 def test_search_finds_bytes_text_and_values(troubled: Bus) -> None:

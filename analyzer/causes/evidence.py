@@ -21,11 +21,11 @@ from .ledger import Ledger
 from .polls import Poll
 from .registry import Explained, Symptom
 from .signatures import Behind, Damage, Signature, signature
+from .thinned import densest
 from .unitledger import UnitLedger
 
 HEALTHY: Final = 0.004  # damaged exchanges of a line on which nothing is wrong
 _WAITS: Final = 3  # that tell a timeout
-_MODE: Final = 0.12  # width of the densest waits, of themselves
 _TAIL_BYTES: Final = 4
 _SHORT_CUT: Final = 4  # bytes
 _RARE: Final = 0.01
@@ -174,13 +174,10 @@ class Evidence:
     def timeout_ns(self) -> float | None:
         """What the master waits for an answer, to its next request: the densest of the waits that ended in silence."""
         waits = [unit.waits.numbers for unit in self.ledger.units.values() if len(unit.waits)]
-        numbers = np.sort(np.concatenate(waits)) if waits else np.zeros(0)
-        numbers = numbers[numbers > 0]
-        if len(numbers) < _WAITS or not self.ledger.timed:
+        numbers = np.concatenate(waits) if waits else np.zeros(0)
+        if np.count_nonzero(numbers > 0) < _WAITS or not self.ledger.timed:
             return None
-        ends = np.searchsorted(numbers, numbers * (1 + _MODE), side="right")
-        begin = int(np.argmax(ends - np.arange(len(numbers))))
-        return float(np.median(numbers[begin : int(ends[begin])]))
+        return densest(numbers)
 
     def cost(self, unit: UnitLedger, *outcomes: Outcome) -> tuple[int, float | None]:
         """Answers lost by these outcomes, and the time (ms) that the master waited for them; None where nobody knows."""

@@ -29,7 +29,6 @@ from .columntable import ColumnTable
 
 _WINDOW_ROWS: Final = 512  # behind a request: what follows after that many rows is nobody's
 _WINDOW_BYTES: Final = 1 << 16
-ECHOED: Final = np.isin(np.arange(256), (5, 6, 22))  # functions whose answer is their request once more
 ANSWERED: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6, 15, 16, 22, 23))  # of which an answer is known for one
 _AHEAD: Final = 2  # exchanges that are held back
 _STRAY_BYTES: Final = 1  # so few are no answer, however damaged
@@ -276,12 +275,8 @@ def _compare(made: ColumnTable, before: Mapping[str, Any]) -> None:
 
 
 def asking(rows: ColumnTable) -> NDArray[np.bool_]:
-    """Which rows are right requests. An echo by unit 0 is the broadcast once more: masters repeat them."""
-    kind = rows["kind"]
-    asks: NDArray[np.bool_] = kind == Kind.REQUEST
-    again = ((kind == Kind.RESPONSE) & (rows["unit"] == 0)).nonzero()[0]
-    asks[again] = ECHOED[rows["function"][again]]
-    asks &= rows["check"]
+    """Which rows are right requests."""
+    asks: NDArray[np.bool_] = (rows["kind"] == Kind.REQUEST) & rows["check"]
     return asks
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..tables.schema import NO_GAP
-from ..tables.transactions import NEVER
+from ..tables.transactions import ECHOED, NEVER
 from .columntable import ColumnTable
-from .exchanges import ECHOED, Outcome
+from .exchanges import Outcome
 from .samples import Samples
 from .thinned import Thinned
 from .timegrid import Spells

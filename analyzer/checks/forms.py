@@ -13,14 +13,20 @@ from __future__ import annotations
 
 import pkgutil
 from collections.abc import Callable
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from .model import Measure
 
+if TYPE_CHECKING:
+    from dissectors.maps.units import UnitMaps
+
 Start = Callable[[], Measure]
+CHARTS: Final[ContextVar[UnitMaps | None]] = ContextVar("CHARTS", default=None)
+"""The register maps of units, while a form's function makes a rule."""
 
 TERMINALS: Final = r"""
 thing: WORD+

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from functools import cache
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from lark import Lark, Token, Tree
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
@@ -14,15 +14,25 @@ from captures.line import LineSettings
 
 from ..filters.errors import FilterError
 from .errors import CheckError
-from .forms import SHOWN, TERMINALS, forms
+from .forms import CHARTS, SHOWN, TERMINALS, forms
 from .model import Check
+
+if TYPE_CHECKING:
+    from dissectors.maps.units import UnitMaps
 
 LONGEST: Final = 4096  # characters
 _FOUND: Final = re.compile(r"[\w-]{1,30}|\S")
 
 
-def compile_check(text: str, line: LineSettings | None = None, *, name: str = "", severity: str = "error") -> Check:
-    """A rule from its text, for a line of these settings. Raises CheckError."""
+def compile_check(
+    text: str,
+    line: LineSettings | None = None,
+    *,
+    name: str = "",
+    severity: str = "error",
+    charts: UnitMaps | None = None,
+) -> Check:
+    """A rule from its text, for a line of these settings, with names from these register maps. Raises CheckError."""
     if len(text) > LONGEST:
         raise CheckError(f"a rule has at most {LONGEST:,} characters", LONGEST)
     try:
@@ -30,12 +40,15 @@ def compile_check(text: str, line: LineSettings | None = None, *, name: str = ""
     except UnexpectedInput as error:
         raise _explained(text, error) from None
     form = forms()[int(str(tree.data).removeprefix("form_"))]
+    known = CHARTS.set(charts)
     try:
         start = form.make(line or LineSettings(), *map(_plain, tree.children))
     except CheckError:
         raise
     except FilterError as error:  # of the parts that the display filter reads
         raise CheckError(error.message, error.column) from None
+    finally:
+        CHARTS.reset(known)
     return Check(text.strip(), start, name, severity)
 
 

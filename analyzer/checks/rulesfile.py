@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from captures.line import LineSettings
 
 from .errors import CheckError
 from .model import Check
 from .parsing import compile_check
+
+if TYPE_CHECKING:
+    from dissectors.maps.units import UnitMaps
 
 _KEYS: Final = ("name", "check", "severity")
 _SEVERITIES: Final = ("error", "warning")
@@ -20,8 +23,11 @@ class RulesFileError(Exception):
     """A file of rules that cannot be used: which file, which rule, what to do."""
 
 
-def load_rules(path: str | Path, line: LineSettings | None = None) -> list[Check]:
-    """The rules of a file, for a line of these settings. Raises RulesFileError and OSError."""
+def load_rules(path: str | Path, line: LineSettings | None = None, charts: UnitMaps | None = None) -> list[Check]:
+    """The rules of a file, for a line of these settings, with names from register maps.
+
+    Raises RulesFileError and OSError.
+    """
     try:
         found = tomllib.loads(Path(path).read_bytes().decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -29,10 +35,10 @@ def load_rules(path: str | Path, line: LineSettings | None = None) -> list[Check
     rules = found.get("rule")
     if set(found) != {"rule"} or not isinstance(rules, list) or not all(isinstance(rule, dict) for rule in rules):
         raise RulesFileError(f'{path}: holds [[rule]] tables alone, each with check = "no crc errors"')
-    return [_rule(f"{path}: rule {number}", rule, line) for number, rule in enumerate(rules, 1)]
+    return [_rule(f"{path}: rule {number}", rule, line, charts) for number, rule in enumerate(rules, 1)]
 
 
-def _rule(where: str, rule: dict[str, Any], line: LineSettings | None) -> Check:
+def _rule(where: str, rule: dict[str, Any], line: LineSettings | None, charts: UnitMaps | None) -> Check:
     for key, value in rule.items():
         if key not in _KEYS:
             raise RulesFileError(f"{where}: no key {key!r}; there are {', '.join(_KEYS)}")
@@ -44,6 +50,6 @@ def _rule(where: str, rule: dict[str, Any], line: LineSettings | None) -> Check:
     if severity not in _SEVERITIES:
         raise RulesFileError(f"{where}: severity is error or warning, not {severity!r}")
     try:
-        return compile_check(rule["check"], line, name=rule.get("name", ""), severity=severity)
+        return compile_check(rule["check"], line, name=rule.get("name", ""), severity=severity, charts=charts)
     except CheckError as error:
         raise RulesFileError(f"{where}: {rule['check']!r}: {error}") from error

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from captures import Capture
 
+from ..causes.ledger import Ledger
+from ..causes.reasoning import causes_of
 from ..core import analyse, observed
 from ..filters.table import BatchTable
 from ..options import Options
@@ -32,6 +35,8 @@ def run(
     """
     measures = [check.start() for check in checks]
     summary = Summary.of(capture.line)
+    wanted = any(getattr(measure, "needs_causes", False) for measure in measures)
+    ledger = Ledger(capture.line, options) if wanted else None
     origin_ns: int | None = None
     waiting = np.zeros(0, TRANSACTION)  # transactions whose answer stands in a batch to come
     for analysed in analyse(observed(capture, stop=stop), options):
@@ -45,10 +50,15 @@ def run(
             measure.feed(seen)
         waiting = known[known["response"] > rows["index"].max(initial=-1)]
         summary.feed(analysed)
+        if ledger is not None:
+            ledger.feed(analysed.batch, analysed.transactions)
         if progress is not None:
             progress(summary.frames, summary.bytes)
     partial = stop is not None and stop()
     report = summary.report(capture, source=source, partial=partial)
+    if ledger is not None:
+        ledger.close()
+        report = replace(report, causes=tuple(causes_of(ledger)))
     outcomes = []
     for check, measure in zip(checks, measures, strict=True):
         verdict = measure.verdict(report)

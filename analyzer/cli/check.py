@@ -11,6 +11,7 @@ from dissectors.values import harmless
 from ..terminal_text import painted, terminal_text
 from .app import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
+from .maps import add_map_argument, chosen_charts
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .terminal import Progress, coloured, interruptible, put_json, tell
 
@@ -45,6 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--junit", metavar="FILE", help="write the results as JUnit XML")
     add_overwrite_argument(parser, "the file of --junit")
     parser.add_argument("--json", action="store_true", help="the results as JSON")
+    add_map_argument(parser)
     add_limit_arguments(parser)
 
 
@@ -96,14 +98,15 @@ def run(arguments: argparse.Namespace) -> int:
 def _checks(arguments: argparse.Namespace, capture: Capture) -> list[Check]:
     from ..checks import CheckError, compile_check, load_rules
 
+    charts = chosen_charts(arguments)
     checks = []
     for text in arguments.rule:
         try:
-            checks.append(compile_check(text, capture.line))
+            checks.append(compile_check(text, capture.line, charts=charts))
         except CheckError as error:
             raise UsageError(f"--rule {text!r}: {error}") from error
     for path in arguments.rules:
-        checks += load_rules(path, capture.line)
+        checks += load_rules(path, capture.line, charts)
     if not checks:
         if not arguments.json:
             print(f"no rules given (--rule, --rules): {_DEFAULT!r} is asserted")

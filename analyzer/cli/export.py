@@ -65,7 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
     load_functions(arguments)
     limits = chosen_limits(arguments)
     capture = open_capture(arguments)
-    chosen = chosen_filter(arguments, capture.line)
+    charts = chosen_charts(arguments)
+    chosen = chosen_filter(arguments, capture.line, charts)
     to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=capture.path)
     progress = Progress(f"export {arguments.capture}")
     with interruptible() as stop:
@@ -80,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
                 table=arguments.table,
                 delimiter=_delimiter(arguments.delimiter),
                 bom=arguments.bom,
-                charts=chosen_charts(arguments) or None,
+                charts=charts or None,
             ),
             limits=limits,
             progress=progress,

@@ -17,6 +17,7 @@ from .terminal import tell
 if TYPE_CHECKING:
     from captures import Capture
     from captures.line import LineSettings
+    from dissectors.maps.units import UnitMaps
 
     from ..filters import Filter
     from ..options import Options
@@ -86,14 +87,14 @@ def add_filter_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def chosen_filter(arguments: argparse.Namespace, line: LineSettings) -> Filter | None:
-    """The filter that was given, for a line of these settings."""
+def chosen_filter(arguments: argparse.Namespace, line: LineSettings, charts: UnitMaps | None = None) -> Filter | None:
+    """The filter that was given, for a line of these settings, with the names of these register maps."""
     if arguments.filter is None:
         return None
     from ..filters import FilterError, compile_filter
 
     try:
-        return compile_filter(arguments.filter, line)
+        return compile_filter(arguments.filter, line, charts)
     except FilterError as error:
         raise UsageError(f"--filter: {error}") from error
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from .app import DONE, FAILED, NO_FRAME, UsageError
 from .inputs import load_functions, tell_damage
+from .outputs import add_overwrite_argument, to_be_overwritten
 from .terminal import Progress, interruptible, tell
 
 if TYPE_CHECKING:
@@ -40,17 +41,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     _capture_arguments(check)
     importing = actions.add_parser("import", help="a map out of a spreadsheet or of what another program has")
     importing.add_argument("file", metavar="FILE")
-    importing.add_argument(
-        "-o", "--output", metavar="MAP", default="-", help="file to write, .csv or .yaml; - prints it"
-    )
+    _output_arguments(importing)
     importing.add_argument("--format", metavar="F", help="the format of FILE, where its content does not tell")
     importing.add_argument("--device", metavar="NAME", help="which device, where FILE has several")
     importing.add_argument("--base", type=int, metavar="N", help="the address where a SunSpec model begins")
     inferring = actions.add_parser("infer", help="a map out of traffic")
     inferring.add_argument("capture", metavar="CAPTURE")
-    inferring.add_argument(
-        "-o", "--output", metavar="MAP", default="-", help="file to write, .csv or .yaml; - prints it"
-    )
+    _output_arguments(inferring)
     inferring.add_argument("--unit", type=int, metavar="N", help="the unit to map, where the bus has several")
     _capture_arguments(inferring)
     differ = actions.add_parser("diff", help="what two maps have different")
@@ -64,6 +61,11 @@ def run(arguments: argparse.Namespace) -> int:
         "list": _list, "show": _show, "check": _check, "import": _import, "infer": _infer, "diff": _diff,
     }[arguments.action]  # fmt: skip
     return action(arguments)
+
+
+def _output_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("-o", "--output", metavar="MAP", default="-", help="file to write, .csv or .yaml; - prints it")
+    add_overwrite_argument(parser, "MAP")
 
 
 def _capture_arguments(parser: argparse.ArgumentParser) -> None:
@@ -140,6 +142,7 @@ def _table(chart: RegisterMap) -> str:
 def _check(arguments: argparse.Namespace) -> int:
     from analyzer.registers.checking import check_map, overlaps
     from dissectors.maps import map_for_unit
+    from dissectors.values import harmless
 
     chart, unit = map_for_unit(arguments.map)
     unit = arguments.unit if arguments.unit is not None else unit
@@ -147,10 +150,10 @@ def _check(arguments: argparse.Namespace) -> int:
         if arguments.json:
             tell(f"overlap: {line}")
         else:
-            print(f"overlap: {line}")
+            print(harmless(f"overlap: {line}"))
     if arguments.capture is None:
         if not arguments.json:
-            print(f"{chart.device or arguments.map}: {len(chart.rows)} values, readable")
+            print(harmless(f"{chart.device or arguments.map}: {len(chart.rows)} values, readable"))
         return DONE
     readings, texts = _readings(arguments, arguments.capture)
     if not readings.frames:
@@ -169,7 +172,8 @@ def _check(arguments: argparse.Namespace) -> int:
         for remark in remarks:
             last = f"-{remark.address + remark.words - 1}" if remark.words > 1 else ""
             name = f" {remark.name}" if remark.name else ""
-            print(f"{remark.kind}: unit {remark.unit} {remark.area} {remark.address}{last}{name}: {remark.text}")
+            where = f"unit {remark.unit} {remark.area} {remark.address}{last}{name}"
+            print(harmless(f"{remark.kind}: {where}: {remark.text}"))
         print(f"{wrong} contradictions in {', '.join(f'unit {number}' for number in charts)}")
     return FAILED if wrong else DONE
 
@@ -207,15 +211,13 @@ def _chart_of(
 def _import(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
-    from dissectors.maps import map_text
+    from dissectors.maps.files import map_bytes
     from dissectors.maps.importers import import_maps
     from dissectors.maps.importers.sunspec import moved
 
     path = Path(arguments.file)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise UsageError(f"{arguments.file}: {(error.strerror or str(error)).lower()}") from error
+    to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=path)
+    data = map_bytes(path)
     found = import_maps(arguments.file, data, name=arguments.format)
     names = [one.chart.device for one in found]
     if arguments.device is not None:
@@ -228,9 +230,7 @@ def _import(arguments: argparse.Namespace) -> int:
     chosen = found[0] if arguments.base is None else moved(found[0], arguments.base)
     for note in chosen.notes:
         tell(note)
-    _write(map_text(chosen.chart, arguments.output), arguments.output, path)
-    if arguments.output != "-":
-        print(f"{arguments.output}: {len(chosen.chart.rows)} values")
+    _write(chosen.chart, arguments.output)
     return DONE
 
 
@@ -239,8 +239,9 @@ def _infer(arguments: argparse.Namespace) -> int:
 
     from analyzer.registers.drafting import drafted_map
     from analyzer.registers.inference import infer
-    from dissectors.maps import map_text
 
+    source = None if arguments.capture == "-" else Path(arguments.capture)
+    to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=source)
     readings, _ = _readings(arguments, arguments.capture)
     units = sorted({block.unit for block in readings})
     if not units:
@@ -257,9 +258,7 @@ def _infer(arguments: argparse.Namespace) -> int:
     if not chart.rows:
         tell(f"{arguments.capture}: no register of unit {unit} says anything")
         return NO_FRAME
-    _write(map_text(chart, arguments.output), arguments.output, Path(arguments.capture))
-    if arguments.output != "-":
-        print(f"{arguments.output}: {len(chart.rows)} values")
+    _write(chart, arguments.output)
     return DONE
 
 
@@ -273,13 +272,15 @@ def _diff(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def _write(text: str, path: str, source: object) -> None:
-    from pathlib import Path
-
+def _write(chart: RegisterMap, path: str) -> None:
     from analyzer.exports.output import output
+    from dissectors.maps import map_text
+    from dissectors.values import harmless
 
-    with output(path, source=Path(str(source))) as file:
-        file.write(text.encode())
+    with output(path) as file:
+        file.write(map_text(chart, path).encode())
+    if path != "-":
+        print(harmless(f"{path}: {len(chart.rows)} values"))
 
 
 def _readings(arguments: argparse.Namespace, name: str) -> tuple[RegisterReadings, UnitTexts]:

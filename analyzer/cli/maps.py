@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dissectors.maps import RegisterMap
+    from dissectors.maps.units import UnitMaps
 
 
 def add_map_argument(parser: argparse.ArgumentParser) -> None:
@@ -21,34 +20,12 @@ def add_map_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
-class UnitCharts(dict[int, "RegisterMap"]):
-    """Maps by unit; one that was given without a unit serves every unit that has none of its own."""
-
-    def __init__(self, by_unit: dict[int, RegisterMap], other: RegisterMap | None) -> None:
-        super().__init__(by_unit)
-        self.other = other
-
-    def __missing__(self, unit: int) -> RegisterMap:
-        if self.other is None:
-            raise KeyError(unit)
-        return self.other
-
-    def get(self, unit: int, default: Any = None) -> Any:
-        """The map of a unit."""
-        return dict.get(self, unit, self.other if self.other is not None else default)
-
-    def of(self, units: Iterable[int]) -> dict[int, RegisterMap]:
-        """The maps of these units, those without one left out."""
-        return {unit: self[unit] for unit in units if unit in self or self.other is not None}
-
-    def __bool__(self) -> bool:
-        return len(self) > 0 or self.other is not None
-
-
-def chosen_charts(arguments: argparse.Namespace) -> UnitCharts:
+def chosen_charts(arguments: argparse.Namespace) -> UnitMaps:
     """The maps that were given."""
+    from dissectors.maps.units import UnitMaps
+
     if not arguments.map:
-        return UnitCharts({}, None)
+        return UnitMaps()
     from dissectors.maps import map_for_unit
 
     by_unit, other = {}, None
@@ -58,4 +35,4 @@ def chosen_charts(arguments: argparse.Namespace) -> UnitCharts:
             other = other or chart
         else:
             by_unit[unit] = chart
-    return UnitCharts(by_unit, other)
+    return UnitMaps(by_unit, other)

@@ -17,6 +17,7 @@ from .inputs import (
     load_functions,
     open_capture,
 )
+from .maps import add_map_argument, chosen_charts
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .terminal import Progress, interruptible, put_json, tell
 
@@ -44,6 +45,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     shape.add_argument("--html", metavar="FILE", help="write one HTML page to send on, with charts and examples")
     add_overwrite_argument(parser, "FILE")
     add_check_argument(parser)
+    add_map_argument(parser)
     add_limit_arguments(parser)
 
 
@@ -52,7 +54,8 @@ def run(arguments: argparse.Namespace) -> int:
     load_functions(arguments)
     limits = chosen_limits(arguments)
     capture = open_capture(arguments)
-    chosen = chosen_filter(arguments, capture.line)
+    charts = chosen_charts(arguments)
+    chosen = chosen_filter(arguments, capture.line, charts)
     source = str(arguments.capture)
     if arguments.html is not None:
         to_be_overwritten(arguments.html, overwrite=arguments.overwrite, source=capture.path)

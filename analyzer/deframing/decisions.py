@@ -28,13 +28,14 @@ from dissectors.length_rules import Role
 
 from ..options import Options
 from ..tables.schema import Kind, Rows
+from .awaited import answer_may_come, frame_may_come
 from .buffer import ByteBuffer
-from .candidates import CRC_BITS, predicted_length
+from .candidates import CRC_BITS
 from .conversation import Conversation
 from .crc_windows import possible_starts
 from .forced import ForcedRuns, SearchedBytes
 from .gaps import AGAINST, SILENT, GapStatistics, SpeakerTurn, classes_of, next_checkpoint
-from .lattice import EMBEDDED, FITS, LEAD, NOISE_BYTE, SURE, Candidate, Lattice, Losers, PathStep
+from .lattice import LEAD, SURE, Candidate, Lattice, Losers, PathStep
 from .rules import MAX_ADU
 from .segments import NOISE, DecidedSegments, evidence_rows
 from .unpredicted import (
@@ -48,12 +49,10 @@ from .unpredicted import (
 
 WINDOWS: Final = (96, 384, 2048)  # bytes looked at: mostly a few frames do; the last at most waits for a decision
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
-_KNOWN_BITS: Final = 3.0
 _ALONE: Final = 15.0  # bits that frames end to end with silence behind them need
 _AMID: Final = 48.0  # bits that frames need after noise, or with more bytes right behind them
 _LOOKED: Final = 12  # times the bytes up to a point that looks at everything may have gone over, those there included
 _LOOKED_FREELY: Final = 2048  # and so many bytes besides
-_HEADERS: Final = 8  # beginnings of an awaited answer that are gone through
 
 
 _GAP, _IDLE, _CUT = 0, 1, 2  # stages of a silence
@@ -304,10 +303,27 @@ class Decider:
             return UNDECIDED
         steps = lattice.steps()
         frames = [s for s in steps if s.candidate is not None and not s.candidate.damaged]
-        idle_bits = max(0.0, self._statistics.bits_by_turn[SpeakerTurn.REQUEST][self._idle_class]) * (stage == _IDLE)
-        if not frames or _awaited(look.data[: point.position], frames, steps, lattice, idle_bits):
+        if not frames or self._awaited(look, point, stage, frames, steps, lattice):
             return UNDECIDED
         return Decision(steps[: steps.index(frames[-1]) + 1], lattice.rivals())
+
+    def _awaited(
+        self,
+        look: _Look,
+        point: DecisionPoint,
+        stage: int,
+        frames: Sequence[PathStep],
+        steps: Sequence[PathStep],
+        lattice: Lattice,
+    ) -> bool:
+        """Whether a longer frame may still come that would explain the end better."""
+        statistics, data = self._statistics, look.data[: point.position]
+        idle_bits = max(0.0, statistics.bits_by_turn[SpeakerTurn.REQUEST][self._idle_class]) * (stage == _IDLE)
+        if answer_may_come(data, frames, steps, lattice, idle_bits):
+            return True
+        if stage == _IDLE and statistics.parts()[self._idle_class]:
+            return False
+        return frame_may_come(data, frames, steps, lattice, idle_bits, self._role)
 
     def segments(self, decision: Decision, stretch: SearchedBytes, at: int) -> DecidedSegments:
         """A decision's steps, whose offsets are from `at`, in the buffer; what functions they use is remembered."""
@@ -337,39 +353,6 @@ def _enough(lattice: Lattice, point: DecisionPoint) -> bool:
         return False
     alone = point.silent and not path.noisy
     return path.since_noise >= (_ALONE if alone else _AMID) and lattice.lead >= LEAD
-
-
-def _awaited(
-    data: bytes, frames: Sequence[PathStep], steps: Sequence[PathStep], lattice: Lattice, idle_bits: float
-) -> bool:
-    """Whether a longer frame may still come that would explain the end better: an answer that a request asked for."""
-    best, position = frames[-1].score, len(data)
-    for request in lattice.open_after(frames):
-        header = request.expects.header
-        if len(header) < 2:
-            continue
-        start = data.find(
-            header, max(steps[0].start, request.start + len(request.adu) - lattice.offset, position - MAX_ADU)
-        )
-        for _ in range(_HEADERS):
-            if start < 0:
-                break
-            length = predicted_length(data, start, Role.RESPONSE)
-            if length is not None and start + length > position:
-                before = next(s for s in steps if s.end > start)
-                score = before.before.score if before.before is not None else 0.0
-                if start > before.start:
-                    score -= lattice.noise_cost + NOISE_BYTE * (start - before.start)
-                score += CRC_BITS + _KNOWN_BITS + FITS + lattice.gap_bits(start) - idle_bits
-                score += sum(
-                    max(0.0, CRC_BITS + f.candidate.structure - EMBEDDED)
-                    for f in frames
-                    if f.start > start and f.candidate
-                )
-                if score > best:
-                    return True
-            start = data.find(header, start + 1)
-    return False
 
 
 def decide_overdue(lattice: Lattice, position: int) -> Decision:

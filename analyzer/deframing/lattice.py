@@ -117,7 +117,7 @@ class Lattice:
         self.offset = offset
         self._silences: Sequence[int] = ()
         self._gap_bits = statistics.bits_by_turn
-        self._glitch_cost = statistics.glitch_cost
+        self.glitch_cost = statistics.glitch_cost
         self.noise_cost = statistics.noise_cost
         self._request = statistics.request_bits
         self._unasked = [statistics.unasked_bits(certain=certain) for certain in (False, True)]
@@ -178,10 +178,10 @@ class Lattice:
         begin = path.end
         if begin == position:
             return path.score
-        cost = self._glitch_cost + (self._octet_cost[position] - self._octet_cost[begin]) / _COST_STEPS
+        cost = self.glitch_cost + (self._octet_cost[position] - self._octet_cost[begin]) / _COST_STEPS
         if self._glitch(begin, position):
             return path.score - cost
-        cost += max(0.0, self.noise_cost - self._glitch_cost)
+        cost += max(0.0, self.noise_cost - self.glitch_cost)
         if path.tip is not None and position - begin >= LOST:
             suspicion = min(row[self._silences[begin]] for row in self._gap_bits)
             cost -= max(-4.0, min(0.0, 0.5 * suspicion))
@@ -287,6 +287,21 @@ class Lattice:
         """Bits that the silence there gives to an answer's start."""
         return self._gap_bits[SpeakerTurn.RESPONSE][self._silences[position]]
 
+    def before(self, step: PathStep) -> tuple[float, Conversation]:
+        """The score of a path before one of its steps, and the conversation there."""
+        return (0.0, self._before) if step.before is None else (step.before.score, step.before.conversation)
+
+    def bits_of_start(self, start: int, role: int, conversation: Conversation) -> float:
+        """What silence and conversation say of a legal frame that begins there and was not asked for."""
+        unit, certain = self._data[start], self._certain[self._data[start + 1] & 0x7F]
+        waiting = not conversation.answered and bool(conversation.open_requests)
+        if role == Role.REQUEST:
+            turn, bits = (SpeakerTurn.AGAIN, self._unanswered) if waiting else (SpeakerTurn.REQUEST, 0.0)
+            bits += self._request
+        else:
+            turn, bits = SpeakerTurn.RESPONSE, CONTRARY if waiting else self._unasked[certain]
+        return max(self._units[unit] + bits + self._gap_bits[turn][self._silences[start]], AGAINST_FRAME)
+
     @property
     def lead(self) -> float:
         """By how much the best path leads the next one, bits."""
@@ -302,13 +317,15 @@ class Lattice:
     def open_after(self, frames: Sequence[PathStep]) -> tuple[OpenRequest, ...]:
         """The requests that no whole frame among these has answered; a damaged answer may turn out to be none."""
         conversation = self._before
+        again: list[OpenRequest] = []  # a request that seems to come once more may be the beginning of its answer
         for step in frames:
             adu = self._data[step.start : step.end]
             if step.candidate is not None and step.candidate.role == Role.REQUEST:
+                again = [p for p in conversation.open_requests if p.adu == adu]
                 conversation = conversation.ask(OpenRequest.of(self.offset + step.start, adu))
             elif (which := conversation.answers(adu)) is not None:
                 conversation = conversation.answer(which)
-        return conversation.open_requests
+        return (*conversation.open_requests, *again)
 
     def steps(self) -> list[PathStep]:
         """The best path to here, step by step from where it begins."""

@@ -102,7 +102,7 @@ class Deframer(PortsDeframer):
             known = _BY_NAME.get(options.protocol, _BY_NAME.get(noted))
             return _UndecidedPort(line, options, port) if known is None else known.engine(line, options, port)
 
-        super().__init__(options, engine)
+        super().__init__(line, options, engine)
 
 
 class _UndecidedPort:

@@ -17,10 +17,12 @@ from captures.chunks import Block, Chunk
 from captures.line import LineSettings
 from captures.ragged import copy_pieces, sums
 from dissectors.length_rules import Role
+from dissectors.lengths import pdu_length
 
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.schema import ROW, Kind, Rows, join_rows, take_rows
+from ..tables.schema import Protocol as Envelope
 from .buffer import GAPS, CharacterTime, Times, positions_among
 from .engine import Engine
 from .enveloped import EnvelopedPairer
@@ -70,9 +72,9 @@ class PortsDeframer:
     that have become certain. What was given is never revised.
     """
 
-    def __init__(self, options: Options, engine: Callable[[int], PortEngine]) -> None:
+    def __init__(self, line: LineSettings, options: Options, engine: Callable[[int], PortEngine]) -> None:
         """`engine` makes that of a port."""
-        self._options = options
+        self._line, self._options = line, options
         self._make = engine
         self._engines: dict[int, PortEngine] = {}
         self._foreign = ForeignTalk()
@@ -143,18 +145,31 @@ class PortsDeframer:
         count = len(frames)
         rows["index"][frames] = np.arange(self._frames, self._frames + count)
         self._frames += count
+        self._ask_all(loose)
         earlier = self._pairer.pair(rows, loose.data, loose.head, loose.tail)
         if not self._timed:  # a source without a clock: better no times than made-up ones
             rows["t_start"] = rows["t_end"] = 0
             rows["response_ns"] = -1
         return Batch(rows, loose.data, earlier, loose.why if self._options.explain else None)
 
+    def _ask_all(self, loose: _UnorderedRows) -> None:
+        """A frame to unit 0 that reads as a request is one: nobody may answer a broadcast, and clients repeat them."""
+        rows = loose.rows
+        said = (
+            (rows["kind"] == Kind.RESPONSE) & (rows["unit"] == 0) & rows["check"] & (rows["protocol"] == Envelope.RTU)
+        )
+        for row in said.nonzero()[0].tolist():
+            at, length = int(rows["at"][row]), int(rows["length"][row])
+            reads = pdu_length(loose.data[at + 1 : at + length - 2].tobytes(), Role.REQUEST) == length - 3
+            if reads and port_role(self._line, int(rows["port"][row])) is not Role.RESPONSE:
+                rows["kind"][row] = Kind.REQUEST
+
 
 class RtuDeframer(PortsDeframer):
     """The same where all ports are known to speak RTU."""
 
     def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
-        super().__init__(options, lambda port: Engine(character_time(line), options, port_role(line, port)))
+        super().__init__(line, options, lambda port: Engine(character_time(line), options, port_role(line, port)))
 
 
 class _UnorderedRows:

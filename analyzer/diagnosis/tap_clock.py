@@ -111,6 +111,14 @@ class TapClock:
         return self._best
 
     @property
+    def off_ns(self) -> float | None:
+        """By how much a response time may be wrong, as measured; 0 where nothing speaks against it, None if unknown."""
+        verdict = self.newest()
+        if verdict.wait_ns == UNKNOWN:
+            return None
+        return 0.0 if not verdict.fine and verdict.wait_ns == _USUAL_NS else verdict.wait_ns
+
+    @property
     def known(self) -> bool:
         """Whether the first verdict is made."""
         return bool(self._verdicts)

@@ -1,96 +1,24 @@
-"""Values by register maps, as columns: of every answer the mapped values that it holds whole, in their units.
-
-One pass a map row over all the answers that hold it; nothing is an object a value.
-"""
+"""The table of values with what register maps say of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, cast
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dissectors.maps import RegisterMap
 from dissectors.maps.decoding import read_mapped
-from dissectors.maps.model import MappedValue
-from dissectors.values import Order
 
-from ..registers.hypotheses import numbers, patterns
-from ..tables.columns import AreaCode, Decoded, decode
-from ..tables.values import ConfirmedValues, confirmed_values
+from ..registers.mapped import MappedColumn, mapped_columns
+from ..tables.columns import AreaCode, decode
+from ..tables.values import confirmed_values
 from .records import AREA_NAMES, TABLES, Columns, RecordTable
 from .records import Kind as ColumnKind
 
 if TYPE_CHECKING:
     from ..core import Analysed
     from ..tables.batch import Batch
-
-Ints = NDArray[np.int64]
-_COUNT_BITS: Final = 11
-_ADDRESS_BITS: Final = 16
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MappedColumn:
-    """The readings of one mapped value in a batch: the rows of its answers, its registers (n, length), its numbers in
-    the unit of measure (NaN for a text, and where its scale register was not read with it)."""
-
-    unit: int
-    row: MappedValue
-    answers: Ints
-    words: NDArray[np.uint16]
-    values: NDArray[np.float64]
-
-
-def mapped_columns(batch: Batch, decoded: Decoded, charts: Mapping[int, RegisterMap]) -> Iterator[MappedColumn]:
-    """Every mapped value that the answers of a batch hold, by unit and block."""
-    confirmed = confirmed_values(batch, decoded)
-    units = batch.rows["unit"][confirmed.rows].astype(np.int64)
-    keys = (units << 3 | confirmed.area) << _ADDRESS_BITS | confirmed.address
-    keys = keys << _COUNT_BITS | confirmed.counts
-    order = np.argsort(keys, kind="stable")
-    cuts = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    for part in np.split(order, cuts[1:]):
-        if len(part) and (chart := charts.get(int(units[part[0]]))) is not None:
-            yield from _block(confirmed, part, int(units[part[0]]), chart)
-
-
-def _block(confirmed: ConfirmedValues, part: Ints, unit: int, chart: RegisterMap) -> Iterator[MappedColumn]:
-    area = AREA_NAMES[AreaCode(int(confirmed.area[part[0]]))]
-    address, count = int(confirmed.address[part[0]]), int(confirmed.counts[part[0]])
-    table = confirmed.values[confirmed.begins[part][:, None] + np.arange(count)]
-    for row in chart.within(area, address, count):
-        words = table[:, row.address - address : row.end - address]
-        power: NDArray[np.uint16] | None = None
-        if row.scale_address is not None and address <= row.scale_address < address + count:
-            power = table[:, row.scale_address - address]
-        yield MappedColumn(unit, row, confirmed.rows[part], words, mapped_numbers(row, words, power))
-
-
-def mapped_numbers(
-    row: MappedValue, words: NDArray[np.uint16], power: NDArray[np.uint16] | None = None
-) -> NDArray[np.float64]:
-    """The numbers that registers (n, length) hold by a map; NaN where there is none."""
-    nothing: NDArray[np.float64] = np.full(len(words), np.nan)
-    if row.type == "text" or (row.scale_address is not None and power is None):
-        return nothing
-    if row.length not in (1, 2, 4):
-        return nothing
-    order = cast(Order, row.order)
-    if row.type.startswith("bcd"):
-        digits = patterns(words, order)[:, None] >> np.arange(0, 16 * row.length, 4, dtype=np.uint64) & np.uint64(15)
-        tens = np.array([10**place for place in range(4 * row.length)], np.float64)
-        found = np.where((digits > 9).any(axis=1), np.nan, digits @ tens)
-    else:
-        found = numbers(words, order, is_float=row.is_float, signed=row.is_signed)
-    with np.errstate(all="ignore"):
-        scaled: NDArray[np.float64] = found * row.scale + row.offset
-        if power is not None:
-            exponent = power.view(np.int16).astype(np.float64)
-            scaled = np.where(np.abs(exponent) <= 10, found * row.scale * 10.0**exponent + row.offset, np.nan)
-    return scaled
 
 
 def mapped_table(charts: Mapping[int, RegisterMap]) -> RecordTable:

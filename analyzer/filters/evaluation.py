@@ -7,7 +7,7 @@ the matter open, in blocks of rows, so that a conjunction with a cheap test in i
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from .parsing import cost, parsed
 from .slices import BLOCK, Each, Mask, TableSlice
 from .table import FilterTable
 from .tree import And, Bound, Chars, Node, Not, Or, Same, Since, Spans, Test, parts, tests
+
+if TYPE_CHECKING:
+    from dissectors.maps.units import UnitMaps
 
 _SLICE: Final = 1 << 16  # rows
 _FURTHEST: Final = 1 << 62
@@ -140,12 +143,13 @@ class Filter:
         return np.ones(len(table), np.bool_) if self.node is None else passing(self.node, table)
 
 
-def compile_filter(text: str, line: LineSettings | None = None) -> Filter:
+def compile_filter(text: str, line: LineSettings | None = None, charts: UnitMaps | None = None) -> Filter:
     """A filter from its text; an empty one lets everything pass.
 
-    With `line` it is also checked that times in characters can be told there. Raises FilterError.
+    With `line` it is also checked that times in characters can be told there; `charts` are the register maps of units,
+    which `value("NAME")` and `name` need. Raises FilterError.
     """
-    node = parsed(text)
+    node = parsed(text, charts)
     if node is None:
         return Filter(text, frozenset(), False, None)
     if line is not None:
@@ -154,10 +158,10 @@ def compile_filter(text: str, line: LineSettings | None = None) -> Filter:
     return Filter(text, frozenset(each.name for each in used), any(each.settled for each in used), node)
 
 
-def check(text: str, line: LineSettings | None = None) -> FilterError | None:
+def check(text: str, line: LineSettings | None = None, charts: UnitMaps | None = None) -> FilterError | None:
     """What is wrong with a filter; None for nothing."""
     try:
-        compile_filter(text, line)
+        compile_filter(text, line, charts)
     except FilterError as error:
         return error
     return None

@@ -33,7 +33,7 @@ from .kinds import (
     NumberKind,
     Prose,
 )
-from .slices import Bytes, Each, FieldSlice, Mask, Several, TableSlice, ValueSlice
+from .slices import Bytes, Each, FieldSlice, Mask, Several, TableSlice, TextSlice, ValueSlice
 
 _HUGE: Final = 2**62
 
@@ -136,6 +136,11 @@ def _value(each: Each) -> ValueSlice:
 
 def _signed(each: Each) -> ValueSlice:
     return ValueSlice(each.value.view(np.int16), np.isin(each.area, REGISTERS) | (each.area == AreaCode.NONE))
+
+
+def _unmapped(piece: TableSlice, _: Mask | None) -> FieldSlice:
+    """What no map says of: `mapped.field_of_names` puts the maps in."""
+    return TextSlice((), np.zeros(0, np.intp), len(piece))
 
 
 def _functions() -> Mapping[int, str]:
@@ -261,6 +266,10 @@ FIELDS: Final = (
         "signed_value", NumberKind(-0x8000, 0x7FFF), "register values in the frame, as 16-bit signed numbers",
         "register == 40001 and signed_value < 0", lambda piece, _: piece.each.several(_signed(piece.each)),
         Cost.CONTENTS, (), _signed,
+    ),
+    FilterField(
+        "name", Prose(), "names of the mapped values that the answer holds (with --map)", 'name contains "Voltage"',
+        _unmapped, Cost.CONTENTS,
     ),
     FilterField(
         "hex", Hex(), "bytes of the row, check value included", 'hex contains "03 02"',

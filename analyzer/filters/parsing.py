@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from functools import cache
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from lark import Lark, Token
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken, VisitError
@@ -18,6 +18,9 @@ from .errors import FilterError, meant
 from .fields import FIELDS, Cost, FilterField, by_name
 from .kinds import Addresses, Flag, Item, Literal, Named, spelled
 from .tree import And, Node, Not, Or, Same, Span, Spans, Test, parts, tests
+
+if TYPE_CHECKING:
+    from dissectors.maps.units import UnitMaps
 
 LONGEST: Final = 4096  # characters
 _DEEPEST: Final = 50  # parentheses
@@ -34,6 +37,7 @@ _EXPECTED: Final = {
     "IN": "'in'",
     "HOLDS": "'contains'",
     "UNIT": "a unit such as ms",
+    "MEASURE": "a unit such as kW",
     "DOTDOT": "a range",
     "COMMA": "a comma",
     "RPAR": "')'",
@@ -50,15 +54,16 @@ def grammar() -> Lark:
     return Lark.open("grammar.lark", rel_to=__file__, parser="lalr", maybe_placeholders=True)
 
 
-def parsed(text: str) -> Node | None:
-    """The tree of a filter; None for an empty one, which everything passes. Raises FilterError."""
+def parsed(text: str, charts: UnitMaps | None = None) -> Node | None:
+    """The tree of a filter; None for an empty one, which everything passes; `charts` are the register maps that names
+    come from. Raises FilterError."""
     if not text.strip():
         return None
     if len(text) > LONGEST:
         raise FilterError(f"a filter has at most {LONGEST:,} characters", LONGEST)
     _check_depth(text)
     try:
-        node: Node = _Builder().transform(grammar().parse(text))
+        node: Node = _Builder(charts).transform(grammar().parse(text))
     except UnexpectedInput as error:
         raise _explained(text, error) from None
     except VisitError as error:
@@ -89,6 +94,10 @@ def _as_value(name: str) -> str:
 class _Builder(Transformer_NonRecursive[Token, Node]):
     """Trees of the grammar to trees of tests; methods are named after the grammar's rules."""
 
+    def __init__(self, charts: UnitMaps | None) -> None:
+        super().__init__()
+        self._charts = charts
+
     def start(self, found: list[Node]) -> Node:
         return found[0]
 
@@ -109,19 +118,52 @@ class _Builder(Transformer_NonRecursive[Token, Node]):
 
     @v_args(inline=True)
     def bare(self, name: Token) -> Node:
-        return _bare(field_named(name, _at(name)))
+        return _bare(self._field(name))
 
     @v_args(inline=True)
     def comparison(self, name: Token, operator: Token, literal: Literal) -> Node:
-        return _test(name, str(operator).lower(), _at(operator), [(literal, None)])
+        return _test(self._field(name), str(operator).lower(), _at(operator), [(literal, None)])
 
     @v_args(inline=True)
     def membership(self, name: Token, operator: Token, items: list[Item]) -> Node:
-        return _test(name, "==", _at(operator), items)
+        return _test(self._field(name), "==", _at(operator), items)
 
     @v_args(inline=True)
     def exclusion(self, name: Token, operator: Token, _in: Token, items: list[Item]) -> Node:
-        return _test(name, "!=", _at(operator), items)
+        return _test(self._field(name), "!=", _at(operator), items)
+
+    @v_args(inline=True)
+    def called(self, name: Token, argument: Token) -> FilterField:
+        if name.lower() != "value":
+            raise FilterError(f'only value("NAME") takes a name, not {str(name)!r}', _at(name))
+        from .mapped import named_value
+
+        text = str(argument)[1:-1] if argument.type == "STRING" else str(argument)
+        return named_value(text, _at(argument), self._charts)
+
+    @v_args(inline=True)
+    def bare_value(self, field: FilterField) -> Node:
+        return Test(field)
+
+    @v_args(inline=True)
+    def value_comparison(self, field: FilterField, operator: Token, literal: Literal) -> Node:
+        return _test(field, str(operator), _at(operator), [(literal, None)])
+
+    @v_args(inline=True)
+    def value_membership(self, field: FilterField, operator: Token, items: list[Item]) -> Node:
+        return _test(field, "==", _at(operator), items)
+
+    @v_args(inline=True)
+    def value_exclusion(self, field: FilterField, operator: Token, _in: Token, items: list[Item]) -> Node:
+        return _test(field, "!=", _at(operator), items)
+
+    def _field(self, name: Token) -> FilterField:
+        field = field_named(name, _at(name))
+        if field.name == "name":
+            from .mapped import field_of_names
+
+            return field_of_names(self._charts, _at(name))
+        return field
 
     def items(self, found: list[Item | None]) -> list[Item]:
         return [item for item in found if item is not None]
@@ -141,8 +183,7 @@ def _bare(field: FilterField) -> Test:
     return Test(field, Spans((Span(1, 1),)) if isinstance(field.kind, Flag) else None)
 
 
-def _test(name: Token, operator: str, column: int, items: list[Item]) -> Test:
-    field = field_named(name, _at(name))
+def _test(field: FilterField, operator: str, column: int, items: list[Item]) -> Test:
     operator = "==" if operator == "=" else operator
     if operator not in field.kind.operators:
         raise FilterError(f"{field.name} takes {', '.join(field.kind.operators)} and in, not {operator}", column)

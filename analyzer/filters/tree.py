@@ -1,7 +1,7 @@
 """A filter as a tree: tests of fields, joined by and, or, not.
 
-What a field is compared with is always one of three things: `Spans` of numbers (names become their numbers), `Octets`
-to be found among a frame's bytes, or `Text` to be found in its words.
+What a field is compared with is one of four things: `Spans` of numbers (names become their numbers), bytes to be found
+among a frame's, a text to be found in its words, or measures, which have units.
 """
 
 from __future__ import annotations
@@ -74,7 +74,24 @@ class TextWanted:
     part: TextPart
 
 
-Wanted = Spans | BytesWanted | TextWanted
+@dataclass(frozen=True, slots=True)
+class MeasuredSpan:
+    """Numbers in a unit of measure (empty: the value's own), from `low` to `high`; None is no bound."""
+
+    low: float | None
+    high: float | None
+    strict: bool
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuresWanted:
+    """Any of these."""
+
+    spans: tuple[MeasuredSpan, ...]
+
+
+Wanted = Spans | BytesWanted | TextWanted | MeasuresWanted
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,7 @@ class Notes:
     path: Path | None = None
     comments: dict[Place, str] = field(default_factory=dict)
     reference: Place | None = None
+    _before: list[tuple[Place, str | None]] = field(default_factory=list, compare=False)  # what changes replaced
 
     @classmethod
     def beside(cls, capture: Path | None) -> Notes:
@@ -60,6 +61,7 @@ class Notes:
 
     def toggle(self, place: Place) -> bool:
         """Set a bookmark or take it away, with its comment; whether it is there now."""
+        self._before.append((place, self.comments.get(place)))
         if place in self.comments:
             del self.comments[place]
         else:
@@ -69,8 +71,21 @@ class Notes:
 
     def comment(self, place: Place, text: str) -> None:
         """Say something of a row."""
+        self._before.append((place, self.comments.get(place)))
         self.comments[place] = text
         self._save()
+
+    def undo(self) -> Place | None:
+        """Take back the newest change of a bookmark or comment; its place, None where there is none."""
+        if not self._before:
+            return None
+        place, text = self._before.pop()
+        if text is None:
+            self.comments.pop(place, None)
+        else:
+            self.comments[place] = text
+        self._save()
+        return place
 
     def refer(self, place: Place | None) -> None:
         """Count times from there; None: no longer."""

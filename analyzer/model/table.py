@@ -341,13 +341,12 @@ class FindingLog:
         here = np.flatnonzero(self._rows[: self.count] == row)
         return tuple(sorted((self.finding(i) for i in here.tolist()), key=lambda f: -f.severity))
 
-    def next_row(self, row: int, step: int) -> int | None:
-        """The nearest row behind `row` with a finding, or before it where `step` is negative."""
+    def rows_beyond(self, row: int, step: int) -> NDArray[np.int32]:
+        """Rows with findings behind `row`, or before it where `step` is negative, the nearest first."""
         rows = self._rows[: self.count]
-        rows = rows[rows > row] if step > 0 else rows[(rows < row) & (rows >= 0)]
-        if not len(rows):
-            return None
-        return int(rows.min() if step > 0 else rows.max())
+        if step > 0:
+            return np.unique(rows[rows > row])
+        return np.unique(rows[(rows < row) & (rows >= 0)])[::-1]
 
     def rules(self, first: int, last: int) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
         """Rows from `first` to `last` (excluded) that findings stand on, ascending, and the rule of each."""

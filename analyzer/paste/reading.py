@@ -8,6 +8,7 @@ frame that was damaged or cut, in the envelope for which more speaks. The choice
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -228,7 +229,7 @@ def _tcp(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> tupl
     found: list[Turn] = []
     at = 0
     while at < len(data):
-        edge = next(end for end in edges if end > at)
+        edge = edges[bisect_right(edges, at)]
         if not _begins_mbap(data[at : at + MBAP]):
             at = edge
             continue

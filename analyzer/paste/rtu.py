@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import accumulate
 from typing import Final
 
-from dissectors.crc import crc_ok
+from dissectors.crc import crc_ends
 from dissectors.declaration import EXCEPTION
 from dissectors.envelopes import Adu, rtu
 from dissectors.functions import function
@@ -110,14 +111,16 @@ def _mended(noise: PastedNoise, edges: Sequence[int]) -> list[Piece]:
     found: list[Piece] = []
     inner = [edge - noise.start for edge in edges if 0 < edge - noise.start < noise.length]
     while len(data) - at >= LEAST:
-        ends = [*(edge for edge in inner if edge > at), len(data)]
-        if function(data[at + 1]) is not None:  # an end that nothing shows needs a function that is in use
-            ends += range(at + LEAST, min(len(data), at + MOST) + 1)
-        end = next((end for end in ends if LEAST <= end - at <= MOST and crc_ok(data[at:end])), None)
+        right = crc_ends(data, at, MOST)
+        ahead = bisect_right(inner, at)
+        shown = {*inner[ahead : ahead + MOST], len(data)}
+        end = next((end for end in right if end in shown), None)
+        if end is None and right and function(data[at + 1]) is not None:
+            end = right[0]  # an end that nothing shows needs a function that is in use
         if end is None:
-            following = next((edge for edge in inner if edge > at), None)
-            if following is None:
+            if ahead == len(inner):
                 break
+            following = inner[ahead]
             found.append(PastedNoise(noise.start + at, data[at:following]))
             at = following
             continue

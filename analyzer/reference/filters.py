@@ -20,6 +20,7 @@ response_time > 50ms or unanswered
 gap > 3.5 chars and not noise
 finding == "late-response"
 hex contains "03 02"
+value("Voltage L*") < 207 V
 ```
 
 ## How it reads
@@ -45,6 +46,9 @@ hex contains "03 02"
   **the same value**: `register == 40108 and value > 1000` is the value of that register, in a response too, whose
   addresses come from its request. Parentheses make groups:
   `(register == 40108 and value > 1000) and (register == 40109 and value == 0)`.
+- With a register map (`--map MAP[@UNIT]`), `value("Active power") > 5 kW` is the mapped value of that name in the
+  answer: in the unit that is written, else in the map's own. The name may hold `*` and `?`; names of states are values,
+  too: `value("Mode") == "standby"`. `value("Energy")` alone asks whether the answer holds it.
 - `register` takes logical numbers of 5 or 6 digits (`40108`, `400108`, `4x108`: all physical address 107) and, below
   10000, physical addresses; `address` takes physical ones only, of any area. Of function 23 the addresses read count.
 - An exception has the address and the quantity of the request that it answers.

@@ -12,6 +12,7 @@ from typing import Final
 
 from dissectors.fields import Field
 
+from ..diagnosis.clauses import titled
 from ..tables.findings import Finding, Rule, codes, describe, rules
 
 _HEAD: Final = """\
@@ -52,7 +53,7 @@ def _grade(rule: Rule) -> str:
 
 
 def _section(rule: Rule) -> str:
-    clause = f" Rests on {rule.clause}." if rule.clause else ""
+    clause = f" Rests on {titled(rule.clause)}." if rule.clause else ""
     example = example_of(rule.code)
     finding, frame = example.finding, "\n".join(example.lines)
     return (

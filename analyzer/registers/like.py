@@ -7,8 +7,6 @@ the same way, and that moved. A table of times and values is laid over each read
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -20,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from captures.ragged import Ints
+from dissectors.maps import MapError
+from dissectors.maps.table import csv_rows
 
 from .hypotheses import HYPOTHESES, numbers
 from .readings import BlockReadings, RegisterReadings
@@ -149,7 +149,11 @@ def read_panel(text: str, file: str) -> tuple[Floats, Floats]:
     dialect = max(",;\t", key=text[:4096].count)
     times: list[float] = []
     values: list[float] = []
-    for number, row in enumerate(csv.reader(io.StringIO(text.removeprefix("\ufeff")), delimiter=dialect), 1):
+    try:
+        rows = list(csv_rows(text.removeprefix("\ufeff").splitlines(), dialect, file))
+    except MapError as error:
+        raise PanelError(str(error)) from error
+    for number, row in rows:
         cells = [cell.strip() for cell in row if cell.strip()]
         if not cells:
             continue

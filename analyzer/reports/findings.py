@@ -7,10 +7,12 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from ..causes.model import Cause
-from .model import FindingRow
+from ..words import is_clock, time_of_day
+from .model import FindingGroup, FindingRow
 
 _WORST: Final = 3
 _UNITS: Final = 5  # named in a line
+_GROUPS: Final = 3  # told of a finding
 _WIDTH: Final = 80
 
 
@@ -39,14 +41,9 @@ def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
         yield "what costs this bus most" if len(worst) > 1 else "what costs this bus something"
     for number, row in enumerate(worst, 1):
         yield from _wrapped(f"{number}. {row.code}, {cost(row)}", "   ", first="")
-        where = (
-            "" if row.start < 0 else f"at byte {row.start:,}" + ("" if row.index is None else f", frame {row.index:,}")
-        )
-        yield from _wrapped(f"{row.text}{f' ({where})' if where else ''}", "   ")
-        if row.cause:
-            yield from _wrapped(f"likely: {row.cause}", "   ")
-        if row.remedy:
-            yield from _wrapped(f"do: {row.remedy}", "   ")
+        yield from _group_lines(row)
+        if row.clause:
+            yield from _wrapped(f"rests on: {row.clause}", "   ")
     yield ""
     yield f"{'finding':<24}{'severity':<10}{'count':>9}{'answers lost':>14}{'time lost':>12}"
     for row in findings:
@@ -55,12 +52,40 @@ def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
         yield f"{row.code:<24}{row.severity:<10}{row.count:>9,}{lost:>14}{time:>12}"
 
 
+def _group_lines(row: FindingRow) -> Iterator[str]:
+    """The groups of a finding, the commonest first: what was seen, of how many, when; cause and remedy once each."""
+    said: set[str] = set()
+    for group in row.groups[:_GROUPS]:
+        yield from _wrapped(f"{group.text} ({', '.join(where(group, row))})", "   ")
+        for label, words in (("likely", group.cause), ("do", group.remedy)):
+            if words and words not in said:
+                yield from _wrapped(f"{label}: {words}", "   ")
+                said.add(words)
+    if len(row.groups) > _GROUPS:
+        yield f"   and {len(row.groups) - _GROUPS} more kinds or units (--json has all)"
+
+
+def where(group: FindingGroup, row: FindingRow) -> Iterator[str]:
+    """How many of how many, when, how sure, and where the first one is."""
+    if len(row.groups) > 1 or group.of:
+        yield f"{group.count:,} of {group.of:,} requests to unit {group.unit}" if group.of else f"{group.count:,} times"
+    if is_clock(group.t_ns):
+        times = [time_of_day(t)[:8] for t in dict.fromkeys((group.t_ns, group.until_ns))]
+        yield " to ".join(dict.fromkeys(times))
+    if group.certainty is not None:
+        yield f"{group.certainty:.0%} sure"
+    if group.start >= 0:
+        yield ("first " if group.count > 1 else "") + f"at byte {group.start:,}"
+        if group.index is not None:
+            yield f"frame {group.index:,}"
+
+
 def cost(row: FindingRow) -> str:
     """How often it was found, what that cost, and which units it met."""
     words = "once" if row.count == 1 else f"{row.count:,} times"
     if row.lost_answers:
         answers = "1 answer" if row.lost_answers == 1 else f"{row.lost_answers:,} answers"
-        words += f", {answers} and {seconds(row.lost_ms)} lost"
+        words += f", {answers}{f' and {seconds(row.lost_ms)}' if row.lost_ms else ''} lost"
     return words + _among(row)
 
 

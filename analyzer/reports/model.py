@@ -1,13 +1,15 @@
 """What a report says, as values: the same facts behind the text page and the JSON.
 
-Times are integer nanoseconds. Response times are measured ones only: where the tap cannot tell them, `count` stays 0.
+Times are integer nanoseconds. Response times are measured, or bounded, or unknown, and say which.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
+
+from ..words import between
 
 if TYPE_CHECKING:
     from captures.recording.notes import Note
@@ -16,9 +18,15 @@ if TYPE_CHECKING:
     from ..outages import Deaf
 
 
+_EXACT: Final = 0.05  # of a figure: what may be wrong by no more is not worth an interval
+
+
 @dataclass(frozen=True, slots=True)
 class Times:
-    """Measured response times: end of request to start of answer. Percentiles are good to 1 %."""
+    """Response times by the reads' times: end of request to start of answer. Percentiles are good to 1 %.
+
+    `off_ns`: by how much each may be wrong because of the tap; 0 where they are measured, None where nobody can tell.
+    """
 
     count: int = 0
     min_ns: int | None = None
@@ -27,6 +35,30 @@ class Times:
     p99_ns: int | None = None
     max_ns: int | None = None
     mean_ns: int | None = None
+    off_ns: int | None = 0
+
+    def bounds(self, figure: str) -> tuple[int, int] | None:
+        """Between what a figure (`p50`) lies: twice the same where it is measured; None where it is unknown."""
+        value: int | None = getattr(self, f"{figure}_ns")
+        if value is None or self.off_ns is None:
+            return None
+        return (value, value) if self.off_ns <= _EXACT * value else (max(value - self.off_ns, 0), value + self.off_ns)
+
+    def worded(self, figure: str) -> str:
+        """A figure for people: `12.3 ms`, `9..17 ms`, `?`."""
+        found = self.bounds(figure)
+        return "?" if found is None else between(*found)
+
+    def to_json(self) -> dict[str, int | None]:
+        """As plain values; a figure that is but bounded is null, and its bounds stand beside it."""
+        line: dict[str, int | None] = {"count": self.count}
+        for figure in ("min", "p50", "p95", "p99", "max", "mean"):
+            found = self.bounds(figure)
+            exact = found is not None and found[0] == found[1]
+            line[f"{figure}_ns"] = found[0] if exact and found else None
+            if found is not None and not exact:
+                line[f"{figure}_low_ns"], line[f"{figure}_high_ns"] = found
+        return line
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,14 +107,32 @@ class ExceptionRow:
 
 
 @dataclass(frozen=True, slots=True)
+class FindingGroup:
+    """Findings of one code that are of one kind and about one unit; `of`: requests to that unit, None where no unit is
+    meant; `certainty` the mean of what the autopsies give, None where there are none."""
+
+    unit: int | None
+    count: int
+    of: int | None
+    text: str
+    cause: str
+    remedy: str
+    certainty: float | None
+    index: int | None
+    start: int
+    t_ns: int
+    until_ns: int
+
+
+@dataclass(frozen=True, slots=True)
 class FindingRow:
-    """All findings of one code: how often, what they cost, and the first of them in words."""
+    """All findings of one code: how often, what they cost, and the first of the commonest group in words."""
 
     code: str
     severity: str
     count: int
     lost_answers: int
-    lost_ms: float  # of the bus, waited in vain
+    lost_ms: float | None  # of the bus, waited in vain; None where nobody can tell
     units: Mapping[int, int]  # unit: how often; the most afflicted ones
     text: str
     cause: str
@@ -91,7 +141,9 @@ class FindingRow:
     index: int | None  # frame of the first one; None for noise, or where the whole bus is meant
     start: int
     port: int
-    t_ns: int
+    t_ns: int  # of the first one
+    until_ns: int  # and of the last
+    groups: tuple[FindingGroup, ...] = ()  # the commonest first
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,4 +198,7 @@ class Report:
 
     def to_json(self) -> dict[str, Any]:
         """The report as plain values, nested as it is here, with `span_ns`."""
-        return {**asdict(self), "span_ns": self.span_ns}
+        line = {**asdict(self), "span_ns": self.span_ns, "times": self.times.to_json()}
+        for name, rows in (("units", self.units), ("functions", self.functions)):
+            line[name] = [{**asdict(row), "times": row.times.to_json()} for row in rows]
+        return line

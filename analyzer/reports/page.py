@@ -14,13 +14,14 @@ from dissectors.values import harmless
 from ..outages import unheard
 from ..words import compact, duration, is_clock, moment, plural
 from . import findings
-from .model import Counts, Report, UnitRow
+from .model import Counts, Report, Times, UnitRow
 
 _WIDTH: Final = 80
 _UNBROKEN: Final[dict[str, Any]] = {"break_long_words": False, "break_on_hyphens": False}  # names, ports
 _ROWS: Final = 24  # units on the page; --json has all
 _EXCEPTIONS: Final = 10
 _LOSSES: Final = 3
+_LONG_NS: Final = 99_950_000_000
 _HAPPENED: Final = 4  # of a recording
 _COLUMNS: Final = (  # head, width, which of Counts
     ("requests", 9, "requests"),
@@ -170,13 +171,9 @@ def _load(report: Report) -> str:
 
 def _response(report: Report) -> str:
     times = report.times
-    if not times.count:
+    if not times.count or times.off_ns is None:
         return "unknown: " + ("no times in this capture" if not report.timed else "this tap's times cannot tell them")
-    words = ", ".join(
-        f"{label} {duration(value)}"
-        for label, value in (("p50", times.p50_ns), ("p95", times.p95_ns), ("p99", times.p99_ns), ("max", times.max_ns))
-        if value is not None
-    )
+    words = ", ".join(f"{figure} {times.worded(figure)}" for figure in ("p50", "p95", "p99", "max"))
     answers = report.transactions.answered + report.transactions.exceptions + report.transactions.damaged
     return words + (f" ({times.count:,} of {answers:,} measured)" if times.count < answers else "")
 
@@ -185,7 +182,7 @@ def _units(report: Report) -> Iterator[str]:
     shown: Sequence[UnitRow] = report.units
     if len(shown) > _ROWS:
         shown = sorted(sorted(shown, key=_trouble)[:_ROWS], key=lambda row: row.unit)
-    rows = [(f"{row.unit:>4}", row.counts, (row.times.p50_ns, row.times.p95_ns, row.times.max_ns)) for row in shown]
+    rows = [(f"{row.unit:>4}", row.counts, _cells(row.times, "p50", "p95", "max")) for row in shown]
     yield from _table("unit", 10, _COLUMNS, ("p50", "p95", "max"), rows)
     if len(shown) < len(report.units):
         yield f"and {len(report.units) - len(shown)} units with less trouble (--json has all)"
@@ -197,9 +194,7 @@ def _trouble(row: UnitRow) -> tuple[int, int]:
 
 
 def _functions(report: Report) -> Iterator[str]:
-    rows = [
-        (f"{row.function:02X} {row.name}", row.counts, (row.times.p50_ns, row.times.p95_ns)) for row in report.functions
-    ]
+    rows = [(f"{row.function:02X} {row.name}", row.counts, _cells(row.times, "p50", "p95")) for row in report.functions]
     yield from _table("function", 30, _COLUMNS[:5], ("p50", "p95"), rows)
 
 
@@ -208,19 +203,20 @@ def _table(
     width: int,
     columns: Sequence[tuple[str, int, str]],
     percentiles: Sequence[str],
-    rows: Sequence[tuple[str, Counts, Sequence[int | None]]],
+    rows: Sequence[tuple[str, Counts, Sequence[str]]],
 ) -> Iterator[str]:
+    cells = [times for _, _, times in rows]
     yield (
         f"{title:<{width}}"
         + "".join(f"{head:>{w}}" for head, w, _ in columns)
-        + "".join(f"{p:>8}" for p in percentiles)
+        + "".join(f"{p:>{_width(cells, i)}}" for i, p in enumerate(percentiles))
     )
     for name, counts, times in rows:
         short = name if len(name) <= width else name[: width - 2] + ".."
         numbers = "".join(
             f"{compact(getattr(counts, key)) if getattr(counts, key) else '-':>{w}}" for _, w, key in columns
         )
-        yield f"{short:<{width}}{numbers}" + "".join(f"{_cell(t):>8}" for t in times)
+        yield f"{short:<{width}}{numbers}" + "".join(f"{t:>{_width(cells, i)}}" for i, t in enumerate(times))
 
 
 def _exceptions(report: Report) -> Iterator[str]:
@@ -231,8 +227,16 @@ def _exceptions(report: Report) -> Iterator[str]:
         yield f"{'':>9}   and {len(report.exceptions) - _EXCEPTIONS} other kinds (--json has all)"
 
 
-def _cell(ns: int | None) -> str:
-    """A time in at most seven characters."""
-    if ns is None:
-        return "?"
-    return duration(ns) if ns < 99_950_000_000 else f"{ns / 1e9:.3g} s"
+def _cells(times: Times, *figures: str) -> list[str]:
+    """Figures as they stand in a table: measured ones in at most seven characters."""
+    return [_cell(times, figure) for figure in figures]
+
+
+def _cell(times: Times, figure: str) -> str:
+    low, high = times.bounds(figure) or (0, 0)
+    return f"{low / 1e9:.3g} s" if low == high >= _LONG_NS else times.worded(figure)
+
+
+def _width(cells: Sequence[Sequence[str]], column: int) -> int:
+    """How wide a column of figures is, the space before it counted: 8, or more where there are intervals."""
+    return max([8, *(len(row[column]) + 2 for row in cells if ".." in row[column])])

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from dissectors.functions import exception_name, function_name
 
 from ..core import observed
+from ..diagnosis.tap_clock import COLUMNS, TapClock
 from ..options import Options
 from ..outages import deaf_times, notes_of
 from ..tables.schema import Kind, Rows
@@ -49,8 +50,10 @@ _BY_STATUS: Final = {
 class Summary:
     """Facts of a bus, growing as batches are fed."""
 
-    def __init__(self, char_ns: float | None = None) -> None:
-        """`char_ns`: time of one character on the line, for the load."""
+    def __init__(self, char_ns: float | None = None, line: LineSettings | None = None) -> None:
+        """`char_ns`: time of one character on the line, for the load; `line`: to know what times are worth."""
+        self._clock = None if line is None else TapClock(line)
+        self._hears = True  # the clock learns from what is counted
         self._char_ns = char_ns
         self._troubles = Troubles()
         self._counts = {name: np.zeros((256, 256), np.int64) for name in _COUNTERS}  # by unit and function
@@ -64,11 +67,12 @@ class Summary:
         self._first: int | None = None
         self._last: int | None = None
         self._busy = _Busiest()
+        self._off_ns: int | None = 0  # `Times.off_ns`
 
     @classmethod
     def of(cls, line: LineSettings) -> Summary:
         """An empty one, for a line of these settings."""
-        return cls(line.character_ns)
+        return cls(line.character_ns, line)
 
     @property
     def frames(self) -> int:
@@ -78,11 +82,25 @@ class Summary:
     def bytes(self) -> int:
         return self._bytes
 
+    def hear(self, stream: Iterator[Analysed]) -> Iterator[Analysed]:
+        """The same, while the clock learns from all of it rather than from what is counted."""
+        self._hears = False
+        for analysed in stream:
+            self._learn(analysed.batch.rows)
+            yield analysed
+
+    def _learn(self, rows: Rows) -> None:
+        if self._clock is not None:
+            frames = rows[rows["kind"] != Kind.NOISE]
+            self._clock.feed([frames[name] for name in COLUMNS])
+
     def feed(self, analysed: Analysed) -> None:
         """Count a batch in, with what was said of it."""
+        if self._hears:
+            self._learn(analysed.batch.rows)
         rows = analysed.batch.rows
         self._settle(analysed.transactions)
-        self._troubles.add(analysed.findings, rows)
+        self._troubles.add(analysed.findings, rows, analysed.transactions)
         if not len(rows):
             return
         noise = rows["kind"] == Kind.NOISE
@@ -104,6 +122,9 @@ class Summary:
     def report(self, capture: Capture, *, source: str = "", partial: bool = False) -> Report:
         """What it comes to."""
         notes = notes_of(capture)
+        if self._clock is not None:
+            self._clock.close()
+            self._off_ns = None if self._clock.off_ns is None else round(self._clock.off_ns)
         return Report(
             source=source,
             format=capture.format,
@@ -125,7 +146,7 @@ class Summary:
             noise_stretches=self._noise_stretches,
             doubtful_frames=self._doubtful,
             transactions=self._counted(lambda table: table.sum()),
-            times=self._all.times(),
+            times=self._timed(self._all),
             load=self._load() if capture.timed else Load(),
             units=tuple(self._unit(unit) for unit in np.flatnonzero(self._counts["requests"].sum(axis=1)).tolist()),
             functions=tuple(
@@ -175,11 +196,14 @@ class Summary:
                     histograms.setdefault(value, Histogram()).add(times)
 
     def _unit(self, unit: int) -> UnitRow:
-        return UnitRow(unit, self._counted(lambda table: table[unit].sum()), _times(self._by_unit, unit))
+        return UnitRow(unit, self._counted(lambda table: table[unit].sum()), self._timed(self._by_unit.get(unit)))
 
     def _function(self, function: int) -> FunctionRow:
         counts = self._counted(lambda table: table[:, function].sum())
-        return FunctionRow(function, function_name(function), counts, _times(self._by_function, function))
+        return FunctionRow(function, function_name(function), counts, self._timed(self._by_function.get(function)))
+
+    def _timed(self, histogram: Histogram | None) -> Times:
+        return Times() if histogram is None else replace(histogram.times(), off_ns=self._off_ns)
 
     def _counted(self, pick: Callable[[NDArray[np.int64]], np.int64]) -> Counts:
         return Counts(*(int(pick(self._counts[name])) for name in _COUNTERS))
@@ -216,11 +240,6 @@ class _Busiest:
         return self._most
 
 
-def _times(histograms: dict[int, Histogram], key: int) -> Times:
-    found = histograms.get(key)
-    return Times() if found is None else found.times()
-
-
 def summarize(
     capture: Capture,
     *,
@@ -247,7 +266,7 @@ def summarize(
     if filter is not None:
         from ..filters.stream import filtered
 
-        stream = filtered(stream, filter, line)
+        stream = filtered(summary.hear(stream), filter, line)
     for analysed in stream:
         summary.feed(analysed)
         if ledger is not None:

@@ -1,24 +1,39 @@
 """Findings counted and ranked by what they cost the bus: answers lost and time lost.
 
-A lost answer costs at least what the master waits for it; where a finding does not say how long that was, the usual
-wait of this bus is taken. One counter a rule and unit, so that memory stays flat.
+Time is what the client waited in vain, as far as the capture's times show it, and never more than its own timeout;
+where nothing was measured no time is said. One counter a rule, its variant and unit, so that memory stays flat.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..causes.thinned import Thinned, densest
+from ..diagnosis.clauses import titled
 from ..tables.findings import Findings, Rule, describe, rules
 from ..tables.schema import Rows
-from .model import FindingRow
+from ..tables.transactions import NEVER, Status
+from .model import FindingGroup, FindingRow
 
 _NOBODY: Final = 256  # instead of a unit: noise, requests to nobody in particular, the bus as a whole
-_USUAL_MS: Final = 200.0  # that a master waits, where this bus has not shown it
 _UNITS: Final = 8  # named in a row
+_GROUPS: Final = 64  # kept of a rule
+_PENDING: Final = 4096  # damaged answers whose transaction is not settled
+_SLACK: Final = 1.3  # of the timeout: what a wait is at most
+
+
+@dataclass(slots=True)
+class _GroupTally:
+    """What was found by one rule in one variant about one unit."""
+
+    first: np.void
+    count: int = 0
+    until: int = 0
+    certain: float = 0.0
 
 
 @dataclass(slots=True)
@@ -27,8 +42,8 @@ class _RuleTally:
 
     first: np.void
     units: NDArray[np.int64]
-    lost_ms: float = 0.0
-    silent: int = 0  # findings that do not say how long
+    groups: dict[tuple[int, float], _GroupTally] = field(default_factory=dict)
+    waits: Thinned = field(default_factory=Thinned)  # ns, as far as they are known
 
 
 class Troubles:
@@ -36,68 +51,127 @@ class Troubles:
 
     def __init__(self) -> None:
         self._kinds: dict[int, _RuleTally] = {}
+        self._waited: dict[int, float] = {}  # damaged answers, by index: ns that the client waited
+        self._damaged: dict[int, int] = {}  # the same answers: which rule speaks of them
+        self._asked = np.zeros(_NOBODY + 1, np.int64)  # requests, by unit
 
-    def add(self, findings: Findings, rows: Rows) -> None:
-        """Count findings on these rows."""
+    def add(self, findings: Findings, rows: Rows, settled: Rows) -> None:
+        """Count findings on these rows, and take in transactions."""
+        if len(settled):
+            self._settle(settled)
         if not len(findings):
             return
         units = _units(findings, rows)
         for number in np.flatnonzero(np.bincount(findings["rule"])).tolist():
             here = findings["rule"] == number
-            kind = self._kinds.get(number)
-            if kind is None:
-                first = findings[here][:1].copy()[0]
-                kind = self._kinds[number] = _RuleTally(first, np.zeros(_NOBODY + 1, np.int64))
-            kind.units += np.bincount(units[here], minlength=_NOBODY + 1)
-            known = _wasted_ms(rules()[number], findings[here])
-            kind.lost_ms += float(np.nansum(known))
-            kind.silent += int(np.isnan(known).sum())
+            self._count(number, findings[here], units[here])
+
+    def _settle(self, settled: Rows) -> None:
+        self._asked += np.bincount(settled["unit"], minlength=_NOBODY + 1)
+        damaged = settled[(settled["status"] == Status.DAMAGED) & (settled["t_next"] != NEVER)]
+        for one in damaged:
+            if one["t_request"] > 0:
+                self._keep(self._waited, int(one["response"]), float(one["t_next"] - one["t_request"]))
+
+    def _keep(self, kept: dict[int, Any], index: int, value: float) -> None:
+        kept[index] = value
+        if len(kept) > _PENDING:
+            del kept[next(iter(kept))]
+        if index in self._waited and index in self._damaged:
+            waited, number = self._waited.pop(index), self._damaged.pop(index)
+            self._kinds[number].waits.add(np.array([waited]))
+
+    def _count(self, number: int, found: Findings, units: NDArray[np.intp]) -> None:
+        rule, kind = rules()[number], self._kinds.get(number)
+        if kind is None:
+            kind = self._kinds[number] = _RuleTally(found[:1].copy()[0], np.zeros(_NOBODY + 1, np.int64))
+        kind.units += np.bincount(units, minlength=_NOBODY + 1)
+        if rule.wastes in rule.numbers:
+            wasted = found["numbers"][:, rule.numbers.index(rule.wastes)] * 1e6
+            kind.waits.add(wasted[~np.isnan(wasted)])
+        elif rule.loses:
+            for index in found["index"][found["index"] >= 0].tolist():
+                self._keep(self._damaged, index, number)
+        variants = _numbers(rule, found, rule.varies)
+        certain = np.nan_to_num(_numbers(rule, found, "certainty"))
+        for variant in np.unique(variants).tolist():
+            for unit in np.unique(units[variants == variant]).tolist():
+                mine = np.flatnonzero((variants == variant) & (units == unit))
+                group = kind.groups.get((unit, variant))
+                if group is None:
+                    if len(kind.groups) >= _GROUPS:
+                        continue
+                    group = kind.groups[unit, variant] = _GroupTally(found[mine[:1]].copy()[0])
+                group.count += len(mine)
+                group.until = max(group.until, int(found["t"][mine].max()))
+                group.certain += float(certain[mine].sum())
 
     def rows(self) -> tuple[FindingRow, ...]:
         """A row a rule, those that cost most first."""
-        wait = self._usual_wait_ms()
-        made = [_row(rules()[number], kind, wait) for number, kind in self._kinds.items()]
+        waits = [k.waits.numbers for n, k in self._kinds.items() if rules()[n].code == "no-response" and len(k.waits)]
+        timeout = densest(np.concatenate(waits)) or None if waits else None
+        made = [self._row(rules()[number], kind, timeout) for number, kind in self._kinds.items()]
         rank = {"error": 0, "warning": 1, "note": 2}
-        made.sort(key=lambda row: (-row.lost_ms, -row.lost_answers, rank[row.severity], -row.count, row.code))
+        made.sort(key=lambda row: (-(row.lost_ms or 0), -row.lost_answers, rank[row.severity], -row.count, row.code))
         return tuple(made)
 
-    def _usual_wait_ms(self) -> float:
-        for number, kind in self._kinds.items():
-            said = int(kind.units.sum()) - kind.silent
-            if rules()[number].code == "no-response" and said:
-                return kind.lost_ms / said
-        return _USUAL_MS
+    def _row(self, rule: Rule, kind: _RuleTally, timeout: float | None) -> FindingRow:
+        count = int(kind.units.sum())
+        order = np.argsort(-kind.units[:_NOBODY], kind="stable")[:_UNITS]
+        groups = sorted(kind.groups.items(), key=lambda item: -item[1].count)
+        example = describe((groups[0][1] if groups else kind).first)
+        first = describe(kind.first)
+        return FindingRow(
+            code=rule.code,
+            severity=rule.severity.name.lower(),
+            count=count,
+            lost_answers=count if rule.loses else 0,
+            lost_ms=_lost_ms(kind.waits, timeout) if rule.loses else 0.0,
+            units={int(unit): int(kind.units[unit]) for unit in order.tolist() if kind.units[unit]},
+            text=example.text,
+            cause=example.cause,
+            remedy=example.remedy,
+            clause=titled(first.clause),
+            index=example.index,
+            start=example.start,
+            port=example.port,
+            t_ns=first.t_ns,
+            until_ns=max((group.until for _, group in groups), default=first.t_ns),
+            groups=tuple(self._group(rule, unit, group) for (unit, _), group in groups),
+        )
+
+    def _group(self, rule: Rule, unit: int, group: _GroupTally) -> FindingGroup:
+        told = describe(group.first)
+        known = unit < _NOBODY
+        return FindingGroup(
+            unit=unit if known else None,
+            count=group.count,
+            of=max(int(self._asked[unit]), group.count) if known and rule.about is not rule.about.BUS else None,
+            text=told.text,
+            cause=told.cause,
+            remedy=told.remedy,
+            certainty=round(group.certain / group.count, 3) if "certainty" in rule.numbers and group.certain else None,
+            index=told.index,
+            start=told.start,
+            t_ns=told.t_ns,
+            until_ns=group.until,
+        )
 
 
-def _row(rule: Rule, kind: _RuleTally, wait_ms: float) -> FindingRow:
-    count = int(kind.units.sum())
-    lost = count if rule.loses else 0
-    example = describe(kind.first)
-    order = np.argsort(-kind.units[:_NOBODY], kind="stable")[:_UNITS]
-    return FindingRow(
-        code=rule.code,
-        severity=rule.severity.name.lower(),
-        count=count,
-        lost_answers=lost,
-        lost_ms=round(kind.lost_ms + (kind.silent * wait_ms if rule.loses else 0.0), 3),
-        units={int(unit): int(kind.units[unit]) for unit in order.tolist() if kind.units[unit]},
-        text=example.text,
-        cause=example.cause,
-        remedy=example.remedy,
-        clause=example.clause,
-        index=example.index,
-        start=example.start,
-        port=example.port,
-        t_ns=example.t_ns,
-    )
+def _lost_ms(waits: Thinned, timeout: float | None) -> float | None:
+    """What these waits come to, none longer than the client's timeout; None where none is known."""
+    if not len(waits):
+        return None
+    most = np.inf if timeout is None else _SLACK * timeout
+    return round(float(np.minimum(waits.numbers, most).mean()) * len(waits) / 1e6, 3)
 
 
-def _wasted_ms(rule: Rule, findings: Findings) -> NDArray[np.float64]:
-    """The time that each finding cost, as far as it says; NaN where it does not."""
-    if rule.wastes in rule.numbers:
-        wasted: NDArray[np.float64] = findings["numbers"][:, rule.numbers.index(rule.wastes)]
-        return wasted
-    return np.full(len(findings), np.nan if rule.loses else 0.0)
+def _numbers(rule: Rule, found: Findings, name: str) -> NDArray[np.float64]:
+    """One figure of the evidence of each finding; -1 where the rule has none of that name."""
+    if name not in rule.numbers:
+        return np.full(len(found), -1.0)
+    figures: NDArray[np.float64] = np.nan_to_num(found["numbers"][:, rule.numbers.index(name)], nan=-1.0)
+    return figures
 
 
 def _units(findings: Findings, rows: Rows) -> NDArray[np.intp]:

@@ -154,6 +154,7 @@ class Rule:
     clause: str = ""
     when: str = ""
     numbers: tuple[str, ...] = ()
+    varies: str = ""  # which of the numbers tells variants apart, whose causes and remedies differ
     loses: bool = False  # an answer each time
     wastes: str = ""  # which of the numbers is time that was lost, in ms
 

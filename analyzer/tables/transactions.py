@@ -16,17 +16,21 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.answers import expectation
 from dissectors.lengths import relations
 from dissectors.limits import RequestedByteCount
 
 from .batch import Batch
+from .frame import adu_of
 from .schema import Kind, Protocol, Rows
 
+ECHOED: Final = np.isin(np.arange(256), (5, 6, 22))  # functions whose answer is their request once more
 NEVER: Final = -(1 << 62)  # a time that is none
 _PATIENCE: Final = 16  # frames after a request, beyond which no answer is waited for
 _PIPELINED: Final = 1024  # the same over Modbus TCP, where many connections and transactions are open at once
 _REACH: Final = 1 << 16  # and bytes, noise included
 _GLITCHES: Final = (0x00, 0xFE, 0xFF)  # noise bytes that say nothing
+_MIN_ADU: Final = 4
 _TRANSACTION_ID: Final = 2  # bytes, anew in each request over Modbus TCP
 _ALIKE: Final = 2  # bytes in which a damaged request may differ from its repetition
 
@@ -54,14 +58,16 @@ TRANSACTION = np.dtype(
         ("t_request", np.int64),  # ns, end of the request
         ("t_response", np.int64),  # ns, start of the answer; -1 for none
         ("response_ns", np.int64),  # -1 for none, or where the tap can't tell
-        ("t_next", np.int64),  # of an unanswered one: ns, start of the next request; NEVER for none
+        ("t_next", np.int64),  # without a good answer: ns, start of the next request; NEVER for none
         ("garbage", np.int64),  # and bytes between the two that belong to no request, glitches apart
         ("unit", np.uint8),
         ("function", np.uint8),
         ("exception", np.uint8),  # exception code of the answer, 0 for none
         ("status", np.uint8),  # Status
         ("retry", np.bool_),  # the same bytes as the request before, which got no good answer
+        ("again", np.bool_),  # a broadcast, or a write that is echoed: the same as the request before, which went well
         ("late", np.bool_),  # the master had sent another request before this answer came
+        ("mistaken", np.bool_),  # and it fits that one as well
         ("port", np.uint8),
         ("protocol", np.uint8),  # Protocol
     ]
@@ -110,7 +116,7 @@ class Transactions:
         self._places = np.concatenate((self._places, ends[requests]))
         self._octets = int(ends[-1])
         self._count_garbage(batch, requests, known)
-        self._answer(rows, responses)
+        self._answer(batch, responses)
         self._mark_retries(batch, requests, known)
         status = self._open["status"]
         waiting = (status == Status.UNANSWERED) | (status == Status.BROADCAST)
@@ -133,8 +139,9 @@ class Transactions:
         settled, self._open = self._open[:count], self._open[count:].copy()
         if count:
             self._failed = bool(_failed(settled[-1:])[0])
-        done = settled["status"] != Status.UNANSWERED
-        settled["t_next"][done], settled["garbage"][done] = NEVER, 0
+        silent = settled["status"] == Status.UNANSWERED
+        settled["garbage"][~silent] = 0
+        settled["t_next"][~silent & (settled["status"] != Status.DAMAGED) & ~settled["late"]] = NEVER
         self._places = self._places[count:].copy()
         return settled
 
@@ -158,7 +165,8 @@ class Transactions:
         elif len(requests):
             self._open["t_next"][:-1] = starts[1:]
 
-    def _answer(self, rows: Rows, responses: NDArray[np.intp]) -> None:
+    def _answer(self, batch: Batch, responses: NDArray[np.intp]) -> None:
+        rows = batch.rows
         asked = np.ascontiguousarray(self._open["request"])
         wanted = _at(rows, "request", responses)
         place = np.searchsorted(asked, wanted)
@@ -174,8 +182,21 @@ class Transactions:
         late = following[place] < _at(rows, "index", responses)
         late &= self._open["protocol"][place] != Protocol.TCP  # whose answers say what they answer
         self._open["late"][place] = late
+        for at, row in zip(place[late].tolist(), responses[late].tolist(), strict=True):
+            self._open["mistaken"][at] = self._mistaken(batch, row)
         for at in place[late].tolist():
             self._put_in_order(at)
+
+    def _mistaken(self, batch: Batch, row: int) -> bool:
+        """Whether a late answer would do for the newest request before it, which then takes it for its own."""
+        kinds = batch.rows["kind"][:row]
+        before = np.flatnonzero((kinds == Kind.REQUEST) & batch.rows["check"][:row])
+        newest = batch.bytes_of(int(before[-1])) if len(before) else self._last_request
+        if newest is None:
+            return False
+        protocol = int(batch.rows["protocol"][row])
+        asked, answer = adu_of(newest, protocol).data, adu_of(batch.bytes_of(row), protocol).data
+        return expectation(asked).fits(answer) if min(len(asked), len(answer)) >= _MIN_ADU else False
 
     def _put_in_order(self, place: int) -> None:
         """A late answer that came right after one to a newer request of its shape: the earlier request had that one."""
@@ -213,12 +234,30 @@ class Transactions:
                 asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
                 row = int(requests[i])
                 if asked is not None and len(asked) == batch.rows["length"][row]:
-                    first = _TRANSACTION_ID if opened["protocol"][known + i] == Protocol.TCP else 0
-                    opened["retry"][known + i] = batch.bytes_of(row)[first:] == asked[first:]
+                    tcp = opened["protocol"][known + i] == Protocol.TCP
+                    first = _TRANSACTION_ID if tcp else 0
+                    same = batch.bytes_of(row)[first:] == asked[first:]
+                    opened["retry"][known + i] = same and bool(tcp or asked[0])
             self._mark_second_tries(batch, requests, known)
+            self._mark_again(batch, requests, known)
             self._last_request = batch.bytes_of(int(requests[-1]))
         last = len(batch) - 1
         self._last_row = bool(batch.rows["check"][last]), batch.bytes_of(last)
+
+    def _mark_again(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
+        """Broadcasts, and writes that are echoed, of which each byte is that of the request before."""
+        rows, opened = batch.rows, self._open
+        unit, function = opened["unit"][known:], opened["function"][known:]
+        may = ((unit == 0) | ECHOED[function]) & ~opened["retry"][known:]
+        if not may.any():
+            return
+        lengths, ends = _at(rows, "length", requests), _at(rows, "at", requests) + _at(rows, "length", requests)
+        checks = batch.data.take(ends - 2).astype(np.int64) << 8 | batch.data.take(ends - 1)
+        same = np.zeros(len(requests), np.bool_)
+        same[1:] = (lengths[1:] == lengths[:-1]) & (checks[1:] == checks[:-1])
+        same[1:] &= (unit[1:] == unit[:-1]) & (function[1:] == function[:-1])
+        same[0] = self._last_request is not None and batch.bytes_of(int(requests[0])) == self._last_request
+        opened["again"][known:] = may & same
 
     def _mark_second_tries(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
         """Requests right behind a damaged one, or behind noise, that is them but for a byte or two."""

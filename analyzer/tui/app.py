@@ -6,18 +6,23 @@ import sys
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
+from textual import events
+from textual._compositor import CompositorUpdate
 from textual.app import App, SystemCommand
 from textual.binding import BindingType
 from textual.screen import Screen
 
 from ..model.bus import Bus
 from ..model.notes import Notes, NotesError
+from .burst import KeyQueue
 from .desk import ViewState
 from .paint import DARK, HARMLESS, LIGHT
 from .screen import BusScreen
 from .views import VIEWS
+from .wire import Wire
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
     from textual.filter import LineFilter
 
     from ..model.source import ViewSource
@@ -53,6 +58,9 @@ class Rtuscope(App[None]):
             notes, self._trouble = Notes(), str(error)
         self.desk = ViewState(source, Bus.of(source), notes)
         self._view = view
+        self.wire = Wire()
+        self.keys = KeyQueue(self, super().on_event)
+        self._cursor_was = self.cursor_position
         self.HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (_WIDE, "-wide")]
 
     def get_line_filters(self) -> Sequence[LineFilter]:
@@ -60,6 +68,22 @@ class Rtuscope(App[None]):
 
     def get_default_screen(self) -> Screen[None]:
         return BusScreen(self.desk, view=self._view)
+
+    def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:
+        """What Textual would send, as the difference from what stands there."""
+        if isinstance(renderable, CompositorUpdate) and not self.is_headless and not self._batch_count:
+            renderable = self.wire.thin(renderable, self.console)
+            if not renderable.text and self.cursor_position == self._cursor_was:
+                renderable = None
+            self._cursor_was = self.cursor_position
+        super()._display(screen, renderable)
+
+    async def on_event(self, event: events.Event) -> None:
+        """A key's effect is there before the next key is taken up."""
+        if isinstance(event, events.Key) and not event.is_forwarded:
+            await self.keys.take(event)
+        else:
+            await super().on_event(event)
 
     def on_mount(self) -> None:
         sys.setswitchinterval(0.001)  # keys are answered while a thread reads the source

@@ -35,7 +35,19 @@ class Bookmarks:
                 kept = "until you leave" if notes.path is None else f"in {notes.path.name}"
                 screen.tell(f"bookmark kept {kept}; ' goes to the next")
             else:
-                screen.tell("bookmark and comment taken away" if said else "bookmark taken away")
+                screen.tell(f"{'bookmark and comment' if said else 'bookmark'} taken away; u brings it back")
+
+        self._noted(change)
+
+    def undo(self) -> None:
+        """Take back the newest change of a bookmark or comment."""
+
+        def change() -> None:
+            place = self._desk.notes.undo()
+            row = -1 if place is None else self._desk.bus.table.row_of_byte(*place)
+            self._screen.tell("nothing to take back" if place is None else "taken back")
+            if row >= 0:
+                self._screen.jumps.go(row)
 
         self._noted(change)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from . import rows as words
-from .frames import FrameList, at_the_row, shown_row, to_its_fields
+from .frames import FrameList, at_the_row, shown_row, to_its_fields, under_cursor
 from .paint import StyledText, fitted
 from .view import View, grown
 
@@ -57,6 +57,6 @@ class ConversationList(FrameList):
 VIEW: Final = View(
     name="conversations", key="2", title="Conversations", short="Talk",
     make=lambda desk: ConversationList(desk, id="conversations"), refresh=grown,
-    chosen=shown_row, entered=to_its_fields, shown=at_the_row,
+    chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor,
     detail=True, filtered=True,
 )  # fmt: skip

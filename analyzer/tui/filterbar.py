@@ -157,7 +157,9 @@ class FilterBar(Vertical):
             line.cursor_position = len(before + own.text)
 
     def leave(self) -> None:
-        """Back to the list."""
+        """Back to the list; the line says again what is in use."""
+        if self.line.value.strip() != self.text:
+            self.line.value = self.text
         self.query_one(Completions).show(())
         self.post_message(FilterLeft())
 

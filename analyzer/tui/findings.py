@@ -149,15 +149,19 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
 
 
 def _shown(screen: BusScreen) -> None:
-    if screen.row is not None:
+    if screen.studied is not None:
         found = screen.query_one(FindingList)
         found.grown()
-        found.go(screen.row)
+        found.go(screen.studied)
+
+
+def _at(screen: BusScreen) -> int | None:
+    return screen.query_one(FindingList).row
 
 
 VIEW: Final = View(
     name="findings", key="3", title="Findings",
     make=lambda desk: FindingList(desk, id="findings"), refresh=grown,
-    chosen=_chosen, entered=_entered, shown=_shown,
+    chosen=_chosen, entered=_entered, shown=_shown, at=_at,
     detail=True, without=("find", "find_on", "select"),
 )  # fmt: skip

@@ -33,6 +33,7 @@ class FrameList(Lines):
         self.desk = desk
         self.rows: ListRows = Everything(desk.bus)
         self.pinned: int | None = None  # row from which on rows are selected
+        self.pinned_to: int | None = None  # and up to which; None: up to the cursor
 
     def use(self, rows: ListRows) -> None:
         """Show other rows; the cursor stays on its row, or on the last one before it."""
@@ -59,7 +60,7 @@ class FrameList(Lines):
         return self.rows.count
 
     def kind_of_line(self, line: int) -> str:
-        row, here = self.rows.row(line), self.row
+        row, here = self.rows.row(line), self.row if self.pinned_to is None else self.pinned_to
         if self.pinned is None or here is None:
             return ""
         return "lit" if min(self.pinned, here) <= row <= max(self.pinned, here) else ""
@@ -130,13 +131,18 @@ def to_its_fields(screen: BusScreen, sender: Widget) -> None:  # noqa: ARG001
 
 def at_the_row(screen: BusScreen) -> None:
     """The list that has come up is at the row under study."""
-    if screen.row is not None:
-        screen.query_one(f"#{screen.view}", FrameList).go(screen.row)
+    if screen.studied is not None:
+        screen.query_one(f"#{screen.view}", FrameList).go(screen.studied)
+
+
+def under_cursor(screen: BusScreen) -> int | None:
+    """The row that the list's cursor stands on."""
+    return screen.query_one(f"#{screen.view}", FrameList).row
 
 
 VIEW: Final = View(
     name="frames", key="1", title="Frames",
     make=lambda desk: FrameList(desk, id="frames"), refresh=grown,
-    chosen=shown_row, entered=to_its_fields, shown=at_the_row,
+    chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor,
     detail=True, filtered=True,
 )  # fmt: skip

@@ -115,7 +115,7 @@ class Jobs:
         self._screen.refresh_view()
 
     def _first_row(self) -> None:
-        if self._screen.row is None and self._bus.count:
+        if self._screen.studied is None and self._bus.count:
             self._screen.frames.renewed()
 
     def _tell_notices(self) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING, Final
 
 from ..model import goto, search
+from .burst import FINDING
 from .prompts import Ask, Choose
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ class Jumps:
         self._bus = screen.desk.bus
         self._hits: search.Hits | None = None
         self._sought = ""
+        self._waiting: deque[bool] = deque()  # steps to the next hit that are still to be made; True: back
 
     def go(self, row: int) -> None:
         """Show a row in the frame list, or in the conversations where those are shown."""
@@ -34,8 +37,7 @@ class Jumps:
                 screen.tell("the line shown holds it, or comes before it")
             return
         if screen.view != "frames":
-            screen.row = row
-            screen.action_view("frames")
+            screen.action_view("frames", row)
         if not screen.frames.go(row):
             screen.tell("that row is not among those shown (Esc shows all); this one comes before it")
         screen.frames.focus()
@@ -50,7 +52,9 @@ class Jumps:
 
     def to_finding(self, step: int) -> None:
         """The next row with a finding, or the one before."""
-        row = self._bus.found.next_row(-1 if self._screen.row is None else self._screen.row, step)
+        here, shown = -1 if self._screen.row is None else self._screen.row, self._screen.frames.rows
+        rows = self._bus.found.rows_beyond(here, step)
+        row = next((row for row in rows.tolist() if shown.row(shown.position(row)) == row), None)
         if row is None:
             self._screen.tell("no finding further on" if step > 0 else "no finding before this")
         else:
@@ -89,6 +93,7 @@ class Jumps:
         text = await ask(Ask("Find", hint, value=self._sought, wrong=wrong))
         if text is not None:
             self._sought, self._hits = text, make(text)
+            self._waiting.clear()
             self.find_on(back=False)
 
     def find_on(self, *, back: bool) -> None:
@@ -97,16 +102,28 @@ class Jumps:
         if hits is None:
             screen.action_find()
             return
-        screen.jobs.doing = f"looking for {self._sought[:20]}"
-        screen.say()
+        self._waiting.append(back)
+        if len(self._waiting) == 1:
+            screen.jobs.doing = f"looking for {self._sought[:20]}"
+            screen.say()
+            self._seek(hits, back=back)
+
+    def _seek(self, hits: search.Hits, *, back: bool) -> None:
+        screen = self._screen
         row = -1 if screen.row is None else screen.row
-        screen.jobs.run("find", lambda stop: search.find(self._bus, hits, row, back=back, stop=stop), self._sought_out)
+        screen.jobs.run(FINDING, lambda stop: search.find(self._bus, hits, row, back=back, stop=stop), self._sought_out)
 
     def _sought_out(self, row: int | None) -> None:
+        """Go to the hit; where the key was pressed again meanwhile, on from there."""
         screen = self._screen
-        screen.jobs.doing = ""
+        self._waiting.popleft()
         if row is None:
+            self._waiting.clear()
             screen.tell(f"{self._sought[:40]} is not found further on")
-            screen.say()
         else:
             self.go(row)
+        if self._waiting and self._hits is not None:
+            self._seek(self._hits, back=self._waiting[0])
+            return
+        screen.jobs.doing = ""
+        screen.say()

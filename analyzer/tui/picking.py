@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .screen import BusScreen
 
 _PLAIN: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,99}")
-_COPIED: Final = 256  # rows, at most
+_COPIED: Final = 1 << 20  # bytes, at most
 
 
 class _Saved(NamedTuple):
@@ -33,30 +33,42 @@ class _Saved(NamedTuple):
 
 
 class PickedRows:
-    """The rows from the anchor to the cursor, if an anchor is set."""
+    """The rows from the anchor to the cursor, or to where the selection was ended, if an anchor is set."""
 
     def __init__(self, screen: BusScreen) -> None:
         self._screen = screen
         self.anchor: int | None = None
+        self.ended: int | None = None
 
     def rows(self) -> NDArray[np.int64]:
         """Those of them that the list shows."""
-        if self.anchor is None or self._screen.row is None:
-            return np.zeros(0, np.int64)
-        low, high = sorted((self.anchor, self._screen.row))
         shown = self._screen.frames.rows
+        last = self._screen.frames.row if self.ended is None else self.ended
+        if self.anchor is None or last is None:
+            return np.zeros(0, np.int64)
+        low, high = sorted((self.anchor, last))
         if isinstance(shown, Selection):
             rows = shown.rows()
             return rows[(rows >= low) & (rows <= high)]
         return np.arange(low, high + 1)
 
     def toggle(self) -> None:
-        """Begin at the cursor, or end it."""
-        screen = self._screen
-        self.anchor = None if self.anchor is not None or screen.view != "frames" else screen.row
-        screen.frames.pinned = self.anchor
-        screen.frames.unpaint()
-        screen.say()
+        """Begin at the cursor; then end it there, and keep it; then begin anew."""
+        if self.anchor is not None and self.ended is None:
+            self._choose(self.anchor, self._screen.frames.row)
+        else:
+            self._choose(self._screen.frames.row, None)
+
+    def drop(self) -> None:
+        """Select nothing."""
+        self._choose(None, None)
+
+    def _choose(self, anchor: int | None, ended: int | None) -> None:
+        self.anchor, self.ended = anchor, ended
+        frames = self._screen.frames
+        frames.pinned, frames.pinned_to = anchor, ended
+        frames.unpaint()
+        self._screen.say()
 
     async def copy(self) -> None:
         """Ask how, and put the bytes on the terminal's clipboard (OSC 52)."""
@@ -64,6 +76,9 @@ class PickedRows:
         data = self._octets()
         if not data:
             screen.tell("no bytes to copy")
+            return
+        if len(data) > _COPIED:
+            screen.tell(f"{len(data):,} bytes are more than a clipboard takes: e writes them to a file")
             return
         ways = [(way.key, way.name) for way in WAYS]
         which = await screen.app.push_screen_wait(Choose(f"Copy {len(data)} bytes as", ways))
@@ -75,7 +90,7 @@ class PickedRows:
         """The picked rows' bytes, those of the field that has the keys, or the frame's."""
         if self.anchor is None:
             return self._screen.detail.chosen_bytes
-        return b"".join(self._screen.desk.bus.captured(int(row)) for row in self.rows()[:_COPIED])
+        return b"".join(self._screen.desk.bus.captured(int(row)) for row in self.rows())
 
     async def export(self) -> None:
         """Ask for a file, and write the picked rows to it, or the shown ones; a browser downloads it."""

@@ -18,6 +18,7 @@ from textual.widgets import ContentSwitcher, Footer
 from dissectors.values import harmless
 
 from .bookmarks import Bookmarks
+from .burst import ASKING
 from .conversations import ConversationList
 from .detailpane import DetailPane
 from .filterbar import FilterBar
@@ -67,6 +68,7 @@ class BusScreen(Screen[None]):
         Binding("space", "select", "Select", show=False),
         Binding("m", "bookmark", "Mark", show=False),
         Binding("apostrophe", "next_bookmark", "Next mark", show=False),
+        Binding("u", "undo", "Undo", show=False),
         Binding("semicolon", "comment", "Comment", show=False),
         Binding("y", "copy", "Copy", show=False),
         Binding("e", "export", "Export", show=False),
@@ -82,7 +84,7 @@ class BusScreen(Screen[None]):
         super().__init__()
         self.desk = desk
         self.view = view
-        self.row: int | None = None  # under study
+        self.studied: int | None = None  # the row that was last shown below
         self.jobs = Jobs(self)
         self.jumps = Jumps(self)
         self.bookmarks = Bookmarks(self)
@@ -107,6 +109,12 @@ class BusScreen(Screen[None]):
     # The parts
 
     @property
+    def row(self) -> int | None:
+        """The row that actions are about: where the cursor of the view shown stands now, or where one last stood."""
+        own = BY_NAME[self.view].at(self)
+        return self.studied if own is None else own
+
+    @property
     def frames(self) -> FrameList:
         return self.query_one("#frames", FrameList)
 
@@ -127,9 +135,10 @@ class BusScreen(Screen[None]):
 
     # Views
 
-    def action_view(self, view: str) -> None:
-        """Show a view; its cursor goes to the row under study."""
+    def action_view(self, view: str, row: int | None = None) -> None:
+        """Show a view; its cursor goes to a row, or to the one under study."""
         record = BY_NAME[view]
+        self.studied = self.row if row is None else row
         self.view = view
         self.query_one("#views", ContentSwitcher).current = view
         self.query_one(Tabs).choose(view)
@@ -156,13 +165,13 @@ class BusScreen(Screen[None]):
         waiting = frames.count() - 1 - frames.cursor
         if frames.live and not bus.whole:
             where += ", following" if frames.following else f", {waiting:,} below (F follows)"
-        if self.picked.anchor is not None and self.row is not None:
+        if self.picked.anchor is not None:
             where += f", {len(self.picked.rows()):,} selected"
         self.query_one(StatusLine).say(where, self.jobs.doing)
 
     def study_row(self, row: int, *, to: tuple[str, ...] = ()) -> None:
         """Show a row's fields and bytes; the cursor of the fields goes to an item."""
-        self.row = row
+        self.studied = row
         self.detail.show(at_row(self.desk, row), to=to)
         if self.picked.anchor is not None:
             self.frames.unpaint()
@@ -220,7 +229,7 @@ class BusScreen(Screen[None]):
         """Take back what narrows the list: the selection, then span and filter."""
         scope = self.jobs.scope
         if self.picked.anchor is not None:
-            self.picked.toggle()
+            self.picked.drop()
         elif scope.filter is not None or scope.span is not None:
             scope.filter = scope.span = None
             self.query_one(FilterBar).use("")
@@ -250,13 +259,13 @@ class BusScreen(Screen[None]):
         self.say()
 
     def action_find(self) -> None:
-        self.run_worker(self.jumps.ask_what())
+        self.run_worker(self.jumps.ask_what(), group=ASKING)
 
     def action_find_on(self, back: bool) -> None:
         self.jumps.find_on(back=back)
 
     def action_goto(self) -> None:
-        self.run_worker(self.jumps.ask_where())
+        self.run_worker(self.jumps.ask_where(), group=ASKING)
 
     def action_counterpart(self) -> None:
         self.jumps.to_counterpart()
@@ -267,11 +276,14 @@ class BusScreen(Screen[None]):
     def action_bookmark(self) -> None:
         self.bookmarks.toggle()
 
+    def action_undo(self) -> None:
+        self.bookmarks.undo()
+
     def action_next_bookmark(self) -> None:
         self.bookmarks.next()
 
     def action_comment(self) -> None:
-        self.run_worker(self.bookmarks.ask_comment())
+        self.run_worker(self.bookmarks.ask_comment(), group=ASKING)
 
     def action_reference(self) -> None:
         self.bookmarks.refer()
@@ -280,10 +292,10 @@ class BusScreen(Screen[None]):
         self.picked.toggle()
 
     def action_copy(self) -> None:
-        self.run_worker(self.picked.copy())
+        self.run_worker(self.picked.copy(), group=ASKING)
 
     def action_export(self) -> None:
-        self.run_worker(self.picked.export())
+        self.run_worker(self.picked.export(), group=ASKING)
 
     def action_help(self) -> None:
         from .help import Help

@@ -34,6 +34,11 @@ def grown(screen: BusScreen) -> None:
     screen.query_one(f"#{screen.view}", Painted).grown()
 
 
+def nowhere(screen: BusScreen) -> int | None:  # noqa: ARG001
+    """Its cursor stands on no row."""
+    return None
+
+
 @dataclass(frozen=True, slots=True)
 class View:
     """A tab of the main screen."""
@@ -46,6 +51,7 @@ class View:
     chosen: Callable[[BusScreen, Widget], None] = ignored  # the cursor of one of its lists moved
     entered: Callable[[BusScreen, Widget], None] = ignored  # a line of one of its lists was opened
     shown: Callable[[BusScreen], None] = nothing  # it has just come up
+    at: Callable[[BusScreen], int | None] = nowhere  # the row that its cursor stands on
     short: str = ""  # title on narrow terminals
     detail: bool = False  # with the frame under the cursor below
     filtered: bool = False  # with the filter's line above

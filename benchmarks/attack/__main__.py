@@ -32,11 +32,11 @@ def main() -> int:
     parser.add_argument("--only", default="", help="of fuzz: targets with this in their name")
     parser.add_argument("--inputs", type=int, help="of fuzz: how many")
     parser.add_argument("--first", type=int, default=0, help="of fuzz: number of the first input")
-    parser.add_argument("--worker", nargs=5, help=argparse.SUPPRESS)
+    parser.add_argument("--worker", nargs=6, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.worker:
-        name, seed, first, count, place = given.worker
-        fuzz.work(name, int(seed), int(first), int(count), place)
+        name, seed, first, count, patience, place = given.worker
+        fuzz.work(name, int(seed), int(first), int(count), float(patience), place)
         return 0
     failed = False
     for name in given.attacks or ATTACKS:

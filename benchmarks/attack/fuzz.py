@@ -29,8 +29,11 @@ _DEAD_S: Final = 60  # after which a process is asked where it stands, and ended
 _TOLD: Final = 20  # failures of a target that are told in full
 
 
-def attack(seed: int, inputs: int, *, only: str = "", first: int = 0) -> Outcome:
-    """So many inputs over all targets by their shares, or over those whose name has `only` in it."""
+def attack(seed: int, inputs: int, *, only: str = "", first: int = 0, patience: float = 1) -> Outcome:
+    """So many inputs over all targets by their shares, or over those whose name has `only` in it.
+
+    An input may take `patience` times what its target allows.
+    """
     chosen = [target for name, target in targets().items() if only in name]
     shares = sum(target.share for target in chosen)
     outcome = Outcome("fuzz")
@@ -39,7 +42,7 @@ def attack(seed: int, inputs: int, *, only: str = "", first: int = 0) -> Outcome
         count, at = max(1, round(inputs * target.share / shares)), first
         target_begun, failures = time.monotonic(), len(outcome.failures)
         while at < first + count:
-            done = _run(target.name, seed, at, first + count - at, outcome)
+            done = _run(target.name, (seed, at, first + count - at, patience), outcome)
             at = done["next"]
             slowest, largest = max(slowest, done["slowest"]), max(largest, done["megabytes"])
         outcome.tried += count
@@ -51,17 +54,16 @@ def attack(seed: int, inputs: int, *, only: str = "", first: int = 0) -> Outcome
     return outcome
 
 
-def _run(name: str, seed: int, first: int, count: int, outcome: Outcome) -> dict[str, float]:
+def _run(name: str, given: tuple[int, int, int, float], outcome: Outcome) -> dict[str, float]:
     """One process for as many inputs as it lives; where the next has to go on, and its figures."""
+    seed, first, *_ = given
     with tempfile.NamedTemporaryFile() as place:
         command = [
             sys.executable,
             str(Path(__file__).parent),
             "--worker",
             name,
-            str(seed),
-            str(first),
-            str(count),
+            *map(str, given),
             place.name,
         ]
         process = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
@@ -78,7 +80,7 @@ def _run(name: str, seed: int, first: int, count: int, outcome: Outcome) -> dict
     return {"next": reached + 1, "slowest": 0.0, "megabytes": 0.0}
 
 
-def work(name: str, seed: int, first: int, count: int, place: str) -> None:
+def work(name: str, seed: int, first: int, count: int, patience: float, place: str) -> None:
     """What a process of its own does: an object a line for each failure, and one at the end."""
     target = targets()[name]
     at_work = os.open(place, os.O_WRONLY)
@@ -89,7 +91,7 @@ def work(name: str, seed: int, first: int, count: int, place: str) -> None:
         if (number - first) % 64 == 0:
             faulthandler.dump_traceback_later(_DEAD_S, exit=True)
         os.pwrite(at_work, b"%d" % number, 0)
-        failure, spent = _one(target, seed, number)
+        failure, spent = _one(target, seed, number, patience)
         slowest = max(slowest, spent)
         megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
         if not failure and megabytes > MEGABYTES:
@@ -104,7 +106,7 @@ def work(name: str, seed: int, first: int, count: int, place: str) -> None:
     print(json.dumps({"next": number + 1, "slowest": slowest, "megabytes": megabytes}), flush=True)
 
 
-def _one(target: Target, seed: int, number: int) -> tuple[str, float]:
+def _one(target: Target, seed: int, number: int, patience: float = 1) -> tuple[str, float]:
     """What was wrong with one input, if anything, and the CPU seconds that it took."""
     chance = Random(f"{seed} {target.name} {number}")
     data = spoilt(chance, target.seeds(), target.tokens)
@@ -118,7 +120,7 @@ def _one(target: Target, seed: int, number: int) -> tuple[str, float]:
         elif "\n" in str(error):
             failure = f"{data[:60]!r}: an error of more than a line: {error}"
     spent = time.process_time() - begun
-    if spent > target.seconds and not failure:
+    if spent > patience * target.seconds and not failure:
         failure = f"{data[:60]!r}... of {len(data):,} bytes: {spent:.1f} s"
     return failure, spent
 

@@ -283,6 +283,7 @@ def targets() -> dict[str, Target]:
     from analyzer.filters import FilterError
     from analyzer.model.notes import NotesError
     from analyzer.paste import PasteError
+    from attack.mapfiles import map_targets
 
     readers = [
         Target(f"reader {name}", cache(partial(_capture_seeds, name)), _read(name), (CaptureError,), TEXTS[:1])
@@ -298,4 +299,4 @@ def targets() -> dict[str, Target]:
         Target("exporters", cache(_bytes), _export, (ExportError,), share=1, seconds=10.0),
         Target("report", cache(_bytes), _report, (FilterError,), share=1, seconds=10.0),
     ]
-    return {target.name: target for target in (*readers, *others)}
+    return {target.name: target for target in (*readers, *others, *map_targets())}

@@ -13,6 +13,7 @@ import codecs
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import tzinfo
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, cast
@@ -32,6 +33,7 @@ from . import Format
 _MARK_WORDS = ("", "TX", "RX")
 _JOIN_BYTES = 1 << 16  # a dump of any length comes in chunks of this size
 _BLOCK_CHUNKS = 1 << 14
+_LOOK = 1 << 14  # bytes by which a text is known
 _BATCH = 1 << 16  # bytes of text read at once
 
 
@@ -46,6 +48,7 @@ class _TextReader:
     judge: Judge
     zone: tzinfo | None
     sample_rate: float | None
+    learnt: LogReader
 
     @property
     def mixed(self) -> bool:
@@ -59,9 +62,7 @@ class _TextReader:
                 yield Block.from_chunks(held, timed=self.timed)
 
     def _pieces(self, file: BinaryIO, note: Note) -> Iterator[Piece | Unread]:
-        reader = LogReader(self.judge, self.zone, self.sample_rate)
-        reader.learn(_text_of(file, _silent))
-        file.seek(0)
+        reader = LogReader(self.judge, self.zone, self.sample_rate, self.learnt.experience)
         yield from reader.feed(enumerate(_text_of(file, note), 1))
         yield from reader.close()
 
@@ -106,10 +107,11 @@ def _text_of(file: BinaryIO, note: Note) -> Iterator[str]:
         yield from (encodings.line_of(line) for line in lines)
 
 
+@lru_cache(maxsize=1)  # asked more than once about the same file
 def _sniff(head: bytes) -> float:
     if encodings.is_binary(head):
         return 0.0
-    given = LogReader().learn(encodings.decoded(head).split("\n"))
+    given = LogReader().learn(encodings.decoded(head[:_LOOK]).split("\n"))
     with_bytes = {piece.line for piece in given if isinstance(piece, Piece)}
     without = {piece.line for piece in given if isinstance(piece, Unread)} - with_bytes
     share = len(with_bytes) / len(with_bytes | without) if with_bytes else 0.0
@@ -135,7 +137,7 @@ def _read(
     if not any(spoken.values()):
         spoken = dict.fromkeys(spoken, next((piece.envelope for piece in pieces if piece.envelope), ""))
     line = LineSettings(notes={PROTOCOLS_NOTE: ",".join(spoken.values())} if any(spoken.values()) else {})
-    return _TextReader(path, line, timed, times[0] if timed else 0, notices, ports, judge, tz, sample_rate)
+    return _TextReader(path, line, timed, times[0] if timed else 0, notices, ports, judge, tz, sample_rate, reader)
 
 
 def _ports(pieces: Sequence[Piece]) -> dict[tuple[str, str], int]:

@@ -111,6 +111,7 @@ class Experience:
     met: dict[tuple[str, str], int] = field(default_factory=dict)
     reports: set[tuple[str, ...]] = field(default_factory=set)  # labels and shapes of two reports of the same bytes
     columns: dict[str, tuple[int, str]] = field(default_factory=dict)  # of lines alike: which number, read how
+    in_vain: int = 0  # rows of numbers whose columns were searched without finding anything
     right: dict[tuple[str, str], int] = field(default_factory=dict)
     threshold: Level = Level.BYTES
     decimals: bool = False  # lists of decimal numbers are bytes: there is nothing else
@@ -184,7 +185,7 @@ def _ranked(candidate: Candidate, line: Line, judge: Judge, experience: Experien
     covered = sum(span.end - span.start for span in checked)
     trusted = 0
     if experience.right:
-        direct = candidate.start in line.first and candidate.start > min(line.first)
+        direct = candidate.start in line.first and candidate.start > line.begin
         trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
     rank = (covered, covered - size if covered else 0, trusted, candidate.level, candidate.end - candidate.start)
     return _Ranked(rank, candidate, checked, covered == size > 0)

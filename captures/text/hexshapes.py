@@ -54,6 +54,7 @@ class Line(NamedTuple):
     text: str
     first: frozenset[int]
     last: int
+    begin: int  # the first of `first`
 
     def alone(self, start: int, end: int) -> bool:
         """Whether nothing else is in the line."""
@@ -67,7 +68,9 @@ class Line(NamedTuple):
 H: Final = "[0-9A-Fa-f]"
 EDGE: Final = r"(?<![0-9A-Za-z_.])"
 END: Final = r"(?![0-9A-Za-z_])"
-_GLUED: Final = rf"(?:{END}|(?=[A-Za-z]*[g-zG-Z])(?=[A-Za-z]{{2}})|(?=\d{{4}}-\d\d-\d\d))"  # to a word, to a date
+_GLUED: Final = (
+    rf"(?:{END}|(?=[A-Za-z]{{0,31}}[g-zG-Z])(?=[A-Za-z]{{2}})|(?=\d{{4}}-\d\d-\d\d))"  # to a word, to a date
+)
 _SIGN: Final = r"(?:0[xX]|(?:[A-Z]+#)?16#|\$|&[hH]|%|[XxHh]['\"]?)"  # C, PLC languages, Pascal, Basic, URLs
 _PAIRS: Final = re.compile(rf"{EDGE}{H}{{2}}(?:[ \t]{{1,4}}{H}{{2}})*{_GLUED}")
 _SIGNED: Final = re.compile(
@@ -131,6 +134,7 @@ _DIGIT: Final = re.compile(r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?
 _SHORT: Final = re.compile(rf"(?<![0-9A-Za-z]){H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
 _BIG: Final = re.compile(r"[A-Za-z0-9+/]{6}[A-Za-z0-9+/=]{2}")
 _WRAPPING: Final = " \t\r\n,;:|=>[](){}\"'-._*◇◆□■#/$`"
+_SOLID: Final = re.compile(f"[^{re.escape(_WRAPPING)}]")
 _NEAR: Final = 40  # characters
 _SOME: Final = 3  # bytes: fewer say nothing
 _LONG: Final = 4096  # characters: no line of words
@@ -148,8 +152,12 @@ _COLUMN_NUMBERS: Final = tuple(
 
 def line_of(text: str, marks: Iterable[int] = ()) -> Line:
     """A text as a line to search; `marks` are the ends of its direction marks."""
-    first = frozenset(len(text) - len(text[place:].lstrip(_WRAPPING)) for place in (0, *marks))
-    return Line(text, first, len(text.rstrip(_WRAPPING)))
+    first, begin, behind = set(), len(text), len(text)
+    for place in sorted({0, *marks}, reverse=True):
+        solid = _SOLID.search(text, place, behind)
+        begin, behind = begin if solid is None else solid.start(), place
+        first.add(begin)
+    return Line(text, frozenset(first), len(text.rstrip(_WRAPPING)), begin)
 
 
 def holds_digits(text: str) -> bool:
@@ -250,7 +258,7 @@ def _level_of_pairs(line: Line, start: int, end: int, tokens: list[str]) -> Leve
     if all(token.isalpha() for token in tokens):
         return Level.LIKELY if alone or len(tokens) >= _SOME else Level.NUMBER
     if len(tokens) == 1:
-        return Level.LIKELY if alone and (odd or start == min(line.first)) else Level.NUMBER
+        return Level.LIKELY if alone and (odd or start == line.begin) else Level.NUMBER
     if len(tokens) < _SOME:
         return Level.LIKELY if alone else Level.NUMBER
     if tokens in _COLUMN_NUMBERS:

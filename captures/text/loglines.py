@@ -374,14 +374,21 @@ def plain(line: str) -> str:
 
 
 def _with_marks(text: str, runs: list[Run], found: list[Mark]) -> None:
-    """Each run with the mark before it; of one run alone, the one behind it where there is none before."""
-    for i, run in enumerate(runs):
-        plain = False
-        for mark in found:
-            if mark.end > run.start or (mark.arrow and (plain or any(other.end <= mark.start for other in runs[:i]))):
-                continue
-            run.mark, plain = mark.mark, mark.plain
-            run.direct = not _WORD.search(text[mark.end : run.start])
+    """Each run with the mark before it; of one run alone, the one behind it where there is none before.
+
+    An arrow says nothing behind a plain word, nor behind the first run: there it points from one frame to the next.
+    """
+    ahead, newest = 0, None
+    for run in runs:
+        for mark in found[ahead:]:
+            if mark.end > run.start:
+                break
+            ahead += 1
+            if not (mark.arrow and ((newest is not None and newest.plain) or runs[0].end <= mark.start)):
+                newest = mark
+        if newest is not None:
+            run.mark = newest.mark
+            run.direct = not _WORD.search(text, newest.end, run.start)
     if len(runs) == 1 and not runs[0].mark:
         behind = [mark for mark in found if mark.start >= runs[0].end and not mark.arrow]
         if len(behind) == 1:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from datetime import tzinfo
 from itertools import islice
@@ -64,13 +65,25 @@ class LogReader:
     """Reads a text: `feed` its lines, then `close`.
 
     `zone` is that of dates without one (None: this machine's), `sample_rate` that of logs that count samples, in Hz.
+    `experience` is what another reader learnt of the same text, in place of `learn`.
     """
 
-    def __init__(self, judge: Judge = no_judge, zone: tzinfo | None = None, sample_rate: float | None = None) -> None:
+    def __init__(
+        self,
+        judge: Judge = no_judge,
+        zone: tzinfo | None = None,
+        sample_rate: float | None = None,
+        experience: Experience | None = None,
+    ) -> None:
         self._judge, self._zone, self._sample_rate = judge, zone, sample_rate
-        self._experience = Experience()
+        self._experience = Experience() if experience is None else experience
         self._lines = self._line_reader()
         self._held: list[LogLine] = []
+
+    @property
+    def experience(self) -> Experience:
+        """What was learnt, for another reader of the same text (a copy: it goes on learning)."""
+        return deepcopy(self._experience)
 
     @property
     def zoneless(self) -> bool:

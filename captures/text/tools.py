@@ -225,7 +225,7 @@ SHAPES = (
         "PortMon",
         Role.BYTES,
         re.compile(
-            r"^\d+\s+(?P<time>\d{1,2}:\d\d:\d\d(?:\.\d+)?(?: [AP]M)?|\d+\.\d+)?\s"
+            r"^\d+(?=\s.*\bIRP_MJ_)\s{1,16}(?P<time>\d{1,2}:\d\d:\d\d(?:\.\d+)?(?: [AP]M)?|\d+\.\d+)?\s"
             r".*?\b(?P<mark>IRP_MJ_READ|IRP_MJ_WRITE)\s.*\bLength (?P<length>\d+): "
             r"(?P<hex>(?:[0-9A-Fa-f]{2}(?:\s|$))+)(?P<cut>\.\.\.)?\s*$"
         ),

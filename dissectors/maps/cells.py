@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from dissectors.values import ORDERS, ValueFormError, physical
+from dissectors.values import ORDERS, ValueFormError, harmless, physical
 
 from .model import (
     ANY_LENGTH,
@@ -26,6 +26,9 @@ from .model import (
 _LAST_ADDRESS: Final = 0xFFFF
 _LONGEST: Final = 125  # registers: no answer carries more ([1] 6.3)
 _NAME_LENGTH: Final = 200
+_TEXT_LENGTH: Final = 1000
+_LONGEST_NUMBER: Final = 40  # digits
+_LAST_STATE: Final = (1 << 64) - 1
 _AREA_OF_DIGIT: Final = {digit: area for area, digit in DIGIT_OF_AREA.items()}
 _TYPE_WORDS: Final = {
     "uint16": "u16", "int16": "s16", "uint32": "u32", "int32": "s32", "uint64": "u64", "int64": "s64",
@@ -106,7 +109,7 @@ def value_of(cells: Mapping[str, object], *, base: int = 0, order: str = "ABCD")
         maximum=high,
         description=_text(cells, "description"),
         group=_text(cells, "group"),
-        other={str(k): str(v) for k, v in cells.items() if k not in COLUMN_NAMES and v not in (None, "")},
+        other=other_texts(cells, COLUMN_NAMES),
     )
 
 
@@ -211,13 +214,16 @@ def names_of(values: object) -> dict[int, str]:
         pairs = [(_cell(key), _cell(name)) for key, name in values.items()]
     else:
         pairs = []
-        for part in re.split(r"(?<!\\)[;|\n]", str(values)):
+        for part in re.findall(r"(?:\\.|[^;|\n])+", str(values)):
             if part.strip():
                 state, mark, name = part.partition("=")
                 if not mark:
                     raise CellError("values", values, "states with names, such as 0=off; 1=on")
                 pairs.append((state.strip(), re.sub(r"\\([;|=\\])", r"\1", name.strip())))
-    return {whole_number("values", state): name for state, name in pairs}
+    states = {whole_number("values", state): one_line(name) for state, name in pairs}
+    if beyond := [state for state in states if abs(state) > _LAST_STATE]:
+        raise CellError("values", beyond[0], "states that a register can hold")
+    return states
 
 
 def whole_number(column: str, value: object) -> int:
@@ -225,6 +231,8 @@ def whole_number(column: str, value: object) -> int:
     if isinstance(value, int) and not isinstance(value, bool):
         return value
     text = _cell(value)
+    if len(text) > _LONGEST_NUMBER:
+        raise CellError(column, text, "a whole number, decimal or hex (0x6B)")
     if re.fullmatch(r"-?\d+(\.0+)?", text):
         return int(text.partition(".")[0])
     if re.fullmatch(r"0[xX][0-9A-Fa-f]+", text):
@@ -256,7 +264,7 @@ def signature_of(text: object) -> Signature:
     registers, polls = [], []
     for key, rest in clauses:
         if key in texts:
-            texts[key].append(rest)
+            texts[key].append(one_line(rest))
         elif key in ("register", "registers"):
             where, _, words = rest.partition("=")
             area, address = _spot(where, 2)
@@ -305,19 +313,38 @@ def _number(cells: Mapping[str, object], column: str) -> float | None:
     above, bar, below = text.replace(",", ".").partition("/")
     try:
         number = float(above) / float(below) if bar else float(above)
-    except (ValueError, ZeroDivisionError):
+    except (ValueError, ZeroDivisionError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
         raise CellError(column, cells.get(column), "a number")
     return number
 
 
+def other_texts(cells: Mapping[str, object], known: Collection[str]) -> dict[str, str]:
+    """What nobody declared, as it stands: columns or header lines that are not `known`."""
+    plain = {one_line(key): value for key, value in cells.items() if key not in known and value not in (None, "")}
+    return {key: one_line(_cell(value))[:_TEXT_LENGTH] for key, value in plain.items() if key and not _nested(value)}
+
+
+def one_line(text: object) -> str:
+    """A text on one line; what does not print as itself is written as its escape."""
+    return harmless(" ".join(str(text).split()))
+
+
 def _text(cells: Mapping[str, object], column: str) -> str:
-    return _cell(cells.get(column))
+    if _nested(value := cells.get(column)):
+        raise CellError(column, type(value).__name__, "a text")
+    return one_line(_cell(value))[:_TEXT_LENGTH]
+
+
+def _nested(value: object) -> bool:
+    return isinstance(value, Mapping | list | tuple | set)
 
 
 def _cell(value: object) -> str:
-    return "" if value is None else str(value).strip()
+    if value is None or _nested(value):
+        return ""
+    return hex(value) if isinstance(value, int) and abs(value) >> 64 else str(value).strip()
 
 
 def _escaped(name: str) -> str:

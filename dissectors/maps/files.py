@@ -24,19 +24,25 @@ def read_map(name: str | os.PathLike[str]) -> RegisterMap:
         if str(name) in shipped_names():
             return shipped_map(str(name))
         raise MapError(_unknown(str(name)))
-    try:
-        with path.open("rb") as file:
-            data = file.read(_MOST + 1)
-    except OSError as error:
-        raise MapError(f"{name}: {(error.strerror or str(error)).lower()}") from error
-    if len(data) > _MOST:
-        raise MapError(f"{name}: over {_MOST >> 20} MiB is no register map")
+    data = map_bytes(path)
     text = _decoded(data, path)
     if path.suffix.lower() in _YAML:
         from .yamlform import read_yaml
 
         return read_yaml(text, str(name))
     return read_table(text, str(name))
+
+
+def map_bytes(path: str | os.PathLike[str]) -> bytes:
+    """The content of a file that may be a map; MapError where it cannot be read, or is too long to be one."""
+    try:
+        with Path(path).open("rb") as file:
+            data = file.read(_MOST + 1)
+    except (OSError, ValueError) as error:
+        raise MapError(f"{path}: {(getattr(error, 'strerror', None) or str(error)).lower()}") from error
+    if len(data) > _MOST:
+        raise MapError(f"{path}: over {_MOST >> 20} MiB is no register map")
+    return data
 
 
 def map_text(chart: RegisterMap, name: str | os.PathLike[str]) -> str:

@@ -15,7 +15,9 @@ from .cells import (
     COLUMN_NAMES,
     CellError,
     cells_of,
+    one_line,
     order_of,
+    other_texts,
     signature_of,
     signature_text,
     value_of,
@@ -58,14 +60,14 @@ def read_table(text: str, file: str) -> RegisterMap:
     columns = [name.strip().lower() for name in names]
     for needed in _NEEDED:
         if needed not in columns:
-            there = ", ".join(filter(None, columns))
+            there = one_line(", ".join(filter(None, columns)))[:200]
             raise MapError(f"{file}: row {begin + 1}: no column {needed!r}: there are {there}")
     return assembled(header, _cells(numbered, columns), file)
 
 
 def csv_rows(lines: Sequence[str], delimiter: str, file: str) -> Iterator[tuple[int, list[str]]]:
     """The rows of a CSV text, each with the number of its last line; MapError where it is none."""
-    rows = csv.reader(lines, delimiter=delimiter)
+    rows = csv.reader((f"{line}\n" for line in lines), delimiter=delimiter)
     try:
         for row in rows:
             yield rows.line_num, row
@@ -77,7 +79,7 @@ def write_table(chart: RegisterMap) -> str:
     """The CSV text of a map."""
     out = io.StringIO()
     for key, value in header_of(chart).items():
-        out.write(f"# {key}: {' '.join(value.split())}\n")
+        out.write(f"# {one_line(key.replace(':', ' '))}: {one_line(value)}\n")
     rows = [cells_of(row, chart.word_order) for row in chart.rows]
     extra = dict.fromkeys(name for row in rows for name in row if name not in COLUMN_NAMES)
     always = ("area", "address", "name", "type")
@@ -113,6 +115,9 @@ def assembled(header: Mapping[str, object], rows: Iterator[tuple[int, Mapping[st
             raise CellError("address_base", base, "0 or 1")
         order = order_of(header.get("word_order"))
         match = signature_of(header.get("match"))
+        device, vendor, version, source, licence = (
+            one_line(header.get(key) or "") for key in ("device", "vendor", "version", "source", "licence")
+        )
         values: list[MappedValue] = []
         names: dict[tuple[str, int, str], int] = {}
         for number, cells in rows:
@@ -127,15 +132,15 @@ def assembled(header: Mapping[str, object], rows: Iterator[tuple[int, Mapping[st
     if not values:
         raise MapError(f"{file}: no rows: expected one a value")
     return RegisterMap(
-        device=str(header.get("device") or ""),
+        device=device,
         rows=tuple(values),
-        vendor=str(header.get("vendor") or ""),
-        version=str(header.get("version") or ""),
+        vendor=vendor,
+        version=version,
         word_order=order,
         match=match,
-        source=str(header.get("source") or ""),
-        licence=str(header.get("licence") or ""),
-        other={str(k): str(v) for k, v in header.items() if k not in HEADER_KEYS and v not in (None, "")},
+        source=source,
+        licence=licence,
+        other=other_texts(header, HEADER_KEYS),
     )
 
 

@@ -21,6 +21,7 @@ import yaml
 from .cells import cells_of
 from .model import MapError, MappedValue, RegisterMap
 from .table import assembled, header_of
+from .yamltext import load_yaml
 
 _ROWS: Final = "registers"
 _TEXT_STATES: Final = {True: "on", False: "off"}  # YAML reads on and off as truth
@@ -29,13 +30,9 @@ _TEXT_STATES: Final = {True: "on", False: "off"}  # YAML reads on and off as tru
 def read_yaml(text: str, file: str) -> RegisterMap:
     """The map in a YAML text; MapError names file, row, column and what was expected."""
     try:
-        content = yaml.load(text, Loader=yaml.CSafeLoader if hasattr(yaml, "CSafeLoader") else yaml.SafeLoader)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" line {mark.line + 1}" if mark is not None else ""
-        raise MapError(f"{file}:{where} {getattr(error, 'problem', None) or 'no YAML'}") from error
-    except RecursionError as error:
-        raise MapError(f"{file}: nested too deeply for a map") from error
+        content = load_yaml(text)
+    except ValueError as error:
+        raise MapError(f"{file}: {error}") from error
     if not isinstance(content, Mapping) or not isinstance(content.get(_ROWS), list):
         raise MapError(f"{file}: expected a mapping with a list {_ROWS!r}")
     header = {str(key).lower(): value for key, value in content.items() if key != _ROWS}

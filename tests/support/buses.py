@@ -37,6 +37,9 @@ def adu(text: str) -> bytes:
     return data + crc_bytes(data)
 
 
+READ_AND_ANSWER = (adu("1103006b0003"), bytes.fromhex("110306ae415652434049ad"))
+
+
 @dataclass(frozen=True)
 class Found:
     """All rows of a stream, with its bytes."""

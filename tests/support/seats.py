@@ -52,6 +52,7 @@ class Seat:
     async def settle(self) -> None:
         """Workers are done and their messages handled."""
         await self.pilot.pause()
+        await self.until(lambda: not self.app.keys.busy)
         for _ in range(400):
             if all(worker.is_finished or (self.app.desk.source.live and worker.group in ("load", "select"))
                    for worker in self.app.workers):  # fmt: skip

@@ -142,10 +142,8 @@ def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
     share = ledger.broadcasts / max(ledger.exchanges, 1)
     if ledger.broadcasts < _STORM or share < _MOSTLY or ledger.broadcast_runs < 0.4 * ledger.broadcasts:
         return
-    pause = ledger.turnarounds.quantile(0.5)
-    if pause is not None and pause > _STORM_NS:
-        return
-    if pause is None and share < 0.7:
+    pause = _mean_pause(evidence)
+    if pause is None or pause > _STORM_NS:
         return
     silent = frozenset((Symptom.SILENCE, unit.unit) for unit in evidence.units)
     costs = [evidence.cost(unit, Outcome.SILENT) for unit in evidence.units]
@@ -158,11 +156,25 @@ def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
         {
             "broadcasts": ledger.broadcasts,
             "requests": ledger.exchanges,
-            "pause": f"{pause / 1e6:.3g} ms apart" if pause is not None else "one behind the other",
+            "pause": f"{pause / 1e6:.3g} ms apart",
         },
         lost_answers=sum(lost for lost, _ in costs),
         lost_ms=round(sum(known), 3) if known else None,
     )
+
+
+def _mean_pause(evidence: Evidence) -> float | None:
+    """The time (ns) in which nothing is sent, by request that is not waited for in vain; None without times.
+
+    A mean that every clock carries: by as much as one pause is shown too short, another is shown too long.
+    """
+    ledger = evidence.ledger
+    if not ledger.span_ns or not ledger.line.baud:
+        return None
+    waited = sum(unit.waits.total for unit in evidence.units)
+    silent = sum(unit.count(Outcome.SILENT) for unit in evidence.units)
+    rested = ledger.span_ns - ledger.bytes * ledger.char_ns - waited
+    return max(rested, 0.0) / max(ledger.exchanges - silent, 1)
 
 
 @suspect(

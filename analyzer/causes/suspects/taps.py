@@ -56,7 +56,13 @@ def tap_one_direction(evidence: Evidence) -> Iterator[Suspicion]:
         and answered < 0.1 * ledger.frames
     ):
         yield _one(evidence, "answers", ledger.loose_responses, ledger.requests)
-    elif asked >= _LEAST and silent >= _NEARLY_ALL * asked and not answered and not ledger.responses:
+    elif (
+        ledger.broadcasts < 0.5 * ledger.exchanges
+        and asked >= _LEAST
+        and silent >= _NEARLY_ALL * asked
+        and not answered
+        and not ledger.responses
+    ):
         repeated = sum(unit.repeats for unit in evidence.units)
         if len(evidence.ledger.polls) > 1 and repeated <= 0.1 * asked and not _as_given_up(evidence):
             yield _one(evidence, "requests", ledger.requests, ledger.responses)

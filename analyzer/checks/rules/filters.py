@@ -8,14 +8,14 @@ from captures.line import LineSettings
 
 from ...filters import Filter, FilterError, compile_filter
 from ..errors import CheckError
-from ..forms import Start, form
+from ..forms import CHARTS, Start, form
 from ..parsing import at
 from .counts import PassingCount
 
 
 def _filter(text: Token, line: LineSettings) -> Filter:
     try:
-        return compile_filter(text, line)
+        return compile_filter(text, line, CHARTS.get())
     except FilterError as error:
         raise CheckError(error.message, at(text) + error.column) from error
 

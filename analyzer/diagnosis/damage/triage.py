@@ -130,8 +130,6 @@ class Triage:
             return self._explains(pending, cut)
         elif len(row.captured) < _LEAST or not _begins(row.captured, request, units):
             return None
-        if row.row.errors:
-            return self._explains(pending, None)
         verdict = _told(_autopsy(row.captured, role, request, known, units, self._flow_free(row.row), revision()))
         if not row.is_frame and (verdict.code == "crc-error" or verdict.certainty < _SURE):
             like = _request_like(row.captured, known) if request is None else row.captured[:2] == request[:2]

@@ -23,10 +23,11 @@ from ...tables.transactions import NEVER, TRANSACTION, Status
 from ..damage.triage import HASTE_NS
 from ..tap_clock import FIRST, UNKNOWN
 from ..view import DiagnosisStep, where
-from .strangers import BROADCAST_ANSWERED, MISMATCH
+from .strangers import BROADCAST_ANSWERED, DUPLICATE, MISMATCH
 
 _STRAY: Final = 4  # bytes that may have been an answer
 _ECHO_NS: Final = 5_000_000
+_DEVICE_NS: Final = 1_000_000  # no device answers sooner
 _SURE_ECHOES: Final = 3
 _ECHOING: Final = 0.3  # of all requests
 _ANSWERED, _UNANSWERED, _DAMAGED = int(Status.ANSWERED), int(Status.UNANSWERED), int(Status.DAMAGED)
@@ -43,22 +44,26 @@ NO_RESPONSE: Final = Rule(
     About.TRANSACTION,
     when="nobody answers a request",
     clause="[2] 2.4.1",
-    numbers=("unit", "waited_ms", "function", "over_tcp"),
+    numbers=("unit", "waited_ms", "function", "answered_before", "over_tcp"),
+    varies="answered_before",
     loses=True,
     wastes="waited_ms",
     text=_silent,
     cause=lambda numbers: (
-        "no such unit behind this server, or one that its serial line does not reach"
+        "a request that reached it damaged, a unit that restarts or is busy, or a loose contact: it answers otherwise"
+        if numbers["answered_before"]
+        else "no such unit behind this server, or one that its serial line does not reach"
         if "over_tcp" in numbers
-        else "no such unit, or one without power; else a wrong baud rate or parity, swapped A and B, or a request that "
-        "reached it damaged"
+        else "it has not answered so far: no such unit, or one without power; else a wrong baud rate or parity, "
+        "swapped A and B, or a request that reached it damaged"
     ),
     remedy=lambda numbers: (
-        "check the unit's number, and the line behind the gateway if it is one; take it out of the poll list if "
-        "it is not there"
+        "look when it falls silent: its power, its connector, what the master asks of it just then"
+        if numbers["answered_before"]
+        else "check the unit's number, and the line behind the gateway if it is one; take it off the poll list if it "
+        "is not there"
         if "over_tcp" in numbers
-        else "check the unit's power, address, line settings and wiring; take it out of the poll list if it is not "
-        "there"
+        else "check the unit's power, address, line settings and wiring; take it off the poll list if it is not there"
     ),
 )
 RETRY: Final = Rule(
@@ -75,23 +80,35 @@ RETRY: Final = Rule(
     cause="it got no answer, a damaged one or one too late",
     remedy="look at what became of the request before",
 )
+
+
+def _came_late(numbers: Mapping[str, float]) -> str:
+    behind = f", {numbers['late_ms']:.4g} ms after it" if "late_ms" in numbers else ""
+    words = f"unit {numbers['unit']:.0f} answers frame {numbers['request']:.0f}{behind}, when the master has gone on; "
+    if numbers["mistaken"]:
+        return words + "it fits the master's newest request as well, which takes these values one poll too late"
+    return words + "it does not fit the master's newest request, which can reject it"
+
+
 LATE: Final = Rule(
     "late-response",
     Severity.ERROR,
     About.TRANSACTION,
     when="an answer comes after the master has gone on to its next request",
     clause="[2] 2.4.1",
-    numbers=("unit", "late_ms", "request"),
+    numbers=("unit", "late_ms", "request", "mistaken", "waited_ms"),
+    varies="mistaken",
     loses=True,
-    wastes="late_ms",
-    text=lambda numbers: (
-        f"this answers frame {numbers['request']:.0f}"
-        + (f", {numbers['late_ms']:.4g} ms after it" if "late_ms" in numbers else "")
-        + "; the master has gone on since and takes it for the answer to its newest request"
+    wastes="waited_ms",
+    text=_came_late,
+    cause=lambda numbers: (
+        "the unit answers later than the master waits"
+        + ("; answers carry no register address, so nobody notices the wrong values" if numbers["mistaken"] else "")
     ),
-    cause="the unit answers later than the master waits; answers carry no register address, so the values land in the "
-    "wrong registers",
-    remedy="make the master's response timeout longer than the unit's longest response time",
+    remedy=lambda numbers: (
+        "make the master's response timeout longer than the unit's longest response time"
+        + ("; do not trust the values of this unit until then" if numbers["mistaken"] else "")
+    ),
 )
 ECHO: Final = Rule(
     "echo",
@@ -127,7 +144,9 @@ class _TransactionColumns(NamedTuple):
     exception: int
     status: int
     retry: bool
+    again: bool
     late: bool
+    mistaken: bool
     port: int
     protocol: int
     number: int
@@ -137,7 +156,7 @@ class _TransactionColumns(NamedTuple):
         return self.unit, self.function, self.length, self.port
 
 
-_RULES: Final = (NO_RESPONSE, RETRY, LATE, ECHO, MISMATCH, BROADCAST_ANSWERED)
+_RULES: Final = (NO_RESPONSE, RETRY, LATE, ECHO, MISMATCH, BROADCAST_ANSWERED, DUPLICATE)
 
 
 @looks_for(*_RULES)
@@ -156,6 +175,7 @@ class Outcomes:
         self._first_ones = 0  # of them, among the first frames: what those show counts for them, too
         self._echoes = 0  # requests that were answered when they came a second time, as far as all are judged
         self._echoes_at: list[int] = []  # the numbers of further ones
+        self._rewritten: set[int] = set()  # units to which the same write went twice in a row, answered each time
         self._answering: dict[int, int] = {}  # units, and the number of the first request that each answered
 
     @property
@@ -175,7 +195,7 @@ class Outcomes:
     def _take(self, view: DiagnosisStep) -> None:
         """Count new transactions, and hold those that may have to be looked at."""
         status, again, units = view.settled("status"), view.settled("retry"), view.settled("unit")
-        odd = where((status == _UNANSWERED) | again | view.settled("late"))
+        odd = where((status == _UNANSWERED) | again | view.settled("again") | view.settled("late"))
         if len(odd):
             self._odd = self._requests + int(odd[-1])
         near = np.zeros(len(status) + 2, np.bool_)  # one before and one behind them
@@ -213,21 +233,25 @@ class Outcomes:
         found: dict[Rule, list[int]] = {rule: [] for rule in _RULES}
         for i in range(first, upto):
             this = known[i]
-            if this.late and this.response >= 0:
+            if this.late and this.response >= 0 and this.unit:
                 found[LATE].append(i)
-            if this.status != _UNANSWERED and not this.retry:
+            if this.status != _UNANSWERED and not this.retry and not this.again:
                 continue
             quick = view.timed and view.clock.verdict(this.request).wait_ns < HASTE_NS / 2
             rule = self._outcome(view, known, i, quick=quick)
             if rule is not None:
                 found[rule].append(i)
-            if this.retry and rule is not ECHO and rule is not BROADCAST_ANSWERED:
+            if this.retry and rule is not ECHO and rule is not DUPLICATE:
                 found[RETRY].append(i)
         for rule, which in found.items():
             if which:
                 spoken = "response" if rule is LATE else "request"
                 clocked = [view.clock.verdict(index).wait_ns < UNKNOWN for index in self._held[spoken][which].tolist()]
-                yield _said(rule, self._held, np.array(which), np.array(clocked) & view.timed)
+                found_by = _said(rule, self._held, np.array(which), np.array(clocked) & view.timed)
+                if rule is NO_RESPONSE:
+                    began = [self._answering.get(known[i].unit, self._requests) < known[i].number for i in which]
+                    found_by["numbers"][:, rule.numbers.index("answered_before")] = began
+                yield found_by
 
     def _echoing(self, number: int) -> bool:
         """Whether nearly every request before this one came twice: that is the tap's doing."""
@@ -243,13 +267,22 @@ class Outcomes:
         if this.protocol == Protocol.TCP:  # no echoes, no broadcasts
             return NO_RESPONSE if this.status == _UNANSWERED and this.t_next != NEVER else None
         hasty = _hasty(before, this, quick=quick)
+        if this.again and before is not None:
+            behind = known[i + 1] if i + 1 < len(known) else None
+            earlier = known[i - 2] if i > 1 else None
+            if this.unit == 0:
+                return BROADCAST_ANSWERED if quick and _echoed(earlier, before, this, behind) else None
+            if this.status != _UNANSWERED:
+                self._rewritten.add(this.unit)
+            elif self._second_echo(view, before, this, behind):
+                soon = this.t_start - before.t_response < HASTE_NS if quick else this.unit not in self._rewritten
+                return DUPLICATE if soon else self._silence(view, known, i, quick=quick)
         if this.retry and before is not None:
             again = _again(before, this)
-            soon = not quick or this.t_start - before.t_request < HASTE_NS
-            if again and soon and this.unit == 0:
-                return BROADCAST_ANSWERED
             if (hasty and _at_once(view, before, this)) or (again and not quick and self._echoing(this.number)):
-                return ECHO
+                twice = _echoes(this.function) and this.status == _ANSWERED and not self._echoing(this.number)
+                twice = twice and not _by_tap(view, this.request, this.t_start - before.t_request)
+                return DUPLICATE if twice else ECHO  # thrice the same at once: a write and two echoes of it
         if this.status != _UNANSWERED:
             return None
         if _answers_broadcast(before, this, quick=quick):
@@ -257,8 +290,27 @@ class Outcomes:
         differs = hasty if quick else self._differs(before, this)
         if differs and not this.retry and _echoes(this.function):
             return MISMATCH
-        behind = known[i + 1] if i + 1 < len(known) else None
-        return None if self._excused(view, before, this, behind, quick=quick) else NO_RESPONSE
+        return self._silence(view, known, i, quick=quick)
+
+    def _second_echo(
+        self,
+        view: DiagnosisStep,
+        before: _TransactionColumns,
+        this: _TransactionColumns,
+        behind: _TransactionColumns | None,
+    ) -> bool:
+        """Whether what reads like a write that nobody answers may be a second echo of the write before."""
+        if this.request != before.response + 1 or self._echoing(this.number):
+            return False
+        if behind is not None and behind.retry and _at_once(view, this, behind):
+            return False  # a request, which the tap shows twice
+        return not _by_tap(view, before.request, before.t_response - before.t_request)
+
+    def _silence(
+        self, view: DiagnosisStep, known: Sequence[_TransactionColumns], i: int, *, quick: bool
+    ) -> Rule | None:
+        before, behind = known[i - 1] if i else None, known[i + 1] if i + 1 < len(known) else None
+        return None if self._excused(view, before, known[i], behind, quick=quick) else NO_RESPONSE
 
     def _excused(
         self,
@@ -297,6 +349,11 @@ def _at_once(view: DiagnosisStep, before: _TransactionColumns, this: _Transactio
     return this.t_start - before.t_request < _ECHO_NS + view.clock.verdict(this.request).wait_ns
 
 
+def _by_tap(view: DiagnosisStep, index: int, after_ns: int) -> bool:
+    """Whether a frame came again sooner than any device sends it, on a clock that shows so much."""
+    return view.clock.verdict(index).fine and after_ns < _DEVICE_NS
+
+
 def _shown_twice(before: _TransactionColumns | None, this: _TransactionColumns) -> bool:
     """Whether this is a write's true echo, on a bus where the tap's copy of the write was taken for it."""
     same = before is not None and before.shape == this.shape and before.response == this.request - 1
@@ -313,6 +370,23 @@ def _hasty(before: _TransactionColumns | None, this: _TransactionColumns, *, qui
     if before is None or not quick or before.status != _UNANSWERED or not _again(before, this):
         return False
     return this.t_start - before.t_request < HASTE_NS
+
+
+def _echoed(
+    earlier: _TransactionColumns | None,
+    before: _TransactionColumns,
+    this: _TransactionColumns,
+    behind: _TransactionColumns | None,
+) -> bool:
+    """Whether a broadcast that comes twice came the second time from a device: at once, and neither before nor behind.
+
+    Clients repeat broadcasts, though after a pause, and those that make none send more than two.
+    """
+    if not (_again(before, this) and this.t_start - before.t_request < HASTE_NS):
+        return False
+    if before.again and earlier is not None and before.t_start - earlier.t_request < HASTE_NS:
+        return False
+    return behind is None or not (behind.again and behind.t_start - this.t_request < HASTE_NS)
 
 
 def _answers_broadcast(before: _TransactionColumns | None, this: _TransactionColumns, *, quick: bool) -> bool:
@@ -334,11 +408,24 @@ def _said(rule: Rule, held: Rows, which: NDArray[np.intp], timed: NDArray[np.boo
     if rule is LATE:
         columns = (these[name] for name in ("response", "response_start", "response_length", "port", "t_response"))
         behind = np.where(timed, (these["t_response"] - these["t_request"]) / 1e6, np.nan)
-        return rule.at(*columns, these["unit"], behind, these["request"])
+        waited = np.where(timed & (these["t_next"] != NEVER), (these["t_next"] - these["t_request"]) / 1e6, np.nan)
+        return rule.at(*columns, these["unit"], behind, these["request"], these["mistaken"], waited)
+    if rule is DUPLICATE:
+        own = these["status"] == _ANSWERED  # else what reads like a request is the second answer
+        names = (
+            ("response", "request"),
+            ("response_start", "start"),
+            ("response_length", "length"),
+            ("t_response", "t_start"),
+        )
+        index, start, length, t_ns = (np.where(own, these[one], these[other]) for one, other in names)
+        first = np.where(own, these["t_start"], before["t_response"])
+        later = np.where(timed, (t_ns - first) / 1e6, np.nan)
+        return rule.at(index, start, length, these["port"], t_ns, these["unit"], later)
     if rule is NO_RESPONSE:
         waited = np.where(timed, (these["t_next"] - these["t_request"]) / 1e6, np.nan)
         over_tcp = np.where(these["protocol"] == Protocol.TCP, 1.0, np.nan)
-        return rule.at(*columns, these["unit"], waited, these["function"], over_tcp)
+        return rule.at(*columns, these["unit"], waited, these["function"], 0, over_tcp)
     if rule is RETRY:
         failed = (which > 0) & np.isin(before["status"], (_UNANSWERED, _DAMAGED)) & timed
         return rule.at(*columns, these["unit"], np.where(failed, (these["t_start"] - before["t_start"]) / 1e6, np.nan))

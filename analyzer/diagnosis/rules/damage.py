@@ -1,20 +1,23 @@
 """Frames whose check value is wrong: what happened to them, by their autopsy (`analyzer.diagnosis.damage.triage`).
 
-A byte that the UART marked explains more than any repair could.
+Bytes that the UART marked are said as such, with what the autopsy of the frame adds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from math import nan
 from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dissectors.crc import crc16
 from dissectors.crc_variants import VARIANTS
 
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.frame import adu_of
-from ...tables.schema import Protocol, Rows
+from ...tables.schema import Kind, Protocol, Rows
 from ..damage import DividedFrame, Explanation
 from ..damage.triage import VAGUE
 from ..view import DiagnosisStep, where
@@ -40,7 +43,7 @@ BIT_FLIP: Final = Rule(
     About.FRAME,
     when="one flipped bit makes the check value right; the CRC's syndrome names it",
     clause="[2] 2.5.1.2",
-    numbers=("byte", "bit", "certainty"),
+    numbers=("byte", "bit", "certainty", "unit"),
     loses=True,
     text="one bit flipped: byte {byte:.0f} bit {bit:.0f} (0 the least significant); with it the CRC is right",
     cause=_NOISY_LINE,
@@ -52,7 +55,7 @@ MISSING: Final = Rule(
     About.FRAME,
     when="the frame is one byte shorter than predicted, and with one byte more length and CRC are right",
     clause="[2] 2.5.1.2",
-    numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "second_value"),
+    numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "unit"),
     loses=True,
     text=lambda numbers: (
         f"a byte is missing: {int(numbers['value']):02X} as byte {_places(numbers)} makes the CRC right"
@@ -66,7 +69,7 @@ EXTRA: Final = Rule(
     About.FRAME,
     when="the frame is one byte longer than predicted, and without one byte length and CRC are right",
     clause="[2] 2.5.1.2",
-    numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "second_value"),
+    numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "unit"),
     loses=True,
     text=lambda numbers: (
         f"a byte too many: without {int(numbers['value']):02X}, byte {_places(numbers)}, the CRC is right"
@@ -80,7 +83,7 @@ TRUNCATED: Final = Rule(
     About.FRAME,
     when="a frame begins like one of so many bytes and ends early",
     clause="[2] 2.5.1.1",
-    numbers=("bytes", "due", "certainty"),
+    numbers=("bytes", "due", "certainty", "unit"),
     loses=True,
     text=lambda numbers: (
         "the frame begins like one"
@@ -96,7 +99,8 @@ VARIANT: Final = Rule(
     About.FRAME,
     when="the check value is right by another convention",
     clause="[2] 6.2.2",
-    numbers=("variant", "certainty"),
+    numbers=("variant", "certainty", "unit"),
+    varies="variant",
     loses=True,
     text=lambda numbers: f"the check value is right by another convention: {VARIANTS[int(numbers['variant'])].name}",
     cause="the sender's firmware computes or sends its check value wrongly",
@@ -107,7 +111,7 @@ REPEATED: Final = Rule(
     Severity.ERROR,
     About.FRAME,
     when="without a doubled slice of it the frame's CRC is right",
-    numbers=("byte", "length", "certainty"),
+    numbers=("byte", "length", "certainty", "unit"),
     loses=True,
     text="{length:.0f} bytes from byte {byte:.0f} on come twice; once, they make the CRC right",
     cause="a buffer bug in a converter or driver between the line and the receiver",
@@ -118,7 +122,7 @@ FLOW: Final = Rule(
     Severity.ERROR,
     About.FRAME,
     when="inserted 11 or 13 bytes, the XON and XOFF characters, are the repair that makes frames right",
-    numbers=("lost", "certainty"),
+    numbers=("lost", "certainty", "unit"),
     loses=True,
     text=lambda numbers: f"{_bytes(numbers['lost'])} of 11 or 13 (XON, XOFF) missing; put back, the CRC is right",
     cause="the capturing port has software flow control on and swallows these bytes",
@@ -128,16 +132,15 @@ COLLISION: Final = Rule(
     "collision",
     Severity.ERROR,
     About.FRAME,
-    when="bytes of two transmitters overlap where one answer was due",
+    when="bytes that are no frame stand where an answer was due, longer or otherwise than it could be",
     clause="[2] 2.4.1",
-    numbers=("bytes", "due", "certainty"),
+    numbers=("bytes", "due", "certainty", "unit"),
     loses=True,
     text=lambda numbers: (
         f"{numbers['bytes']:.0f} bytes that are no frame where an answer was due"
         + (f" of {numbers['due']:.0f}" if "due" in numbers else "")
-        + ": two transmitters at once"
     ),
-    cause="two devices share an address, a second master, or a device that sends unasked",
+    cause="two transmitters at once: two devices share an address, a second master, or a device that sends unasked",
     remedy="disconnect devices one by one; look for doubled addresses and for a second master",
 )
 CRC_ERROR: Final = Rule(
@@ -146,7 +149,7 @@ CRC_ERROR: Final = Rule(
     About.FRAME,
     when="the CRC is wrong and nothing more exact explains it",
     clause="[2] 2.5.1.2",
-    numbers=("received", "computed"),
+    numbers=("received", "computed", "unit"),
     loses=True,
     text=lambda numbers: (
         f"the CRC is wrong ({_crc(numbers, 'received')}, {_crc(numbers, 'computed')} is right), and nothing simple "
@@ -155,15 +158,30 @@ CRC_ERROR: Final = Rule(
     cause=_NOISY_LINE,
     remedy=_LINE,
 )
+
+
+def _marked(numbers: Mapping[str, float]) -> str:
+    words = (
+        f"the UART marked {numbers['marked_bytes']:.0f} of {_bytes(numbers['bytes'])}: wrong parity, or no stop bit "
+        "where one was due"
+    )
+    if "verdict" not in numbers:
+        return words
+    rule = tuple(_RULES.values())[int(numbers["verdict"])]
+    if rule is BIT_FLIP and "byte" in numbers:
+        return words + f"; with bit {numbers['bit']:.0f} of byte {numbers['byte']:.0f} flipped back the CRC is right"
+    return words + f"; as a frame it is {rule.code}"
+
+
 PARITY: Final = Rule(
     "parity-error",
     Severity.ERROR,
     About.FRAME,
     when="the UART marked bytes of the frame for parity or framing",
     clause="[2] 2.5.1",
-    numbers=("marked_bytes", "bytes"),
+    numbers=("marked_bytes", "bytes", "unit", "verdict", "byte", "bit", "certainty"),
     loses=True,
-    text="the UART marked {marked_bytes:.0f} of {bytes:.0f} bytes: wrong parity, or no stop bit where one was due",
+    text=_marked,
     cause="the line is disturbed; where it is most frames, another baud rate or parity than the sender's",
     remedy="compare baud rate, parity and stop bits of tap and devices; then check the line",
 )
@@ -214,6 +232,7 @@ class DamagedRows:
 
     def __init__(self) -> None:
         self._waiting: list[Findings] = []
+        self._cut_by_end = False  # what waits is the beginning of a frame
 
     @property
     def open_from(self) -> int | None:
@@ -225,20 +244,69 @@ class DamagedRows:
             return
         marked = where(view.column("errors"))
         if len(marked):
-            yield PARITY.on(rows[marked], rows["errors"][marked], rows["length"][marked])
-        waiting, self._waiting = self._waiting, []
+            yield _of_marked(view, marked)
+        waiting, self._waiting, self._cut_by_end = self._waiting, [], False
         if 0 not in view.verdicts or view.verdicts[0][0].start >= 0:  # else its rest was still to come
             yield from waiting
         for place, parts in view.verdicts.items():
             told = [found for part in parts for found in _told(view, place, part)]
-            if place == len(rows) - 1 and rows["kind"][place] and parts[0].verdict.code in VAGUE:
-                self._waiting = told
+            if place == 0 and not view.trail.newest["length"][0] and _begins_late(parts):
+                continue  # the capture begins inside it
+            last = place == len(rows) - 1
+            cut = last and _ends_early(parts)
+            if cut or (last and rows["kind"][place] and parts[0].verdict.code in VAGUE):
+                self._waiting, self._cut_by_end = told, cut
             else:
                 yield from told
 
     def close(self, view: DiagnosisStep) -> Iterator[Findings]:  # noqa: ARG002 - a look's signature
-        """Nothing comes behind the last row."""
-        yield from self._waiting
+        """Nothing comes behind the last row; where the capture cut it short, nothing is wrong with it."""
+        if not self._cut_by_end:
+            yield from self._waiting
+
+
+def _of_marked(view: DiagnosisStep, marked: NDArray[np.intp]) -> Findings:
+    """What is said of rows with marked bytes; of those that came damaged with what their autopsy says."""
+    rows = view.rows[marked]
+    frames = (rows["kind"] > 0) & rows["check"]
+    unit, more = np.where(frames, rows["unit"], nan), np.full((len(rows), 4), nan)
+    codes = list(_RULES)
+    for i in where(~frames).tolist():
+        place = int(marked[i])
+        unit[i] = _owner(view, place)
+        verdict = view.verdicts[place][0].verdict if place in view.verdicts else None
+        if verdict is not None and verdict.code in codes:
+            sure = verdict.certainty
+            more[i] = codes.index(verdict.code), _known(verdict.byte), _known(verdict.bit), sure
+    return PARITY.on(rows, rows["errors"], rows["length"], unit, *more.T)
+
+
+def _owner(view: DiagnosisStep, place: int, verdict: Explanation | None = None) -> float:
+    """The unit whose exchange a damaged row belongs to: that of the request it follows; NaN where nothing tells."""
+    row = view.rows[place]
+    if row["kind"] == Kind.REQUEST:
+        return float(verdict.repaired[0]) if verdict is not None and verdict.repaired else nan
+    asked = view.batch.request_of(place, int(row["request"])) if row["request"] >= 0 else None
+    if asked is not None:
+        return float(asked[0])
+    for before in view.trail.back(view.batch, place):
+        if before.is_frame and before.row.check:
+            return float(before.row.unit) if before.row.kind == Kind.REQUEST and before.row.unit else nan
+    return nan
+
+
+def _begins_late(parts: Sequence[DividedFrame]) -> bool:
+    """Whether a row is whole but for its first byte."""
+    verdict = parts[0].verdict
+    return verdict.code == MISSING.code and verdict.places[0].first == 0
+
+
+def _ends_early(parts: Sequence[DividedFrame]) -> bool:
+    """Whether a row is whole but for its end."""
+    verdict = parts[-1].verdict
+    if verdict.code == MISSING.code:
+        return verdict.repaired is not None and verdict.places[0].last == len(verdict.repaired) - 1
+    return verdict.code == TRUNCATED.code
 
 
 def _told(view: DiagnosisStep, place: int, part: DividedFrame) -> Iterator[Findings]:
@@ -255,12 +323,12 @@ def _told(view: DiagnosisStep, place: int, part: DividedFrame) -> Iterator[Findi
     here["length"] = part.length
     if verdict.code == REPEATED.code and verdict.repaired and verdict.length == len(data):
         here = _with_the_frame_before(here, len(verdict.repaired), view, place)
-    known = _RULES.get(verdict.code)
+    known, unit = _RULES.get(verdict.code), _owner(view, place, verdict)
     if known is not None:
-        yield known.on(here, *_numbers(verdict, data))
+        yield known.on(here, *_numbers(verdict, data), unit)
     else:
         computed = crc16(data[:-2]) if len(data) > 2 else 0
-        yield CRC_ERROR.on(here, int.from_bytes(data[-2:], "little"), computed)
+        yield CRC_ERROR.on(here, int.from_bytes(data[-2:], "little"), computed, unit)
 
 
 def _with_the_frame_before(noise: Rows, length: int, view: DiagnosisStep, place: int) -> Rows:
@@ -281,7 +349,7 @@ def _numbers(verdict: Explanation, data: bytes) -> tuple[float, ...]:
             return _known(verdict.byte), _known(verdict.bit), sure
         case "byte-missing" | "byte-extra":
             first, *others = verdict.places
-            second = others[0] if others else (nan, nan, nan)
+            second = others[0][:2] if others else (nan, nan)
             return first.first, first.last, first.value, len(verdict.places), sure, *second
         case "truncated" | "collision":
             return len(data), _known(verdict.length), sure

@@ -53,6 +53,7 @@ EXCEPTION: Final = Rule(
     when="a unit answers by an exception",
     clause="[1] 7",
     numbers=("code", "function", "unit"),
+    varies="code",
     text=_text,
     cause=lambda numbers: _use(numbers)[0],
     remedy=lambda numbers: _use(numbers)[1],

@@ -47,6 +47,7 @@ SLOW: Final = Rule(
     About.BUS,
     when="a unit's response time stands out against the others or its own past",
     numbers=("unit", "p50_ms", "p95_ms", "usual_ms", "own_past"),
+    varies="own_past",
     text=lambda numbers: (
         f"unit {numbers['unit']:.0f} answers in {numbers['p50_ms']:.3g} ms (median; 95 % within "
         f"{numbers['p95_ms']:.3g} ms), "
@@ -250,16 +251,18 @@ class Busy:
         self._octets = self._paused = self._requests = 0
         self._first: int | None = None
         self._last = 0
-        self._waiting = ColumnQueue()  # kinds, starts and ends
+        self._waiting = ColumnQueue()  # kinds, units, starts and ends
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         if len(view.rows) and view.timed:
-            starts, ends, kinds, sizes = view.column("t_start"), view.column("t_end"), view.kind, view.column("length")
+            names = ("t_start", "t_end", "unit", "length")
+            starts, ends, units, sizes = (view.column(name) for name in names)
+            kinds = view.kind
             if (networked := view.column("protocol") == Protocol.TCP).any():  # that is no load of a line
-                starts, ends, kinds, sizes = (each[~networked] for each in (starts, ends, kinds, sizes))
+                starts, ends, kinds, units, sizes = (each[~networked] for each in (starts, ends, kinds, units, sizes))
                 if not len(starts):
                     return iter(())
-            self._waiting.add(kinds, starts, ends)
+            self._waiting.add(kinds, units, starts, ends)
             self._octets += int(sizes.sum())
             self._first = int(starts[0]) if self._first is None else self._first
             self._last = int(ends[-1])
@@ -270,11 +273,12 @@ class Busy:
     def _count(self) -> None:
         """Count in the pauses between what waits; its last row waits for the next one."""
         if len(self._waiting):
-            kind, starts, ends = self._waiting.take()
-            asks = where((kind[1:] == Kind.REQUEST) & (kind[:-1] == Kind.RESPONSE))
+            kind, unit, starts, ends = self._waiting.take()
+            done = (kind[:-1] == Kind.RESPONSE) | ((kind[:-1] == Kind.REQUEST) & (unit[:-1] == 0))  # or sent to all
+            asks = where((kind[1:] == Kind.REQUEST) & done)
             self._paused += int(np.maximum(starts[asks + 1] - ends[asks], 0).sum())
             self._requests += len(asks)
-            self._waiting.add(*(column[-1:].copy() for column in (kind, starts, ends)))
+            self._waiting.add(*(column[-1:].copy() for column in (kind, unit, starts, ends)))
 
     def close(self, view: DiagnosisStep) -> Iterator[Findings]:
         """Whether the line is full."""
@@ -285,5 +289,6 @@ class Busy:
             return
         load = self._octets * character_ns / span
         idle = self._paused / span
-        if load > _LOADED and idle < _IDLE and view.clock.newest().wait_ns < UNKNOWN and load <= 1.05:
+        off = view.clock.newest().wait_ns * self._requests / span  # by which the pauses may be wrong
+        if load > _LOADED and idle + off < _IDLE and load <= 1.05:
             yield SATURATED.of_bus(view.now, 100 * min(load, 1.0), 100 * idle)

@@ -66,6 +66,7 @@ NOISE: Final = Rule(
     About.NOISE,
     when="bytes stand between frames, or right beside them",
     numbers=("pattern", "bytes", "unit"),
+    varies="pattern",
     text=_text,
     cause=lambda numbers: _CAUSES[Pattern(int(numbers["pattern"]))].format(_sender(numbers)),
     remedy=lambda numbers: _REMEDIES[Pattern(int(numbers["pattern"]))].format(_sender(numbers)),
@@ -122,8 +123,8 @@ class NoiseStretches:
             self._frames = int(rows["index"][view.frames[-1]]) + 1
 
     def close(self, view: DiagnosisStep) -> Iterator[Findings]:
-        """Nothing comes after the last stretch."""
-        if self._waiting is not None:
+        """Nothing comes after the last stretch, which may be the beginning of a frame that the capture's end cut."""
+        if self._waiting is not None and self._waiting.glitch:
             yield from self._judge(view, self._waiting, np.zeros(1, ROW), explained=False)
 
     def _judge(self, view: DiagnosisStep, stretch: _OpenStretch, after: Rows, *, explained: bool) -> Iterator[Findings]:
@@ -131,6 +132,8 @@ class NoiseStretches:
         frame_before, frame_after = bool(before["kind"][0]), bool(after["kind"][0])
         if not (frame_after or stretch.known):
             return
+        if not before["length"][0] and not stretch.glitch:
+            return  # the capture begins with it: rather the end of a frame
         close_before = frame_before and _hard(row["gap_before"][0], view)
         close_after = (frame_after or explained) and _hard(after["gap_before"][0], view)
         if (close_before and not before["check"][0]) or (close_after and (explained or not after["check"][0])):

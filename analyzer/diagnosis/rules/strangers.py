@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -93,12 +93,21 @@ def _reads(function: int) -> bool:
     return function_class(function) == "public" and (not found or any(isinstance(r, RequestedByteCount) for r in found))
 
 
+class _Before(NamedTuple):
+    """The newest request before a row, the answer that it got, and whether nothing damaged stands between."""
+
+    request: EarlierRow | None = None
+    answered: EarlierRow | None = None
+    clean: bool = True
+
+
 @looks_for(UNEXPECTED, DUPLICATE, MISMATCH, BROADCAST_ANSWERED)
 class Strangers:
     """Answers with a right check value that belong to no request."""
 
     def __init__(self) -> None:
         self._asked = False  # a request has been seen: before it, answers belong to what was before the capture
+        self._newest: tuple[int, _Before] | None = None  # the last row that was asked about, and what stood before it
         self._asking: set[int] = set()  # ports on which requests over Modbus TCP were seen
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
@@ -155,20 +164,28 @@ class Strangers:
         else:
             yield MISMATCH.on(here, unit, function)
 
-    def _request_before(self, view: DiagnosisStep, place: int) -> tuple[EarlierRow | None, EarlierRow | None, bool]:
-        """The newest request before a row, the answer that it got, and whether nothing damaged stands between."""
+    def _request_before(self, view: DiagnosisStep, place: int) -> _Before:
+        """What stands before a row; where many strays follow each other none looks further back than to the last."""
+        found = self._looked_back(view, place)
+        self._newest = int(view.rows["index"][place]), found
+        return found
+
+    def _looked_back(self, view: DiagnosisStep, place: int) -> _Before:
+        known, before_known = self._newest or (-1, _Before())
         answered = None
         for before in view.trail.back(view.batch, place):
             if not before.is_frame:
                 if not _GLITCHES.issuperset(before.captured):
-                    return None, None, False
+                    return _Before(clean=False)
             elif before.row.kind == Kind.REQUEST:
-                return (before, answered, True) if before.row.check else (None, None, False)
+                return _Before(before, answered) if before.row.check else _Before(clean=False)
             elif not before.row.check:
-                return None, None, False  # it may have held more than one answer
+                return _Before(clean=False)  # it may have held more than one answer
             elif before.row.request >= 0 and answered is None:
                 answered = before
-        return None, None, True
+            if before.is_frame and before.row.index == known:
+                return before_known._replace(answered=answered or before_known.answered)
+        return _Before()
 
 
 def _fits(request: EarlierRow, answer: EarlierRow) -> bool:

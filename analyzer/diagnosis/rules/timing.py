@@ -30,7 +30,8 @@ GAP_INSIDE: Final = Rule(
     text=lambda numbers: (
         f"{numbers['gap_ms']:.3g} ms of silence ({numbers['characters']:.1f} characters) inside the frame, before byte "
         f"{numbers['byte']:.0f}"
-        + ("; a receiver that frames by gaps alone drops it" if numbers["gap_ms"] > numbers["t35_ms"] else "")
+        + "; a receiver that keeps to t1.5 discards the frame"
+        + (", one that frames by t3.5 takes the rest for another" if numbers["gap_ms"] > numbers["t35_ms"] else "")
     ),
     cause="the sender is interrupted while it sends, or a converter or radio between passes bytes on in pieces",
     remedy="send from a buffer or by DMA; where a converter does it, let the receiver wait longer between characters",
@@ -42,6 +43,7 @@ GAP_SHORT: Final = Rule(
     when="the silence before a frame is shorter than 3.5 characters",
     clause="[2] 2.5.1.1",
     numbers=("gap_ms", "characters", "due_ms", "is_response"),
+    varies="is_response",
     text=lambda numbers: (
         ("the response starts" if numbers["is_response"] else "the master starts its request")
         + f" {max(numbers['gap_ms'], 0):.3g} ms ({max(numbers['characters'], 0):.1f} characters) after the frame "

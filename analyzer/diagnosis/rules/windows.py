@@ -1,4 +1,4 @@
-"""Windows with a right CRC that are no frames: chance, or a payload that holds whole frames.
+"""Windows with a right CRC that are no frames: chance, a payload that holds whole frames, a beginning that checks.
 
 Worth a note, since a tool that looks for right CRCs takes them for frames. Only frames about which the deframer had to
 weigh other explanations can hold any; those are searched again, all at once.
@@ -16,6 +16,8 @@ from ...deframing.crc_windows import crc_windows
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ..view import DiagnosisStep, where
 
+_LEAST: Final = 4  # bytes of a frame
+
 COLLISION: Final = Rule(
     "crc-collision",
     Severity.NOTE,
@@ -23,7 +25,14 @@ COLLISION: Final = Rule(
     when="a window of bytes has a right CRC, but a better explanation covers it",
     clause="[2] 2.5.1.2",
     numbers=("window_start", "window_length", "windows"),
-    text="{window_length:.0f} bytes from byte {window_start:.0f} on have a right CRC, but are part of this frame",
+    text=lambda numbers: (
+        (
+            f"the first {numbers['window_length']:.0f} bytes"
+            if not numbers["window_start"]
+            else f"{numbers['window_length']:.0f} bytes from byte {numbers['window_start']:.0f} on"
+        )
+        + " have a right CRC, but are part of this frame"
+    ),
     cause="chance, 1 window in 65,536, or registers that hold a whole frame",
     remedy="nothing: it only misleads tools that look for right CRCs alone",
 )
@@ -39,13 +48,16 @@ def inner_windows(view: DiagnosisStep) -> Iterator[Findings]:
     ends = np.cumsum(lengths)
     begins = ends - lengths
     data = view.batch.data[np.repeat(rows["at"][places] - begins, lengths) + np.arange(int(ends[-1]))]
-    found = search_candidates(data, crc_windows(data))
-    owner = np.searchsorted(ends, found.start, side="right")
-    inside = (found.end <= ends[owner]) & (found.start > begins[owner])
-    inside &= found.end - found.start < lengths[owner]
-    inside[inside] = [data[s:e].any() for s, e in zip(found.start[inside], found.end[inside], strict=True)]
+    crc = crc_windows(data)
+    found = search_candidates(data, crc)
+    heads = np.repeat(begins, lengths)
+    early = where(crc.heads.take(heads) == crc.tails[1:]) + 1  # ends of windows that begin where their frame does
+    start, end = np.concatenate((found.start, heads[early - 1])), np.concatenate((found.end, early))
+    start, end = np.unique(np.stack((start, end)), axis=1)
+    owner = np.searchsorted(ends, start, side="right")
+    inside = (end <= ends[owner]) & (end - start < lengths[owner]) & (end - start >= _LEAST)
+    inside[inside] = [data[s:e].any() for s, e in zip(start[inside], end[inside], strict=True)]
     frames, first, counts = np.unique(owner[inside], return_index=True, return_counts=True)
     if len(frames):
-        start = found.start[inside][first] - begins[frames]
-        length = (found.end - found.start)[inside][first]
-        yield COLLISION.on(rows[places[frames]], start, length, counts)
+        first_start, first_end = start[inside][first], end[inside][first]
+        yield COLLISION.on(rows[places[frames]], first_start - begins[frames], first_end - first_start, counts)

@@ -20,6 +20,7 @@ _RIGHT: Final = 12
 _LOAD: Final = 110  # height of the load's lane
 _TROUBLE: Final = 46  # and of the troubles' lane below
 _GAP: Final = 12
+_FIGURES: Final = 4
 _ROW: Final = 26
 _TICKS: Final = 8
 _STEPS_S: Final = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400)
@@ -153,8 +154,10 @@ def range_chart(units: Sequence[UnitRow]) -> RangeChart | None:
     rows = []
     for unit in units:
         times = unit.times
-        if None not in (four := (times.min_ns, times.p50_ns, times.p95_ns, times.max_ns)):
-            rows.append((unit.unit, [max(value or 0, 1_000) for value in four], times.count))
+        bounds = [each for f in ("min", "p50", "p95", "max") if (each := times.bounds(f)) is not None]
+        if len(bounds) == _FIGURES:
+            ends = [bounds[0][0], sum(bounds[1]) // 2, sum(bounds[2]) // 2, bounds[3][1]]
+            rows.append((unit.unit, [max(value, 1_000) for value in ends], times))
     if not rows:
         return None
     low = math.floor(math.log10(min(four[0] for _, four, _ in rows)))
@@ -172,10 +175,10 @@ def range_chart(units: Sequence[UnitRow]) -> RangeChart | None:
             place(four[1]),
             place(four[2]),
             place(four[3]),
-            f"unit {unit}: min {duration(four[0])}, p50 {duration(four[1])}, p95 {duration(four[2])}, "
-            f"max {duration(four[3])} ({count:,} measured)",
+            f"unit {unit}: min {times.worded('min')}, p50 {times.worded('p50')}, p95 {times.worded('p95')}, "
+            f"max {times.worded('max')} ({times.count:,} measured)",
         )
-        for i, (unit, four, count) in enumerate(rows)
+        for i, (unit, four, times) in enumerate(rows)
     )
     ticks = tuple(AxisTick(place(10.0**power), duration(10**power)) for power in range(low, high + 1))
     return RangeChart(_LEFT, WIDTH - _RIGHT, _ROW * len(made) + 34, made, ticks)

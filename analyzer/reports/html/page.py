@@ -79,6 +79,7 @@ def _verdict(worst: list[FindingRow]) -> str:
         parts.append(plural(sum(row.count for row in errors), "error", "errors"))
     if len(worst) > len(errors):
         parts.append(plural(sum(row.count for row in worst if row.severity == "warning"), "warning", "warnings"))
-    lost, ms = sum(row.lost_answers for row in worst), sum(row.lost_ms for row in worst)
+    lost, ms = sum(row.lost_answers for row in worst), sum(row.lost_ms or 0.0 for row in worst)
     words = " and ".join(parts) + f" of {plural(len(worst), 'kind', 'kinds')}"
-    return f"{words}; {plural(lost, 'answer', 'answers')} and {findings.seconds(ms)} lost." if lost else f"{words}."
+    time = f" and {findings.seconds(ms)}" if ms else ""
+    return f"{words}; {plural(lost, 'answer', 'answers')}{time} lost." if lost else f"{words}."

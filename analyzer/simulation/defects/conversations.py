@@ -133,13 +133,17 @@ def reserved_unit(stage: Stage) -> None:
 
 @defect("crc-collision")
 def crc_collision(stage: Stage) -> None:
-    """Registers hold bytes that look like a frame with a right CRC, inside a frame that is right as a whole."""
+    """Registers hold bytes with a right CRC: those of a frame, or with the frame's own beginning."""
     unit = stage.random.choice(stage.client.devices).unit
     asked = adu(unit, struct.pack(">BHH", 3, stage.random.randrange(100), 20))
     inner = adu(unit, struct.pack(">BHH", 3, stage.random.randrange(100), 2))
     at = 2 * stage.random.randint(1, 14)
+    window = [3 + at, len(inner)]
     payload = stage.random.randbytes(at) + inner + stage.random.randbytes(40 - at - len(inner))
+    if stage.random.random() < 0.3:
+        begins = adu(unit, b"\x03\x28" + stage.random.randbytes(3))  # as long as a request is
+        window, payload = [0, len(begins)], begins[3:] + stage.random.randbytes(43 - len(begins))
     request = stage.ask(asked)
     frame = stage.answer(adu(unit, b"\x03\x28" + payload), request)
-    stage.found("crc-collision", frame, window=[3 + at, len(inner)])
+    stage.found("crc-collision", frame, window=window)
     stage.pause()

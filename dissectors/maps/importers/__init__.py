@@ -51,10 +51,12 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
     for candidate in (name,) if name is not None else FORMATS:
         form = map_format(candidate)
         if form.recognises(source):
-            found = [one for one in form.read(source) if one.chart.rows]
+            read = form.read(source)
+            found = [one for one in read if one.chart.rows]
             if found:
                 return found
-            raise MapError(f"{file}: read as {form.NAME}, but no register is in it")
+            why = next((f": {one.notes[0]}" for one in read if one.notes), "")
+            raise MapError(f"{file}: read as {form.NAME}, but no register is in it{why}")
     if name is not None:
         raise MapError(f"{file}: is not {map_format(name).NAME}")
     raise MapError(f"{file}: no known form of a register map: --format names one of {', '.join(FORMATS)}")

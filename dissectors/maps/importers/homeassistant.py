@@ -17,6 +17,7 @@ _AREAS: Final = {
     "holding": "holding", "holdings": "holding", "input": "input", "coil": "coil", "coils": "coil",
     "discrete_input": "discrete", "discrete_inputs": "discrete",
 }  # fmt: skip
+_MOST_TURNS: Final = 250
 _ORDERS: Final = {"word": "CDAB", "byte": "BADC", "word_byte": "DCBA", "none": None}
 
 
@@ -72,7 +73,7 @@ def _item(builder: MapBuilder, kind: str, item: Mapping[str, Any]) -> None:
             builder.note(f"{name}: data type {word!r} with structure {structure!r} is no type of a map")
             return
     scale, offset = number_in(item, "scale", 1.0), number_in(item, "offset", 0.0)
-    virtual = whole_in(item.get("virtual_count", item.get("slave_count"))) or 0
+    virtual = min(max(whole_in(item.get("virtual_count", item.get("slave_count"))) or 0, 0), _MOST_TURNS)
     length = {"u16": 1, "s16": 1, "u32": 2, "s32": 2, "f32": 2}.get(data_type, 4)
     for turn in range(virtual + 1):
         builder.add(

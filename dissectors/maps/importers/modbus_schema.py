@@ -32,6 +32,7 @@ _CALL: Final = re.compile(
     re.DOTALL,
 )
 _STATE: Final = re.compile(r"(\d+)\s*->\s*'([^']*)'")
+_LONGEST: Final = 2000  # characters of an expression
 _SWAPS: Final = {"swapendian": "DCBA", "swapbytes": "BADC"}
 
 
@@ -52,7 +53,7 @@ def read(source: MapSource) -> list[ImportedMap]:
 
 
 def _field(builder: MapBuilder, field: Mapping[str, Any], group: str) -> None:
-    name, expression = field.get("id"), str(field.get("expression") or "")
+    name, expression = field.get("id"), str(field.get("expression") or "")[:_LONGEST]
     found = _CALL.fullmatch(expression)
     kind = _TYPES.get(found["function"]) if found else None
     spot = _spot(found["address"]) if found else None

@@ -10,10 +10,12 @@ from functools import cached_property
 from pathlib import PurePath
 from typing import Any, Final
 
-from ..cells import CellError, value_of
+from ..cells import CellError, one_line, value_of
 from ..model import MapError, MappedValue, RegisterMap
 
 _MOST_NOTES: Final = 20
+_MOST_ROWS: Final = 20_000
+_MOST_TWINS: Final = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +59,7 @@ class MapSource:
     def toml(self) -> Any:
         try:
             return tomllib.loads(self.text) if self.is_text and "=" in self.text else None
-        except (tomllib.TOMLDecodeError, RecursionError):
+        except (ValueError, RecursionError):
             return None
 
     @cached_property
@@ -65,22 +67,11 @@ class MapSource:
         """The YAML content; tags that a program defines for itself stand for their plain values."""
         if not self.is_text or ":" not in self.text:
             return None
-        import yaml
+        from ..yamltext import load_yaml
 
-        class Lenient(yaml.SafeLoader):
-            pass
-
-        def plain(loader: yaml.SafeLoader, _suffix: str, node: yaml.Node) -> Any:
-            if isinstance(node, yaml.MappingNode):
-                return loader.construct_mapping(node, deep=True)
-            if isinstance(node, yaml.SequenceNode):
-                return loader.construct_sequence(node, deep=True)
-            return str(node.value)
-
-        Lenient.add_multi_constructor("!", plain)
         try:
-            return yaml.load(self.text, Loader=Lenient)
-        except (yaml.YAMLError, RecursionError, ValueError):
+            return load_yaml(self.text, lenient=True)
+        except ValueError:
             return None
 
 
@@ -96,32 +87,39 @@ class MapBuilder:
     rows: list[MappedValue] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     bits: dict[tuple[str, int], dict[int, str]] = field(default_factory=dict)
+    _at: dict[tuple[str, int], dict[str, MappedValue]] = field(default_factory=dict)
 
     def add(self, cells: Mapping[str, object], what: object) -> None:
         """A row of these cells; `what` names it in a note."""
+        if len(self.rows) >= _MOST_ROWS:
+            self.note(f"{what}: over {_MOST_ROWS:,} values are no map of a device")
+            return
         try:
             row = value_of({key: cell for key, cell in cells.items() if cell is not None}, order=self.order)
         except CellError as error:
             self.note(f"{what}: {error}")
             return
-        twins = [other for other in self.rows if (other.area, other.address) == (row.area, row.address)]
-        if any(replace(other, name=row.name) == row and other.name == row.name for other in twins):
+        twins = self._at.setdefault((row.area, row.address), {})
+        if twins.get(row.name) == row:
             return
-        taken = {other.name for other in twins}
-        if row.name in taken:
-            number = next(n for n in range(2, len(self.rows) + 3) if f"{row.name} {n}" not in taken)
+        if len(twins) >= _MOST_TWINS:
+            self.note(f"{what}: over {_MOST_TWINS} values at {row.area} {row.address}")
+            return
+        if row.name in twins:
+            number = next(n for n in range(2, len(twins) + 3) if f"{row.name} {n}" not in twins)
             row = replace(row, name=f"{row.name} {number}")
         self.rows.append(row)
+        twins[row.name] = row
 
     def add_bits(self, area: str, address: int, first: int, width: int, name: str) -> None:
         """A part of a register: bits `first` to `first + width - 1`."""
         names = self.bits.setdefault((area, address), {})
-        for bit in range(first, first + width):
+        for bit in range(max(first, 0), min(first + width, 16)):
             label = name if width == 1 else f"{name} bit {bit - first}"
             names[bit] = f"{names[bit]} / {label}" if bit in names else label
 
     def note(self, text: str) -> None:
-        self.notes.append(" ".join(text.split())[:300])
+        self.notes.append(one_line(text[:400])[:300])
 
     def built(self) -> ImportedMap:
         """The map; registers of which bits have names are one value each."""
@@ -132,9 +130,9 @@ class MapBuilder:
         if len(self.notes) > _MOST_NOTES:
             notes.append(f"and {len(self.notes) - _MOST_NOTES} more such")
         chart = RegisterMap(
-            self.device or PurePath(self.file).stem,
+            one_line(self.device[:200]) or PurePath(self.file).stem,
             tuple(self.rows),
-            vendor=self.vendor,
+            vendor=one_line(self.vendor[:200]),
             word_order=self.order,
             source=self.source or f"imported from {PurePath(self.file).name}",
         )
@@ -151,7 +149,7 @@ def number_in(mapping: Mapping[str, Any], key: str, default: float) -> float:
     value = mapping.get(key, default)
     try:
         return float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return default
 
 

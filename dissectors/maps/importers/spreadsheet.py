@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import io
 import re
+import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
-from ..cells import CellError, area_of
+from ..cells import CellError, area_of, one_line
 from ..model import MapArea, MapError
 from ..table import csv_rows
 from .source import ImportedMap, MapBuilder, MapSource, refused, whole_in
@@ -20,6 +21,9 @@ from .source import ImportedMap, MapBuilder, MapSource, refused, whole_in
 NAME = "a table"
 _ZIP: Final = b"PK\x03\x04"
 _LOOK: Final = 60  # rows in which a heading is sought
+_HEADING: Final = 60  # characters
+_CELL: Final = 1000  # characters
+_MOST_ROWS, _MOST_COLUMNS, _UNPACKED = 70_000, 100, 256 << 20  # of a sheet; bytes of a workbook
 _HEADINGS: Final[Mapping[str, str]] = {
     "area": r"area|table|register type|reg\.? ?type|function|fc|func|код функции|функция|область|тип регистра|"
     r"таблица|funktion|registertyp|bereich",
@@ -68,14 +72,16 @@ def recognises(source: MapSource) -> bool:
     if source.data.startswith(_ZIP):
         return source.suffix in (".xlsx", ".xlsm", "")
     try:
-        return source.is_text and any(_headings(row) for row in _rows_of_text(source.text, source.name)[:_LOOK])
+        return source.is_text and any(_headings(row) for row in _rows_of_text(source.text, source.name, _LOOK))
     except MapError:
         return False
 
 
 def read(source: MapSource) -> list[ImportedMap]:
     """The table, or each sheet that has one."""
-    sheets = _sheets(source) if source.data.startswith(_ZIP) else [("", _rows_of_text(source.text, source.name))]
+    sheets = (
+        _sheets(source) if source.data.startswith(_ZIP) else [("", _rows_of_text(source.text, source.name, _MOST_ROWS))]
+    )
     found = [_sheet(source, name, rows) for name, rows in sheets]
     kept = [one for one in found if one is not None]
     if not kept:
@@ -103,7 +109,7 @@ def _sheet(source: MapSource, sheet: str, rows: Sequence[Sequence[str]]) -> Impo
         _row(builder, {key: row[at].strip() for key, at in columns.items() if at < len(row)}, area, group, number)
     if builder.rows:
         builder.note("columns were told by their headings: look the map over, its address base above all")
-    return builder.built() if builder.rows else None
+    return builder.built() if columns else None
 
 
 def _row(builder: MapBuilder, cells: dict[str, str], area: MapArea | None, group: str, number: int) -> None:
@@ -160,17 +166,26 @@ def _headings(row: Sequence[str]) -> dict[str, int]:
     found: dict[str, int] = {}
     used: set[int] = set()
     texts = [" ".join(cell.lower().split()).strip(" :.") for cell in row]
+    if not any(_means(text, "address", exact=False) for text in texts):
+        return {}
     for exact in (True, False):
-        for column, pattern in _HEADINGS.items():
+        for column in _HEADINGS:
             for at, text in enumerate(texts):
-                if column in found or at in used or not text or len(text) > 60:
-                    continue
-                if text == column or re.fullmatch(pattern, text) or (not exact and re.match(rf"(?:{pattern})\b", text)):
+                if column not in found and at not in used and _means(text, column, exact=exact):
                     found[column] = at
                     used.add(at)
     if "name" not in found and "description" in found:
         found["name"] = found.pop("description")
     return found if {"address", "name"} <= set(found) and len(found) >= 2 else {}
+
+
+def _means(text: str, column: str, *, exact: bool) -> bool:
+    """Whether a heading means a column: by all of it, or by how it begins."""
+    if not text or len(text) > _HEADING:
+        return False
+    pattern = _HEADINGS[column]
+    whole = text == column or re.fullmatch(pattern, text) is not None
+    return whole or (not exact and re.match(rf"(?:{pattern})\b", text) is not None)
 
 
 def _type_of(text: str, length: int | None) -> tuple[str, int | None]:
@@ -210,14 +225,14 @@ def _order_of(text: str) -> str | None:
 def _scale_of(cells: Mapping[str, str]) -> str | None:
     text = cells.get("scale", "").lower().replace(",", ".").replace("×", "x").replace("*", "x")
     divisor = cells.get("divisor", "")
-    if divisor and re.fullmatch(r"\d+(\.\d+)?", divisor) and float(divisor):
+    if divisor and re.fullmatch(r"\d{1,12}(\.\d{1,12})?", divisor) and float(divisor):
         return f"1/{divisor}"
     found = re.search(r"(?P<divide>[/÷:]\s*)?(?P<number>\d+(\.\d+)?(e-?\d+)?)(\s*/\s*(?P<below>\d+))?", text)
     if not found or float(found["number"]) == 0:
         return None
     if found["divide"]:
         return f"1/{found['number']}"
-    if re.fullmatch(r"10\s*\^\s*-?\d+", text.strip()):
+    if re.fullmatch(r"10\s*\^\s*-?\d\d?", text.strip()):
         return f"{10.0 ** int(text.partition('^')[2]):g}"
     return f"{found['number']}/{found['below']}" if found["below"] else found["number"]
 
@@ -265,10 +280,12 @@ def _plain_number(text: str) -> str | None:
     return text.replace(",", ".") if re.fullmatch(r"-?\d+([.,]\d+)?", text.strip()) else None
 
 
-def _rows_of_text(text: str, file: str) -> list[list[str]]:
-    head = "\n".join(text.splitlines()[:_LOOK])
+def _rows_of_text(text: str, file: str, most: int) -> list[list[str]]:
+    lines = text.splitlines()[:most]
+    head = "\n".join(lines[:_LOOK])
     delimiter = max("\t;,|", key=head.count)
-    return [[cell.strip() for cell in row] for _, row in csv_rows(text.splitlines(), delimiter, file)]
+    rows = csv_rows(lines, delimiter, file)
+    return [[cell.strip()[:_CELL] for cell in row[:_MOST_COLUMNS]] for _, row in rows]
 
 
 def _sheets(source: MapSource) -> list[tuple[str, list[list[str]]]]:
@@ -279,12 +296,18 @@ def _sheets(source: MapSource) -> list[tuple[str, list[list[str]]]]:
             f"{source.name}: a workbook needs openpyxl: pip install 'rtuscope[xlsx]', or save it as CSV"
         ) from error
     try:
+        with zipfile.ZipFile(io.BytesIO(source.data)) as packed:
+            if sum(part.file_size for part in packed.infolist()) > _UNPACKED:
+                raise MapError("too large once unpacked")
         book = openpyxl.load_workbook(io.BytesIO(source.data), read_only=True, data_only=True)
-        sheets = [(sheet.title, _cells_of(sheet.iter_rows(values_only=True))) for sheet in book.worksheets]
+        sheets = []
+        for sheet in book.worksheets:
+            rows = sheet.iter_rows(values_only=True, max_row=_MOST_ROWS, max_col=_MOST_COLUMNS)
+            sheets.append((sheet.title, _cells_of(rows)))
     except Exception as error:  # a damaged workbook raises whatever its parts do
-        raise MapError(f"{source.name}: no readable workbook: {error}") from error
+        raise MapError(f"{source.name}: no readable workbook: {one_line(error)}") from error
     return sheets if len(sheets) > 1 else [("", rows) for _, rows in sheets]
 
 
 def _cells_of(rows: Iterable[Sequence[object]]) -> list[list[str]]:
-    return [["" if cell is None else str(cell).strip() for cell in row] for row in rows]
+    return [["" if cell is None else str(cell).strip()[:_CELL] for cell in row] for row in rows]

@@ -15,6 +15,8 @@ from .source import ImportedMap, MapBuilder, MapSource, mappings
 NAME = "a SunSpec model"
 _BASES: Final = {1: 40002}
 _AFTER_COMMON: Final = 40070
+_LAST: Final = 0xFFFF
+_DEEPEST: Final = 500  # characters of the names of groups in groups
 _TYPES: Final = {
     "int16": "s16", "uint16": "u16", "count": "u16", "acc16": "u16", "enum16": "enum", "bitfield16": "bits",
     "int32": "s32", "uint32": "u32", "acc32": "u32", "enum32": "enum", "bitfield32": "bits", "ipaddr": "u32",
@@ -69,13 +71,18 @@ def _group(builder: MapBuilder, group: Mapping[str, Any], at: int, prefix: str) 
     for point, address, size in points:
         _point(builder, point, address, size, places, prefix)
     for inner in mappings(group.get("groups")):
+        if at > _LAST or len(prefix) > _DEEPEST:
+            break
         count = inner.get("count", 1)
         if not isinstance(count, int) or count < 1:
             builder.note(f"group {inner.get('name')}: repeats as often as the device says: one of it is listed")
             count = 1
         for turn in range(count):
+            before = at
             name = f"{inner.get('label') or inner.get('name')}" + (f" {turn + 1}" if count > 1 else "")
             at = _group(builder, inner, at, f"{prefix}{name} ")
+            if at > _LAST or at == before:
+                break
     return at
 
 
@@ -88,7 +95,11 @@ def _point(
             builder.note(f"{point.get('name')}: type {point.get('type')} is not known")
         return
     scale = point.get("sf")
-    symbols = {s["value"]: s.get("label") or s.get("name", "") for s in mappings(point.get("symbols")) if "value" in s}
+    symbols = {
+        s["value"]: str(s.get("label") or s.get("name", ""))
+        for s in mappings(point.get("symbols"))
+        if isinstance(s.get("value"), int)
+    }
     builder.add(
         {
             "area": "holding",
@@ -96,7 +107,7 @@ def _point(
             "name": prefix + str(point.get("label") or point.get("name")),
             "type": kind,
             "length": size if kind in ("text", "enum", "bits") else None,
-            "scale": f"{10.0**scale:g}" if isinstance(scale, int) else None,
+            "scale": f"{10.0**scale:g}" if isinstance(scale, int) and abs(scale) <= 10 else None,
             "scale_register": places.get(scale) if isinstance(scale, str) else None,
             "unit": point.get("units"),
             "values": symbols,

@@ -23,7 +23,7 @@ _AREAS: Final = {
     "holding": "holding", "holding_single": "holding", "holding_multi": "holding", "input": "input", "coil": "coil",
     "discrete": "discrete",
 }  # fmt: skip
-_COMMENT: Final = re.compile(r'("(?:\\.|[^"\\])*")|//[^\n]*|/\*.*?\*/', re.DOTALL)
+_COMMENT: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 _UNITS: Final = {
     "voltage": "V", "current": "A", "power": "W", "power_consumption": "kWh", "temperature": "°C", "rel_humidity": "%",
     "atmospheric_pressure": "mbar", "resistance": "Ohm", "lux": "lx", "sound_level": "dB", "concentration": "ppm",

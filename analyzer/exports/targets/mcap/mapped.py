@@ -20,9 +20,9 @@ from captures.formats.mcap.writer import ArrayWriter
 from dissectors.maps import RegisterMap
 from dissectors.maps.model import MappedValue
 
+from ....registers.mapped import mapped_columns
 from ....tables.batch import Batch
 from ....tables.columns import Decoded
-from ...meaning import mapped_columns
 
 _VALUE: Final = "rtuscope.Value"
 _LETTERS: Final = {"°": "deg", "%": "percent", "³": "3", "²": "2", "/": "_per_", "Ω": "Ohm", "µ": "u", "€": "EUR"}

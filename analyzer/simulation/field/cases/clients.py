@@ -47,7 +47,7 @@ def broadcast_answered(random: Random, tap: str) -> FieldCapture:
     return bench.run(Expected("broadcast-answered"))
 
 
-@field_case("broadcast-storm")
+@field_case("broadcast-storm", TIMED)
 def broadcast_storm(random: Random, tap: str) -> FieldCapture:
     """Broadcasts follow each other without a pause and leave no time for polls."""
     bench = site(random, tap, seconds=(20, 120))

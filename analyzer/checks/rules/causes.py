@@ -1,0 +1,41 @@
+"""What explains the findings: that nothing is wrong with the bus, or with one unit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from lark import Token
+
+from captures.line import LineSettings
+
+from ...reports import Report
+from ..forms import Start, form
+from ..model import CheckedBatch, RuleResult
+from .counts import whole
+
+
+@dataclass
+class _Causes:
+    """Counts the causes that concern a unit, or all; notes are no fault."""
+
+    needs_causes: ClassVar[bool] = True
+    unit: int | None
+
+    def feed(self, seen: CheckedBatch) -> None:
+        pass
+
+    def verdict(self, report: Report) -> RuleResult:
+        found = [cause for cause in report.causes if cause.severity != "note"]
+        if self.unit is not None:
+            found = [cause for cause in found if self.unit in cause.units]
+        said = "; ".join(f"{cause.cause} ({cause.confidence:.0%} sure): {cause.text}" for cause in found)
+        return RuleResult(not found, said or "none")
+
+
+@form("no-causes", '"no"i ("cause"i | "causes"i) ["of"i "unit"i NUMBER]',
+      "nothing is wrong with the bus, or with one unit: no cause but notes", "no causes",
+      "no cause of unit 7")  # fmt: skip
+def no_causes(line: LineSettings, unit: Token | None) -> Start:  # noqa: ARG001
+    number = None if unit is None else whole(unit, 255)
+    return lambda: _Causes(number)

@@ -1,0 +1,52 @@
+"""What register maps say of values: that they stay in their limits."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from captures.line import LineSettings
+
+from ...registers.mapped import limits_broken, mapped_columns
+from ...reports import Report
+from ..forms import CHARTS, Start, form
+from ..model import Breaches, CheckedBatch, RuleResult, plural
+
+if TYPE_CHECKING:
+    from dissectors.maps.units import UnitMaps
+
+
+class _Limits:
+    """Counts readings that lie outside the least and the greatest value of their map."""
+
+    def __init__(self, charts: UnitMaps | None) -> None:
+        self._charts = charts
+        self._places = Breaches()
+        self._looked = 0
+
+    def feed(self, seen: CheckedBatch) -> None:
+        for column in mapped_columns(seen.batch, seen.decoded, self._charts or {}):
+            row = column.row
+            if row.minimum is None and row.maximum is None:
+                continue
+            self._looked += len(column.answers)
+            for number in np.flatnonzero(limits_broken(column)).tolist():
+                text = f"{row.name} is {column.values[number]:g} {row.unit}".rstrip()
+                self._places.add(column.answers[number : number + 1], partial(seen.place, text=text))
+
+    def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
+        if not self._charts:
+            return RuleResult(False, "unknown: it needs a register map (--map)")
+        if not self._looked:
+            return RuleResult(False, "unknown: no value that has limits was read")
+        count = self._places.count
+        return RuleResult(not count, f"{plural(count, 'reading', 'readings')} outside", tuple(self._places.first))
+
+
+@form("values-in-limits", '"values"i "in"i "their"i "limits"i',
+      "every value that has limits in its register map (--map) lies in them", "values in their limits")  # fmt: skip
+def values_in_limits(line: LineSettings) -> Start:  # noqa: ARG001
+    charts = CHARTS.get()
+    return lambda: _Limits(charts)

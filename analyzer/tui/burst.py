@@ -1,0 +1,92 @@
+"""Keys in order: the next one is taken up when all is done that the last one set off.
+
+Textual hands a key to the widget in focus and takes the next at once. Typed fast, or sent by a script, a key then finds
+the cursor, the view or the question of some keys ago. Here a key waits for the one before it: for the widget that got
+it, for whoever is told by it, and for a question that it brings up to have the keys.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Final
+
+from textual.screen import ModalScreen
+
+if TYPE_CHECKING:
+    from textual.app import App
+    from textual.dom import DOMNode
+    from textual.events import Key
+
+ASKING: Final = "ask"  # group of the workers that put questions
+FINDING: Final = "find"  # and of those that look for the next hit
+_LONGEST_S: Final = 0.5  # nothing holds keys back for longer
+
+
+class KeyQueue:
+    """The keys that wait for their turn."""
+
+    def __init__(self, app: App[None], dispatch: Callable[[Key], Awaitable[None]]) -> None:
+        self._app, self._dispatch = app, dispatch
+        self._waiting: deque[Key] = deque()
+        self._task: asyncio.Task[None] | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a key has not had its effect yet."""
+        return self._task is not None
+
+    async def take(self, event: Key) -> None:
+        """A key was pressed: it is handed on at once where none is before it."""
+        if self._task is not None:
+            self._waiting.append(event)
+            return
+        target = self._app.focused or self._app.screen
+        await self._dispatch(event)
+        self._task = asyncio.create_task(self._go_on(target))
+
+    async def _go_on(self, target: DOMNode) -> None:
+        """Wait for the key that `target` was handed, then hand on those that came meanwhile."""
+        try:
+            while True:
+                await handled(self._app, target)
+                if not self._waiting:
+                    return
+                target = self._app.focused or self._app.screen
+                await self._dispatch(self._waiting.popleft())
+        finally:
+            self._task = None
+
+
+async def handled(app: App[None], target: DOMNode) -> None:
+    """Return once a key that `target` was handed has had its effect."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(_LONGEST_S):
+            await _told(target)  # it, and whatever has a binding for the key
+            await _told(app.focused or app.screen)  # who was told of what that did
+            await _asked(app)
+
+
+async def _told(target: DOMNode) -> None:
+    """The widget, then each of those around it: what one posts to the next is in the queue before this."""
+    for node in target.ancestors_with_self:
+        done = asyncio.Event()
+        if node.is_running and node.call_later(done.set):
+            await done.wait()
+
+
+async def _asked(app: App[None]) -> None:
+    """A question that is on its way is there and has the keys; one that was answered is done with."""
+    until = time.monotonic() + _LONGEST_S
+    while time.monotonic() < until and _coming(app):
+        await asyncio.sleep(0.001)
+
+
+def _coming(app: App[None]) -> bool:
+    top = app.screen
+    if isinstance(top, ModalScreen):
+        return not top.is_running or (top.focused is None and top.AUTO_FOCUS != "")
+    return any(worker.group in (ASKING, FINDING) and not worker.is_finished for worker in app.workers)

@@ -1,0 +1,231 @@
+"""A thin wire: of a picture only the cells that changed are sent, and of their looks only what differs.
+
+Textual draws whole lines of widgets again, each piece with all of its colours. Here a shadow of the terminal knows what
+stands in every cell; an update becomes the shortest way from there. On a slow line (SSH over a modem, a console server
+at 115200 baud) an arrow key costs some hundred bytes so.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from rich.cells import cell_len, get_character_cell_size
+from textual._compositor import ChopsUpdate, CompositorUpdate, LayoutUpdate
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.segment import Segment
+    from rich.style import Style
+
+Piece = tuple[int, int, "Iterable[Segment]"]  # line, column, what stands there
+
+_OFF: Final = {1: 22, 2: 22, 3: 23, 4: 24, 5: 25, 6: 25, 7: 27, 8: 28, 9: 29, 21: 24, 53: 55}  # SGR: how to end each
+_SEEN_ON_BLANKS: Final = frozenset({4, 7, 9, 21, 53})
+_FEW: Final = 4  # cells: writing so many again is shorter than to jump over them
+_LOOKS: Final = 1 << 12
+
+
+class Look(NamedTuple):
+    """How a cell looks, in codes of SGR. Foreground `""`: any, since nothing is seen of it."""
+
+    front: str
+    back: str
+    marks: frozenset[int]
+
+
+_PLAIN: Final = Look("39", "49", frozenset())
+
+
+class Wire:
+    """The terminal as it stands, and what was sent of late."""
+
+    def __init__(self) -> None:
+        self._size = (0, 0)
+        self._texts: list[list[str]] = []
+        self._looks: list[list[Look | None]] = []
+        self._known: dict[Style | None, tuple[Look, Look]] = {}
+        self._sent: deque[tuple[float, int]] = deque()
+
+    def forget(self) -> None:
+        """Nobody knows what the terminal shows: all is sent again."""
+        self._size = (0, 0)
+
+    def thin(self, update: CompositorUpdate, console: Console) -> ThinUpdate:
+        """An update as the difference from what stands there; it must be written, or the next one is wrong."""
+        if isinstance(update, LayoutUpdate):
+            return ThinUpdate(self.difference(_of_layout(update), console))
+        if isinstance(update, ChopsUpdate):
+            return ThinUpdate(self.difference(_of_chops(update), console))
+        self.forget()
+        return ThinUpdate(update.render_segments(console))
+
+    def rate(self, seconds: float = 1.0) -> int:
+        """Bytes that went out in the newest `seconds`."""
+        since = time.monotonic() - seconds
+        while self._sent and self._sent[0][0] < since:
+            self._sent.popleft()
+        return sum(size for _, size in self._sent)
+
+    def difference(self, pieces: Iterable[Piece], console: Console) -> str:
+        """What to write so that these pieces stand on the terminal."""
+        self._fit(console.size.width, console.size.height)
+        out: list[str] = []
+        at: tuple[int, int] | None = None  # the cursor: line, column
+        now = _PLAIN
+        for y, x, segments in pieces:
+            if not 0 <= y < self._size[1]:
+                continue
+            texts, looks = self._texts[y], self._looks[y]
+            for first, last in _runs(self._changes(y, x, segments, console), looks, texts):
+                if at != (y, first):
+                    ahead = at is not None and at[0] == y and at[1] < first
+                    out.append(f"\x1b[{first - at[1]}C" if ahead and at else f"\x1b[{y + 1};{first + 1}H")
+                for i in range(first, last):
+                    look = looks[i]
+                    if look is not None and look != now and texts[i]:
+                        code, now = _turned(now, look)
+                        out.append(code)
+                    out.append(texts[i])
+                at = None if last >= self._size[0] else (y, last)
+        if now != _PLAIN:
+            out.append("\x1b[m")
+        text = "".join(out)
+        self._sent.append((time.monotonic(), len(text)))
+        return text
+
+    def _fit(self, width: int, height: int) -> None:
+        if self._size != (width, height):
+            self._size = width, height
+            self._texts = [[" "] * width for _ in range(height)]
+            self._looks = [[None] * width for _ in range(height)]
+
+    def _changes(self, y: int, x: int, segments: Iterable[Segment], console: Console) -> Iterator[int]:
+        """Take the segments in; columns that are others now, ascending."""
+        texts, looks, width = self._texts[y], self._looks[y], self._size[0]
+        for text, style, control in segments:
+            if control or not text:
+                continue
+            full, blank = self._look(style, console)
+            cells = list(text) if text.isascii() else _cells(text)
+            own: list[Look | None] = [blank if cell == " " else full for cell in cells]
+            skip, room = max(0, -x), max(0, width - x)
+            if skip or len(cells) > room:
+                cells, own = cells[skip:room], own[skip:room]
+            at = x + skip
+            x += len(own) + skip
+            end = at + len(cells)
+            if texts[at:end] == cells and looks[at:end] == own:
+                continue
+            for i, (cell, look) in enumerate(zip(cells, own, strict=True), at):
+                if texts[i] != cell or looks[i] != look:
+                    if not texts[i]:  # the other half of a wide character goes with this one
+                        texts[i - 1], looks[i - 1] = " ", None
+                    if i + 1 < width and not texts[i + 1]:
+                        texts[i + 1], looks[i + 1] = " ", None
+                    texts[i], looks[i] = cell, look
+                    yield i
+
+    def _look(self, style: Style | None, console: Console) -> tuple[Look, Look]:
+        """How text in a style looks, and how a blank does."""
+        found = self._known.get(style)
+        if found is None:
+            if len(self._known) > _LOOKS:
+                self._known.clear()
+            full = _look_of(style, console)
+            seen = full.marks & _SEEN_ON_BLANKS
+            blank = Look(full.front if seen else "", full.back, seen)
+            found = self._known[style] = (full, blank)
+        return found
+
+
+class ThinUpdate(CompositorUpdate):
+    """An update whose text is known."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def render_segments(self, console: Console) -> str:  # noqa: ARG002
+        """What to write to the terminal."""
+        return self.text
+
+
+def _of_layout(update: LayoutUpdate) -> Iterator[Piece]:
+    for y, strips in enumerate(update.strips, update.region.y):
+        yield y, update.region.x, (segment for strip in strips for segment in strip)
+
+
+def _of_chops(update: ChopsUpdate) -> Iterator[Piece]:
+    for y, x1, x2 in update.spans:
+        for end, (x, strip) in zip(update.chop_ends[y], update.chops[y].items(), strict=False):
+            if strip is not None and x < x2 and end > x1:
+                low, high = max(x, x1), min(end, x2)
+                yield y, low, strip if (low, high) == (x, end) else strip.crop(low - x, high - x)
+
+
+def _cells(text: str) -> list[str]:
+    """A text cell by cell; the second cell of a wide character is empty."""
+    if len(text) == cell_len(text):
+        return list(text)
+    out: list[str] = []
+    for character in text:
+        size = get_character_cell_size(character)
+        if size == 0 and out:
+            out[-1] += character
+        out.extend(([character, ""] if size > 1 else [character]) if size else [])
+    return out
+
+
+def _runs(columns: Iterable[int], looks: Sequence[Look | None], texts: Sequence[str]) -> Iterator[tuple[int, int]]:
+    """Changed columns as stretches to write, over gaps that are shorter to write again than to jump over."""
+    found = list(columns)  # all are taken in before the first is written
+    first = last = -1
+    for column in found:
+        if first < 0:
+            first = column
+        elif column - last > _FEW or not all(_alike(looks[i], looks[last - 1]) for i in range(last, column)):
+            yield first, last
+            first = column
+        last = column + 1
+        while last < len(texts) and not texts[last]:
+            last += 1  # the other half of a wide character
+    if first >= 0:
+        yield first, last
+
+
+def _alike(look: Look | None, other: Look | None) -> bool:
+    """Whether a cell can be written in another one's look."""
+    if look is None or other is None or look == other:
+        return look == other
+    return not look.front and look.back == other.back and look.marks == other.marks & _SEEN_ON_BLANKS
+
+
+def _look_of(style: Style | None, console: Console) -> Look:
+    system = console._color_system
+    if style is None or system is None:
+        return _PLAIN
+    front = style.color.downgrade(system).get_ansi_codes() if style.color else ()
+    back = style.bgcolor.downgrade(system).get_ansi_codes(foreground=False) if style.bgcolor else ()
+    names = ("bold", "dim", "italic", "underline", "blink", "blink2", "reverse", "conceal", "strike")
+    marks = frozenset(code for code, name in enumerate(names, 1) if getattr(style, name))
+    return Look(";".join(front) or "39", ";".join(back) or "49", marks)
+
+
+def _turned(now: Look, wanted: Look) -> tuple[str, Look]:
+    """The codes from one look to another, and the look after them."""
+    codes: list[str] = []
+    if not wanted.front:
+        wanted = Look("", wanted.back, wanted.marks | (now.marks - _SEEN_ON_BLANKS))
+    ended = {_OFF[mark] for mark in now.marks - wanted.marks}
+    codes += [str(code) for code in sorted(ended)]
+    kept = {mark for mark in now.marks if _OFF[mark] not in ended}
+    codes += [str(mark) for mark in sorted(wanted.marks - kept)]
+    front = wanted.front or now.front
+    if front != now.front:
+        codes.append(front)
+    if wanted.back != now.back:
+        codes.append(wanted.back)
+    after = Look(front, wanted.back, wanted.marks)
+    return (f"\x1b[{';'.join(codes)}m" if codes else ""), after

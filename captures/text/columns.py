@@ -1,0 +1,184 @@
+"""Frames written a byte or a field a line, or field by field in one line, found by their check values."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from itertools import accumulate, groupby, takewhile
+from typing import Final, NamedTuple
+
+from .choosing import Checked, Experience, Judge, Run, label_in
+from .hexshapes import H, Level
+from .loglines import LogLine
+
+COLUMN_SHAPE: Final = "column"
+MOST_ROWS: Final = 600  # of one column, or of one array
+_FRAME: Final = 260  # bytes
+_COLUMN: Final = 4  # lines, or fields, that can hold a frame a byte each
+_MOST_COLUMNS: Final = 4  # from either side of a line
+_STEP: Final = 16  # rows at which a judge, shown the column from one on, looks for frames
+_TOKEN: Final = re.compile(
+    rf"(?<![\w.])(?:(0[xX]|(?:[A-Z]+#)?16#|\$)({H}{{1,2}}(?!{H})|{H}{{4}})|(-?\d{{1,3}}|{H}{{1,2}}|(?:{H}{{2}}){{2,8}})[hH]?)"
+    r"(?!\w|\.\d|=\s*\w)"
+)
+_FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,16}}[hH]?(?!\w)")
+_PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is looked for in the columns of a text
+_LONGEST_ROW: Final = 512  # characters
+_NUMBER: Final = re.compile(rf"0[xX]{H}+|(?<![^\W_]){H}{{1,4}}(?![^\W_])|\d+")
+
+
+def settle_columns(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> None:
+    """Frames written a byte or a field a line, or field by field in one line, found by their check values."""
+    group: list[LogLine] = []
+    for line in [*lines, None]:
+        if line is not None and line.clean.strip() == "" and not line.runs:
+            continue
+        if line is not None and not _holds_bytes(line) and _TOKEN.search(line.clean) is not None:
+            if len(_FIELD.findall(line.clean)) >= _COLUMN:
+                _fields_of(line, _tokens(line), judge)
+            if not _holds_bytes(line):
+                group.append(line)
+                if len(group) < MOST_ROWS:
+                    continue
+        if group:
+            _column_of(group, judge, experience)
+        group = []
+
+
+def _holds_bytes(line: LogLine) -> bool:
+    return any(run.taken and (len(run.data) > 2 or run.checked or run.sure) for run in line.runs)
+
+
+class _Token(NamedTuple):
+    """A number of one byte, or of several in hex; `signed` where a sign before it says that it is hex."""
+
+    start: int
+    end: int
+    digits: str
+    signed: bool
+
+    @property
+    def hexadecimal(self) -> bytes | None:
+        """The bytes that it is in hex."""
+        digits = self.digits
+        if digits[0] == "-" or len(digits) == 3:
+            return None
+        return bytes.fromhex(digits if len(digits) % 2 == 0 else f"0{digits}")
+
+    @property
+    def decimal(self) -> bytes | None:
+        """The byte that it is in decimal."""
+        digits = self.digits
+        if self.signed or not digits.lstrip("-").isdigit() or not -129 < int(digits) < 256:
+            return None
+        return bytes((int(digits) & 0xFF,))
+
+
+def _tokens(line: LogLine) -> list[_Token]:
+    if len(line.clean) > _LONGEST_ROW:
+        return []
+    return [
+        _Token(match.start(), match.end(), match[2] or match[3], match[1] is not None)
+        for match in _TOKEN.finditer(line.clean)
+    ]
+
+
+def _fields_of(line: LogLine, tokens: list[_Token], judge: Judge) -> None:
+    """`ID=01 FC=03 ADDR=0000 LEN=000A CRC=C5CD`"""
+    for some in (tokens, tokens[1:]):
+        parts = [token.hexadecimal for token in some]
+        if None in parts:
+            continue
+        data = b"".join(part for part in parts if part)
+        if 3 < len(data) <= _FRAME and _exactly(data, judge):
+            _take_tokens(line, some, data)
+            return
+
+
+def _exactly(data: bytes, judge: Judge) -> bool:
+    """Whether frames with right check values are all of these bytes."""
+    return sum(span.end - span.start for span in judge(data)) == len(data)
+
+
+def _column_of(lines: list[LogLine], judge: Judge, experience: Experience) -> None:
+    """One number of each line, always the same one, where those are frames."""
+    for skeleton, same in groupby(lines, _skeleton):
+        alike = list(same)
+        if skeleton in experience.columns:
+            _take_column(alike, *experience.columns[skeleton])
+        elif experience.in_vain > _PATIENCE:
+            continue
+        elif (found := _one_column(alike, judge, alike=True)) is not None:
+            experience.columns[skeleton] = found
+    if any(run.taken for line in lines for run in line.runs):
+        experience.in_vain = 0
+    elif experience.in_vain <= _PATIENCE:
+        experience.in_vain += len(lines)
+        found = _one_column(lines, judge, alike=False)
+        signs = {skeleton for line in lines if not any(map(str.isalpha, skeleton := _skeleton(line)))}
+        if found is not None:
+            experience.columns.update(dict.fromkeys(signs, found))
+
+
+def _skeleton(line: LogLine) -> str:
+    """A line without its numbers."""
+    return " ".join(_NUMBER.sub("", line.clean).split())
+
+
+def _one_column(lines: list[LogLine], judge: Judge, *, alike: bool) -> tuple[int, str] | None:
+    """Which number of each line is a byte of frames, and how it is read; the lines of those frames are taken.
+
+    Of lines `alike` what stands between two frames is taken, too.
+    """
+    if len(lines) < _COLUMN:
+        return None
+    table = [_tokens(line) for line in lines]
+    fewest = min(max(map(len, table)), _MOST_COLUMNS)
+    tried: list[list[bytes | None]] = []  # of lines with as many numbers each, every column comes twice
+    for i in (*range(-1, -1 - fewest, -1), *range(fewest)):
+        for reading in ("hexadecimal", "decimal"):
+            parts = [getattr(tokens[i], reading) if -len(tokens) <= i < len(tokens) else None for tokens in table]
+            if parts in tried:
+                continue
+            tried.append(parts)
+            inside = _inside_frames(parts, judge)
+            if not any(inside):
+                continue
+            first, last = inside.index(True), len(inside) - inside[::-1].index(True)
+            for row, (line, tokens, part) in enumerate(zip(lines, table, parts, strict=True)):
+                if part is not None and (inside[row] or (alike and first <= row < last)):
+                    _take_tokens(line, [tokens[i]], part)
+            return i, reading
+    return None
+
+
+def _inside_frames(parts: Sequence[bytes | None], judge: Judge) -> list[bool]:
+    """Which of these parts make up frames that begin and end with parts."""
+    inside = [False] * len(parts)
+    row = 0
+    while row < len(parts):
+        some = list(takewhile(lambda part: part is not None, parts[row : row + _FRAME]))
+        starts = [0, *accumulate(len(part) for part in some if part is not None)]
+        spans = [span for span in judge(b"".join(part for part in some if part)) if {span.start, span.end} <= {*starts}]
+        for span in spans:
+            for k in range(starts.index(span.start), starts.index(span.end)):
+                inside[row + k] = True
+        row += starts.index(spans[-1].end) if spans else min(len(some), _STEP) + 1
+    return inside
+
+
+def _take_column(lines: list[LogLine], i: int, reading: str) -> None:
+    for line in lines:
+        tokens = _tokens(line)
+        token = tokens[i] if -len(tokens) <= i < len(tokens) else None
+        if token is not None and (part := getattr(token, reading)) is not None:
+            _take_tokens(line, [token], part)
+
+
+def _take_tokens(line: LogLine, tokens: list[_Token], data: bytes) -> None:
+    start, end = tokens[0].start, tokens[-1].end
+    mark = next((run.mark for run in line.runs if run.mark), 0)
+    label = label_in(line.clean[max(start - 56, 0) : start])
+    run = Run(data, start, end, COLUMN_SHAPE, Level.NUMBER, label, mark, taken=True)
+    run.checked = (Checked(0, len(data)),)
+    line.runs = [run]

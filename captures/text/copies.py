@@ -1,0 +1,135 @@
+"""What tools say twice: a buffer and its JSON, `recv` and `Processing`, a packet with and without its check value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from .choosing import Experience, Run
+from .columns import COLUMN_SHAPE
+from .loglines import LogLine
+
+_LEAST_COPY: Final = 3  # bytes: fewer are alike by chance
+_ENTRY_LINES: Final = 8  # between two reports of the same bytes
+_ENTRY_FINE_NS: Final = 60_000_000
+_ENTRY_COARSE_NS: Final = 1_000_000_000
+
+
+@dataclass(slots=True)
+class _Entry:
+    """The bytes of one read, over one line or several."""
+
+    data: bytes
+    first: LogLine
+    last: LogLine
+    runs: list[Run]
+
+    @property
+    def checked(self) -> bool:
+        return any(run.checked for run in self.runs)
+
+    @property
+    def template(self) -> tuple[str, str]:
+        return self.runs[0].label or self.runs[0].heading, self.runs[0].shape
+
+    @property
+    def mark(self) -> int:
+        return self.runs[0].mark
+
+    @property
+    def decoded(self) -> bytes:
+        """The bytes that an ASCII-mode frame's characters stand for."""
+        if self.data[:1] != b":":
+            return b""
+        try:
+            return bytes.fromhex(self.data[1:].decode("ascii").strip())
+        except ValueError:
+            return b""
+
+
+def _entries(lines: Sequence[LogLine]) -> Iterator[_Entry]:
+    held: _Entry | None = None
+    for line in lines:
+        for i, run in enumerate(run for run in line.runs if run.taken):
+            same = (
+                held is not None
+                and run.shape == held.runs[-1].shape == COLUMN_SHAPE
+                and run.label == held.runs[-1].label
+            )
+            if held is not None and not i and (line.continues or same):
+                held.data += run.data
+                held.last = line
+                held.runs.append(run)
+                continue
+            if held is not None:
+                yield held
+            held = _Entry(run.data, line, line, [run])
+    if held is not None:
+        yield held
+
+
+def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
+    recent: list[_Entry] = []
+    for entry in _entries(lines):
+        for earlier in reversed(recent):
+            if not _one_report(earlier, entry):
+                continue
+            drop = _copy_of_two(earlier, entry, experience)
+            if drop is not None:
+                other = earlier if drop is entry else entry
+                for run in drop.runs:
+                    run.taken = False
+                    run.why = f"the same bytes as in line {other.first.number}"
+                if drop is entry:
+                    break
+                recent.remove(earlier)
+        else:
+            recent.append(entry)
+        del recent[:-4]
+
+
+def _one_report(earlier: _Entry, entry: _Entry) -> bool:
+    """Whether two runs can be of one log entry: near in the text and in time, of one direction."""
+    if entry.first.number - earlier.last.number > _ENTRY_LINES:
+        return False
+    if earlier.mark and entry.mark and earlier.mark != entry.mark:
+        return False
+    first, second = earlier.last.t_ns, entry.first.t_ns
+    if first is None or second is None:
+        return True
+    limit = _ENTRY_FINE_NS if earlier.last.fine and entry.first.fine else _ENTRY_COARSE_NS
+    return abs(second - first) <= limit
+
+
+def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience) -> _Entry | None:
+    """The one of two that only repeats bytes of the other; None where both are of their own."""
+    same_line = earlier.last is entry.first
+    if (earlier.template == entry.template and not same_line) or min(len(earlier.data), len(entry.data)) < _LEAST_COPY:
+        return None
+    if earlier.template[1] == entry.template[1] == COLUMN_SHAPE:
+        return None
+    pair = (*earlier.template, *entry.template)
+    if entry.data in (earlier.data, earlier.decoded):
+        marked = earlier.mark == entry.mark != 0
+        timed = earlier.last.t_ns is not None and entry.first.t_ns is not None
+        if not (same_line or marked or timed) and entry.runs[0].heading:
+            return None  # only the words above them differ: somebody shows the same frame again
+        if earlier.checked and not any(span.repeats for run in earlier.runs for span in run.checked):
+            experience.reports.add(pair)
+            return entry
+        reported = earlier.runs[0].shape != entry.runs[0].shape if same_line else marked or pair in experience.reports
+        return entry if reported else None
+    if same_line and len(entry.data) == len(earlier.data):  # a string and its hex, in another encoding
+        strings = [one for one in (earlier, entry) if one.runs[0].shape == "\\x"]
+        same = sum(a == b for a, b in zip(earlier.data, entry.data, strict=True))
+        if len(strings) == 1 and 2 * same >= len(entry.data) and not strings[0].checked:
+            return strings[0]
+    bytewise = earlier.template[1] == COLUMN_SHAPE
+    if (bytewise or not entry.checked) and (entry.data in earlier.data or entry.data in earlier.decoded):
+        if earlier.checked:
+            experience.reports.add(pair)
+        return entry if pair in experience.reports else None
+    if not earlier.checked and entry.checked and earlier.data in entry.data:
+        return earlier
+    return None

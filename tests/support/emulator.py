@@ -1,0 +1,164 @@
+"""A terminal that remembers what it was told to show, and counts what that took."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import re
+import select
+import signal
+import struct
+import sys
+import termios
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.cells import get_character_cell_size
+from running import ROOT
+
+_TOKEN = re.compile(
+    r"\x1b\[([?>=<]?)([\d;:]*)([ -/]*)([@-~])"  # CSI
+    r"|\x1b[\]P][^\x07\x1b]*(?:\x07|\x1b\\)|\x1b.|([^\x1b]+)",
+    re.DOTALL,
+)
+
+
+class Picture:
+    """Cells, as far as the interface's own codes move the cursor; looks as codes of SGR."""
+
+    def __init__(self, columns: int, rows: int) -> None:
+        self.columns, self.rows = columns, rows
+        self.cells = [[" "] * columns for _ in range(rows)]
+        self.looks: list[list[tuple[str, ...]]] = [[()] * columns for _ in range(rows)]
+        self.x = self.y = 0
+        self._front, self._back, self._marks = "39", "49", set[str]()
+        self._rest = ""
+
+    def feed(self, text: str) -> None:
+        """Take in some output."""
+        text = self._rest + text
+        cut = text.rfind("\x1b")
+        self._rest = text[cut:] if cut >= 0 and not _TOKEN.match(text[cut:]) else ""
+        for private, numbers, _, final, plain in _TOKEN.findall(text[: len(text) - len(self._rest)]):
+            if plain:
+                self._write(plain)
+            elif final == "H":
+                y, _, x = numbers.partition(";")
+                self.y, self.x = int(y or 1) - 1, int(x or 1) - 1
+            elif final == "C":
+                self.x += int(numbers or 1)
+            elif final == "m" and not private:
+                self._turn(numbers.split(";") if numbers else ["0"])
+
+    def _turn(self, codes: list[str]) -> None:
+        i = 0
+        while i < len(codes):
+            code = codes[i]
+            if code in ("38", "48"):
+                size = 3 if codes[i + 1] == "5" else 5
+                whole, i = ";".join(codes[i : i + size]), i + size - 1
+                self._front, self._back = (whole, self._back) if code == "38" else (self._front, whole)
+            elif code in ("0", ""):
+                self._front, self._back, self._marks = "39", "49", set()
+            elif code in ("22", "23", "24", "27", "29"):
+                self._marks -= {"1", "2"} if code == "22" else {code[1]}
+            elif len(code) == 1:
+                self._marks.add(code)
+            elif code[0] in "39" and code[:2] != "10":
+                self._front = code
+            else:
+                self._back = code
+            i += 1
+
+    def _write(self, text: str) -> None:
+        for c in text:
+            if c == "\n":
+                self.y += 1
+            elif c == "\r":
+                self.x = 0
+            else:
+                size = get_character_cell_size(c)
+                for i in range(size):
+                    if self.x < self.columns and self.y < self.rows:
+                        self.cells[self.y][self.x] = "" if i else c
+                        self.looks[self.y][self.x] = (self._front, self._back, *sorted(self._marks))
+                    self.x += 1
+
+    def lines(self) -> list[str]:
+        """What stands there."""
+        return ["".join(line).rstrip() for line in self.cells]
+
+
+class Watched:
+    """A command on a pty, seen through a `Picture`; `count` are the bytes that came since it was last set to 0."""
+
+    def __init__(self, *arguments: str, columns: int = 80, rows: int = 24, cwd: Path | None = None, **env: str) -> None:
+        self.pid, self.fd = pty.fork()
+        if self.pid == 0:
+            fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+            os.environ.pop("NO_COLOR", None)
+            os.environ.update(
+                {"TERM": "xterm-256color", "COLORTERM": "", "LANG": "C.UTF-8", "PYTHONPATH": str(ROOT)}
+                | {"COLUMNS": str(columns), "LINES": str(rows)}
+                | env
+            )
+            os.chdir(cwd or ".")
+            os.execv(sys.executable, [sys.executable, "-m", "analyzer.cli", *arguments])
+        self.picture = Picture(columns, rows)
+        self.raw, self.count = b"", 0
+
+    def press(self, keys: str, quiet: float = 0.4) -> Watched:
+        """Type all of it at once; wait until nothing comes any more."""
+        os.write(self.fd, keys.encode())
+        self.settle(quiet)
+        return self
+
+    def settle(self, quiet: float = 0.4, most: float = 20.0) -> None:
+        """Take in what comes until nothing has come for so long."""
+        end = time.monotonic() + most
+        while time.monotonic() < end and self._read(quiet):
+            pass
+
+    def until(self, wanted: str | Callable[[], bool], seconds: float = 20) -> Watched:
+        """Wait for something to be shown, or to be so."""
+        end = time.monotonic() + seconds
+        while not (wanted() if callable(wanted) else wanted in self.shown()):
+            assert time.monotonic() < end, self.shown()
+            self._read(0.1)
+        return self
+
+    def shown(self) -> str:
+        """What stands on the terminal."""
+        return "\n".join(self.picture.lines())
+
+    def _read(self, seconds: float) -> bool:
+        if not select.select([self.fd], [], [], seconds)[0]:
+            return False
+        try:
+            data = os.read(self.fd, 1 << 16)
+        except OSError:
+            return False
+        if b"\x1b[?2026$p" in data:
+            os.write(self.fd, b"\x1b[?2026;2$y")
+        self.count += len(data)
+        self.raw += data
+        self.picture.feed(data.decode(errors="replace"))
+        return bool(data)
+
+    def close(self) -> None:
+        """End it, if it has not ended."""
+        try:
+            os.kill(self.pid, signal.SIGKILL)
+        except ProcessLookupError:
+            return
+        finally:
+            os.close(self.fd)
+        os.waitpid(self.pid, 0)
+
+    def __enter__(self) -> Watched:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

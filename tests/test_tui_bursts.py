@@ -1,0 +1,98 @@
+"""Keys typed fast through a real terminal: each acts on what the one before it left."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from seats import opened, sample_in
+
+if os.name != "posix":
+    pytest.skip("ptys are POSIX", allow_module_level=True)
+
+from emulator import Watched
+
+from analyzer.model.bus import Bus
+
+DOWN, UP, ENTER, ESC = "\x1b[B", "\x1b[A", "\r", "\x1b"
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    return sample_in(tmp_path)
+
+
+@pytest.fixture
+def seen(capture: Path) -> Iterator[Watched]:
+    with Watched("open", str(capture), columns=100, rows=30, cwd=capture.parent) as terminal:
+        terminal.until("registers from 107").settle(1.0)
+        yield terminal
+
+
+def bus_of(capture: Path) -> Bus:
+    source = opened(capture)
+    bus = Bus.of(source)
+    for analysed in source.steps(bool):
+        bus.feed(analysed)
+    bus.close()
+    return bus
+
+
+def noted(capture: Path, terminal: Watched, count: int = 1) -> list[int]:
+    """Rows of the bookmarks that are kept beside the capture, once there are so many."""
+    beside = capture.with_name(capture.name + ".rtuscope.json")
+    terminal.until(lambda: beside.exists() and len(json.loads(beside.read_text())["bookmarks"]) >= count)
+    bus = bus_of(capture)
+    kept = json.loads(beside.read_text())["bookmarks"]
+    return [bus.table.row_of_byte(note["port"], note["start"]) for note in kept]
+
+
+def test_a_bookmark_is_set_where_the_cursor_is(seen: Watched, capture: Path) -> None:
+    seen.press(DOWN * 3 + "m" + DOWN * 4 + "m")
+    assert noted(capture, seen, 2) == [3, 7]
+
+
+def test_findings_are_jumped_to_one_by_one(seen: Watched, capture: Path) -> None:
+    bus = bus_of(capture)
+    rows = sorted({bus.found.row(i) for i in range(bus.found.count)} - {-1})
+    rows = [row for row in rows if row > 0]
+    seen.press("]" * 6 + "m")
+    assert noted(capture, seen) == [rows[5]]
+
+
+def test_a_question_gets_what_is_typed_behind_its_key(seen: Watched, capture: Path) -> None:
+    seen.press(f"g50{ENTER}m;pump off{ENTER}")
+    (row,) = noted(capture, seen)
+    assert bus_of(capture).frame(row).index == 50
+    seen.until("pump off")
+
+
+def test_the_next_hit_is_counted_from_the_last(seen: Watched, capture: Path) -> None:
+    seen.press(f"ft discrete{ENTER}nnnm")
+    bus = bus_of(capture)
+    hits = [r for r in range(bus.count) if not bus.is_noise(r) and "discrete" in bus.frame(r).summary()]
+    assert noted(capture, seen) == [hits[3]]
+
+
+def test_a_filter_typed_at_once_and_a_selection_kept(seen: Watched, capture: Path) -> None:
+    seen.press(f"/unit == 2{ENTER}").until("rows shown")
+    seen.press(f" {DOWN}{DOWN} {DOWN}{DOWN}{DOWN}e\x15two.jsonl{ENTER}")
+    seen.until(lambda: (capture.parent / "two.jsonl").exists())
+    rows = [json.loads(line) for line in (capture.parent / "two.jsonl").read_text().splitlines()]
+    assert len(rows) == 3 and {row["unit"] for row in rows} == {2}
+
+
+def test_escape_leaves_the_filter_in_use_on_its_line(seen: Watched) -> None:
+    seen.press(f"/unit == 2{ENTER}").until("rows shown")
+    seen.press("/ and exce").press(ESC)
+    line = next(line for line in seen.picture.lines() if "unit == 2" in line)
+    assert "exce" not in line and "rows shown" in seen.shown()
+
+
+def test_a_comment_that_was_deleted_comes_back(seen: Watched, capture: Path) -> None:
+    seen.press(f"{DOWN};valve{ENTER}m").until("u brings")
+    seen.press("u").until('"valve"')
+    assert noted(capture, seen) == [1]

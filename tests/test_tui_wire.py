@@ -1,0 +1,107 @@
+"""What goes down the wire: few bytes for a key, none for nothing, and always the right picture."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+from rich.segment import Segment
+from rich.style import Style
+from seats import sample_in
+from textual.geometry import Region
+from textual.strip import Strip
+
+if os.name != "posix":
+    pytest.skip("ptys are POSIX", allow_module_level=True)
+
+from emulator import Picture, Watched
+from textual._compositor import LayoutUpdate
+
+from analyzer.tui.wire import Wire
+
+_STYLES = [
+    Style(), Style(bold=True), Style(color="red"), Style(color="#8b949e", bgcolor="#16191d"), Style(reverse=True),
+    Style(color="#ffffff", bgcolor="#2f5f8f", bold=True), Style(italic=True, dim=True), Style(underline=True),
+]  # fmt: skip
+_COLUMNS, _ROWS = 24, 4
+_text = st.text(st.sampled_from("ab  ─▲漢字é"), max_size=12)
+_pieces = st.lists(st.tuples(_text, st.sampled_from(_STYLES)), max_size=4)
+_updates = st.lists(st.tuples(st.integers(0, _COLUMNS - 1), st.integers(0, _ROWS - 1), _pieces), max_size=8)
+
+
+@given(_updates)
+def test_the_terminal_shows_what_is_drawn_however_it_was_sent(updates: list[tuple[int, int, list]]) -> None:  # type: ignore[type-arg]
+    """Against the same updates, each sent whole to a terminal of its own."""
+    console = Console(width=_COLUMNS, height=_ROWS, color_system="256", force_terminal=True)
+    wire, thin, whole = Wire(), Picture(_COLUMNS, _ROWS), Picture(_COLUMNS, _ROWS)
+    blank = LayoutUpdate([[Strip.blank(_COLUMNS)]] * _ROWS, Region(0, 0, _COLUMNS, _ROWS))
+    for x, y, pieces in [(0, 0, None), *updates]:
+        if pieces is None:
+            update = blank
+        else:
+            strip = Strip([Segment(text, style) for text, style in pieces]).crop(0, _COLUMNS - x)
+            update = LayoutUpdate([[strip]], Region(x, y, strip.cell_length, 1))
+        thin.feed(wire.thin(update, console).text)
+        whole.feed(update.render_segments(console))
+    assert wire.thin(blank, console).text or not updates or thin.lines() == [""] * _ROWS
+    for y in range(_ROWS):
+        for x in range(_COLUMNS):
+            ours, theirs = thin.cells[y][x], whole.cells[y][x]
+            if _halved(whole.cells[y], x) or _halved(thin.cells[y], x):
+                continue  # what a terminal makes of half a wide character is its own affair
+            assert ours == theirs, (x, y)
+            if ours.strip():
+                assert thin.looks[y][x] == whole.looks[y][x], (x, y)
+            else:
+                assert thin.looks[y][x][1] == whole.looks[y][x][1], (x, y)
+
+
+def _halved(cells: list[str], x: int) -> bool:
+    from rich.cells import cell_len
+
+    wide = cell_len(cells[x]) > 1
+    return (cells[x] == "" and cell_len(cells[x - 1]) < 2) or (wide and (x + 1 == len(cells) or cells[x + 1] != ""))
+
+
+@pytest.fixture
+def terminal(tmp_path: Path) -> Iterator[Watched]:
+    with Watched("open", str(sample_in(tmp_path)), cwd=tmp_path) as terminal:
+        terminal.until("registers from").settle(1.5)
+        terminal.press("1")
+        yield terminal
+
+
+def cost(terminal: Watched, keys: str, times: int = 1, quiet: float = 0.5) -> float:
+    """Bytes that a key costs, however slow the machine is to begin with sending them."""
+    terminal.settle(quiet)
+    total = 0
+    for _ in range(times):
+        terminal.count = 0
+        terminal.press(keys, quiet)
+        if not terminal.count:
+            with suppress(AssertionError):
+                terminal.until(lambda: terminal.count > 0, 5).settle(quiet)
+        total += terminal.count
+    return total / times
+
+
+def test_a_key_costs_little(terminal: Watched) -> None:
+    """At 80x24 in 256 colours: arrow under 1 kB, page under 4 kB, another view under 12 kB, idle nothing."""
+    assert 100 < cost(terminal, "\x1b[B", 8) < 1000
+    assert 100 < cost(terminal, "\x1b[6~", 4) < 4000
+    assert cost(terminal, "\t", 3) < 4000
+    for view in "2345678":
+        assert 100 < cost(terminal, view) < 12_000, view
+    assert cost(terminal, "\x1b") < 12_000
+    assert cost(terminal, "1") < 12_000
+    assert cost(terminal, "?") < 12_000
+    assert cost(terminal, "\x1b") < 12_000
+    terminal.count = 0
+    terminal.settle(2.0)
+    assert terminal.count == 0
