@@ -73,7 +73,7 @@ class Evidence:
     @cached_property
     def verdict(self) -> TimeTrust:
         """What the tap's times can carry."""
-        return self.ledger.clock.best() if self.ledger.timed else TimeTrust()
+        return self.ledger.clock.newest() if self.ledger.timed else TimeTrust()
 
     @cached_property
     def t35_ns(self) -> float | None:
@@ -93,16 +93,24 @@ class Evidence:
         return unit.count(Outcome.SILENT) if self.is_open(Symptom.SILENCE, unit.unit) else 0
 
     def damaged(self, unit: UnitLedger) -> int:
-        """Answers that are none and that nothing explains."""
-        return unit.count(Outcome.GARBAGE) if self.is_open(Symptom.DAMAGE, unit.unit) else 0
+        """Answers that are none and that nothing explains; of those looked at, the share that is damaged indeed."""
+        if not self.is_open(Symptom.DAMAGE, unit.unit):
+            return 0
+        count, samples = unit.count(Outcome.GARBAGE), self._samples(unit)
+        return round(count * len(self.readings(unit)) / samples) if samples else count
+
+    @staticmethod
+    def _samples(unit: UnitLedger) -> int:
+        return sum(sample.outcome == Outcome.GARBAGE for sample in unit.samples.kept)
 
     def readings(self, unit: UnitLedger) -> list[Signature]:
-        """Samples of damaged answers, read."""
+        """Samples of damaged answers, read; those that are whole after all, though in pieces, are left out."""
         if not self.is_open(Symptom.DAMAGE, unit.unit):
             return []
         if unit.unit not in self._readings:
             samples = [sample for sample in unit.samples.kept if sample.outcome == Outcome.GARBAGE]
-            self._readings[unit.unit] = [self._read(sample) for sample in samples]
+            read = [self._read(sample) for sample in samples]
+            self._readings[unit.unit] = [reading for reading in read if reading.damage is not Damage.NONE]
         return self._readings[unit.unit]
 
     def followed(self, unit: UnitLedger) -> list[Signature]:
@@ -124,7 +132,8 @@ class Evidence:
         from .samples import Sample
 
         assert isinstance(sample, Sample)
-        return signature(sample, self.ledger.char_ns, self.request_ends, timed=self.ledger.timed)
+        off = self.verdict.wait_ns if self.ledger.timed else UNKNOWN
+        return signature(sample, self.ledger.char_ns, self.request_ends, off_ns=off)
 
     @cached_property
     def request_ends(self) -> frozenset[bytes]:

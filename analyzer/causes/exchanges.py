@@ -306,7 +306,10 @@ def _answered(made: ColumnTable, rows: ColumnTable, of: NDArray[np.intp]) -> Non
         np.add.at(made["noise"], of[bad], lengths[bad])
     outcome = np.where(made["answer"] >= 0, np.uint8(Outcome.OK), np.uint8(Outcome.SILENT))
     outcome[made["exception"] > 0] = Outcome.EXCEPTION
-    outcome[(outcome == Outcome.SILENT) & (made["noise"] > _STRAY_BYTES)] = Outcome.GARBAGE
+    garbled = made["noise"] > _STRAY_BYTES
+    unfit = others[of_own_function(rows, made, others, of)] if len(others) else others
+    garbled[of[unfit]] = True
+    outcome[(outcome == Outcome.SILENT) & garbled] = Outcome.GARBAGE
     outcome[made["unit"] == 0] = Outcome.BROADCAST
     made["outcome"][:] = outcome
     to_all = answers[made["unit"][of[answers]] == 0]
@@ -315,6 +318,17 @@ def _answered(made: ColumnTable, rows: ColumnTable, of: NDArray[np.intp]) -> Non
         called = (rows["unit"][to_all] != 0) | (lengths[to_all] != lengths[asked])
         made["called"][of[to_all[called]]] = True
     made["called"][:] |= (outcome == Outcome.BROADCAST) & (made["noise"] > _STRAY_BYTES)
+
+
+def of_own_function(
+    rows: ColumnTable, made: ColumnTable, answers: NDArray[np.intp], of: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Which right answers are of the unit and function that was asked, and yet answer nothing: a wrong count."""
+    exchange = of[answers]
+    own: NDArray[np.bool_] = rows["request"].take(answers) < 0
+    own &= rows["unit"].take(answers) == made["unit"].take(exchange)
+    own &= (rows["function"].take(answers) == made["function"].take(exchange)) & (made["answer"].take(exchange) < 0)
+    return own
 
 
 def _asked(made: ColumnTable, table: RowTable, which: NDArray[np.intp]) -> None:

@@ -6,9 +6,9 @@ The ledger is all that suspects see. It grows with the units and polls of a bus,
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +28,16 @@ from .states import StateTable
 from .thinned import Thinned
 from .timegrid import TimeGrid
 from .unitledger import NEEDED, UnitLedger
+from .valuetable import ValueTable
+
+if TYPE_CHECKING:
+    from ..registers.limits import LimitBreach
 
 _CHAR_NS: Final = 1e6  # where the line's speed is not known
 _NOISE_SAMPLES: Final = 64
 _NOISE_BYTES: Final = 512
 _EXAMPLES: Final = 3
+_BACK: Final = 2  # exchanges
 _STRAY: Final = 3  # bytes that one spike makes
 _HOLE: Final = 1.5  # characters
 _NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
@@ -53,6 +58,7 @@ class Ledger:
         self.units: dict[int, UnitLedger] = {}
         self.polls = PollTable()
         self.states = StateTable()
+        self.values = ValueTable()
         self.grid = TimeGrid()
         self.pauses = Thinned()  # ns, end of a good answer to the next request
         self.request_gaps = Thinned()  # ns, silence before requests that follow a good answer, by the reads
@@ -74,6 +80,7 @@ class Ledger:
         self.end = 0
         self.exchanges = 0
         self.next_asked, self.next_hit = (np.zeros(256, np.int64) for _ in range(2))  # see `_count_neighbours`
+        self.breaches: Sequence[LimitBreach] = ()  # of a map's limits, where values were looked at
         self._newest_unit = 0
         self._repeating = False  # the newest request got no answer, and the next one is the same
         self._builder = ExchangeBuilder()
@@ -167,6 +174,7 @@ class Ledger:
         self._sample(part, odd)
         self.polls.add(part)
         self.states.add(part)
+        self.values.add(part, times)
         self._count_bus(exchanges, odd, times)
         self._count_units(exchanges, times)
         self._count_others(part)
@@ -251,6 +259,10 @@ class Ledger:
                     self.unit(number).doubles += 1
                 elif rows["request"][row] >= 0:
                     self.unit(number).late += 1
+                elif number == exchanges["unit"][i]:
+                    self.unit(number).unfit += own < 0
+                elif _was_answered(exchanges, i, number):
+                    self.unit(number).doubles += 1
                 else:
                     self.unit(number).strays += 1
 
@@ -271,6 +283,14 @@ class Ledger:
         if len(before):
             return part.table.bytes_of(int(part.exchanges["answer"][before[-1]]))
         return self.polls.usual.get(int(polls[i]))
+
+
+def _was_answered(exchanges: ColumnTable, i: int, unit: int) -> bool:
+    """Whether the newest request to a unit before exchange i was answered, not long before."""
+    for before in range(i - 1, max(i - 1 - _BACK, -1), -1):
+        if exchanges["unit"][before] == unit:
+            return bool(exchanges["answer"][before] >= 0)
+    return False
 
 
 def ledger_of(parts: Iterable[tuple[Batch, Any]], line: LineSettings) -> Ledger:

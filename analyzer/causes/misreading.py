@@ -70,7 +70,19 @@ def other_formats(line: CharacterFormat) -> Iterator[tuple[CharacterFormat, floa
 def misread(data: bytes, sender: CharacterFormat, receiver: CharacterFormat) -> bytes:
     """What the receiver makes of the beginning of these bytes: as much as hangs on them alone."""
     levels = [bit for byte in data for bit in sender.bits(byte)]
-    ratio = sender.baud / receiver.baud  # bits of the sender in one of the receiver
+    return _received(levels, sender.baud / receiver.baud, receiver)
+
+
+@lru_cache(maxsize=1 << 14)
+def beheaded(data: bytes, lost_bits: int, receiver: CharacterFormat) -> bytes:
+    """What a receiver makes of the beginning of these bytes, whose sender drives the line so many bits too late."""
+    levels = [bit for byte in data for bit in receiver.bits(byte)]
+    levels[:lost_bits] = [1] * min(lost_bits, len(levels))
+    return _received(levels, 1.0, receiver)
+
+
+def _received(levels: list[int], ratio: float, receiver: CharacterFormat) -> bytes:
+    """The bytes of levels, one a bit of their sender, `ratio` of which last as long as a bit of the receiver."""
     found, at, end = bytearray(), 0.0, len(levels)
     while True:
         start = _falls(levels, at)

@@ -34,7 +34,7 @@ def weigh(evidence: Evidence) -> list[Weighed]:
 
 def causes_of(ledger: Ledger) -> list[Cause]:
     """The causes that a ledger shows, best first."""
-    return list(_explained(Evidence(ledger)))
+    return sorted(_explained(Evidence(ledger)), key=lambda cause: -cause.bits)
 
 
 def _explained(evidence: Evidence) -> Iterator[Cause]:

@@ -26,6 +26,7 @@ _LEAST: Final = 4
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
 _TAIL_BITS: Final = 2  # bits of a byte that must have come before its driver let go
 _LOCAL: Final = 0.55  # share of bytes like those of a good answer: the damage is somewhere, not everywhere
+_SURELY: Final = 1.5  # times what silences may be wrong by
 _APART_CHARS: Final = 12.0  # silence behind which bytes are no longer of one answer
 
 
@@ -79,10 +80,12 @@ class Signature:
     echoed: bool = False  # it begins with its request once more
     delay: int = -1  # ns from the request to its first byte
     heard: builtins.bytes = b""
+    request: builtins.bytes = b""
 
 
-def signature(sample: Sample, char_ns: float, requests: frozenset[bytes], *, timed: bool) -> Signature:
-    """Read a sample. `requests`: last bytes of requests of this bus, by which a damaged one is known again."""
+def signature(sample: Sample, char_ns: float, requests: frozenset[bytes], *, off_ns: float) -> Signature:
+    """Read a sample. `requests`: last bytes of requests of this bus, by which a damaged one is known again; `off_ns`: by
+    how much silences may be wrong, infinite where nobody knows."""
     if sample.outcome in (Outcome.OK, Outcome.EXCEPTION):
         kind, t = _behind(sample, requests)
         before = next((i for i, piece in enumerate(sample.pieces) if piece.answers), 0)
@@ -90,8 +93,9 @@ def signature(sample: Sample, char_ns: float, requests: frozenset[bytes], *, tim
         detail = "before" if before else ""
         kind = Behind.NOISE if before and kind is Behind.NOTHING else kind
         return Signature(Damage.NONE, kind, marks=marks, t_behind=t, detail=detail, due=sample.due)
-    burst, rest = _first_burst(sample.pieces, char_ns if timed else 0.0)
-    if not burst:
+    burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
+    every = b"".join(piece.data for piece in sample.pieces)
+    if not burst or (len(every) == sample.due and crc16(every) == 0 and every.startswith(_header(sample.request))):
         return Signature(Damage.NONE, due=sample.due)
     data = b"".join(piece.data for piece in burst)
     echoed = data.startswith(sample.request) and len(data) > len(sample.request)
@@ -102,7 +106,7 @@ def signature(sample: Sample, char_ns: float, requests: frozenset[bytes], *, tim
     marks = sum(piece.marks for piece in burst)
     return Signature(found.damage, behind, found.bytes, len(data), sample.due, found.at, found.flips, t, marks,
                      found.detail, t_behind, _headed(sample, data), echoed, burst[0].t_start - sample.t_asked,
-                     data)  # fmt: skip
+                     data, sample.request)  # fmt: skip
 
 
 def _headed(sample: Sample, data: bytes) -> int:
@@ -238,10 +242,10 @@ def _like_usual(sample: Sample, data: bytes, *, begins: bool) -> _Reading:
     return _Reading(Damage.MIDDLE, max(len(wrong), 1), at, flips)
 
 
-def _first_burst(pieces: tuple[Piece, ...], char_ns: float) -> tuple[list[Piece], list[Piece]]:
+def _first_burst(pieces: tuple[Piece, ...], apart_ns: float) -> tuple[list[Piece], list[Piece]]:
     """The pieces that one silence ends, and those behind it."""
     for i in range(1, len(pieces)):
-        if char_ns and pieces[i].t_start - pieces[i - 1].t_end > _APART_CHARS * char_ns + 5e6:
+        if pieces[i].t_start - pieces[i - 1].t_end > apart_ns:
             return list(pieces[:i]), list(pieces[i:])
     return list(pieces), []
 

@@ -78,7 +78,7 @@ class StateTable:
             if number not in self._polls and len(self._polls) >= _POLLS:
                 continue
             mine = places[numbers == number]
-            self._follow(number, _values(stretch, mine), hits[mine], trials[mine])
+            self._follow(number, answered_values(stretch, mine), hits[mine], trials[mine])
         self._hits, self._trials = int(hits[-1]), int(trials[-1])
 
     def _follow(
@@ -163,7 +163,7 @@ class StateTable:
                 )
 
 
-def _values(stretch: Stretch, places: NDArray[np.intp]) -> NDArray[np.int64]:
+def answered_values(stretch: Stretch, places: NDArray[np.intp]) -> NDArray[np.int64]:
     """The values of answers to one poll, a row each."""
     exchanges, table = stretch.exchanges, stretch.table
     answers = exchanges["answer"][places]

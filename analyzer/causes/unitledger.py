@@ -34,7 +34,8 @@ class UnitLedger:
         self.unit = unit
         self.outcomes = np.zeros(len(Outcome), np.int64)
         self.repeats = 0  # requests to it that repeat the one before
-        self.strays = 0  # right answers of it that answer nothing
+        self.strays = 0  # right answers of it that answer nothing, while another unit is asked
+        self.unfit = 0  # and that stand where its answer was due, and are another
         self.late = 0  # that came when the master had gone on
         self.doubles = 0  # that came behind another answer to the same request
         self.marked = 0  # answers, right but for marks of the UART
@@ -44,6 +45,7 @@ class UnitLedger:
         self.redundant = Thinned()  # ns, delays of good answers whose request the master repeats all the same
         self.heeded = Thinned()  # and of those whose request it does not repeat
         self.pauses = Thinned()  # ns, from its good answers to the next request
+        self.turns = Thinned()  # ns, from a request that is well answered to the next one
         self.echoes = 0  # answers that are their request once more
         self.echo_delays = Thinned()
         self.called = 0  # broadcasts that it answered, by its own address
@@ -122,7 +124,9 @@ class UnitLedger:
         self.behind += len(good) - int(np.count_nonzero(alone))
         if timed:
             t_next = good["t_next"]
-            self.pauses.add((t_next - good["t_answered"])[alone & (t_next != NEVER)])
+            followed = alone & (t_next != NEVER)
+            self.pauses.add((t_next - good["t_answered"])[followed])
+            self.turns.add((t_next - good["t_asked"])[followed])
         marks = good["marks"]
         if marks.any():
             self.marked += int(np.count_nonzero(marks))

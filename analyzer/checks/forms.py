@@ -50,7 +50,7 @@ SHOWN: Final = {
     "UNIT": "a unit such as ms",
     "RANGE": "addresses such as 4x0-100 or 40001-40100",
     "WORD": "a finding's code or a plain word for it such as 'crc errors'",
-    "FILTER": "a display filter (docs/filters.md)",
+    "FILTER": "a display filter (rtuscope help filters)",
     "$END": "the end",
 }
 

@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="a rule that must hold (--list says which there are); may be given again",
     )
     parser.add_argument(
-        "--rules", metavar="FILE", action="append", default=[], help="a TOML file of rules (docs/check.md)"
+        "--rules", metavar="FILE", action="append", default=[], help="a TOML file of rules (rtuscope help checks)"
     )
     parser.add_argument("--list", action=_List, nargs=0, help="say what rules there are, with examples, and exit")
     parser.add_argument("--junit", metavar="FILE", help="write the results as JUnit XML")

@@ -24,6 +24,7 @@ COMMANDS: Final[dict[str, str]] = {
     "repair": "make a whole file of a recording that was cut",
     "simulate": "make a capture of a plausible bus, with faults if asked, and its ground truth",
     "demo": "open the bundled sample capture; on a pipe, report on it",
+    "help": "the pages of the documentation: filters, findings, checks, formats, maps ...",
     "completion": "print the completion script of a shell",
 }
 

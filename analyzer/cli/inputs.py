@@ -30,7 +30,7 @@ _LIMITS: Final = (  # flag, option, least and most in ms, help
     ("--idle-ms", "idle_ns", 5.0, 5000.0, "silence after which the line counts as quiet, 50 if not given"),
 )
 CAPTURE_HELP: Final = (
-    "a capture: .jsonl, .mcap, .pcapng, .sr, .vcd, .csv, .txt, .bin ... (docs/formats.md); - is standard input"
+    "a capture: .jsonl, .mcap, .pcapng, .sr, .vcd, .csv, .txt, .bin ... (rtuscope help formats); - is standard input"
 )
 _READING: Final = (
     "baud",
@@ -56,7 +56,7 @@ def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
     group = parser.add_argument_group("reading the capture (by default as it says itself, else as its bytes tell)")
     flags = ["--format", "--input-format"] if format_flag else ["--input-format"]
     group.add_argument(
-        *flags, dest="input_format", metavar="NAME", help="its format: text, bin, pcap ... (docs/formats.md)"
+        *flags, dest="input_format", metavar="NAME", help="its format: text, bin, pcap ... (rtuscope help formats)"
     )
     group.add_argument("--baud", type=int, metavar="N", help="bit/s of the line")
     group.add_argument("--parity", choices=("N", "E", "O", "M", "S"), help="none, even, odd, mark, space")
@@ -83,7 +83,7 @@ def add_functions_argument(parser: argparse.ArgumentParser) -> None:
 def add_filter_argument(parser: argparse.ArgumentParser) -> None:
     """--filter."""
     parser.add_argument(
-        "--filter", metavar="EXPR", help="only what passes, such as 'unit == 17 and exception' (docs/filters.md)"
+        "--filter", metavar="EXPR", help="only what passes, such as 'unit == 17 and exception' (rtuscope help filters)"
     )
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from ..causes.model import Cause
     from ..outages import Deaf
+    from ..registers.watch import WatchedValue
 
 
 _EXACT: Final = 0.05  # of a figure: what may be wrong by no more is not worth an interval
@@ -147,6 +148,26 @@ class FindingRow:
 
 
 @dataclass(frozen=True, slots=True)
+class PollRow:
+    """What is asked for again and again: unit, function, first address and quantity; `ok` of `asked` got a good answer.
+
+    `period_ns` is the median from one to the next, `jitter_ns` how far nine in ten stray from it; None without times.
+    """
+
+    unit: int
+    function: int
+    address: int
+    quantity: int
+    asked: int
+    ok: int
+    exceptions: int
+    unanswered: int
+    damaged: int
+    period_ns: int | None
+    jitter_ns: int | None
+
+
+@dataclass(frozen=True, slots=True)
 class Load:
     """Share of the time in which something is on the wire, 0 to 1; None where times or line settings are not known."""
 
@@ -185,7 +206,9 @@ class Report:
     exceptions: tuple[ExceptionRow, ...]
     filter: str = ""  # what the rest of the report is narrowed to
     causes: tuple[Cause, ...] = ()  # what explains the findings, best first; none on a healthy bus
+    polls: tuple[PollRow, ...] = ()  # those asked most first
     findings: tuple[FindingRow, ...] = ()  # those that cost the bus most come first
+    values: tuple[WatchedValue, ...] = ()  # what registers held, by a map or as far as inference is sure
     notes: tuple[Note, ...] = ()  # of a recording: what happened besides bytes
     deaf: tuple[Deaf, ...] = ()  # of a recording: when it heard nothing
 

@@ -13,7 +13,7 @@ from dissectors.values import harmless
 
 from ..outages import unheard
 from ..words import compact, duration, is_clock, moment, plural
-from . import findings
+from . import findings, values
 from .model import Counts, Report, Times, UnitRow
 
 _WIDTH: Final = 80
@@ -60,6 +60,7 @@ def _lines(report: Report) -> Iterator[str]:
         yield ""
         yield from _exceptions(report)
     yield from findings.lines(report.findings)
+    yield from values.lines(report.values)
 
 
 def facts(report: Report) -> Iterator[tuple[str, str]]:

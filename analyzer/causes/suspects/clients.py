@@ -22,10 +22,11 @@ _COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.
 _ON_FRAMES: Final = 0.93  # of what collides
 _TOO_SOON: Final = 0.9  # of t3.5
 _MOSTLY: Final = 0.5
-_FULL: Final = 0.9  # of the line's time
-_BUSY: Final = 0.6
-_REST: Final = 0.06  # of the time, that a master pauses longer than it must
-_RATES: Final = 1.5  # polls that are asked for so much oftener than others
+_BUSY: Final = 0.75  # of the line's time
+_HURRIED: Final = 1.1  # of t3.5: the mean pause of a master that never rests
+_HURRIED_NS: Final = 3e5
+_MANY_POLLS: Final = 8
+_LONG_ROUND_NS: Final = 0.9e9
 _SECONDS_NS: Final = 8e9
 _STORM: Final = 30  # broadcasts
 _STORM_NS: Final = 60e6
@@ -328,18 +329,28 @@ def _piece(places: dict[int, int]) -> int:
 def overload(evidence: Evidence) -> Iterator[Suspicion]:
     """A full line, and a master without a pause."""
     ledger, load = evidence.ledger, evidence.load
-    if load is None or ledger.span_ns < _SECONDS_NS or not _BUSY <= load <= 1.02 or ledger.exchanges < 30:
+    if (
+        load is None
+        or len(ledger.ports) > 1
+        or ledger.span_ns < _SECONDS_NS
+        or not _BUSY <= load <= 1.02
+        or ledger.exchanges < 30
+    ):
         return
-    long, usual, due = ledger.pauses.quantile(0.97), ledger.pauses.quantile(0.5), evidence.t35_ns
-    if long is None or usual is None or due is None or long > max(2.0 * usual, 6 * ledger.char_ns):
+    due = evidence.t35_ns
+    if due is None or not len(ledger.pauses) or ledger.pauses.total / len(ledger.pauses) > _HURRIED * due + _HURRIED_NS:
+        return  # it rests: the mean of the pauses is good on any clock that does not cut them off
+    long = ledger.pauses.quantile(0.97) if evidence.verdict.fine else None
+    if long is not None and long > 2 * _HURRIED * due + _HURRIED_NS:
         return
-    rest = ledger.exchanges * max(usual - due, 0.0) / ledger.span_ns
-    intervals = [float(np.median(poll.intervals)) for poll in evidence.polls if len(poll.intervals) > 2]
-    if not intervals or rest > _REST or (load < _FULL and max(intervals) < _RATES * min(intervals)):
-        return  # a master that goes through its list without a pause does what it is told
+    intervals = sorted(
+        float(np.median(poll.intervals)) for poll in evidence.polls if poll.unit and len(poll.intervals) > 2
+    )
+    if len(intervals) < _MANY_POLLS or intervals[len(intervals) // 2] < _LONG_ROUND_NS:
+        return  # a master that goes through a short list without a pause does what it is told
     yield Suspicion(
         (),
-        200 * (load - _BUSY) + 30,
+        100 * (load - _BUSY) + 40,
         frozenset({(Symptom.REQUESTS, None)}),
-        {"load": load, "polls": len(intervals), "cycle": max(intervals) / 1e9},
+        {"load": load, "polls": len(intervals), "cycle": intervals[-1] / 1e9},
     )

@@ -18,6 +18,8 @@ from ..signatures import Behind, Damage
 _LEAST: Final = 5
 _LOAD: Final = 0.4  # where nobody knows it
 _WELL: Final = 0.03  # of stray bytes that hit frames all the same, on a line that floats when nobody drives it
+_ONE_UNIT: Final = 0.9  # of all stretches
+_MOST: Final = 0.6
 _EARLY: Final = (0.3, 0.22, 0.16, 0.12, 0.08, 0.05, 0.04, 0.03)  # bits of a byte that ringing behind its start reaches
 _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
 _SURE_BITS: Final = 14.0  # that a phase, a state or hours must add
@@ -78,8 +80,17 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     hits = Hits(evidence)
     if hits.idle < _LEAST:
         return
-    bits = surplus_bits(hits.idle, max(hits.exchanges, hits.idle), HEALTHY) + _place_bits(hits, _WELL)
+    readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]
+    touched = hits.damaged * share_of(readings, "head")  # noise that runs into the beginning of an answer
+    idle, frames = hits.idle + touched, hits.frames - touched
+    bits = surplus_bits(idle, max(hits.exchanges, idle), HEALTHY)
+    bits += likelihood_bits(frames, idle + frames, _WELL) - likelihood_bits(frames, idle + frames, 0.5)
+    stray = [evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units]
+    if len(stray) > 1 and max(stray) > _ONE_UNIT * sum(stray):
+        bits /= 4  # a line that floats does so behind everybody
     explains = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units) | {(Symptom.FRAMING, None)}
+    if touched > _MOST * hits.damaged:
+        explains |= frozenset((Symptom.DAMAGE, unit.unit) for unit in evidence.units)
     yield Suspicion((), bits, explains, _numbers(hits), **_span(evidence))
 
 

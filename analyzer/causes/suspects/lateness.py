@@ -11,7 +11,7 @@ import numpy as np
 from ...diagnosis.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
-from ..evidence import HEALTHY, Evidence, kind_of
+from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
 from ..exchanges import Outcome
 from ..registry import Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
@@ -22,6 +22,17 @@ _MOSTLY: Final = 0.6  # of all late answers
 _SURE_BITS: Final = 16.0
 _SOONER: Final = 0.85
 _SILENT: Final = 0.02
+_OTHERS: Final = 2
+_STEADY: Final = 0.3
+_KINDS: Final = {
+    "crossed": 0.5,
+    "other": 0.12,
+    "cut": 0.1,
+    "cut-short": 0.1,
+    "middle": 0.08,
+    "whole": 0.05,
+    "long": 0.03,
+}
 
 
 @suspect(
@@ -50,6 +61,7 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         elsewhere = (hits.sum() - hits[unit.unit] + 0.5) / (asked.sum() - asked[unit.unit] + 50)
         behind = surplus_bits(int(hits[unit.unit]), int(asked[unit.unit]), max(HEALTHY, float(elsewhere)))
         silent = surplus_bits(evidence.silent(unit), unit.asked, _SILENT) / 2
+        garbled = max(kind_bits(evidence.readings(unit), _KINDS), 0.0)
         explains = {(Symptom.LATENESS, unit.unit), (Symptom.SILENCE, unit.unit), (Symptom.DOUBLES, unit.unit),
                     (Symptom.DAMAGE, unit.unit), (Symptom.BEHIND, unit.unit)}  # fmt: skip
         explains |= {
@@ -59,7 +71,7 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         slow = unit.delays.quantile(0.9)
         yield Suspicion(
             (unit.unit,),
-            surplus_bits(mine, max(unit.asked, mine), background) + 2 * mine + behind + silent,
+            surplus_bits(mine, max(unit.asked, mine), background) + 2 * mine + behind + silent + garbled,
             frozenset(explains),
             {
                 "unit": unit.unit,
@@ -131,8 +143,19 @@ def _unheeded(evidence: Evidence, unit: UnitLedger) -> int:
     own, delay = unit.pauses.quantile(0.9), unit.delays.quantile(0.5)
     usual = min((pause for other in others if (pause := other.pauses.quantile(0.1)) is not None), default=None)
     delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
-    if own is None or usual is None or delay is None or not delays or len(unit.pauses) < 3 * _LEAST:
+    if own is None or usual is None or delay is None or len(unit.pauses) < 3 * _LEAST:
         return 0
+    if len(delays) < _OTHERS and not _by_timer(unit):
+        return 0  # the one other unit may be the last of a round, behind which the master rests
     if own > _SOONER * usual or delay < 3 * max(delays) or own < 0 or evidence.verdict.wait_ns > usual - own:
         return 0
     return len(unit.pauses)
+
+
+def _by_timer(unit: UnitLedger) -> bool:
+    """Whether requests behind those to a unit come after always the same time, though its answers do not."""
+    low, high = unit.turns.quantile(0.1), unit.turns.quantile(0.9)
+    soon, late = unit.delays.quantile(0.1), unit.delays.quantile(0.9)
+    if low is None or high is None or soon is None or late is None:
+        return False
+    return high - low < _STEADY * (late - soon)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from math import log2
 from statistics import median
 from typing import Any, Final
+
+from dissectors.answers import expectation
 
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
 from ..exchanges import Outcome
+from ..misreading import beheaded, formats_of
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Behind, Damage, Signature
 from ..unitledger import UnitLedger
@@ -17,6 +22,7 @@ from ..unitledger import UnitLedger
 _LEAST: Final = 3
 _MOSTLY: Final = 0.5
 _OFTEN: Final = 0.2
+_RARELY: Final = 0.05
 
 Numbers = Callable[[Evidence, UnitLedger, list[Signature]], Mapping[str, Any]]
 
@@ -65,6 +71,14 @@ def damage_suspicion(evidence: Evidence, unit: UnitLedger, bits: float, more: Ma
 _SHARE: Final = "{damaged} of {answers} answers of unit {unit}, {others_damaged} of {others_answers} of others"
 
 
+_BYTE: Final = 8.0
+_BEGINNING: Final = 3  # bytes of garbage that count
+_LOST_BITS: Final = 24  # more than two characters
+_SPREAD: Final = (0.88, 1.12)  # of the delay, from answer to answer
+_MISSED: Final = 2.0  # bits against it, where garbage begins otherwise
+_BEHEADED: Final = {"whole": 0.4, "head": 0.35, "middle": 0.1, "cut": 0.05, "cut-short": 0.05, "long": 0.02}
+
+
 def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
     return {"bytes": median(each.bytes for each in readings if each.damage is Damage.HEAD)}
 
@@ -83,6 +97,33 @@ def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
 def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
     """Damage at the head of one sender's frames."""
     yield from damage_suspicions(evidence, {"head": 0.85, "whole": 0.06, "middle": 0.03}, ("head",), _head)
+    for unit in evidence.units:
+        readings = evidence.readings(unit)
+        if len(readings) >= _LEAST and share_of(readings, "head") < _MOSTLY:
+            bits = _out_of_step(evidence, unit)
+            if bits > 0:
+                bits += evidence.surplus(unit) + kind_bits(readings, _BEHEADED)
+                yield damage_suspicion(evidence, unit, bits, {"bytes": 1})
+
+
+def _out_of_step(evidence: Evidence, unit: UnitLedger) -> float:
+    """Bits for garbage that begins as a known header does whose first bits are missing, nearly the same number each
+    time: its receiver is out of step from there on."""
+    pairs = Counter((expectation(each.request).header, each.heard[:_BEGINNING]) for each in evidence.readings(unit))
+    best = 0.0
+    for receiver in formats_of(evidence.ledger.line):
+        for lost in range(2, _LOST_BITS):
+            reach = range(round(_SPREAD[0] * lost), round(_SPREAD[1] * lost) + 1)
+            price = log2(len(reach))
+            bits = -_BYTE
+            for (header, heard), count in pairs.items():
+                garbled = [beheaded(header, each, receiver)[:_BEGINNING] for each in reach]
+                fits = max(
+                    (len(g) for g in garbled if g and heard.startswith(g) and not header.startswith(g)), default=0
+                )
+                bits += count * (_BYTE * fits - price if fits else -_MISSED)
+            best = max(best, bits)
+    return best
 
 
 def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
@@ -157,13 +198,17 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         readings = evidence.readings(unit)
         doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
         doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
-        crossed = round(evidence.behind(unit, Behind.REQUEST, Behind.NOISE)) if doubles >= _LEAST else 0
+        crossed = evidence.behind(unit, Behind.REQUEST, Behind.NOISE)
+        crossed = round(crossed) if doubles >= _LEAST or (len(readings) >= _LEAST and crossed >= _LEAST) else 0
         if doubles <= 1.2 * unit.count(Outcome.SILENT):
             doubles = 0
-        bits = surplus_bits(min(doubles + crossed, unit.asked), unit.asked, HEALTHY)
+        rest = [other for other in evidence.units if other is not unit]
+        noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)
+        background = max(HEALTHY, (noisy + 0.5) / (sum(other.answered for other in rest) + 50))
+        bits = surplus_bits(min(doubles + crossed, unit.asked), unit.asked, background)
         if len(readings) >= _LEAST:
             expected = {"whole": 0.35, "middle": 0.22, "long": 0.2, "cut": 0.06, "cut-short": 0.03, "crossed": 0.02,
-                        "head": 0.05, "tail": 0.02, "bits": 0.03}  # fmt: skip
+                        "head": 0.12, "tail": 0.02, "bits": 0.03}  # fmt: skip
             bits += evidence.surplus(unit) + kind_bits(readings, expected)
         if bits <= 0 or doubles + len(readings) < _LEAST:
             continue
@@ -194,6 +239,8 @@ def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
         requests = evidence.behind(unit, Behind.REQUEST)
         others = [other for other in evidence.units if other.unit != unit.unit]
         others_spoilt, others_answered = sum(totals[o.unit] for o in others), sum(o.answered for o in others)
+        if _always_spoilt(evidence, unit, spoilt) and others_spoilt <= _RARELY * others_answered:
+            requests = max(requests, 0.5 * spoilt)  # so damaged that they are not known again
         if requests < _LEAST or requests < 0.3 * spoilt:
             continue
         background = max(HEALTHY, (others_spoilt + 0.5) / (others_answered + 50))
@@ -214,6 +261,12 @@ def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
             lost_answers=round(requests),
             frames=tuple(sample.index for sample in unit.followed.kept[:3]),
         )
+
+
+def _always_spoilt(evidence: Evidence, unit: UnitLedger, spoilt: float) -> bool:
+    """Whether noise stands behind most good answers of a unit, which are well themselves, and no request does."""
+    damaged = evidence.damaged(unit)
+    return spoilt >= _MOSTLY * unit.answered and spoilt >= _LEAST and damaged <= _RARELY * unit.asked
 
 
 @suspect(

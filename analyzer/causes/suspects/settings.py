@@ -43,7 +43,7 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in evidence.units:
         readings = evidence.readings(unit)
         if len(readings) >= _LEAST and share_of(readings, "whole", "middle", "long", "cut") >= 0.6:
-            bits, words = _fitting(evidence, unit, readings)
+            bits, words = _fitting(evidence, readings)
             bits += evidence.surplus(unit) + kind_bits(readings, _EXPECTED) + _steadiness(unit)
             if bits > 0:
                 yield damage_suspicion(evidence, unit, bits, {"settings": words})
@@ -51,13 +51,10 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
             yield from _marked(evidence, unit)
 
 
-def _fitting(evidence: Evidence, unit: UnitLedger, readings: Sequence[Signature]) -> tuple[float, str]:
+def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, str]:
     """The other settings by which the garbage's first bytes are just what was to be sent, and their weight."""
     best, words = 0.0, "another speed or parity, or a clock that is off"
-    samples = [s for s in unit.samples.kept if s.outcome == Outcome.GARBAGE]
-    pairs = Counter(
-        (expectation(s.request).header, r.heard[:_MOST_BYTES]) for s, r in zip(samples, readings, strict=True)
-    )
+    pairs = Counter((expectation(r.request).header, r.heard[:_MOST_BYTES]) for r in readings)
     for receiver in formats_of(evidence.ledger.line):
         for sender, drift in other_formats(receiver):
             bits = (

@@ -96,7 +96,7 @@ def _counted(thing: list[Token], most: int, line: LineSettings) -> Start:
     if name not in codes():
         near = meant(name, [*WORDS, *codes()]).replace("crc-errors", "crc errors")
         raise CheckError(
-            f"nothing is called {' '.join(thing)!r}{near or '; docs/findings.md has all codes'}", at(thing[0])
+            f"nothing is called {' '.join(thing)!r}{near or '; rtuscope help findings has all codes'}", at(thing[0])
         )
     mask = np.array([code == name for code in codes()])
     return lambda: _Findings(mask, most)

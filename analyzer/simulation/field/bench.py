@@ -26,6 +26,7 @@ from .wire import FieldWire, Pulse
 SECOND = 1e9
 _BAUDS = (1200, 2400, 4800, 9600, 9600, 9600, 19200, 19200, 38400, 57600, 115200)
 _PARITIES = ("N", "N", "E", "E", "O")
+_SLOW = 9600  # bit/s, at which a cycle may take all the time there is
 _REQUESTS = 1500  # about: a site's capture is no longer than these take
 
 
@@ -155,12 +156,12 @@ def site(
 
 
 def _manners(random: Random, uart: Uart, slowest_ms: float) -> Manners:
-    longest = 70 * uart.char_ns / MS
+    longest = 140 * uart.char_ns / MS
     least = 4 * slowest_ms + longest
     base = random.choice((0.0, 2.0, 5.0, 10.0, 20.0, 50.0))
     spread = random.choice((0.0, 0.1, 0.5))
     cycle = random.choice((0.0, 0.0, 500.0, 1000.0, 2000.0))
-    if not cycle:  # a client without a cycle rests a little between its polls
+    if not cycle or uart.baud < _SLOW:  # a client whose line is not full rests a little between its polls
         base = max(base, random.uniform(8, 20) * uart.char_ns / MS)
     return Manners(
         timeout_ms=max(least, random.choice((100.0, 200.0, 250.0, 500.0, 1000.0))),

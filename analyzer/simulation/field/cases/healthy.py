@@ -71,7 +71,8 @@ def healthy_slow_unit(random: Random, tap: str) -> FieldCapture:
 def healthy_timers(random: Random, tap: str) -> FieldCapture:
     """Polls with periods of their own, a line that rests in between."""
     bench = site(random, tap)
+    round_ns = 100 * bench.uart.char_ns * len(bench.master.polls)  # and more: what the line can carry
     for poll in bench.master.polls:
-        poll.period_ns = random.choice((0.5, 1, 1, 2, 5, 10)) * SECOND * max(1.0, 9600 / bench.uart.baud)
+        poll.period_ns = max(random.choice((0.5, 1, 1, 2, 5, 10)) * SECOND, 2 * round_ns)
         poll.due = random.random() * poll.period_ns + 100 * MS
     return bench.run(Expected(None))

@@ -1,0 +1,258 @@
+"""Values that cannot be, by their own past and by sister units: those that are asked for the same registers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...tables.findings import Severity
+from ..evidence import Evidence
+from ..registry import Suspicion, Symptom, suspect
+from ..valuetable import PollValues
+
+_READS: Final = 24  # kept ones, under which nothing is said
+_MOVES: Final = 0.3  # of its reads a value that moves is another one
+_COLUMNS: Final = 3  # that stand still together
+_MOST_SISTERS: Final = 0.75
+_EMPTY: Final = (0, 0x7FFF, 0x8000, 0xFFFF)  # what is not connected stands still
+_LEAST_UP: Final = 5
+_WORD: Final = 1 << 16
+_PAIRS: Final = 2
+_AT_ONCE: Final = 4  # reads, within which all stop
+_STEADIER: Final = 3.0
+_STILL: Final = 0.4  # of the capture
+_COUNTS: Final = 0.9  # of the steps of a counter that do not go down
+_LEAP: Final = 60.0  # times its usual step, which no pause explains
+_BITS: Final = 30.0  # for each jump
+_MOST_BITS: Final = 240.0
+_FLOATS: Final = (1e-3, 1e7)  # what measured values are
+_OCTAVES: Final = 3.0  # that a measured value moves in
+_LEAST_SPREAD: Final = 0.1
+
+
+def _sisters(evidence: Evidence) -> Iterator[list[PollValues]]:
+    """Polls of different units for the same registers; alone where no other unit is asked so."""
+    groups: dict[tuple[int, int, int], list[PollValues]] = {}
+    for poll in evidence.ledger.values.polls.values():
+        if len(poll.times) >= _READS and evidence.is_open(Symptom.VALUES, poll.unit):
+            groups.setdefault((poll.function, poll.address, poll.words.shape[1]), []).append(poll)
+    yield from groups.values()
+
+
+def _moves(poll: PollValues) -> NDArray[np.float64]:
+    """The share of reads that show another value than the read before, by register."""
+    found: NDArray[np.float64] = (poll.words[1:] != poll.words[:-1]).mean(axis=0)
+    return found
+
+
+@suspect(
+    "frozen-values",
+    Severity.WARNING,
+    blame="unit",
+    text="The values of unit {unit} stand still: {registers} registers from {address} on have not changed in {reads} reads, "
+    "those of its sister units {sisters} did all the time",
+    share="{registers} registers of unit {unit}",
+    deciding_test="Change something that unit {unit} measures, and watch whether its registers follow",
+    remedy="Restart the unit or its measuring part; look for a hold or simulation mode",
+)
+def frozen_values(evidence: Evidence) -> Iterator[Suspicion]:
+    """Registers that move in sister units and stand still in one."""
+    for group in _sisters(evidence):
+        if len(group) < 2:
+            continue
+        moves = [_moves(poll) for poll in group]
+        for i, poll in enumerate(group):
+            others = np.array([each for j, each in enumerate(moves) if j != i])
+            lively = ((others >= _MOVES).mean(axis=0) >= _MOST_SISTERS) & ~np.isin(poll.words[-1], _EMPTY)
+            changed = poll.words[1:] != poll.words[:-1]
+            last = np.where(changed.any(axis=0), len(changed) - np.argmax(changed[::-1], axis=0), 0)
+            frozen = lively & (len(changed) - last >= max(_READS // 2, _STILL * len(changed)))
+            if np.count_nonzero(frozen) < max(_COLUMNS, 0.5 * np.count_nonzero(lively)):
+                continue
+            if not (_stopped(changed[:, frozen], last[frozen]) or _never(others, frozen)):
+                continue
+            since = int(last[frozen].max())
+            still = len(changed) - since
+            rate = float(np.median(others[:, frozen], axis=0).mean())
+            yield Suspicion(
+                (poll.unit,),
+                min(still * -np.log2(max(1 - rate, 0.05)) + 10, _MOST_BITS),
+                frozenset({(Symptom.VALUES, poll.unit)}),
+                {
+                    "unit": poll.unit,
+                    "registers": int(np.count_nonzero(frozen)),
+                    "address": poll.address + int(np.argmax(frozen)),
+                    "reads": still * poll.every,
+                    "sisters": ", ".join(str(each.unit) for j, each in enumerate(group) if j != i),
+                },
+                since=int(poll.times[since]),
+                until=int(poll.times[-1]),
+            )
+
+
+def _stopped(changed: NDArray[np.bool_], last: NDArray[np.intp]) -> bool:
+    """Whether registers that moved till then stood still all at once."""
+    since = int(last.max())
+    before = changed[:since]
+    return since >= _LEAST_UP and since - int(last.min()) <= _AT_ONCE and bool((before.mean(axis=0) >= _MOVES).all())
+
+
+def _never(others: NDArray[np.float64], frozen: NDArray[np.bool_]) -> bool:
+    """Whether registers that never moved are those of a sister indeed: the other units' move all alike."""
+    if len(others) < _PAIRS or np.count_nonzero(frozen) <= _COLUMNS:
+        return False
+    return bool((others.max(axis=0) - others.min(axis=0)).mean() < _MOVES and (others[:, frozen] >= _MOVES).all())
+
+
+def _long(poll: PollValues, column: int, *, swapped: bool = False) -> NDArray[np.int64]:
+    """Two registers as a whole number."""
+    pair = poll.words[:, column : column + 2].astype(np.int64)
+    return pair[:, 1] << 16 | pair[:, 0] if swapped else pair[:, 0] << 16 | pair[:, 1]
+
+
+def _jumps(values: NDArray[np.int64]) -> NDArray[np.intp] | None:
+    """Where a counter falls back or leaps; None where these values are no counter's."""
+    steps = np.diff(values)
+    up = steps[steps > 0]
+    if len(up) < _LEAST_UP or (steps >= 0).mean() < _COUNTS:
+        return None
+    usual = float(np.quantile(up, 0.8))
+    if usual > _WORD / 2:
+        return None  # not in step with the low word: rather a float
+    jumps = ((steps < 0) | (steps > _LEAP * usual)).nonzero()[0]
+    beside = np.abs(steps[jumps]) % _WORD
+    if (np.minimum(beside, _WORD - beside) <= 4 * usual).any():
+        return None  # a carry into another register than this one
+    return jumps
+
+
+@suspect(
+    "counter-jumps",
+    Severity.WARNING,
+    blame="unit",
+    text="A counter of unit {unit} (register {address}, 32 bits) jumps: {jumps} times it fell back or leapt, by up to {most:,}",
+    share="{jumps} of {reads} reads",
+    deciding_test="Record this counter alone for an hour, and compare it with the unit's own display",
+    remedy="Look whether two registers of one counter are read in two requests, or the unit loses it at a restart",
+)
+def counter_jumps(evidence: Evidence) -> Iterator[Suspicion]:
+    """Counters that do not only count, where those of sister units do."""
+    for group in _sisters(evidence):
+        for column in range(group[0].words.shape[1] - 1):
+            for swapped in (False, True):
+                yield from _of_counters(group, column, swapped=swapped)
+
+
+def _of_counters(group: list[PollValues], column: int, *, swapped: bool) -> Iterator[Suspicion]:
+    found = [(poll, _jumps(_long(poll, column, swapped=swapped))) for poll in group]
+    clean = sum(jumps is not None and not len(jumps) for _, jumps in found)
+    for poll, jumps in found:
+        if jumps is None or not len(jumps) or (clean < 1 and not _odd(poll, jumps)):
+            continue
+        steps = np.diff(_long(poll, column, swapped=swapped))
+        yield Suspicion(
+            (poll.unit,),
+            min(_BITS * len(jumps), _MOST_BITS) if clean or len(jumps) > 1 else 0.0,
+            frozenset({(Symptom.VALUES, poll.unit)}),
+            {
+                "unit": poll.unit,
+                "address": poll.address + column,
+                "jumps": len(jumps),
+                "most": int(np.abs(steps[jumps]).max()),
+                "reads": poll.reads,
+            },
+            since=int(poll.times[jumps[0]]),
+            until=int(poll.times[jumps[-1] + 1]),
+        )
+
+
+def _odd(poll: PollValues, jumps: NDArray[np.intp]) -> bool:
+    """Whether jumps come at no regular times: a clock's registers and counters that wrap jump regularly."""
+    if len(jumps) < _COLUMNS:
+        return False
+    apart = np.diff(poll.times[jumps]).astype(np.float64)
+    return bool(apart.std() > _MOVES * apart.mean())
+
+
+def _float(words: NDArray[np.uint16], *, swapped: bool) -> NDArray[np.float64]:
+    pair = words[:, ::-1] if swapped else words
+    with np.errstate(invalid="ignore"):  # any bits may come
+        found: NDArray[np.float64] = np.ascontiguousarray(pair).astype(">u2").view(">f4")[:, 0].astype(np.float64)
+    return found
+
+
+def _spread(values: NDArray[np.float64]) -> float:
+    """How far values lie apart, in octaves; infinite where they are not what a measured value is."""
+    sizes = np.abs(values)
+    usual = np.isfinite(values) & (sizes > _FLOATS[0]) & (sizes < _FLOATS[1])
+    if usual.mean() < _COUNTS:
+        return np.inf
+    low, high = np.quantile(np.log2(sizes[usual]), (0.05, 0.95))
+    return float(high - low)
+
+
+@suspect(
+    "word-order",
+    Severity.WARNING,
+    blame="unit",
+    text="Unit {unit} sends its floats with the two words exchanged: {pairs} values from register {address} on read like "
+    "those of its sister units {sisters} only the other way round",
+    share="{pairs} values of unit {unit}",
+    deciding_test="Compare one value of unit {unit} with its own display, in both orders",
+    remedy="Set the unit's word order, or that of its tags in the master, to that of the others",
+)
+def word_order(evidence: Evidence) -> Iterator[Suspicion]:
+    """Floats that are right in one order in most units and in the other one in one."""
+    for group in _sisters(evidence):
+        if len(group) < 2:
+            continue
+        votes = {poll.unit: [0, 0] for poll in group}
+        first: dict[int, int] = {}
+        for column in range(group[0].words.shape[1] - 1):
+            orders = {poll.unit: _order(poll, column) for poll in group}
+            if None in orders.values():
+                continue
+            for unit, order in orders.items():
+                if order is not None:
+                    votes[unit][order] += 1
+                    first.setdefault(unit, column)
+        yield from _outvoted(group, votes, first)
+
+
+def _outvoted(group: list[PollValues], votes: dict[int, list[int]], first: dict[int, int]) -> Iterator[Suspicion]:
+    swapped = [unit for unit, (right, wrong) in votes.items() if wrong > right]
+    usual = [unit for unit, (right, wrong) in votes.items() if right > wrong]
+    odd, rest, order = (swapped, usual, 1) if len(swapped) <= len(usual) else (usual, swapped, 0)
+    if len(odd) != 1 or len(rest) < 1 or (len(rest) == 1 and order == 0):
+        return
+    poll = next(poll for poll in group if poll.unit == odd[0])
+    pairs = votes[odd[0]][order]
+    if pairs < _PAIRS:
+        return
+    yield Suspicion(
+        (odd[0],),
+        min(_BITS * pairs, _MOST_BITS),
+        frozenset({(Symptom.VALUES, odd[0])}),
+        {
+            "unit": odd[0],
+            "pairs": pairs,
+            "address": poll.address + first[odd[0]],
+            "sisters": ", ".join(map(str, rest)),
+        },
+        since=int(poll.times[0]),
+        until=int(poll.times[-1]),
+    )
+
+
+def _order(poll: PollValues, column: int) -> int | None:
+    """0 where two registers are a float as they stand, 1 where they are with the words exchanged, None if neither."""
+    words = poll.words[:, column : column + 2]
+    changes = (words[1:] != words[:-1]).sum(axis=0)
+    if changes.max() < _READS // 3:
+        return None  # what does not move tells nothing
+    order = int(changes[0] > changes[1])  # the low word moves more
+    right, wrong = (_spread(_float(words, swapped=bool(each))) for each in (order, 1 - order))
+    return order if right < _OCTAVES and wrong > max(_STEADIER * right, _LEAST_SPREAD) else None

@@ -1,0 +1,59 @@
+"""`rtuscope help`: the pages of the documentation, from inside the installed package."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Final
+
+from .app import DONE, UsageError, main
+from .commands import COMMANDS
+
+EXAMPLE = """\
+rtuscope help
+rtuscope help filters
+rtuscope help findings | less"""
+
+_ALIASES: Final = {"checks": "check", "maps": "registers"}  # words by which pages are asked for
+_INSTALLED: Final = Path(__file__).parents[1] / "pages"
+_HERE: Final = Path(__file__).parents[2] / "docs"  # of a clone
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("topic", nargs="?", metavar="TOPIC", help="a page; without one, what there is")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print a page, or the list of them."""
+    pages = _pages()
+    if arguments.topic is None:
+        for name, listed in sorted(pages.items()):
+            print(f"{name:14}{_title(listed)}")
+        print("\nrtuscope COMMAND --help tells of a command")
+        return DONE
+    if arguments.topic in COMMANDS:
+        return main([arguments.topic, "--help"])
+    topic = arguments.topic.lower().removesuffix(".md").removeprefix("docs/")
+    page = pages.get(topic) or pages.get(_ALIASES.get(topic, ""))
+    if page is None:
+        raise UsageError(f"no page {arguments.topic!r}{_meant(topic, [*pages, *_ALIASES])} (rtuscope help lists them)")
+    print(page.read_text(encoding="utf-8"), end="")
+    return DONE
+
+
+def _pages() -> dict[str, Path]:
+    folder = _INSTALLED if _INSTALLED.is_dir() else _HERE
+    return {page.stem: page for page in folder.glob("*.md")}
+
+
+def _title(page: Path) -> str:
+    with page.open(encoding="utf-8") as lines:
+        return lines.readline().lstrip("# ").strip()
+
+
+def _meant(topic: str, known: list[str]) -> str:
+    from difflib import get_close_matches
+
+    near = get_close_matches(topic, known, 1)
+    return f": was {near[0]} meant?" if near else ""

@@ -1,0 +1,51 @@
+"""The reference of the causes, as Markdown, made from the declarations: `python -m analyzer.reference.causes`."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from ..causes.registry import Suspect, suspects
+
+_HEAD: Final = """\
+# Causes
+
+What `rtuscope report` says is wrong before it lists any finding: one sentence for each cause, whose fault it is, how
+sure, how to be certain, what to do. This page is made from the declarations of the suspects
+(`python -m analyzer.reference.causes`); a test holds it true.
+
+A cause explains findings, and each finding is explained once: by the cause for which the evidence of the whole capture
+speaks most. What speaks for it is weighed in bits against a healthy bus; below a limit nothing is said, and a healthy
+bus has no cause. In Python `Analysis.causes()`, in `report --json` the key `causes`. Words in ⟨brackets⟩ stand for
+what was counted.
+
+| cause | severity | fault of |
+| --- | --- | --- |
+"""
+_BLAMED: Final = {"unit": "a unit", "master": "the master", "line": "the line", "tap": "the tap", "nobody": "nobody"}
+_BLANK: Final = re.compile(r"\{([a-z_]+)[^}]*\}")
+
+
+def markdown() -> str:
+    """The page, newline at the end."""
+    rows = (
+        f"| [`{one.cause}`](#{one.cause}) | {one.severity.name.lower()} | {_BLAMED[one.blame]} |\n"
+        for one in suspects()
+    )
+    return _HEAD + "".join(rows) + "".join(map(_section, suspects()))
+
+
+def _section(one: Suspect) -> str:
+    lines = (("Said", one.text), ("Seen", one.share), ("To be sure", one.deciding_test), ("Do", one.remedy))
+    told = "".join(f"- **{name}:** {_plain(text)}.\n" for name, text in lines if text)
+    return f"\n## {one.cause}\n\n{told}"
+
+
+def _plain(text: str) -> str:
+    return _BLANK.sub(lambda match: f"⟨{match[1].replace('_', ' ')}⟩", text).rstrip(".")
+
+
+if __name__ == "__main__":
+    import sys
+
+    sys.stdout.write(markdown())

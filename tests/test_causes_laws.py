@@ -1,0 +1,88 @@
+"""The laws of causes: what is well is not accused, what is said can be so, and the story hangs on the rows alone."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from buses import SHARED, shared
+
+import captures
+from analyzer.causes.ledger import ledger_of
+from analyzer.causes.model import Cause
+from analyzer.causes.reasoning import causes_of
+from analyzer.core import Analyzer, analyse
+from analyzer.simulation.field.bench import FieldCapture
+from analyzer.simulation.field.cases.registry import field_cases
+from captures.chunks import Capture
+
+HEALTHY = sorted(name for name in field_cases() if name.startswith("healthy"))
+ILL = ("dead-unit", "driver-enabled-late", "byte-count", "duplicate-address", "emi-mains", "unit-busy", "word-order")
+
+
+def capture_of(made: FieldCapture) -> Capture:
+    """The chunks of a case as a capture."""
+    return Capture.of(made.line, made.chunks, timed=made.line.tap != "untimed")
+
+
+def causes_in(capture: Capture) -> list[Cause]:
+    """What an analysis names."""
+    return causes_of(ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line))
+
+
+@pytest.mark.parametrize("tap", ["precise", "ftdi16", "gateway", "untimed"])
+@pytest.mark.parametrize("name", HEALTHY)
+def test_what_is_well_has_no_cause(name: str, tap: str) -> None:
+    made = field_cases()[name].capture(tap, 5)
+    assert [cause.cause for cause in causes_in(capture_of(made))] == []
+
+
+_real = sorted(p.stem for p in SHARED.glob("corpus/real/*.jsonl") if ".truth" not in p.suffixes)
+
+
+@pytest.mark.parametrize("name", _real or ["pymodbus_rtu"])
+def test_the_real_captures_have_no_cause(name: str) -> None:
+    assert causes_in(captures.open(shared(f"corpus/real/{name}.jsonl"))) == []
+
+
+@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
+@pytest.mark.parametrize("name", ILL)
+def test_what_is_said_can_be_so(name: str, tap: str) -> None:
+    case = field_cases()[name]
+    if tap not in case.taps:
+        pytest.skip("this tap cannot carry it")
+    made = case.capture(tap, 2)
+    capture = capture_of(made)
+    ledger = ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line)
+    found = causes_of(ledger)
+    assert found
+    assert found[0].cause == made.expected.cause
+    assert not made.expected.units or found[0].units[0] in made.expected.units
+    for cause in found:
+        assert 0 < cause.confidence < 1
+        assert cause.text
+        assert cause.remedy
+        assert "{" not in cause.text + cause.share + cause.deciding_test + cause.remedy
+        assert cause.lost_answers is None or 0 <= cause.lost_answers <= ledger.requests
+        assert cause.lost_ms is None or 0 <= cause.lost_ms <= ledger.span_ns / 1e6
+        if cause.since_ns is not None and cause.until_ns is not None:
+            assert (ledger.begin or 0) <= cause.since_ns <= cause.until_ns <= ledger.end
+        json.dumps(cause.to_json())
+
+
+@pytest.mark.parametrize("name", ["dead-unit", "counter-jumps", "healthy-broadcasts"])
+def test_the_same_story_however_it_was_read(name: str) -> None:
+    made = field_cases()[name].capture("precise", 3)
+    capture = capture_of(made)
+    analyzer = Analyzer(capture.line)
+    parts = [part for block in capture.blocks(997) for part in analyzer.feed(block)]
+    parts += analyzer.close()
+    pieces = causes_of(ledger_of(((part.batch, part.transactions) for part in parts), capture.line))
+    whole = causes_in(capture_of(made))
+    assert [(c.cause, c.units, c.lost_answers) for c in pieces] == [(c.cause, c.units, c.lost_answers) for c in whole]
+
+
+def test_without_times_no_time_is_said() -> None:
+    made = field_cases()["dead-unit"].capture("untimed", 4)
+    for cause in causes_in(capture_of(made)):
+        assert (cause.since_ns, cause.until_ns, cause.period_s, cause.lost_ms) == (None,) * 4

@@ -1,0 +1,49 @@
+"""`rtuscope help`: pages of the documentation from the installed package, and the package `rtuscope` itself."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from running import ran, refused
+
+import analyzer
+from analyzer.reference.causes import markdown
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+
+
+@pytest.mark.parametrize("topic", ["filters", "findings", "causes", "checks", "formats", "maps", "docs/live.md"])
+def test_a_page_is_printed(topic: str, capsys: pytest.CaptureFixture[str]) -> None:
+    done = ran(capsys, "help", topic)
+    assert done.status == 0
+    assert done.out.startswith("# ")
+
+
+def test_without_a_topic_all_pages_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    listed = {line.split()[0] for line in ran(capsys, "help").out.split("\n\n")[0].splitlines()}
+    assert listed == {page.stem for page in DOCS.glob("*.md")}
+
+
+def test_a_command_is_helped_with_too(capsys: pytest.CaptureFixture[str]) -> None:
+    assert ran(capsys, "help", "parse").out == ran(capsys, "parse", "--help").out
+
+
+def test_what_there_is_not_is_told_with_what_was_meant(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "was filters meant?" in refused(capsys, "help", "filtrs")
+
+
+def test_the_page_of_causes_is_of_these_suspects() -> None:
+    page = (DOCS / "causes.md").read_text(encoding="utf-8")
+    assert page == markdown(), "write it anew: python -m analyzer.reference.causes"
+
+
+def test_the_product_has_the_public_names() -> None:
+    import rtuscope
+
+    assert rtuscope.open is analyzer.open
+    assert set(analyzer.__all__) <= set(dir(rtuscope))
+    done = subprocess.run([sys.executable, "-m", "rtuscope", "--version"], capture_output=True, text=True, check=True)
+    assert analyzer.__version__ in done.stdout
