@@ -85,7 +85,7 @@ class TextLines:
         arrow = ">" if frame.row.kind == Kind.REQUEST else "<"
         took = "" if frame.response_time_ns is None else f"   {duration(frame.response_time_ns)}"
         check = "" if frame.crc_ok else "   WRONG CHECK VALUE"
-        head = f"{_clock(frame.t_end_ns)} {arrow} {frame.unit:3d} {frame.function:02X} "
+        head = f"{_clock(frame.t_end_ns)} {arrow} {frame.unit:3d} {frame.function:02d} "
         words = self._summaries.of(frame)
         if self._width is not None:
             room = self._width - len(head) - len(took) - len(check)

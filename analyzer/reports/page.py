@@ -195,7 +195,7 @@ def _trouble(row: UnitRow) -> tuple[int, int]:
 
 
 def _functions(report: Report) -> Iterator[str]:
-    rows = [(f"{row.function:02X} {row.name}", row.counts, _cells(row.times, "p50", "p95")) for row in report.functions]
+    rows = [(f"{row.function:02d} {row.name}", row.counts, _cells(row.times, "p50", "p95")) for row in report.functions]
     yield from _table("function", 30, _COLUMNS[:5], ("p50", "p95"), rows)
 
 
@@ -223,7 +223,7 @@ def _table(
 def _exceptions(report: Report) -> Iterator[str]:
     yield "exceptions"
     for row in report.exceptions[:_EXCEPTIONS]:
-        yield f"{row.count:>9,} x unit {row.unit}, function {row.function:02X}: {row.exception:02X} {row.name}"
+        yield f"{row.count:>9,} x unit {row.unit}, function {row.function:02d}: {row.exception:02X} {row.name}"
     if len(report.exceptions) > _EXCEPTIONS:
         yield f"{'':>9}   and {len(report.exceptions) - _EXCEPTIONS} other kinds (--json has all)"
 
