@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import tracemalloc
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from buses import CHAR_NS, LINE, Found, adu, collect, deframed, streams
+from buses import CHAR_NS, LINE, Found, adu, collect, deframed, streams, transactions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analyzer.deframing.stream import RtuDeframer
 from captures.chunks import Block, Chunk
+from captures.line import LineSettings
 from dissectors.crc import crc16
 
-_SAME = ("start", "length", "kind", "check", "request", "index", "t_start", "t_end", "response_ns")
+_SAME = ("port", "start", "length", "kind", "check", "request", "index", "t_start", "t_end", "response_ns")
 
 random_streams = st.lists(
     st.tuples(st.sampled_from([0, CHAR_NS, 5_000_000, 60_000_000, 5_000_000_000]), st.binary(min_size=1, max_size=80)),
@@ -95,6 +97,30 @@ def silence(chunk: Chunk, after: Chunk) -> int:
     return after.t_ns - len(after.data) * CHAR_NS - chunk.t_ns
 
 
+@st.composite
+def two_port_streams(draw: st.DrawFn) -> tuple[list[Chunk], LineSettings]:
+    """Requests and answers on two ports, or frames of either on both, late by some milliseconds; directions said or
+    not."""
+    apart, said = draw(st.booleans()), draw(st.booleans())
+    pauses = draw(st.sampled_from([[0], [0, CHAR_NS], [300_000, 6_000_000], [6_000_000, 60_000_000, 2_000_000_000]]))
+    size = draw(st.sampled_from([1, 8, 62]))
+    chunks: list[Chunk] = []
+    newest, now = [0, 0], 10**9
+    for pair in draw(st.lists(transactions(), max_size=10)):
+        for direction, frame in enumerate(pair):
+            port = direction if apart else draw(st.integers(0, 1))
+            stray = draw(st.sampled_from([b"", b"", b"", b"\0", b"\x11\x03\x55"]))
+            if draw(st.integers(0, 15)) == 0:
+                continue  # lost
+            for at in range(0, len(stray + frame), size):
+                read = (stray + frame)[at : at + size]
+                now += len(read) * CHAR_NS + draw(st.sampled_from(pauses))
+                newest[port] = max(newest[port], now + draw(st.sampled_from([0, 0, 4_000_000])))
+                chunks.append(Chunk(newest[port], read, port=port))
+    notes = {"directions": "request,response"} if said else {}
+    return sorted(chunks, key=lambda chunk: chunk.t_ns), replace(LINE, notes=notes)
+
+
 def assert_same(one: Found, other: Found) -> None:
     assert len(one.rows) == len(other.rows)
     for name in _SAME:
@@ -165,6 +191,25 @@ def test_bytes_given_with_the_silence_behind_them_change_nothing(chunks: list[Ch
     batches.append(deframer.feed(held))
     batches.append(deframer.close())
     assert_same(deframed(chunks), collect(batches))
+
+
+@given(two_port_streams(), st.data())
+def test_two_ports_give_the_same_however_they_are_read(
+    stream: tuple[list[Chunk], LineSettings], data: st.DataObject
+) -> None:
+    chunks, line = stream
+    once = deframed([Block.from_chunks(chunks)] if chunks else [], line)
+    assert_same(once, deframed(chunks, line))
+    octets = [replace(chunk, data=chunk.data[i : i + 1]) for chunk in chunks for i in range(len(chunk.data))]
+    assert_same(once, deframed(octets, line))
+    deframer, batches = RtuDeframer(line), []
+    for i, chunk in enumerate(chunks):
+        batches.append(deframer.feed(chunk))
+        free = min((later.t_ns - len(later.data) * CHAR_NS for later in chunks[i + 1 :]), default=0) - chunk.t_ns
+        for pause in (CHAR_NS, 50_000_000, 1_500_000_000):
+            if pause < free and data.draw(st.booleans()):
+                batches.append(deframer.tick(chunk.t_ns + pause))
+    assert_same(once, collect([*batches, deframer.close()]))
 
 
 @given(any_stream, st.data())

@@ -109,6 +109,8 @@ class AsciiEngine:
             begin, behind = match.span()
             if behind == ready and text.endswith(b"\r") and not (quiet or last):
                 break  # a line feed may follow
+            if text[behind - 2 : behind] == b"\r\n" and len(buffer.quiet(behind - 2, behind, self._options.idle_ns)):
+                behind -= 1  # the line feed came too late to belong to it
             found += [(*cut, None) for cut in noise_parts(done, begin)]
             found.append((begin, behind, ascii_frames(match[0])[0]))
             done = behind

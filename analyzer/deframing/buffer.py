@@ -30,6 +30,7 @@ class SegmentReads(NamedTuple):
     t_end: Times
     head: Times  # number of the read that brought the first byte
     tail: Times  # and of the one that brought the last
+    heard: Times  # ns, when the read that brought the first byte returned
     gap_before: Times
     gap_most: Times
     gap_least: Times
@@ -182,7 +183,7 @@ class ByteBuffer:
             errors[:] = np.diff(np.searchsorted(self._errors, bounds))
         before = np.where(begins[:-1], known[head], NO_GAP)
         numbers = head + self._gone, tail + self._gone
-        return SegmentReads(t_start, t_end, *numbers, before, most, least, at, tail - head + 1, errors)
+        return SegmentReads(t_start, t_end, *numbers, self.time[head], before, most, least, at, tail - head + 1, errors)
 
     def _wire(self, count: Index) -> Times:
         """How long so many bytes take on the wire."""

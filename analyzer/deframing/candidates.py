@@ -54,6 +54,11 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.start)
 
+    @classmethod
+    def none(cls) -> Candidates:
+        """None at all."""
+        return cls(_NONE, _NONE, np.empty(0, np.uint8), np.empty(0, np.float32))
+
     def of(self, role: Role) -> Candidates:
         """Those of one role."""
         mine = self.role == role
@@ -65,7 +70,7 @@ def search_candidates(data: Bytes, crc: CrcWindows) -> Candidates:
     rules = length_tables()
     found = [*_fixed(data, crc, rules), *_marked(data, crc, rules)]
     if not found:
-        return Candidates(_NONE, _NONE, np.empty(0, np.uint8), np.empty(0, np.float32))
+        return Candidates.none()
     start = np.concatenate([place.start for place in found])
     end = np.concatenate([place.end for place in found])
     role = np.array([place.role for place in found], np.uint8).repeat([len(place.start) for place in found])
@@ -78,6 +83,21 @@ def search_candidates(data: Bytes, crc: CrcWindows) -> Candidates:
         start, end, role, structure = start[keep], end[keep], role[keep], structure[keep]
     _discount_zeros(structure, data, start, end)
     return Candidates(start, end, role, structure)
+
+
+def more_candidates(known: Candidates, searched: int, data: Bytes, crc: CrcWindows) -> Candidates:
+    """The same, where those that end in the first `searched` bytes are known: each hangs on its own bytes alone."""
+    low = max(0, searched - MAX_ADU)
+    found = search_candidates(data[low:], CrcWindows(crc.heads[low:], crc.tails[low:]))
+    new = found.end > searched - low
+    start, end = found.start[new] + low, found.end[new] + low
+    if not len(known):
+        return Candidates(start, end, found.role[new], found.structure[new])
+    start, end = np.concatenate((known.start, start)), np.concatenate((known.end, end))
+    role = np.concatenate((known.role, found.role[new]))
+    structure = np.concatenate((known.structure, found.structure[new]))
+    order = ((start << 16) + ((end - start) << 1) + role).argsort(kind="stable")
+    return Candidates(start[order], end[order], role[order], structure[order])
 
 
 def _rule_out(keep: Mask, start: Index, end: Index, broken: Mask) -> None:

@@ -51,8 +51,10 @@ WINDOWS: Final = (96, 384, 2048)  # bytes looked at: mostly a few frames do; the
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
 _ALONE: Final = 15.0  # bits that frames end to end with silence behind them need
 _AMID: Final = 48.0  # bits that frames need after noise, or with more bytes right behind them
-_LOOKED: Final = 12  # times the bytes up to a point that looks at everything may have gone over, those there included
-_LOOKED_FREELY: Final = 2048  # and so many bytes besides
+_LOOKED: Final = 5  # times the bytes up to a point that looks at everything may have gone over, those there included
+_LOOKED_FREELY: Final = 768  # and so many bytes besides
+_SPARSE: Final = 4  # bytes a candidate, on a line of short frames
+_DEAR: Final = 12  # bytes that each further one costs
 
 
 _GAP, _IDLE, _CUT = 0, 1, 2  # stages of a silence
@@ -105,7 +107,7 @@ class _Look:
     first_ends: dict[int, int] = field(default_factory=dict)  # of the candidates that begin at a position
     position: int = 0  # the newest one looked at, and how many stages of it
     stages: int = 0
-    work: int = 0  # bytes that looks at everything have gone over
+    work: int = 0  # bytes that looks at everything have gone over, and as many for what crowds there
     affordable: bool = True  # to look at everything at that position
     everything: Lattice | None = None  # of all candidates up to that position
 
@@ -286,6 +288,7 @@ class Decider:
         more += silent_windows(data, stretch.crc, at + origin, edges, declared + more)
         more += damaged_requests(data, edges, declared)
         more += damaged_answers(data, edges, declared, look.conversation.open_requests)
+        look.work += _DEAR * max(0, len(declared) + len(more) - len(data) // _SPARSE)
         lattice = Lattice(look.offset, self._statistics, look.conversation, origin)
         lattice.extend(look.data, look.classes)
         lattice.add(c for c in look.candidates if c.start >= origin and c.end <= end)

@@ -16,9 +16,9 @@ from dissectors.length_rules import Role
 
 from ..options import Options
 from .buffer import ByteBuffer, CharacterTime, Times
-from .candidates import CRC_BITS, GLITCHES, Candidates, search_candidates
+from .candidates import CRC_BITS, GLITCHES, Candidates, more_candidates, search_candidates
 from .conversation import REACH, ConversationTracker, FrameRun
-from .crc_windows import crc_windows
+from .crc_windows import CrcWindows, crc_windows
 from .decisions import STAGES, WINDOWS, Decider
 from .forced import ForcedRuns, SearchedBytes, forced_runs, plain_evidence, plain_reach, without_tail
 from .gaps import GapStatistics, LearntFrames, SpeakerTurn, classes_of, next_checkpoint
@@ -29,6 +29,7 @@ from .segments import NOISE, DecidedSegments, StreamSegments, evidence_rows, joi
 _PARTS_NOISE: Final = 6.0  # bits of a silence at which noise is cut in two
 _SLICE: Final = 1 << 20  # bytes searched at once
 _MUCH: Final = 1 << 16  # bytes: fed at once, more will follow, or a quiet line
+_LOOKS_AHEAD: Final = 16  # bytes behind its end that a search may want to see of a short frame
 _NOWHERE: Final = (-1, -1)
 
 
@@ -43,6 +44,8 @@ class Engine:
         self.statistics = GapStatistics()
         self._tracker = ConversationTracker()
         self._decider = Decider(self.buffer, self.statistics, options, role)
+        self._searched = -1  # bytes of the stream up to which candidates are known
+        self._found = Candidates.none()  # those, with offsets in the stream
         self._waiting = False  # the last frame was a request that wants an answer
         self._waited = False  # the same of the last frame learnt from
         self._asked = _NOWHERE  # offsets: where a request that was taken without the lattice began and ended
@@ -126,7 +129,7 @@ class Engine:
         if len(data) < MIN_ADU and not final:
             return 0
         crc = crc_windows(data)
-        found = self._whole(search_candidates(data, crc), begin)
+        found = self._whole(self._search(data, crc, self.buffer.base + begin), begin)
         runs = forced_runs(found, data, len(data) if final else len(data) - MAX_ADU)
         stretch = SearchedBytes(data, begin, crc, found)
         at = 0
@@ -142,6 +145,27 @@ class Engine:
                 break
             at = moved
         return at
+
+    def _search(self, data: Bytes, crc: CrcWindows, offset: int) -> Candidates:
+        """Candidates of bytes at a stream offset; what an earlier look has found is not searched again."""
+        searched, known = self._searched - offset, self._found
+        if searched < MIN_ADU:
+            found = search_candidates(data, crc)
+        else:
+            kept = int(np.searchsorted(known.start, offset))
+            known = Candidates(
+                known.start[kept:] - offset, known.end[kept:] - offset, known.role[kept:], known.structure[kept:]
+            )
+            found = more_candidates(known, searched, data, crc)
+        self._searched = -1
+        if len(data) <= 2 * WINDOWS[-1]:  # else so much is decided at once
+            sure = len(data) - _LOOKS_AHEAD
+            some = found.end <= sure
+            self._searched = offset + sure
+            self._found = Candidates(
+                found.start[some] + offset, found.end[some] + offset, found.role[some], found.structure[some]
+            )
+        return found
 
     def _whole(self, found: Candidates, begin: int) -> Candidates:
         """Candidates that no long silence cuts, of the role that this port has."""

@@ -19,6 +19,7 @@ from ..tables.schema import Kind, Protocol, Rows
 from .conversation import responses_fit
 from .pairing import Pairer
 from .rules import Bytes
+from .wireorder import Across
 
 _PAIRED: Final = ("request", "request_start", "response_ns")
 _UNIT: Final = MBAP - 1  # offset in a frame of Modbus TCP
@@ -33,29 +34,42 @@ class EnvelopedPairer:
     def __init__(self) -> None:
         self._rtu, self._ascii, self._tcp = Pairer(), Pairer(), _TransactionPairer()
 
-    def pair(self, rows: Rows, data: Bytes, head: NDArray[np.int64], tail: NDArray[np.int64]) -> dict[int, bytes]:
+    def pair(
+        self,
+        rows: Rows,
+        data: Bytes,
+        head: NDArray[np.int64],
+        tail: NDArray[np.int64],
+        across: Across | None = None,
+    ) -> dict[int, bytes]:
         """Fill the columns in place; give the bytes of those requests that lie in earlier batches; see `Pairer`."""
         protocol = rows["protocol"].copy()
         if not protocol.any():
-            return self._rtu.pair(rows, data, head, tail)
+            return self._rtu.pair(rows, data, head, tail, across)
         earlier: dict[int, bytes] = {}
         plain = protocol == Protocol.RTU
         if plain.any():
             mine = rows[plain]
-            earlier |= self._rtu.pair(mine, data, head[plain], tail[plain])
+            earlier |= self._rtu.pair(mine, data, head[plain], tail[plain], across and across.of(plain))
             for name in _PAIRED:
                 rows[name][plain] = mine[name]
         framed = rows["kind"] != Kind.NOISE
         spelt = np.flatnonzero(framed & (protocol == Protocol.ASCII))
         if len(spelt):
-            earlier |= self._spelt(rows, spelt, data, head, tail)
+            earlier |= self._spelt(rows, spelt, data, head, tail, across and across.of(spelt))
         networked = np.flatnonzero(framed & (protocol == Protocol.TCP))
         if len(networked):
             earlier |= self._tcp.pair(rows, networked, data, head, tail)
         return earlier
 
     def _spelt(
-        self, rows: Rows, which: NDArray[np.intp], data: Bytes, head: NDArray[np.int64], tail: NDArray[np.int64]
+        self,
+        rows: Rows,
+        which: NDArray[np.intp],
+        data: Bytes,
+        head: NDArray[np.int64],
+        tail: NDArray[np.int64],
+        across: Across | None,
     ) -> dict[int, bytes]:
         """Frames in ASCII mode: their rows as they would be without their envelope."""
         mine = rows[which]
@@ -66,7 +80,7 @@ class EnvelopedPairer:
         mine["length"] = [len(body) for body in bodies]
         mine["at"] = np.cumsum(mine["length"]) - mine["length"]
         octets = np.frombuffer(b"".join(bodies), np.uint8)
-        earlier = self._ascii.pair(mine, octets, head[which], tail[which])
+        earlier = self._ascii.pair(mine, octets, head[which], tail[which], across)
         for name in _PAIRED:
             rows[name][which] = mine[name]
         return {index: b":" + request.hex().upper().encode() + b"\r\n" for index, request in earlier.items()}

@@ -17,6 +17,7 @@ from dissectors.answers import expectation
 from ..tables.schema import Kind, Rows
 from .conversation import responses_fit
 from .rules import Bytes, Index
+from .wireorder import Across
 
 _REACH: Final = 4096  # bytes back
 _OPEN: Final = 8  # requests at most
@@ -55,11 +56,18 @@ class Pairer:
         self._open: list[_OpenRow] = []
         self._place = 0
 
-    def pair(self, rows: Rows, data: Bytes, head: NDArray[np.int64], tail: NDArray[np.int64]) -> dict[int, bytes]:
+    def pair(
+        self,
+        rows: Rows,
+        data: Bytes,
+        head: NDArray[np.int64],
+        tail: NDArray[np.int64],
+        across: Across | None = None,
+    ) -> dict[int, bytes]:
         """Fill the columns in place; give the bytes of those requests that lie in earlier batches.
 
         `head` and `tail` number the reads that brought the first and last byte of each row; a response that came in
-        one read with its request has no known response time.
+        one read with its request has no known response time. `across`: of two ports that carry one direction each.
         """
         columns = _PairingColumns(
             *[rows[name].copy() for name in _PairingColumns._fields]
@@ -73,11 +81,11 @@ class Pairer:
             return earlier
         kind, at, port = columns.kind.take(frames), columns.at.take(frames), columns.port.take(frames)
         follows = (kind[1:] == _ANSWER) & (kind[:-1] == _REQUEST)
-        if port.any():  # the other port only where each carries one direction
-            asking = np.zeros(256, np.bool_)
-            asking[port[kind == _REQUEST]] = True
-            asking[[one.port for one in self._open]] = True
-            follows &= (port[1:] == port[:-1]) | ~asking[port[1:]]
+        if across is not None:
+            asker = np.where(across.answers[frames], across.requests, port)
+            follows &= asker[1:] == port[:-1]
+        elif port.any():
+            follows &= port[1:] == port[:-1]
         follows = follows.nonzero()[0] + 1
         follows = follows.compress(responses_fit(data, at.take(follows - 1), at.take(follows)))
         answers, asked = frames.take(follows), frames.take(follows - 1)
@@ -96,7 +104,12 @@ class Pairer:
             if kind[i] == _REQUEST:
                 self._ask(rows, row, adu, int(tail[row]), int(place[row]))
             else:
-                self._answer(rows, row, adu, int(head[row]), int(place[row]), earlier)
+                other = across is not None and bool(across.answers[row])
+                asking = across.requests if across is not None and other else int(rows["port"][row])
+                self._answer(rows, row, adu, int(head[row]), int(place[row]), asking, earlier)
+        if across is not None:
+            told = rows["response_ns"]
+            told[across.answers & (told <= across.unsure_ns)] = -1
         first = int(rows["index"][frames[0]])
         return {index: request for index, request in earlier.items() if index < first}
 
@@ -107,17 +120,18 @@ class Pairer:
         )
         self._open = [*self._open[-_OPEN:], opened]  # one too many, for an answer right behind it closes it at once
 
-    def _answer(self, rows: Rows, row: int, adu: bytes, read: int, place: int, earlier: dict[int, bytes]) -> None:
-        port, before = int(rows["port"][row]), int(rows["index"][row]) - 1
+    def _answer(
+        self, rows: Rows, row: int, adu: bytes, read: int, place: int, port: int, earlier: dict[int, bytes]
+    ) -> None:
+        """`port`: that of the requests that it may answer."""
+        before = int(rows["index"][row]) - 1
         newest = self._open[-1:]
         if not any(o.index == before and o.port == port and expectation(o.adu).fits(adu) for o in newest):
             self._open = self._open[-_OPEN:]
         self._open = [o for o in self._open if place - o.place <= _REACH]
-        fitting_ones = [o for o in reversed(self._open) if expectation(o.adu).fits(adu)]
-        if not fitting_ones:
+        found = next((o for o in reversed(self._open) if o.port == port and expectation(o.adu).fits(adu)), None)
+        if found is None:
             return
-        # the other port only where each carries one direction
-        found = next((o for o in fitting_ones if o.port == port), fitting_ones[0])
         self._open.remove(found)
         earlier[found.index] = found.adu
         rows["request"][row] = found.index

@@ -21,11 +21,12 @@ from captures.line import PROTOCOLS_NOTE, LineSettings
 from ..options import Options
 from .ascii import AsciiEngine, ascii_after, is_ascii
 from .buffer import Times
+from .directions import port_role
 from .engine import Engine
 from .mbap import MbapEngine, is_mbap, mbap_after
 from .rules import Bytes, Index
 from .segments import StreamSegments
-from .stream import PortEngine, PortsDeframer, character_time, port_role
+from .stream import PortEngine, PortsDeframer, character_time
 
 _HEAD: Final = 2048  # bytes: by then it is plain what a line speaks
 _FOREIGN: Final = re.compile(rb"[^:0-9A-Fa-f\r\n]")  # what no line in ASCII mode carries

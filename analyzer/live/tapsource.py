@@ -15,8 +15,8 @@ from captures.live.listening import HOLD_NS, IDLE_NS, QUIET_NS, Listening
 from captures.live.settings import PortSettings
 from captures.live.wire import Item, PortEvent, Tick
 
+from ..deframing.directions import DIRECTIONS_NOTE
 from ..deframing.protocols import Deframer
-from ..deframing.stream import DIRECTIONS_NOTE
 from ..tables.schema import Kind
 
 _DOUBT: Final = 400  # bytes of which hardly any makes sense: the settings are doubted

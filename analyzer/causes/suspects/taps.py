@@ -10,7 +10,7 @@ import numpy as np
 from dissectors.crc import crc_ok
 from dissectors.lengths import Role, pdu_length
 
-from ...deframing.stream import port_role
+from ...deframing.directions import port_role
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import Evidence

@@ -1,0 +1,90 @@
+"""Rows of a port as its engine decided them: not numbered yet, nor in one order with those of other ports."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from captures.ragged import copy_pieces, sums
+
+from ..tables.schema import ROW, Kind, Rows, join_rows, take_rows
+from .buffer import GAPS, Times
+from .rules import Bytes
+from .segments import StreamSegments, evidence_rows
+
+_KIND_OF_ROLE = np.array([Kind.REQUEST, Kind.RESPONSE, Kind.NOISE], np.uint8)
+
+
+class UnorderedRows:
+    """Such rows, with what belongs to them.
+
+    `head` and `tail` number the reads that brought the first and last byte of each; `heard` is when that first read
+    returned (ns), which never runs back on a port.
+    """
+
+    def __init__(self, rows: Rows, data: Bytes, head: Times, tail: Times, heard: Times, why: Rows) -> None:
+        self.rows, self.data, self.head, self.tail, self.heard, self.why = rows, data, head, tail, heard, why
+
+    @classmethod
+    def nothing(cls) -> UnorderedRows:
+        """No rows."""
+        none = np.empty(0, np.int64)
+        return cls(np.empty(0, ROW), np.empty(0, np.uint8), none, none, none, evidence_rows(0))
+
+    @classmethod
+    def of(cls, port: int, segments: StreamSegments) -> UnorderedRows:
+        """Rows of decided segments."""
+        data, decided, reads = segments.data, segments.decided, segments.reads
+        at, length = decided.start, decided.end - decided.start
+        kind = _KIND_OF_ROLE.take(decided.role)
+        framed = kind != 0  # NOISE
+        if segments.heads is None:
+            last = len(data) - 1
+            unit, function, code = (data.take(np.minimum(at + i, last)) for i in range(3))
+        else:
+            unit, function, code = segments.heads.T
+        failed = (framed & (function > 0x7F) & (length >= 3)).nonzero()[0]
+        rows = np.zeros(len(at), ROW)
+        rows["start"], rows["length"], rows["at"] = at + segments.offset, length, at
+        rows["t_start"], rows["t_end"] = reads.t_start, reads.t_end
+        rows["index"] = rows["request"] = rows["request_start"] = rows["response_ns"] = -1
+        rows["kind"], rows["check"], rows["port"], rows["contested"] = kind, decided.check, port, decided.contested
+        for name in GAPS:
+            rows[name] = getattr(reads, name)
+        rows["confidence"] = 1.0 / (1.0 + np.exp2(-np.maximum(decided.margin, 0.0)))
+        rows["unit"], rows["function"] = unit * framed, (function & 0x7F) * framed
+        rows["exception"][failed] = code[failed]
+        rows["protocol"] = segments.protocol
+        why = evidence_rows(0) if decided.why is None else decided.why
+        return cls(rows, data, reads.head, reads.tail, reads.heard, why)
+
+    @classmethod
+    def joined(cls, parts: Sequence[UnorderedRows]) -> UnorderedRows:
+        """All of these, one behind the other."""
+        if len(parts) < 2:
+            return parts[0] if parts else cls.nothing()
+        shift = 0
+        for part in parts:
+            part.rows["at"] += shift
+            shift += len(part.data)
+        return cls(
+            join_rows([p.rows for p in parts]),
+            np.concatenate([p.data for p in parts]),
+            np.concatenate([p.head for p in parts]),
+            np.concatenate([p.tail for p in parts]),
+            np.concatenate([p.heard for p in parts]),
+            np.concatenate([p.why for p in parts]),
+        )
+
+    def picked(self, which: NDArray[np.intp]) -> UnorderedRows:
+        """Those at these places, in this order."""
+        rows = take_rows(self.rows, which)
+        starts, lengths = rows["at"].copy(), rows["length"].copy()
+        ends = sums(lengths)
+        data = np.empty(int(ends[-1]), np.uint8)
+        copy_pieces(data, ends[:-1], self.data, starts, lengths)
+        rows["at"] = ends[:-1]
+        why = self.why[which] if len(self.why) else self.why  # there is none where nobody wants it
+        return UnorderedRows(rows, data, self.head[which], self.tail[which], self.heard[which], why)

@@ -1,0 +1,300 @@
+"""Rows of several ports in the order of the wire.
+
+Two taps are two clocks: reads return late, by up to 16 ms behind a USB adapter, and clocks are set apart. On a healthy
+bus heard by two adapters every second answer seems to come before its request. Where each of two ports carries one
+direction the bytes tell the order: the next answer belongs to the newest request if it fits that one, and comes before
+the next request. Clocks decide only what lies further apart than they can be wrong (`horizon_ns`), which is measured:
+a byte a read tells how far a tap's times stray.
+
+What is decided hangs on rows and their times alone, never on how they were fed: the row that was heard first is placed
+when all that was heard within the horizon behind it is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from captures.line import LineSettings
+from dissectors.answers import Expectation, expectation
+
+from ..tables.frame import adu_of
+from ..tables.schema import NO_GAP, Kind, Protocol
+from .directions import either_way, said_directions, settled_directions
+from .unordered import UnorderedRows
+
+_SETTLE_FRAMES: Final = 32  # by which directions are settled
+_SETTLE_NS: Final = 2_000_000_000  # or those heard in this time
+_MOST_NS: Final = 60_000_000  # that two adapters' times may be apart: latency timers, jitter, clocks set by hand
+_LEAST_NS: Final = 2_000_000
+_EVER: Final = -(1 << 62)
+_EVERY: Final = 64  # frames, after which the horizon is measured anew
+_BYTE_BY_BYTE: Final = 0.9  # reads a byte
+_STRAYS: Final = 4.0  # horizon for each ns that times stray inside frames
+_FADES: Final = 0.75
+
+
+class ClockSkew(NamedTuple):
+    """By how much the clock of the port of answers is ahead of that of requests: bounds, ns."""
+
+    least: int
+    most: int
+
+
+class Across(NamedTuple):
+    """Of rows in wire order: which answers (mask) belong to requests of `requests`' port, and what times carry."""
+
+    answers: NDArray[np.bool_]
+    requests: int
+    unsure_ns: NDArray[np.int64]  # response times up to this may be the clocks' doing
+
+    def of(self, which: NDArray[Any]) -> Across:
+        """The same of some rows."""
+        return Across(self.answers[which], self.requests, self.unsure_ns[which])
+
+
+class WireOrder:
+    """Takes rows of ports as they are decided, gives them in order as that becomes certain."""
+
+    def __init__(self, line: LineSettings) -> None:
+        self._ports: list[int] = []  # as they came
+        self._since: int | None = None  # ns: when there were two; what was heard before is of one port
+        self._held = UnorderedRows.nothing()
+        self._directions = said_directions(line)
+        self._settled = self._directions is not None
+        self._merge = _Merge()
+
+    @property
+    def skew(self) -> ClockSkew | None:
+        """What is known of two taps' clocks; None where there are no two, or nothing is known."""
+        return self._merge.clocks.skew if self._directions is not None else None
+
+    def joins(self, port: int, first_ns: int) -> None:
+        """A port is heard for the first time."""
+        self._ports.append(port)
+        if self._settled:
+            self._since = _EVER
+        elif len(self._ports) == 2:
+            self._since = first_ns
+
+    def take(self, parts: Sequence[UnorderedRows], until: int | None) -> tuple[UnorderedRows, Across | None]:
+        """Rows whose places are certain, with more of them; all that was heard before `until` is known (None: all)."""
+        if self._since is None:
+            return UnorderedRows.joined(parts), None
+        loose = UnorderedRows.joined([self._held, *parts])
+        if self._directions is not None and (loose.rows["protocol"] == Protocol.TCP).any():
+            self._directions = None  # its transactions are numbered, and several may be open
+        heard = loose.heard
+        order = np.lexsort((loose.rows["port"], heard))
+        known = len(order) if until is None else int(np.searchsorted(heard[order], until))
+        early = min(known, int(np.searchsorted(heard[order], self._since)))  # before there was a second port
+        if not self._settled and known > early:
+            self._settle(loose, order[early:known], until)
+        if not self._settled or self._directions is None:
+            count = known if self._settled else early
+            self._held = loose.picked(order[count:])
+            return loose.picked(order[:count]), None
+        self._turn(loose, order[early:])
+        placed, unsure = self._merge.order(loose, order[early:], self._directions, until)
+        left = np.ones(len(order), np.bool_)
+        left[order[:early]] = left[placed] = False
+        self._held = loose.picked(order[left[order]])
+        placed = np.concatenate((order[:early], placed))
+        found = loose.picked(placed)
+        asks, answers = self._directions
+        across = found.rows["port"] == answers
+        across[:early] = False
+        return found, Across(across, asks, np.concatenate((np.zeros(early, np.int64), unsure)))
+
+    def _settle(self, loose: UnorderedRows, order: NDArray[np.intp], until: int | None) -> None:
+        """Settle directions by the first frames, once there are enough of them."""
+        begin = int(loose.heard[order[0]])
+        frames = order[(loose.rows["kind"][order] != Kind.NOISE) & (loose.heard[order] <= begin + _SETTLE_NS)]
+        if len(frames) < _SETTLE_FRAMES and until is not None and until <= begin + _SETTLE_NS:
+            return
+        first, second = self._ports[:2]
+        self._settled = True
+        self._directions = settled_directions(loose.rows[frames[:_SETTLE_FRAMES]], loose.data, (first, second))
+
+    def _turn(self, loose: UnorderedRows, which: NDArray[np.intp]) -> None:
+        """What reads alike in both directions goes the way of its port."""
+        assert self._directions is not None
+        kinds = dict(zip(self._directions, (Kind.REQUEST, Kind.RESPONSE), strict=True))
+        for port, kind in kinds.items():
+            mine = which[(loose.rows["port"][which] == port) & (loose.rows["kind"][which] != kind)]
+            mine = mine[either_way(loose.rows[mine])]
+            loose.rows["kind"][mine] = kind
+
+
+class _Clocks:
+    """What two taps' times are worth, measured every so many frames."""
+
+    def __init__(self) -> None:
+        self.horizon_ns = _MOST_NS
+        self.unsure_ns = 0
+        self._frames = self._reads = self._octets = 0
+        self._stray = 0.0
+        self._delay: float | None = None  # least wait between a request's end and its answer, by the clocks
+        self._turn: float | None = None  # and between an answer's end and the next request
+        self.usual_ns = 0.0  # wait of an answer
+
+    @property
+    def skew(self) -> ClockSkew | None:
+        if self._delay is None or self._turn is None:
+            return None
+        return ClockSkew(*sorted((int(-self._turn), int(self._delay))))
+
+    def frame(self, reads: int, length: int, most: int, least: int) -> None:
+        """One was placed."""
+        self._reads += reads
+        self._octets += length
+        if most != NO_GAP:
+            self._stray = max(self._stray, abs(most), abs(least))
+        self._frames += 1
+        if self._frames % _EVERY == 0:
+            self._measure()
+
+    def answered(self, wait_ns: int) -> None:
+        """A request was answered after so long, by the two clocks."""
+        self._delay = wait_ns if self._delay is None else min(self._delay, wait_ns)
+        self.usual_ns += (wait_ns - self.usual_ns) / 16
+        self.unsure_ns = max(self.unsure_ns, -wait_ns)
+
+    def went_on(self, wait_ns: int) -> None:
+        """The next request came so long after an answer."""
+        self._turn = wait_ns if self._turn is None else min(self._turn, wait_ns)
+        self.unsure_ns = max(self.unsure_ns, -wait_ns)
+
+    def _measure(self) -> None:
+        horizon = float(_MOST_NS)
+        if self._reads >= _BYTE_BY_BYTE * self._octets:
+            horizon = min(horizon, max(_LEAST_NS, _STRAYS * self._stray, _STRAYS * self.unsure_ns))
+        self.horizon_ns = round(horizon)
+        self._stray *= _FADES
+        self.unsure_ns = round(self.unsure_ns * _FADES)
+        self._reads = self._octets = 0
+        if self._delay is not None and self._turn is not None:  # clocks drift: bounds widen until seen again
+            self._delay += 0.05 * abs(self._delay)
+            self._turn += 0.05 * abs(self._turn)
+
+
+class _Head(NamedTuple):
+    """The next frame of a port, and where in its list it stands: noise before it goes with it."""
+
+    place: int
+    row: int
+
+
+class _Merge:
+    """Puts the rows of two ports of one direction each, and of any others, in order."""
+
+    def __init__(self) -> None:
+        self.clocks = _Clocks()
+        self._asked: Expectation | None = None  # the newest request, unless it was answered
+        self._asked_ns = (0, 0)  # when it was heard, when it ended
+        self._answered_ns: int | None = None  # when the newest answer ended
+
+    def order(
+        self, loose: UnorderedRows, which: NDArray[np.intp], ports: tuple[int, int], until: int | None
+    ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+        """Of rows (places in `loose`, as heard) those that can be placed, and how unsure times are at each."""
+        rows = loose.rows[which]
+        self._loose, self._which = loose, which.tolist()
+        names = ("kind", "port", "at", "length", "t_start", "t_end", "reads", "gap_most", "gap_least", "check",
+                 "protocol")  # fmt: skip
+        self._columns = {name: rows[name].tolist() for name in names}
+        self._heard = loose.heard[which].tolist()
+        column = self._columns["port"]
+        lanes: list[list[int]] = [[], [], []]
+        lane_of = {ports[0]: 0, ports[1]: 1}
+        for i, port in enumerate(column):
+            lanes[lane_of.get(port, 2)].append(i)
+        at = [0, 0, 0]
+        placed: list[int] = []
+        unsure: list[int] = []
+        while any(at[lane] < len(lanes[lane]) for lane in range(3)):
+            begin = min(self._heard[lanes[lane][at[lane]]] for lane in range(3) if at[lane] < len(lanes[lane]))
+            horizon = begin + self.clocks.horizon_ns
+            if until is not None and horizon >= until:
+                break
+            lane, upto = self._next(lanes, at, horizon)
+            for i in lanes[lane][at[lane] : upto]:
+                self._place(i, lane)
+                placed.append(i)
+                unsure.append(self.clocks.unsure_ns)
+            at[lane] = upto
+        return which[np.array(placed, np.intp)], np.array(unsure, np.int64)
+
+    def _next(self, lanes: list[list[int]], at: list[int], horizon: int) -> tuple[int, int]:
+        """The lane that goes on, and up to where."""
+        heads = [self._head(lanes[lane], at[lane], horizon) for lane in (0, 1)]
+        request, answer = heads
+        first = min(
+            (lane for lane in range(3) if at[lane] < len(lanes[lane])),
+            key=lambda lane: (self._heard[lanes[lane][at[lane]]], lane),
+        )
+        if first == 2 or request is None or answer is None:
+            head = heads[first] if first < 2 else None
+            return first, at[first] + 1 if head is None else head.place + 1
+        chosen = self._choice(request.row, answer.row, self._head(lanes[1], answer.place + 1, horizon))
+        if chosen is None:
+            chosen = int(self._heard[answer.row] < self._heard[request.row])
+        head = heads[chosen]
+        assert head is not None
+        return chosen, head.place + 1
+
+    def _head(self, lane: list[int], place: int, horizon: int) -> _Head | None:
+        """The next frame, if it was heard before the horizon."""
+        while place < len(lane) and self._heard[lane[place]] <= horizon:
+            if self._columns["kind"][lane[place]] != Kind.NOISE:
+                return _Head(place, lane[place])
+            place += 1
+        return None
+
+    def _choice(self, request: int, answer: int, second: _Head | None) -> int | None:
+        """Which comes next, by what fits: 0 the request, 1 the answer, None where the times have to tell."""
+        adu = self._adu(answer)
+        ours = self._asked is not None and self._asked.fits(adu)
+        asks = expectation(self._adu(request))
+        theirs = asks.fits(adu)
+        if ours == theirs:
+            if not ours:
+                return None
+            if second is not None and asks.fits(self._adu(second.row)):
+                return 1
+            return self._nearer(request, answer)
+        return 1 if ours else 0
+
+    def _nearer(self, request: int, answer: int) -> int:
+        """The same where the answer fits both: was the request before given up?"""
+        start = self._columns["t_start"][answer]
+        here, before = start - self._columns["t_end"][request], start - self._asked_ns[1]
+        unsure, usual = self.clocks.unsure_ns, self.clocks.usual_ns
+        given_up = here >= -unsure and abs(here - usual) + unsure < abs(before - usual)
+        return 0 if given_up else 1
+
+    def _place(self, i: int, lane: int) -> None:
+        """A row is placed: learn from it."""
+        columns = self._columns
+        if columns["kind"][i] == Kind.NOISE or lane == 2:
+            return
+        self.clocks.frame(columns["reads"][i], columns["length"][i], columns["gap_most"][i], columns["gap_least"][i])
+        start, end = columns["t_start"][i], columns["t_end"][i]
+        if lane == 0:
+            if self._answered_ns is not None:
+                self.clocks.went_on(start - self._answered_ns)
+            adu = self._adu(i)
+            self._asked = expectation(adu) if columns["check"][i] and adu[0] else None
+            self._asked_ns, self._answered_ns = (self._heard[i], end), None
+        elif self._asked is not None and self._asked.fits(self._adu(i)):
+            self.clocks.answered(start - self._asked_ns[1])
+            self._asked, self._answered_ns = None, end
+
+    def _adu(self, i: int) -> bytes:
+        at, length = self._columns["at"][i], self._columns["length"][i]
+        adu = self._loose.data[at : at + length].tobytes()
+        protocol = self._columns["protocol"][i]
+        return adu if protocol == Protocol.RTU else adu_of(adu, Protocol(protocol)).data
