@@ -22,7 +22,10 @@ from .tables.schema import ROW, Rows, join_rows
 from .tables.transactions import TRANSACTION, Transactions
 
 if TYPE_CHECKING:
+    from dissectors.maps.units import UnitMaps
+
     from .causes.model import Cause
+    from .exports.records import RecordTable
     from .exports.running import Exported
     from .filters import Filter
     from .reports.model import Report
@@ -34,10 +37,18 @@ class Analysis:
     `batches` and `frames` stream in flat memory; `rows` and `transactions` hold the whole capture as one array.
     """
 
-    def __init__(self, capture: Capture, options: Options = Options(), *, only: Filter | None = None) -> None:  # noqa: B008
+    def __init__(
+        self,
+        capture: Capture,
+        options: Options = Options(),  # noqa: B008 - frozen
+        *,
+        only: Filter | None = None,
+        maps: UnitMaps | None = None,
+    ) -> None:
         self.capture = capture
         self.options = options
         self.only = only
+        self.maps = maps
 
     def __repr__(self) -> str:
         name = self.capture.path.name if self.capture.path is not None else "in memory"
@@ -49,13 +60,27 @@ class Analysis:
         from .filters import compile_filter
 
         wanted = text if self.only is None else f"({self.only.text}) and ({text})"
-        return Analysis(self.capture, self.options, only=compile_filter(wanted))
+        chosen = compile_filter(wanted, charts=self.maps)
+        return Analysis(self.capture, self.options, only=chosen, maps=self.maps)
+
+    def with_maps(self, *maps: str) -> Analysis:
+        """The same with the names of register maps, `MAP@UNIT` or `MAP` each: in `records`, `to_arrow`, `export`,
+        `report`, and in filters to come. Raises MapError."""
+        from dissectors.maps.units import unit_maps
+
+        return Analysis(self.capture, self.options, only=self.only, maps=unit_maps(maps))
 
     def report(self) -> Report:
         """The bus on one page, as `rtuscope report` has it; `to_json()` of it is that of `--json`."""
         from .reports import summarize
 
-        return summarize(self.capture, source=str(self.capture.path or ""), options=self.options, filter=self.only)
+        watch = None
+        if self.maps:
+            from .registers.watch import ValueWatch
+
+            watch = ValueWatch(self.maps)
+        name = str(self.capture.path or "")
+        return summarize(self.capture, source=name, options=self.options, filter=self.only, values=watch)
 
     def export(
         self, out: str | PathLike[str], *, format: str | None = None, table: str = "frames", noise: bool = False
@@ -63,7 +88,7 @@ class Analysis:
         """Write it as `rtuscope export` does, by suffix or by the format's name; `table` as in `--table`."""
         from .exports import ExportOptions, export
 
-        options = ExportOptions(noise=noise, filter=self.only, table=table)
+        options = ExportOptions(noise=noise, filter=self.only, table=table, charts=self.maps or None)
         return export(self.capture, fspath(out), name=format, options=options, limits=self.options)
 
     @property
@@ -117,21 +142,31 @@ class Analysis:
 
     def records(self, table: str) -> Iterator[dict[str, Any]]:
         """The rows of a table (`transactions`, `values`, `findings`) as dictionaries, as `--table` writes them."""
-        from .exports.records import TABLES
-
-        columns_of = TABLES[table].columns
+        columns_of = self._table(table).columns
         for part in self.analysed():
             columns = columns_of(part)
             yield from (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
 
-    def to_arrow(self, *, noise: bool = False) -> Any:
-        """All frames as a pyarrow Table with the columns of `exports.arrow`, with `noise` the bytes between too.
+    def to_arrow(self, table: str = "frames", *, noise: bool = False) -> Any:
+        """All frames as a pyarrow Table with the columns of `exports.arrow`, with `noise` the bytes between too; or
+        another table of `records`.
 
         Needs `rtuscope[columns]`; an ImportError says so.
         """
-        from .exports.arrow import table
+        from .exports import arrow
 
-        return table((analysed.batch for analysed in self.analysed()), noise=noise)
+        if table == "frames":
+            return arrow.table((analysed.batch for analysed in self.analysed()), noise=noise)
+        from .exports.record_files import records_arrow
+
+        chosen = self._table(table)
+        return records_arrow(chosen, (chosen.columns(part) for part in self.analysed()))
+
+    def _table(self, name: str) -> RecordTable:
+        from .exports.meaning import mapped_table
+        from .exports.records import TABLES
+
+        return mapped_table(self.maps) if self.maps and name == "values" else TABLES[name]
 
     def to_polars(self, *, noise: bool = False) -> Any:
         """The same as a polars DataFrame."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, tzinfo
 from enum import Enum
 from typing import Final
 
@@ -30,19 +30,24 @@ def seconds(ns: int) -> str:
     return f"{sign}{micros // 1_000_000}.{micros % 1_000_000:06d}"
 
 
-def time_of_day(t_ns: int) -> str:
-    """`08:29:51.123456` UTC."""
+def time_of_day(t_ns: int, zone: tzinfo = UTC) -> str:
+    """`08:29:51.123456` in a zone."""
     micros = t_ns // 1000
-    moment = datetime.fromtimestamp(micros // 1_000_000, UTC)
+    moment = datetime.fromtimestamp(micros // 1_000_000, zone)
     return f"{moment:%H:%M:%S}.{micros % 1_000_000:06d}"
 
 
-def date_and_time(t_ns: int) -> str:
+def date_and_time(t_ns: int, zone: tzinfo = UTC) -> str:
     """`2026-11-21 08:29:51.123456 UTC`, or seconds on the capture's own clock."""
     if not is_clock(t_ns):
         return f"{seconds(t_ns)} s on the capture's clock"
-    moment = datetime.fromtimestamp(t_ns // 1_000_000_000, UTC)
-    return f"{moment:%Y-%m-%d} {time_of_day(t_ns)} UTC"
+    moment = datetime.fromtimestamp(t_ns // 1_000_000_000, zone)
+    return f"{moment:%Y-%m-%d} {time_of_day(t_ns, zone)} {zone_name(t_ns, zone)}"
+
+
+def zone_name(t_ns: int, zone: tzinfo = UTC) -> str:
+    """How a zone is called at a time: `UTC`, `MSK`, `UTC+03:00`."""
+    return datetime.fromtimestamp(t_ns // 1_000_000_000, zone).tzname() or "UTC"
 
 
 def short(ns: int | None) -> str:

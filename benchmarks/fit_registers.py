@@ -204,18 +204,19 @@ def folds(count: int) -> list[set[str]]:
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--folds", type=int, default=0)
-    parser.add_argument("--seeds", type=int, default=8)
-    parser.add_argument("--rounds", type=int, default=100)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--rounds", type=int, default=70)
     parser.add_argument("--strength", type=float, default=1.5)
-    parser.add_argument("--temperature", type=float, default=1.0)
+    parser.add_argument("--temperature", type=float, default=0.85)
     parser.add_argument("--misses", action="store_true", help="print each miss of a held-out family")
     parser.add_argument("--only-fold", type=int)
     parser.add_argument("-o", default=str(OUT))
     parser.add_argument("--dry", action="store_true", help="write nothing")
     options = parser.parse_args(arguments)
     begin = time.perf_counter()
-    made = [(d, runs_of(d.readings)) for polls, seeds in ((60, range(options.seeds)), (150, range(100, 101)))
-            for d in devices(seeds, polls, widen=0.1)]  # fmt: skip
+    kinds = ((60, range(options.seeds), 0.0), (60, range(200, 202), 1.0), (150, range(100, 101), 0.0))
+    made = [(d, runs_of(d.readings)) for polls, seeds, refine in kinds
+            for d in devices(seeds, polls, widen=0.1, refine=refine)]  # fmt: skip
     print(f"{len(made)} devices, {time.perf_counter() - begin:.1f} s", file=sys.stderr)
     if options.folds:
         everything = Tally()

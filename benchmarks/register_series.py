@@ -47,9 +47,18 @@ class MadeDevice:
 
 
 def made_device(
-    name: str, chart: RegisterMap, random: Random, polls: int, *, flip: float = 0.0, widen: float = 0.0
+    name: str,
+    chart: RegisterMap,
+    random: Random,
+    polls: int,
+    *,
+    flip: float = 0.0,
+    widen: float = 0.0,
+    refine: float = 0.0,
 ) -> MadeDevice:
     """A device of this layout, polled so many times."""
+    if random.random() < refine:
+        chart = refined(chart, random)
     if random.random() < flip:
         chart = reordered(chart)
     if random.random() < widen:
@@ -107,6 +116,16 @@ def widened(chart: RegisterMap) -> RegisterMap:
     return replace(chart, rows=tuple(rows))
 
 
+def refined(chart: RegisterMap, random: Random) -> RegisterMap:
+    """The same with 32-bit integers in finer steps, so that both of their words move."""
+    rows = (
+        replace(row, scale=row.scale / random.choice((10, 100, 1000)))
+        if row.type in ("u32", "s32") and random.random() < 0.7 else row
+        for row in chart.rows
+    )  # fmt: skip
+    return replace(chart, rows=tuple(rows))
+
+
 def number_of(row: MappedValue) -> int:
     """The hypothesis that is true of a value; texts and what nobody infers are single registers (0)."""
     for number, hypothesis in enumerate(HYPOTHESES):
@@ -129,10 +148,17 @@ def true_cut(address: int, quantity: int, rows: tuple[MappedValue, ...]) -> NDAr
 
 
 def devices(
-    seeds: range, polls: int, *, only: set[str] | None = None, flip: float = 0.3, widen: float = 0.0
+    seeds: range,
+    polls: int,
+    *,
+    only: set[str] | None = None,
+    flip: float = 0.3,
+    widen: float = 0.0,
+    refine: float = 0.0,
 ) -> Iterator[MadeDevice]:
     """Devices of all layouts, or of those of these families, once a seed."""
     for name, chart in layouts().items():
         if only is None or family(chart) in only:
             for seed in seeds:
-                yield made_device(name, chart, Random(f"{name} {seed}"), polls, flip=flip, widen=widen)
+                chance = Random(f"{name} {seed}")
+                yield made_device(name, chart, chance, polls, flip=flip, widen=widen, refine=refine)

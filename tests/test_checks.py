@@ -122,7 +122,7 @@ def test_the_load() -> None:
     ("rule", "column", "words"),
     [
         ("no crc erors", 4, "did you mean crc errors?"),
-        ("no gremlins", 4, "docs/findings.md"),
+        ("no gremlins", 4, "rtuscope help findings"),
         ("p95 respons < 3 ms", 5, "'response_time'"),
         ("p95 response_time < 80", 21, "needs a unit"),
         ("no findings of severity bad", 25, "note, warning, error"),

@@ -83,6 +83,19 @@ def test_low_word_first_and_negative_numbers() -> None:
     assert values[-1].signed and values[-1].minimum == int(words_of(walk(4, 0, 6), ">i2").view(np.int16).min())
 
 
+@pytest.mark.parametrize(("reverse", "order"), [(False, "BADC"), (True, "DCBA")])
+def test_floats_of_which_the_bytes_are_swapped(reverse: bool, order: str) -> None:
+    floats = [words_of(walk(n, 230 + 40 * n, 0.3), ">f4").byteswap() for n in range(6)]
+    columns = [column[:, ::-1] if reverse else column for column in floats]
+    columns.append(words_of(walk(7, 4000, 30), ">u2").byteswap())
+    values = infer(readings_of(*columns))
+    assert [(v.address, v.words, v.kind, v.order) for v in values] == [
+        *((address, 2, "float", order) for address in range(100, 112, 2)), (112, 1, "int", None)
+    ]  # fmt: skip
+    assert values[0].minimum == pytest.approx(walk(0, 230, 0.3).min(), rel=1e-5)
+    assert "swapped" in values[0].why
+
+
 def test_what_cannot_be_told_is_two_readings() -> None:
     columns = [np.zeros((POLLS, 1), np.uint16), words_of(walk(1, 3000, 20), ">u2"), words_of(walk(2, 900, 9), ">u2")]
     value = next(v for v in infer(readings_of(*columns)) if v.changes and v.address <= 101)

@@ -96,3 +96,44 @@ def test_a_comment_that_was_deleted_comes_back(seen: Watched, capture: Path) -> 
     seen.press(f"{DOWN};valve{ENTER}m").until("u brings")
     seen.press("u").until('"valve"')
     assert noted(capture, seen) == [1]
+
+
+def test_home_says_whose_fault_and_the_cause_is_gone_to(seen: Watched, capture: Path) -> None:
+    seen.press("0").until("things explain what is wrong").until("to be sure").until("do ")
+    causes = bus_of(capture).causes()
+    assert seen.shown().index(causes[0].text[:40]) < seen.shown().index("unit   1")
+    seen.press(f"{ENTER}m")
+    assert bus_of(capture).frame(noted(capture, seen)[0]).index == causes[0].frames[0]
+
+
+def test_a_float_is_listed_and_plotted_as_a_float(tmp_path: Path) -> None:
+    values = [20 + (i % 50) / 10 for i in range(300)]
+    path = tmp_path / "meter.jsonl"
+    write_meter(path, values)
+    with Watched("open", str(path), columns=120, rows=40, cwd=tmp_path) as terminal:
+        terminal.until("registers").settle(1.0)
+        terminal.press("5").until("f32").until("300 readings").settle(0.5)
+        shown = terminal.shown()
+        assert "of 40001" in shown and f"{max(values):.6g}" in shown and "16825" not in shown
+        assert f"{values[-2]:.7g}" in shown, "the value before it, as a float too"
+        terminal.press("v").until(" !")  # the user's own word, kept beside the capture
+        kept = json.loads((tmp_path / "meter.jsonl.rtuscope.json").read_text())["types"]
+        assert kept == {"1:3:0": "f32 CDAB"}
+        terminal.press("x").until("300 readings")
+        assert "types" not in json.loads((tmp_path / "meter.jsonl.rtuscope.json").read_text())
+
+
+def write_meter(path: Path, values: list[float]) -> None:
+    """One unit's holding registers 0 and 1, a float, polled once a second."""
+    import struct
+
+    import captures
+    from captures.chunks import Capture, Chunk
+    from captures.line import LineSettings
+    from dissectors.crc import crc_bytes
+
+    chunks = []
+    for i, value in enumerate(values):
+        for at, frame in ((0, bytes.fromhex("010300000002")), (20, b"\x01\x03\x04" + struct.pack(">f", value))):
+            chunks.append(Chunk(1_780_000_000_000_000_000 + i * 10**9 + at * 10**6, frame + crc_bytes(frame)))
+    captures.write(path, Capture.of(LineSettings(baud=19200, char_bits=10), chunks))

@@ -26,7 +26,8 @@ from analyzer.exports import export
 from analyzer.model import goto, search
 from analyzer.model.bus import Bus
 from analyzer.model.notes import Notes, NotesError
-from analyzer.model.registers import history
+from analyzer.model.polls import answer_before, changed
+from analyzer.model.registers import RegisterSeries
 from analyzer.model.selection import Everything, Selection, conversations, frames_only, within
 from analyzer.model.source import CaptureSource
 from analyzer.model.table import COLUMNS, PIECE, ByteStore, RowTable, ShortTimes
@@ -149,7 +150,8 @@ def test_registers_are_the_newest_values_that_frames_carry(each: int) -> None:
     for register in found[:: max(1, len(found) // 10)]:
         name = f"{'b' if register.area < 2 else 'r'}{register.address}"
         values = expected[register.unit, areas[register.area], name]
-        assert [reading.value for reading in history(bus, register)] == values[-512:]
+        series = RegisterSeries(register.unit, register.area, register.address).extend(bus)
+        assert series.readings()[2][:, 0].tolist() == values
         assert register.before == (values[-2] if len(values) > 1 else None)
 
 
@@ -230,6 +232,29 @@ def test_every_finding_on_a_row_is_marked_there_and_can_be_jumped_to(wire: str, 
     last = max(standing)
     assert found.rows_beyond(last, 1).tolist() == []
     assert found.rows_beyond(last, -1).tolist() == sorted(standing - {last}, reverse=True)
+
+
+def test_causes_are_those_of_the_analysis(troubled: Bus) -> None:
+    assert troubled.causes() == analyzer.open(samples.path("troubled.jsonl")).causes() != []
+
+
+def test_an_answer_is_compared_with_the_one_to_the_same_poll(troubled: Bus) -> None:
+    compared = differing = 0
+    for row in range(troubled.count):
+        before = answer_before(troubled, row)
+        if before is None:
+            continue
+        compared += 1
+        one, other = troubled.partner(row), troubled.partner(before)
+        assert before < row and one is not None and other is not None and one != other
+        assert troubled.captured(one) == troubled.captured(other)
+        mine, old = troubled.frame(row), troubled.frame(before)
+        pairs = list(changed(old.fields(), mine.fields()))
+        differing += bool(pairs)
+        told = {i for _, new in pairs for i in range(new.start, new.start + new.length)}
+        body = range(2, len(mine.adu.data) - 2)
+        assert {i for i in body if mine.adu.data[i] != old.adu.data[i]} <= told
+    assert compared > 10 and differing
 
 
 def test_search_finds_bytes_text_and_values(troubled: Bus) -> None:

@@ -14,17 +14,18 @@ from analyzer.model.source import CaptureSource
 from analyzer.tui.app import Rtuscope
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.pastepane import PasteText
-from analyzer.tui.registerlist import History
+from analyzer.tui.plot import Plot
 from analyzer.tui.screen import BusScreen
 from captures import samples
 
 _DOCS = Path(__file__).parents[1] / "docs" / "pictures"
 _STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("frames", ("g", "1", "5", "enter", "tab", "home", "down", "tab", "tab")),
+    ("home", ("0",)),
+    ("frames", ("1", "g", "1", "5", "enter", "tab", "home", "down", "tab", "tab")),
     ("conversations", ("2",)),
     ("findings", ("3", "home")),
     ("units", ("4",)),
-    ("registers", ("5", "end")),
+    ("registers", ("5", "down", "down")),
     ("timeline", ("6", "right", "right", "right", "space", "right", "right")),
     ("report", ("7",)),
     ("paste", ("8",)),
@@ -59,7 +60,7 @@ async def _look(size: tuple[int, int], light: bool) -> None:
                 if all(worker.is_finished for worker in app.workers):
                     break
             await pilot.pause(0.05)
-            while name == "registers" and "readings" not in screen.query_one("#history", History).title:
+            while name == "registers" and "readings" not in screen.query_one(Plot).title:
                 await pilot.pause(0.01)
             if name != "report":  # its text is compared elsewhere
                 compare(f"{name}-{size[0]}x{size[1]}-{'light' if light else 'dark'}", screen)

@@ -21,7 +21,8 @@ from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.findings import FindingList
 from analyzer.tui.help import Help
 from analyzer.tui.pastepane import PasteText, PieceList
-from analyzer.tui.registerlist import History, RegisterList
+from analyzer.tui.plot import Plot
+from analyzer.tui.registerlist import RegisterList
 from analyzer.tui.timeline import Timeline
 from analyzer.tui.unitlist import UnitList
 from captures import samples
@@ -66,10 +67,11 @@ def test_views_of_conversations_findings_units_registers_timeline_and_report(cap
         registers = screen.query_one(RegisterList)
         assert registers.count() == len(sitting.bus.registers)
         await sitting.press("end")
-        await sitting.until(lambda: "readings" in screen.query_one("#history", History).title)
-        before = sitting.shown()
-        await sitting.press("v")
-        assert sitting.shown() != before and "s16" in sitting.shown()
+        await sitting.until(lambda: "readings" in screen.query_one(Plot).title)
+        await sitting.press("home", "v")
+        assert (
+            registers.register is not None and registers.meaning(registers.owner(registers.register)).source == "yours"
+        )
         await sitting.press("enter")
         assert screen.view == "frames"
         await sitting.press("7")
@@ -342,3 +344,26 @@ def test_a_narrow_terminal_shows_what_frames_say(capture: Path) -> None:
         assert sum(len(piece.text) for piece in frames.pieces(0, 40)) <= 40
 
     using(opened(capture), work)
+
+
+def test_forty_columns_show_list_fields_and_bytes(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("down")
+        for pane in (sitting.screen.frames, sitting.screen.detail.fields, sitting.screen.detail.octets):
+            assert pane.region.width > 30 and pane.region.height > 3, pane
+        assert "01 03 06 00 E6" in sitting.shown() and "function" in sitting.shown()
+        for view in "0235":
+            await sitting.press(view)
+            assert max(len(line.rstrip()) for line in sitting.shown().splitlines()) <= 40
+
+    using(opened(capture), work, size=(40, 24))
+
+
+def test_the_report_is_no_wider_than_eighty_columns(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("7")
+        await sitting.until(lambda: "what is wrong" in sitting.shown() or "response" in sitting.shown())
+        report = sitting.screen.query_one("#report")
+        assert report.max_scroll_x == 0
+
+    using(opened(capture), work, size=(80, 24))

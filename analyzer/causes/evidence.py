@@ -89,12 +89,14 @@ class Evidence:
         return self.ledger.bytes * self.ledger.char_ns / self.ledger.span_ns
 
     def silent(self, unit: UnitLedger) -> int:
-        """Requests without an answer that nothing explains."""
+        """Requests without an answer that nothing explains; of two clocks only those of a unit that is never heard."""
+        if not self.ordered and unit.answered + unit.strays + unit.late + unit.doubles + unit.unfit:
+            return 0
         return unit.count(Outcome.SILENT) if self.is_open(Symptom.SILENCE, unit.unit) else 0
 
     def damaged(self, unit: UnitLedger) -> int:
         """Answers that are none and that nothing explains; of those looked at, the share that is damaged indeed."""
-        if not self.is_open(Symptom.DAMAGE, unit.unit):
+        if not self.is_open(Symptom.DAMAGE, unit.unit) or not self.ordered:
             return 0
         count, samples = unit.count(Outcome.GARBAGE), self._samples(unit)
         return round(count * len(self.readings(unit)) / samples) if samples else count
@@ -123,7 +125,7 @@ class Evidence:
 
     def behind(self, unit: UnitLedger, *kinds: Behind) -> float:
         """About how many good answers have such a thing behind them."""
-        readings = self.followed(unit)
+        readings = self.followed(unit) if self.ordered else []
         if not readings:
             return 0.0
         return unit.followed.offered * sum(reading.behind in kinds for reading in readings) / len(readings)
@@ -197,7 +199,7 @@ class Evidence:
         waited, known = 0.0, False
         for outcome, waits in ((Outcome.SILENT, unit.waits), (Outcome.GARBAGE, unit.garbage_waits)):
             if outcome in outcomes and len(waits):
-                waited += float(np.minimum(waits.numbers, most).mean()) * len(waits)
+                waited += float(np.clip(waits.numbers, 0, most).mean()) * len(waits)
                 known = True
         return lost, round(min(waited, self.ledger.span_ns) / 1e6, 3) if known else None
 

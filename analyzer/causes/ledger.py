@@ -6,9 +6,9 @@ The ledger is all that suspects see. It grows with the units and polls of a bus,
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,9 @@ from .thinned import Thinned
 from .timegrid import TimeGrid
 from .unitledger import NEEDED, UnitLedger
 from .valuetable import ValueTable
+
+if TYPE_CHECKING:
+    from ..registers.limits import LimitBreach
 
 _CHAR_NS: Final = 1e6  # where the line's speed is not known
 _NOISE_SAMPLES: Final = 64
@@ -77,6 +80,7 @@ class Ledger:
         self.end = 0
         self.exchanges = 0
         self.next_asked, self.next_hit = (np.zeros(256, np.int64) for _ in range(2))  # see `_count_neighbours`
+        self.breaches: Sequence[LimitBreach] = ()  # of a map's limits, where values were looked at
         self._newest_unit = 0
         self._repeating = False  # the newest request got no answer, and the next one is the same
         self._builder = ExchangeBuilder()

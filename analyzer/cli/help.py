@@ -12,7 +12,7 @@ from .commands import COMMANDS
 EXAMPLE = """\
 rtuscope help
 rtuscope help filters
-rtuscope help findings | less"""
+rtuscope help findings"""
 
 _ALIASES: Final = {"checks": "check", "maps": "registers"}  # words by which pages are asked for
 _INSTALLED: Final = Path(__file__).parents[1] / "pages"

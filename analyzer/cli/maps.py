@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from dissectors.maps.units import UnitMaps
 
 
-def add_map_argument(parser: argparse.ArgumentParser) -> None:
+def add_map_argument(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """--map."""
     parser.add_argument(
         "--map",
@@ -22,17 +22,6 @@ def add_map_argument(parser: argparse.ArgumentParser) -> None:
 
 def chosen_charts(arguments: argparse.Namespace) -> UnitMaps:
     """The maps that were given."""
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.units import unit_maps
 
-    if not arguments.map:
-        return UnitMaps()
-    from dissectors.maps import map_for_unit
-
-    by_unit, other = {}, None
-    for text in arguments.map:
-        chart, unit = map_for_unit(text)
-        if unit is None:
-            other = other or chart
-        else:
-            by_unit[unit] = chart
-    return UnitMaps(by_unit, other)
+    return unit_maps(arguments.map)

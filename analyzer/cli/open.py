@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from datetime import UTC
 
 from .app import DONE, UsageError
 from .inputs import (
@@ -18,6 +19,7 @@ from .inputs import (
     load_functions,
     open_capture,
 )
+from .maps import add_map_argument, chosen_charts
 from .terminal import full_screen
 
 EXAMPLE = """\
@@ -42,6 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", type=port, default=_PORT, help=f"with --web: port to listen at ({_PORT})")
     add_reading_arguments(parser)
     add_functions_argument(parser)
+    add_map_argument(parser)
     add_limit_arguments(parser)
 
 
@@ -56,6 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Show it."""
     load_functions(arguments)
     limits = chosen_limits(arguments)
+    charts = chosen_charts(arguments)
     capture = None if arguments.capture is None else open_capture(arguments)
     if arguments.web:
         from .web import serve
@@ -63,6 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
         serve(in_a_browser(arguments), arguments.host, arguments.port)
         return DONE
     needs_a_terminal("open")
+    from captures.io import time_zone
+
     from ..model.source import CaptureSource, Nothing
     from ..tui import run as show
 
@@ -70,7 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
         show(Nothing(), view="paste", light=arguments.light)
     else:
         name = capture.path.name if capture.path else "capture"
-        show(CaptureSource(capture, name, limits), light=arguments.light)
+        shown_in = UTC if arguments.tz is None else time_zone(arguments.tz)
+        show(CaptureSource(capture, name, limits), light=arguments.light, zone=shown_in, charts=charts.of)
     return DONE
 
 
@@ -87,6 +94,7 @@ def in_a_browser(arguments: argparse.Namespace) -> list[str]:
     command = [sys.executable, "-P", "-m", "analyzer.cli", "open"]
     command += ["--light"] if arguments.light else []
     command += [f"--functions={path}" for path in arguments.functions]
+    command += [f"--map={name}" for name in arguments.map]
     command += given_reading(arguments)
     command += given_limits(arguments)
     command += ["--", str(arguments.capture)] if arguments.capture is not None else []

@@ -135,7 +135,8 @@ def _devices(found: list[Recognised], *, used: bool) -> str:
     """What was recognised, and how sure."""
     lines = []
     for one in found:
-        hint = "its map is used" if used else f"--map {one.name}@{one.unit} names its values"
+        names = f"--map {one.name}@{one.unit}" if one.name else "--recognise"
+        hint = "its map is used" if used else f"{names} names its values"
         device = f"{one.chart.vendor} {one.chart.device}"
         lines.append(f"unit {one.unit} looks like {device} ({one.confidence:.0%}, {one.why}): {hint}")
     return "".join(f"{line}\n" for line in lines)

@@ -23,9 +23,11 @@ from .terminal import Progress, interruptible, put_json, tell
 
 if TYPE_CHECKING:
     from captures import Capture
+    from dissectors.maps.units import UnitMaps
 
     from ..filters import Filter
     from ..options import Options
+    from ..registers.watch import ValueWatch
     from ..reports import Report
 
 EXAMPLE = """\
@@ -46,6 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_overwrite_argument(parser, "FILE")
     add_check_argument(parser)
     add_map_argument(parser)
+    parser.add_argument("--values", action="store_true", help="list what registers held, as far as inference is sure")
     add_limit_arguments(parser)
 
 
@@ -59,8 +62,23 @@ def run(arguments: argparse.Namespace) -> int:
     source = str(arguments.capture)
     if arguments.html is not None:
         to_be_overwritten(arguments.html, overwrite=arguments.overwrite, source=capture.path)
-        return write_page(capture, source, arguments.html, filter=chosen, options=limits, check=arguments.check)
-    return show(capture, source, as_json=arguments.json, filter=chosen, options=limits, check=arguments.check)
+    values = _values(charts, inferred=arguments.values)
+    if arguments.html is not None:
+        return write_page(
+            capture, source, arguments.html, filter=chosen, options=limits, check=arguments.check, values=values
+        )
+    return show(
+        capture, source, as_json=arguments.json, filter=chosen, options=limits, check=arguments.check, values=values
+    )
+
+
+def _values(charts: UnitMaps, *, inferred: bool) -> ValueWatch | None:
+    """What gathers the values, where a map or the user asks for them."""
+    if not charts and not inferred:
+        return None
+    from ..registers.watch import ValueWatch
+
+    return ValueWatch(charts, inferred=inferred)
 
 
 def show(
@@ -71,6 +89,7 @@ def show(
     filter: Filter | None = None,
     options: Options | None = None,
     check: bool = False,
+    values: ValueWatch | None = None,
 ) -> int:
     """Report on an open capture; returns the exit status, with `check` 1 where there are errors."""
     from ..options import Options
@@ -79,7 +98,13 @@ def show(
     progress = Progress(f"report {source}")
     with interruptible() as stop:
         report = summarize(
-            capture, source=source, filter=filter, options=options or Options(), progress=progress, stop=stop
+            capture,
+            source=source,
+            filter=filter,
+            options=options or Options(),
+            progress=progress,
+            stop=stop,
+            values=values,
         )
     progress.clear()
     if as_json:
@@ -97,6 +122,7 @@ def write_page(
     filter: Filter | None = None,
     options: Options | None = None,
     check: bool = False,
+    values: ValueWatch | None = None,
 ) -> int:
     """Write the report on an open capture as HTML; returns the exit status, as `show` does."""
     from ..exports.output import output
@@ -115,6 +141,7 @@ def write_page(
                 progress=progress,
                 stop=stop,
                 watch=sights.feed,
+                values=values,
             )
         progress.clear()
         file.write(page(report, sights).encode())

@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.tui:
             from ..tui.live import show
 
-            return show(session, arguments.port)
+            return show(session, arguments.port, recorder)
         watch = Watch(arguments, session, extra=lambda: _recorded(recorder), fire=fire)
         with session, ended_by_signals(session.stop, abandon=lambda: _abandon(session, recorder, tell)):
             status = watch.run()

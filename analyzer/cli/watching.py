@@ -14,10 +14,13 @@ from typing import TYPE_CHECKING, Final
 
 from ..terminal_text import terminal_text
 from .app import DONE, NO_FRAME
+from .maps import add_map_argument, chosen_charts
 from .quantities import seconds
 from .terminal import coloured, places, put, say_in_place, tell
 
 if TYPE_CHECKING:
+    from dissectors.maps.units import UnitMaps
+
     from ..live.conditions import Condition
     from ..live.recent import ShownRow
     from ..live.session import Session, SessionStep
@@ -41,6 +44,7 @@ def add_view_arguments(parser: argparse.ArgumentParser) -> None:
     )
     view.add_argument("--before", type=seconds, default=10.0, metavar="TIME", help="before a trigger (10s)")
     view.add_argument("--after", type=seconds, default=10.0, metavar="TIME", help="after a trigger (10s)")
+    add_map_argument(view)
     view.add_argument("--tui", action="store_true", help="show it in the terminal interface")
 
 
@@ -63,15 +67,16 @@ class Watch:
 
         self._arguments, self._session, self._extra, self._fire = arguments, session, extra, fire
         width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+        charts = chosen_charts(arguments)
         self._lines = (
-            LiveJsonLines(noise=arguments.noise)
+            LiveJsonLines(noise=arguments.noise, charts=charts)
             if arguments.json
-            else TextLines(colour=coloured(sys.stdout), width=width)
+            else TextLines(colour=coloured(sys.stdout), width=width, charts=charts)
         )
         self.status = LineStatus(session.line)
         self._recent = Recent()
-        self._filter, self._until = _condition(arguments.filter), _condition(arguments.until)
-        self._trigger = _condition(arguments.trigger)
+        self._filter, self._until = _condition(arguments.filter, charts), _condition(arguments.until, charts)
+        self._trigger = _condition(arguments.trigger, charts)
         self._window: TriggerWindow[str] = TriggerWindow(int(arguments.before * 1e9), int(arguments.after * 1e9))
         self._shown = 0
         self._over = False
@@ -148,12 +153,12 @@ class Watch:
             say_in_place("")
 
 
-def _condition(text: str | None) -> Condition | None:
+def _condition(text: str | None, charts: UnitMaps) -> Condition | None:
     if text is None:
         return None
     from ..live.conditions import Condition
 
-    return Condition(text)
+    return Condition(text, charts)
 
 
 @contextmanager

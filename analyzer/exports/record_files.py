@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Final
 
 import orjson
@@ -138,6 +139,14 @@ def record_arrow(schema: Any, columns: Columns) -> Any:
     import pyarrow as pa
 
     return pa.record_batch([pa.array(columns[field.name], field.type) for field in schema], schema=schema)
+
+
+def records_arrow(table: RecordTable, parts: Iterable[Columns]) -> Any:
+    """A table in memory, as an Arrow Table."""
+    import pyarrow as pa
+
+    schema = record_schema(table)
+    return pa.Table.from_batches([record_arrow(schema, columns) for columns in parts], schema)
 
 
 _WRITERS: Final = {"csv": CsvRecords, "jsonl": JsonRecords, "parquet": ParquetRecords}

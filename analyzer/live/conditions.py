@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from captures.line import LineSettings
+from dissectors.maps.units import UnitMaps
 
 from ..filters import compile_filter
 from ..filters.table import BatchTable
@@ -15,9 +16,9 @@ from .session import SessionStep
 class Condition:
     """One filter. What became of a request is known once its answer came; later findings ask it again."""
 
-    def __init__(self, text: str) -> None:
-        """FilterError says where `text` is no filter."""
-        self._filter = compile_filter(text)
+    def __init__(self, text: str, charts: UnitMaps | None = None) -> None:
+        """FilterError says where `text` is no filter; `charts` are the maps that names in it come from."""
+        self._filter = compile_filter(text, charts=charts)
         self._origin: int | None = None
         self._of: object = None
         self._mask: np.ndarray[tuple[int], np.dtype[np.bool_]] = np.zeros(0, np.bool_)

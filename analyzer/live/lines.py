@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from functools import lru_cache
 from typing import Any, Final, Generic, TypeVar
 
 import orjson
 
+from dissectors.maps.decoding import MappedReading
+from dissectors.maps.model import RegisterMap
 from dissectors.values import harmless
 
 from ..exports.encoding import noise_json
+from ..paste.meaning import mapped_readings
 from ..tables.batch import Batch
 from ..tables.findings import Finding, Severity
 from ..tables.frame import Frame
@@ -51,10 +54,13 @@ class _LineCache(Generic[T]):
 class TextLines:
     """Lines for a person: time, direction, unit, function, what it says, response time; findings below it."""
 
-    def __init__(self, *, colour: bool, width: int | None, noise: bool = True) -> None:
-        """`width`: longer lines are cut; None: none are. `noise`: bytes in no frame are shown, too."""
+    def __init__(
+        self, *, colour: bool, width: int | None, noise: bool = True, charts: Mapping[int, RegisterMap] | None = None
+    ) -> None:
+        """`width`: longer lines are cut; None: none are. `noise`: bytes in no frame are shown, too. `charts`: register
+        maps of units, whose names stand in place of the registers."""
         self._colour, self._width, self._noise = colour, width, noise
-        self._summaries = _LineCache(lambda frame: harmless(frame.summary()))
+        self._summaries = _LineCache(lambda frame: harmless(_named(frame, charts or {})))
 
     def of(self, shown: ShownRow) -> TerminalText:
         """The lines of a row, each with its end; empty where there is nothing to show."""
@@ -79,7 +85,7 @@ class TextLines:
         arrow = ">" if frame.row.kind == Kind.REQUEST else "<"
         took = "" if frame.response_time_ns is None else f"   {duration(frame.response_time_ns)}"
         check = "" if frame.crc_ok else "   WRONG CHECK VALUE"
-        head = f"{_clock(frame.t_end_ns)} {arrow} {frame.unit:3d} {frame.function:02X} "
+        head = f"{_clock(frame.t_end_ns)} {arrow} {frame.unit:3d} {frame.function:02d} "
         words = self._summaries.of(frame)
         if self._width is not None:
             room = self._width - len(head) - len(took) - len(check)
@@ -104,9 +110,10 @@ class TextLines:
 class LiveJsonLines:
     """The objects of `rtuscope export`, a line each; a finding made later comes as one of kind `finding`."""
 
-    def __init__(self, *, noise: bool = False) -> None:
-        self._noise = noise
+    def __init__(self, *, noise: bool = False, charts: Mapping[int, RegisterMap] | None = None) -> None:
+        self._noise, self._charts = noise, charts
         self._fields = _LineCache(_fields)
+        self._values = _LineCache(lambda frame: [reading.to_json() for reading in _readings(frame, charts or {})])
 
     def of(self, shown: ShownRow) -> str:
         """The lines of a row."""
@@ -121,7 +128,8 @@ class LiveJsonLines:
         """`Frame.to_json`, the fields as text that is kept."""
         line = frame.to_json(fields=False)
         behind: dict[str, Any] = {key: line.pop(key) for key in _BEHIND_FIELDS if key in line}
-        return {**line, "fields": self._fields.of(frame), **behind}
+        values = {"values": self._values.of(frame)} if self._charts else {}
+        return {**line, "fields": self._fields.of(frame), **values, **behind}
 
     def bus(self, finding: Finding) -> str:
         """A finding by itself: about a frame of before (`index`), a stretch of bytes, or the bus."""
@@ -139,6 +147,21 @@ def _dumped(line: dict[str, Any]) -> str:
 
 def _fields(frame: Frame) -> orjson.Fragment:
     return orjson.Fragment(orjson.dumps([field.to_json() for field in frame.fields()]))
+
+
+def _readings(frame: Frame, charts: Mapping[int, RegisterMap]) -> list[MappedReading]:
+    """What a frame carries by the map of its unit."""
+    chart = charts.get(frame.unit)
+    return [] if chart is None or not frame.crc_ok else mapped_readings(frame.to_json(), chart)
+
+
+def _named(frame: Frame, charts: Mapping[int, RegisterMap]) -> str:
+    """A frame in words; mapped values by their names."""
+    readings = _readings(frame, charts)
+    if not readings:
+        return frame.summary()
+    names = ", ".join(f"{reading.row.name} {reading.text}" for reading in readings)
+    return f"{frame.summary().partition(': ')[0]}: {names}"
 
 
 def _noise(batch: Batch, row: int) -> str:

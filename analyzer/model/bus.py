@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
+from ..causes.ledger import Ledger
 from ..core import Analysed
+from ..options import Options
 from ..outages import Deaf
 from ..reports.summary import Summary
 from ..tables.batch import Batch
@@ -28,6 +30,7 @@ from .source import CaptureSource, ViewSource
 from .table import PIECE, ByteStore, FindingLog, RowState, RowTable
 
 if TYPE_CHECKING:
+    from ..causes.model import Cause
     from ..reports.model import Report
     from ..tables.findings import Finding
 
@@ -64,6 +67,8 @@ class Bus:
         self.whole = False  # nothing more comes
         self.t_first = self.t_last = 0
         self._summary = Summary(self.char_ns)
+        self._options = Options()
+        self._ledger = Ledger(line)
         self._lock = threading.Lock()
         self._capture: CaptureSource | None = None
 
@@ -74,6 +79,8 @@ class Bus:
             return cls(source.line, timed=source.timed)
         bus = cls(source.line, timed=source.timed)
         bus._capture = source
+        bus._options = source.options
+        bus._ledger = Ledger(source.line, source.options)
         return bus
 
     @property
@@ -107,10 +114,15 @@ class Bus:
             self.units.feed(batch.rows)
         with self._lock:
             self._summary.feed(analysed)
+            if self._ledger.line != self.line:  # a tap found it out: what was counted before was of another one
+                self._ledger = Ledger(self.line, self._options)
+            self._ledger.feed(batch, analysed.transactions)
         self._count = self.table.count
 
     def close(self) -> None:
         """Nothing more comes."""
+        with self._lock:
+            self._ledger.close()
         self.whole = True
 
     def _append(self, batch: Batch) -> None:
@@ -245,6 +257,13 @@ class Bus:
         capture = getattr(source, "capture", None) or Capture.of(source.line, (), timed=source.timed)
         with self._lock:
             return self._summary.report(capture, source=source.name, partial=not self.whole)
+
+    def causes(self) -> list[Cause]:
+        """What explains the findings so far, best first; nothing on a healthy bus. Takes a moment."""
+        from ..causes.reasoning import causes_of
+
+        with self._lock:
+            return causes_of(self._ledger)
 
     @property
     def nbytes(self) -> tuple[int, int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, tzinfo
 from typing import Final
 
 from ..words import is_clock
@@ -11,16 +11,16 @@ from .bus import Bus
 
 _UNITS: Final = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000, "min": 60_000_000_000, "h": 3_600_000_000_000}
 _STEP: Final = re.compile(r"([+-]?)(\d+(?:\.\d+)?)\s*(us|ms|s|min|h)")
-_DAY: Final = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:\.(\d{1,9}))?)?")
-FORMS: Final = "frame 120, time 12.5s, step +200ms or -5s, clock 08:29:51.5 (UTC), share 50%"
+_DAY: Final = re.compile(r"(?:(\d{4}-\d{2}-\d{2})[ t])?(\d{1,2}):(\d{2})(?::(\d{2})(?:\.(\d{1,9}))?)?")
+FORMS: Final = "frame 120, time 12.5s, step +200ms or -5s, clock 08:29:51.5 or 2026-11-21 08:29, share 50%"
 
 
 class GotoError(ValueError):
     """No place is named like this; the message says what can be."""
 
 
-def place(text: str, bus: Bus, row: int) -> int:
-    """The row that `text` names, seen from `row`. Raises GotoError."""
+def place(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
+    """The row that `text` names, seen from `row`; times of day are those of `zone`. Raises GotoError."""
     text = text.strip().lower()
     if not bus.count:
         raise GotoError("no frame is there yet")
@@ -39,19 +39,21 @@ def place(text: str, bus: Bus, row: int) -> int:
             return bus.table.row_at_time(bus.t_first + ns)
         return bus.table.row_at_time(bus.table.value("t_start", row) + (ns if match[1] == "+" else -ns))
     if match := _DAY.fullmatch(text):
-        return bus.table.row_at_time(_on_the_day(match, bus, text))
+        return bus.table.row_at_time(_on_the_day(match, bus, text, zone))
     raise GotoError(f"{text[:40]!r} is no place: {FORMS}")
 
 
-def _on_the_day(match: re.Match[str], bus: Bus, text: str) -> int:
+def _on_the_day(match: re.Match[str], bus: Bus, text: str, zone: tzinfo) -> int:
     """A time of day, on the first day of the capture that has it."""
     if not is_clock(bus.t_first):
         raise GotoError("this capture's clock has no time of day: give a time since its start, such as 12.5s")
-    first = datetime.fromtimestamp(bus.t_first / 1e9, UTC)
+    first = datetime.fromtimestamp(bus.t_first / 1e9, zone)
     try:
-        moment = first.replace(hour=int(match[1]), minute=int(match[2]), second=int(match[3] or 0), microsecond=0)
+        if match[1]:
+            first = datetime.fromisoformat(match[1]).replace(tzinfo=zone)
+        moment = first.replace(hour=int(match[2]), minute=int(match[3]), second=int(match[4] or 0), microsecond=0)
     except ValueError as error:
         raise GotoError(f"{text!r} is no time of day") from error
-    ns = int(moment.timestamp()) * 1_000_000_000 + int((match[4] or "0").ljust(9, "0"))
+    ns = int(moment.timestamp()) * 1_000_000_000 + int((match[5] or "0").ljust(9, "0"))
     day = int(timedelta(days=1).total_seconds()) * 1_000_000_000
-    return ns if ns + 1_000_000_000 >= bus.t_first else ns + day
+    return ns if match[1] or ns + 1_000_000_000 >= bus.t_first else ns + day

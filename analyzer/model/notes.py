@@ -29,7 +29,8 @@ class Notes:
     path: Path | None = None
     comments: dict[Place, str] = field(default_factory=dict)
     reference: Place | None = None
-    _before: list[tuple[Place, str | None]] = field(default_factory=list, compare=False)  # what changes replaced
+    types: dict[tuple[int, int, int], str] = field(default_factory=dict)  # of registers: unit, area, address
+    _before: list[tuple[Place, str | None]] = field(default_factory=list, compare=False)  # changed, to undo
 
     @classmethod
     def beside(cls, capture: Path | None) -> Notes:
@@ -55,7 +56,8 @@ class Notes:
                 raise NotesError(f"{path}: version {version} of the notes is not known here: left alone")
             comments = {_place(note): str(note.get("comment", "")) for note in known["bookmarks"]}
             reference = known.get("time_reference")
-            return cls(path, comments, None if reference is None else _place(reference))
+            types = {_register(text): str(words) for text, words in dict(known.get("types", {})).items()}
+            return cls(path, comments, None if reference is None else _place(reference), types)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise NotesError(f"{path}: holds no notes of this program: left alone") from error
 
@@ -92,6 +94,13 @@ class Notes:
         self.reference = place
         self._save()
 
+    def choose_type(self, register: tuple[int, int, int], words: str) -> None:
+        """How a register is read from now on; empty: as it is told."""
+        self.types.pop(register, None)
+        if words:
+            self.types[register] = words
+        self._save()
+
     def _save(self) -> None:
         """Raises captures.CaptureError where it cannot be written; the notes stay in memory."""
         if self.path is None:
@@ -103,9 +112,19 @@ class Notes:
         whole: dict[str, object] = {"version": _VERSION, "bookmarks": bookmarks}
         if self.reference is not None:
             whole["time_reference"] = {"port": self.reference[0], "start": self.reference[1]}
+        if self.types:
+            whole["types"] = {":".join(map(str, spot)): words for spot, words in sorted(self.types.items())}
         with captures.replacing(self.path) as out:
             text = json.dumps(whole, indent=2, ensure_ascii=False) + "\n"
             out.write(text.encode(errors="backslashreplace"))  # half a surrogate pair comes out as JSON writes it
+
+
+def _register(text: str) -> tuple[int, int, int]:
+    """A register's unit, area and address; ValueError where none can be."""
+    unit, area, address = (int(part) for part in text.split(":"))
+    if not (0 <= unit < 256 and 0 <= area < 4 and 0 <= address < 1 << 16):
+        raise ValueError("no register is there")
+    return unit, area, address
 
 
 def _place(note: dict[str, object]) -> Place:

@@ -16,22 +16,15 @@ from numpy.typing import NDArray
 from ..tables.batch import Batch
 from ..tables.columns import decode
 from ..tables.values import confirmed_values
+from .table import PIECE
 
 if TYPE_CHECKING:
     from .bus import Bus
 
 _PAGE: Final = 256
 _PAGES: Final = 1 << 18  # 256 units, 4 areas, 256 pages each
+_AT_ONCE: Final = 1 << 13  # rows
 _Ints = NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True)
-class RegisterReading:
-    """A value as it was seen: at `t_ns`, in the frame at `row`."""
-
-    t_ns: int
-    row: int
-    value: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,31 +108,61 @@ class RegisterLog:
         return int(self._page_of.nbytes + self._value.nbytes + self._before.nbytes + self._t.nbytes + self._row.nbytes)
 
 
-def history(
-    bus: Bus, register: WatchedRegister, most: int = 512, stop: Callable[[], bool] = lambda: False
-) -> list[RegisterReading]:
-    """What a register's value was, oldest first: the newest `most` readings, of the newest million rows at most."""
-    found: list[RegisterReading] = []
-    key = register.unit << 18 | register.area << 16 | register.address
-    last, limit = bus.count, max(0, bus.count - (1 << 20))
-    while last > limit and len(found) < most and not stop():
-        begin = max(limit, last - (1 << 13))
-        for first, batch in reversed(list(bus.batches(begin, last))):
-            keys, values, rows = _readings(batch, register.unit)
-            here = np.flatnonzero(keys == key)[::-1]
-            found.extend(
-                RegisterReading(int(batch.rows["t_end"][rows[i]]), first + int(rows[i]), int(values[i]))
-                for i in here.tolist()
-            )
-        last = begin
-    return found[:most][::-1]
+class RegisterSeries:
+    """What `words` registers from an address on were, every reading of them: the answers of one unit that tell any."""
+
+    def __init__(self, unit: int, area: int, address: int, words: int = 1) -> None:
+        self.unit, self.area, self.address, self.words = unit, area, address, words
+        self._t: list[_Ints] = []
+        self._rows: list[_Ints] = []
+        self._values: list[NDArray[np.uint16]] = []
+        self._last = np.full(words, -1, np.int64)
+        self._done = 0  # rows of the bus that were read
+
+    def extend(self, bus: Bus, stop: Callable[[], bool] = lambda: False) -> RegisterSeries:
+        """Read on to the newest row, or until `stop`; belongs to one thread at a time."""
+        for number, low, high in bus.table.slices(self._done, bus.count):
+            if stop():
+                break
+            own = np.flatnonzero(bus.table.column(number, "unit")[low:high] == self.unit) + low
+            for part in np.array_split(own, -(-len(own) // _AT_ONCE)) if len(own) else ():
+                self._take(bus.batch(part + number * PIECE), part + number * PIECE)
+            self._done = number * PIECE + high
+        return self
+
+    def _take(self, batch: Batch, rows: _Ints) -> None:
+        keys, values, at = _readings(batch)
+        first = self.unit << 18 | self.area << 16 | self.address
+        mine = (keys >= first) & (keys < first + self.words)
+        keys, values, at = keys[mine] - first, values[mine], at[mine]
+        if not len(keys):
+            return
+        answers, place = np.unique(at, return_inverse=True)
+        table = np.full((len(answers), self.words), -1, np.int64)
+        table[place, keys] = values
+        table = np.concatenate((self._last[None], table))
+        seen = np.where(table >= 0, np.arange(len(table))[:, None], 0)  # a word that an answer lacks stays as it was
+        table = np.take_along_axis(table, np.maximum.accumulate(seen), axis=0)
+        self._last = table[-1]
+        whole = (table[1:] >= 0).all(axis=1)
+        self._t.append(batch.rows["t_end"][answers[whole]])
+        self._rows.append(rows[answers[whole]])
+        self._values.append(table[1:][whole].astype(np.uint16))
+
+    def readings(self) -> tuple[_Ints, _Ints, NDArray[np.uint16]]:
+        """Times in ns, rows of the answers, and the registers, one line a reading; oldest first."""
+        empty = np.zeros(0, np.int64)
+        registers = np.zeros((0, self.words), np.uint16)
+        return (
+            np.concatenate([empty, *self._t]),
+            np.concatenate([empty, *self._rows]),
+            np.concatenate([registers, *self._values]),
+        )
 
 
-def _readings(batch: Batch, unit: int | None = None) -> tuple[_Ints, _Ints, _Ints]:
+def _readings(batch: Batch) -> tuple[_Ints, _Ints, _Ints]:
     """Values that stand for what a register is: key (unit, area, address), value, and row of the answer."""
     confirmed = confirmed_values(batch, decode(batch))
-    if unit is not None:
-        confirmed = confirmed.taken(batch.rows["unit"][confirmed.rows] == unit)
     base = batch.rows["unit"][confirmed.rows].astype(np.int64) << 18 | (confirmed.area.astype(np.int64) - 1) << 16
     rows, address, values = confirmed.spread()
     return np.repeat(base, confirmed.counts) | address, values.astype(np.int64), rows

@@ -21,6 +21,12 @@ if TYPE_CHECKING:
     from ..core import Analysed
 
 
+class Grave(str):
+    """A notice of something that is lost or broken, not only worth knowing."""
+
+    __slots__ = ()
+
+
 class ViewSource(Protocol):
     """What `analyzer.tui.run` shows."""
 
@@ -100,14 +106,14 @@ class CaptureSource:
             return ()
         from ..outages import unheard
 
-        lines = [unheard(time) for time in self.deaf[:_TOLD]]
+        lines = [Grave(unheard(time)) for time in self.deaf[:_TOLD]]
         more = len(self.deaf) - len(lines)
-        return [*lines, f"and {more:,} more such times"] if more else lines
+        return [*lines, Grave(f"and {more:,} more such times")] if more else lines
 
     def _damage(self) -> Sequence[str]:
-        lines = [str(loss) for loss in self.capture.damage[:5]]
+        lines = [Grave(loss) for loss in self.capture.damage[:5]]
         more = self.capture.damage_count - len(lines)
-        return [*lines, f"and {more:,} more such places"] if more > 0 and lines else lines
+        return [*lines, Grave(f"and {more:,} more such places")] if more > 0 and lines else lines
 
 
 class Nothing:

@@ -348,6 +348,12 @@ class FindingLog:
             return np.unique(rows[rows > row])
         return np.unique(rows[(rows < row) & (rows >= 0)])[::-1]
 
+    def times(self, table: RowTable, unit: int) -> NDArray[np.int64]:
+        """When the rows of a unit began that findings stand on, ascending, ns."""
+        rows = np.unique(self._rows[: self.count]).astype(np.int64)
+        rows = rows[rows >= 0]
+        return np.sort(table.take("t_start", rows[table.take("unit", rows) == unit]))
+
     def rules(self, first: int, last: int) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
         """Rows from `first` to `last` (excluded) that findings stand on, ascending, and the rule of each."""
         rows = self._rows[: self.count]

@@ -40,7 +40,7 @@ SIZES: Final[Mapping[str, int]] = {
     # of two, as an integer
     "i32": 4, "i32 gain": 14 * 2, "i32 words": 9 * 10, "i32 high": 16 * 2, "i32 low": 6 * 8 * 3,
     "i32 low range": 6 * 10, "i32 low cost": 6 * 9, "i32 high only": 16 * 4, "i32 quiet": 16 * 16,
-    "i32 as float": 2 * 8 * 2, "i32 carries": 16, "i32 sign": 6 * 3,
+    "i32 as float": 2 * 8 * 2, "i32 carries": 16, "i32 sign": 6 * 3, "i32 wraps": 12,
     # of two, as a float
     "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
     # of four
@@ -105,6 +105,7 @@ class _Counting:
         self.moved = (words != words[0]).any(axis=0)
         changes = self.steps(words.astype(np.int32))
         self._changes = ((changes + 0x8000) & 0xFFFF) - 0x8000
+        self._wraps = ((changes < -0x8000).astype(np.int8) - (changes > 0x8000)).astype(np.int8)
         self._bits16 = _bits(self._changes, 17)
         self._cost16 = _sum_lengths(self._bits16)
         self._singles()
@@ -222,8 +223,28 @@ class _Counting:
             "i32 quiet": np.where(case == 0, self._class[high] * 16 + self._class[low], NONE),
             "i32 as float": np.where(case > 0, (both * 8 + kinds) * 2 + few, NONE),
             "i32 carries": np.where(both, self._carries(high, steps), NONE),
+            "i32 wraps": np.where(low_only | both, self._carried(high, low), NONE),
             "i32 block": self._edges(2),
         }
+
+    def _carried(self, high: Ints, low: Ints) -> Ints:
+        """Whether the high word counts each time that the low word runs over, and at no other time.
+
+        0 it never runs over; 1 to 3 so it does (once, to three times, more often), 4 nearly so, 5 now and then, 6
+        never. Where the high word stands still: 7 it never runs over, 8 and 9 a smooth one does (once, more often), 10
+        a wild one.
+        """
+        wraps, steps = self._wraps[:, low], self._changes[:, high]
+        over, moved = (wraps != 0).sum(axis=0), (steps != 0).sum(axis=0)
+        matched = ((wraps != 0) & (steps == wraps)).sum(axis=0)
+        most = np.maximum(np.maximum(over, moved), 1)
+        found = np.where(matched >= 0.8 * most, 4, np.where(matched > 0, 5, 6))
+        found = np.where(matched == most, np.digitize(over, (2, 4)) + 1, found)
+        found = np.where(over == 0, 0, found)
+        size = np.abs(self._changes[:, low])
+        smooth = (size > 0x1000).sum(axis=0) * 8 < np.maximum((size > 0).sum(axis=0), 1)
+        still = np.where(over == 0, 7, np.where(smooth, np.where(over == 1, 8, 9), 10))
+        return np.where(moved == 0, still, found)
 
     def _carries(self, high: Ints, steps: NDArray[np.int64]) -> Ints:
         """How the high word's changes fit a carry: their number, and the share of which the whole moved little."""

@@ -24,6 +24,7 @@ from dissectors.maps.model import MappedValue, RegisterMap
 from dissectors.values import Order
 
 from . import roles
+from .byteorder import exclude, swapped_floats
 from .cutting import Cut, cut_of
 from .hypotheses import HYPOTHESES, numbers, patterns
 from .readings import BlockReadings, RegisterReadings, Words
@@ -52,7 +53,45 @@ def infer(
     weights = weights or shipped_weights()
     charts = charts or {}
     blocks = [block for block in readings if units is None or block.unit in units]
+    found, runs = _as_they_stand(blocks, charts, weights, ())
+    turned = _turned(blocks, found, charts, weights)
+    if turned:
+        found, runs = _as_they_stand(blocks, charts, weights, turned)
+        places = {(v.unit, v.area, v.address + n) for v in turned for n in range(v.words)}
+        found = [value for value in found if (value.unit, value.area, value.address) not in places] + turned
+    found.sort(key=lambda value: (value.unit, value.area, value.address))
+    return with_relations(found, _moved_series(runs, found))
+
+
+def _turned(
+    blocks: Sequence[BlockReadings],
+    found: Sequence[RegisterValue],
+    charts: Mapping[int, RegisterMap],
+    weights: Weights,
+) -> list[RegisterValue]:
+    """Floats with swapped bytes, of units without a map."""
+    turned: list[RegisterValue] = []
+    for unit in {block.unit for block in blocks} - set(charts):
+        turned += swapped_floats(
+            [block for block in blocks if block.unit == unit],
+            [value for value in found if value.unit == unit],
+            lambda swapped: _as_they_stand(swapped, {}, weights, ())[0],
+        )
+    return turned
+
+
+def _as_they_stand(
+    blocks: Sequence[BlockReadings],
+    charts: Mapping[int, RegisterMap],
+    weights: Weights,
+    turned: Sequence[RegisterValue],
+) -> tuple[list[RegisterValue], list[Run]]:
+    """The values of blocks, and their runs; where values are `turned` only single registers stand."""
     runs = runs_of(blocks)
+    for value in turned:
+        for run in runs:
+            if (run.unit, run.area) == (value.unit, value.area):
+                exclude(run, value.address, value.words)
     for run in runs:
         _settle_clocks(run)
         if run.unit in charts:
@@ -67,8 +106,7 @@ def infer(
         for run, cut_list in cuts.get(unit, []):
             found += _values(run, cut_list, chart, order)
         found += bit_values([block for block in blocks if block.unit == unit], chart)
-    found.sort(key=lambda value: (value.unit, value.area, value.address))
-    return with_relations(found, _moved_series(runs, found))
+    return found, runs
 
 
 def _moved_series(
@@ -87,9 +125,10 @@ def _moved_series(
         if owner is None:
             continue
         order: Order = cast(Order, value.order or "ABCD")
+        plain = {"BADC": "ABCD", "DCBA": "CDAB"}.get(value.order or "", value.order)
         number = next(
             n for n, h in enumerate(HYPOTHESES)
-            if (h.words, h.is_float, h.order) == (value.words, value.kind == "float", value.order)
+            if (h.words, h.is_float, h.order) == (value.words, value.kind == "float", plain)
         )  # fmt: skip
         block, columns = owner.source_of(value.address - owner.address, value.words, number)
         if id(block) not in found and len(found) >= _RELATED_BLOCKS:

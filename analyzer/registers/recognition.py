@@ -22,6 +22,7 @@ from ..tables.batch import Batch
 from ..tables.schema import Kind
 from .hypotheses import numbers
 from .readings import BlockReadings, RegisterReadings
+from .sunspec import at_home, sunspec_chain, sunspec_map
 from .values import RegisterValue
 
 _TELLING: Final = {17: "server_id", 43: "identification"}
@@ -30,6 +31,7 @@ _LEAST: Final = 0.8  # confidence below which nothing is said
 _UNSAID: Final = 0.9  # the most where the device does not say what it is
 _MOST_PLACES: Final = 12.0  # bits that addresses alone can say
 _SURE: Final = 0.9
+_CHAIN: Final = 0.99  # of a chain of SunSpec models that was walked
 _TEXT_BITS, _WORD_BITS, _POLL_BITS = 14.0, 5.0, 3.0
 _RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "Hz": (40.0, 70.0), "V": (3.0, 1200.0), "A": (-2000.0, 2000.0), "kW": (-5000.0, 5000.0), "W": (-5e6, 5e6),
@@ -40,7 +42,7 @@ _ZERO_SAYS: Final = {"Hz": -2.0, "V": -0.3}
 
 @dataclass(frozen=True, slots=True)
 class Recognised:
-    """A unit and the shipped map that it seems to be of."""
+    """A unit and the map that it seems to be of; `name` is that of a shipped map, empty of one made from a chain."""
 
     unit: int
     name: str
@@ -84,6 +86,11 @@ def recognised(
     for unit in sorted({*blocks, *(unit for unit, _ in texts.texts)}):
         mine = blocks.get(unit, [])
         said = {which: text for (number, which), text in texts.texts.items() if number == unit}
+        chain = sunspec_chain(mine)
+        if chain and not at_home(chain) and (placed := sunspec_map(chain)) is not None:
+            where = ", ".join(f"model {model.number} at {model.address}" for model in chain)
+            found.append(Recognised(unit, "", placed, _CHAIN, f"SunS at holding {chain[0].address - 2}: {where}"))
+            continue
         inferred = [value for value in values if value.unit == unit]
         scores = {name: chart_bits(chart, mine, said, inferred) for name, chart in charts.items()}
         best = max(scores, key=lambda name: scores[name][0])

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from ..causes.model import Cause
     from ..outages import Deaf
+    from ..registers.watch import WatchedValue
 
 
 _EXACT: Final = 0.05  # of a figure: what may be wrong by no more is not worth an interval
@@ -207,6 +208,7 @@ class Report:
     causes: tuple[Cause, ...] = ()  # what explains the findings, best first; none on a healthy bus
     polls: tuple[PollRow, ...] = ()  # those asked most first
     findings: tuple[FindingRow, ...] = ()  # those that cost the bus most come first
+    values: tuple[WatchedValue, ...] = ()  # what registers held, by a map or as far as inference is sure
     notes: tuple[Note, ...] = ()  # of a recording: what happened besides bytes
     deaf: tuple[Deaf, ...] = ()  # of a recording: when it heard nothing
 

@@ -13,7 +13,7 @@ from dissectors.values import harmless
 
 from ..outages import unheard
 from ..words import compact, duration, is_clock, moment, plural
-from . import findings
+from . import findings, values
 from .model import Counts, Report, Times, UnitRow
 
 _WIDTH: Final = 80
@@ -60,6 +60,7 @@ def _lines(report: Report) -> Iterator[str]:
         yield ""
         yield from _exceptions(report)
     yield from findings.lines(report.findings)
+    yield from values.lines(report.values)
 
 
 def facts(report: Report) -> Iterator[tuple[str, str]]:
@@ -194,7 +195,7 @@ def _trouble(row: UnitRow) -> tuple[int, int]:
 
 
 def _functions(report: Report) -> Iterator[str]:
-    rows = [(f"{row.function:02X} {row.name}", row.counts, _cells(row.times, "p50", "p95")) for row in report.functions]
+    rows = [(f"{row.function:02d} {row.name}", row.counts, _cells(row.times, "p50", "p95")) for row in report.functions]
     yield from _table("function", 30, _COLUMNS[:5], ("p50", "p95"), rows)
 
 
@@ -222,7 +223,7 @@ def _table(
 def _exceptions(report: Report) -> Iterator[str]:
     yield "exceptions"
     for row in report.exceptions[:_EXCEPTIONS]:
-        yield f"{row.count:>9,} x unit {row.unit}, function {row.function:02X}: {row.exception:02X} {row.name}"
+        yield f"{row.count:>9,} x unit {row.unit}, function {row.function:02d}: {row.exception:02X} {row.name}"
     if len(report.exceptions) > _EXCEPTIONS:
         yield f"{'':>9}   and {len(report.exceptions) - _EXCEPTIONS} other kinds (--json has all)"
 

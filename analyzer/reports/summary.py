@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from ..core import Analysed
     from ..filters import Filter
+    from ..registers.watch import ValueWatch
 
 _SECOND: Final = 1_000_000_000
 _DOUBTFUL: Final = 0.5
@@ -249,10 +250,11 @@ def summarize(
     progress: Callable[[int, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
     watch: Callable[[Analysed], None] | None = None,
+    values: ValueWatch | None = None,
 ) -> Report:
     """Deframe a capture and report on it, or on what passes a filter (`analyzer.filters.stream`).
 
-    `watch` sees every batch too, for a page that shows more than the counts.
+    `watch` sees every batch too, for a page that shows more than the counts; `values` gathers what registers held.
     `progress` is told (frames, bytes) after each batch; once `stop` says True the report is made of what came so far.
     """
     from ..causes.ledger import Ledger
@@ -274,10 +276,16 @@ def summarize(
             ledger.feed(analysed.batch, analysed.transactions)
         if watch is not None:
             watch(analysed)
+        if values is not None:
+            values.feed(analysed.batch)
         if progress is not None:
             progress(summary.frames, summary.bytes)
     report = summary.report(capture, source=source, partial=stop is not None and stop())
+    if values is not None:
+        report = replace(report, values=values.values())
     if ledger is None:
         return replace(report, filter="" if filter is None else filter.text)
     ledger.close()
+    if values is not None:
+        ledger.breaches = values.breaches()
     return replace(report, causes=tuple(causes_of(ledger)), polls=poll_rows(ledger))

@@ -163,7 +163,7 @@ def _lost_ms(waits: Thinned, timeout: float | None) -> float | None:
     if not len(waits):
         return None
     most = np.inf if timeout is None else _SLACK * timeout
-    return round(float(np.minimum(waits.numbers, most).mean()) * len(waits) / 1e6, 3)
+    return round(float(np.clip(waits.numbers, 0, most).mean()) * len(waits) / 1e6, 3)
 
 
 def _numbers(rule: Rule, found: Findings, name: str) -> NDArray[np.float64]:

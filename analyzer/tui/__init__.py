@@ -12,14 +12,33 @@ A `Source` (`analyzer.model.source`) is anything with `name`, `line`, `timed`, `
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
+from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dissectors.maps.model import RegisterMap
+
     from ..model.source import ViewSource
 
 
-def run(source: ViewSource, *, view: str = "frames", light: bool = False) -> None:
-    """Show a source until the user quits. `view` is what is shown first: `frames`, `findings`, `paste` …"""
+def run(
+    source: ViewSource,
+    *,
+    view: str = "frames",
+    light: bool = False,
+    zone: tzinfo = UTC,
+    charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] | None = None,
+) -> None:
+    """Show a source until the user quits.
+
+    `view` is what is shown first: `frames`, `home`, `paste` …; `zone` that of times of day; `charts` gives the maps of
+    units.
+    """
     from .app import Rtuscope
 
-    Rtuscope(source, view=view, light=light).run()
+    app = Rtuscope(source, view=view, light=light)
+    app.desk.zone = zone
+    if charts is not None:
+        app.desk.charts = charts
+    app.run()

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from ..model.source import ViewSource
 
+_NARROW = 70  # columns under which bytes stand below the fields
 _WIDE = 120  # columns from which on bytes stand 16 to a line
 _COMMANDS = (
     ("Filter", "display filter", "filter"), ("Find", "bytes, text or a value", "find"),
@@ -61,13 +62,13 @@ class Rtuscope(App[None]):
         self.wire = Wire()
         self.keys = KeyQueue(self, super().on_event)
         self._cursor_was = self.cursor_position
-        self.HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (_WIDE, "-wide")]
+        self.HORIZONTAL_BREAKPOINTS = [(0, "-slim"), (_NARROW, "-narrow"), (_WIDE, "-wide")]
 
     def get_line_filters(self) -> Sequence[LineFilter]:
         return [*super().get_line_filters(), HARMLESS]
 
     def get_default_screen(self) -> Screen[None]:
-        return BusScreen(self.desk, view=self._view)
+        return BusScreen(self.desk, self.wire, view=self._view)
 
     def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:
         """What Textual would send, as the difference from what stands there."""

@@ -15,6 +15,9 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
 from textual.screen import ModalScreen
+from textual.widgets import Input, TextArea
+
+from .twins import latin
 
 if TYPE_CHECKING:
     from textual.app import App
@@ -45,8 +48,12 @@ class KeyQueue:
             self._waiting.append(event)
             return
         target = self._app.focused or self._app.screen
-        await self._dispatch(event)
+        await self._dispatch(self._meant(event))
         self._task = asyncio.create_task(self._go_on(target))
+
+    def _meant(self, event: Key) -> Key:
+        """Letters are letters where text is typed, else keys, whatever the layout."""
+        return event if isinstance(self._app.focused, Input | TextArea) else latin(event)
 
     async def _go_on(self, target: DOMNode) -> None:
         """Wait for the key that `target` was handed, then hand on those that came meanwhile."""
@@ -56,7 +63,7 @@ class KeyQueue:
                 if not self._waiting:
                     return
                 target = self._app.focused or self._app.screen
-                await self._dispatch(self._waiting.popleft())
+                await self._dispatch(self._meant(self._waiting.popleft()))
         finally:
             self._task = None
 

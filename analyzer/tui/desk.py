@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING
 
 from ..model.bus import Bus
 from ..model.notes import Notes, Place
-from ..words import TimeBase, is_clock, seconds, short, time_of_day
+from ..words import TimeBase, date_and_time, is_clock, seconds, short, time_of_day
 
 if TYPE_CHECKING:
+    from dissectors.maps.model import RegisterMap
+
     from ..model.source import ViewSource
+
+
+def _no_charts(units: Iterable[int]) -> Mapping[int, RegisterMap]:  # noqa: ARG001
+    return {}
 
 
 @dataclass
@@ -21,7 +29,20 @@ class ViewState:
     bus: Bus
     notes: Notes = field(default_factory=Notes)
     base: TimeBase = TimeBase.START
+    losses: int = 0  # things that the source told to be lost or broken
+    zone: tzinfo = UTC  # of times of day
+    charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] = _no_charts  # the maps of units
     _reference: tuple[Place, int] | None = None  # and its time
+
+    def when(self, t_ns: int) -> str:
+        """A time by itself, as times are shown."""
+        if not self.bus.timed:
+            return f"row {t_ns:,}"
+        return (
+            date_and_time(t_ns, self.zone)[:19]
+            if is_clock(self.bus.t_first)
+            else f"{seconds(t_ns - self.bus.t_first)} s"
+        )
 
     def place(self, row: int) -> Place:
         """What a note about a row is kept under."""
@@ -50,7 +71,7 @@ class ViewState:
             return "-"
         t = self.bus.table.value("t_start", row)
         if self.base is TimeBase.ABSOLUTE:
-            return time_of_day(t)
+            return f"{date_and_time(t, self.zone)[5:10]} {time_of_day(t, self.zone)}"
         if self.base is TimeBase.PREVIOUS:
             return short(t - self.bus.table.value("t_start", before)) if before is not None else "-"
         if self.base is TimeBase.REFERENCE:

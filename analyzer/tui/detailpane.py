@@ -33,6 +33,7 @@ class DetailPane(Horizontal):
     def show(self, look: FrameDetail, *, to: tuple[str, ...] = ()) -> None:
         """Show fields and bytes; the cursor of the fields goes to an item, or stays on the field it is on."""
         self.look = look
+        self.octets.display = bool(look.data) or not look.items
         item = self.fields.show(look, to=to)
         self.fields.border_title = look.title
         start, length = (0, 0) if item is None else (item.start, item.length)

@@ -100,7 +100,8 @@ class Details(Lines):
 
     def _hanging(self, shown: TreeLine) -> int:
         """Columns before further lines of a text: below its beginning, or less where that is far to the right."""
-        return _INDENT if len(shown.path) == 1 and not shown.item.length else self._label(shown) + 1
+        aligned = (shown.item.label or shown.item.name).endswith(" ")
+        return _INDENT if len(shown.path) == 1 and not shown.item.length and not aligned else self._label(shown) + 1
 
     def _siblings(self, path: Path) -> Sequence[Item]:
         parent = chosen(self.look, path[:-1])

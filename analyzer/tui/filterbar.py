@@ -81,6 +81,7 @@ class FilterBar(Vertical):
             yield Label("Filter ", id="filter-label")
             yield FilterInput(placeholder="/ to type, e.g.  unit == 17 and exception", id="filter", compact=True)
             yield Label("", id="filter-trouble", markup=False)
+            yield Label("", id="filter-span", markup=False)
         yield Completions(id="completions")
 
     def on_mount(self) -> None:
@@ -134,6 +135,12 @@ class FilterBar(Vertical):
         label = self.query_one("#filter-trouble", Label)
         label.update(Text(text, no_wrap=True, overflow="ellipsis"))
         label.display = bool(text)
+
+    def say_span(self, words: str) -> None:
+        """The span of time that rows are narrowed to."""
+        label = self.query_one("#filter-span", Label)
+        label.update(Text(words, no_wrap=True, overflow="ellipsis"))
+        label.display = bool(words)
 
     def _suggest(self) -> None:
         line = self.line

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, ClassVar, Final
 import numpy as np
 from textual.binding import Binding, BindingType
 
+from ..model.selection import Selection
 from ..tables.findings import Severity
 from .lines import Lines
 from .look import at_finding, finding_name
 from .paint import StyledText, fitted
 from .rows import LETTER, SEVERITY
-from .view import View, grown
+from .view import View
 
 if TYPE_CHECKING:
     from textual.widget import Widget
@@ -44,6 +45,8 @@ class FindingList(Lines):
         self.least = Severity.NOTE
         self.code: str | None = None
         self._numbers = np.zeros(0, np.int64)
+        self.scope: Selection | None = None  # rows that findings are shown of; None: all, and the bus as a whole
+        self._tested = 0
         self._seen, self._next = -1, 0.0
 
     @property
@@ -64,9 +67,10 @@ class FindingList(Lines):
     def grown(self) -> None:
         found = self.desk.bus.found
         now = time.monotonic()
-        if found.count == self._seen or (now < self._next and not self.desk.bus.whole):
+        tested = 0 if self.scope is None else self.scope.done
+        if (found.count == self._seen and tested == self._tested) or (now < self._next and not self.desk.bus.whole):
             return
-        self._next = now + _PAUSE_S
+        self._next, self._tested = now + _PAUSE_S, tested
         self._choose()
         super().grown()
 
@@ -78,7 +82,11 @@ class FindingList(Lines):
 
     def _choose(self) -> None:
         self._seen = self.desk.bus.found.count
-        self._numbers = self.desk.bus.found.chosen(self.code, self.least)
+        numbers = self.desk.bus.found.chosen(self.code, self.least)
+        if self.scope is not None:
+            rows = self.desk.bus.found.rows_of(numbers).astype(np.int64)
+            numbers = numbers[np.isin(rows, self.scope.rows())]
+        self._numbers = numbers
 
     def count(self) -> int:
         return len(self._numbers)
@@ -148,6 +156,15 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
         screen.jumps.go(sender.row)
 
 
+def _refresh(screen: BusScreen) -> None:
+    """With what came since, of the rows that the scope leaves."""
+    found = screen.query_one(FindingList)
+    if found.scope is not screen.jobs.narrowed:
+        found.scope, found._seen = screen.jobs.narrowed, -1
+        found._next = 0.0
+    found.grown()
+
+
 def _shown(screen: BusScreen) -> None:
     if screen.studied is not None:
         found = screen.query_one(FindingList)
@@ -161,7 +178,7 @@ def _at(screen: BusScreen) -> int | None:
 
 VIEW: Final = View(
     name="findings", key="3", title="Findings",
-    make=lambda desk: FindingList(desk, id="findings"), refresh=grown,
+    make=lambda desk: FindingList(desk, id="findings"), refresh=_refresh,
     chosen=_chosen, entered=_entered, shown=_shown, at=_at,
-    detail=True, without=("find", "find_on", "select"),
+    detail=True, filtered=True, without=("find", "find_on", "select"),
 )  # fmt: skip

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from ..model.selection import Everything, ListRows
-from ..words import TimeBase, short
+from ..words import TimeBase, short, zone_name
 from . import rows as words
 from .details import Details
 from .lines import Lines
@@ -27,6 +27,12 @@ class FrameList(Lines):
     """Rows of the bus, all or a selection of them."""
 
     EMPTY = "no frames yet"
+
+    @property
+    def empty(self) -> str:
+        if self.desk.bus.count and not isinstance(self.rows, Everything):
+            return "no row passes the filter, the span or z (noise hidden); Esc takes filter and span back"
+        return self.EMPTY
 
     def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
@@ -67,7 +73,7 @@ class FrameList(Lines):
 
     def columns(self, width: int) -> tuple[int, int, int]:
         """Widths: number, time, answer's time (0: not shown)."""
-        time = {TimeBase.ABSOLUTE: 15, TimeBase.PREVIOUS: 7}.get(self.desk.base, 10)
+        time = {TimeBase.ABSOLUTE: 21, TimeBase.PREVIOUS: 7}.get(self.desk.base, 10)
         bus = self.desk.bus
         if self.desk.base in (TimeBase.START, TimeBase.REFERENCE):
             time = max(time, len(str((bus.t_last - bus.t_first) // 1_000_000_000)) + 8)
@@ -78,7 +84,8 @@ class FrameList(Lines):
     def head(self, width: int) -> Sequence[StyledText]:
         number, time, answer = self.columns(width)
         base = self.desk.base
-        title = {TimeBase.START: "time s", TimeBase.REFERENCE: "from R s", TimeBase.PREVIOUS: "delta"}.get(base, "UTC")
+        title = {TimeBase.START: "time s", TimeBase.REFERENCE: "from R s", TimeBase.PREVIOUS: "delta"}.get(base)
+        title = title or f"date, {zone_name(self.desk.bus.t_first, self.desk.zone)}"
         if not self.desk.bus.timed:
             title = ""
         answers = f"{'answer':>{answer}} " if answer else ""

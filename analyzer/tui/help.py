@@ -18,14 +18,14 @@ KEYS: Final[tuple[tuple[str, tuple[tuple[str, str], ...]], ...]] = (
     ("Move", (
         ("↑ ↓ PgUp PgDn Home End", "in any list; j and k too"),
         ("Tab, Shift+Tab", "from the list to the fields, to the bytes, and back"),
-        (f"1 … {len(VIEWS)}", "the views"),
+        (f"0 … {len(VIEWS) - 1}", "the views; 0 or H is Home"),
         ("g", "go to a frame's number, a time, +200ms, 50%"),
         ("c", "the counterpart: from a request to its answer and back"),
         ("] and [", "next and previous finding"),
         ("F", "follow the newest frame (live); moving up stops it"),
     )),
     ("See", (
-        ("t", "times since start, UTC, since the previous row, since the reference"),
+        ("t", "times since start, date and time, since the previous row, since the reference"),
         ("r", "make this row the time reference; again takes it back"),
         ("z", "noise shown in place, or hidden"),
         ("v", "register values in every interpretation; in Registers the next type"),
@@ -34,12 +34,13 @@ KEYS: Final[tuple[tuple[str, tuple[tuple[str, str], ...]], ...]] = (
     )),
     ("Find", (
         ("/", "display filter; Tab completes, Enter uses it, empty shows all"),
-        ("Esc", "take the filter and the span back"),
+        ("Esc", "take back the selection, then the filter, then the span"),
         ("f or Ctrl+F", "find bytes, text or a value; n and N go on"),
-        ("Space in the list", "begin a selection; again ends it"),
+        ("Space in the list", "begin a selection; again ends and keeps it"),
     )),
     ("Keep", (
         ("m, '", "bookmark on or off; go to the next bookmark"),
+        ("u", "take back the last change of a bookmark or comment"),
         (";", "comment on a row"),
         ("y", "copy: hex, C array, Python, rtuscope parse"),
         ("e", "export the selection, or the rows shown"),
@@ -47,6 +48,10 @@ KEYS: Final[tuple[tuple[str, tuple[tuple[str, str], ...]], ...]] = (
     ("Timeline", (
         ("← →, + -", "move, zoom; 0 shows the whole"),
         ("Space, Enter", "begin a span; show it in the list"),
+    )),
+    ("Registers", (
+        ("v, x", "the next type for this register; as its map or its values tell"),
+        ("Space, ← →", "pin into the plot; move the plot's cursor"),
     )),
     ("Findings", (("s, o", "by severity, by code"), ("Enter", "the frame in the list"))),
     ("Else", (("p", "paste bytes"), ("d", "dark or light"), ("Ctrl+P", "every command by name"), ("q", "quit"))),

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Final, TypeVar
 from textual.worker import get_current_worker
 
 from ..model.selection import Everything, Selection, Test, both, conversations, frames_only, within
+from ..model.source import Grave
+from .status import is_gone
 
 if TYPE_CHECKING:
     from ..model.filtering import CompiledTest
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from .screen import BusScreen
 
 _PERIOD_S: Final = 0.1  # between two tellings
+_RATE: Final = 1500  # bytes a second to the terminal from which on a live view is painted less often
 _QUIET_S: Final = 1.0  # between two while nothing comes
 _REPORT_S: Final = 1.0
 _LAG: Final = 64  # rows: by then what was found about one is known, as a rule
@@ -32,6 +35,11 @@ class Scope:
     filter: CompiledTest | None = None
     span: tuple[int, int] | None = None  # ns
     hide_noise: bool = False
+
+    @property
+    def narrows(self) -> bool:
+        """Whether the user leaves rows out, noise apart."""
+        return self.filter is not None or self.span is not None
 
     def tests(self) -> list[Test]:
         """What a row must pass; nothing where all are wanted."""
@@ -58,6 +66,12 @@ class Jobs:
         self._waiting: Selection | None = None  # will be shown once it has come as far as the cursor
         self._counted_at: dict[str, float] = {}  # by view
         self._told_notices: set[str] = set()
+        self._paint_at = 0.0
+
+    @property
+    def narrowed(self) -> Selection | None:
+        """The rows that filter and span leave; None where neither narrows."""
+        return self.selection if self.scope.narrows else None
 
     def begin(self) -> None:
         """Read the source."""
@@ -108,10 +122,20 @@ class Jobs:
 
     def _rows_came(self) -> None:
         live = self._source.live
-        self.doing = "listening" if live else f"reading, {self._bus.store.size / 1e6:,.0f} MB"
+        self.doing = (
+            ("" if is_gone(self._source) else "listening") if live else f"reading, {self._bus.store.size / 1e6:,.0f} MB"
+        )
         self._first_row()
         if live:
             self._tell_notices()
+        self._paint()
+
+    def _paint(self) -> None:
+        """The view anew; of a live source only as often as the terminal takes it."""
+        now, rate = time.monotonic(), self._screen.wire.rate()
+        if self._source.live and not self._bus.whole and now < self._paint_at:
+            return
+        self._paint_at = now + _PERIOD_S * max(1.0, rate / _RATE)
         self._screen.refresh_view()
 
     def _first_row(self) -> None:
@@ -123,7 +147,9 @@ class Jobs:
         for notice in self._source.notices():
             if notice not in self._told_notices:
                 self._told_notices.add(notice)
-                self._screen.tell(notice, wrong=True)
+                grave = isinstance(notice, Grave)
+                self._screen.desk.losses += grave
+                self._screen.tell(notice, wrong=grave)
 
     def _loaded(self, trouble: str) -> None:
         """No more rows come; `trouble` says why if it is not that the source was read to its end."""
@@ -178,7 +204,7 @@ class Jobs:
         if self.selection is not None and self._bus.whole:
             done, count = self.selection.done, self._bus.count
             self.doing = f"filtering {done / max(1, count):.0%}" if done < count else ""
-        self._screen.refresh_view()
+        self._paint()
 
     # Counting
 

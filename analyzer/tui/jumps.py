@@ -66,14 +66,14 @@ class Jumps:
 
         def wrong(text: str) -> str:
             try:
-                goto.place(text, self._bus, here)
+                goto.place(text, self._bus, here, self._screen.desk.zone)
             except goto.GotoError as error:
                 return str(error)
             return ""
 
         text = await self._screen.app.push_screen_wait(Ask("Go to", goto.FORMS, wrong=wrong))
         if text is not None:
-            self.go(goto.place(text, self._bus, here))
+            self.go(goto.place(text, self._bus, here, self._screen.desk.zone))
 
     async def ask_what(self) -> None:
         """Ask what to look for, and look."""

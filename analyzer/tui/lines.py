@@ -49,6 +49,11 @@ class Lines(Painted, ScrollView, can_focus=True):
 
     # What a kind of list says
 
+    @property
+    def empty(self) -> str:
+        """What stands there where there is no line."""
+        return self.EMPTY
+
     def count(self) -> int:
         """Lines now."""
         return 0
@@ -223,7 +228,7 @@ class Lines(Painted, ScrollView, can_focus=True):
         line = self.scroll_offset.y + y - self.HEAD
         count = self.count()
         if line >= count:
-            text = f"  {self.EMPTY}" if count == 0 and y == self.HEAD else ""
+            text = f"  {self.empty}" if count == 0 and y == self.HEAD else ""
             return self.strip([StyledText(text, "dim")], width, self.base)
         here = self.BARRED and line == self.cursor
         strip = self._strips.get((line, here))

@@ -4,14 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 from captures.line import LineSettings
 
 from ..core import Analysed
 from ..live.session import Session
+from ..live.status import LineStatus
+from ..model.source import Grave
 
 _NOTICES: Final = 5  # the newest
+_BAD: Final = frozenset({"lost", "failed", "gap"})  # events that mean a loss
+
+
+class Recording(Protocol):
+    """What is known of a recording (`captures.recording.recorder.Recorder`)."""
+
+    bytes: int
+    lost: int
+
+    @property
+    def path(self) -> Path | None: ...
+
+    @property
+    def paused(self) -> bool: ...
 
 
 class LiveSource:
@@ -21,11 +37,14 @@ class LiveSource:
     timed = True
     path: Path | None = None
 
-    def __init__(self, session: Session, name: str) -> None:
+    def __init__(self, session: Session, name: str, recording: Recording | None = None) -> None:
         self.name = name
+        self.recording = recording
         self._session = session
         self._notices: list[str] = []
         self._missed = 0
+        self._gone: set[int] = set()  # ports that are away
+        self._status = LineStatus(session.line)
 
     @property
     def line(self) -> LineSettings:
@@ -36,21 +55,59 @@ class LiveSource:
         """Rows as they come; nothing while the line is quiet."""
         with self._session as session:
             for step in session.steps():
-                self._notices += [event.text for event in step.events if event.text]
+                for event in step.events:
+                    if event.text:
+                        self._notices.append(Grave(event.text) if event.kind in _BAD else event.text)
+                    if event.kind == "lost":
+                        self._gone.add(event.port)
+                    elif event.kind == "opened":
+                        self._gone.discard(event.port)
                 self._missed += step.missed
+                self._status.line = session.line
+                self._status.feed(step)
                 if stop():
                     session.stop()
                 yield step.analysed
 
     def notices(self) -> Sequence[str]:
         """The newest events, and bytes that were not analysed."""
-        missed = [f"{self._missed:,} bytes were not analysed live"] if self._missed else []
+        missed = [Grave(f"{self._missed:,} bytes were not analysed live")] if self._missed else []
         return [*missed, *self._notices[-_NOTICES:]]
 
+    @property
+    def gone(self) -> bool:
+        """Whether nothing can be heard: the adapter is away."""
+        return bool(self._gone)
 
-def show(session: Session, name: str) -> int:
+    def state(self) -> list[tuple[str, str]]:
+        """How the session does, in words that stay on the screen, each with its kind."""
+        said: list[tuple[str, str]] = []
+        if self.gone:
+            said.append(("UNPLUGGED", "error"))
+        record = self.recording
+        if record is None:
+            said.append(("not recorded", "dim"))
+        else:
+            name = "" if record.path is None else f" {record.path.name}"
+            paused = record.paused
+            said.append(
+                (
+                    f"{'RECORDING PAUSED' if paused else 'REC'}{name} {record.bytes / 1e6:,.1f} MB",
+                    "error" if paused else "good",
+                )
+            )
+            if record.lost:
+                said.append((f"LOST {record.lost:,} bytes", "error"))
+        if self._missed:
+            said.append((f"{self._missed:,} bytes not analysed", "error"))
+        load = self._status.load
+        said.append((f"{self._status.frames_per_s:.0f} frames/s" + ("" if load is None else f", load {load:.0%}"), ""))
+        return said
+
+
+def show(session: Session, name: str, recording: Recording | None = None) -> int:
     """Show a session until the user quits; the exit status."""
     from . import run
 
-    run(LiveSource(session, name))
+    run(LiveSource(session, name, recording))
     return 0

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 from dissectors.fields import Field
 from dissectors.values import harmless, readings
 
+from ..model.polls import answer_before, changed
 from ..paste.model import PastedFrame, PastedNoise
 from ..words import date_and_time, plural, seconds, short
 from .rows import LETTER, SEVERITY
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from .desk import ViewState
 
 _PAIR: Final = 2
+_DIFFERENT: Final = 64  # differences listed
 _KINDS: Final = ("u", "s", "f")
 
 
@@ -74,10 +76,36 @@ def at_row(desk: ViewState, row: int) -> FrameDetail:
         Item("frame", _heading(frame), kind="strong", label=f"frame {frame.index}", children=_facts(desk, row, frame),
              ready=False),
         *_findings(frame.findings),
+        *_versus(desk, row, fields),
         *_fields(fields),
     )  # fmt: skip
     title = f"frame {frame.index}" + (", ASCII mode: its bytes decoded" if frame.protocol == "ascii" else "")
     return FrameDetail(title, frame.adu.data, items, fields)
+
+
+def _versus(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[Item]:
+    """What an answer says otherwise than the one to the same poll before it."""
+    bus = desk.bus
+    before = answer_before(bus, row)
+    if before is None:
+        return
+    other = bus.frame(before)
+    pairs = list(changed(other.fields(), fields))
+    ago = ""
+    if bus.timed:
+        ago = f", {short(bus.table.value('t_start', row) - bus.table.value('t_start', before))} before"
+    said = plural(len(pairs), "value differs", "values differ") if pairs else "nothing differs"
+    kind = "accent" if pairs else "dim"
+    yield Item(
+        "versus", f"{said} from frame {other.index}{ago}", kind=kind, label="versus", ready=False,
+        children=tuple(
+            Item(
+                f"{i} {new.name}", f"{new.text}, was {old.text.rpartition(': ')[2]}", new.start, new.length,
+                label=new.name,
+            )
+            for i, (old, new) in enumerate(pairs[:_DIFFERENT])
+        ),
+    )  # fmt: skip
 
 
 def at_piece(piece: PastedFrame | PastedNoise) -> FrameDetail:
@@ -120,7 +148,7 @@ def _facts(desk: ViewState, row: int, frame: Frame | None = None) -> tuple[Item,
     facts: list[tuple[str, str]] = []
     if bus.timed:
         t = table.value("t_start", row)
-        facts.append(("time", date_and_time(t)))
+        facts.append(("time", date_and_time(t, desk.zone)))
         facts.append(("since start", f"{seconds(t - bus.t_first)} s"))
         facts.append(("on the wire", short(table.value("t_end", row) - t)))
         gap = bus.gap_ns(row)

@@ -1,21 +1,24 @@
-"""The registers: the newest value of each that was seen, in the type that the user chose, and its history."""
+"""The registers: the newest value of each that was seen, read as what it is, and what it was over time below."""
 
 from __future__ import annotations
 
-import math
+import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, Final
 
+import numpy as np
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 
-from dissectors.values import AREAS, logical, readings
+from captures import CaptureError
+from dissectors.values import AREAS, logical
 
-from ..model.registers import RegisterReading, WatchedRegister, history
+from ..model.meanings import AREA_WORDS, CHOICES, PLAIN, Meaning, Spot, chosen, told
+from ..model.registers import RegisterSeries, WatchedRegister
 from ..words import short
-from .history import History
 from .lines import Lines
 from .paint import StyledText, fitted
+from .plot import Plot, Series
 from .view import JUMPS, View
 
 if TYPE_CHECKING:
@@ -24,14 +27,11 @@ if TYPE_CHECKING:
     from .desk import ViewState
     from .screen import BusScreen
 
-# kind and order of `dissectors.values.Reading`, and how many registers it takes
-TYPES: Final = (
-    ("u16", None, 1), ("s16", None, 1), ("hex", None, 1), ("bits", None, 1), ("text", None, 2),
-    *((kind, order, 2) for kind in ("f32", "u32", "s32") for order in ("ABCD", "CDAB", "BADC", "DCBA")),
-    *((kind, order, 4) for kind in ("f64", "u64", "s64") for order in ("ABCD", "CDAB", "BADC", "DCBA")),
-)  # fmt: skip
 _BIT_AREAS: Final = 2  # coils and discrete inputs come first
 _AREA_NAMES: Final = tuple(AREAS)
+_PINS: Final = 4
+_AGAIN_S: Final = 1.0  # between two readings of a plot while rows come
+_SOURCES: Final = {"yours": "!", "map": "=", "told": "~", "plain": " "}
 
 
 class RegisterList(Lines):
@@ -39,16 +39,22 @@ class RegisterList(Lines):
 
     EMPTY = "no value was read or written yet"
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "type(1)", "Type", tooltip="The next way to read registers: signed, float, …"),
+        Binding("v", "type(1)", "Type", tooltip="The next way to read this register: signed, float, …"),
         Binding("V", "type(-1)", "Type back", show=False),
+        Binding("x", "told", "As told", tooltip="Read it as its map or its values tell", show=False),
+        Binding("space", "pin", "Pin", tooltip="Keep this register in the plot, or take it out"),
+        Binding("left", "cursor(-1)", "Earlier", show=False),
+        Binding("right", "cursor(1)", "Later", show=False),
     ]
 
     def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
         self.desk = desk
-        self.type = 0
+        self.told: dict[Spot, Meaning] = {}
+        self.pins: list[Spot] = []
         self._registers: list[WatchedRegister] = []
-        self._places: dict[tuple[int, int, int], int] = {}
+        self._places: dict[Spot, int] = {}
+        self._parts: dict[Spot, Spot] = {}  # registers that are part of the value of one before them
 
     @property
     def register(self) -> WatchedRegister | None:
@@ -57,114 +63,243 @@ class RegisterList(Lines):
 
     def grown(self) -> None:
         before = self.register
-        self._registers = self.desk.bus.registers.all()
-        self._places = {(r.unit, r.area, r.address): i for i, r in enumerate(self._registers)}
+        self._registers = sorted(self.desk.bus.registers.all(), key=_in_order)
+        self._places = {_spot(r): i for i, r in enumerate(self._registers)}
+        self._find_parts()
         if before is not None:
-            self.cursor = self._places.get((before.unit, before.area, before.address), self.cursor)
+            self.cursor = self._places.get(_spot(before), self.cursor)
         super().grown()
+        if before is None and self._registers:
+            self._tell()
+
+    def use(self, meanings: dict[Spot, Meaning]) -> None:
+        """What maps and values tell."""
+        self.told = meanings
+        self._find_parts()
+        self.unpaint()
+        self._tell()
+
+    def _find_parts(self) -> None:
+        self._parts = {}
+        for register in self._registers:
+            unit, area, address = _spot(register)
+            if (unit, area, address) not in self._parts:
+                for k in range(1, self.meaning(_spot(register)).words):
+                    self._parts[unit, area, address + k] = unit, area, address
+
+    def meaning(self, spot: Spot) -> Meaning:
+        """How a register is read: the user's word overrules."""
+        own = chosen(self.desk.notes.types.get(spot, ""))
+        found = self.told.get(spot, PLAIN)
+        if own is None:
+            return found
+        return Meaning(own.kind, own.order, own.words, "yours", found.name)
 
     def count(self) -> int:
         return len(self._registers)
 
-    def reading(self, values: Sequence[int], *, bit: bool) -> tuple[str, float | None]:
-        """Values of a register and its followers in the chosen type: as text, and as a number where it is one."""
-        kind, order, size = TYPES[self.type]
-        if bit:
-            return ("on" if values[0] else "off"), float(values[0])
-        if len(values) < size:
-            return "-", None
-        found = next((r for r in readings(values[:size]) if r.kind == kind and r.order == order), None)
-        if found is None:
-            return "-", None
-        number = found.value if isinstance(found.value, int | float) else float(values[0])
-        return found.text, float(number) if math.isfinite(number) else None
-
     def head(self, width: int) -> Sequence[StyledText]:
-        kind, order, _ = TYPES[self.type]
-        name = f"{kind} {order}" if order else kind
-        return fitted([StyledText(f" unit  register  what              {name:>22}   before        age")], width)
+        name = _name_width(width)
+        text = f"  unit register {'what':<{name}} {'value':>18}  {'before':>12} {'age':>6} type"
+        return fitted([StyledText(text)], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         register = self._registers[line]
+        spot = _spot(register)
+        meaning = self.meaning(spot)
         bit = register.area < _BIT_AREAS
-        text, _ = self.reading(self._followers(register), bit=bit)
-        before = "" if register.before is None else str(register.before)
-        if bit and before:
-            before = "on" if register.before else "off"
+        members = self._members(register, meaning)
+        name = meaning.name or AREA_WORDS[register.area]
+        room = _name_width(width)
+        name = name if len(name) <= room else name[: room - 1] + "…"
+        pieces = [
+            StyledText("•" if spot in self.pins else " ", "accent"),
+            StyledText(f"{register.unit:>5} "),
+            StyledText(f"{logical(register.address, _AREA_NAMES[register.area]):>8} ", "accent"),
+            StyledText(f"{name:<{room}} ", "" if meaning.name else "dim"),
+        ]
+        if spot in self._parts:
+            owner = self._parts[spot]
+            of = logical(owner[2], _AREA_NAMES[owner[1]])
+            return fitted([*pieces, StyledText(f"{f'└ of {of}':>18}", "dim")], width)
+        changed = any(member.changed for member in members)
+        before = ""
+        if all(member.before is not None for member in members):
+            before = meaning.text([member.before or 0 for member in members], bit=bit) if changed else "="
         age = short(self.desk.bus.t_last - register.t_ns) if self.desk.bus.timed else "-"
+        value = meaning.text([member.value for member in members], bit=bit)
         return fitted(
             [
-                StyledText(f"{register.unit:>5} "),
-                StyledText(f"{logical(register.address, _AREA_NAMES[register.area]):>9}  ", "accent"),
-                StyledText(f"{AREAS[_AREA_NAMES[register.area]]:<17} ", "dim"),
-                StyledText(f"{text:>22} ", "strong" if register.changed else ""),
-                StyledText("* " if register.changed else "  ", "warning"),
-                StyledText(f"{before if register.changed else '=':<8} ", "" if register.changed else "dim"),
-                StyledText(f"{age:>8}", "dim"),
+                *pieces,
+                StyledText(f"{value:>18}", "strong" if changed else ""),
+                StyledText("* " if changed else "  ", "warning"),
+                StyledText(f"{before:>12} ", "dim"),
+                StyledText(f"{age:>6} ", "dim"),
+                StyledText("bit" if bit else meaning.type),
+                StyledText(f" {_SOURCES[meaning.source]}", "dim"),
             ],
             width,
         )
 
-    def _followers(self, register: WatchedRegister) -> list[int]:
-        """Its value and those of the registers right behind it, as many as the type takes."""
-        values = [register.value]
-        for k in range(1, TYPES[self.type][2]):
+    def _members(self, register: WatchedRegister, meaning: Meaning) -> list[WatchedRegister]:
+        """It and the registers right behind it, as many as its type takes and were seen."""
+        found = [register]
+        for k in range(1, meaning.words):
             place = self._places.get((register.unit, register.area, register.address + k))
             if place is None:
                 break
-            values.append(self._registers[place].value)
-        return values
+            found.append(self._registers[place])
+        return found
+
+    def owner(self, register: WatchedRegister) -> Spot:
+        """Where the value begins that a register is part of."""
+        return self._parts.get(_spot(register), _spot(register))
+
+    def label(self, spot: Spot) -> str:
+        """A value in words: place, name, type."""
+        meaning = self.meaning(spot)
+        name = f" {meaning.name}" if meaning.name else ""
+        kind = "" if spot[1] < _BIT_AREAS else f", {meaning.type}"
+        return f"unit {spot[0]}, {logical(spot[2], _AREA_NAMES[spot[1]])}{name}{kind}"
 
     def action_type(self, step: int) -> None:
-        self.type = (self.type + step) % len(TYPES)
-        self._told = -1
+        register = self.register
+        if register is None or register.area < _BIT_AREAS:
+            return
+        spot = self.owner(register)
+        names = [choice.type for choice in CHOICES]
+        now = self.meaning(spot).type
+        at = names.index(now) if now in names else -step if step > 0 else 0
+        self._choose(spot, names[(at + step) % len(names)])
+
+    def action_told(self) -> None:
+        if self.register is not None:
+            self._choose(self.owner(self.register), "")
+
+    def _choose(self, spot: Spot, type_words: str) -> None:
+        try:
+            self.desk.notes.choose_type(spot, type_words)
+        except CaptureError as error:
+            self.app.notify(f"kept until you quit only: {error}", markup=False)
+        self._find_parts()
+        self.move_to(self._places.get(spot, self.cursor))
         self.unpaint()
         self._tell()
 
+    def action_pin(self) -> None:
+        register = self.register
+        if register is None:
+            return
+        spot = self.owner(register)
+        if spot in self.pins:
+            self.pins.remove(spot)
+        elif len(self.pins) < _PINS:
+            self.pins.append(spot)
+        else:
+            self.app.notify(f"{_PINS} are pinned already: Space on one of them takes it out")
+        self.unpaint()
+        self._tell()
 
-def plotted(
-    found: RegisterList, readings_of: Sequence[RegisterReading], register: WatchedRegister
-) -> list[tuple[int, float]]:
-    """A register's history in the list's type, where that takes one register; else as it came."""
-    _, _, size = TYPES[found.type]
-    points = []
-    for reading in readings_of:
-        number = found.reading([reading.value], bit=register.area < _BIT_AREAS)[1] if size == 1 else reading.value
-        if number is not None:
-            points.append((reading.t_ns, float(number)))
-    return points
+    def action_cursor(self, step: int) -> None:
+        self.screen.query_one(Plot).move(step)
+
+
+def _name_width(width: int) -> int:
+    """Columns of a register's name."""
+    return max(8, min(width - 68, 40))
+
+
+def _in_order(register: WatchedRegister) -> tuple[int, bool, int, int]:
+    """By unit, registers before single bits."""
+    return register.unit, register.area < _BIT_AREAS, -register.area, register.address
+
+
+def _spot(register: WatchedRegister) -> Spot:
+    return register.unit, register.area, register.address
+
+
+class RegistersPane(Vertical):
+    """The list, and the plot of what is chosen and pinned in it."""
+
+    def __init__(self, desk: ViewState, *, id: str) -> None:
+        super().__init__(id=id)
+        self._desk = desk
+        self._known: dict[tuple[Spot, int], RegisterSeries] = {}
+        self.next_at = 0.0
+        self.asked_at = -1  # rows of which types were told
+
+    def compose(self) -> object:  # type: ignore[override]
+        yield RegisterList(self._desk, id="register-list")
+        yield Plot(id="plot", when=self._desk.when)
+
+    def series(self, spots: Sequence[Spot]) -> list[RegisterSeries]:
+        """The readings of some values, as far as they were read."""
+        found = self.query_one(RegisterList)
+        out = []
+        for spot in spots:
+            key = spot, found.meaning(spot).words
+            out.append(self._known.setdefault(key, RegisterSeries(*spot, words=key[1])))
+        return out
+
+
+def _plotted(screen: BusScreen) -> None:
+    """Read what is chosen and pinned, then show it."""
+    pane, found, plot = screen.query_one(RegistersPane), screen.query_one(RegisterList), screen.query_one(Plot)
+    register, bus = found.register, screen.desk.bus
+    if register is None:
+        return
+    pane.next_at = time.monotonic() + _AGAIN_S
+    own = found.owner(register)
+    spots = [*found.pins, *([] if own in found.pins else [own])]
+    wanted = pane.series(spots)
+
+    def show(read: list[RegisterSeries]) -> None:
+        meanings = [found.meaning(spot) for spot in spots]
+        series = []
+        for spot, each, meaning in zip(spots, read, meanings, strict=True):
+            t_ns, rows, registers = each.readings()
+            if meaning.words == each.words:
+                numbers = meaning.numbers(registers) if meaning.is_number else registers[:, 0].astype(float)
+                series.append(Series(found.label(spot), t_ns if bus.timed else rows, numbers))
+        count = len(series[-1].t_ns) if series else 0
+        span = f" over {short(int(series[-1].t_ns[-1] - series[-1].t_ns[0]))}" if count > 1 and bus.timed else ""
+        plot.show(f" {found.label(own)}: {count:,} readings{span}", series, bus.found.times(bus.table, own[0]))
+
+    screen.jobs.run("history", lambda stop: [each.extend(bus, stop) for each in wanted], show)
 
 
 def _make(desk: ViewState) -> Widget:
-    return Vertical(RegisterList(desk, id="register-list"), History(id="history", classes="history"), id="registers")
+    return RegistersPane(desk, id="registers")
 
 
 def _refresh(screen: BusScreen) -> None:
-    screen.query_one(RegisterList).grown()
+    pane, found, bus = screen.query_one(RegistersPane), screen.query_one(RegisterList), screen.desk.bus
+    found.grown()
+    if time.monotonic() >= pane.next_at and pane.next_at and not bus.whole:
+        _plotted(screen)
+    if bus.count and (pane.asked_at < 0 or (bus.whole and pane.asked_at < bus.count)):
+        pane.asked_at = bus.count
+        charts = screen.desk.charts
+        screen.jobs.run("meanings", lambda stop: told(bus, charts, stop), found.use)
 
 
-def _chosen(screen: BusScreen, sender: Widget) -> None:
-    """Read what the register was, then show it."""
-    assert isinstance(sender, RegisterList)
-    register = sender.register
-    if register is None:
-        return
-    plot, bus = screen.query_one("#history", History), screen.desk.bus
-
-    def show(read: list[RegisterReading]) -> None:
-        span = f" over {short(read[-1].t_ns - read[0].t_ns)}" if len(read) > 1 and bus.timed else ""
-        where = logical(register.address, _AREA_NAMES[register.area])
-        plot.show(f" unit {register.unit}, {where}: {len(read)} readings{span}", plotted(sender, read, register))
-
-    plot.show(" reading …", ())
-    screen.jobs.run("history", lambda stop: history(bus, register, stop=stop), show)
+def _chosen(screen: BusScreen, sender: Widget) -> None:  # noqa: ARG001
+    _plotted(screen)
 
 
 def _entered(screen: BusScreen, sender: Widget) -> None:
-    """The frame that brought the value."""
+    """The frame that brought the value; at the plot's cursor, the one that brought it then."""
     assert isinstance(sender, RegisterList)
-    if sender.register is not None:
-        screen.jumps.go(sender.register.row)
+    register, plot = sender.register, screen.query_one(Plot)
+    if register is None:
+        return
+    row, span = register.row, plot.span
+    if plot.cursor is not None and span is not None:
+        (series,) = screen.query_one(RegistersPane).series([sender.owner(register)])
+        t_ns, rows, _ = series.readings()
+        at = int(np.searchsorted(t_ns, span[0] + round((span[1] - span[0]) * plot.cursor), side="right")) - 1
+        row = int(rows[at]) if at >= 0 else row
+    screen.jumps.go(row)
 
 
 VIEW: Final = View(

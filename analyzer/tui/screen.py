@@ -17,6 +17,7 @@ from textual.widgets import ContentSwitcher, Footer
 
 from dissectors.values import harmless
 
+from ..words import short
 from .bookmarks import Bookmarks
 from .burst import ASKING
 from .conversations import ConversationList
@@ -38,6 +39,7 @@ from .messages import (
     ViewWanted,
 )
 from .picking import PickedRows
+from .prompts import Choose
 from .status import StatusLine
 from .tabs import Tabs
 from .view import View
@@ -45,6 +47,7 @@ from .views import BY_NAME, VIEWS
 
 if TYPE_CHECKING:
     from .desk import ViewState
+    from .wire import Wire
 
 
 class BusScreen(Screen[None]):
@@ -77,14 +80,15 @@ class BusScreen(Screen[None]):
         Binding("shift+tab", "pane(-1)", "Previous pane", show=False),
         Binding("escape", "whole", "Take back", show=False),
         Binding("question_mark,f1", "help", "Help", key_display="?"),
-        Binding("q", "app.quit", "Quit"),
+        Binding("q", "leave", "Quit"),
     ]
 
-    def __init__(self, desk: ViewState, *, view: str = "frames") -> None:
+    def __init__(self, desk: ViewState, wire: Wire, *, view: str = "frames") -> None:
         super().__init__()
         self.desk = desk
         self.view = view
         self.studied: int | None = None  # the row that was last shown below
+        self.wire = wire
         self.jobs = Jobs(self)
         self.jumps = Jumps(self)
         self.bookmarks = Bookmarks(self)
@@ -144,8 +148,8 @@ class BusScreen(Screen[None]):
         self.query_one(Tabs).choose(view)
         self.detail.display = record.detail
         self.query_one(FilterBar).display = record.filtered
-        for each in VIEWS:
-            self.set_class(each is record, f"-{each.name}")
+        for name in ("home", "paste"):  # of the pane alone: a class of the screen would style every widget anew
+            self.detail.set_class(view == name, f"-{name}")
         record.shown(self)
         self.refresh_view()
         self.refresh_bindings()
@@ -165,6 +169,8 @@ class BusScreen(Screen[None]):
         waiting = frames.count() - 1 - frames.cursor
         if frames.live and not bus.whole:
             where += ", following" if frames.following else f", {waiting:,} below (F follows)"
+        if self.jobs.scope.narrows and not BY_NAME[self.view].filtered and self.view != "paste":
+            where = "whole capture, unfiltered"
         if self.picked.anchor is not None:
             where += f", {len(self.picked.rows()):,} selected"
         self.query_one(StatusLine).say(where, self.jobs.doing)
@@ -209,8 +215,16 @@ class BusScreen(Screen[None]):
 
     def on_span_chosen(self, event: SpanChosen) -> None:
         self.jobs.scope.span = event.t_start, event.t_end
+        self._say_span()
         self.jobs.reselect()
         self.action_view("frames")
+
+    def _say_span(self) -> None:
+        """The span stands on the scope's line, beside the filter."""
+        span = self.jobs.scope.span
+        desk = self.desk
+        words = "" if span is None else f"{desk.when(span[0])} + {short(span[1] - span[0])}, Esc removes it"
+        self.query_one(FilterBar).say_span(words)
 
     # Keys
 
@@ -230,9 +244,12 @@ class BusScreen(Screen[None]):
         scope = self.jobs.scope
         if self.picked.anchor is not None:
             self.picked.drop()
-        elif scope.filter is not None or scope.span is not None:
-            scope.filter = scope.span = None
+        elif scope.filter is not None:
             self.query_one(FilterBar).use("")
+        elif scope.span is not None:
+            scope.span = None
+            self.jobs.reselect()
+        self._say_span()
         self.panes[0].focus()
 
     def action_pane(self, step: int) -> None:
@@ -296,6 +313,19 @@ class BusScreen(Screen[None]):
 
     def action_export(self) -> None:
         self.run_worker(self.picked.export(), group=ASKING)
+
+    def action_leave(self) -> None:
+        self.run_worker(self._leave(), group=ASKING)
+
+    async def _leave(self) -> None:
+        """Quit; a recording does not end unasked."""
+        record = getattr(self.desk.source, "recording", None)
+        if record is not None and not self.desk.bus.whole:
+            name = "" if record.path is None else f" {harmless(record.path.name)}"
+            choices = [("s", "stay, it goes on"), ("q", "end it and quit")]
+            if not await self.app.push_screen_wait(Choose(f"The recording{name} would end", choices)):
+                return
+        self.app.exit()
 
     def action_help(self) -> None:
         from .help import Help

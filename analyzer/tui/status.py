@@ -15,6 +15,12 @@ from .paint import Painted, StyledText, fitted
 if TYPE_CHECKING:
     from .desk import ViewState
 
+
+def is_gone(source: object) -> bool:
+    """Whether a live source cannot hear anything now."""
+    return bool(getattr(source, "gone", False))
+
+
 _SPIN = "|/-\\"
 
 
@@ -41,6 +47,10 @@ class StatusLine(Painted):
         left = [StyledText(f" {self._called(max(12, width // 3))} ", "strong"), StyledText(f"{self._speed()}  ", "dim")]
         if self.doing:
             left.append(StyledText(f"{_SPIN[self._turn % len(_SPIN)]} {self.doing}  ", "accent"))
+        state = getattr(self.desk.source, "state", None)
+        if state is not None and not self.desk.bus.whole:
+            for words, kind in state():
+                left.append(StyledText(f"{harmless(words)}  ", kind))
         left.append(StyledText(self.where))
         right = self._found()
         size = sum(cell_len(piece.text) for piece in right)
@@ -60,6 +70,6 @@ class StatusLine(Painted):
     def _found(self) -> list[StyledText]:
         counts = self.desk.bus.found.by_severity
         kinds = ((Severity.ERROR, "E", "error"), (Severity.WARNING, "W", "warning"), (Severity.NOTE, "N", "note"))
-        return [StyledText(f" {counts[level]:,}{letter}", kind) for level, letter, kind in kinds if counts[level]] + [
-            StyledText(" ")
-        ]
+        found = [StyledText(f" {counts[level]:,}{letter}", kind) for level, letter, kind in kinds if counts[level]]
+        lost = [StyledText(f" !{self.desk.losses:,} lost", "error")] if self.desk.losses else []
+        return [*lost, *found, StyledText(" ")]

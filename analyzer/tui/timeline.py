@@ -271,7 +271,7 @@ class Timeline(Painted, can_focus=True):
 
 
 VIEW: Final = View(
-    name="timeline", key="6", title="Timeline",
+    name="timeline", key="6", title="Timeline", short="Time",
     make=lambda desk: Timeline(desk, id="timeline"), refresh=grown,
     without=(*JUMPS, "select", "time_base"),
 )  # fmt: skip

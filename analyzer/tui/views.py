@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from . import conversations, findings, frames, pastepane, registerlist, report, timeline, unitlist
+from . import conversations, findings, frames, home, pastepane, registerlist, report, timeline, unitlist
 from .view import View
 
 VIEWS: Final[tuple[View, ...]] = (
+    home.VIEW,
     frames.VIEW,
     conversations.VIEW,
     findings.VIEW,

@@ -8,6 +8,20 @@ from typing import Any
 from .model import RegisterMap
 
 
+def unit_maps(names: Iterable[str]) -> UnitMaps:
+    """The maps of `MAP@UNIT` or `MAP` each; of several without a unit the first serves. MapError."""
+    from .files import map_for_unit
+
+    by_unit, other = {}, None
+    for text in names:
+        chart, unit = map_for_unit(text)
+        if unit is None:
+            other = other or chart
+        else:
+            by_unit[unit] = chart
+    return UnitMaps(by_unit, other)
+
+
 class UnitMaps(dict[int, RegisterMap]):
     """Maps by unit; `other` serves every unit that has none of its own."""
 

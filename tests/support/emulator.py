@@ -23,6 +23,7 @@ _TOKEN = re.compile(
     r"|\x1b[\]P][^\x07\x1b]*(?:\x07|\x1b\\)|\x1b.|([^\x1b]+)",
     re.DOTALL,
 )
+_BEGUN = re.compile(r"\x1b(?:\[[?>=<]?[\d;:]*|[\]P][^\x07\x1b]*)?$")
 
 
 class Picture:
@@ -39,8 +40,8 @@ class Picture:
     def feed(self, text: str) -> None:
         """Take in some output."""
         text = self._rest + text
-        cut = text.rfind("\x1b")
-        self._rest = text[cut:] if cut >= 0 and not _TOKEN.match(text[cut:]) else ""
+        begun = _BEGUN.search(text)
+        self._rest = begun[0] if begun else ""
         for private, numbers, _, final, plain in _TOKEN.findall(text[: len(text) - len(self._rest)]):
             if plain:
                 self._write(plain)

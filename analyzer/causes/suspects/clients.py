@@ -22,6 +22,7 @@ _COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.
 _ON_FRAMES: Final = 0.93  # of what collides
 _TOO_SOON: Final = 0.9  # of t3.5
 _MOSTLY: Final = 0.5
+_OFTEN: Final = 0.3
 _BUSY: Final = 0.75  # of the line's time
 _HURRIED: Final = 1.1  # of t3.5: the mean pause of a master that never rests
 _HURRIED_NS: Final = 3e5
@@ -45,7 +46,7 @@ _HOLE_CHARS: Final = 1.5
 )
 def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     """Requests while an answer is due, and what collides with them, for all units alike."""
-    if not evidence.ordered:
+    if not evidence.ordered or _broadcasts_answered(evidence):
         return
     units = [unit for unit in evidence.units if evidence.is_open(Symptom.DAMAGE, unit.unit)]
     hasty = sum(_hasty(evidence, unit) for unit in units)
@@ -80,6 +81,12 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
         lost_ms=round(sum(known), 3) if known else None,
         frames=tuple(index for unit in hit for index in unit.examples.get(Outcome.GARBAGE, []))[:6],
     )
+
+
+def _broadcasts_answered(evidence: Evidence) -> bool:
+    """Whether many broadcasts are, for what answers them runs into requests as a second master's would."""
+    ledger = evidence.ledger
+    return ledger.broadcasts_answered >= _LEAST and ledger.broadcasts_answered > _OFTEN * ledger.broadcasts
 
 
 def _share(readings: Sequence[object], *kinds: str) -> float:
@@ -122,10 +129,17 @@ def broadcast_answered(evidence: Evidence) -> Iterator[Suspicion]:
     yield Suspicion(
         tuple(sorted(unit.unit for unit in ledger.units.values() if unit.called)),
         surplus_bits(answered, ledger.broadcasts, background) * 1.1,
-        frozenset({(Symptom.REQUESTS, 0)}),
+        frozenset({(Symptom.REQUESTS, 0)} | (_run_into(evidence) if _broadcasts_answered(evidence) else set())),
         {"answered": answered, "broadcasts": ledger.broadcasts},
         frames=tuple(ledger.called_examples),
     )
+
+
+def _run_into(evidence: Evidence) -> set[tuple[Symptom, int | None]]:
+    """What answers to broadcasts do to the exchanges behind them."""
+    kinds = (Symptom.DAMAGE, Symptom.SILENCE, Symptom.BEHIND, Symptom.LATENESS)
+    few = [unit for unit in evidence.units if evidence.damaged(unit) + evidence.silent(unit) < _OFTEN * unit.asked]
+    return {(kind, unit.unit) for unit in few for kind in kinds}
 
 
 @suspect(

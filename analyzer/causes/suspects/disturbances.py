@@ -20,6 +20,7 @@ _LOAD: Final = 0.4  # where nobody knows it
 _WELL: Final = 0.03  # of stray bytes that hit frames all the same, on a line that floats when nobody drives it
 _ONE_UNIT: Final = 0.9  # of all stretches
 _MOST: Final = 0.6
+_FEW: Final = 0.15  # frames hit for a stretch on the idle line
 _EARLY: Final = (0.3, 0.22, 0.16, 0.12, 0.08, 0.05, 0.04, 0.03)  # bits of a byte that ringing behind its start reaches
 _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
 _SURE_BITS: Final = 14.0  # that a phase, a state or hours must add
@@ -89,7 +90,7 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     if len(stray) > 1 and max(stray) > _ONE_UNIT * sum(stray):
         bits /= 4  # a line that floats does so behind everybody
     explains = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units) | {(Symptom.FRAMING, None)}
-    if touched > _MOST * hits.damaged:
+    if touched > _MOST * hits.damaged or hits.damaged < _FEW * idle:
         explains |= frozenset((Symptom.DAMAGE, unit.unit) for unit in evidence.units)
     yield Suspicion((), bits, explains, _numbers(hits), **_span(evidence))
 
@@ -111,7 +112,14 @@ def _span(evidence: Evidence) -> dict[str, Any]:
     parts = np.flatnonzero(grid.counts("damage"))
     if grid.begin is None or not len(parts):
         return {}
-    return {"since": grid.begin + int(parts[0]) * grid.width, "until": grid.begin + int(parts[-1] + 1) * grid.width}
+    return {"since": grid.begin + int(parts[0]) * grid.width, "until": _end(evidence, int(parts[-1]) + 1)}
+
+
+def _end(evidence: Evidence, part: int) -> int:
+    """The end of so many parts of the grid, which may reach beyond the capture's."""
+    grid, ledger = evidence.ledger.grid, evidence.ledger
+    reach = (grid.begin or 0) + part * grid.width
+    return min(reach, ledger.end) if ledger.timed else reach
 
 
 @suspect(
@@ -345,7 +353,7 @@ def hours(evidence: Evidence) -> Iterator[Suspicion]:
     }
     times: dict[str, Any] = {
         "since": grid.begin + int(begins[0]) * grid.width,
-        "until": grid.begin + int(ends[-1]) * grid.width,
+        "until": _end(evidence, int(ends[-1])),
     }
     if len(begins) > 2:
         times["period_s"] = round(float(np.diff(begins).mean()) * grid.width / 1e9, 1)

@@ -140,7 +140,7 @@ def _of_unit(known: Rows, unit: int | None) -> Rows:
 
 def _place(row: np.void, text: str) -> Breach:
     """A request as a place."""
-    text = f"unit {row['unit']}, function {row['function']:02X}: {text}"
+    text = f"unit {row['unit']}, function {row['function']:02d}: {text}"
     return Breach(
         text, int(row["request"]), int(row["start"]), int(row["length"]), int(row["port"]), int(row["t_start"])
     )

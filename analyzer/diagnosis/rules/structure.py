@@ -99,8 +99,8 @@ RESERVED_FUNCTION: Final = Rule(
     clause="[1] 5",
     numbers=("function",),
     text=lambda numbers: (
-        f"function {int(numbers['function'])} ({int(numbers['function']):02X}) is neither defined by the specification "
-        "nor free for users (65-72 and 100-110 are)"
+        f"function {int(numbers['function'])} (0x{int(numbers['function']):02X}) is neither defined by the "
+        "specification nor free for users (65-72 and 100-110 are)"
     ),
     cause="a vendor's own function outside the ranges for users",
     remedy="look it up in the device's manual, and declare it to have it decoded (--functions)",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from analyzer.reports import findings
+from analyzer.reports import findings, values
 from captures.line import LineSettings
 from dissectors.values import harmless
 
@@ -38,6 +38,7 @@ def page(report: Report, sights: Sights) -> str:
         finalize=lambda value: harmless(value) if type(value) is str else value,
     )
     environment.filters.update(duration=lambda ns: "?" if ns is None else duration(ns), seconds=findings.seconds)
+    environment.filters["short"] = values.short
     char_ns = LineSettings(baud=report.baud, char_bits=report.char_bits).character_ns
     worst = [row for row in report.findings if row.severity != "note"]
     origin = sights.timeline.origin_ns if report.timed else None

@@ -1,0 +1,162 @@
+"""The values of a bus in brief: least, mean, greatest and last of each mapped value, or of what inference is sure of.
+
+Flat memory: a few numbers a value. Numbers are in the map's unit of measure; without a map as the registers hold them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from dissectors.maps.decoding import read_mapped
+from dissectors.maps.model import MappedValue, RegisterMap
+
+from ..tables.batch import Batch
+from ..tables.columns import decode
+from .inference import infer
+from .limits import LimitBreach, limit_breaches
+from .mapped import MappedColumn, limits_broken, mapped_columns
+from .readings import RegisterReadings
+
+_SURE: Final = 0.95
+_NUMBERS: Final = ("int", "float", "bcd")
+
+
+@dataclass(frozen=True, slots=True)
+class WatchedValue:
+    """One value over a capture. `minimum`, `mean`, `maximum` are None for texts and states; `last` is what people
+    read; `outside` counts readings out of the map's limits; `confidence` is 1 by a map."""
+
+    unit: int
+    area: str
+    address: int
+    words: int
+    name: str
+    type: str
+    unit_of_measure: str
+    readings: int
+    minimum: float | None
+    mean: float | None
+    maximum: float | None
+    last: str
+    outside: int
+    confidence: float
+
+
+class ValueWatch:
+    """Fed with batches; `charts` are the maps of units, `inferred` adds what no map has and inference is sure of."""
+
+    def __init__(self, charts: Mapping[int, RegisterMap], *, inferred: bool = False) -> None:
+        self._charts = charts
+        self._mapped: dict[tuple[int, str, int, str], _Running] = {}
+        self._inferred = inferred
+        self._readings = RegisterReadings()
+
+    def feed(self, batch: Batch) -> None:
+        """Take in what the answers of a batch say."""
+        self._readings.feed(batch)
+        if not self._charts:
+            return
+        for column in mapped_columns(batch, decode(batch), self._charts):
+            row = column.row
+            running = self._mapped.setdefault((column.unit, row.area, row.address, row.name), _Running(row))
+            running.add(batch, column)
+
+    def values(self) -> tuple[WatchedValue, ...]:
+        """What was seen, by unit, area and address."""
+        found = [running.watched(key[0]) for key, running in self._mapped.items()]
+        if self._inferred:
+            taken = {(v.unit, v.area, at) for v in found for at in range(v.address, v.address + v.words)}
+            found += [v for v in self._sure_values() if (v.unit, v.area, v.address) not in taken]
+        return tuple(sorted(found, key=lambda value: (value.unit, value.area, value.address, value.name)))
+
+    def breaches(self) -> list[LimitBreach]:
+        """Values that their maps do not allow."""
+        units = {block.unit for block in self._readings}
+        charts = {unit: chart for unit in units if (chart := self._charts.get(unit)) is not None}
+        return limit_breaches(self._readings, charts)
+
+    def _sure_values(self) -> list[WatchedValue]:
+        return [
+            WatchedValue(
+                value.unit,
+                value.area,
+                value.address,
+                value.words,
+                "",
+                f"{value.type} {value.order or ''}".strip(),
+                "",
+                value.readings,
+                _number(value.minimum),
+                None,
+                _number(value.maximum),
+                "" if value.last is None else f"{value.last:.7g}" if isinstance(value.last, float) else str(value.last),
+                0,
+                value.confidence,
+            )
+            for value in infer(self._readings)
+            if value.changes and value.kind in _NUMBERS and value.confidence >= _SURE
+        ]
+
+
+class _Running:
+    """What is kept of one mapped value."""
+
+    def __init__(self, row: MappedValue) -> None:
+        self.row = row
+        self.count = self.outside = 0
+        self.known, self.total = 0, 0.0
+        self.least, self.greatest = np.inf, -np.inf
+        self.newest = -1
+        self.last = ""
+
+    def add(self, batch: Batch, column: MappedColumn) -> None:
+        values = column.values[np.isfinite(column.values)]
+        self.count += len(column.answers)
+        if len(values):
+            self.known += len(values)
+            self.total += float(values.sum())
+            self.least = min(self.least, float(values.min()))
+            self.greatest = max(self.greatest, float(values.max()))
+        self.outside += int(np.count_nonzero(limits_broken(column)))
+        times = batch.rows["t_end"][column.answers]
+        place = int(np.argmax(times))
+        if int(times[place]) >= self.newest:
+            self.newest = int(times[place])
+            words = column.words[place].tolist()
+            reading = read_mapped(self.row, words, None if self.row.scale_address is not None else 0)
+            number = float(column.values[place])
+            scaled = self.row.scale_address is not None and np.isfinite(number)
+            self.last = f"{number:.7g} {self.row.unit}".rstrip() if scaled else reading.text
+
+    def watched(self, unit: int) -> WatchedValue:
+        row = self.row
+        plain = self.known and row.type not in ("text", "enum", "bits", "time", "bool")
+        kind = f"{row.type} {row.order}" if row.length > 1 and row.type != "text" else row.type
+        return WatchedValue(
+            unit,
+            row.area,
+            row.address,
+            row.length,
+            row.name,
+            kind,
+            row.unit,
+            self.count,
+            _short(self.least) if plain else None,
+            _short(self.total / self.known) if plain else None,
+            _short(self.greatest) if plain else None,
+            self.last,
+            self.outside,
+            1.0,
+        )
+
+
+def _short(number: float) -> float:
+    return float(f"{number:.9g}")
+
+
+def _number(value: object) -> float | None:
+    return float(value) if isinstance(value, int | float) else None

@@ -1,0 +1,247 @@
+"""Home: the state of the bus at a glance. What is wrong and whose fault it is first, then every unit on a line."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from ..words import compact, duration, short
+from .filterbar import FilterBar
+from .lines import Lines
+from .look import FrameDetail, Item
+from .paint import StyledText, fitted
+from .unitlist import sparkline
+from .view import View
+
+if TYPE_CHECKING:
+    from textual.widget import Widget
+
+    from ..causes.model import Cause
+    from ..reports.model import Report, UnitRow
+    from .desk import ViewState
+    from .screen import BusScreen
+
+_AGAIN_S: Final = 2.0  # between two reckonings while rows come
+_LABEL: Final = 9
+_LETTERS: Final = {"error": "E", "warning": "W", "note": "N"}
+_MANY: Final = 0.05  # of the requests without a good answer
+
+
+class BusState(NamedTuple):
+    """What Home shows."""
+
+    report: Report
+    causes: Sequence[Cause]
+
+
+class HomeList(Lines):
+    """A line a cause, then a line a unit; what the cursor is on is told below."""
+
+    HEAD = 3
+    EMPTY = "nothing captured yet"
+
+    def __init__(self, desk: ViewState, *, id: str) -> None:
+        super().__init__(id=id)
+        self.desk = desk
+        self.state: BusState | None = None
+        self.next_at = 0.0  # when it may be reckoned again
+        self.seen = -1  # rows that it was reckoned of
+
+    def use(self, state: BusState) -> None:
+        """Newer figures."""
+        first = self.state is None
+        self.state = state
+        self.next_at = time.monotonic() + _AGAIN_S
+        self._fresh_until = 0.0
+        self.grown()
+        if self.count() and (first or self.cursor != self._told):
+            self._tell()
+
+    @property
+    def cause(self) -> Cause | None:
+        """The cause under the cursor."""
+        causes = () if self.state is None else self.state.causes
+        return causes[self.cursor] if self.cursor < len(causes) else None
+
+    @property
+    def unit(self) -> UnitRow | None:
+        """The unit under the cursor."""
+        if self.state is None:
+            return None
+        at = self.cursor - len(self.state.causes)
+        return self.state.report.units[at] if 0 <= at < len(self.state.report.units) else None
+
+    def count(self) -> int:
+        return 0 if self.state is None else len(self.state.causes) + len(self.state.report.units)
+
+    def heads(self, y: int, width: int) -> Sequence[StyledText]:
+        bus = self.desk.bus
+        if y == 0:
+            return fitted(self._verdict(), width)
+        room = max(1, width - _LABEL - 11)
+        if not bus.count or not bus.timed:
+            return fitted([StyledText("" if bus.timed else "  no times in this capture")], width)
+        bins = bus.activity.over(bus, bus.t_first, max(bus.t_last, bus.t_first + 1), room)
+        if y == 1:
+            most = ""
+            if bus.char_ns:
+                most = f"{min(1.0, float((bins.octets * bus.char_ns / bins.width_ns).max())):>5.0%} most"
+            return fitted([StyledText(f"{'load':>{_LABEL - 1}} "), *_bars(bins.octets, room), StyledText(most)], width)
+        marks = "".join(" " if not n else "▪" if n < 3 else "█" for n in bins.troubles.tolist())
+        return fitted([StyledText(f"{'trouble':>{_LABEL - 1}} "), StyledText(marks, "error")], width)
+
+    def _verdict(self) -> list[StyledText]:
+        bus, state = self.desk.bus, self.state
+        span = f" in {duration(bus.t_last - bus.t_first)}" if bus.timed and bus.count else ""
+        what = StyledText(f"   {bus.frames:,} frames{span}, {bus.found.count:,} findings", "dim")
+        if state is None:
+            return [StyledText("  reading …"), what]
+        wrong = len(state.causes)
+        if wrong:
+            said = "One thing explains what is wrong" if wrong == 1 else f"{wrong} things explain what is wrong"
+            return [StyledText(f"  {said}", "error"), what]
+        grave = sum(count for level, count in bus.found.by_severity.items() if level > 1)
+        if grave:
+            return [StyledText("  Single troubles, with no cause behind them", "warning"), what]
+        return [StyledText("  Nothing is wrong", "good"), what]
+
+    def pieces(self, line: int, width: int) -> Sequence[StyledText]:
+        assert self.state is not None
+        causes = self.state.causes
+        if line < len(causes):
+            return fitted(_cause_line(causes[line]), width)
+        return fitted(self._unit_line(self.state.report.units[line - len(causes)], width), width)
+
+    def _unit_line(self, unit: UnitRow, width: int) -> list[StyledText]:
+        bus, counts, times = self.desk.bus, unit.counts, unit.times
+        bad = counts.unanswered + counts.exceptions + counts.damaged
+        rate = bad / counts.requests if counts.requests else 0.0
+        kind = "error" if rate > _MANY else "warning" if bad else "good"
+        load = ""
+        if bus.char_ns and bus.timed and bus.t_last > bus.t_first:
+            load = f"load {bus.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first):.0%}"
+        answers = f"{short(times.p50_ns)} to {short(times.p95_ns)}" if times.count else "no answer times"
+        health = "sound" if not bad else f"{rate:.0%} bad" if rate >= 0.005 else "<1% bad"
+        said = [
+            StyledText(f"  unit {unit.unit:>3} "),
+            StyledText(f"{health:>8} ", kind),
+            StyledText(f"{compact(counts.requests):>6} asked  {load:>8}  answers {answers:<16}"),
+        ]
+        room = width - sum(len(piece.text) for piece in said) - 2
+        if room > 7:
+            said.append(StyledText("  " + sparkline(bus.units.means(unit.unit), room), "accent"))
+        return said
+
+    def look(self) -> FrameDetail:
+        """What the cursor is on, in full."""
+        cause, unit = self.cause, self.unit
+        if cause is not None:
+            return FrameDetail(f"cause: {cause.cause}", b"", _cause_items(cause))
+        if unit is not None and self.state is not None:
+            return FrameDetail(f"unit {unit.unit}", b"", _unit_items(unit, self.state.causes))
+        return FrameDetail("", b"", ())
+
+
+def _bars(octets: np.ndarray[tuple[int], np.dtype[np.int64]], width: int) -> list[StyledText]:
+    return [StyledText(f"{sparkline(octets.astype(float), width):<{width}}", "request")]
+
+
+def whose(cause: Cause) -> str:
+    """Whose fault it is, in words."""
+    if cause.blame == "unit" and cause.units:
+        return "unit " + ", ".join(str(unit) for unit in cause.units[:3]) + (" …" if len(cause.units) > 3 else "")
+    return {"master": "the client", "line": "the line", "tap": "the tap"}.get(cause.blame, cause.blame)
+
+
+def _cause_line(cause: Cause) -> list[StyledText]:
+    return [
+        StyledText(f"{_LETTERS.get(cause.severity, ' ')} ", cause.severity),
+        StyledText(f"{whose(cause):<10} "),
+        StyledText(f"{cause.confidence:>4.0%} sure  ", "dim"),
+        StyledText(cause.text),
+    ]
+
+
+def _cause_items(cause: Cause) -> tuple[Item, ...]:
+    fault = f"{whose(cause)}, {cause.confidence:.0%} sure"
+    if cause.runner_up:
+        fault += f"; else {cause.runner_up}"
+    lost = "" if not cause.lost_answers else f"{cause.lost_answers:,} answers"
+    if cause.lost_ms:
+        lost += f"{', ' if lost else ''}{duration(round(cause.lost_ms * 1e6))}"
+    again = "" if cause.period_s is None else f"every {cause.period_s:.4g} s"
+    facts = (
+        ("what", cause.text), ("fault", fault), ("seen", cause.share), ("again", again), ("lost", lost),
+        ("to be sure", cause.deciding_test), ("do", cause.remedy),
+        ("frames", ", ".join(f"{index:,}" for index in cause.frames) + "   Enter goes there" if cause.frames else ""),
+    )  # fmt: skip
+    kinds = {"what": "strong", "do": "good"}
+    return tuple(Item(name, text, kind=kinds.get(name, ""), label=f"{name:<11}") for name, text in facts if text)
+
+
+def _unit_items(unit: UnitRow, causes: Sequence[Cause]) -> tuple[Item, ...]:
+    counts, times = unit.counts, unit.times
+    ended = (
+        (counts.answered, "answered"), (counts.exceptions, "refused"), (counts.unanswered, "not answered"),
+        (counts.damaged, "damaged"), (counts.late, "late"), (counts.retries, "asked again"),
+    )  # fmt: skip
+    items = [
+        Item(
+            "asked",
+            f"{counts.requests:,}: " + ", ".join(f"{number:,} {word}" for number, word in ended if number),
+            label=f"{'asked':<11}",
+        )
+    ]
+    if times.count:
+        said = f"half within {short(times.p50_ns)}, 95% within {short(times.p95_ns)}, {short(times.max_ns)} at most"
+        items.append(Item("answers", said, label=f"{'answers':<11}"))
+    mine = [cause for cause in causes if unit.unit in cause.units]
+    items += [
+        Item(f"cause {i}", cause.text, kind=cause.severity, label=f"{'cause':<11}") for i, cause in enumerate(mine)
+    ]
+    items.append(Item("Enter", "its rows alone", kind="dim", label=f"{'Enter':<11}"))
+    return tuple(items)
+
+
+def _refresh(screen: BusScreen) -> None:
+    home, bus = screen.query_one(HomeList), screen.desk.bus
+    seen = bus.count + bus.found.count + bus.whole
+    if seen == home.seen or (time.monotonic() < home.next_at and not bus.whole):
+        return
+    home.seen, home.next_at = seen, time.monotonic() + _AGAIN_S
+    source = screen.desk.source
+    screen.jobs.run("home", lambda _: BusState(bus.report(source), bus.causes()), home.use)
+
+
+def _chosen(screen: BusScreen, sender: Widget) -> None:
+    assert isinstance(sender, HomeList)
+    if screen.view == VIEW.name:
+        screen.detail.show(sender.look())
+
+
+def _entered(screen: BusScreen, sender: Widget) -> None:
+    """A cause: the first frame that shows it. A unit: its rows alone."""
+    assert isinstance(sender, HomeList)
+    cause, unit = sender.cause, sender.unit
+    if cause is not None and cause.frames:
+        row = screen.desk.bus.table.row_of_frame(cause.frames[0])
+        if row >= 0:
+            screen.jumps.go(row)
+    elif unit is not None:
+        screen.action_view("frames")
+        screen.query_one(FilterBar).use(f"unit == {unit.unit}")
+
+
+def _shown(screen: BusScreen) -> None:
+    screen.detail.show(screen.query_one(HomeList).look())
+
+
+VIEW: Final = View(
+    name="home", key="0,H", title="Home",
+    make=lambda desk: HomeList(desk, id="home"), refresh=_refresh,
+    chosen=_chosen, entered=_entered, shown=_shown,
+    detail=True, without=("find", "find_on", "select", "counterpart"),
+)  # fmt: skip

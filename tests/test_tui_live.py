@@ -1,0 +1,107 @@
+"""A live view: few bytes a second, a line that says how things are, and a recording that does not end unasked."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from seats import Seat, using
+from terminals import posix
+
+from analyzer.core import Analysed
+from analyzer.tui.live import LiveSource
+from captures.line import LineSettings
+
+
+class Recorder:
+    """As far as the interface looks at one."""
+
+    bytes, lost, paused = 1_234_567, 0, False
+    path = Path("bus.mcap")
+
+
+class Quiet(LiveSource):
+    """A tap on which nothing comes until it is asked to end."""
+
+    def __init__(self, recording: Recorder | None) -> None:
+        from analyzer.live.status import LineStatus
+
+        self.name, self.recording = "/dev/ttyUSB0", recording
+        self._notices, self._missed, self._gone = [], 0, set()
+        self._status = LineStatus(self.line)
+
+    line = LineSettings(baud=19200, char_bits=10)  # type: ignore[assignment]
+
+    def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:
+        import time
+
+        while not stop():
+            time.sleep(0.02)
+            yield Analysed.nothing()
+
+
+def test_a_recording_is_in_sight_and_does_not_end_unasked() -> None:
+    recorder, ended = Recorder(), []
+
+    async def work(sitting: Seat) -> None:
+        sitting.app.exit = lambda *_: ended.append(True)  # type: ignore[method-assign,assignment]
+        await sitting.until(lambda: "REC bus.mcap 1.2 MB" in sitting.shown())
+        await sitting.pilot.press("q")
+        await sitting.until(lambda: "would end" in sitting.shown())
+        await sitting.pilot.press("escape")
+        await asyncio.sleep(0.1)
+        await sitting.pilot.press("q")
+        await sitting.until(lambda: "would end" in sitting.shown())
+        await sitting.pilot.press("enter")  # the first choice is to stay
+        await asyncio.sleep(0.1)
+        assert not ended
+        recorder.lost = 77
+        sitting.app.desk.source._gone.add(0)
+        await sitting.until(lambda: "LOST 77 bytes" in sitting.shown() and "UNPLUGGED" in sitting.shown())
+        assert "listening" not in sitting.shown()
+        await sitting.pilot.press("q")
+        await sitting.until(lambda: "would end" in sitting.shown())
+        await sitting.pilot.press("q")
+        await sitting.until(lambda: bool(ended))
+
+    using(Quiet(recorder), work, size=(120, 24))
+
+
+def test_without_a_recording_it_is_said_and_left_at_once() -> None:
+    ended: list[bool] = []
+
+    async def work(sitting: Seat) -> None:
+        sitting.app.exit = lambda *_: ended.append(True)  # type: ignore[method-assign,assignment]
+        await sitting.until(lambda: "not recorded" in sitting.shown())
+        await sitting.pilot.press("й")  # q of the Cyrillic layout
+        await sitting.until(lambda: bool(ended))
+
+    using(Quiet(None), work, size=(120, 24))
+
+
+@posix
+@pytest.mark.parametrize("view", ["1", "6"])
+def test_a_second_of_a_live_view_costs_little(view: str, tmp_path: Path) -> None:
+    import time
+
+    from emulator import Watched
+
+    import captures
+    from analyzer.simulation import Scenario, simulate
+    from captures.chunks import Capture
+
+    made = simulate(Scenario("noisy", "precise", transactions=600, seed=3))
+    captures.write(tmp_path / "bus.jsonl", Capture.of(made.line, made.chunks))
+    with Watched("replay", "bus.jsonl", "--tui", cwd=tmp_path) as terminal:
+        terminal.until("frames/s")
+        terminal.press(view, 0.1) if view != "1" else None
+        for _ in range(2):
+            terminal.settle(5, most=2.5)
+            before, terminal.count = terminal.shown(), 0
+            begun = time.monotonic()
+            terminal.settle(5, most=4.0)
+            rate = terminal.count / (time.monotonic() - begun)
+        assert terminal.shown() != before, "it goes on"
+        assert 50 < rate < 10_000
