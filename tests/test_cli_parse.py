@@ -1,5 +1,6 @@
 """`rtuscope parse` as a user meets it."""
 
+import io
 import json
 import os
 import subprocess
@@ -189,3 +190,40 @@ def test_a_role_never_makes_a_paste_unreadable(capsys, frames, envelope, role):
     done = ran(capsys, "parse", "--as", envelope, "--role", role, shown or "11")
     assert done.status in (0, 1, 2)
     assert not done.err or ("defect" not in done.err and "sequence" not in done.err), done.err
+
+
+LOG = "2026-11-21 12:00:00.100 TX 11 03 00 6B 00 03 76 87\nopened the port\n11 03 5\n"
+
+
+def test_what_was_not_read_is_listed_and_why(capsys, tmp_path):
+    path = tmp_path / "bus.log"
+    path.write_text(LOG)
+    done = ran(capsys, "parse", "-f", path)
+    assert done.status == 0
+    listed = done.out.split("\n\n")[-1]
+    assert listed.startswith("not read")
+    assert "line 3: an odd number of hex digits in '5' at column 7" in listed
+    assert "1 line without bytes" in listed
+    done = ran(capsys, "parse", "--json", "-f", path)
+    assert "not read: line 3: " in done.err
+    assert len(done.out.splitlines()) == 1
+
+
+@pytest.mark.parametrize(("zone", "hour"), [("UTC", 12), ("+03:00", 9)])
+def test_times_of_a_log_are_of_the_zone_that_is_named(capsys, tmp_path, zone, hour):
+    path = tmp_path / "bus.log"
+    path.write_text(LOG)
+    frame = json.loads(ran(capsys, "parse", "--json", "--tz", zone, "-f", path).out)
+    assert frame["t_start_ns"] == 1_795_219_200 * 10**9 + 100_000_000 + hour * 3600 * 10**9
+    assert "no time zone" in refused(capsys, "parse", "--tz", "Nowhere/else", "-f", path)
+
+
+def test_a_file_in_place_of_bytes_is_told_how_to_be_read(capsys, tmp_path):
+    path = tmp_path / "bus.log"
+    path.write_text(LOG)
+    assert "rtuscope parse -f" in refused(capsys, "parse", path)
+
+
+def test_a_dash_is_standard_input(capsys, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"11 03 00 6B 00 03 76 87")))
+    assert "read 3 holding registers" in ran(capsys, "parse", "-").out

@@ -63,10 +63,15 @@ def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
     group.add_argument("--bits", type=int, choices=(7, 8), help="data bits of a character")
     group.add_argument("--stop", type=float, choices=(1, 1.5, 2), help="stop bits of a character")
     group.add_argument("--polarity", choices=POLARITIES, help="of a logic analyser's edges: inverted is low when idle")
-    group.add_argument(
+    add_zone_argument(group)
+    group.add_argument("--sample-rate", type=float, metavar="HZ", help="of a log that counts samples (sigrok-cli -A)")
+
+
+def add_zone_argument(parser: argparse._ActionsContainer) -> None:
+    """--tz."""
+    parser.add_argument(
         "--tz", metavar="ZONE", help="zone of times without one: Europe/Moscow, +03:00, UTC; by default this machine's"
     )
-    group.add_argument("--sample-rate", type=float, metavar="HZ", help="of a log that counts samples (sigrok-cli -A)")
 
 
 def add_functions_argument(parser: argparse.ArgumentParser) -> None:

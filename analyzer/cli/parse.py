@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
+from typing import TYPE_CHECKING
 
 from .app import DONE, FAILED, NO_FRAME, UsageError
-from .inputs import add_check_argument, add_functions_argument, load_functions
+from .inputs import add_check_argument, add_functions_argument, add_zone_argument, load_functions
 from .maps import add_map_argument, chosen_charts
 from .terminal import coloured, put_json, tell
+
+if TYPE_CHECKING:
+    from datetime import tzinfo
 
 EXAMPLE = """\
 rtuscope parse 11 03 00 6B 00 03 76 87
@@ -36,6 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--values", action="store_true", help="registers as 32- and 64-bit integers and floats in every byte order"
     )
+    add_zone_argument(parser)
     add_map_argument(parser)
     add_check_argument(parser)
     add_functions_argument(parser)
@@ -45,16 +51,16 @@ def run(arguments: argparse.Namespace) -> int:
     """Print what was read."""
     from captures.hexwords import HexError
 
-    from ..paste import read, tree
+    from ..paste import left_out, read, tree
 
     text = _text(arguments)
     load_functions(arguments)
     charts = chosen_charts(arguments)
     try:
-        paste = read(text, arguments.envelope, arguments.role)
+        paste = read(text, arguments.envelope, arguments.role, _zone(arguments.tz))
     except HexError as error:  # digits that are no bytes
         where = "" if arguments.hex else f"{_source(arguments)}: "
-        raise UsageError(f"{where}{error}") from error
+        raise UsageError(_named_file(arguments.hex) or f"{where}{error}") from error
     if arguments.json:
         for line in paste.to_json(noise=arguments.noise):
             if charts and (chart := charts.get(line.get("unit") or 0)) is not None:
@@ -62,6 +68,8 @@ def run(arguments: argparse.Namespace) -> int:
 
                 line["values"] = [reading.to_json() for reading in mapped_readings(line, chart)]
             put_json(line)
+        for left in left_out(paste):
+            tell(f"not read: {left}")
     else:
         sys.stdout.write(tree(paste, colour=coloured(sys.stdout), values=arguments.values))
         if charts:
@@ -73,12 +81,31 @@ def run(arguments: argparse.Namespace) -> int:
     return DONE if paste.holds_a_frame else NO_FRAME
 
 
+def _zone(name: str | None) -> tzinfo | None:
+    if name is None:
+        return None
+    from captures.io import time_zone
+
+    return time_zone(name)
+
+
+def _named_file(words: list[str]) -> str | None:
+    """What to do where a file was named in place of bytes."""
+    if len(words) != 1 or not os.path.isfile(words[0]):  # noqa: PTH113 - pathlib takes 4 ms to import
+        return None
+    return (
+        f"{words[0]!r} is a file, not bytes: rtuscope parse -f {words[0]} reads it, rtuscope open {words[0]} shows it"
+    )
+
+
 def _source(arguments: argparse.Namespace) -> str:
     return "standard input" if arguments.file in (None, "-") else str(arguments.file)
 
 
 def _text(arguments: argparse.Namespace) -> str:
     """What was pasted: arguments, a file, or standard input."""
+    if arguments.hex == ["-"]:
+        arguments.hex, arguments.file = [], "-"
     if arguments.hex and arguments.file:
         raise UsageError("bytes come from the arguments or from -f FILE, not from both")
     if arguments.hex:

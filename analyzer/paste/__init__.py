@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from .evidence import judge
     from .model import Paste, PastedFrame, PastedNoise
     from .reading import PasteError, read
-    from .trees import tree
+    from .trees import left_out, tree
 
-__all__ = ["Paste", "PasteError", "PastedFrame", "PastedNoise", "judge", "read", "tree"]
+__all__ = ["Paste", "PasteError", "PastedFrame", "PastedNoise", "judge", "left_out", "read", "tree"]
 
 _HOME = {
     "PastedFrame": "model",
@@ -24,6 +24,7 @@ _HOME = {
     "Paste": "model",
     "PasteError": "reading",
     "judge": "evidence",
+    "left_out": "trees",
     "read": "reading",
     "tree": "trees",
 }

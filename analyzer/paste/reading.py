@@ -55,7 +55,20 @@ def read(
     size = sum(len(part.data) for part in parts)
     if size > LONGEST:
         raise PasteError(f"{size:,} bytes are too many to annotate; save them to a file and use rtuscope export")
-    return replace(with_findings(read_parts(parts, envelope, _ROLES[role])), unread=unread)
+    paste = with_findings(read_parts(parts, envelope, _ROLES[role]))
+    return replace(paste, pieces=_with_times(paste.pieces, parts), unread=unread)
+
+
+def _with_times(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> tuple[Piece, ...]:
+    """The pieces; a frame with which a line of the text begins has that line's time."""
+    starts = accumulate((len(part.data) for part in parts), initial=0)
+    times = dict(zip(starts, (part.t_ns for part in parts), strict=False))
+    return tuple(
+        replace(piece, t_start_ns=times.get(piece.start))
+        if isinstance(piece, PastedFrame) and piece.t_start_ns is None
+        else piece
+        for piece in pieces
+    )
 
 
 def _parts(text: str, zone: tzinfo | None) -> tuple[list[PastePart], tuple[Unread, ...]]:

@@ -19,6 +19,7 @@ from .numbers import every_reading, likely_floats
 
 _HEX_BYTES: Final = 8  # of a field that are shown; --json has all
 _NOISE_BYTES: Final = 16
+_LEFT_OUT: Final = 12  # lines that were not read, told one by one
 _NAME: Final = 24  # columns
 _CHECKS: Final = ("crc", "lrc")  # their trouble is told once, above the fields
 
@@ -54,7 +55,23 @@ def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> Termina
             lines.append(terminal_text(painted("in no frame", style.bold), where))
         else:
             lines.extend(_frame(piece, style, values))
+    if left := left_out(paste):
+        lines += ["", *(terminal_text(painted("not read", style.bold), f"    {line}") for line in left)]
     return terminal_text(*(terminal_text(line, "\n") for line in lines))
+
+
+def left_out(paste: Paste) -> list[str]:
+    """What of the text was not read, a line each; lines without anything like bytes are only counted."""
+    lines = [f"line {one.line}: {harmless(one.why)}" for one in paste.unread if not one.empty]
+    if not lines:
+        return lines
+    from ..words import plural
+
+    if len(lines) > _LEFT_OUT:
+        lines[_LEFT_OUT:] = [f"and {plural(len(lines) - _LEFT_OUT, 'more line', 'more lines')}"]
+    if empty := sum(one.empty for one in paste.unread):
+        lines.append(f"{plural(empty, 'line', 'lines')} without bytes")
+    return lines
 
 
 def _frame(frame: PastedFrame, style: Style, values: bool) -> Iterator[str]:

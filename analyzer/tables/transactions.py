@@ -69,6 +69,7 @@ TRANSACTION = np.dtype(
         ("late", np.bool_),  # the master had sent another request before this answer came
         ("mistaken", np.bool_),  # and it fits that one as well
         ("port", np.uint8),
+        ("response_port", np.uint8),  # of the answer: another where each direction has its own
         ("protocol", np.uint8),  # Protocol
     ]
 )
@@ -78,6 +79,7 @@ OF_ANSWER: Final = {  # column of a transaction: that of its answer
     "response": "index",
     "response_start": "start",
     "response_length": "length",
+    "response_port": "port",
     "t_response": "t_start",
     "response_ns": "response_ns",
     "exception": "exception",
@@ -207,7 +209,7 @@ class Transactions:
                 return
             newer = int(before[0])
             own, other = opened["response"][place], opened["response"][newer]
-            for name in ("response", "response_start", "response_length", "t_response", "exception", "status"):
+            for name in (*OF_ANSWER.keys() - {"response_ns"}, "status"):
                 one, two = opened[name][[place, newer]]
                 opened[name][place], opened[name][newer] = two, one
             newest = np.searchsorted(opened["request"], (other, own)) - 1

@@ -148,6 +148,7 @@ class _TransactionColumns(NamedTuple):
     late: bool
     mistaken: bool
     port: int
+    response_port: int
     protocol: int
     number: int
 
@@ -406,22 +407,25 @@ def _said(rule: Rule, held: Rows, which: NDArray[np.intp], timed: NDArray[np.boo
     these, before = held[which], held[np.maximum(which - 1, 0)]
     columns = (these[name] for name in ("request", "start", "length", "port", "t_start"))
     if rule is LATE:
-        columns = (these[name] for name in ("response", "response_start", "response_length", "port", "t_response"))
+        columns = (
+            these[name] for name in ("response", "response_start", "response_length", "response_port", "t_response")
+        )
         behind = np.where(timed, (these["t_response"] - these["t_request"]) / 1e6, np.nan)
         waited = np.where(timed & (these["t_next"] != NEVER), (these["t_next"] - these["t_request"]) / 1e6, np.nan)
         return rule.at(*columns, these["unit"], behind, these["request"], these["mistaken"], waited)
     if rule is DUPLICATE:
         own = these["status"] == _ANSWERED  # else what reads like a request is the second answer
-        names = (
+        pairs = (
             ("response", "request"),
             ("response_start", "start"),
             ("response_length", "length"),
+            ("response_port", "port"),
             ("t_response", "t_start"),
         )
-        index, start, length, t_ns = (np.where(own, these[one], these[other]) for one, other in names)
+        index, start, length, port, t_ns = (np.where(own, these[one], these[other]) for one, other in pairs)
         first = np.where(own, these["t_start"], before["t_response"])
         later = np.where(timed, (t_ns - first) / 1e6, np.nan)
-        return rule.at(index, start, length, these["port"], t_ns, these["unit"], later)
+        return rule.at(index, start, length, port, t_ns, these["unit"], later)
     if rule is NO_RESPONSE:
         waited = np.where(timed, (these["t_next"] - these["t_request"]) / 1e6, np.nan)
         over_tcp = np.where(these["protocol"] == Protocol.TCP, 1.0, np.nan)
