@@ -17,6 +17,7 @@ from captures.line import LineSettings
 from captures.recording.notes import Note
 
 from .deframing.protocols import Deframer
+from .deframing.wireorder import ClockSkew
 from .diagnosis.judge import Judge
 from .options import Options
 from .outages import Deaf, deaf_times, notes_of
@@ -36,12 +37,14 @@ class Analysed:
 
     Of an `Analyzer`'s results the transactions are those that the batch's requests began, and the findings those on its
     rows and, in the last one, those about the bus as a whole. Of its `latest` both may speak of rows before.
-    `batch.findings` are those of `findings` that stand on its rows.
+    `batch.findings` are those of `findings` that stand on its rows. `skew` is what is known at the end of the clocks of
+    two taps, in the last one.
     """
 
     batch: Batch
     transactions: Rows
     findings: Findings
+    skew: ClockSkew | None = None
 
     @classmethod
     def nothing(cls) -> Analysed:
@@ -56,7 +59,8 @@ class Analysed:
         part = replace(self.batch, rows=rows, evidence=None if evidence is None else evidence[:count])
         findings = self.findings[(rows_of_findings(rows, self.findings) >= 0) | (self.findings["start"] < 0)]
         begun = int(np.searchsorted(self.transactions["request"], rows["index"].max(initial=-1), side="right"))
-        return Analysed(replace(part, findings=findings), self.transactions[:begun], findings)
+        part = replace(part, findings=findings)
+        return replace(self, batch=part, transactions=self.transactions[:begun], findings=findings)
 
 
 class Analyzer:
@@ -131,7 +135,8 @@ class Analyzer:
             join_rows((self._latest.findings, findings)),
         )
         self._unsettled.add_said(transactions, findings)
-        return settled + list(self._unsettled.rest())
+        last = settled + list(self._unsettled.rest())
+        return [*last[:-1], replace(last[-1], skew=self._deframer.skew)] if last else last
 
     def _count(self, octets_by_port: Mapping[int, int]) -> None:
         for port, octets in octets_by_port.items():

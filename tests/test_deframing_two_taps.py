@@ -12,11 +12,13 @@ import pytest
 from buses import adu
 
 from analyzer.core import Analyzer
+from analyzer.reports import summarize
+from analyzer.reports.page import facts
 from analyzer.simulation import taps
 from analyzer.simulation.conversation import Client, Habits
 from analyzer.tables.findings import codes
 from analyzer.tables.schema import Kind, Rows
-from captures.chunks import Block, Chunk
+from captures.chunks import Block, Capture, Chunk
 from captures.line import LineSettings
 
 _MS = 1_000_000
@@ -132,3 +134,16 @@ def test_a_response_time_that_lies_within_the_clocks_doubt_is_not_given(monkeypa
     assert len(told) < len(rows) / 20  # the clocks are 5 ms apart, and units answer within 6
     rows, _ = bus.analysed(bus.read(monkeypatch, 0, 0, 0), said=True)
     assert (rows["response_ns"] > 0).sum() == len(rows) / 2  # both taps are exact, and of one clock as far as seen
+
+
+@pytest.mark.parametrize("skew_ms", [-5, 5])
+def test_how_far_the_clocks_are_apart_is_said(skew_ms: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    line = LineSettings(baud=115200, char_bits=11, notes={"directions": "request,response"})
+    chunks = healthy(115200, seed=4).read(monkeypatch, 0, 0, skew_ms * 3)
+    report = summarize(Capture.of(line, chunks))
+    assert report.clock_skew_ns is not None
+    least, most = report.clock_skew_ns
+    assert least <= skew_ms * 3 * _MS <= most
+    assert most - least < 8 * _MS  # the least wait of a unit, and of the master
+    (told,) = (words for label, words in facts(report) if label == "clocks")
+    assert ("ahead of" if skew_ms > 0 else "behind") in told

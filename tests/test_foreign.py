@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from analyzer.core import analyse
 from analyzer.deframing.protocols import Deframer
+from analyzer.reports import summarize
 from analyzer.simulation.field.cases.strangers import KINDS
 from analyzer.tables.findings import describe
 from captures.chunks import Capture, Chunk
@@ -131,6 +132,8 @@ def test_named_counted_and_nobodys_fault(kind: str, reads: str) -> None:
     assert modbus == 24
     assert others == []
     assert named == sum(len(chunk.data) for chunk in chunks) - 12 * len(crc(ASK) + crc(ANSWER))
+    report = summarize(Capture.of(LINE, chunks))
+    assert (report.noise_bytes, sum(report.foreign.values())) == (0, named), "counted apart"
 
 
 @pytest.mark.parametrize("kind", sorted(set(TALKS) - {"ascii"}))

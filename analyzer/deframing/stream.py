@@ -30,7 +30,7 @@ from .foreign import ForeignTalk
 from .rules import Bytes, Index
 from .segments import StreamSegments
 from .unordered import UnorderedRows
-from .wireorder import Across, WireOrder
+from .wireorder import Across, ClockSkew, WireOrder
 
 _UNKNOWN_CHARACTER_NS: Final = 1e6  # 10 bits at 9600 bit/s, about: only the scale of the silence classes hangs on it
 
@@ -114,6 +114,11 @@ class PortsDeframer:
         for engine in self._engines.values():
             engine.tick(now_ns)
         return self._give(last=False)
+
+    @property
+    def skew(self) -> ClockSkew | None:
+        """What is known of the clocks of two taps, one a direction; None where there are not two, or nothing is."""
+        return self._order.skew if self._timed else None
 
     def close(self) -> Batch:
         """No more bytes come; give the rest."""

@@ -8,6 +8,7 @@ the bus as a whole stay.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,8 +43,6 @@ class _FilteredPairs:
         self._behind = 0
 
     def of(self, analysed: Analysed) -> Analysed:
-        from ..core import Analysed
-
         batch, rows = analysed.batch, analysed.batch.rows
         if self._origin_ns is None and len(rows):
             self._origin_ns = int(rows["t_start"][0])
@@ -56,7 +55,7 @@ class _FilteredPairs:
         done = known["response"] < self._behind
         self._open, self._asked = known[~done], passed[~done]
         findings = analysed.findings if part.findings is None else part.findings
-        return Analysed(part, known[done & passed], findings)
+        return replace(analysed, batch=part, transactions=known[done & passed], findings=findings)
 
 
 def _among(indices: NDArray[np.int64], rows: Rows) -> NDArray[np.bool_]:

@@ -6,7 +6,7 @@ Times are integer nanoseconds. Response times are measured, or bounded, or unkno
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 from ..words import between
@@ -204,6 +204,8 @@ class Report:
     units: tuple[UnitRow, ...]
     functions: tuple[FunctionRow, ...]
     exceptions: tuple[ExceptionRow, ...]
+    foreign: Mapping[str, int] = field(default_factory=dict)  # bytes of other protocols on the pair, by name
+    clock_skew_ns: tuple[int, int] | None = None  # bounds: how far the answers' tap is ahead of the requests'
     filter: str = ""  # what the rest of the report is narrowed to
     causes: tuple[Cause, ...] = ()  # what explains the findings, best first; none on a healthy bus
     polls: tuple[PollRow, ...] = ()  # those asked most first

@@ -91,6 +91,8 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     yield from _transactions(report.transactions)
     yield "load", _load(report)
     yield "response", _response(report)
+    if report.clock_skew_ns is not None and not report.clock_skew_ns[0] <= 0 <= report.clock_skew_ns[1]:
+        yield "clocks", _clocks(report.clock_skew_ns)
 
 
 def nothing(report: Report) -> str:
@@ -139,7 +141,15 @@ def _bytes(report: Report) -> str:
         words += (
             f", {report.noise_bytes:,} of them in no frame ({plural(report.noise_stretches, 'stretch', 'stretches')})"
         )
+    for name, size in report.foreign.items():
+        words += f"; {size:,} of another protocol, {name}"
     return words
+
+
+def _clocks(skew: tuple[int, int]) -> str:
+    least, most = sorted(map(abs, skew))
+    way = "ahead of" if skew[0] > 0 else "behind"
+    return f"the tap of the answers is {duration(least)} to {duration(most)} {way} that of the requests"
 
 
 def _transactions(counts: Counts) -> Iterator[tuple[str, str]]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.foreign import NAMES
 from dissectors.functions import exception_name, function_name
 
 from ..core import observed
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from captures.line import LineSettings
 
     from ..core import Analysed
+    from ..deframing.wireorder import ClockSkew
     from ..filters import Filter
     from ..registers.watch import ValueWatch
 
@@ -64,6 +66,8 @@ class Summary:
         self._all = Histogram()
         self._bytes = self._frames = self._requests = self._damaged = self._doubtful = 0
         self._noise_bytes = self._noise_stretches = 0
+        self._foreign = np.zeros(len(NAMES), np.int64)  # bytes of other protocols, by number
+        self._skew: ClockSkew | None = None
         self._noise_end = (0, -1)  # port and end of the noise that the last row was, -1 if it was none
         self._first: int | None = None
         self._last: int | None = None
@@ -100,6 +104,7 @@ class Summary:
         if self._hears:
             self._learn(analysed.batch.rows)
         rows = analysed.batch.rows
+        self._skew = analysed.skew or self._skew
         self._settle(analysed.transactions)
         self._troubles.add(analysed.findings, rows, analysed.transactions)
         if not len(rows):
@@ -107,8 +112,10 @@ class Summary:
         noise = rows["kind"] == Kind.NOISE
         lengths = rows["length"]
         self._bytes += int(lengths.sum())
-        self._noise_bytes += int(lengths[noise].sum())
-        self._noise_stretches += self._stretches(rows, noise)
+        garbage = noise & (rows["foreign"] == 0)
+        self._noise_bytes += int(lengths[garbage].sum())
+        self._noise_stretches += self._stretches(rows, garbage)
+        self._foreign += np.bincount(rows["foreign"], lengths, len(self._foreign)).astype(np.int64)
         frames = rows[~noise]
         self._frames += len(frames)
         self._requests += int((frames["kind"] == Kind.REQUEST).sum())
@@ -145,6 +152,8 @@ class Summary:
             damaged_frames=self._damaged,
             noise_bytes=self._noise_bytes,
             noise_stretches=self._noise_stretches,
+            foreign={name: int(size) for name, size in zip(NAMES, self._foreign, strict=True) if name and size},
+            clock_skew_ns=self._skew,
             doubtful_frames=self._doubtful,
             transactions=self._counted(lambda table: table.sum()),
             times=self._timed(self._all),
