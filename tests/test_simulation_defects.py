@@ -12,6 +12,7 @@ from analyzer.cli import main
 from analyzer.core import deframe
 from analyzer.simulation import Scenario, Simulation, simulate, write
 from analyzer.simulation.defects import defects
+from analyzer.tables.findings import About, rules
 from analyzer.tables.schema import Kind
 from captures.chunks import Capture
 from dissectors.crc import crc_ok
@@ -19,17 +20,8 @@ from dissectors.crc_variants import VARIANTS
 
 DEFECTS = defects()
 
-# Every code of the table of findings: what an analyzer may say, a capture must be able to hold.
-# fmt: off
-CODES = [
-    "bit-flip", "broadcast-answered", "broadcast-read", "bus-saturated", "byte-count-mismatch", "byte-extra",
-    "byte-missing", "bytes-repeated", "collision", "crc-collision", "crc-error", "crc-variant", "duplicate-response",
-    "echo", "exception", "flow-control-loss", "frame-too-long", "gap-in-frame", "gap-too-short", "invalid-coil-value",
-    "invalid-function", "late-response", "no-response", "noise", "padding-bits-set", "parity-error", "poll-waste",
-    "quantity-out-of-range", "reserved-function", "reserved-unit", "response-mismatch", "retry", "slow-device",
-    "timing-blind", "truncated", "turnaround-short", "unexpected-response",
-]
-# fmt: on
+CODES = sorted(rule.code for rule in rules())  # what an analyzer may say, a capture must be able to hold
+OF_NOISE = {rule.code for rule in rules() if rule.about is About.NOISE}
 
 
 def _made(code: str, seed: int = 1, **other: int) -> Simulation:
@@ -56,7 +48,7 @@ def test_the_truth_fits_the_bytes(code: str) -> None:
     for finding in made.findings:
         if finding.start < 0:
             assert finding.length == 0
-        elif finding.code == "noise":
+        elif finding.code in OF_NOISE:
             assert all(
                 frame.start + frame.length <= finding.start or frame.start >= finding.start + finding.length
                 for frame in made.truth
