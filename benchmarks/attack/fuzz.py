@@ -93,7 +93,7 @@ def work(name: str, seed: int, first: int, count: int, patience: float, place: s
         os.pwrite(at_work, b"%d" % number, 0)
         failure, spent = _one(target, seed, number, patience)
         slowest = max(slowest, spent)
-        megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
+        megabytes = _peak_megabytes()
         if not failure and megabytes > MEGABYTES:
             failure = f"{megabytes:.0f} MB"
         if failure and told < _TOLD:
@@ -104,6 +104,15 @@ def work(name: str, seed: int, first: int, count: int, patience: float, place: s
     else:
         number = first + count - 1
     print(json.dumps({"next": number + 1, "slowest": slowest, "megabytes": megabytes}), flush=True)
+
+
+def _peak_megabytes() -> float:
+    """The most memory that this process had; on Linux its `ru_maxrss` may be that of the process which started it."""
+    with suppress(OSError):
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) / 1e3
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
 
 
 def _one(target: Target, seed: int, number: int, patience: float = 1) -> tuple[str, float]:
