@@ -153,7 +153,7 @@ def whose(cause: Cause) -> str:
     """Whose fault it is, in words."""
     if cause.blame == "unit" and cause.units:
         return "unit " + ", ".join(str(unit) for unit in cause.units[:3]) + (" …" if len(cause.units) > 3 else "")
-    return {"master": "the client", "line": "the line", "tap": "the tap"}.get(cause.blame, cause.blame)
+    return {"master": "the master", "line": "the line", "tap": "the tap"}.get(cause.blame, cause.blame)
 
 
 def _cause_line(cause: Cause) -> list[StyledText]:

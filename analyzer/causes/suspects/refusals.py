@@ -103,7 +103,6 @@ def _suspicion(evidence: Evidence, unit: int, polls: list[Poll], weight: float) 
             "unit": unit,
             "refused": hits,
             "asked": asked,
-            "polls": len(polls),
             "areas": areas,
             "codes": ", ".join(f"{code:02d}" for code in sorted({code for poll in polls for code in poll.exceptions})),
         },
@@ -139,7 +138,7 @@ def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     "missing-registers",
     Severity.WARNING,
     blame="master",
-    text="The master asks unit {unit} for registers that it does not have: {areas} ({polls} polls) get exception {codes}, "
+    text="The master asks unit {unit} for registers that it does not have: {areas} get exception {codes}, "
     "{refused} of {asked} times",
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test=_TEST,
