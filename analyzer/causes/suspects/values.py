@@ -101,10 +101,9 @@ def _stopped(changed: NDArray[np.bool_], last: NDArray[np.intp]) -> bool:
 
 
 def _never(others: NDArray[np.float64], frozen: NDArray[np.bool_]) -> bool:
-    """Whether registers that never moved are those of a sister indeed: the other units' move all alike."""
-    if len(others) < _PAIRS or np.count_nonzero(frozen) <= _COLUMNS:
-        return False
-    return bool((others.max(axis=0) - others.min(axis=0)).mean() < _MOVES and (others[:, frozen] >= _MOVES).all())
+    """Whether some registers that never moved do so in every one of several sisters."""
+    lively = frozen & (others >= _MOVES).all(axis=0)
+    return len(others) >= _PAIRS and int(np.count_nonzero(lively)) >= _COLUMNS
 
 
 def _long(poll: PollValues, column: int, *, swapped: bool = False) -> NDArray[np.int64]:

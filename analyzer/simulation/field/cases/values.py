@@ -65,5 +65,5 @@ def frozen_values(random: Random, tap: str) -> FieldCapture:
     words = bench.units[wrong].holdings.words
     since = random.choice((0.0, random.uniform(0.1, 0.5) * bench.duration_ns))
     for at, word in list(words.items()):
-        words[at] = lambda t, word=word: word(min(t, since))  # type: ignore[misc]
+        words[at] = lambda t, word=word, last=word(since): word(t) if t < since else last  # type: ignore[misc]
     return bench.run(Expected("frozen-values", (wrong,)))
