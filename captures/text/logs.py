@@ -183,8 +183,8 @@ def _given(line: LogLine) -> Iterator[Piece | Unread]:
     for run in taken:
         if run.cut and line.problem is None:
             yield Unread(line.number, text, f"the text shows the first {len(run.data)} bytes only")
-        if run.halved and not run.checked:
-            yield Unread(line.number, text, halves(line.clean) or "half a byte")
+    if any(run.halved and not run.checked for run in taken):
+        yield Unread(line.number, text, halves(line.clean) or "half a byte")
     if not taken and line.problem is None and line.runs and not line.quiet:
         yield Unread(line.number, text, *_why(line))
 

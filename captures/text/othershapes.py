@@ -24,14 +24,17 @@ _ESCAPE: Final = re.compile(
 )
 _DECIMAL_ESCAPE: Final = re.compile(r"()()()\\(\d{1,3})|\\(.)|([^\\])", re.DOTALL)
 _SIMPLE_ESCAPES: Final = {"0": 0, "a": 7, "b": 8, "t": 9, "n": 10, "v": 11, "f": 12, "r": 13, "e": 27}
+_WORD: Final = 300  # characters before an escape that may be bytes, too
 _DECIMALS: Final = (
-    re.compile(r"(?<![\w.+-])-?\d{1,3}(?:[ \t]{1,4}-?\d{1,3}){3,}(?!\w|[.,]\d)"),
+    re.compile(r"(?<![\w.+-])-?\d{1,3}(?:[ \t]{1,4}-?\d{1,3}){3,}+"),
     re.compile(
         r"(?<![\w.+-])-?\d{1,3}[ \t]*(?P<sign>[,;|:./]|\][ \t]?\[|>[ \t]?<|\}[ \t]?\{|[\"'],[ \t]?[\"'])[ \t]{0,4}"
-        r"-?\d{1,3}(?:[ \t]*(?P=sign)[ \t]{0,4}-?\d{1,3}){2,}(?!\w|[.,]\d)"
+        r"-?\d{1,3}(?:[ \t]*(?P=sign)[ \t]{0,4}-?\d{1,3}){2,}+"
     ),
-    re.compile(r"(?<![\w.+-])\d{1,3}(?P<dash>-)\d{1,3}(?:-\d{1,3}){2,}(?![\w-])"),
+    re.compile(r"(?<![\w.+-])\d{1,3}(?P<dash>-)\d{1,3}(?:-\d{1,3}){2,}+"),
 )
+_GOES_ON: Final = re.compile(r"\w|[.,]\d|-\d")
+_LEAST_DECIMALS: Final = 4
 _NODE_JSON: Final = re.compile(r'"type"\s*:\s*"Buffer"\s*,\s*"data"\s*:\s*\[\s*$')
 _DIGITS: Final = (
     re.compile(rf"{EDGE}{H}{{1,2}}(?:[ \t]{{1,4}}{H}{{1,2}}){{3,}}{END}"),
@@ -62,10 +65,12 @@ def _strings(text: str) -> Iterator[Candidate]:
     if _ESCAPES.search(text) is None:
         return
     at = 0
+    first: int | None = len(text) - len(text.lstrip())
     for start, end in (*_quoted(text), (len(text), len(text))):
         if _ESCAPES.search(text, start, end) is not None or start == len(text):
             for match in _BARE.finditer(text, at, start):
-                yield from _unquoted(text, match.start(), match.end())
+                yield from _unquoted(text, match.start(), match.end(), first)
+                first = None  # all of the line is a candidate once
             if start < end:
                 yield from _string(text[start:end], start, end)
                 for first, last in _quoted(text[start:end]):  # a string in a string
@@ -74,14 +79,16 @@ def _strings(text: str) -> Iterator[Candidate]:
             at = end
 
 
-def _unquoted(text: str, start: int, end: int) -> Iterator[Candidate]:
-    """Escapes without quotes; the characters before the first may belong to them, and all of the line."""
+def _unquoted(text: str, start: int, end: int, first: int | None) -> Iterator[Candidate]:
+    """Escapes without quotes; the characters before the first may belong to them, and all from `first` on."""
     body = text[start:end].rstrip("'\",)];")
     yield from _string(body, start, start + len(body))
     if start + len(body) < end:
         yield Candidate(unescape(text[start:end]), start, end, "\\x", Level.NUMBER)
-    word = text.rfind(" ", 0, start) + 1
-    for begin in {word, len(text) - len(text.lstrip())} - {start}:
+    word = text.rfind(" ", max(start - _WORD, 0), start) + 1 or (0 if start < _WORD else start)
+    for begin in {word} | ({first} if first is not None else set()):
+        if begin == start:
+            continue
         rest = text[begin:] if begin != word else text[begin : start + len(body)]
         yield Candidate(unescape(rest), begin, begin + len(rest), "\\x", Level.NUMBER)
 
@@ -142,11 +149,24 @@ def _decimals(text: str) -> Iterator[Candidate]:
     for pattern in _DECIMALS:
         for match in pattern.finditer(text):
             dashed = "dash" in match.groupdict()
-            values = [int(word) for word in re.findall(r"\d+" if dashed else r"-?\d+", match[0])]
+            end = _list_end(text, *match.span())
+            values = [int(word) for word in re.findall(r"\d+" if dashed else r"-?\d+", text[match.start() : end])]
+            if len(values) < _LEAST_DECIMALS:
+                continue
             if max(values) < 256 and min(values) > -129 and not (min(values) < 0 and max(values) > 127):
                 node = _NODE_JSON.search(text, max(match.start() - 40, 0), match.start())
                 level = Level.BYTES if node else Level.NUMBER
-                yield Candidate(bytes(value & 0xFF for value in values), *match.span(), "decimal", level)
+                yield Candidate(bytes(value & 0xFF for value in values), match.start(), end, "decimal", level)
+
+
+def _list_end(text: str, start: int, end: int) -> int:
+    """Where a list of numbers ends: its last may be part of a word; of one that goes on with others nothing is left."""
+    if _GOES_ON.match(text, end) is None:
+        return end
+    end = start + len(text[start:end].rstrip("0123456789"))
+    while end > start and not text[end - 1].isdigit():
+        end -= 1
+    return start if _GOES_ON.match(text, end) is not None else end
 
 
 def _digits(text: str) -> Iterator[Candidate]:
