@@ -24,6 +24,9 @@ _BYTES: Final = 150
 _TEXT: Final = 0.7  # of bytes that people can read: no UART set wrongly gives so many
 _ECHO_NS: Final = 40e6
 _COPY_BITS: Final = 64.0  # eight bytes that are just those before
+_TIMERS: Final = 0.015  # of a timeout: so far a master's timer strays
+_LATE_NS: Final = 500_000  # and as late its task comes to run
+_CLOCKS: Final = 4.0  # times what the tap's times may be wrong by
 _ADU: Final = 3  # bytes around a PDU
 
 
@@ -81,7 +84,8 @@ def _as_given_up(evidence: Evidence) -> bool:
         return False
     numbers = np.concatenate(waits)
     low, middle = float(np.quantile(numbers, 0.1)), float(np.quantile(numbers, 0.6))
-    return middle - low < 0.03 * middle + evidence.ledger.char_ns
+    clocks = min(_CLOCKS * evidence.verdict.wait_ns, _TIMERS * middle + evidence.ledger.char_ns)
+    return middle - low < _TIMERS * middle + _LATE_NS + clocks
 
 
 @suspect(
