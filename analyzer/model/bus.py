@@ -239,7 +239,7 @@ class Bus:
         there = np.isin(out["status"], (Status.ANSWERED, Status.EXCEPTION, Status.DAMAGED))
         answers = take("partner", requests[there])
         for name, column in OF_ANSWER.items():
-            out[name] = -(name != "exception")
+            out[name] = -1 if TRANSACTION[name].kind == "i" else 0
             out[name][there] = take(_KEPT_AS.get(column, column), answers)
         return out
 
