@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from random import Random
 
 from ..bench import Bench, Expected, FieldCapture, read_pdu, site
@@ -57,6 +58,12 @@ def counter_jumps(random: Random, tap: str) -> FieldCapture:
     return bench.run(Expected("counter-jumps", (wrong,)))
 
 
+def _held(word: Callable[[float], int], since: float) -> Callable[[float], int]:
+    """A value that stands still from a moment on."""
+    last = word(since)
+    return lambda t: word(t) if t < since else last
+
+
 @field_case("frozen-values")
 def frozen_values(random: Random, tap: str) -> FieldCapture:
     """A unit answers, but its values stand still from some time on while its sisters' move."""
@@ -65,5 +72,5 @@ def frozen_values(random: Random, tap: str) -> FieldCapture:
     words = bench.units[wrong].holdings.words
     since = random.choice((0.0, random.uniform(0.1, 0.5) * bench.duration_ns))
     for at, word in list(words.items()):
-        words[at] = lambda t, word=word, last=word(since): word(t) if t < since else last  # type: ignore[misc]
+        words[at] = _held(word, since)
     return bench.run(Expected("frozen-values", (wrong,)))
