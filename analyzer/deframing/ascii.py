@@ -10,7 +10,6 @@ import re
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dissectors.answers import Expectation, expectation
 from dissectors.declaration import EXCEPTION
@@ -20,9 +19,9 @@ from dissectors.lengths import pdu_length
 
 from ..options import Options
 from ..tables.schema import Protocol
-from .buffer import ByteBuffer, CharacterTime, Times
-from .rules import Bytes, Index
-from .segments import NOISE, NOISE_MOST, StreamSegments, noise_parts, whole_segments
+from .buffer import CharacterTime
+from .segments import NOISE, NOISE_MOST, noise_parts
+from .selfdelimited import SelfDelimitedEngine
 
 _LONGEST: Final = 513 + 4  # characters of a frame ([2] 2.5.2), and some that a fault may have added
 _FRAME: Final = re.compile(rb"[:>][0-9A-Fa-f]{6,%d}(?:\r\n?|\n)" % _LONGEST)
@@ -49,57 +48,14 @@ def ascii_after(head: bytes) -> int | None:
     return None
 
 
-class AsciiEngine:
+class AsciiEngine(SelfDelimitedEngine):
     """The same contract as `engine.Engine`, for a port that speaks ASCII mode."""
 
     def __init__(self, character: CharacterTime, options: Options = Options(), role: Role | None = None) -> None:  # noqa: B008
-        self.buffer = ByteBuffer(character)
-        self._options = options
-        self._role = role
+        super().__init__(character, options, role)
         self._asked: Expectation | None = None
-        self._out: list[StreamSegments] = []
 
-    def feed(
-        self,
-        data: Bytes,
-        sizes: Index,
-        times: Times,
-        marks: NDArray[np.uint8],
-        errors: Index,
-        now_ns: int | None = None,
-    ) -> None:
-        """Chunks, none empty; see `engine.Engine.feed`."""
-        self.buffer.append(data, sizes, times, marks, errors)
-        self.buffer.close(over=False)
-        if now_ns is None:
-            self._work(last=False)
-        else:
-            self.tick(now_ns)
-
-    def tick(self, now_ns: int) -> None:
-        """The line has been silent until `now_ns`; frames end themselves."""
-        silence = now_ns - self.buffer.last_time
-        if silence > 0:
-            self.buffer.close(over=True)
-        self._work(last=False, quiet=silence >= self._options.idle_ns)
-
-    def close(self) -> None:
-        """No more bytes come."""
-        self.buffer.close(over=True)
-        self._work(last=True)
-
-    def take(self) -> list[StreamSegments]:
-        """What was decided since the last call."""
-        out, self._out = self._out, []
-        return out
-
-    @property
-    def undecided_ns(self) -> int | None:
-        """The time of the first byte that is not decided, or None."""
-        return int(self.buffer.time[0]) if len(self.buffer) else None
-
-    def _work(self, *, last: bool, quiet: bool = False) -> None:
-        """Rows of what is certain. `quiet`: nothing has come for a while."""
+    def _work(self, *, last: bool = False, quiet: bool = False) -> None:
         buffer = self.buffer
         ready = buffer.ready
         text = (buffer.data[:ready] & 0x7F).tobytes()
@@ -123,10 +79,7 @@ class AsciiEngine:
         roles = [NOISE if adu is None else self._role_of(adu) for *_, adu in found]
         check = np.array([adu is not None and bool(adu.check_ok) for *_, adu in found], np.bool_)
         heads = np.array([_head(adu) for *_, adu in found], np.uint8)
-        decided = whole_segments(start, end, np.array(roles, np.uint8), check, explain=self._options.explain)
-        data, reads = buffer.data[:rest].copy(), buffer.reads(start, end)
-        self._out.append(StreamSegments(buffer.base, data, decided, reads, Protocol.ASCII, heads))
-        buffer.drop(rest)
+        self._give(Protocol.ASCII, start, end, np.array(roles, np.uint8), check, heads, rest)
 
     def _role_of(self, adu: Adu) -> Role:
         """The direction of a frame: its length tells, else the port, else the request before it."""

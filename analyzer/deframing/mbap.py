@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dissectors.answers import Expectation, expectation
 from dissectors.crc import crc_ok
@@ -22,9 +21,10 @@ from dissectors.lengths import pdu_length, sound_roles
 
 from ..options import Options
 from ..tables.schema import Protocol
-from .buffer import ByteBuffer, CharacterTime, Times
-from .rules import MAX_ADU, OVERHEAD, Bytes, Index
-from .segments import NOISE, NOISE_MOST, StreamSegments, noise_parts, whole_segments
+from .buffer import CharacterTime
+from .rules import MAX_ADU, OVERHEAD
+from .segments import NOISE, NOISE_MOST, noise_parts
+from .selfdelimited import SelfDelimitedEngine
 
 _BEFORE: Final = 6  # bytes of a header that its length does not count
 _LENGTHS: Final = range(2, 255)
@@ -67,61 +67,17 @@ def is_mbap(data: bytes) -> bool:
     return end <= len(data) and mbap_after(data[:end] + bytes(MAX_ADU))[0] is not None
 
 
-class MbapEngine:
+class MbapEngine(SelfDelimitedEngine):
     """The same contract as `engine.Engine`, for a port that speaks Modbus TCP."""
 
     def __init__(self, options: Options = Options(), role: Role | None = None) -> None:  # noqa: B008 - frozen
-        self.buffer = ByteBuffer(_NO_WIRE)
-        self._options = options
-        self._role = role
+        super().__init__(_NO_WIRE, options, role)
         self._astray = False  # in noise: only what a function predicts is a frame
         self._open: dict[bytes, Expectation] = {}  # by transaction
-        self._out: list[StreamSegments] = []
 
-    def feed(
-        self,
-        data: Bytes,
-        sizes: Index,
-        times: Times,
-        marks: NDArray[np.uint8],
-        errors: Index,
-        now_ns: int | None = None,
-    ) -> None:
-        """Chunks, none empty; see `engine.Engine.feed`."""
-        self.buffer.append(data, sizes, times, marks, errors)
-        self.buffer.close(over=False)
-        if now_ns is None:
-            self._work(self.buffer.ready, last=False)
-        else:
-            self.tick(now_ns)
-
-    def tick(self, now_ns: int) -> None:
-        """The line has been silent up to now: after a while what is whole is given."""
-        silence = now_ns - self.buffer.last_time
-        if silence > 0:
-            self.buffer.close(over=True)
+    def _work(self, *, last: bool = False, quiet: bool = False) -> None:
         data = self.buffer.data[: self.buffer.ready].tobytes()
-        whole = silence >= self._options.idle_ns and not self._astray and is_chain(data)
-        self._work(self.buffer.ready, last=whole)
-
-    def close(self) -> None:
-        """No more bytes come."""
-        self.buffer.close(over=True)
-        self._work(len(self.buffer), last=True)
-
-    def take(self) -> list[StreamSegments]:
-        """What was decided since the last call."""
-        out, self._out = self._out, []
-        return out
-
-    @property
-    def undecided_ns(self) -> int | None:
-        """The time of the first byte that is not decided, or None."""
-        return int(self.buffer.time[0]) if len(self.buffer) else None
-
-    def _work(self, ready: int, *, last: bool) -> None:
-        buffer = self.buffer
-        data = buffer.data[:ready].tobytes()
+        last = last or (quiet and not self._astray and is_chain(data))  # after a while what is whole is given
         frames, done = frames_in(data, astray=self._astray, last=last)
         if not done:
             return
@@ -134,12 +90,9 @@ class MbapEngine:
             at = behind
         self._astray = parts[-1][2] == NOISE
         start, end, role = (np.array(column, np.intp) for column in zip(*parts, strict=True))
-        decided = whole_segments(start, end, role.astype(np.uint8), role != NOISE, explain=self._options.explain)
-        reads = buffer.reads(start, end)
-        octets = buffer.data[:done].copy()
         places = np.minimum(start[:, None] + np.arange(MBAP - 1, MBAP + 2), end[:, None] - 1)
-        self._out.append(StreamSegments(buffer.base, octets, decided, reads, Protocol.TCP, octets[places]))
-        buffer.drop(done)
+        heads = self.buffer.data[:done][places]
+        self._give(Protocol.TCP, start, end, role.astype(np.uint8), role != NOISE, heads, done)
 
     def _role_of(self, adu: bytes) -> Role:
         """The direction of a frame: its length tells, else the port, else the request that is open."""
