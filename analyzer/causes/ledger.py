@@ -21,7 +21,7 @@ from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol, Rows, take_rows
 from ..tables.transactions import NEVER, Status
 from .columntable import ColumnTable
-from .exchanges import ANSWERED, ExchangeBuilder, Outcome, RowTable, Stretch, Unowned
+from .exchanges import ANSWERED, Ending, ExchangeBuilder, RowColumns, Stretch, Unowned
 from .polls import PollTable
 from .samples import sampled
 from .states import StateTable
@@ -42,7 +42,7 @@ _STRAY: Final = 3  # bytes that one spike makes
 _HOLE: Final = 1.5  # characters
 _NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
 _OK, _EXCEPTION, _SILENT, _GARBAGE, _BROADCAST = (
-    int(each) for each in (Outcome.OK, Outcome.EXCEPTION, Outcome.SILENT, Outcome.GARBAGE, Outcome.BROADCAST)
+    int(each) for each in (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE, Ending.BROADCAST)
 )
 
 
@@ -91,7 +91,7 @@ class Ledger:
             batch = replace(batch, rows=take_rows(batch.rows, ~networked))
         if not len(batch):
             return
-        table = RowTable.of(batch)
+        table = RowColumns.of(batch)
         unheard = transactions["request"][transactions["status"] == Status.UNHEARD].tolist()
         self._count_rows(table)
         for part in self._builder.feed(table, unheard):
@@ -123,7 +123,7 @@ class Ledger:
         """By what the order of things is told: time, or bytes where there are no times."""
         return exchanges["t_start"] if self.timed else exchanges["place"]
 
-    def _count_rows(self, table: RowTable) -> None:
+    def _count_rows(self, table: RowColumns) -> None:
         rows = table.rows
         kind, check, length = rows["kind"], rows["check"], rows["length"]
         self.timed = self.timed or bool(rows["t_end"].any())
@@ -155,7 +155,7 @@ class Ledger:
             tally["requests"] += int(np.count_nonzero(here & right & asks))
             tally["responses"] += int(np.count_nonzero(here & right & ~asks))
 
-    def _count_noise(self, table: RowTable, noise: NDArray[np.intp]) -> None:
+    def _count_noise(self, table: RowColumns, noise: NDArray[np.intp]) -> None:
         length, begins = table.rows["length"][noise], table.rows["t_start"][noise]
         self.noise_bytes += int(length.sum())
         self.stray_times.add(begins[length <= _STRAY])
@@ -216,7 +216,7 @@ class Ledger:
         called = to_all & exchanges["called"]
         self.broadcasts_answered += int(np.count_nonzero(called))
         self.called_examples += exchanges["request"][called][: _EXAMPLES - len(self.called_examples)].tolist()
-        for number in exchanges["unit"][exchanges["outcome"] == Outcome.NO_REQUEST].tolist():
+        for number in exchanges["unit"][exchanges["outcome"] == Ending.NO_REQUEST].tolist():
             self.unit(number).called += 1
         if self.timed:
             known = to_all & (exchanges["t_next"] != NEVER)

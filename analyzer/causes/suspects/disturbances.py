@@ -11,9 +11,9 @@ import numpy as np
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, phase_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..registry import Explained, Suspicion, Symptom, suspect
-from ..signatures import Behind, Damage
+from ..signatures import AnswerDamage, Behind
 
 _LEAST: Final = 5
 _LOAD: Final = 0.4  # where nobody knows it
@@ -153,7 +153,7 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
         if share_of(readings, "bits", "bits-tail") < 0.3 or len(readings) < _LEAST:
             continue
         if best is None or bits > best.bits:
-            costs = [evidence.cost(unit, Outcome.GARBAGE) for unit in far]
+            costs = [evidence.cost(unit, Ending.GARBAGE) for unit in far]
             known = [ms for _, ms in costs if ms is not None]
             best = Suspicion(
                 tuple(unit.unit for unit in far),
@@ -169,7 +169,7 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
                 },
                 lost_answers=sum(lost for lost, _ in costs),
                 lost_ms=round(sum(known), 3) if known else None,
-                frames=tuple(i for unit in far for i in unit.examples.get(Outcome.GARBAGE, []))[:6],
+                frames=tuple(i for unit in far for i in unit.examples.get(Ending.GARBAGE, []))[:6],
                 **_span(evidence),
             )
     if best is not None:
@@ -187,9 +187,9 @@ def _anywhere(evidence: Evidence) -> tuple[Hits, float]:
 
 
 def _suspicion(evidence: Evidence, hits: Hits, bits: float, more: Mapping[str, Any], **times: Any) -> Suspicion:
-    costs = [evidence.cost(unit, Outcome.GARBAGE) for unit in evidence.units]
+    costs = [evidence.cost(unit, Ending.GARBAGE) for unit in evidence.units]
     known = [ms for _, ms in costs if ms is not None]
-    frames = tuple(i for unit in evidence.units for i in unit.examples.get(Outcome.GARBAGE, []))[:6]
+    frames = tuple(i for unit in evidence.units for i in unit.examples.get(Ending.GARBAGE, []))[:6]
     return Suspicion(
         (),
         bits,
@@ -220,7 +220,7 @@ def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
         bits = evidence.surplus(unit) + min(kind_bits(evidence.readings(unit), _ALIKE), 0.0) - _UNIT_BITS
         if bits > 0 and evidence.damaged(unit) >= _LEAST:
             others = [other for other in evidence.units if other.unit != unit.unit]
-            lost, lost_ms = evidence.cost(unit, Outcome.GARBAGE)
+            lost, lost_ms = evidence.cost(unit, Ending.GARBAGE)
             yield Suspicion(
                 (unit.unit,),
                 bits,
@@ -234,7 +234,7 @@ def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
                 },
                 lost_answers=lost,
                 lost_ms=lost_ms,
-                frames=tuple(unit.examples.get(Outcome.GARBAGE, [])),
+                frames=tuple(unit.examples.get(Ending.GARBAGE, [])),
                 **_span(evidence),
             )
 
@@ -288,7 +288,7 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
     times: list[int] = []
     for unit in evidence.units:
         for reading in evidence.readings(unit):
-            if reading.damage is Damage.BITS and reading.t_ns >= 0:
+            if reading.damage is AnswerDamage.BITS and reading.t_ns >= 0:
                 times.append(reading.t_ns)
     return np.concatenate((np.array(times, np.float64), evidence.ledger.stray_times.numbers)) / 1e9
 

@@ -14,7 +14,7 @@ from ...deframing.directions import port_role
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import Evidence
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..registry import Explained, Suspicion, Symptom, suspect
 
 _LEAST: Final = 20  # frames
@@ -153,7 +153,7 @@ def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in evidence.units:
         readings = evidence.readings(unit)
         share = sum(reading.echoed for reading in readings) / len(readings) if readings else 0.0
-        echoed += round(share * unit.count(Outcome.GARBAGE))
+        echoed += round(share * unit.count(Ending.GARBAGE))
     firsts = max(ledger.exchanges - ledger.repeats_answered - ledger.broadcasts, 1)
     if echoed < _LEAST / 2 or echoed < 0.4 * firsts:
         return
