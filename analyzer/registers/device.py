@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from captures.ragged import Ints
 
-from .evidence import Codes
+from .counting import Codes
 from .hypotheses import FAMILIES, FAMILY_OF, HYPOTHESES
 
 Floats = NDArray[np.float64]

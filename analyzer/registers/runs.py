@@ -16,8 +16,9 @@ from captures.ragged import Ints
 from dissectors.maps.model import MapArea
 
 from .chain import IMPOSSIBLE, chain_sums
+from .counting import NONE, Codes
 from .device import device_codes, device_counts
-from .evidence import NONE, BlockEvidence, Codes, block_evidence
+from .evidence import BlockEvidence, block_evidence
 from .hypotheses import HYPOTHESES, moved_registers
 from .readings import BlockReadings, Words
 from .weights import Weights

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .chain import IMPOSSIBLE
-from .evidence import SIZES, Codes
+from .counting import SIZES, Codes
 from .hypotheses import FAMILIES, FAMILY_OF, HYPOTHESES
 
 Floats = NDArray[np.float64]
