@@ -13,6 +13,7 @@ from enum import Enum
 from functools import lru_cache
 from typing import Final
 
+from dissectors.adu import EXCEPTION
 from dissectors.answers import expectation
 from dissectors.crc import byte_between, crc16, crc_bytes, flipped_bit, needed, registers
 from dissectors.crc_variants import matching
@@ -135,7 +136,7 @@ def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: frozens
         return _SignatureSums(AnswerDamage.COUNT if len(burst) == 1 or len(data) != due else AnswerDamage.NONE, 1, 2)
     if any(piece.check and piece.kind == Kind.RESPONSE for piece in burst):
         return _SignatureSums(AnswerDamage.OTHER, at=0)
-    refused = bytes((sample.unit, sample.function | 0x80))
+    refused = bytes((sample.unit, sample.function | EXCEPTION))
     if due < _LEAST or len(header) < 2:
         return _SignatureSums(AnswerDamage.WHOLE, len(data), 0)
     if len(header) == due - 2:

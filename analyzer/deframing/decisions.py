@@ -24,6 +24,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from dissectors.adu import MAX_ADU
 from dissectors.length_rules import Role
 
 from ..options import Options
@@ -36,7 +37,6 @@ from .crc_windows import possible_starts
 from .forced import ForcedRuns, SearchedBytes
 from .gaps import AGAINST, SILENT, GapStatistics, SpeakerTurn, classes_of, next_checkpoint
 from .lattice import LEAD, SURE, Candidate, Lattice, Losers, PathStep
-from .rules import MAX_ADU
 from .segments import NOISE, DecidedSegments, evidence_rows
 from .unpredicted import (
     broken_windows,

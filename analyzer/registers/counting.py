@@ -25,8 +25,6 @@ _COSTS: Final = np.array([2.5, 4, 6, 8, 10, 12, 13.5, 15])  # bits a change
 _SHARES: Final = np.array([0.02, 0.1, 0.3, 0.7, 0.95])
 _SIZES: Final = np.array([1, 4, 7, 9, 11, 13, 15])  # bits
 _RANGES: Final = np.array([1, 3, 5, 7, 9, 11, 13, 15, 15.9])  # bits
-SIZES: Final = np.array([1, 4, 7, 9, 11, 13, 15])  # bits
-_RANGES: Final = np.array([1, 3, 5, 7, 9, 11, 13, 15, 15.9])  # bits
 _PORTION: Final = 1024  # registers that are counted at once
 
 SIZES: Final[Mapping[str, int]] = {
