@@ -45,6 +45,7 @@ class Ending(IntEnum):
     BROADCAST = 4
     UNHEARD = 5  # the recorder heard nothing when an answer was due
     NO_REQUEST = 6  # reads like a request, and is a unit's answer to the broadcast before it
+    ECHO = 7  # the next request once more, as an adapter shows what it sends
 
 
 EXCHANGE = np.dtype(

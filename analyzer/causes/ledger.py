@@ -40,6 +40,9 @@ _EXAMPLES: Final = 3
 _BACK: Final = 2  # exchanges
 _STRAY: Final = 3  # bytes that one spike makes
 _HOLE: Final = 1.5  # characters
+_ECHOES: Final = 5
+_ECHO_NS: Final = 40e6
+_NEARLY_ALL: Final = 0.8
 _NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
 _OK, _EXCEPTION, _SILENT, _GARBAGE, _BROADCAST = (
     int(each) for each in (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE, Ending.BROADCAST)
@@ -82,6 +85,9 @@ class Ledger:
         self.next_asked, self.next_hit = (np.zeros(256, np.int64) for _ in range(2))  # see `_count_neighbours`
         self.breaches: Sequence[LimitBreach] = ()  # of a map's limits, where values were looked at
         self._newest_unit = 0
+        self.answered = 0
+        self._echo_before = False  # the newest request is to come once more
+        self._echo_repeats = False
         self._repeating = False  # the newest request got no answer, and the next one is the same
         self._builder = ExchangeBuilder()
 
@@ -169,6 +175,7 @@ class Ledger:
             return
         exchanges = part.exchanges
         self.exchanges += len(exchanges)
+        self._count_echoes(exchanges)
         odd = (exchanges["noise"] > 0) | (exchanges["strays"] > 0) | (exchanges["late"] > 0)
         times = self.axis(exchanges)
         self._sample(part, odd)
@@ -204,7 +211,6 @@ class Ledger:
         self.request_gaps.add(gaps[gaps != NO_GAP])
         self._count_broadcasts(exchanges, outcome == _BROADCAST)
         self._count_neighbours(exchanges["unit"], odd)
-        self._count_echoes(exchanges, outcome)
         self.grid.add("asked", times)
         self.grid.add("damage", times[(outcome == _GARBAGE) | (exchanges["noise"] > 0)])
 
@@ -232,15 +238,39 @@ class Ledger:
         if odd.any():
             self.next_hit += np.bincount(before[follows & odd], minlength=256)
 
-    def _count_echoes(self, exchanges: ColumnTable, outcome: NDArray[np.uint8]) -> None:
-        """Requests without an answer that come again at once and are answered then."""
+    def _count_echoes(self, exchanges: ColumnTable) -> None:
+        """Requests without an answer that come again at once and are answered then; and let go of them, where nearly
+        every request that is answered came so."""
+        outcome = exchanges["outcome"]
+        answered = outcome <= _EXCEPTION
+        self.answered += int(np.count_nonzero(answered))
         silent = (outcome == _SILENT) & exchanges["next_same"]
-        if silent.any() or self._repeating:
-            again = np.concatenate(([self._repeating], silent[:-1])) & (outcome <= _EXCEPTION)
-            self.repeats_answered += int(np.count_nonzero(again))
-            if self.timed:
-                self.repeat_waits.add((exchanges["t_next"] - exchanges["t_asked"])[silent])
+        again = np.concatenate(([self._repeating], silent[:-1])) & answered
         self._repeating = bool(silent[-1])
+        self.repeats_answered += int(np.count_nonzero(again))
+        if self.timed and silent.any():
+            self.repeat_waits.add((exchanges["t_next"] - exchanges["t_asked"])[silent])
+        if not self.echoing:
+            self._echo_before = False
+            return
+        repeats = exchanges["repeats"]
+        echo, again_before = self._echo_before, self._echo_repeats
+        for i in range(len(outcome)):  # of a request that comes again and again, every other one is an echo
+            if echo:
+                repeats[i] = again_before
+            echo = bool(silent[i]) and not echo
+            if echo:
+                outcome[i], again_before, repeats[i] = Ending.ECHO, bool(repeats[i]), False
+        self._echo_before, self._echo_repeats = echo, again_before
+
+    @property
+    def echoing(self) -> bool:
+        """Whether an adapter shows what it sends: nearly every request that is answered came twice, at once."""
+        if self.repeats_answered < _ECHOES or self.repeats_answered < _NEARLY_ALL * self.answered:
+            return False
+        wait = self.repeat_waits.quantile(0.25)
+        off = self.clock.newest().wait_ns if wait is not None and wait > _ECHO_NS else 0.0
+        return wait is None or wait <= _ECHO_NS + (off if np.isfinite(off) else 0.0)
 
     def _count_others(self, part: Stretch) -> None:
         """Right answers behind a request that are not its."""

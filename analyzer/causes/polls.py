@@ -38,7 +38,7 @@ class Poll:
 
     @property
     def asked(self) -> int:
-        return int(self.outcomes.sum())
+        return int(self.outcomes.sum() - self.outcomes[Ending.ECHO])
 
     @property
     def end(self) -> int:

@@ -213,7 +213,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         if bits <= 0 or doubles + len(readings) < _LEAST:
             continue
         found = damage_suspicion(evidence, unit, bits, {"doubles": doubles})
-        explains = found.explains | {(Symptom.DOUBLES, unit.unit), (Symptom.BEHIND, unit.unit)}
+        explains = found.explains | {(kind, unit.unit) for kind in (Symptom.DOUBLES, Symptom.BEHIND, Symptom.LATENESS)}
         yield Suspicion(**{**_fields(found), "explains": explains})
 
 

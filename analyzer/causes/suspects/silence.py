@@ -21,6 +21,8 @@ _TO_THE_END: Final = 8
 _END_SHARE: Final = 0.1  # of the capture
 _AS_LATE: Final = 0.95
 _ALL: Final = 0.5
+_NO_ANSWER_BEHIND: Final = 11  # the exception by which a gateway says that its target failed to respond
+_NEARLY_ALL: Final = 0.95
 
 
 def _never(evidence: Evidence) -> list[UnitLedger]:
@@ -68,7 +70,7 @@ def _bits(silent: int, asked: int) -> float:
     "dead-unit",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} never answers{since}: {silent} of {asked} requests to it stayed without a byte, while "
+    text="Unit {unit} never answers{since}: {silent} of {asked} requests to it {how}, while "
     "{others_answered} of {others_asked} to other units were answered",
     share="{silent} of {asked} requests to unit {unit}, {others_silent} of {others_asked} to others",
     deciding_test="Poll unit {unit} alone, with a master put in the place of the bus: if it stays silent, it is the unit "
@@ -85,6 +87,36 @@ def dead_unit(evidence: Evidence) -> Iterator[Suspicion]:
         since = _died(evidence, unit)
         if since is not None:
             yield _silence(evidence, unit, since)
+        if evidence.is_open(Symptom.REFUSAL, unit.unit):
+            yield from _excused(evidence, unit)
+
+
+def _excused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
+    """A unit of which a gateway says that it does not answer (exception 0B), and never anything else."""
+    excused = sum(poll.exceptions[_NO_ANSWER_BEHIND] for poll in evidence.polls_of(unit.unit))
+    others = [other for other in evidence.units if other.unit != unit.unit]
+    if excused < _LEAST or excused < _NEARLY_ALL * unit.answered or not any(other.answered for other in others):
+        return
+    numbers = {
+        "unit": unit.unit,
+        "silent": excused,
+        "asked": unit.asked,
+        "since": "",
+        "how": "got exception 0B, by which a gateway says that its target is silent",
+        "others_asked": sum(other.asked for other in others),
+        "others_answered": sum(other.answered for other in others),
+        "others_silent": sum(other.count(Ending.SILENT) for other in others),
+    }
+    yield Suspicion(
+        (unit.unit,),
+        _bits(excused, unit.asked),
+        frozenset({(Symptom.REFUSAL, unit.unit), (Symptom.SILENCE, unit.unit)}),
+        numbers,
+        since=unit.first,
+        until=unit.last,
+        lost_answers=excused,
+        frames=tuple(unit.examples.get(Ending.EXCEPTION, [])),
+    )
 
 
 def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspicion:
@@ -104,6 +136,7 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
             "silent": silent,
             "asked": silent if since is not None else unit.asked,
             "since": " any more" if since is not None else "",
+            "how": "stayed without a byte",
             "others_asked": sum(other.asked for other in others),
             "others_answered": sum(other.answered for other in others),
             "others_silent": sum(other.count(Ending.SILENT) for other in others),

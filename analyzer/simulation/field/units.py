@@ -13,6 +13,7 @@ from random import Random
 from dissectors.crc import crc_ok
 
 from ..conversation import adu
+from .envelopes import ASCII, RTU, WireEnvelope
 from .registers import Holdings
 from .uart import LineUart, ReceivedOctet
 from .wire import Burst, FieldWire
@@ -42,6 +43,7 @@ class FieldUnit:
         self.delay: Callable[[bytes, float], float] = lambda _pdu, _t: self._usual_delay()
         self.tampers: list[Tamper] = []
         self.seal: Callable[[int, bytes], bytes] = adu
+        self.envelope: WireEnvelope = RTU
         self.shapes: list[Shape] = []
         self.answers_all = False  # also what is sent to unit 0
         self.answered: list[float] = []  # when
@@ -84,6 +86,9 @@ class FieldUnit:
 
     def _request(self) -> bytes | None:
         data = bytes(octet.value for octet in self._heard[-260:])
+        if self.envelope is ASCII:
+            whole = ASCII.take(data)
+            return whole if whole[:1] in (b"\0", bytes((self.unit,))) else None
         spoilt = [i for i, octet in enumerate(self._heard[-260:]) if octet.error]
         first = spoilt[-1] + 1 if spoilt else 0
         starts = [0] if not self.lenient else range(first, max(first + 1, len(data) - 7))
@@ -106,7 +111,7 @@ class FieldUnit:
         if pdu is None:
             return
         data = self.seal(self.unit if request[0] else self.answer_unit(), pdu)
-        burst = burst_of(self, self.sends, data, now)
+        burst = burst_of(self, self.sends, self.envelope.put(data), now)
         burst.strength = self.strength
         for shape in self.shapes:
             shape(burst, self.random)

@@ -1,7 +1,7 @@
 """The one collection of field cases: a function a case, of as many kinds as its cause shows itself in.
 
     @field_case("dead-unit")
-    def dead_unit(random: Random, tap: str) -> FieldCapture:
+    def dead_unit(random: Random, tap: str) -> Site:
         \"\"\"One unit of several never answers.\"\"\"
         ...
 
@@ -19,7 +19,7 @@ from random import Random
 from types import MappingProxyType
 from typing import Final
 
-from ..bench import FieldCapture
+from ..bench import Bench, Expected, FieldCapture
 
 ANY_TAP: Final = ("precise", "irq", "ftdi16", "gateway", "untimed")
 TIMED: Final = ("precise", "irq", "ftdi16", "gateway")
@@ -27,7 +27,8 @@ LOCAL: Final = ("precise", "irq", "ftdi16")
 SHARP: Final = ("precise", "irq")
 BYTES: Final = ("precise",)
 
-Play = Callable[[Random, str], FieldCapture]
+Site = tuple[Bench, Expected]
+Play = Callable[[Random, str], Site]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,8 @@ class FieldCase:
 
     def capture(self, tap: str, seed: int) -> FieldCapture:
         """The capture of one seed; the same seed is the same site whatever the tap."""
-        return self.play(Random(f"{self.name} {seed}"), tap)
+        bench, expected = self.play(Random(f"{self.name} {seed}"), tap)
+        return bench.run(expected)
 
 
 _cases: dict[str, FieldCase] = {}
