@@ -25,7 +25,6 @@ _COSTS: Final = np.array([2.5, 4, 6, 8, 10, 12, 13.5, 15])  # bits a change
 _SHARES: Final = np.array([0.02, 0.1, 0.3, 0.7, 0.95])
 _SIZES: Final = np.array([1, 4, 7, 9, 11, 13, 15])  # bits
 _RANGES: Final = np.array([1, 3, 5, 7, 9, 11, 13, 15, 15.9])  # bits
-_PORTION: Final = 1024  # registers that are counted at once
 
 SIZES: Final[Mapping[str, int]] = {
     # of one register
@@ -38,7 +37,9 @@ SIZES: Final[Mapping[str, int]] = {
     # of two, as a float
     "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
     # of four
-    "i64": 16, "i64 gain": 14, "i64 top": 16 * 2, "i64 low": 8 * 3, "f64": 16, "f64 gain": 14, "f64 value": 8 * 2,
+    "i64": 16, "i64 gain": 14, "i64 top": 16 * 2, "i64 low": 8 * 3, "i64 zeros": 16 * 4 * 2,
+    "f64": 16, "f64 gain": 14, "f64 value": 8 * 2,
+    "f64 decimals": 4 * 6, "f64 spread": 2 * 6, "f64 as float": 8 * 8,
     "f32 decimals": 4 * 6,
     # by the size of the block, and whether the value begins or ends it
     "i16 block": 7 * 2, "i32 block": 7 * 4, "f32 block": 7 * 4, "wide block": 7 * 4,
@@ -234,15 +235,38 @@ class Counting:
                 "f64": case,
                 "f64 gain": np.where(any_moved, gain, NONE),
                 "f64 value": float_classes(value) * 2 + any_moved,
+                "f64 decimals": np.minimum(moved.sum(axis=1), 3) * 6 + decimals(value, 52),
+                "f64 spread": any_moved * 6 + spreads(value),
+                "f64 as float": self._as_floats(columns),
                 "wide block": self._edges(4),
             }
         steps = self._across(np.diff(pattern, axis=0).view(np.int64))
         gain = np.digitize(separate - change_lengths(steps, 65), _GAINS)
         low = columns[:, 3]
+        in_row = self._in_row(columns, case)
         return {
             "i64": case,
             "i64 gain": np.where(any_moved, gain, NONE),
             "i64 top": self._class[columns[:, 0]] * 2 + any_moved,
+            "i64 zeros": (case * 4 + (self._class[columns[:, :3]] == 0).sum(axis=1)) * 2 + in_row,
             "i64 low": np.where(self.moved[low], self._size[low] * 3 + self._direction[low], NONE),
             "wide block": self._edges(4),
         }
+
+    def _in_row(self, columns: Ints, case: Ints) -> Ints:
+        """Whether the four registers before or behind look like these: which of them moved, and zeros in the rest."""
+        look = case * 16 + ((self._class[columns] == 0) & ~self.moved[columns]) @ np.array([8, 4, 2, 1])
+        found = np.zeros(len(case), np.int64)
+        if len(case) > 4:
+            alike = look[4:] == look[:-4]
+            found[4:] |= alike & (self._first[4 : len(case)] == self._first[: len(case) - 4])
+            found[:-4] |= alike & (self._first[4 : len(case)] == self._first[: len(case) - 4])
+        return found
+
+    def _as_floats(self, columns: Ints) -> Ints:
+        """What both halves of four registers, the high word of each first, look like as floats of 32 bits."""
+        halves = [
+            float_classes(patterns(self.words[:, columns[:, part]], "ABCD").astype(np.uint32).view(np.float32))
+            for part in (slice(0, 2), slice(2, 4))
+        ]
+        return halves[0] * 8 + halves[1]

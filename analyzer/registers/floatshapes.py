@@ -60,17 +60,19 @@ def spreads(value: NDArray[np.floating]) -> Ints:
     return np.digitize(apart, (0.01, 1.0, 4.0, 10.0, 30.0))
 
 
-def decimals(value: NDArray[np.floating]) -> Ints:
+def decimals(value: NDArray[np.floating], digits: int = 23) -> Ints:
     """How few decimals nearly all of a float's readings have: 0 to 3, 4 more, 5 it has no room for decimals.
 
-    A float made of a rounded number is one; the words of two integers hardly ever are.
+    A float made of a rounded number is one; the words of two integers hardly ever are. `digits` are those of its
+    mantissa in binary.
     """
+    form = np.float32 if digits < 24 else np.float64
     with np.errstate(invalid="ignore", over="ignore"):
         exact = np.clip(np.nan_to_num(value.astype(np.float64)), -1e30, 1e30)
-        digit = np.abs(exact).max(axis=0) * 2.0**-23
+        digit = np.abs(exact).max(axis=0) * 2.0**-digits
         found = np.full(value.shape[1], 4, np.int64)
         for places in (3, 2, 1, 0):
-            rounded = np.round(exact, places).astype(np.float32)
-            few = (rounded == exact.astype(np.float32)).mean(axis=0) >= 0.95
+            rounded = np.round(exact, places).astype(form)
+            few = (rounded == exact.astype(form)).mean(axis=0) >= 0.95
             found[few] = np.where(digit[few] > 0.05 * 10.0**-places, 5, places)
     return found
