@@ -55,15 +55,18 @@ def made_device(
     flip: float = 0.0,
     widen: float = 0.0,
     refine: float = 0.0,
+    move: bool = True,
 ) -> MadeDevice:
-    """A device of this layout, polled so many times."""
+    """A device of this layout, polled so many times; of chances `flip` has the other word order, `widen` and `refine`
+    wider and finer integers; at other addresses unless told not to `move`."""
     if random.random() < refine:
         chart = refined(chart, random)
     if random.random() < flip:
         chart = reordered(chart)
     if random.random() < widen:
         chart = widened(chart)
-    chart = moved(chart, random)
+    if move:
+        chart = moved(chart, random)
     client = MappedClient(random, [(1, chart)])
     device = client.devices[0]
     blocks = {(poll.area, poll.address, poll.quantity): [] for poll in client.polls}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,11 +14,11 @@ from scripts import package
 
 from dissectors.maps import MapError, RegisterMap, map_for_unit, map_text, read_map, shipped_map, shipped_names
 from dissectors.maps.importers import FORMATS, import_maps
-from dissectors.maps.model import MappedValue, Signature
+from dissectors.maps.model import DeviceSignature, MappedValue
 from dissectors.maps.schema import json_schema
 from dissectors.maps.table import read_table, write_table
 from dissectors.maps.yamlform import read_yaml, write_yaml
-from dissectors.values import ORDERS, ordered, registers_of
+from dissectors.values import FORMULA_STARTS, ORDERS, ordered, registers_of
 
 FILES = package("attack.mapfiles")
 WORDS = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), min_size=1, max_size=12)
@@ -57,7 +58,7 @@ CHARTS = st.builds(
     rows=st.lists(values(), min_size=1, max_size=5, unique_by=lambda row: (row.area, row.address)).map(tuple),
     vendor=st.just("Maker"),
     word_order=st.sampled_from(ORDERS),
-    match=st.just(Signature(("ID",), ("OBJ",), (("holding", 40000, (0x5375, 0x6E53)),), (("input", 0, 72),))),
+    match=st.just(DeviceSignature(("ID",), ("OBJ",), (("holding", 40000, (0x5375, 0x6E53)),), (("input", 0, 72),))),
     other=st.just({"functions": "3, 4"}),
 )
 
@@ -66,6 +67,23 @@ CHARTS = st.builds(
 def test_a_map_survives_its_files(chart: RegisterMap) -> None:
     assert read_table(write_table(chart), "x.csv") == chart
     assert read_yaml(write_yaml(chart), "x.yaml") == chart
+
+
+HARMFUL = st.sampled_from(
+    ("=1+1", "+x", "-y", "@z", "'=q", "''+r", "a;=cmd", "a,+b", "a\t@c", '"=x"', 'a";=y', "-40", "= 5")
+)
+
+
+@given(HARMFUL, HARMFUL, HARMFUL, HARMFUL)
+def test_no_cell_is_run_as_a_formula(name: str, measure: str, device: str, column: str) -> None:
+    row = MappedValue("input", 1, name, "s16", unit=measure, minimum=-40.0, maximum=5.0, other={column: name})
+    chart = RegisterMap(device, (row,), source=measure)
+    text = write_table(chart)
+    for delimiter in ",;\t":
+        cells = [cell for line in csv.reader(text.splitlines(), delimiter=delimiter) for cell in line]
+        assert not [cell for cell in cells if cell.startswith(FORMULA_STARTS) and cell != "-40"]
+    found = read_table(text, "x.csv").rows[0]
+    assert (found.name, found.unit, found.minimum) == (" ".join(name.split()), " ".join(measure.split()), -40.0)
 
 
 @given(st.binary(max_size=200))

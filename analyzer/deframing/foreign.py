@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from dissectors.declaration import EXCEPTION
+from dissectors.adu import EXCEPTION
 from dissectors.foreign import NAMES, MeterTalk, foreign_bytes
 from dissectors.length_rules import Role
 from dissectors.lengths import rule

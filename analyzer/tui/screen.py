@@ -47,7 +47,7 @@ from .views import BY_NAME, VIEWS
 
 if TYPE_CHECKING:
     from .desk import ViewState
-    from .wire import Wire
+    from .wire import ThinWire
 
 
 class BusScreen(Screen[None]):
@@ -83,7 +83,7 @@ class BusScreen(Screen[None]):
         Binding("q", "leave", "Quit"),
     ]
 
-    def __init__(self, desk: ViewState, wire: Wire, *, view: str = "frames") -> None:
+    def __init__(self, desk: ViewState, wire: ThinWire, *, view: str = "frames") -> None:
         super().__init__()
         self.desk = desk
         self.view = view

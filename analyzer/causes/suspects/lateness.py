@@ -12,7 +12,7 @@ from ...diagnosis.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..registry import Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 
@@ -67,7 +67,7 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         explains |= {
             (symptom, other.unit) for other in others for symptom in (Symptom.DAMAGE, Symptom.BEHIND, Symptom.SILENCE)
         }
-        lost, lost_ms = evidence.cost(unit, Outcome.SILENT, Outcome.GARBAGE)
+        lost, lost_ms = evidence.cost(unit, Ending.SILENT, Ending.GARBAGE)
         slow = unit.delays.quantile(0.9)
         yield Suspicion(
             (unit.unit,),
@@ -85,7 +85,7 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
             until=unit.last,
             lost_answers=lost + _redundant(unit).count,
             lost_ms=lost_ms,
-            frames=tuple(unit.examples.get(Outcome.SILENT, [])),
+            frames=tuple(unit.examples.get(Ending.SILENT, [])),
         )
 
 
@@ -94,12 +94,12 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
     if not evidence.is_open(Symptom.LATENESS, unit.unit):
         return 0
     found = unit.late + unit.strays
-    if unit.doubles <= 1.2 * unit.count(Outcome.SILENT):
+    if unit.doubles <= 1.2 * unit.count(Ending.SILENT):
         found += unit.doubles
     readings = evidence.readings(unit)
     slow = _redundant(unit)
     late = [r for r in readings if kind_of(r) in ("crossed", "other") or r.delay >= slow.bound_ns]
-    found += round(unit.count(Outcome.GARBAGE) * len(late) / max(len(readings), 1))
+    found += round(unit.count(Ending.GARBAGE) * len(late) / max(len(readings), 1))
     return found + max(slow.count, _unheeded(evidence, unit))
 
 

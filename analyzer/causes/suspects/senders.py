@@ -13,10 +13,10 @@ from dissectors.answers import expectation
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..misreading import beheaded, formats_of
 from ..registry import Suspicion, Symptom, suspect
-from ..signatures import Behind, Damage, Signature
+from ..signatures import AnswerDamage, Behind, Signature
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 3
@@ -47,24 +47,24 @@ def damage_suspicions(
 def damage_suspicion(evidence: Evidence, unit: UnitLedger, bits: float, more: Mapping[str, Any]) -> Suspicion:
     """The damaged answers of one unit."""
     others = [other for other in evidence.units if other.unit != unit.unit]
-    lost, lost_ms = evidence.cost(unit, Outcome.GARBAGE)
+    lost, lost_ms = evidence.cost(unit, Ending.GARBAGE)
     return Suspicion(
         (unit.unit,),
         bits,
         frozenset({(Symptom.DAMAGE, unit.unit), (Symptom.MARKS, unit.unit)}),
         {
             "unit": unit.unit,
-            "damaged": unit.count(Outcome.GARBAGE),
-            "answers": unit.answered + unit.count(Outcome.GARBAGE),
-            "others_damaged": sum(other.count(Outcome.GARBAGE) for other in others),
-            "others_answers": sum(other.answered + other.count(Outcome.GARBAGE) for other in others),
+            "damaged": unit.count(Ending.GARBAGE),
+            "answers": unit.answered + unit.count(Ending.GARBAGE),
+            "others_damaged": sum(other.count(Ending.GARBAGE) for other in others),
+            "others_answers": sum(other.answered + other.count(Ending.GARBAGE) for other in others),
             **more,
         },
         since=unit.samples.kept[0].t_asked if evidence.ledger.timed and unit.samples.kept else None,
         until=unit.samples.kept[-1].t_asked if evidence.ledger.timed and unit.samples.kept else None,
         lost_answers=lost,
         lost_ms=lost_ms,
-        frames=tuple(unit.examples.get(Outcome.GARBAGE, [])),
+        frames=tuple(unit.examples.get(Ending.GARBAGE, [])),
     )
 
 
@@ -80,7 +80,7 @@ _BEHEADED: Final = {"whole": 0.4, "head": 0.35, "middle": 0.1, "cut": 0.05, "cut
 
 
 def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
-    return {"bytes": median(each.bytes for each in readings if each.damage is Damage.HEAD)}
+    return {"bytes": median(each.bytes for each in readings if each.damage is AnswerDamage.HEAD)}
 
 
 @suspect(
@@ -161,7 +161,7 @@ def crc_convention(evidence: Evidence) -> Iterator[Suspicion]:
     """All frames of one unit right by one other check value."""
 
     def variant(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
-        names = [each.detail for each in readings if each.damage is Damage.CONVENTION]
+        names = [each.detail for each in readings if each.damage is AnswerDamage.CONVENTION]
         return {"variant": max(set(names), key=names.count)}
 
     yield from damage_suspicions(evidence, {"convention": 0.95}, ("convention",), variant)
@@ -200,7 +200,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
         crossed = evidence.behind(unit, Behind.REQUEST, Behind.NOISE)
         crossed = round(crossed) if doubles >= _LEAST or (len(readings) >= _LEAST and crossed >= _LEAST) else 0
-        if doubles <= 1.2 * unit.count(Outcome.SILENT):
+        if doubles <= 1.2 * unit.count(Ending.SILENT):
             doubles = 0
         rest = [other for other in evidence.units if other is not unit]
         noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)
@@ -213,7 +213,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         if bits <= 0 or doubles + len(readings) < _LEAST:
             continue
         found = damage_suspicion(evidence, unit, bits, {"doubles": doubles})
-        explains = found.explains | {(Symptom.DOUBLES, unit.unit), (Symptom.BEHIND, unit.unit)}
+        explains = found.explains | {(kind, unit.unit) for kind in (Symptom.DOUBLES, Symptom.BEHIND, Symptom.LATENESS)}
         yield Suspicion(**{**_fields(found), "explains": explains})
 
 

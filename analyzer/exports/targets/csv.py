@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from dissectors.functions import function_name
+from dissectors.values import FORMULA_STARTS
 
 from ...tables.batch import Batch
 from ...tables.columns import Decoded, decode
@@ -74,7 +75,6 @@ EXPLAINED: Final = (
     "runner_up_start",
     "runner_up_length",
 )
-_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 _HEAD: Final = 5 + 9  # pieces before the summary, times left out
 _TIMES: Final = 7  # theirs
 _TAIL: Final = 5  # pieces behind the summary, values left out
@@ -337,7 +337,7 @@ def _quoted(text: str) -> bytes:
 
 def safe(text: str) -> str:
     """Text that no spreadsheet runs as a formula."""
-    return f"'{text}" if text.startswith(_FORMULA) else text
+    return f"'{text}" if text.startswith(FORMULA_STARTS) else text
 
 
 def open_sink(out: OutputStream, capture: Capture, options: ExportOptions) -> _CsvTable:

@@ -30,6 +30,9 @@ _COUNTED: Final = frozenset(
     ("Wh", "kWh", "MWh", "varh", "kvarh", "VAh", "kVAh", "Ah", "GJ", "MJ", "m³", "t", "h", "s", "min", "kg", "l")
 )
 _ABSENT: Final = 0.03  # of the values that a map lists
+_CLOCK: Final = re.compile(
+    r"\bclock ((?:years?|months?|days?|hours?|minutes?|(?:milli)?seconds?)(?: and [a-z]+)?)\b", re.IGNORECASE
+)
 _TIMES: Final = {"h": 3600.0, "min": 60.0, "s": 1.0}
 _LEVELS: Final[dict[str, tuple[float, float]]] = {  # unit: level and reach
     "Hz": (50, 0.2), "kPa": (300, 100), "bar": (6, 3), "MPa": (0.6, 0.2), "%": (50, 45), "rpm": (1450, 300),
@@ -152,7 +155,7 @@ def decoded(row: MappedValue, words: list[int]) -> float:
 
 
 @dataclass(slots=True)
-class _Channel:
+class _Circuit:
     """Voltage, current and power factor of one circuit, a number each a cycle."""
 
     volts: Series
@@ -179,8 +182,9 @@ class Plant:
         self._idle = random.random() < 0.1
         self._sense = random.choice((1, 1, 1, 1, -1))
         self._lively = 10 ** random.uniform(-2.2, -0.3)
-        self._channels: dict[str, _Channel] = {}
+        self._channels: dict[str, _Circuit] = {}
         self._decimals = random.choice((None, None, 1, 2, 3))
+        self._clock = series.Clock(random, seconds)
 
     def motion_of(self, row: MappedValue) -> Series:
         """What a value does."""
@@ -189,8 +193,12 @@ class Plant:
             return series.states(random, [0, 1])
         if row.type == "time":
             return series.counter(random, random.uniform(1.6e9, 1.8e9), random.choice((0.0, self._seconds)))
+        if (clock := _CLOCK.search(row.name)) is not None:
+            return self._clock.parts(clock[1].lower().split(" and ")[:: -1 if self._clock.turned else 1])
         if row.type == "bits":
             return series.flags(random, 16 * row.length)
+        if "packed" in row.name:
+            return series.packed(random)
         if row.type == "enum" or (row.values and row.length == 1):
             return series.states(random, list(row.values) or list(range(random.choice((2, 4, 8, 300)))))
         if row.writable or re.search(r"setpoint|nominal|serial|firmware|device type|address|capacity", row.name, re.I):
@@ -237,7 +245,7 @@ class Plant:
 
         return run()
 
-    def _channel(self, key: str) -> _Channel:
+    def _channel(self, key: str) -> _Circuit:
         if key not in self._channels:
             random = self._random
             volts, amperes = self._volts, self._amperes * random.uniform(0.3, 1.2) * self._sense
@@ -249,7 +257,7 @@ class Plant:
             if self._idle:
                 amperes = 0.0
             still = random.random() < 0.04
-            self._channels[key] = _Channel(
+            self._channels[key] = _Circuit(
                 series.constant(volts) if still else series.walk(random, volts, volts * 0.002, volts * 0.02),
                 series.motion(random, amperes, abs(amperes) * self._lively),
                 series.walk(random, random.uniform(0.75, 0.99), 0.003, 0.01),
