@@ -16,7 +16,7 @@ from datetime import tzinfo
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import BinaryIO, Final, cast
 
 import numpy as np
 
@@ -35,6 +35,9 @@ _JOIN_BYTES = 1 << 16  # a dump of any length comes in chunks of this size
 _BLOCK_CHUNKS = 1 << 14
 _LOOK = 1 << 14  # bytes by which a text is known
 _BATCH = 1 << 16  # bytes of text read at once
+
+
+_TIMED: Final = 3  # one of so many lines with bytes has a time at least: frames of a terminal go on in lines without
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +133,7 @@ def _read(
     if not pieces:
         _refuse(path, [piece for piece in given if isinstance(piece, Unread)])
     times = [piece.t_ns for piece in pieces if piece.t_ns is not None]
-    timed = 2 * len(times) > len(pieces)
+    timed = _TIMED * len(times) >= len(pieces)
     notices = (f"times without a zone are read as {_zone_name(tz)}",) if timed and reader.zoneless else ()
     ports = _ports(pieces)
     spoken = {number: envelope for (_, envelope), number in ports.items()}

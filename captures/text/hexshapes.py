@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from enum import IntEnum
 from typing import Final, NamedTuple
 
@@ -84,7 +84,10 @@ _PREFIXED: Final = re.compile(
 )
 _SUFFIXED: Final = re.compile(rf"{EDGE}{H}{{2}}[hH](?:[\s,;]+{H}{{2}}[hH])+{END}")
 _ASCII: Final = re.compile(rf"(?<![0-9A-Za-z_]):((?:{H}{{2}}){{3,300}}){END}")
-_OFFSET: Final = re.compile(rf"(?:^|[^\w.:-])(?P<all>(?:0[xX])?({H}{{4,8}}))[hH]?[ \t]*[:|-]?[ \t]*$")
+_ASCII_APART: Final = re.compile(rf"(?:^|[:>|=])[ \t]*(?P<frame>:(?:[ \t]?{H}{{2}}){{3,300}}){END}")
+_OFFSET: Final = re.compile(
+    rf"(?:^|[^\w.:-])(?P<all>(?:0[xX])?({H}{{4,8}}|{H}{{3}}(?=:)))[hH]?[ \t]*(?:[:|]|-(?=[ \t]))?[ \t]*$"
+)
 _ELLIPSIS: Final = re.compile(r"[ ,]?,? ?(?:\.\.\.(?![\w.])|…)")
 _HALF_AFTER: Final = re.compile(rf"[ \t]{{1,4}}({H}|{H}{{3}})(?=[ \t]*$|[ \t]+{H}{{2}}(?:\s|$))")
 _HALF_BEFORE: Final = re.compile(rf"(?:^|[ \t])({H})[ \t]{{1,4}}$")
@@ -132,6 +135,7 @@ _GAP: Final = re.compile(r"[ \t]+")
 _FEW: Final = 17  # characters: six bytes
 _DIGIT: Final = re.compile(r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?![A-Za-z])|\\|[A-Za-z+/]{6}=")
 _SHORT: Final = re.compile(rf"(?<![0-9A-Za-z]){H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
+_CLOSED: Final = re.compile(r"^[\s\d,]+[\])}]")
 _BIG: Final = re.compile(r"[A-Za-z0-9+/]{6}[A-Za-z0-9+/=]{2}")
 _WRAPPING: Final = " \t\r\n,;:|=>[](){}\"'-._*◇◆□■#/$`"
 _SOLID: Final = re.compile(f"[^{re.escape(_WRAPPING)}]")
@@ -141,13 +145,16 @@ _LONG: Final = 4096  # characters: no line of words
 _MAC_LENGTH: Final = 6
 _WORD_LENGTH: Final = 8  # bytes: no address of a machine is longer
 _ROW: Final = 8  # bytes, after which dumps leave a gap
-ROWS: Final = ("pairs", "words", "swapped words")  # shapes of the rows of dumps
+ROWS: Final = ("pairs", "words", "swapped words", "binary")  # shapes of the rows of dumps
 _COLUMN_NUMBERS: Final = tuple(
     [form(number) for number in range(first, first + count)]
     for count in (8, 16)
     for first in (0, 1)
     for form in ("{:02X}".format, "{:02x}".format, "{:02d}".format)
 )
+
+
+_DIGITS_ABOVE: Final = ("0123456789ABCDEF", "0123456789")  # columns of characters in a dump
 
 
 def line_of(text: str, marks: Iterable[int] = ()) -> Line:
@@ -167,7 +174,8 @@ def holds_digits(text: str) -> bool:
 
 def holds_several(text: str) -> bool:
     """Whether there are enough of them for a frame, in any shape."""
-    return len(text) > _LONG or "\\" in text or len(_SHORT.findall(text)) > _SOME or _BIG.search(text) is not None
+    least = 0 if _CLOSED.search(text) else _SOME  # the last row of an array may be short
+    return len(text) > _LONG or "\\" in text or len(_SHORT.findall(text)) > least or _BIG.search(text) is not None
 
 
 def hex_candidates(line: Line) -> Iterator[Candidate]:
@@ -241,7 +249,8 @@ def _pairs(line: Line) -> Iterator[Candidate]:
             second = text.index(tokens[1], start + 2)
             (usual, _), *_ = Counter(_GAP.findall(text, second, end)).most_common(1)
             apart = text[start + 2 : second] != usual
-            if apart or (tokens[0].isalpha() and not line.alone(start, end)):
+            counted = tokens[0].isdigit() and int(tokens[0]) == len(tokens) - 1  # "10 01 03 00 ...": so many bytes
+            if apart or counted or (tokens[0].isalpha() and not line.alone(start, end)):
                 yield Candidate(data[1:], second, end, "pairs", level)
                 level = Level.LIKELY if apart else level
             if text[end : end + 1].isalnum():  # "02Connected", "10 after"
@@ -261,9 +270,14 @@ def _level_of_pairs(line: Line, start: int, end: int, tokens: list[str]) -> Leve
         return Level.LIKELY if alone and (odd or start == line.begin) else Level.NUMBER
     if len(tokens) < _SOME:
         return Level.LIKELY if alone else Level.NUMBER
-    if tokens in _COLUMN_NUMBERS:
+    if is_ruler(tokens):
         return Level.NUMBER
     return Level.BYTES if odd else Level.LIKELY
+
+
+def is_ruler(tokens: Sequence[str]) -> bool:
+    """Whether these are the numbers that dumps write above their columns."""
+    return list(tokens) in _COLUMN_NUMBERS
 
 
 def _before_characters(text: str, start: int, end: int) -> int:
@@ -321,6 +335,8 @@ def _words(line: Line) -> Iterator[Candidate]:
         if "  " in match[0]:
             end = _before_characters(line.text, start, end)
         tokens = line.text[start:end].split()
+        if match[0].upper() in _DIGITS_ABOVE:
+            continue
         if len(tokens) > 2 and len(tokens[0]) > 2 and all(len(token) == 2 for token in tokens[1:]):
             continue  # the first is an offset
         data = bytes.fromhex("".join(tokens))
@@ -393,9 +409,13 @@ def _suffixed(text: str) -> Iterator[Candidate]:
 
 
 def _ascii_frames(text: str) -> Iterator[Candidate]:
-    """`:1103006B00037E`"""
+    """`:1103006B00037E`, `: 11 03 00 6B 00 03 7E`"""
     for match in _ASCII.finditer(text):
         yield Candidate(match[0].encode() + b"\r\n", *match.span(), "ascii", Level.BYTES, ascii=True)
+    for match in _ASCII_APART.finditer(text):
+        frame = "".join(match["frame"].split())
+        if len(frame) < len(match["frame"]):  # its LRC must be right, and no bit of it may be an RTU frame
+            yield Candidate(frame.encode() + b"\r\n", *match.span("frame"), "ascii apart", Level.NUMBER, ascii=True)
 
 
 _ODD: Final = "an odd number of hex digits in {!r} at column {}: write each byte with two digits"

@@ -91,6 +91,7 @@ class Heading:
     exact: bool = False  # nothing else stands below it before all bytes are there
     rows: int = 0  # that it has had
     width: int = 0  # bytes of the row before
+    columns: tuple[int, ...] = ()  # marks of a table's columns: `request,response`
 
 
 @dataclass(slots=True)
@@ -281,7 +282,9 @@ class LineReader:
             port, bare = match["label"], True
         announced = _ANNOUNCED.search(rest.rstrip(" :"))
         left = int(next(filter(None, announced.groups()))) if announced else None
-        self._heading = Heading(mark, t_ns, fine, label_in(rest[-_LABELLED:]), port, left, joins=bool(bare))
+        columns = tuple(one.mark for one in found) if len(found) > 1 else ()
+        label = label_in(rest[-_LABELLED:])
+        self._heading = Heading(mark, t_ns, fine, label, port, left, joins=bool(bare), columns=columns)
         line.quiet = bool(bare) and line.t_ns is not None
 
     def _placed(self, line: LogLine, stamp: stamps.Stamp | None, mark: int) -> LogLine:
@@ -295,8 +298,9 @@ class LineReader:
                 self._heading = None
             line.continues = goes_on
             return line
-        for run in line.runs:
-            run.mark = run.mark or heading.mark
+        in_columns = len(line.runs) == len(heading.columns)
+        for i, run in enumerate(line.runs):
+            run.mark = run.mark or (heading.columns[i] if in_columns else heading.mark)
             if not run.label:
                 run.heading = heading.label or " "
         if stamp is not None:
@@ -404,7 +408,7 @@ def _why_none(text: str, rest: str) -> str:
 def _is_offset(digits: str, so_far: tuple[int, int, int | None]) -> bool:
     """Whether these digits are where a dump goes on: in hex, or in octal as od writes it."""
     length, first, _ = so_far
-    if not re.fullmatch(r"[0-9A-Fa-f]{4,8}", digits):
+    if not re.fullmatch(r"[0-9A-Fa-f]{3,8}", digits):
         return False
     octal = set(digits) <= set("01234567") and not first
     return int(digits, 16) == first + length or (octal and int(digits, 8) == length)
