@@ -27,7 +27,7 @@ from ..errors import CaptureError
 from ..files import HEAD_BYTES, line_batches, opened, read_head
 from ..line import PROTOCOLS_NOTE, LineSettings
 from ..text.choosing import Judge, no_judge
-from ..text.logs import LogReader, Piece, Unread, joined
+from ..text.logs import LOOKED_FOR, LogReader, Piece, Unread, joined
 from . import Format
 
 _MARK_WORDS = ("", "TX", "RX")
@@ -159,7 +159,7 @@ def _refuse(path: Path, unread: list[Unread]) -> None:
     if not unread:
         raise CaptureError(f"{path}: no hex bytes found: the file holds only empty lines and comments")
     first = next((one for one in unread if not one.empty), unread[0])
-    raise CaptureError(f"{path}: no hex bytes found, first at line {first.line}: {first.why}")
+    raise CaptureError(f"{path}: no hex bytes found, first at line {first.line}: {first.why}; looked for {LOOKED_FOR}")
 
 
 def _zone_name(zone: tzinfo | None) -> str:

@@ -21,6 +21,7 @@ from .loglines import LogLine
 _TAIL: Final = 260  # bytes without a right check value that a later run may complete
 _TAIL_RUNS: Final = 4
 _TAIL_LINES: Final = 16
+_ADDRESS: Final = 4  # numbers of an IP address
 _SHORT: Final = 3  # bytes: no more where text stands behind them
 
 
@@ -56,7 +57,8 @@ def _speaks_for_itself(run: Run, line: LogLine, experience: Experience) -> bool:
 
 
 def _plainly_decimal(text: str) -> bool:
-    return any(len(word) == 3 for word in re.findall(r"\d+", text))
+    numbers = re.findall(r"\d+", text)
+    return any(len(number) == 3 for number in numbers) and not (len(numbers) == _ADDRESS and text.count(".") == 3)
 
 
 def only_bytes(lines: Sequence[LogLine]) -> bool:
