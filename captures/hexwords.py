@@ -10,8 +10,8 @@ from datetime import tzinfo
 from typing import Final
 
 from .text.choosing import Judge, no_judge
-from .text.hexshapes import HexError as HexError
-from .text.hexshapes import halves
+from .text.halves import HexError as HexError
+from .text.halves import halves
 from .text.logs import LOOKED_FOR, Piece, Unread, joined, read_lines
 
 _WHAT_IS_READ: Final = f"looked for {LOOKED_FOR}; paste the bytes of a frame, or lines of a log that show them"

@@ -12,7 +12,7 @@ from pastes import STYLES, Message, Style, cluttered, messages
 import captures
 from analyzer.paste import PasteError, judge, read
 from captures import CaptureError
-from captures.text.hexshapes import HexError
+from captures.text.halves import HexError
 
 ALL = {**STYLES, **SHAPES}
 TIMED = ["JSON with epoch", "InfluxDB", "count before", "wrapped at 40", "Docklight", "pymodbus 3"]

@@ -27,7 +27,7 @@ class SearchError(ValueError):
 def for_bytes(text: str) -> Hits:
     """Rows that hold these bytes (`03 02`, `0x03,0x02`) in one stretch."""
     from captures.hexwords import read_text
-    from captures.text.hexshapes import HexError
+    from captures.text.halves import HexError
 
     try:
         wanted = b"".join(words.data for words in read_text(text))

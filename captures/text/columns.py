@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import accumulate, groupby, takewhile
 from typing import Final, NamedTuple
 
+from .candidates import H, Level
 from .choosing import Checked, Experience, Judge, Run, label_in
-from .hexshapes import H, Level
 from .loglines import LogLine
 
 COLUMN_SHAPE: Final = "column"

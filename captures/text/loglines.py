@@ -10,7 +10,6 @@ dump, the midnight that a log of times of day passed.
 
 from __future__ import annotations
 
-import html
 import re
 from dataclasses import dataclass, field, replace
 from datetime import tzinfo
@@ -18,13 +17,15 @@ from typing import Final
 
 from captures.text import stamps
 
+from .candidates import Level, line_of
 from .choosing import Experience, Judge, Run, label_in, no_judge, runs_in
-from .hexshapes import Level, halves, line_of
+from .dumps import Dump
+from .halves import halves
 from .othershapes import unescape
+from .plain import plain, quoted
 from .tools import MARK_WORDS, NONE, SHAPES, Mark, Role, Shape, marks
 
 _LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
-_ANSI: Final = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 _COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
 _WORD: Final = re.compile(r"\w")
 _LETTER: Final = re.compile(r"[^\W\d_]")
@@ -40,41 +41,6 @@ _SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,15}[0-9a-f]{2})(?:  .*)
 _LABELLED: Final = 56  # characters of a heading that name it
 _REMEMBERED: Final = 2048  # lines
 _FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
-
-# What is typed as something else than the plain characters that it means, or is markup around them.
-_PLAIN: Final = str.maketrans(
-    {0xFF01 + i: chr(0x21 + i) for i in range(94)}
-    | {"\u3000": " ", "\u00a0": " ", "\u2009": " ", "\u202f": " ", "\x00": " ", "\u2018": "'", "\u2019": "'"}
-    | {
-        "\u201c": '"',
-        "\u201d": '"',
-        "\u2013": "-",
-        "\u2212": "-",
-        "、": ",",
-        "【": "[",
-        "】": "]",
-        "│": "|",
-        "┊": " ",
-        "║": "|",
-        "┃": "|",
-        "\u200b": None,
-    }
-    | {"\ufeff": None, "\x00": " "}
-)
-_CELL: Final = re.compile(r"(?:</?(?:td|th|tr|li|p|br|div|dd|dt)\b[^<>]*>\s*)+", re.IGNORECASE)
-_TAG: Final = re.compile(r"</?(?:code|span|pre|b|i|em|strong|font|a|tt|ul|ol|table|tbody)\b[^<>]*>", re.IGNORECASE)
-_ENTITY: Final = re.compile(r"&(?:nbsp|lt|gt|quot|amp|#\d+|rarr|larr);")
-_EMPHASIS: Final = re.compile(
-    r"(?<![0-9A-Za-z*_~])[*_~]{1,4}([0-9A-Fa-f]{2}[0-9A-Fa-f ,:x-]*)[*_~]{1,4}(?![0-9A-Za-z*_~])"
-)
-_ARDUINO: Final = re.compile(r"^(\d\d:\d\d:\d\d\.\d{3}) -> ")  # its serial monitor puts this before every line
-_SIGN_EXTENDED: Final = re.compile(
-    r"(?<![0-9A-Za-z])(0[xX])?[fF]{6}([89A-Fa-f][0-9A-Fa-f])(?![0-9A-Za-z])"
-)  # %02x of a char
-_SMALL_HEX: Final = re.compile(r"(?<![0-9A-Za-z])(?:0[xX])?[0-9A-Fa-f]{1,2}(?![0-9A-Za-z])")
-_SOME: Final = 3  # numbers that make a list
-_ESCAPED_ONCE: Final = re.compile(r"(?<!\\)(?:\\\\)*\\x")
-_CAST: Final = re.compile(r"\(\s*(?:unsigned |signed )?(?:byte|sbyte|char|u?int8(?:_t)?|u8|BYTE)\s*\)\s*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,8 +93,7 @@ class LineReader:
     experience: Experience = field(default_factory=Experience)
     zoneless: bool = False  # a date without a zone was met
     _heading: Heading | None = None
-    _dump: tuple[int, int, int | None] | None = None  # bytes of the dump so far, offset of its first line, its time
-    _row: Run | None = None  # the newest of it
+    _dump: Dump = field(default_factory=Dump)
     _days: int = 0
     _newest: int | None = None
     _received: bool = False  # pymodbus reports received bytes by themselves, not only those it processes
@@ -243,7 +208,7 @@ class LineReader:
             if t_ns is not None:
                 self._heading = Heading(NONE, t_ns, line.fine, "", joins=True)
             return line
-        if self._ends_dump(rest):
+        if self._dump.ends_with(rest):
             line.quiet = True
             return line
         found, line.runs = self._searched(rest)
@@ -290,7 +255,7 @@ class LineReader:
     def _placed(self, line: LogLine, stamp: stamps.Stamp | None, mark: int) -> LogLine:
         """A line with bytes below its heading, and in its dump."""
         first = next((run for run in line.runs if run.level or run.checked), line.runs[0])
-        goes_on = self._goes_on(line, first)
+        goes_on = self._dump.goes_on(first, line.t_ns)
         heading = self._heading
         worded = mark or _LETTER.search(line.clean[: first.start])
         if heading is None or worded:
@@ -323,27 +288,6 @@ class LineReader:
             line.t_ns, line.fine = heading.t_ns, heading.fine
         return line
 
-    def _goes_on(self, line: LogLine, first: Run) -> bool:
-        """Whether the offset before the bytes goes on with the dump of the lines before."""
-        so_far = self._dump
-        if first.offset is None:
-            self._dump = None
-            return False
-        goes_on = so_far is not None and so_far[2] == line.t_ns and _is_offset(first.offset, so_far)
-        length, begin = (so_far[0], so_far[1]) if goes_on and so_far else (0, int(first.offset, 16))
-        self._dump, self._row = (length + len(first.data), begin, line.t_ns), first
-        return goes_on
-
-    def _ends_dump(self, rest: str) -> bool:
-        """od and hexdump end with the length."""
-        digits, so_far = rest.strip().rstrip(":"), self._dump
-        if so_far is None:
-            return False
-        if self._row is not None and "words" in self._row.shape and _is_offset(digits, (so_far[0] - 1, *so_far[1:])):
-            self._row.padded = True
-            return True
-        return _is_offset(digits, so_far)
-
     def _time(self, stamp: stamps.Stamp | None) -> int | None:
         """Nanoseconds that go on past midnight."""
         if stamp is None:
@@ -354,27 +298,6 @@ class LineReader:
             self._days += 1
         self._newest = stamp.t_ns
         return stamp.t_ns + self._days * stamps.DAY_NS
-
-
-def plain(line: str) -> str:
-    """A line without colours, markup and typographic signs."""
-    text = line.rstrip("\r\n")
-    if "\x1b" in text:
-        text = _ANSI.sub("", text)
-    if not text.isascii() or "\x00" in text:
-        text = text.translate(_PLAIN)
-    if "<" in text and ">" in text:
-        text = _TAG.sub("", _CELL.sub(" | ", text))
-    if "&" in text and ";" in text and _ENTITY.search(text):
-        text = html.unescape(text).replace("\u00a0", " ")
-    text = _ARDUINO.sub(r"\1    ", text)
-    if "*" in text or "_" in text or "~" in text:
-        text = _EMPHASIS.sub(r"\1", text)
-    if "ffffff" in text.lower() and len(_SIGN_EXTENDED.findall(text)) + len(_SMALL_HEX.findall(text)) > _SOME:
-        text = _SIGN_EXTENDED.sub(r"\1\2", text)
-    if "\\\\x" in text and _ESCAPED_ONCE.search(text) is None:
-        text = text.replace("\\\\", "\\")
-    return _CAST.sub("", text) if "(" in text else text
 
 
 def _with_marks(text: str, runs: list[Run], found: list[Mark]) -> None:
@@ -405,21 +328,6 @@ def _why_none(text: str, rest: str) -> str:
     return halves(rest) or f"no bytes found in {quoted(text)}"
 
 
-def _is_offset(digits: str, so_far: tuple[int, int, int | None]) -> bool:
-    """Whether these digits are where a dump goes on: in hex, or in octal as od writes it."""
-    length, first, _ = so_far
-    if not re.fullmatch(r"[0-9A-Fa-f]{3,8}", digits):
-        return False
-    octal = set(digits) <= set("01234567") and not first
-    return int(digits, 16) == first + length or (octal and int(digits, 8) == length)
-
-
 def _whole_fraction(time: str) -> str:
     """socat 1.7 writes microseconds as nine digits: `.000394797` is 394797 us."""
     return re.sub(r"(?<=\d{4}/\d\d/\d\d \d\d:\d\d:\d\d\.)000(?=\d{6}$)", "", time)
-
-
-def quoted(text: str) -> str:
-    """A line as a message quotes it."""
-    text = text.strip()
-    return repr(text if len(text) <= 60 else text[:57] + "...")

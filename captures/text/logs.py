@@ -15,9 +15,11 @@ from datetime import tzinfo
 from itertools import islice
 from typing import Final
 
+from .candidates import Level
 from .choosing import Experience, Judge, no_judge
-from .hexshapes import Level, halves
-from .loglines import LineReader, LogLine, quoted
+from .halves import halves
+from .loglines import LineReader, LogLine
+from .plain import quoted
 from .settling import only_bytes, settle
 
 LOOKED_FOR: Final = (

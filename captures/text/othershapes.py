@@ -11,7 +11,7 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from typing import Final
 
-from .hexshapes import EDGE, END, Candidate, H, Level, Line
+from .candidates import EDGE, END, Candidate, H, Level, Line
 
 _LONG: Final = 1 << 16  # characters: these shapes are not looked for in a longer line
 _ESCAPES: Final = re.compile(r"\\(?:x[0-9A-Fa-f]{2}|u00[0-9A-Fa-f]{2}|u\{[0-9A-Fa-f]{1,2}\}|\d{1,3})")

@@ -12,11 +12,12 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
+from .candidates import Candidate, Level
 from .choosing import MOST_JUDGED, Experience, Judge, Run
 from .columns import MOST_ROWS, settle_columns
 from .copies import settle_copies
-from .hexshapes import Candidate, Level, is_ruler
 from .loglines import LogLine
+from .rows import is_ruler
 
 _TAIL: Final = 260  # bytes without a right check value that a later run may complete
 _TAIL_RUNS: Final = 4
