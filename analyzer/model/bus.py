@@ -23,8 +23,8 @@ from ..reports.summary import Summary
 from ..tables.batch import Batch
 from ..tables.frame import Frame
 from ..tables.schema import NO_GAP, ROW, Kind, Row, Rows
-from ..tables.timebins import Activity, UnitActivity
 from ..tables.transactions import NEVER, OF_ANSWER, TRANSACTION, Status
+from .activity import Activity, UnitActivity
 from .registers import RegisterLog
 from .source import CaptureSource, ViewSource
 from .table import PIECE, ByteStore, FindingLog, RowState, RowTable

@@ -168,7 +168,7 @@ def hours(evidence: Evidence) -> Iterator[Suspicion]:
         return
     grid = evidence.ledger.grid
     found, inside = spells_of(grid.counts("damage"), grid.counts("asked"))
-    if found < _SURE_BITS or grid.begin is None:
+    if found < _SURE_BITS or grid.begin_ns is None:
         return
     edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
     begins, ends = edges[::2], edges[1::2]
@@ -180,9 +180,9 @@ def hours(evidence: Evidence) -> Iterator[Suspicion]:
         "part": float(inside[trials > 0].mean()),
     }
     times: dict[str, Any] = {
-        "since": grid.begin + int(begins[0]) * grid.width,
+        "since": grid.begin_ns + int(begins[0]) * grid.width_ns,
         "until": end_of_part(evidence, int(ends[-1])),
     }
     if len(begins) > 2:
-        times["period_s"] = round(float(np.diff(begins).mean()) * grid.width / 1e9, 1)
+        times["period_s"] = round(float(np.diff(begins).mean()) * grid.width_ns / 1e9, 1)
     yield _suspicion(evidence, hits, bits + found, numbers, **times)
