@@ -13,6 +13,7 @@ from captures.ragged import Ints
 from .floatshapes import decimals, float_classes, float_ordinals, in_last_digits, spreads
 from .hypotheses import HYPOTHESES, patterns
 from .lengths import change_bits, change_lengths, directions, summed_lengths
+from .manners import MANNERS, manners
 from .readings import Words
 from .wordclasses import QUIET_GROUP, word_classes
 
@@ -29,11 +30,12 @@ _RANGES: Final = np.array([1, 3, 5, 7, 9, 11, 13, 15, 15.9])  # bits
 SIZES: Final[Mapping[str, int]] = {
     # of one register
     "i16": 1, "i16 quiet": 16, "i16 quiet beside": 16 * 9, "i16 moved": 9 * 9, "i16 shape": 8 * 3 * 3,
-    "i16 share": 6 * 3,
+    "i16 share": 6 * 3, "i16 manner": MANNERS * 3,
     # of two, as an integer
     "i32": 4, "i32 gain": 14 * 2, "i32 words": 9 * 10, "i32 high": 16 * 2, "i32 low": 6 * 8 * 3,
     "i32 low range": 6 * 10, "i32 low cost": 6 * 9, "i32 high only": 16 * 4, "i32 quiet": 16 * 16,
     "i32 as float": 2 * 8 * 2, "i32 carries": 16, "i32 sign": 6 * 3, "i32 wraps": 12,
+    "i32 low manner": 6 * MANNERS, "i32 manners": MANNERS * MANNERS,
     # of two, as a float
     "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
     # of four
@@ -101,6 +103,7 @@ class Counting:
         self._share = np.digitize(count / max(len(changes), 1), _SHARES)
         self._mean = np.digitize(self._bits16.sum(axis=0) / np.maximum(count, 1), _COSTS)
         self._direction = directions(changes)
+        self._manner = manners(words, count)
 
     def _codes(self, number: int) -> Codes:
         hypothesis = HYPOTHESES[number]
@@ -128,6 +131,7 @@ class Counting:
             "i16 moved": np.where(moved, np.minimum(span, 8) * 9 + self._mean, NONE),
             "i16 shape": np.where(moved, (self._size * 3 + self._direction) * 3 + self._sign(), NONE),
             "i16 share": np.where(moved, self._share * 3 + self._direction, NONE),
+            "i16 manner": np.where(moved, self._manner * 3 + self._direction, NONE),
             "i16 block": self._block_size * 2 + moved,
         }
 
@@ -182,6 +186,8 @@ class Counting:
             "i32 low": np.where(low_only, (group * 8 + self._size[low]) * 3 + self._direction[low], NONE),
             "i32 low range": np.where(low_only, group * 10 + span[low], NONE),
             "i32 low cost": np.where(low_only, group * 9 + self._mean[low], NONE),
+            "i32 low manner": np.where(low_only, group * MANNERS + self._manner[low], NONE),
+            "i32 manners": np.where(both, self._manner[high] * MANNERS + self._manner[low], NONE),
             "i32 sign": np.where(low_only, group * 3 + self._sign()[low], NONE),
             "i32 high only": np.where(case == 2, self._class[low] * 4 + np.minimum(kinds, 3), NONE),
             "i32 quiet": np.where(case == 0, self._class[high] * 16 + self._class[low], NONE),
