@@ -47,7 +47,7 @@ class Rtuscope(App[None]):
     CSS_PATH = "style.tcss"
     BINDINGS: ClassVar[list[BindingType]] = []
 
-    def __init__(self, source: ViewSource, *, view: str = "frames", light: bool = False) -> None:
+    def __init__(self, source: ViewSource, *, view: str | None = None, light: bool = False) -> None:
         super().__init__()
         self.register_theme(DARK)
         self.register_theme(LIGHT)
