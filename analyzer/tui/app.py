@@ -16,7 +16,9 @@ from ..model.bus import Bus
 from ..model.notes import Notes, NotesError
 from .burst import KeyQueue
 from .desk import ViewState
+from .keptfilters import rules_of
 from .paint import DARK, HARMLESS, LIGHT
+from .preferences import Preferences
 from .screen import BusScreen
 from .views import VIEWS
 from .wire import ThinWire
@@ -57,7 +59,10 @@ class Rtuscope(App[None]):
             notes = Notes.beside(source.path)
         except NotesError as error:
             notes, self._trouble = Notes(), str(error)
-        self.desk = ViewState(source, Bus.of(source), notes)
+        wishes = Preferences.of_user()
+        self._trouble = self._trouble or wishes.trouble
+        self.desk = ViewState(source, Bus.of(source), notes, wishes=wishes)
+        self.desk.rules = list(rules_of(self.desk))
         self._view = view
         self.wire = ThinWire()
         self.keys = KeyQueue(self, super().on_event)
@@ -89,6 +94,7 @@ class Rtuscope(App[None]):
     def on_mount(self) -> None:
         sys.setswitchinterval(0.001)  # keys are answered while a thread reads the source
         if self.is_web:
+            self.desk.wishes.path = None
             self.desk.notes.path = None  # whoever has the page writes no file of this machine
         if self._trouble:
             self.notify(self._trouble, severity="error", markup=False)

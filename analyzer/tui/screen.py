@@ -21,10 +21,12 @@ from ..words import short
 from .bookmarks import Bookmarks
 from .burst import ASKING
 from .detailpane import DetailPane
+from .doors import Doors
 from .filterbar import FilterBar
 from .frames import FrameList
 from .jobs import Jobs
 from .jumps import Jumps
+from .keptfilters import KeptFilters
 from .lines import Lines
 from .look import at_row
 from .messages import (
@@ -57,6 +59,12 @@ class BusScreen(Screen[None]):
     BINDINGS: ClassVar[list[BindingType]] = [
         *(Binding(view.key, f"view('{view.name}')", view.title, show=False) for view in VIEWS),
         Binding("slash", "filter", "Filter", key_display="/"),
+        Binding("S", "kept", "Kept filters", show=False, tooltip="Use, keep or drop a filter, with a colour if wanted"),
+        Binding("equals_sign", "door('=')", "Filter to", show=False, tooltip="Filter to what stands under the cursor"),
+        Binding("exclamation_mark", "door('!')", "Filter out", show=False, tooltip="Filter it out"),
+        Binding("ampersand", "door('&')", "And", show=False, tooltip="Put it into the filter's line, joined by and"),
+        Binding("vertical_line", "door('|')", "Or", show=False, tooltip="The same, joined by or"),
+        Binding("full_stop", "door('.')", "Next of", show=False, tooltip="Go to the next row of this unit, poll, …"),
         Binding("f,ctrl+f", "find", "Find", key_display="f"),
         Binding("n", "find_on(False)", "Next hit", show=False),
         Binding("N", "find_on(True)", "Previous hit", show=False),
@@ -91,16 +99,19 @@ class BusScreen(Screen[None]):
         self.view = view or LISTS[0]
         self.list_view = view if view in LISTS else LISTS[0]  # the list that jumps go to
         self.undecided = view is None and not desk.source.live  # Home may still come up by itself
+        self.lit: tuple[int, int, int] | None = None  # a row, and the bytes of it that were looked for
         self.studied: int | None = None  # the row that was last shown below
         self.wire = wire
         self.jobs = Jobs(self)
         self.jumps = Jumps(self)
         self.bookmarks = Bookmarks(self)
         self.picked = PickedRows(self)
+        self.doors = Doors(self)
+        self.kept = KeptFilters(self)
 
     def compose(self) -> ComposeResult:
         yield Tabs(id="tabs")
-        yield FilterBar(self.desk.source.line, id="filter-bar")
+        yield FilterBar(self.desk.source.line, self.desk.wishes, id="filter-bar")
         with ContentSwitcher(id="views", initial=self.view):
             for view in VIEWS:
                 yield view.make(self.desk)
@@ -179,8 +190,6 @@ class BusScreen(Screen[None]):
         waiting = frames.count() - 1 - frames.cursor
         if frames.live and not bus.whole:
             where += ", following" if frames.following else f", {waiting:,} below (F follows)"
-        if self.jobs.scope.narrows and not BY_NAME[self.view].filtered and self.view != "paste":
-            where = "whole capture, unfiltered"
         if self.picked.anchor is not None:
             where += f", {len(self.picked.rows()):,} selected"
         self.query_one(StatusLine).say(where, self.jobs.doing)
@@ -189,6 +198,8 @@ class BusScreen(Screen[None]):
         """Show a row's fields and bytes; the cursor of the fields goes to an item."""
         self.studied = row
         self.detail.show(at_row(self.desk, row), to=to)
+        if self.lit is not None and self.lit[0] == row:
+            self.detail.light(*self.lit[1:])
         if self.picked.anchor is not None:
             self.frames.unpaint()
         self.say()
@@ -276,8 +287,7 @@ class BusScreen(Screen[None]):
 
     def action_time_base(self) -> None:
         self.desk.next_base()
-        for each in self.query(Lines):
-            each.unpaint()
+        self.repaint_lists()
 
     def action_noise(self) -> None:
         scope = self.jobs.scope
@@ -296,6 +306,17 @@ class BusScreen(Screen[None]):
 
     def action_find_on(self, back: bool) -> None:
         self.jumps.find_on(back=back)
+
+    def action_door(self, way: str) -> None:
+        self.run_worker(self.doors.go(way), group=ASKING)
+
+    def action_kept(self) -> None:
+        self.run_worker(self.kept.choose(), group=ASKING)
+
+    def repaint_lists(self) -> None:
+        """Every list looks otherwise now."""
+        for each in self.query(Lines):
+            each.unpaint()
 
     def action_goto(self) -> None:
         self.run_worker(self.jumps.ask_where(), group=ASKING)
