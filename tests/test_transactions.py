@@ -9,10 +9,12 @@ import pytest
 from buses import LINE, adu, spaced, streams
 from hypothesis import given
 
+from analyzer.deframing.protocols import Deframer
 from analyzer.deframing.stream import RtuDeframer
 from analyzer.tables.batch import Batch, join_batches
 from analyzer.tables.transactions import TRANSACTION, Status, Transactions
 from captures.chunks import Block, Chunk
+from dissectors.crc import lrc
 
 READ, ANSWER = adu("110300000002"), adu("110304000a0014")
 
@@ -109,3 +111,22 @@ def test_every_request_has_one_transaction_in_order(chunks: list[Chunk]) -> None
     assert (np.diff(found["request"]) > 0).all()
     answers = found["response"][found["response"] >= 0]
     assert len(set(answers.tolist())) == len(answers)
+
+
+@pytest.mark.parametrize("envelope", ["ascii", "tcp"])
+def test_only_the_same_write_is_the_same_again_whatever_the_envelope(envelope: str) -> None:
+    """In ASCII mode all frames end alike, and over Modbus TCP each has its own number."""
+    writes = [adu("110600010002"), adu("110600010003"), adu("110600010003")]
+    pieces = []
+    for number, write in enumerate(writes):
+        body = write[:-2]
+        if envelope == "ascii":
+            frame = b":" + (body + bytes([lrc(body)])).hex().upper().encode() + b"\r\n"
+        else:
+            frame = number.to_bytes(2) + b"\0\0" + len(body).to_bytes(2) + body
+        pieces += [frame, frame]
+    found, deframer = Transactions(), Deframer(LINE)
+    batches = [deframer.feed(Block.from_chunks(spaced(pieces))), deframer.close()]
+    told = np.concatenate([*(found.feed(batch) for batch in batches), found.close()])
+    assert told["status"].tolist() == [Status.ANSWERED] * 3
+    assert told["again"].tolist() == [False, False, True]

@@ -241,12 +241,10 @@ class Transactions:
             bad = np.append(self._failed if not known else _failed(opened[known - 1 : known]), _failed(opened[known:]))
             for i in np.flatnonzero(bad[:-1]).tolist():
                 asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
-                row = int(requests[i])
+                row, protocol = int(requests[i]), int(opened["protocol"][known + i])
                 if asked is not None and len(asked) == batch.rows["length"][row]:
-                    tcp = opened["protocol"][known + i] == Protocol.TCP
-                    first = _TRANSACTION_ID if tcp else 0
-                    same = batch.bytes_of(row)[first:] == asked[first:]
-                    opened["retry"][known + i] = same and bool(tcp or asked[0])
+                    same = _same_request(asked, batch.bytes_of(row), protocol)
+                    opened["retry"][known + i] = same and (protocol == Protocol.TCP or bool(opened["unit"][known + i]))
             self._mark_second_tries(batch, requests, known)
             self._mark_again(batch, requests, known)
             self._last_request = batch.bytes_of(int(requests[-1]))
@@ -256,16 +254,18 @@ class Transactions:
     def _mark_again(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
         """Broadcasts, and writes that are echoed, of which each byte is that of the request before."""
         rows, opened = batch.rows, self._open
-        unit, function = opened["unit"][known:], opened["function"][known:]
+        unit, function, protocol = (opened[name][known:] for name in ("unit", "function", "protocol"))
         may = ((unit == 0) | ECHOED[function]) & ~opened["retry"][known:]
         if not may.any():
             return
         lengths, ends = _at(rows, "length", requests), _at(rows, "at", requests) + _at(rows, "length", requests)
         checks = batch.data.take(ends - 2).astype(np.int64) << 8 | batch.data.take(ends - 1)
-        same = np.zeros(len(requests), np.bool_)
-        same[1:] = (lengths[1:] == lengths[:-1]) & (checks[1:] == checks[:-1])
-        same[1:] &= (unit[1:] == unit[:-1]) & (function[1:] == function[:-1])
-        same[0] = self._last_request is not None and batch.bytes_of(int(requests[0])) == self._last_request
+        same = np.ones(len(requests), np.bool_)
+        same[1:] = (lengths[1:] == lengths[:-1]) & (unit[1:] == unit[:-1]) & (function[1:] == function[:-1])
+        same[1:] &= (checks[1:] == checks[:-1]) | (protocol[1:] != Protocol.RTU)
+        for i in np.flatnonzero(may & same).tolist():
+            asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
+            same[i] = asked is not None and _same_request(asked, batch.bytes_of(int(requests[i])), int(protocol[i]))
         opened["again"][known:] = may & same
 
     def _mark_second_tries(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
@@ -284,6 +284,12 @@ def _failed(transactions: Rows) -> NDArray[np.bool_]:
     status = transactions["status"]
     failed: NDArray[np.bool_] = (status != Status.ANSWERED) & (status != Status.EXCEPTION) | transactions["late"]
     return failed
+
+
+def _same_request(one: bytes, other: bytes, protocol: int) -> bool:
+    """Whether two requests ask the same, whatever their numbers over Modbus TCP."""
+    first = _TRANSACTION_ID if protocol == Protocol.TCP else 0
+    return one[first:] == other[first:]
 
 
 def _shared(one: bytes, two: bytes) -> int:
