@@ -14,7 +14,7 @@ from scripts import package
 
 from dissectors.maps import MapError, RegisterMap, map_for_unit, map_text, read_map, shipped_map, shipped_names
 from dissectors.maps.importers import FORMATS, import_maps
-from dissectors.maps.model import MappedValue, Signature
+from dissectors.maps.model import DeviceSignature, MappedValue
 from dissectors.maps.schema import json_schema
 from dissectors.maps.table import read_table, write_table
 from dissectors.maps.yamlform import read_yaml, write_yaml
@@ -58,7 +58,7 @@ CHARTS = st.builds(
     rows=st.lists(values(), min_size=1, max_size=5, unique_by=lambda row: (row.area, row.address)).map(tuple),
     vendor=st.just("Maker"),
     word_order=st.sampled_from(ORDERS),
-    match=st.just(Signature(("ID",), ("OBJ",), (("holding", 40000, (0x5375, 0x6E53)),), (("input", 0, 72),))),
+    match=st.just(DeviceSignature(("ID",), ("OBJ",), (("holding", 40000, (0x5375, 0x6E53)),), (("input", 0, 72),))),
     other=st.just({"functions": "3, 4"}),
 )
 

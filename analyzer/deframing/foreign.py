@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.declaration import EXCEPTION
+from dissectors.adu import EXCEPTION
 from dissectors.foreign import NAMES, MeterTalk, foreign_bytes
 from dissectors.length_rules import Role
 from dissectors.lengths import rule, sound_roles

@@ -15,6 +15,7 @@ from typing import Final, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.adu import MIN_ADU, OVERHEAD
 from dissectors.length_rules import LengthRule, Role
 from dissectors.lengths import RULES
 from dissectors.limits import Bound, Choice, Multiple, Sized, taken
@@ -24,9 +25,6 @@ Bytes = NDArray[np.uint8]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-OVERHEAD: Final = 3  # unit and CRC around the PDU
-MIN_ADU: Final = 4
-MAX_ADU: Final = 256  # [2] 2.5.1; what the rules predict may exceed it, the wire may not
 _STEPS: Final = 1024.0
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from captures.ragged import copy_pieces
-from dissectors.declaration import EXCEPTION
+from dissectors.adu import EXCEPTION
 from dissectors.layout import Contents, NumberRef, ValueRun, contents, values_listed
 from dissectors.length_rules import Role
 

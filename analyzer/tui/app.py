@@ -19,7 +19,7 @@ from .desk import ViewState
 from .paint import DARK, HARMLESS, LIGHT
 from .screen import BusScreen
 from .views import VIEWS
-from .wire import Wire
+from .wire import ThinWire
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -47,7 +47,7 @@ class Rtuscope(App[None]):
     CSS_PATH = "style.tcss"
     BINDINGS: ClassVar[list[BindingType]] = []
 
-    def __init__(self, source: ViewSource, *, view: str = "frames", light: bool = False) -> None:
+    def __init__(self, source: ViewSource, *, view: str | None = None, light: bool = False) -> None:
         super().__init__()
         self.register_theme(DARK)
         self.register_theme(LIGHT)
@@ -59,7 +59,7 @@ class Rtuscope(App[None]):
             notes, self._trouble = Notes(), str(error)
         self.desk = ViewState(source, Bus.of(source), notes)
         self._view = view
-        self.wire = Wire()
+        self.wire = ThinWire()
         self.keys = KeyQueue(self, super().on_event)
         self._cursor_was = self.cursor_position
         self.HORIZONTAL_BREAKPOINTS = [(0, "-slim"), (_NARROW, "-narrow"), (_WIDE, "-wide")]

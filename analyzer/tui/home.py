@@ -10,8 +10,8 @@ import numpy as np
 
 from ..words import compact, duration, short
 from .filterbar import FilterBar
+from .items import FrameDetail, Item
 from .lines import Lines
-from .look import FrameDetail, Item
 from .paint import StyledText, fitted
 from .unitlist import sparkline
 from .view import View
@@ -216,6 +216,24 @@ def _refresh(screen: BusScreen) -> None:
     screen.jobs.run("home", lambda _: BusState(bus.report(source), bus.causes()), home.use)
 
 
+def first(screen: BusScreen) -> None:
+    """Come up first where there are causes to tell and nobody has pressed a key yet."""
+    home, bus, source = screen.query_one(HomeList), screen.desk.bus, screen.desk.source
+    if not screen.undecided or not bus.count or (time.monotonic() < home.next_at and not bus.whole):
+        return
+    home.next_at = time.monotonic() + _AGAIN_S
+
+    def decide(state: BusState) -> None:
+        if screen.touched or not screen.undecided:
+            return
+        if state.causes:
+            home.use(state)
+            screen.action_view(VIEW.name)
+        screen.undecided = not bus.whole and not state.causes
+
+    screen.jobs.run("home first", lambda _: BusState(bus.report(source), bus.causes()), decide)
+
+
 def _chosen(screen: BusScreen, sender: Widget) -> None:
     assert isinstance(sender, HomeList)
     if screen.view == VIEW.name:
@@ -231,7 +249,7 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
         if row >= 0:
             screen.jumps.go(row)
     elif unit is not None:
-        screen.action_view("frames")
+        screen.action_view(screen.list_view)
         screen.query_one(FilterBar).use(f"unit == {unit.unit}")
 
 

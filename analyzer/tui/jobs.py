@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 from textual.worker import get_current_worker
 
-from ..model.selection import Everything, Selection, Test, both, conversations, frames_only, within
+from ..model.polls import ChangedAnswers
+from ..model.selection import Everything, Selection, Test, both, frames_only, transactions, transactions_with, within
 from ..model.source import Grave
+from . import home
 from .status import is_gone
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ class Scope:
     filter: CompiledTest | None = None
     span: tuple[int, int] | None = None  # ns
     hide_noise: bool = False
+    only_changed: bool = False  # of the transactions
 
     @property
     def narrows(self) -> bool:
@@ -62,7 +65,7 @@ class Jobs:
         self.doing = ""
         self.scope = Scope()
         self.selection: Selection | None = None
-        self._conversation = Selection(self._bus, conversations)
+        self._asked = Selection(self._bus, transactions)
         self._waiting: Selection | None = None  # will be shown once it has come as far as the cursor
         self._counted_at: dict[str, float] = {}  # by view
         self._told_notices: set[str] = set()
@@ -75,7 +78,7 @@ class Jobs:
 
     def begin(self) -> None:
         """Read the source."""
-        self._screen.conversations.rows = self._conversation
+        self._screen.transactions.use(self._asked)
         self._start("load", self._load)
         self._select()
 
@@ -137,6 +140,7 @@ class Jobs:
             return
         self._paint_at = now + _PERIOD_S * max(1.0, rate / _RATE)
         self._screen.refresh_view()
+        home.first(self._screen)
 
     def _first_row(self) -> None:
         if self._screen.studied is None and self._bus.count:
@@ -158,6 +162,7 @@ class Jobs:
             self.reselect()
         self._first_row()
         self._screen.refresh_view()
+        home.first(self._screen)
         if trouble:
             self._screen.tell(f"reading ended: {trouble}", wrong=True)
         self._tell_notices()
@@ -171,16 +176,19 @@ class Jobs:
         tests = self.scope.tests()
         lag = _LAG if self.scope.filter is not None and self.scope.filter.settled else 0
         self._waiting = Selection(self._bus, both(tests), lag=lag) if tests else None
-        self._conversation = Selection(self._bus, both([conversations, *tests]), lag=lag)
+        asked: Test = transactions_with(both(tests)) if self.scope.narrows else transactions
+        if self.scope.only_changed:
+            asked = both([ChangedAnswers(), asked])
+        self._asked = Selection(self._bus, asked, lag=_LAG if self.scope.narrows or self.scope.only_changed else 0)
         self.selection = self._waiting
         if self._waiting is None:
             self._screen.frames.use(Everything(self._bus))
-        self._screen.conversations.use(self._conversation)
+        self._screen.transactions.use(self._asked)
         self._select()
 
     def _select(self) -> None:
         """Test rows as they come, until there are no more of them."""
-        selections = [each for each in (self.selection, self._conversation) if each is not None]
+        selections = [each for each in (self.selection, self._asked) if each is not None]
 
         def thread() -> None:
             worker = get_current_worker()

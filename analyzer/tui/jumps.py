@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from ..model import goto, search
 from .burst import FINDING
+from .frames import FrameList
 from .prompts import Ask, Choose
 
 if TYPE_CHECKING:
@@ -27,24 +28,35 @@ class Jumps:
         self._bus = screen.desk.bus
         self._hits: search.Hits | None = None
         self._sought = ""
+        self._arrived: tuple[int | None, int] = (None, -1)  # where the cursor was put, and for which row
         self._waiting: deque[bool] = deque()  # steps to the next hit that are still to be made; True: back
 
     def go(self, row: int) -> None:
-        """Show a row in the frame list, or in the conversations where those are shown."""
+        """Show a row in the list that was last in sight: transactions or frames. Noise is in the frames alone."""
         screen = self._screen
-        if screen.view == "conversations":
-            if not screen.conversations.go(row):
-                screen.tell("the line shown holds it, or comes before it")
-            return
-        if screen.view != "frames":
-            screen.action_view("frames", row)
-        if not screen.frames.go(row):
-            screen.tell("that row is not among those shown (Esc shows all); this one comes before it")
-        screen.frames.focus()
+        listed = screen.list_view
+        shown = "frames" if self._bus.is_noise(row) else listed
+        if screen.view != shown:
+            screen.action_view(shown, row)
+            screen.list_view = listed
+        found = screen.query_one(f"#{shown}", FrameList)
+        if not found.go(row):
+            screen.tell("that row is not among those shown (Esc takes the filter back); this one comes before it")
+        found.focus()
+        self._arrived = found.row, row
+
+    @property
+    def here(self) -> int:
+        """The row to go on from: where one last went, if the cursor is still there, else that of the cursor."""
+        row = self._screen.row
+        if row is None:
+            return -1
+        shown, meant = self._arrived
+        return meant if shown == row else row
 
     def to_counterpart(self) -> None:
         """From a request to its answer, from an answer to its request."""
-        partner = None if self._screen.row is None else self._bus.partner(self._screen.row)
+        partner = None if self.here < 0 else self._bus.partner(self.here)
         if partner is None:
             self._screen.tell("no counterpart is known")
         else:
@@ -52,7 +64,7 @@ class Jumps:
 
     def to_finding(self, step: int) -> None:
         """The next row with a finding, or the one before."""
-        here, shown = -1 if self._screen.row is None else self._screen.row, self._screen.frames.rows
+        here, shown = self.here, self._screen.frames.rows
         rows = self._bus.found.rows_beyond(here, step)
         row = next((row for row in rows.tolist() if shown.row(shown.position(row)) == row), None)
         if row is None:
@@ -110,7 +122,7 @@ class Jumps:
 
     def _seek(self, hits: search.Hits, *, back: bool) -> None:
         screen = self._screen
-        row = -1 if screen.row is None else screen.row
+        row = self.here
         screen.jobs.run(FINDING, lambda stop: search.find(self._bus, hits, row, back=back, stop=stop), self._sought_out)
 
     def _sought_out(self, row: int | None) -> None:

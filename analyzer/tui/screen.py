@@ -20,7 +20,6 @@ from dissectors.values import harmless
 from ..words import short
 from .bookmarks import Bookmarks
 from .burst import ASKING
-from .conversations import ConversationList
 from .detailpane import DetailPane
 from .filterbar import FilterBar
 from .frames import FrameList
@@ -42,12 +41,13 @@ from .picking import PickedRows
 from .prompts import Choose
 from .status import StatusLine
 from .tabs import Tabs
-from .view import View
+from .transactions import TransactionList
+from .view import LISTS, View
 from .views import BY_NAME, VIEWS
 
 if TYPE_CHECKING:
     from .desk import ViewState
-    from .wire import Wire
+    from .wire import ThinWire
 
 
 class BusScreen(Screen[None]):
@@ -62,6 +62,7 @@ class BusScreen(Screen[None]):
         Binding("N", "find_on(True)", "Previous hit", show=False),
         Binding("g,ctrl+g", "goto", "Go to", key_display="g"),
         Binding("c", "counterpart", "Answer", tooltip="From a request to its answer and back"),
+        Binding("w", "why", "Why", tooltip="Why this frame's boundaries stand where they do"),
         Binding("right_square_bracket", "finding(1)", "Finding", key_display="]"),
         Binding("left_square_bracket", "finding(-1)", "Previous finding", show=False),
         Binding("t", "time_base", "Time"),
@@ -75,7 +76,7 @@ class BusScreen(Screen[None]):
         Binding("semicolon", "comment", "Comment", show=False),
         Binding("y", "copy", "Copy", show=False),
         Binding("e", "export", "Export", show=False),
-        Binding("d", "app.theme_flip", "Dark or light", show=False),
+        Binding("D", "app.theme_flip", "Dark or light", show=False),
         Binding("tab", "pane(1)", "Next pane", show=False),
         Binding("shift+tab", "pane(-1)", "Previous pane", show=False),
         Binding("escape", "whole", "Take back", show=False),
@@ -83,10 +84,13 @@ class BusScreen(Screen[None]):
         Binding("q", "leave", "Quit"),
     ]
 
-    def __init__(self, desk: ViewState, wire: Wire, *, view: str = "frames") -> None:
+    def __init__(self, desk: ViewState, wire: ThinWire, *, view: str | None = None) -> None:
+        """`view`: what comes up; None: the transactions, or Home once there are causes to tell."""
         super().__init__()
         self.desk = desk
-        self.view = view
+        self.view = view or LISTS[0]
+        self.list_view = view if view in LISTS else LISTS[0]  # the list that jumps go to
+        self.undecided = view is None and not desk.source.live  # Home may still come up by itself
         self.studied: int | None = None  # the row that was last shown below
         self.wire = wire
         self.jobs = Jobs(self)
@@ -119,12 +123,17 @@ class BusScreen(Screen[None]):
         return self.studied if own is None else own
 
     @property
+    def touched(self) -> bool:
+        """Whether a key was pressed."""
+        return bool(getattr(self.app, "keys").taken)  # noqa: B009 - the application is known as an App here
+
+    @property
     def frames(self) -> FrameList:
         return self.query_one("#frames", FrameList)
 
     @property
-    def conversations(self) -> ConversationList:
-        return self.query_one("#conversations", ConversationList)
+    def transactions(self) -> TransactionList:
+        return self.query_one("#transactions", TransactionList)
 
     @property
     def detail(self) -> DetailPane:
@@ -144,6 +153,7 @@ class BusScreen(Screen[None]):
         record = BY_NAME[view]
         self.studied = self.row if row is None else row
         self.view = view
+        self.list_view = view if view in LISTS else self.list_view
         self.query_one("#views", ContentSwitcher).current = view
         self.query_one(Tabs).choose(view)
         self.detail.display = record.detail
@@ -209,6 +219,12 @@ class BusScreen(Screen[None]):
         self.jobs.scope.filter = event.filter
         self.jobs.reselect()
 
+    def on_only_changed(self) -> None:
+        scope = self.jobs.scope
+        scope.only_changed = not scope.only_changed
+        self.jobs.reselect()
+        self.tell("only what changed since the last same poll; d shows all" if scope.only_changed else "all shown")
+
     def on_filter_left(self, event: FilterLeft) -> None:
         event.stop()
         self.panes[0].focus()
@@ -217,7 +233,7 @@ class BusScreen(Screen[None]):
         self.jobs.scope.span = event.t_start, event.t_end
         self._say_span()
         self.jobs.reselect()
-        self.action_view("frames")
+        self.action_view(self.list_view)
 
     def _say_span(self) -> None:
         """The span stands on the scope's line, beside the filter."""
@@ -236,7 +252,7 @@ class BusScreen(Screen[None]):
 
     def action_filter(self) -> None:
         if not BY_NAME[self.view].filtered:
-            self.action_view("frames")
+            self.action_view(self.list_view)
         self.query_one(FilterBar).line.focus()
 
     def action_whole(self) -> None:
@@ -286,6 +302,10 @@ class BusScreen(Screen[None]):
 
     def action_counterpart(self) -> None:
         self.jumps.to_counterpart()
+
+    def action_why(self) -> None:
+        """The evidence of the boundaries, opened below."""
+        self.detail.open("why")
 
     def action_finding(self, step: int) -> None:
         self.jumps.to_finding(step)

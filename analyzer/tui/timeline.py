@@ -17,7 +17,7 @@ from .paint import Painted, StyledText, fitted
 from .view import JUMPS, View, grown
 
 if TYPE_CHECKING:
-    from ..tables.timebins import Bins
+    from ..model.activity import Bins
     from .desk import ViewState
 
 _BLOCKS: Final = " ▁▂▃▄▅▆▇█"

@@ -126,7 +126,7 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
     """The frames of that unit alone."""
     assert isinstance(sender, UnitList)
     if sender.unit is not None:
-        screen.action_view("frames")
+        screen.action_view(screen.list_view)
         screen.query_one(FilterBar).use(f"unit == {sender.unit}")
 
 

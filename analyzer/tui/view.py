@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 JUMPS: Final = ("find", "find_on", "goto", "counterpart", "finding")  # the screen's actions that go to another row
 
 
+LISTS: Final = ("transactions", "frames")  # the views whose lines are rows of the bus
+
+
 def nothing(screen: BusScreen) -> None:
     """Nothing is to be done."""
 

@@ -177,7 +177,7 @@ def decoded(row: MappedValue, words: list[int]) -> float:
 
 
 @dataclass(slots=True)
-class _Channel:
+class _Circuit:
     """Voltage, current and power factor of one circuit, a number each a cycle."""
 
     volts: Series
@@ -206,7 +206,7 @@ class Plant:
         self._idle = random.random() < 0.1
         self._sense = random.choice((1, 1, 1, 1, -1))
         self._lively = 10 ** random.uniform(-2.2, -0.3)
-        self._channels: dict[str, _Channel] = {}
+        self._channels: dict[str, _Circuit] = {}
         self._decimals = random.choice((None, None, 1, 2, 3))
         self._clock = series.Clock(random, seconds)
 
@@ -271,7 +271,7 @@ class Plant:
 
         return run()
 
-    def _channel(self, key: str) -> _Channel:
+    def _channel(self, key: str) -> _Circuit:
         if key not in self._channels:
             random = self._random
             volts, amperes = self._volts, self._amperes * random.uniform(0.3, 1.2) * self._sense
@@ -283,7 +283,7 @@ class Plant:
             if self._idle:
                 amperes = 0.0
             still = random.random() < 0.04
-            self._channels[key] = _Channel(
+            self._channels[key] = _Circuit(
                 series.constant(volts) if still else series.walk(random, volts, volts * 0.002, volts * 0.02),
                 series.motion(random, amperes, abs(amperes) * self._lively),
                 series.walk(random, random.uniform(0.75, 0.99), 0.003, 0.01),
