@@ -24,7 +24,7 @@ from .values import RegisterValue
 
 _SURE: Final = 0.985  # confidence of another reading that contradicts a map, of several values
 _LIKELY: Final = 0.7  # of one value, which is then asked for again in the light of all other rows of the map
-_SURE_OF_ONE: Final = 0.97  # and then
+_SURE_OF_ONE: Final = 0.95  # and then
 _SEVERAL: Final = 3
 _MOST_ASKED: Final = 32  # values that are asked for again
 _STEPS: Final = 4  # different readings, before their steps are judged
