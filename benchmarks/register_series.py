@@ -56,9 +56,11 @@ def made_device(
     widen: float = 0.0,
     refine: float = 0.0,
     move: bool = True,
+    wild: float = 0.2,
 ) -> MadeDevice:
     """A device of this layout, polled so many times; of chances `flip` has the other word order, `widen` and `refine`
-    wider and finer integers; at other addresses unless told not to `move`."""
+    wider and finer integers; at other addresses unless told not to `move`; `wild` of its values do what nobody
+    expects."""
     if random.random() < refine:
         chart = refined(chart, random)
     if random.random() < flip:
@@ -67,7 +69,7 @@ def made_device(
         chart = widened(chart, random)
     if move:
         chart = moved(chart, random)
-    client = MappedClient(random, [(1, chart)])
+    client = MappedClient(random, [(1, chart)], wild)
     device = client.devices[0]
     blocks = {(poll.area, poll.address, poll.quantity): [] for poll in client.polls}
     for _ in range(polls):

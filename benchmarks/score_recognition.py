@@ -47,7 +47,7 @@ def main(arguments: list[str]) -> int:
     for seed in range(options.first_seed, options.first_seed + options.seeds):
         for name in shipped_names():
             chart = shipped_map(name)
-            device = made_device(name, chart, Random(f"recognise {name} {seed}"), options.polls, move=False)
+            device = made_device(name, chart, Random(f"recognise {name} {seed}"), options.polls, move=False, wild=0.0)
             said = named(device, chart if options.telling else None)
             what = "silent" if said is None else "right" if said[0] == name else "wrong"
             counts[what] += 1
@@ -56,7 +56,7 @@ def main(arguments: list[str]) -> int:
                 print(f"{name}: {what} {said or ''}: {len(device.truth)} blocks, {asked}")
         for path in sorted(options.layouts.rglob("*.csv")):
             device = made_device(path.stem, read_map(path), Random(f"stranger {path.stem} {seed}"), options.polls,
-                                 move=False)  # fmt: skip
+                                 move=False, wild=0.0)  # fmt: skip
             said = named(device)
             counts["strangers"] += 1
             counts["stranger named"] += said is not None

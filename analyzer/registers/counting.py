@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from captures.ragged import Ints
 
-from .floatshapes import decimals, float_classes, float_ordinals, in_last_digits, spreads
-from .hypotheses import HYPOTHESES, patterns
+from .floatshapes import decimals, float_classes, float_ordinals, in_last_digits, is_absurd, spreads
+from .hypotheses import HYPOTHESES, Hypothesis, patterns
 from .lengths import change_bits, change_lengths, directions, summed_lengths
 from .manners import MANNERS, manners
 from .readings import Words
@@ -68,17 +68,21 @@ class Counting:
         self._wraps = ((changes < -0x8000).astype(np.int8) - (changes > 0x8000)).astype(np.int8)
         self._bits16 = change_bits(self._changes, 17)
         self._cost16 = summed_lengths(self._bits16)
+        self._absurd: dict[Hypothesis, NDArray[np.bool_]] = {}
+        self._never = np.zeros(words.shape[1], np.bool_)
         self._singles()
 
-    def blocks(self) -> Iterator[tuple[list[Codes], NDArray[np.bool_]]]:
-        """Of each block its codes by hypothesis, and which of its registers moved."""
+    def blocks(self) -> Iterator[tuple[list[Codes], NDArray[np.bool_], list[NDArray[np.bool_]]]]:
+        """Of each block its codes by hypothesis, which of its registers moved, and by hypothesis where it is absurd."""
         codes = [self._codes(number) for number in range(len(HYPOTHESES))]
         for start, size in zip(self.starts.tolist(), self.sizes.tolist(), strict=True):
             mine: list[Codes] = []
+            absurd = []
             for hypothesis, by_table in zip(HYPOTHESES, codes, strict=True):
                 end = start + size - hypothesis.words + 1
                 mine.append({name: code[start:end] for name, code in by_table.items()} if end > start else {})
-            yield mine, self.moved[start : start + size]
+                absurd.append(self._absurd.get(hypothesis, self._never)[start : max(start, end)])
+            yield mine, self.moved[start : start + size], absurd
 
     def steps(self, series: NDArray[np.int64] | NDArray[np.int32]) -> NDArray[np.int64]:
         """From reading to reading; not over the joint."""
@@ -114,8 +118,8 @@ class Counting:
             return self._one()
         reverse = hypothesis.order == "CDAB"
         if hypothesis.words == 2:
-            return self._two(reverse=reverse, is_float=hypothesis.is_float)
-        return self._four(reverse=reverse, is_float=hypothesis.is_float)
+            return self._two(hypothesis, reverse=reverse)
+        return self._four(hypothesis, reverse=reverse)
 
     def _one(self) -> Codes:
         moved, quiet = self.moved, ~self.moved
@@ -147,7 +151,7 @@ class Counting:
         top = (self.words >= 0x8000).any(axis=0)
         return np.where(self._signed, 1, np.where(top, 2, 0))
 
-    def _two(self, *, reverse: bool, is_float: bool) -> Codes:
+    def _two(self, hypothesis: Hypothesis, *, reverse: bool) -> Codes:
         first, second = np.arange(self.words.shape[1] - 1), np.arange(1, self.words.shape[1])
         high, low = (second, first) if reverse else (first, second)
         pair = patterns(np.stack((self.words[:, high], self.words[:, low]), axis=-1), "ABCD")
@@ -159,7 +163,8 @@ class Counting:
         kinds = float_classes(value)
         both, few = case == 3, (self._count[high] < 4).astype(np.int64)
         group = QUIET_GROUP[self._class[high]]
-        if is_float:
+        if hypothesis.is_float:
+            self._absurd[hypothesis] = (case > 0) & is_absurd(value)
             as_float = np.minimum(
                 change_lengths(self.steps(float_ordinals(pair)), 33),
                 change_lengths(self._across(np.diff(in_last_digits(value, 22), axis=0)), 33),
@@ -225,7 +230,7 @@ class Counting:
         found: Ints = np.digitize(count, (2, 4, 12)) * 4 + share
         return found
 
-    def _four(self, *, reverse: bool, is_float: bool) -> Codes:
+    def _four(self, hypothesis: Hypothesis, *, reverse: bool) -> Codes:
         width = self.words.shape[1] - 3
         columns = np.arange(width)[:, None] + (np.arange(4)[::-1] if reverse else np.arange(4))
         pattern = patterns(self.words[:, columns], "ABCD")
@@ -233,8 +238,9 @@ class Counting:
         case = moved @ np.array([8, 4, 2, 1])
         separate = self._cost16[columns].sum(axis=1)
         any_moved = case > 0
-        if is_float:
+        if hypothesis.is_float:
             value = pattern.view(np.float64)
+            self._absurd[hypothesis] = any_moved & is_absurd(value)
             as_float = change_lengths(self._across(np.diff(in_last_digits(value, 52), axis=0)), 63)
             gain = np.digitize(separate - as_float, _GAINS)
             return {
