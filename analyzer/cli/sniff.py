@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, BinaryIO, Final
 
 from .app import FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, load_functions
+from .outlets import add_outlet_arguments, outlets_of
 from .taps import add_recording_arguments, add_tap_arguments, recorder_of, tap_of
 from .telling import Teller
 from .watching import Watch, add_view_arguments, ended_by_signals
@@ -36,6 +37,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_view_arguments(parser, format_flag=True)
     add_recording_arguments(parser, needed=False)
+    add_outlet_arguments(parser)
     add_limit_arguments(parser)
     add_functions_argument(parser)
 
@@ -60,7 +62,10 @@ def listen(arguments: argparse.Namespace, out: BinaryIO | None = None) -> int:
 
     load_functions(arguments)
     with Teller() as tell:
+        recorders: list[Recorder] = []
+        outlets = outlets_of(arguments, tell, recorders)
         recorder = recorder_of(arguments, tell)
+        recorders += [] if recorder is None else [recorder]
         sink: RecordingSink | None = recorder
         fire = None
         if recorder is not None and arguments.trigger is not None:
@@ -70,6 +75,7 @@ def listen(arguments: argparse.Namespace, out: BinaryIO | None = None) -> int:
             tap_of(arguments),
             recorder=sink,
             options=replace(chosen_limits(arguments), protocol=arguments.protocol),
+            outlets=outlets,
         )
         if arguments.tui:
             from ..tui.live import show

@@ -20,6 +20,11 @@ _NUMBERLESS: Final = ("enum", "bits", "text", "time")
 Entity = tuple[str, Mapping[str, Any]]  # the topic behind the prefix, and what stands there
 
 
+def node_of(base: str) -> str:
+    """The part of Home Assistant's topics that is ours."""
+    return topic_name(base.replace("/", "_"))
+
+
 def value_entity(base: str, unit: int, row: MappedValue, topic: str, chart: RegisterMap | None) -> Entity:
     """A mapped value as a sensor."""
     config = {**_of_unit(base, unit, chart), "name": row.name, "state_topic": f"{base}/{topic}"}
@@ -47,13 +52,13 @@ def health_entity(base: str, unit: int, chart: RegisterMap | None) -> Entity:
 
 
 def _entity(kind: str, base: str, topic: str, config: dict[str, Any]) -> Entity:
-    node = topic_name(base)
-    name = topic_name(topic)
+    node = node_of(base)
+    name = topic_name(topic.replace("/", "_"))
     return f"{kind}/{node}/{name}/config", {**config, "unique_id": f"{node}_{name}"}
 
 
 def _of_unit(base: str, unit: int, chart: RegisterMap | None) -> dict[str, Any]:
-    device: dict[str, Any] = {"identifiers": [f"{topic_name(base)}_unit_{unit}"], "name": f"Modbus unit {unit}"}
+    device: dict[str, Any] = {"identifiers": [f"{node_of(base)}_unit_{unit}"], "name": f"Modbus unit {unit}"}
     if chart is not None:
         device |= {key: value for key, value in (("manufacturer", chart.vendor), ("model", chart.device)) if value}
     return {

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from ...extras import needs
-from ...tables.findings import rules
+from ...tables.findings import evidence, rules
 from ...tables.schema import Kind
 from ..status import LineStatus
 from . import OutletError
@@ -43,7 +43,8 @@ class Metrics:
             import prometheus_client as prometheus
         except ImportError as error:
             raise OutletError(needs("--metrics", "prometheus-client", "metrics")) from error
-        self._registry = registry = prometheus.CollectorRegistry()
+        prometheus.disable_created_metrics()  # type: ignore[no-untyped-call]
+        registry = prometheus.CollectorRegistry()
 
         def counter(name: str, words: str, *labels: str) -> Any:
             return prometheus.Counter(f"modbus_{name}", words, labels, registry=registry)
@@ -51,7 +52,7 @@ class Metrics:
         self._status: LineStatus | None = None
         self._units = {name: counter(name, words, "unit") for name, (_, words) in _OF_UNIT.items()}
         self._exceptions = counter("exceptions", "Exceptions by code", "unit", "code")
-        self._findings = counter("findings", "What was found, by kind", "code", "severity")
+        self._findings = counter("findings", "What was found, by kind", "code", "severity", "unit")
         self._frames = counter("frames", "Frames", "direction")
         self._damaged = counter("damaged_frames", "Frames with a wrong check value")
         self._noise = counter("noise_bytes", "Bytes in no frame")
@@ -73,9 +74,6 @@ class Metrics:
             for place, name in enumerate(("recorded_bytes", "recording_lost_bytes")):
                 gauge = prometheus.Gauge(f"modbus_{name}", "Of the line, on the disk or lost", registry=registry)
                 gauge.set_function(lambda place=place: recorded()[place])  # type: ignore[misc]
-        for rule in rules():
-            self._findings.labels(rule.code, rule.severity.name.lower())
-        self._rules = [(rule.code, rule.severity.name.lower()) for rule in rules()]
         try:
             self._server, self._thread = prometheus.start_http_server(port, host, registry)
         except OSError as error:
@@ -113,8 +111,11 @@ class Metrics:
             times = self._times.labels(unit)
             for t_ns in traffic.times_ns:
                 times.observe(t_ns / 1e9)
-        for number, count in zip(*np.unique(step.findings["rule"], return_counts=True), strict=True):
-            self._findings.labels(*self._rules[int(number)]).inc(int(count))
+        known = rules()
+        for found in step.findings:
+            rule = known[found["rule"]]
+            about = evidence(rule, found["numbers"].tolist()).get("unit")
+            self._findings.labels(rule.code, rule.severity.name.lower(), "" if about is None else f"{about:.0f}").inc()
 
     def close(self) -> None:
         """End the server."""

@@ -31,7 +31,7 @@ from ...tables.findings import describe
 from ...tables.schema import Kind
 from ..lines import FrameCache, frame_readings
 from . import OutletError, Tell
-from .discovery import health_entity, value_entity
+from .discovery import health_entity, node_of, value_entity
 from .mailbox import Letter, Mailbox
 from .traffic import by_unit
 
@@ -217,8 +217,9 @@ class Mqtt:
 
     def _discovery_topics(self) -> list[tuple[str, int]]:
         """Home Assistant's topics that are ours."""
+        node = node_of(self._base)
         kinds = ("sensor", "binary_sensor") if self._broker.discovery else ()
-        return [(f"{self._broker.discovery}/{kind}/{topic_name(self._base)}/+/config", 0) for kind in kinds]
+        return [(f"{self._broker.discovery}/{kind}/{node}/+/config", 0) for kind in kinds]
 
     def _heard(self, _client: Any, _data: Any, message: Any) -> None:
         if message.topic == self._mark:
