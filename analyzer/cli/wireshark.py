@@ -21,7 +21,7 @@ from .extcap import answer
 EXAMPLE = """\
 rtuscope wireshark install
 rtuscope wireshark folder
-tshark -i rtuscope -o extcap.rtuscope.port:/dev/ttyUSB0"""
+rtuscope wireshark remove"""
 
 _NAME: Final = "rtuscope.bat" if os.name == "nt" else "rtuscope"
 _ASKED: Final = ("wireshark", "tshark")  # who tells where its folders are
