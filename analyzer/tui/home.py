@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from ..words import compact, duration, short
+from .causeitems import of_cause, whose
 from .doors import DoorCell
 from .filterbar import FilterBar
 from .items import FrameDetail, Item
@@ -150,7 +151,7 @@ class HomeList(Lines):
         """What the cursor is on, in full."""
         cause, unit = self.cause, self.unit
         if cause is not None:
-            return FrameDetail(f"cause: {cause.cause}", b"", _cause_items(cause))
+            return of_cause(cause)
         if unit is not None and self.state is not None:
             return FrameDetail(f"unit {unit.unit}", b"", _unit_items(unit, self.state.causes))
         return FrameDetail("", b"", ())
@@ -160,13 +161,6 @@ def _bars(octets: np.ndarray[tuple[int], np.dtype[np.int64]], width: int) -> lis
     return [StyledText(f"{sparkline(octets.astype(float), width):<{width}}", "request")]
 
 
-def whose(cause: Cause) -> str:
-    """Whose fault it is, in words."""
-    if cause.blame == "unit" and cause.units:
-        return "unit " + ", ".join(str(unit) for unit in cause.units[:3]) + (" …" if len(cause.units) > 3 else "")
-    return {"master": "the master", "line": "the line", "tap": "the tap"}.get(cause.blame, cause.blame)
-
-
 def _cause_line(cause: Cause) -> list[StyledText]:
     return [
         StyledText(f"{_LETTERS.get(cause.severity, ' ')} ", cause.severity),
@@ -174,23 +168,6 @@ def _cause_line(cause: Cause) -> list[StyledText]:
         StyledText(f"{cause.confidence:>4.0%} sure  ", "dim"),
         StyledText(cause.text),
     ]
-
-
-def _cause_items(cause: Cause) -> tuple[Item, ...]:
-    fault = f"{whose(cause)}, {cause.confidence:.0%} sure"
-    if cause.runner_up:
-        fault += f"; else {cause.runner_up}"
-    lost = "" if not cause.lost_answers else f"{cause.lost_answers:,} answers"
-    if cause.lost_ms:
-        lost += f"{', ' if lost else ''}{duration(round(cause.lost_ms * 1e6))}"
-    again = "" if cause.period_s is None else f"every {cause.period_s:.4g} s"
-    facts = (
-        ("what", cause.text), ("fault", fault), ("seen", cause.share), ("again", again), ("lost", lost),
-        ("to be sure", cause.deciding_test), ("do", cause.remedy),
-        ("frames", ", ".join(f"{index:,}" for index in cause.frames) + "   Enter goes there" if cause.frames else ""),
-    )  # fmt: skip
-    kinds = {"what": "strong", "do": "good"}
-    return tuple(Item(name, text, kind=kinds.get(name, ""), label=f"{name:<11}") for name, text in facts if text)
 
 
 def _unit_items(unit: UnitRow, causes: Sequence[Cause]) -> tuple[Item, ...]:

@@ -230,6 +230,9 @@ class BusScreen(Screen[None]):
         self.jobs.scope.filter = event.filter
         self.jobs.reselect()
 
+    def on_span_seen(self) -> None:
+        self.refresh_view()
+
     def on_only_changed(self) -> None:
         scope = self.jobs.scope
         scope.only_changed = not scope.only_changed
