@@ -45,9 +45,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="CAPTURE",
         help=f"{CAPTURE_HELP}; none: paste bytes",
     )
-    parser.add_argument("--light", action="store_true", help="dark on light (d switches)")
+    parser.add_argument("--light", action="store_true", help="dark on light (D switches)")
     parser.add_argument(
-        "--plain", action="store_true", help="read it out in plain lines, for a screen reader or a pipe"
+        "--plain", action="store_true", help="read it out in plain lines, for a screen reader"
     )
     parser.add_argument("--filter", metavar="FILTER", default="", help="with --plain: only what passes")
     parser.add_argument("--web", action="store_true", help="serve it to a browser on this machine instead")
@@ -109,13 +109,12 @@ def read_out(arguments: argparse.Namespace, capture: Capture | None, limits: Opt
     from ..filters import FilterError
     from ..model.source import CaptureSource
     from ..model.spoken import spoken
-    from ..terminal_text import printable
 
     name = capture.path.name if capture.path else "capture"
     try:
         zone = UTC if arguments.tz is None else time_zone(arguments.tz)
         for line in spoken(CaptureSource(capture, name, limits), arguments.filter, zone):
-            print(printable(line))
+            print(line)
     except FilterError as error:
         raise UsageError(f"--filter: {error}") from error
     return DONE

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -59,7 +60,7 @@ class HomeList(Lines):
             units = {unit.unit for unit in state.report.units}
             own = [cause for cause in state.causes if not cause.units or units.intersection(cause.units)]
             state = BusState(state.report, own)
-        self.state = state
+        self.state = BusState(replace(state.report, units=sorted(state.report.units, key=_badness)), state.causes)
         self.next_at = time.monotonic() + _AGAIN_S
         self._fresh_until = 0.0
         self.grown()
@@ -157,6 +158,12 @@ class HomeList(Lines):
         return FrameDetail("", b"", ())
 
 
+def _badness(unit: UnitRow) -> tuple[float, int]:
+    """The sickest first, then by number."""
+    counts = unit.counts
+    return -(counts.unanswered + counts.exceptions + counts.damaged) / max(1, counts.requests), unit.unit
+
+
 def _bars(octets: np.ndarray[tuple[int], np.dtype[np.int64]], width: int) -> list[StyledText]:
     return [StyledText(f"{sparkline(octets.astype(float), width):<{width}}", "request")]
 
@@ -248,7 +255,14 @@ def _shown(screen: BusScreen) -> None:
 
 def _cells(screen: BusScreen) -> list[DoorCell]:
     home = screen.query_one(HomeList)
-    units = home.cause.units if home.cause is not None else () if home.unit is None else (home.unit.unit,)
+    if home.unit is not None:
+        unit, times = home.unit.unit, home.unit.times
+        cells = [DoorCell("u", f"unit {unit}", f"unit == {unit}")]
+        if times.p95_ns:
+            slow = f"unit == {unit} and response_time >= {times.p95_ns / 1e6:.6g}ms"
+            cells.append(DoorCell("s", f"its slow answers: {short(times.p95_ns)} and more, one in twenty", slow))
+        return cells
+    units = () if home.cause is None else home.cause.units
     return [DoorCell("ubcdefgh"[i], f"unit {unit}", f"unit == {unit}") for i, unit in enumerate(units[:8])]
 
 

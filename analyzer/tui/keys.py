@@ -28,6 +28,7 @@ GROUPS: Final[tuple[Group, ...]] = (
         key("exclamation_mark", "door('!')", "Filter out", "filter it out", as_="!", id="door.out"),
         key("ampersand", "door('&')", "And", "put it into the filter's line, joined by and", as_="&", id="door.and"),
         key("vertical_line", "door('|')", "Or", "the same, joined by or", as_="|", id="door.or"),
+        key("T", "span", "Span", "only a span of time: 14:00-16:00, yesterday 14-16"),
         key("S", "kept", "Kept filters", "use, keep or drop a filter; with a colour its rows are lit"),
         key("z", "noise", "Noise", "noise in place, or hidden"),
         key("escape", "whole", "Take back", "take back the selection, then the filter, then the span", as_="Esc"),

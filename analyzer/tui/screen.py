@@ -232,10 +232,15 @@ class BusScreen(Screen[None]):
         self.panes[0].focus()
 
     def on_span_chosen(self, event: SpanChosen) -> None:
-        self.jobs.scope.span = event.t_start, event.t_end
+        self.narrow_to((event.t_start, event.t_end))
+        self.action_view(self.list_view)
+
+    def narrow_to(self, span: tuple[int, int]) -> None:
+        """Only this span of time from now on."""
+        self.jobs.scope.span = span
         self._say_span()
         self.jobs.reselect()
-        self.action_view(self.list_view)
+        self.refresh_view()
 
     def _say_span(self) -> None:
         """The span stands on the scope's line, beside the filter."""
@@ -335,6 +340,9 @@ class BusScreen(Screen[None]):
 
     def action_find_on(self, back: bool) -> None:
         self.jumps.find_on(back=back)
+
+    def action_span(self) -> None:
+        self.run_worker(self.jumps.ask_span(), group=ASKING)
 
     def action_door(self, way: str) -> None:
         self.run_worker(self.doors.go(way), group=ASKING)
