@@ -316,7 +316,7 @@ def test_activity_counts_everything_once_near_and_far(troubled: Bus) -> None:
     near = troubled.activity.over(troubled, troubled.t_first, troubled.t_last + 1, 50)
     assert near.octets.sum() == size
     assert near.frames.sum() == troubled.frames
-    far = troubled.activity._counts
+    far = troubled.activity._bins.tables["all"]
     assert far[0].sum() == size
 
 

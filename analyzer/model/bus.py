@@ -23,8 +23,8 @@ from ..reports.summary import Summary
 from ..tables.batch import Batch
 from ..tables.frame import Frame
 from ..tables.schema import NO_GAP, ROW, Kind, Row, Rows
-from ..tables.timebins import Activity, Bins, UnitActivity
 from ..tables.transactions import NEVER, OF_ANSWER, TRANSACTION, Status
+from .activity import Activity, Bins, UnitActivity
 from .evidence import RowEvidence, evidence_columns, evidence_of
 from .polls import PollIndex
 from .registers import RegisterLog

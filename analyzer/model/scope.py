@@ -13,7 +13,7 @@ from ..core import Analysed
 from ..reports.summary import Summary
 from ..tables.findings import NOTHING
 from ..tables.schema import Kind
-from ..tables.timebins import Bins, UnitActivity, binned
+from .activity import Bins, UnitActivity, binned
 from .polls import ChangedAnswers
 from .registers import RegisterLog
 from .selection import Selection, Test, both, frames_only, transactions, transactions_with, within

@@ -23,7 +23,7 @@ from .palette16 import DARK_16, LIGHT_16
 from .preferences import Preferences
 from .screen import BusScreen
 from .views import VIEWS
-from .wire import Wire
+from .wire import ThinWire
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -72,7 +72,7 @@ class Rtuscope(App[NextFile | None]):
         self.desk.rules = list(rules_of(self.desk))
         self._view = view
         self._resumed = resumed
-        self.wire = Wire()
+        self.wire = ThinWire()
         self.keys = KeyQueue(self, super().on_event)
         self._cursor_was = self.cursor_position
         self.HORIZONTAL_BREAKPOINTS = [(0, "-slim"), (_NARROW, "-narrow"), (_WIDE, "-wide")]

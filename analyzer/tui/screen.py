@@ -51,7 +51,7 @@ from .views import BY_NAME, VIEWS
 
 if TYPE_CHECKING:
     from .desk import ViewState
-    from .wire import Wire
+    from .wire import ThinWire
 
 
 class BusScreen(Screen[None]):
@@ -61,7 +61,7 @@ class BusScreen(Screen[None]):
     BINDINGS: ClassVar[list[BindingType]] = [*BINDINGS]
 
     def __init__(
-        self, desk: ViewState, wire: Wire, *, view: str | None = None, resumed: NextFile | None = None
+        self, desk: ViewState, wire: ThinWire, *, view: str | None = None, resumed: NextFile | None = None
     ) -> None:
         """`view`: what comes up; None: the transactions, or Home once there are causes to tell."""
         super().__init__()

@@ -20,7 +20,7 @@ from .paint import Painted, StyledText, fitted
 from .view import JUMPS, View
 
 if TYPE_CHECKING:
-    from ..tables.timebins import Bins
+    from ..model.activity import Bins
     from .desk import ViewState
     from .screen import BusScreen
 
