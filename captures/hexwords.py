@@ -12,7 +12,7 @@ from typing import Final
 from .text.choosing import Judge, no_judge
 from .text.halves import HexError as HexError
 from .text.halves import halves
-from .text.logs import LOOKED_FOR, Piece, Unread, joined, read_lines
+from .text.logs import LOOKED_FOR, Piece, UnreadLine, joined, read_lines
 
 _WHAT_IS_READ: Final = f"looked for {LOOKED_FOR}; paste the bytes of a frame, or lines of a log that show them"
 
@@ -39,7 +39,7 @@ class TextBytes:
     """What a text holds: its bytes, an item for each run of them, and the lines of which not all was read."""
 
     words: tuple[Words, ...]
-    unread: tuple[Unread, ...]
+    unread: tuple[UnreadLine, ...]
 
 
 def read_line(text: str) -> Words | None:
@@ -79,10 +79,10 @@ def _read(text: str, judge: Judge, zone: tzinfo | None) -> TextBytes:
         for piece in given
         if isinstance(piece, Piece)
     )
-    return TextBytes(words, tuple(piece for piece in given if isinstance(piece, Unread)))
+    return TextBytes(words, tuple(piece for piece in given if isinstance(piece, UnreadLine)))
 
 
-def _nothing(text: str, unread: tuple[Unread, ...]) -> str:
+def _nothing(text: str, unread: tuple[UnreadLine, ...]) -> str:
     """What to say where there are no bytes."""
     shown = " ".join(text.split())
     if not shown:

@@ -1,6 +1,6 @@
 """What a run of bytes in a line may be, and the line in which it is looked for.
 
-How much a writing speaks for itself is its `Level`: signs of its own (`0x11`, `[11][03]`) or many pairs of digits are
+How much a writing speaks for itself is its `Writing`: signs of its own (`0x11`, `[11][03]`) or many pairs of digits are
 what a person takes for bytes; a number, a word or an address is bytes only where a check value says so.
 """
 
@@ -12,7 +12,7 @@ from enum import IntEnum
 from typing import Final, NamedTuple
 
 
-class Level(IntEnum):
+class Writing(IntEnum):
     """How much the writing alone speaks for bytes."""
 
     NUMBER = 0  # only a check value makes bytes of it
@@ -20,7 +20,7 @@ class Level(IntEnum):
     BYTES = 2
 
 
-class Candidate(NamedTuple):
+class HexWindow(NamedTuple):
     """Characters `start` to `end` of a line read as bytes.
 
     `ascii`: an ASCII-mode frame, kept as its characters from `:` to CR LF. `offset` is the dump offset that stands
@@ -31,13 +31,13 @@ class Candidate(NamedTuple):
     start: int
     end: int
     shape: str
-    level: Level
+    level: Writing
     ascii: bool = False
     offset: str | None = None
     lead: int = 0
 
 
-class Line(NamedTuple):
+class TextLine(NamedTuple):
     """A line to search: its text, and where what is more than brackets and blanks begins and ends in it.
 
     `first` are several places where it has direction marks: it begins anew behind each.
@@ -71,14 +71,14 @@ _SOME: Final = 3  # bytes: fewer say nothing
 LONG: Final = 4096  # characters: no line of words
 
 
-def line_of(text: str, marks: Iterable[int] = ()) -> Line:
+def line_of(text: str, marks: Iterable[int] = ()) -> TextLine:
     """A text as a line to search; `marks` are the ends of its direction marks."""
     first, begin, behind = set(), len(text), len(text)
     for place in sorted({0, *marks}, reverse=True):
         solid = _SOLID.search(text, place, behind)
         begin, behind = begin if solid is None else solid.start(), place
         first.add(begin)
-    return Line(text, frozenset(first), len(text.rstrip(_WRAPPING)), begin)
+    return TextLine(text, frozenset(first), len(text.rstrip(_WRAPPING)), begin)
 
 
 def holds_digits(text: str) -> bool:

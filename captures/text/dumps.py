@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-from .choosing import Run
+from .choosing import ByteRun
 
 _DIGITS: Final = re.compile(r"[0-9A-Fa-f]{3,8}")
 
@@ -15,12 +15,12 @@ _DIGITS: Final = re.compile(r"[0-9A-Fa-f]{3,8}")
 class Dump:
     """The rows of a dump so far; none where `row` is None."""
 
-    row: Run | None = None  # the newest
+    row: ByteRun | None = None  # the newest
     length: int = 0  # bytes
     first: int = 0  # offset of the first row
     t_ns: int | None = None
 
-    def goes_on(self, row: Run, t_ns: int | None) -> bool:
+    def goes_on(self, row: ByteRun, t_ns: int | None) -> bool:
         """Take a row of a line with this time; whether it goes on with the dump of the lines before."""
         if row.offset is None:
             self.row = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from .candidates import Candidate, H, Level, Line
+from .candidates import H, HexWindow, TextLine, Writing
 from .rows import ROWS
 
 _OFFSET: Final = re.compile(
@@ -55,17 +55,17 @@ _ELLIPSIS_STARTS: Final = frozenset(" ,.…")
 _FEW: Final = 17  # characters: six bytes
 
 
-def in_its_place(found: Candidate, line: Line) -> Candidate:
+def in_its_place(found: HexWindow, line: TextLine) -> HexWindow:
     """A candidate with what stands before it taken into account."""
     before = line.before(found.start)
     bare = before.rstrip(" \t:|-")
     if found.shape in ROWS and bare[-1:] in _OFFSET_ENDS and (offset := _OFFSET.search(before)) is not None:
         begin = found.start - len(before) + offset.start("all")
         if begin in line.first:
-            level = max(found.level, Level.BYTES if len(found.data) > 2 else Level.LIKELY)
+            level = max(found.level, Writing.BYTES if len(found.data) > 2 else Writing.LIKELY)
             return found._replace(offset=offset[2], level=level, lead=begin)
     if found.level and not found.ascii and _is_named_otherwise(before):
-        return found._replace(level=Level.NUMBER, lead=found.start)
+        return found._replace(level=Writing.NUMBER, lead=found.start)
     return found._replace(lead=found.start)
 
 
@@ -81,12 +81,12 @@ def _is_named_otherwise(before: str) -> bool:
     )
 
 
-def is_cut(line: Line, end: int) -> bool:
+def is_cut(line: TextLine, end: int) -> bool:
     """Whether the text says, at the end of some bytes, that there are more."""
     return line.text[end : end + 1] in _ELLIPSIS_STARTS and _ELLIPSIS.match(line.text, end) is not None
 
 
-def is_halved(line: Line, start: int, end: int) -> bool:
+def is_halved(line: TextLine, start: int, end: int) -> bool:
     """Whether half a byte stands beside these bytes."""
     if _HALF_AFTER.match(line.text, end):
         return True
