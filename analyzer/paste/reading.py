@@ -15,6 +15,7 @@ from dataclasses import replace
 from itertools import accumulate
 from typing import TYPE_CHECKING, Final, Literal
 
+from dissectors.adu import LAST_UNIT
 from dissectors.envelopes import MBAP, Adu, ascii_frames, tcp
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, plausibility, rule
@@ -33,7 +34,6 @@ LONGEST: Final = 1 << 20  # bytes
 _PAIR: Final = 2  # hex digits of a byte
 _LENGTH_END: Final = 6  # bytes of an MBAP header, up to its length
 _MOST_TCP: Final = 254  # what the length in an MBAP header can be
-_LAST_UNIT: Final = 247
 _CRC: Final = 2  # bytes
 
 
@@ -160,7 +160,7 @@ def _speaks_for_rtu(piece: Piece) -> int:
         bits += 6 if swapped else 4
     elif piece.missing:
         bits += 4 if piece.missing == _CRC and piece.length_known else -2
-    if not 0 < (adu.unit or 0) <= _LAST_UNIT:
+    if not 0 < (adu.unit or 0) <= LAST_UNIT:
         bits -= 6
     return bits - 4 * len(plausibility(pdu, piece.role))
 

@@ -72,7 +72,7 @@ _TAGGED: Final = _RTU.shape[1]
 _AFTER: Final = 4  # words behind the bytes: the flags, the end of the options, the block's size
 
 
-class _Packets:
+class _PacketWriter:
     def __init__(self, out: OutputStream, capture: Capture, options: ExportOptions) -> None:
         self._out = out
         self._options = options
@@ -188,6 +188,6 @@ def _comments(batch: Batch, kept: NDArray[np.intp], explain: bool) -> dict[int, 
     }
 
 
-def open_sink(out: OutputStream, capture: Capture, options: ExportOptions) -> _Packets:
+def open_sink(out: OutputStream, capture: Capture, options: ExportOptions) -> _PacketWriter:
     """Packets onto `out`."""
-    return _Packets(out, capture, options)
+    return _PacketWriter(out, capture, options)
