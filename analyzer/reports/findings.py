@@ -62,7 +62,8 @@ def _group_lines(row: FindingRow) -> Iterator[str]:
                 yield from _wrapped(f"{label}: {words}", "   ")
                 said.add(words)
     if len(row.groups) > _GROUPS:
-        yield f"   and {len(row.groups) - _GROUPS} more kinds or units (--json has all)"
+        more = len(row.groups) - _GROUPS
+        yield f"   and {more} more {plural(more, 'kind or unit', 'kinds or units')} (--json has all)"
 
 
 def where(group: FindingGroup, row: FindingRow) -> Iterator[str]:
