@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..live.conditions import Condition
     from ..live.recent import ShownRow
     from ..live.session import Session, SessionStep
+    from ..registers.revising import RevisedRegisters
 
 _PERIOD_S: Final = 0.25
 _GRACE_S: Final = 1.2  # from a signal to end to the end
@@ -45,6 +46,7 @@ def add_view_arguments(parser: argparse.ArgumentParser) -> None:
     view.add_argument("--before", type=seconds, default=10.0, metavar="TIME", help="before a trigger (10s)")
     view.add_argument("--after", type=seconds, default=10.0, metavar="TIME", help="after a trigger (10s)")
     add_map_argument(view)
+    view.add_argument("--infer", action="store_true", help="tell what registers mean as it shows, and read them so")
     view.add_argument("--tui", action="store_true", help="show it in the terminal interface")
 
 
@@ -73,6 +75,11 @@ class Watch:
             if arguments.json
             else TextLines(colour=coloured(sys.stdout), width=width, charts=charts)
         )
+        self._registers: RevisedRegisters | None = None
+        if arguments.infer:
+            from ..registers.revising import RevisedRegisters
+
+            self._registers = RevisedRegisters(charts)
         self.status = LineStatus(session.line)
         self._recent = Recent()
         self._filter, self._until = _condition(arguments.filter, charts), _condition(arguments.until, charts)
@@ -102,6 +109,7 @@ class Watch:
                 if self._over:
                     break
             out += [self._lines.bus(finding) for finding in of_the_bus(step)]
+            out += self._revised(step)
             self._write(terminal_text(*out))
             if self._arguments.duration and self.status.elapsed_ns >= self._arguments.duration * 1e9:
                 self._end()
@@ -109,6 +117,14 @@ class Watch:
         if self._status_shown:
             print(f"{self.status}{self._extra()}", file=sys.stderr)
         return DONE if self.status.frames else NO_FRAME
+
+    def _revised(self, step: SessionStep) -> list[str]:
+        """What registers mean, where that is told for the first time or otherwise; frames are read so from here on."""
+        revisions = self._registers.feed(step.batch) if self._registers is not None else []
+        if not revisions or self._registers is None:
+            return []
+        self._lines.use(self._registers.charts)
+        return [self._lines.register(revision) for revision in revisions]
 
     def _row(self, shown: ShownRow, step: SessionStep) -> str:
         """The lines of a row, if it is to be shown; with it, perhaps, lines from before a trigger."""
