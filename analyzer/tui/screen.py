@@ -100,7 +100,7 @@ class BusScreen(Screen[None]):
 
     def compose(self) -> ComposeResult:
         yield Tabs(id="tabs")
-        yield FilterBar(self.desk.source.line, id="filter-bar")
+        yield FilterBar(self.desk.source.line, lambda units: self.desk.charts(units), id="filter-bar")
         with ContentSwitcher(id="views", initial=self.view):
             for view in VIEWS:
                 yield view.make(self.desk)
