@@ -289,9 +289,7 @@ def plain_reach(
     return last, margin
 
 
-def without_tail(
-    runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics
-) -> int:
+def without_tail(runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics) -> int:
     """The end of a run from interval i on, before `last`, behind which the lattice has the word.
 
     After a whole exchange, and where silence parts them, the lattice would decide as well before it goes on; a frame
@@ -307,9 +305,7 @@ def without_tail(
     return _without_echoes(runs, i, last, silences, statistics)
 
 
-def _without_echoes(
-    runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics
-) -> int:
+def _without_echoes(runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics) -> int:
     """The same without exchanges at the end of which the second frame may be the request once more: what follows
     tells, and the lattice would wait for it."""
     while last - 2 >= i and runs.fits[last - 1] and runs.either[last - 1] and runs.end[last - 1] < len(silences):
