@@ -79,6 +79,15 @@ def short(ns: int | None) -> str:
     return f"{hours // 24}d" if hours < 24_000 else ">999d"
 
 
+def pointed_ms(ns: int) -> str:
+    """Milliseconds in nine columns, the point always in the same: `    4.21 `, `   12.3  `; blank where negative."""
+    if ns < 0:
+        return " " * 9
+    ms = ns / 1e6
+    whole, _, rest = f"{ms:.{3 if ms < 1 else 2 if ms < 10 else 1 if ms < 100 else 0}f}".partition(".")
+    return f"{whole:>5}{'.' if rest else ' '}{rest:<3}"
+
+
 def moment(t_ns: int) -> str:
     """A time of a clock."""
     return f"{datetime.fromtimestamp(t_ns / 1e9, UTC):%Y-%m-%d %H:%M:%S} UTC"

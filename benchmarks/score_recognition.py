@@ -1,5 +1,5 @@
-"""Scores the recognition of devices by their traffic: how often a device with a shipped map is named, how often rightly,
-and how often a stranger is taken for one.
+"""Scores the recognition of devices by their traffic: how often a device that has a shipped map is named, how often
+rightly, and how often a stranger is taken for one.
 
     python benchmarks/score_recognition.py [--polls N] [--seeds N] [--wrong] [--layouts FOLDER]
 
@@ -47,7 +47,7 @@ def main(arguments: list[str]) -> int:
     for seed in range(options.first_seed, options.first_seed + options.seeds):
         for name in shipped_names():
             chart = shipped_map(name)
-            device = made_device(name, chart, Random(f"recognise {name} {seed}"), options.polls, move=False)
+            device = made_device(name, chart, Random(f"recognise {name} {seed}"), options.polls, move=False, wild=0.0)
             said = named(device, chart if options.telling else None)
             what = "silent" if said is None else "right" if said[0] == name else "wrong"
             counts[what] += 1
@@ -56,20 +56,19 @@ def main(arguments: list[str]) -> int:
                 print(f"{name}: {what} {said or ''}: {len(device.truth)} blocks, {asked}")
         for path in sorted(options.layouts.rglob("*.csv")):
             device = made_device(path.stem, read_map(path), Random(f"stranger {path.stem} {seed}"), options.polls,
-                                 move=False)  # fmt: skip
+                                 move=False, wild=0.0)  # fmt: skip
             said = named(device)
             counts["strangers"] += 1
             counts["stranger named"] += said is not None
             if options.wrong and said is not None:
                 print(f"stranger {path.stem}: {said}")
     known = counts["right"] + counts["wrong"] + counts["silent"]
-    answers = counts["right"] + counts["wrong"]
-    print(f"{known} devices with a shipped map: right {counts['right'] / known:.3f}, wrong {counts['wrong'] / known:.3f},"
-          f" nothing said {counts['silent'] / known:.3f}; of {answers} answers right"
-          f" {counts['right'] / max(answers, 1):.3f}")  # fmt: skip
-    print(
-        f"{counts['strangers']} strangers: taken for one {counts['stranger named'] / max(counts['strangers'], 1):.3f}"
-    )
+    right, wrong, silent = (counts[what] / known for what in ("right", "wrong", "silent"))
+    of_answers = right / max(right + wrong, 1e-9)
+    print(f"{known} devices with a shipped map: right {right:.3f}, wrong {wrong:.3f}, nothing said {silent:.3f};"
+          f" of what was said right {of_answers:.3f}")  # fmt: skip
+    taken = counts["stranger named"] / max(counts["strangers"], 1)
+    print(f"{counts['strangers']} strangers: taken for one {taken:.3f}")
     return 0
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import log2
@@ -26,9 +26,11 @@ from .unitledger import UnitLedger
 
 HEALTHY: Final = 0.004  # damaged exchanges of a line on which nothing is wrong
 _WAITS: Final = 3  # that tell a timeout
-_TAIL_BYTES: Final = 4
+_TAIL_BYTES: Final = 3
 _SHORT_CUT: Final = 4  # bytes
+_LONG: Final = 6
 _RARE: Final = 0.01
+_STRAYED: Final = 2  # bytes
 _FOREIGN: Final = 0.02  # of all bytes
 _FOREIGN_FRAMES: Final = 3
 
@@ -130,6 +132,12 @@ class Evidence:
             return 0.0
         return unit.followed.offered * sum(reading.behind in kinds for reading in readings) / len(readings)
 
+    def requests_behind(self, unit: UnitLedger) -> float:
+        """About how many good answers have a damaged request behind them, known again or as long as one."""
+        readings = self.followed(unit) if self.ordered else []
+        found = [r for r in readings if r.behind is Behind.REQUEST or (r.behind is Behind.NOISE and r.length >= _LONG)]
+        return unit.followed.offered * len(found) / len(readings) if readings else 0.0
+
     def _read(self, sample: object) -> Signature:
         from .samples import Sample
 
@@ -207,6 +215,12 @@ class Evidence:
 def kind_bits(readings: list[Signature], expected: Mapping[str, float]) -> float:
     """How much likelier these kinds of damage are as expected than where damage strikes anywhere."""
     return sum(log2(expected.get(kind_of(each), _RARE) / _ANYWHERE[kind_of(each)]) for each in readings)
+
+
+def overlaid(readings: Sequence[Signature]) -> int:
+    """How many are so much longer or shorter than what was due that something else was sent into them: what disturbs a
+    line from outside makes a byte or two more or less."""
+    return sum(each.length > 0 and abs(each.length - each.due) > _STRAYED for each in readings)
 
 
 def share_of(readings: list[Signature], *kinds: str) -> float:

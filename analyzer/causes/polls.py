@@ -45,6 +45,14 @@ class Poll:
         """The address behind the last that it asks for."""
         return self.address + self.quantity
 
+    @property
+    def about_bytes(self) -> int:
+        """Bytes of a request with its answer, about."""
+        held = (
+            2 * self.quantity if self.function in (3, 4, 23) else self.quantity // 8 if self.function in (1, 2) else 4
+        )
+        return 13 + min(held, 250)
+
     def count(self, outcome: Ending) -> int:
         """How many of its requests ended so."""
         return int(self.outcomes[outcome])

@@ -24,6 +24,7 @@ from .samples import Sample, SampleRow
 
 _HEAD_MOST: Final = 12  # bytes that may be put right
 _LEAST: Final = 4
+_ENDING: Final = 3  # bytes by which a damaged request is known again: `Evidence.request_ends`
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
 _TAIL_BITS: Final = 2  # bits of a byte that must have come before its driver let go
 _LOCAL: Final = 0.55  # share of bytes like those of a good answer: the damage is somewhere, not everywhere
@@ -62,7 +63,7 @@ class Behind(Enum):
 class Signature:
     """The reading of one sample.
 
-    `bytes` how many are damaged or lost, `length` how many came, `at` the first damaged byte (-1 unknown), `flips` the
+    `bytes` how many are damaged or lost, `length` how many came (of a good answer: behind it), `at` the first damaged byte (-1 unknown), `flips` the
     bits of it that are wrong (0 the earliest), `t_ns` when, `marks` bytes that the UART marked, `detail` a name.
     """
 
@@ -93,7 +94,8 @@ def signature(sample: Sample, char_ns: float, requests: frozenset[bytes], *, off
         marks = sum(piece.marks for piece in sample.pieces if piece.answers)
         detail = "before" if before else ""
         kind = Behind.NOISE if before and kind is Behind.NOTHING else kind
-        return Signature(AnswerDamage.NONE, kind, marks=marks, t_behind=t, detail=detail, due=sample.due)
+        length = sum(len(piece.data) for i, piece in enumerate(sample.pieces) if i > before and not piece.answers)
+        return Signature(AnswerDamage.NONE, kind, length=length, marks=marks, t_behind=t, detail=detail, due=sample.due)
     burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
     every = b"".join(piece.data for piece in sample.pieces)
     if not burst or (len(every) == sample.due and crc16(every) == 0 and every.startswith(_header(sample.request))):
@@ -145,7 +147,7 @@ def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: frozens
         found = _of_length(sample, data, length, head)
         if found is not None:
             return found
-    if data[-_LEAST:] in requests or any(piece.kind == Kind.REQUEST for piece in burst[1:]):
+    if data[-_ENDING:] in requests or any(piece.kind == Kind.REQUEST for piece in burst[1:]):
         return _SignatureSums(AnswerDamage.CROSSED, 1, 0)
     begins = data.startswith(header[:3]) if len(data) >= 3 else data == header[: len(data)]
     if begins and len(data) < due:
@@ -272,6 +274,6 @@ def _kind_of(rest: list[SampleRow], sample: Sample, requests: frozenset[bytes]) 
     header = _header(sample.request)[:_COUNTED]
     if len(header) == _COUNTED and header != sample.request[:_COUNTED] and data.startswith(header):
         return Behind.ANSWER
-    if data[-_LEAST:] in requests or any(piece.kind == Kind.REQUEST for piece in rest):
+    if data[-_ENDING:] in requests or any(piece.kind == Kind.REQUEST for piece in rest):
         return Behind.REQUEST
     return Behind.NOISE

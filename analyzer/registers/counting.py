@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from captures.ragged import Ints
 
-from .floatshapes import decimals, float_classes, float_ordinals, in_last_digits, spreads
-from .hypotheses import HYPOTHESES, patterns
+from .floatshapes import decimals, float_classes, float_ordinals, in_last_digits, is_absurd, spreads
+from .hypotheses import HYPOTHESES, Hypothesis, patterns
 from .lengths import change_bits, change_lengths, directions, summed_lengths
+from .manners import MANNERS, manners
 from .readings import Words
 from .wordclasses import QUIET_GROUP, word_classes
 
@@ -29,11 +30,12 @@ _RANGES: Final = np.array([1, 3, 5, 7, 9, 11, 13, 15, 15.9])  # bits
 SIZES: Final[Mapping[str, int]] = {
     # of one register
     "i16": 1, "i16 quiet": 16, "i16 quiet beside": 16 * 9, "i16 moved": 9 * 9, "i16 shape": 8 * 3 * 3,
-    "i16 share": 6 * 3,
+    "i16 share": 6 * 3, "i16 manner": MANNERS * 3,
     # of two, as an integer
     "i32": 4, "i32 gain": 14 * 2, "i32 words": 9 * 10, "i32 high": 16 * 2, "i32 low": 6 * 8 * 3,
     "i32 low range": 6 * 10, "i32 low cost": 6 * 9, "i32 high only": 16 * 4, "i32 quiet": 16 * 16,
     "i32 as float": 2 * 8 * 2, "i32 carries": 16, "i32 sign": 6 * 3, "i32 wraps": 12,
+    "i32 low manner": 6 * MANNERS, "i32 manners": MANNERS * MANNERS,
     # of two, as a float
     "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
     # of four
@@ -66,17 +68,21 @@ class Counting:
         self._wraps = ((changes < -0x8000).astype(np.int8) - (changes > 0x8000)).astype(np.int8)
         self._bits16 = change_bits(self._changes, 17)
         self._cost16 = summed_lengths(self._bits16)
+        self._absurd: dict[Hypothesis, NDArray[np.bool_]] = {}
+        self._never = np.zeros(words.shape[1], np.bool_)
         self._singles()
 
-    def blocks(self) -> Iterator[tuple[list[Codes], NDArray[np.bool_]]]:
-        """Of each block its codes by hypothesis, and which of its registers moved."""
+    def blocks(self) -> Iterator[tuple[list[Codes], NDArray[np.bool_], list[NDArray[np.bool_]]]]:
+        """Of each block its codes by hypothesis, which of its registers moved, and by hypothesis where it is absurd."""
         codes = [self._codes(number) for number in range(len(HYPOTHESES))]
         for start, size in zip(self.starts.tolist(), self.sizes.tolist(), strict=True):
             mine: list[Codes] = []
+            absurd = []
             for hypothesis, by_table in zip(HYPOTHESES, codes, strict=True):
                 end = start + size - hypothesis.words + 1
                 mine.append({name: code[start:end] for name, code in by_table.items()} if end > start else {})
-            yield mine, self.moved[start : start + size]
+                absurd.append(self._absurd.get(hypothesis, self._never)[start : max(start, end)])
+            yield mine, self.moved[start : start + size], absurd
 
     def steps(self, series: NDArray[np.int64] | NDArray[np.int32]) -> NDArray[np.int64]:
         """From reading to reading; not over the joint."""
@@ -101,6 +107,7 @@ class Counting:
         self._share = np.digitize(count / max(len(changes), 1), _SHARES)
         self._mean = np.digitize(self._bits16.sum(axis=0) / np.maximum(count, 1), _COSTS)
         self._direction = directions(changes)
+        self._manner = manners(words, count)
 
     def _codes(self, number: int) -> Codes:
         hypothesis = HYPOTHESES[number]
@@ -111,8 +118,8 @@ class Counting:
             return self._one()
         reverse = hypothesis.order == "CDAB"
         if hypothesis.words == 2:
-            return self._two(reverse=reverse, is_float=hypothesis.is_float)
-        return self._four(reverse=reverse, is_float=hypothesis.is_float)
+            return self._two(hypothesis, reverse=reverse)
+        return self._four(hypothesis, reverse=reverse)
 
     def _one(self) -> Codes:
         moved, quiet = self.moved, ~self.moved
@@ -128,6 +135,7 @@ class Counting:
             "i16 moved": np.where(moved, np.minimum(span, 8) * 9 + self._mean, NONE),
             "i16 shape": np.where(moved, (self._size * 3 + self._direction) * 3 + self._sign(), NONE),
             "i16 share": np.where(moved, self._share * 3 + self._direction, NONE),
+            "i16 manner": np.where(moved, self._manner * 3 + self._direction, NONE),
             "i16 block": self._block_size * 2 + moved,
         }
 
@@ -143,7 +151,7 @@ class Counting:
         top = (self.words >= 0x8000).any(axis=0)
         return np.where(self._signed, 1, np.where(top, 2, 0))
 
-    def _two(self, *, reverse: bool, is_float: bool) -> Codes:
+    def _two(self, hypothesis: Hypothesis, *, reverse: bool) -> Codes:
         first, second = np.arange(self.words.shape[1] - 1), np.arange(1, self.words.shape[1])
         high, low = (second, first) if reverse else (first, second)
         pair = patterns(np.stack((self.words[:, high], self.words[:, low]), axis=-1), "ABCD")
@@ -155,7 +163,8 @@ class Counting:
         kinds = float_classes(value)
         both, few = case == 3, (self._count[high] < 4).astype(np.int64)
         group = QUIET_GROUP[self._class[high]]
-        if is_float:
+        if hypothesis.is_float:
+            self._absurd[hypothesis] = (case > 0) & is_absurd(value)
             as_float = np.minimum(
                 change_lengths(self.steps(float_ordinals(pair)), 33),
                 change_lengths(self._across(np.diff(in_last_digits(value, 22), axis=0)), 33),
@@ -182,6 +191,8 @@ class Counting:
             "i32 low": np.where(low_only, (group * 8 + self._size[low]) * 3 + self._direction[low], NONE),
             "i32 low range": np.where(low_only, group * 10 + span[low], NONE),
             "i32 low cost": np.where(low_only, group * 9 + self._mean[low], NONE),
+            "i32 low manner": np.where(low_only, group * MANNERS + self._manner[low], NONE),
+            "i32 manners": np.where(both, self._manner[high] * MANNERS + self._manner[low], NONE),
             "i32 sign": np.where(low_only, group * 3 + self._sign()[low], NONE),
             "i32 high only": np.where(case == 2, self._class[low] * 4 + np.minimum(kinds, 3), NONE),
             "i32 quiet": np.where(case == 0, self._class[high] * 16 + self._class[low], NONE),
@@ -219,7 +230,7 @@ class Counting:
         found: Ints = np.digitize(count, (2, 4, 12)) * 4 + share
         return found
 
-    def _four(self, *, reverse: bool, is_float: bool) -> Codes:
+    def _four(self, hypothesis: Hypothesis, *, reverse: bool) -> Codes:
         width = self.words.shape[1] - 3
         columns = np.arange(width)[:, None] + (np.arange(4)[::-1] if reverse else np.arange(4))
         pattern = patterns(self.words[:, columns], "ABCD")
@@ -227,8 +238,9 @@ class Counting:
         case = moved @ np.array([8, 4, 2, 1])
         separate = self._cost16[columns].sum(axis=1)
         any_moved = case > 0
-        if is_float:
+        if hypothesis.is_float:
             value = pattern.view(np.float64)
+            self._absurd[hypothesis] = any_moved & is_absurd(value)
             as_float = change_lengths(self._across(np.diff(in_last_digits(value, 52), axis=0)), 63)
             gain = np.digitize(separate - as_float, _GAINS)
             return {

@@ -38,8 +38,8 @@ def zero_codes(zeros: Ints, words: Ints, moved: NDArray[np.bool_], order: str) -
     zero = ~moved & (words == 0)
     pair = zero[:-1] & moved[1:] if order == "ABCD" else zero[1:] & moved[:-1]
     so = zeros[1 if order == "ABCD" else 2] - 1
-    of_zeros = int(np.digitize((so + 0.5) / (zeros[0] - 1 + 1.0), _ZERO_EDGES))
-    of_moving = int(np.digitize((so + 0.5) / (zeros[3] - 1 + 1.0), _ZERO_EDGES))
+    of_zeros = int(np.digitize((so + 0.5) / max(zeros[0], 1), _ZERO_EDGES))
+    of_moving = int(np.digitize((so + 0.5) / max(zeros[3], 1), _ZERO_EDGES))
     return np.where(pair, of_zeros * (len(_ZERO_EDGES) + 1) + of_moving, NONE)
 
 

@@ -26,10 +26,11 @@ _PORTION: Final = 1024  # registers that are counted at once
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockEvidence:
     """The codes of one block: `codes[h]` of hypothesis h by table, an entry a register where it would begin; `moved`
-    which registers moved."""
+    which registers moved; `absurd[h]` where hypothesis h cannot stand."""
 
     codes: list[Codes]
     moved: NDArray[np.bool_]
+    absurd: list[NDArray[np.bool_]]
 
 
 def block_evidence(series: Sequence[tuple[Words, int]]) -> list[BlockEvidence]:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
 from captures.ragged import Ints
 
 Floats = NDArray[np.float64]
+_LEAST: Final = 1e-30
+_GREATEST: Final = 1e30
 
 
 def float_ordinals(pair: NDArray[np.uint64]) -> NDArray[np.int64]:
@@ -45,6 +49,15 @@ def float_classes(value: NDArray[np.floating]) -> Ints:
     found[absurd.any(axis=0)] = 6
     found[absurd.all(axis=0) | (~finite).all(axis=0)] = 7
     found[zero.all(axis=0)] = 4
+    return found
+
+
+def is_absurd(value: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Columns of which half the readings are no quantity that anybody has: a value that moves is never such a float."""
+    with np.errstate(invalid="ignore"):
+        size = np.abs(value.astype(np.float64))
+        odd = ~np.isfinite(size) | (size > _GREATEST) | ((size > 0) & (size < _LEAST))
+    found: NDArray[np.bool_] = odd.mean(axis=0) >= 0.5
     return found
 
 

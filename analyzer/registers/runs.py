@@ -101,7 +101,7 @@ def _run(
             for name, values in by_table.items():
                 whole = codes[hypothesis].setdefault(name, np.full(length, NONE, np.int64))
                 whole[at : at + len(values)] = values
-                fits[at : at + len(values), hypothesis] = True
+                fits[at : at + len(values), hypothesis] = ~mine.absurd[hypothesis]
                 source[at : at + len(values), hypothesis] = number
     own = [series[id(block)] for block in blocks]
     return Run(blocks[0].unit, blocks[0].area, address, blocks, own, list(codes), fits, moved, words, source)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import ClassVar
 
 from rich.text import Text
@@ -12,13 +12,17 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Label
 
 from captures.line import LineSettings
+from dissectors.maps.model import RegisterMap
+from dissectors.maps.units import UnitMaps
 
 from ..filters import Completion, FilterError, check, complete
 from ..model.filtering import compiled
 from .lines import Lines
 from .messages import FilterChanged, FilterLeft, LineEntered
 from .paint import StyledText, fitted
+from .preferences import Preferences
 
+_UNITS = 256
 _MOST = 8  # completions in sight
 
 
@@ -55,13 +59,21 @@ class FilterInput(Input):
         Binding("tab", "complete", "Complete"),
         Binding("down", "pick(1)", "Next", show=False),
         Binding("up", "pick(-1)", "Previous", show=False),
+        Binding("ctrl+up", "past(-1)", "Past filters", show=False),
+        Binding("ctrl+down", "past(1)", "Newer", show=False),
         Binding("escape", "leave", "Leave", show=False),
     ]
+
+    def action_past(self, step: int) -> None:
+        self.query_ancestor(FilterBar).recall(step)
 
     def action_complete(self) -> None:
         self.query_ancestor(FilterBar).complete()
 
     def action_pick(self, step: int) -> None:
+        if self.query_ancestor(FilterBar).recalled(self.value) or (step < 0 and not self.value):
+            self.action_past(step)
+            return
         self.query_ancestor(FilterBar).pick(step)
 
     def action_leave(self) -> None:
@@ -71,10 +83,25 @@ class FilterInput(Input):
 class FilterBar(Vertical):
     """The line, what is wrong with it, and completions under it."""
 
-    def __init__(self, speaks: LineSettings, *, id: str) -> None:
+    def __init__(
+        self,
+        speaks: LineSettings,
+        wishes: Preferences,
+        charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] = lambda _: {},
+        *,
+        id: str,
+    ) -> None:
+        """`charts` gives the maps of units, whose names a filter may have."""
         super().__init__(id=id)
         self.text = ""  # the filter in use
         self._speaks = speaks
+        self._wishes = wishes
+        self._charts = charts
+        self._back = 0  # how many past filters ago
+
+    @property
+    def _maps(self) -> UnitMaps:
+        return UnitMaps(dict(self._charts(range(_UNITS))))
 
     def compose(self) -> ComposeResult:
         with Horizontal(id="filter-line"):
@@ -96,9 +123,26 @@ class FilterBar(Vertical):
         self.line.value = text
         self._use(text)
 
+    def recalled(self, text: str) -> bool:
+        """Whether a text is a past filter as it came into the line."""
+        return bool(self._back) and text == self._wishes.past[-self._back]
+
+    def recall(self, step: int) -> None:
+        """A past filter into the line: the one before, or the one after."""
+        past = self._wishes.past
+        self._back = max(0, min(len(past), self._back - step))
+        self.line.value = past[-self._back] if self._back else ""
+        self.line.cursor_position = len(self.line.value)
+
+    def prepare(self, text: str) -> None:
+        """Put a text into the line, to be gone on with."""
+        self.line.value = text
+        self.line.focus()
+        self.line.cursor_position = len(text)
+
     def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
-        wrong = check(event.value, self._speaks)
+        wrong = check(event.value, self._speaks, self._maps)
         self.line.set_class(wrong is not None, "-wrong")
         self._say("" if wrong is None else str(wrong))
         self._suggest()
@@ -121,12 +165,14 @@ class FilterBar(Vertical):
     def _use(self, text: str) -> bool:
         text = text.strip()
         try:
-            found = compiled(text, self._speaks) if text else None
+            found = compiled(text, self._speaks, self._maps) if text else None
         except FilterError as error:
             self._say(str(error))
             self.line.cursor_position = min(error.column, len(text))
             return False
-        self.text = text
+        self.text, self._back = text, 0
+        if text:
+            self._wishes.used(text)
         self._say("")
         self.post_message(FilterChanged(found))
         return True

@@ -9,14 +9,16 @@ import numpy as np
 
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, phase_bits, surplus_bits
-from ..evidence import HEALTHY, Evidence, kind_bits
+from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
 from ..exchanges import Ending
-from ..hits import ALIKE, Hits, end_of_part, span_of_hits
+from ..hits import ALIKE, Hits, end_of_part, evenness_bits, span_of_hits
 from ..registry import Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 from ..spells import spells_of
 
 _LEAST: Final = 5
+_OVERLAID: Final = 3.0  # bits for or against, of a damaged answer of quite another length
+_SOME_OVERLAID: Final = 0.12  # of the damaged answers
 _LOAD: Final = 0.4  # where nobody knows it
 _SURE_BITS: Final = 14.0  # that a phase, a state or hours must add
 _MAINS: Final = ((50.0, 0.15), (60.0, 0.18))  # Hz, and how far it strays
@@ -45,7 +47,8 @@ def _anywhere(evidence: Evidence) -> tuple[Hits, float]:
         return hits, 0.0
     bits = surplus_bits(hits.all, max(hits.exchanges, hits.all), HEALTHY) + _place_bits(hits, _load(evidence))
     readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]
-    return hits, bits + min(kind_bits(readings, ALIKE), 0.0)
+    bits += _OVERLAID * (_SOME_OVERLAID * len(readings) - overlaid(readings))
+    return hits, bits + min(kind_bits(readings, ALIKE), 0.0) + evenness_bits(evidence)
 
 
 def _suspicion(evidence: Evidence, hits: Hits, bits: float, more: Mapping[str, Any], **times: Any) -> Suspicion:
@@ -168,7 +171,7 @@ def hours(evidence: Evidence) -> Iterator[Suspicion]:
         return
     grid = evidence.ledger.grid
     found, inside = spells_of(grid.counts("damage"), grid.counts("asked"))
-    if found < _SURE_BITS or grid.begin is None:
+    if found < _SURE_BITS or grid.begin_ns is None:
         return
     edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
     begins, ends = edges[::2], edges[1::2]
@@ -180,9 +183,9 @@ def hours(evidence: Evidence) -> Iterator[Suspicion]:
         "part": float(inside[trials > 0].mean()),
     }
     times: dict[str, Any] = {
-        "since": grid.begin + int(begins[0]) * grid.width,
+        "since": grid.begin_ns + int(begins[0]) * grid.width_ns,
         "until": end_of_part(evidence, int(ends[-1])),
     }
     if len(begins) > 2:
-        times["period_s"] = round(float(np.diff(begins).mean()) * grid.width / 1e9, 1)
+        times["period_s"] = round(float(np.diff(begins).mean()) * grid.width_ns / 1e9, 1)
     yield _suspicion(evidence, hits, bits + found, numbers, **times)

@@ -52,7 +52,7 @@ def _died(evidence: Evidence, unit: UnitLedger) -> int | None:
     if spell is None or not unit.answered or not evidence.silent(unit) or _only_repeats(unit):
         return None
     before = max((each.count for each in unit.silences.all if each is not spell), default=0)
-    span = evidence.ledger.grid.width * 256 if not evidence.ledger.timed else evidence.ledger.span_ns
+    span = evidence.ledger.grid.width_ns * 256 if not evidence.ledger.timed else evidence.ledger.span_ns
     lasted = (spell.end - spell.begin) / max(span, 1)
     return spell.begin if spell.count >= max(_TO_THE_END, 3 * before) and lasted >= _END_SHARE else None
 

@@ -20,6 +20,11 @@ _ONE_UNIT: Final = 0.9  # of all stretches
 _MOST: Final = 0.6
 _FEW: Final = 0.15  # frames hit for a stretch on the idle line
 _EARLY: Final = (0.3, 0.22, 0.16, 0.12, 0.08, 0.05, 0.04, 0.03)  # bits of a byte that ringing behind its start reaches
+# AnswerDamage by reflections, one bit a frame, or several.
+_BENT: Final = {"bits": 0.52, "head": 0.17, "bits-tail": 0.04, "middle": 0.1, "whole": 0.12, "tail": 0.02}
+_MUCH_BENT: Final = {"bits": 0.2, "head": 0.1, "bits-tail": 0.03, "middle": 0.35, "whole": 0.3, "tail": 0.01}
+_SINGLE: Final = 0.3
+_MOST_BENT: Final = 0.45
 _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
 
 
@@ -79,9 +84,11 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
         flips = [bit for reading in readings for bit in reading.flips]
         early = sum(log2(8 * _EARLY[bit]) for bit in flips)
         bits = sum(surplus_bits(evidence.damaged(unit), unit.asked, background) for unit in far)
-        expected = {"bits": 0.52, "head": 0.17, "bits-tail": 0.04, "middle": 0.1, "whole": 0.12, "tail": 0.02}
-        bits += kind_bits(readings, expected) + early - _UNIT_BITS * (count - 1)
-        if share_of(readings, "bits", "bits-tail") < 0.3 or len(readings) < _LEAST:
+        bits += max(kind_bits(readings, _BENT), kind_bits(readings, _MUCH_BENT)) + early - _UNIT_BITS * (count - 1)
+        single, several = share_of(readings, "bits", "bits-tail"), share_of(readings, "middle")
+        if (single < _SINGLE and (count < 2 or single < _FEW or single + several < _MOST_BENT)) or len(
+            readings
+        ) < _LEAST:
             continue
         if best is None or bits > best.bits:
             costs = [evidence.cost(unit, Ending.GARBAGE) for unit in far]

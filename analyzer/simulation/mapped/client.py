@@ -36,11 +36,11 @@ class PolledBlock:
 class MappedClient:
     """Polls its devices in turn; `exchange` gives the next request with its answer."""
 
-    def __init__(self, random: Random, charts: list[tuple[int, RegisterMap]]) -> None:
+    def __init__(self, random: Random, charts: list[tuple[int, RegisterMap]], wild: float = 0.2) -> None:
         self._random = random
         seconds = 10 ** random.uniform(-0.3, 1.8)
         self.devices = [
-            MappedDevice(unit, chart, random.uniform(2.5e6, 31e6), seconds, random) for unit, chart in charts
+            MappedDevice(unit, chart, random.uniform(2.5e6, 31e6), seconds, random, wild) for unit, chart in charts
         ]
         self.polls = [poll for device in self.devices for poll in _polls(random, device)]
         self._turn = 0

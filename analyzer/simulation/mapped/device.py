@@ -11,7 +11,7 @@ import math
 import re
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from random import Random
 from typing import Final, cast
 
@@ -52,28 +52,50 @@ class MappedDevice:
     response_ns: float
     seconds: float
     random: Random
+    wild: float = 0.2  # of the values, those that do what nobody expects of their names
     words: dict[tuple[MapArea, int], int] = field(default_factory=dict)
     _motions: list[tuple[MappedValue, Series]] = field(default_factory=list)
     _unlisted: list[tuple[tuple[MapArea, int], Series]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        plant = Plant(self.random, self.seconds)
+        plant = Plant(self.random, self.seconds, self.wild)
+        powers = {(row.area, row.scale_address) for row in self.chart.rows if row.scale_address is not None}
         for row in self.chart.rows:
-            if row.type == "text" or self.random.random() < _ABSENT:
+            if (row.area, row.address) in powers:
+                self.words[row.area, row.address] = self.random.choice((0, 0, -1, -1, -2, -3, 1)) & 0xFFFF
+            elif row.type == "text" or self.random.random() < _ABSENT:
                 for place, word in enumerate(self._still(row), row.address):
                     self.words[row.area, place] = word
             else:
                 self._motions.append((row, plant.motion_of(row)))
+        for area, address, held in self.chart.match.registers:
+            for place, word in enumerate(held, address):
+                self.words[area, place] = word
+        self._motions = [(row, motion) for row, motion in self._motions if not self._is_told(row)]
         self.step()
+
+    def _is_told(self, row: MappedValue) -> bool:
+        """Whether a value is one by which the device is recognised."""
+        return any(
+            row.area == area and row.address < address + len(held) and address < row.end
+            for area, address, held in self.chart.match.registers
+        )
 
     def step(self) -> None:
         """One poll cycle later."""
         for row, motion in self._motions:
-            words = encoded(row, next(motion))
+            words = encoded(self._in_powers(row), next(motion))
             for place, word in enumerate(words):
                 self.words[row.area, row.address + place] = word
         for key, motion in self._unlisted:
             self.words[key] = int(next(motion)) & 0xFFFF
+
+    def _in_powers(self, row: MappedValue) -> MappedValue:
+        """The row with the power of ten that its scale register holds."""
+        power = None if row.scale_address is None else self.words.get((row.area, row.scale_address))
+        if not power:
+            return row
+        return replace(row, scale=row.scale * 10.0 ** (power - 0x10000 if power > 0x7FFF else power))
 
     def read(self, area: MapArea, address: int, quantity: int) -> list[int]:
         """The words of a block."""
@@ -174,10 +196,12 @@ class _Circuit:
 class Plant:
     """What the values of one device measure."""
 
-    def __init__(self, random: Random, seconds: float) -> None:
+    def __init__(self, random: Random, seconds: float, wild: float) -> None:
         self._random = random
+        self._wild = wild
         self._seconds = seconds
         self._volts = random.choice((230.0, 230.0, 230.0, 120.0, 400.0))
+        self._mains = random.choice((50.0, 50.0, 50.0, 60.0)) + random.uniform(-0.03, 0.03)
         self._amperes = 10 ** random.uniform(-0.5, 2.5)
         self._idle = random.random() < 0.1
         self._sense = random.choice((1, 1, 1, 1, -1))
@@ -203,7 +227,7 @@ class Plant:
             return series.states(random, list(row.values) or list(range(random.choice((2, 4, 8, 300)))))
         if row.writable or re.search(r"setpoint|nominal|serial|firmware|device type|address|capacity", row.name, re.I):
             return self._set(row)
-        if random.random() < 0.2 and row.length <= 2:
+        if random.random() < self._wild and row.length <= 2:
             return self._rounded(row, self._anything(row))
         return self._rounded(row, self._measured(row))
 
@@ -218,6 +242,8 @@ class Plant:
         if "°C" in unit:
             level = self._random.choice((5.0, 22.0, 22.0, 45.0, 65.0, -8.0))
             return series.motion(self._random, level, self._random.uniform(0.5, 8))
+        if unit == "Hz" and not re.search(r"output|motor|compressor|pulse|setpoint|reference|meter \d", name, re.I):
+            return series.walk(self._random, self._mains, 0.01, 0.05)
         level, reach = _LEVELS.get(unit, (0.0, 0.0))
         if level:
             low = self._random.uniform(0.02, 1)

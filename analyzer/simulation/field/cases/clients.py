@@ -109,7 +109,7 @@ def overload(random: Random, tap: str) -> Site:
     bench.master.manners.pause_ms = lambda _: 0.0
     each = 60 * bench.uart.char_ns
     numbers = sorted(bench.units)
-    while len(bench.master.polls) * each < 1.5 * wanted:
+    while len(bench.master.polls) * each < 2.0 * wanted:
         number = random.choice(numbers)
         bench.master.polls.append(
             FieldPoll(number, read_pdu(3, random.randrange(0, 3000, 50), random.choice((20, 30, 40))))
