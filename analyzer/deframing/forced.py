@@ -265,9 +265,13 @@ def plain_reach(
             waits = np.append(waiting, waits[1:])
         early = np.flatnonzero(start < REACH)
         if len(early):  # what was asked before may be before these bytes
-            asked = {open_requests.adu[:2] for open_requests in tracker.conversation.open_requests}
+            conversation = tracker.conversation
+            asked = {open_requests.adu[:2] for open_requests in conversation.open_requests}
             late = late.copy()
             late[early] |= [data[s : s + 2].tobytes() in asked for s in start[early].tolist()]
+            for k in early[alone[early]].tolist():  # the request before it once more, behind it
+                behind = number[k] + 1
+                late[k] |= data[runs.start[behind] : runs.end[behind]].tobytes() == conversation.last
         before, behind = silences.take(start), silences.take(runs.end[number])
         first = table[np.where(waits, _AGAIN, _ASKS), before] - table[_ANSWERS, before] + asking
         echo = table[_ANSWERS, behind] - table[_AGAIN, behind]
@@ -287,9 +291,7 @@ def plain_reach(
     return last, margin
 
 
-def without_tail(
-    runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics
-) -> int:
+def without_tail(runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics) -> int:
     """The end of a run from interval i on, before `last`, behind which the lattice has the word.
 
     After a whole exchange, and where silence parts them, the lattice would decide as well before it goes on; a frame
@@ -305,9 +307,7 @@ def without_tail(
     return _without_echoes(runs, i, last, silences, statistics)
 
 
-def _without_echoes(
-    runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics
-) -> int:
+def _without_echoes(runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics) -> int:
     """The same without exchanges at the end of which the second frame may be the request once more: what follows
     tells, and the lattice would wait for it."""
     while last - 2 >= i and runs.fits[last - 1] and runs.either[last - 1] and runs.end[last - 1] < len(silences):
