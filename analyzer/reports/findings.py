@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from ..causes.model import Cause
-from ..words import is_clock, time_of_day
+from ..words import is_clock, plural, time_of_day
 from .model import FindingGroup, FindingRow
 
 _WORST: Final = 3
