@@ -24,7 +24,7 @@ from dissectors.maps.model import MappedValue
 RELATIONS = ("the sum of", "goes as")
 
 
-def right_values(device: MadeDevice, values: list[RegisterValue], rows: list[tuple[str, MappedValue]]) -> list[bool]:
+def right_values(values: list[RegisterValue], rows: list[tuple[str, MappedValue]]) -> list[bool]:
     """Of each row whether it was read right: registers, integer or float, word order."""
     answers = {(value.area, value.address): value for value in values}
     return [(area, row.address) in answers and _same(answers[area, row.address], row) for area, row in rows]
@@ -65,12 +65,12 @@ def main(arguments: list[str]) -> int:
             alone = infer(device.readings)
             taught = infer(device.readings, charts={1: replace(RegisterMap("", ()), rows=tuple(r for _, r in told))})
             counts["rest"] += len(rest)
-            counts["alone"] += sum(right_values(device, alone, rest))
-            counts["taught"] += sum(right_values(device, taught, rest))
+            counts["alone"] += sum(right_values(alone, rest))
+            counts["taught"] += sum(right_values(taught, rest))
             one = [pair for pair in rest if pair[1].length == 2 and not pair[1].is_float]
             counts["pairs"] += len(one)
-            counts["pairs alone"] += sum(right_values(device, alone, one))
-            counts["pairs taught"] += sum(right_values(device, taught, one))
+            counts["pairs alone"] += sum(right_values(alone, one))
+            counts["pairs taught"] += sum(right_values(taught, one))
             truth = {(area, row.address): row for area, row in rows}
             for value in alone:
                 row = truth.get((value.area, value.address))
