@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, tzinfo
 from enum import Enum
-from typing import Final
+from typing import TYPE_CHECKING, Final, overload
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 _EPOCH_NS: Final = 10**17  # times after 1973 are taken for a clock's, others count from the start of the capture
 
@@ -18,8 +22,12 @@ class TimeBase(Enum):
     REFERENCE = "since reference"
 
 
-def is_clock(t_ns: int) -> bool:
-    """Whether a time is a clock's, and so has a date."""
+@overload
+def is_clock(t_ns: int) -> bool: ...
+@overload
+def is_clock(t_ns: NDArray[np.int64]) -> NDArray[np.bool_]: ...
+def is_clock(t_ns: int | NDArray[np.int64]) -> bool | NDArray[np.bool_]:
+    """Whether a time, or each of some, is a clock's, and so has a date."""
     return t_ns > _EPOCH_NS
 
 

@@ -72,7 +72,7 @@ def test_a_question_gets_what_is_typed_behind_its_key(seen: Watched, capture: Pa
 
 
 def test_the_next_hit_is_counted_from_the_last(seen: Watched, capture: Path) -> None:
-    seen.press(f"ft discrete{ENTER}nnnm")
+    seen.press(f"fdiscrete{ENTER}nnnm")
     bus = bus_of(capture)
     hits = [r for r in range(bus.count) if not bus.is_noise(r) and "discrete" in bus.frame(r).summary()]
     assert noted(capture, seen) == [hits[3]]

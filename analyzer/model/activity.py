@@ -74,6 +74,18 @@ class Activity:
         return Bins(t_start, width, *tracks)
 
 
+def binned(bus: Bus, rows: NDArray[np.int64], t_start: int, t_end: int, bins: int) -> Bins:
+    """Some rows alone over a span, in this many bins, where they end."""
+    width = max(t_end - t_start, 1) / bins
+    ends = bus.table.take("t_end", rows)
+    place = ((ends - t_start) // width).astype(np.int64)
+    inside = (place >= 0) & (place < bins)
+    lengths, kinds, checks, exceptions = (
+        bus.table.take(name, rows[inside]) for name in ("length", "kind", "check", "exception")
+    )
+    return Bins(t_start, width, *_counted(lengths, kinds, checks, exceptions, place[inside], bins))
+
+
 def _counted(
     lengths: NDArray[np.int64],
     kinds: NDArray[np.uint8],

@@ -24,7 +24,7 @@ from ..tables.batch import Batch
 from ..tables.frame import Frame
 from ..tables.schema import NO_GAP, ROW, Kind, Row, Rows
 from ..tables.transactions import NEVER, OF_ANSWER, TRANSACTION, Status
-from .activity import Activity, UnitActivity
+from .activity import Activity, Bins, UnitActivity
 from .evidence import RowEvidence, evidence_columns, evidence_of
 from .polls import PollIndex
 from .registers import RegisterLog
@@ -73,15 +73,15 @@ class Bus:
         self.options = Options()
         self._ledger = Ledger(line)
         self._lock = threading.Lock()
-        self._capture: CaptureSource | None = None
+        self._source: ViewSource | None = None
 
     @classmethod
     def of(cls, source: ViewSource) -> Bus:
         """An empty model for a source."""
-        if not isinstance(source, CaptureSource):
-            return cls(source.line, timed=source.timed)
         bus = cls(source.line, timed=source.timed)
-        bus._capture = source
+        bus._source = source
+        if not isinstance(source, CaptureSource):
+            return bus
         bus.options = source.options
         bus._ledger = Ledger(source.line, source.options)
         return bus
@@ -99,7 +99,7 @@ class Bus:
     @property
     def deaf(self) -> Sequence[Deaf]:
         """Times in which a recording heard nothing."""
-        return () if self._capture is None else self._capture.deaf
+        return getattr(self._source, "deaf", ())
 
     # Taking in
 
@@ -112,7 +112,7 @@ class Bus:
         self._settle(analysed.transactions)
         self.found.add(analysed.findings, self.table)
         if len(batch):
-            self.registers.feed(batch, first)
+            self.registers.feed(batch, np.arange(first, first + len(batch)))
             self.activity.feed(batch.rows)
             self.units.feed(batch.rows)
         with self._lock:
@@ -258,13 +258,21 @@ class Bus:
             yield first, self.batch(np.arange(first, stop))
             first = stop
 
+    def over(self, t_start: int, t_end: int, bins: int) -> Bins:
+        """How busy a span was, in equal bins."""
+        return self.activity.over(self, t_start, t_end, bins)
+
     def report(self, source: ViewSource) -> Report:
         """The bus on one page, as it is known now."""
+        with self._lock:
+            return self.page(self._summary, source, partial=not self.whole)
+
+    def page(self, summary: Summary, source: ViewSource, *, partial: bool) -> Report:
+        """A summary of this bus, or of some of its rows, as a page."""
         from captures.chunks import Capture
 
         capture = getattr(source, "capture", None) or Capture.of(source.line, (), timed=source.timed)
-        with self._lock:
-            return self._summary.report(capture, source=source.name, partial=not self.whole)
+        return summary.report(capture, source=source.name, partial=partial)
 
     def causes(self) -> list[Cause]:
         """What explains the findings so far, best first; nothing on a healthy bus. Takes a moment."""

@@ -40,6 +40,12 @@ def hashes(bus: Bus, rows: NDArray[np.int64]) -> _Hashes:
     return found
 
 
+def _keyed(polls: _Hashes, lengths: NDArray[Any]) -> _Hashes:
+    """Polls of which answers of these lengths are compared."""
+    keys: _Hashes = polls ^ lengths.astype(np.uint64) * _POWERS[0]
+    return keys
+
+
 class PollIndex:
     """Which answers are to the same poll."""
 
@@ -57,18 +63,27 @@ class PollIndex:
             kind, check, partner = (table.column(number, name)[low:size] for name in ("kind", "check", "partner"))
             found = np.zeros(size - low, np.uint64)
             here = np.flatnonzero((kind == Kind.RESPONSE) & check & (partner >= 0))
-            lengths = table.column(number, "length")[low:size][here].astype(np.uint64)
-            found[here] = hashes(self._bus, partner[here].astype(np.int64)) ^ lengths * _POWERS[0]
+            lengths = table.column(number, "length")[low:size][here]
+            found[here] = _keyed(hashes(self._bus, partner[here].astype(np.int64)), lengths)
             known = np.concatenate((known, found))
         if len(self._known) >= _KEPT:
             del self._known[next(iter(self._known))]
         self._known[number] = known
         return known
 
+    def _poll(self, row: int) -> np.uint64:
+        """The same of one answer, good or not; 0 where it answers nothing."""
+        bus = self._bus
+        partner = bus.partner(row) if row < bus.count else None
+        if partner is None or bus.table.value("kind", row) != Kind.RESPONSE:
+            return np.uint64(0)
+        found: np.uint64 = _keyed(hashes(bus, np.array([partner])), bus.table.take("length", np.array([row])))[0]
+        return found
+
     def before(self, row: int) -> int | None:
         """The row of the newest good answer before `row` to the same poll; None where none is near."""
         number, place = divmod(row, PIECE)
-        wanted = self._polls(number)[place] if row < self._bus.count else 0
+        wanted = (self._polls(number)[place] if row < self._bus.count else 0) or self._poll(row)
         if not wanted:
             return None
         for other in range(number, max(-1, number - _PIECES), -1):

@@ -40,6 +40,12 @@ class DetailPane(Horizontal):
         self.octets.show(look, start, length)
         self._title_octets(start, length)
 
+    def light(self, start: int, length: int) -> None:
+        """Light some bytes, and the field that they belong to."""
+        self.fields.light(start)
+        self.octets.light(start, length)
+        self._title_octets(start, length)
+
     def open(self, name: str) -> None:
         """Open an item, and let its tree have the keys."""
         self.fields.open(name)

@@ -30,9 +30,9 @@ class FrameList(Lines):
 
     @property
     def empty(self) -> str:
-        if self.desk.bus.count and not isinstance(self.rows, Everything):
-            return "no row passes the filter, the span or z (noise hidden); Esc takes filter and span back"
-        return self.EMPTY
+        if self.desk.bus.count and self.desk.scope.only_changed and not self.desk.scope.narrows:
+            return "no answer changed; d shows all"
+        return self.desk.emptied(self.EMPTY)
 
     def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
@@ -71,9 +71,9 @@ class FrameList(Lines):
 
     def kind_of_line(self, line: int) -> str:
         row, here = self.row_at(line), self.row if self.pinned_to is None else self.pinned_to
-        if self.pinned is None or here is None:
-            return ""
-        return "lit" if min(self.pinned, here) <= row <= max(self.pinned, here) else ""
+        if self.pinned is not None and here is not None and min(self.pinned, here) <= row <= max(self.pinned, here):
+            return "lit"
+        return self.desk.tint(row)
 
     def columns(self, width: int) -> tuple[int, int, int]:
         """Widths: number, time, answer's time (0: not shown)."""
@@ -158,5 +158,5 @@ VIEW: Final = View(
     name="frames", key="2", title="Frames",
     make=lambda desk: FrameList(desk, id="frames"), refresh=grown,
     chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor,
-    detail=True, filtered=True,
+    detail=True,
 )  # fmt: skip

@@ -11,6 +11,7 @@ from textual.cache import LRUCache
 
 from ..model.pollvalues import PollValues, poll_values
 from ..model.selection import ListRows, Selection, Unfolded, transactions
+from ..tables.schema import Kind
 from ..words import pointed_ms
 from . import rows as words
 from .frames import FrameList, at_the_row, shown_row, to_its_fields, under_cursor
@@ -42,32 +43,53 @@ class TransactionList(FrameList):
         super().__init__(desk, id=id)
         self.rows = Selection(desk.bus, transactions)
         self._lines = Unfolded(desk.bus, self.rows)
+        self._meant = -1  # a request that is meant itself, not its answer
         self._read: LRUCache[int, PollValues] = LRUCache(_KEPT)
 
     def use(self, rows: ListRows) -> None:
-        row = self.row
+        row = self._lines.place(self.cursor)[0] if self.cursor < self._lines.count else None
         self.rows, self._lines = rows, Unfolded(self.desk.bus, rows)
         self._told = -1
         self.renewed(0 if row is None or not rows.count else self._lines.line(row))
 
     @property
     def row(self) -> int | None:
-        return self._lines.place(self.cursor)[0] if self.cursor < self._lines.count else None
+        """The row that the line under the cursor stands for: a transaction's answer, where there is one."""
+        return self._stands_for(self.cursor) if self.cursor < self._lines.count else None
+
+    def _stands_for(self, line: int) -> int:
+        row, below = self._lines.place(line)
+        partner = self.desk.bus.partner(row)
+        return row if below or row == self._meant or partner is None or partner >= self.desk.bus.count else partner
 
     def go(self, row: int) -> bool:
         """Put the cursor on the transaction that holds a row; False where it is none of the list's."""
         if not self.rows.count:
             return False
-        table = self.desk.bus.table
-        partner = table.value("partner", row)
-        begins = partner if 0 <= partner < row else row
+        partner = self.desk.bus.partner(row)
+        answers = partner is not None and self.desk.bus.table.value("kind", row) == Kind.RESPONSE
+        begins = partner if answers and partner is not None else row
         self.following = False
         line = self._lines.line(begins)
+        if row != self.row:
+            self._told = -1
+        self._meant = row
         self.move_to(line, middle=True)
         return self._lines.place(line)[0] == begins
 
+    def _tell(self) -> None:
+        if self.cursor < self._lines.count and self._lines.place(self.cursor)[0] != self._meant:
+            self._meant = -1
+        super()._tell()
+
     def count(self) -> int:
         return self._lines.count
+
+    def kind_of_line(self, line: int) -> str:
+        row, below = self._lines.place(line)
+        own = super().kind_of_line(line)
+        partner = -1 if own or below else self.desk.bus.table.value("partner", row)
+        return own if partner < 0 or partner >= self.desk.bus.count else self.desk.tint(partner)
 
     def row_at(self, line: int) -> int:
         return self._lines.place(line)[0]
@@ -116,24 +138,23 @@ class TransactionList(FrameList):
         """What came of it: values in columns, or words where there are none."""
         desk, row, answer = self.desk, found.row, found.answer
         table = desk.bus.table
-        asked, about = words.words(desk, row)
-        said, more = words.words(desk, answer) if answer >= 0 else ([], [])
+        about = words.about(desk, row) + (words.about(desk, answer) if answer >= 0 else [])
         bad = answer >= 0 and (table.value("exception", answer) > 0 or not table.value("check", answer))
-        about += more
         if bad:
             about = [each for each in about if each.text.strip() != "exception"]
+        said: list[StyledText] = []
         if answer < 0 and not ended.text and desk.bus.whole:
-            said = asked  # no request of which anybody could say what became of it
-        elif answer < 0 and words.direction(desk, row) == "request":
+            return words.shared(words.words(desk, row)[0], about, room)  # nobody can say what became of it
+        if answer < 0 and words.direction(desk, row) == "request":
             said = [StyledText(_OUTCOMES.get(ended.text, ended.text), ended.kind)]
-            if not found.register:
-                said = [*asked, StyledText(" → ", "response"), *said]
-            elif found.values:
+            if found.register and found.values:
                 said += [StyledText(": "), *_columns(found)]
         elif found.values and not bad:
-            said = _columns(found)
-        elif answer < 0 or not found.register:
-            said = [*asked, *([StyledText(" → ", "response")] if said else []), *said]
+            return words.shared(_columns(found), about, room)
+        elif answer >= 0:
+            said = words.words(desk, answer)[0]
+        if not found.register:
+            said = [*words.words(desk, row)[0], *([StyledText(" → ", "response")] if said else []), *said]
         return words.shared(said, about, room)
 
     def _values(self, line: int, row: int) -> PollValues:
@@ -163,5 +184,5 @@ VIEW: Final = View(
     name="transactions", key="1", title="Transactions", short="Trans",
     make=lambda desk: TransactionList(desk, id="transactions"), refresh=grown,
     chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor,
-    detail=True, filtered=True,
+    detail=True,
 )  # fmt: skip
