@@ -18,6 +18,7 @@ from dissectors.crc import byte_between, crc16, crc_bytes, flipped_bit, needed, 
 from dissectors.crc_variants import matching
 
 from ..tables.schema import Kind
+from .asciireading import COLON, ascii_due, read_ascii
 from .exchanges import Outcome
 from .samples import Piece, Sample
 
@@ -102,13 +103,35 @@ def signature(sample: Sample, char_ns: float, requests: frozenset[bytes], *, off
     data = b"".join(piece.data for piece in burst)
     echoed = data.startswith(sample.request) and len(data) > len(sample.request)
     data = data[len(sample.request) :] if echoed else data
-    found = _read(sample, data, burst, requests)
+    due = sample.due
+    if sample.request[:1] == COLON:
+        due = ascii_due(due)
+        kind_word, count, at = read_ascii(data, due, _header(_rtu_of(sample.request)))
+        found = _Reading(Damage(kind_word), count, at)
+    else:
+        found = _read(sample, data, burst, requests)
     t = burst[0].t_start + int((max(found.at, 0) + 0.5) * char_ns)
     behind, t_behind = (_kind_of(rest, sample, requests), rest[0].t_start) if rest else (Behind.NOTHING, -1)
     marks = sum(piece.marks for piece in burst)
-    return Signature(found.damage, behind, found.bytes, len(data), sample.due, found.at, found.flips, t, marks,
+    return Signature(found.damage, behind, found.bytes, len(data), due, found.at, found.flips, t, marks,
                      found.detail, t_behind, _headed(sample, data), echoed, burst[0].t_start - sample.t_asked,
                      data, sample.request)  # fmt: skip
+
+
+def known_header(request: bytes) -> bytes:
+    """The first bytes on the line of a right answer to a request, in RTU or in ASCII."""
+    if request[:1] == COLON:
+        return COLON + _header(_rtu_of(request)).hex().upper().encode()
+    return _header(request)
+
+
+def _rtu_of(request: bytes) -> bytes:
+    """A request in ASCII as it would be in RTU; empty where its digits are none."""
+    try:
+        body = bytes.fromhex(request[1:-2].decode("ascii"))[:-1]
+    except ValueError:
+        return b""
+    return body + crc_bytes(body)
 
 
 def _headed(sample: Sample, data: bytes) -> int:

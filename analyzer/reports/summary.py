@@ -269,6 +269,7 @@ def summarize(
     from ..causes.ledger import Ledger
     from ..causes.reasoning import causes_of
     from ..core import analyse
+    from .cards import unit_cards
     from .polls import poll_rows
 
     line = capture.line
@@ -297,4 +298,5 @@ def summarize(
     ledger.close()
     if values is not None:
         ledger.breaches = values.breaches()
-    return replace(report, causes=tuple(causes_of(ledger)), polls=poll_rows(ledger))
+    cards = unit_cards(ledger, report.times.off_ns)
+    return replace(report, causes=tuple(causes_of(ledger)), cards=cards, polls=poll_rows(ledger))
