@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..causes.model import Cause
     from ..outages import Deaf
     from ..registers.watch import WatchedValue
+    from .against import Difference
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,6 +259,8 @@ class Report:
     cards: tuple[UnitCard, ...] = ()  # by unit; none where a filter leaves out a part of the bus
     polls: tuple[PollRow, ...] = ()  # those asked most first
     hours: tuple[HourRow, ...] = ()  # where they were asked for
+    before: str = ""  # the capture that it is compared with
+    against: tuple[Difference, ...] = ()  # what is otherwise than there
     findings: tuple[FindingRow, ...] = ()  # those that cost the bus most come first
     values: tuple[WatchedValue, ...] = ()  # what registers held, by a map or as far as inference is sure
     notes: tuple[Note, ...] = ()  # of a recording: what happened besides bytes

@@ -13,7 +13,7 @@ from dissectors.values import harmless
 
 from ..outages import unheard
 from ..words import duration, is_clock, moment, plural
-from . import findings, pagetables, values
+from . import against, findings, pagetables, values
 from .model import Counts, Report
 
 _WIDTH: Final = 80
@@ -35,6 +35,9 @@ def _lines(report: Report) -> Iterator[str]:
         yield nothing(report)
         return
     yield from findings.cause_lines(report.causes)
+    if report.before:
+        yield ""
+        yield from against.lines(report.against, report.before)
     for table in pagetables.tables(report):
         yield ""
         yield from table

@@ -17,6 +17,8 @@ from ..signatures import Behind
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 5
+_MET: Final = 3  # times, that two are seen to send at once or to know nothing of each other
+_SENT_INTO: Final = 0.15  # of damaged answers
 _HASTY: Final = 0.35  # of the timeout: nobody gives up so soon
 _COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.22, "long": 0.07, "other": 0.03,
                     "middle": 0.03, "tail": 0.02, "head": 0.02, "bits": 0.01}  # fmt: skip
@@ -66,6 +68,8 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     hits = min(hasty + late + behind + damaged, evidence.ledger.exchanges)
     if crossed < _LEAST or crossed < 0.4 * hits or len(hit) < min(2, len(units)) or not hasty + late + requests:
         return
+    if hasty + late < _MET and overlaid(readings) < max(_MET, _SENT_INTO * len(readings)):
+        return  # damage alone: one transmitter and a bad line do as well
     bits = surplus_bits(hits, evidence.ledger.exchanges, HEALTHY) + kind_bits(readings, _COLLIDED)
     bits += overlaid(readings) + 2 * (hasty + late) + likelihood_bits(damaged + requests, damaged + behind, _ON_FRAMES)
     bits -= likelihood_bits(damaged + requests, damaged + behind, 0.5)

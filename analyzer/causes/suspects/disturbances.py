@@ -17,6 +17,8 @@ from ..signatures import Damage
 from ..spells import spells_of
 
 _LEAST: Final = 5
+_ON_FRAMES: Final = 0.05
+_IDLE_BITS: Final = 20.0
 _OVERLAID: Final = 3.0  # bits for or against, of a damaged answer of quite another length
 _SOME_OVERLAID: Final = 0.12  # of the damaged answers
 _LOAD: Final = 0.4  # where nobody knows it
@@ -47,6 +49,8 @@ def _anywhere(evidence: Evidence) -> tuple[Hits, float]:
         return hits, 0.0
     bits = surplus_bits(hits.all, max(hits.exchanges, hits.all), HEALTHY) + _place_bits(hits, _load(evidence))
     readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]
+    if hits.frames < _ON_FRAMES * hits.all:  # what hardly meets a frame would be on the idle line alone
+        bits -= _IDLE_BITS
     bits += _OVERLAID * (_SOME_OVERLAID * len(readings) - overlaid(readings))
     return hits, bits + min(kind_bits(readings, ALIKE), 0.0) + evenness_bits(evidence)
 
