@@ -93,7 +93,9 @@ def signature(sample: Sample, char_ns: float, requests: frozenset[bytes], *, off
         before = next((i for i, piece in enumerate(sample.pieces) if piece.answers), 0)
         marks = sum(piece.marks for piece in sample.pieces if piece.answers)
         detail = "before" if before else ""
-        kind = Behind.NOISE if before and kind is Behind.NOTHING else kind
+        ahead = b"".join(piece.data for piece in sample.pieces[:before])
+        if before and kind is Behind.NOTHING and (sample.request[:1] != COLON or ahead.strip(b"\r\n")):
+            kind = Behind.NOISE
         length = sum(len(piece.data) for i, piece in enumerate(sample.pieces) if i > before and not piece.answers)
         return Signature(Damage.NONE, kind, length=length, marks=marks, t_behind=t, detail=detail, due=sample.due)
     burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
@@ -289,6 +291,10 @@ def _kind_of(rest: list[Piece], sample: Sample, requests: frozenset[bytes]) -> B
     if all(piece.check for piece in rest):
         return Behind.NOTHING
     data = b"".join(piece.data for piece in rest)
+    if crc16(data) == 0 and len(data) >= _LEAST:
+        return Behind.NOTHING  # whole after all, in pieces
+    if sample.request[:1] == COLON and not data.strip(b"\r\n"):
+        return Behind.NOTHING  # the end of a line, behind a pause of the tap's
     if not any(data) and len(data) <= 2:
         return Behind.ZEROS
     header = _header(sample.request)[:_COUNTED]
