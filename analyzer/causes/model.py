@@ -13,7 +13,8 @@ class Cause:
     `units` the most concerned first; `blame`: unit, master, line or tap; `share` says of how many; `since_ns` and
     `until_ns` None without times, `period_s` None where it does not recur; `confidence` 0 to 1; `runner_up` the id of
     the next best explanation, or None; `lost_answers` and `lost_ms` None where nobody knows; `frames`: indices of a
-    few requests or frames that show it; `bits`: how much likelier the capture is with it than without.
+    few requests or frames that show it; `bits`: how much likelier the capture is with it than without; `explains`:
+    codes of findings with the unit each stands on (None: the bus), which follow from it.
     """
 
     cause: str
@@ -33,7 +34,13 @@ class Cause:
     lost_ms: float | None
     frames: tuple[int, ...]
     bits: float
+    explains: frozenset[tuple[str, int | None]] = frozenset()
+
+    def is_behind(self, code: str, unit: int | None) -> bool:
+        """Whether findings of a code on a unit follow from it; `unit` None: on no unit in particular."""
+        return (code, unit) in self.explains or (unit is None and any(code == each for each, _ in self.explains))
 
     def to_json(self) -> dict[str, Any]:
         """As plain values."""
-        return {**asdict(self), "units": list(self.units), "frames": list(self.frames)}
+        codes = sorted({code for code, _ in self.explains})
+        return {**asdict(self), "units": list(self.units), "frames": list(self.frames), "explains": codes}

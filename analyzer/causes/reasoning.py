@@ -9,7 +9,7 @@ from typing import Final
 from .evidence import Evidence
 from .ledger import Ledger
 from .model import Cause
-from .registry import Suspect, Suspicion, suspects
+from .registry import SHOWN_BY, Suspect, Suspicion, suspects
 
 THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
@@ -74,4 +74,5 @@ def _cause(best: Weighed, rival: Weighed | None, *, timed: bool) -> Cause:
         lost_ms=found.lost_ms if timed else None,
         frames=found.frames,
         bits=round(found.bits, 1),
+        explains=frozenset((code, unit) for symptom, unit in found.explains for code in SHOWN_BY[symptom]),
     )

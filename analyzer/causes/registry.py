@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from ..tables.findings import Severity
 
@@ -46,6 +46,22 @@ class Symptom(Enum):
     REQUESTS = "requests"  # what the master asks, and how
     FRAMING = "framing"  # bytes in no frame
 
+
+# Codes of findings by which a symptom shows itself.
+SHOWN_BY: Final[Mapping[Symptom, tuple[str, ...]]] = {
+    Symptom.SILENCE: ("no-response", "retry"),
+    Symptom.DAMAGE: ("crc-error", "bit-flip", "byte-missing", "byte-extra", "truncated", "crc-variant", "bytes-repeated",
+                     "collision", "response-mismatch", "byte-count-mismatch", "lrc-error", "retry"),
+    Symptom.LATENESS: ("late-response", "unexpected-response", "retry"),
+    Symptom.DOUBLES: ("duplicate-response",),
+    Symptom.BEHIND: ("noise", "collision"),
+    Symptom.MARKS: ("parity-error",),
+    Symptom.REFUSAL: ("exception",),
+    Symptom.TIMING: ("gap-in-frame", "gap-too-short"),
+    Symptom.VALUES: (),
+    Symptom.REQUESTS: ("broadcast-answered", "broadcast-read", "turnaround-short", "bus-saturated"),
+    Symptom.FRAMING: ("echo", "noise", "other-protocol"),
+}  # fmt: skip
 
 Explained = frozenset[tuple[Symptom, int | None]]
 

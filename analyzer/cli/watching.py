@@ -60,6 +60,7 @@ class Watch:
         fire: Callable[[int], None] | None = None,
     ) -> None:
         """`extra`: more words for the status line; `fire` is told the time of each trigger."""
+        from ..causes.story import RunningStory
         from ..live.lines import LiveJsonLines, TextLines
         from ..live.recent import Recent
         from ..live.status import LineStatus
@@ -75,6 +76,7 @@ class Watch:
         )
         self.status = LineStatus(session.line)
         self._recent = Recent()
+        self._story = RunningStory(session.line)
         self._filter, self._until = _condition(arguments.filter, charts), _condition(arguments.until, charts)
         self._trigger = _condition(arguments.trigger, charts)
         self._window: TriggerWindow[str] = TriggerWindow(int(arguments.before * 1e9), int(arguments.after * 1e9))
@@ -102,9 +104,12 @@ class Watch:
                 if self._over:
                     break
             out += [self._lines.bus(finding) for finding in of_the_bus(step)]
+            told = self._story.feed(step.batch, step.analysed.transactions, self._session.line)
+            out += [self._lines.cause(revision) for revision in told]
             self._write(terminal_text(*out))
             if self._arguments.duration and self.status.elapsed_ns >= self._arguments.duration * 1e9:
                 self._end()
+        self._write(terminal_text(*[self._lines.cause(revision) for revision in self._story.close()]))
         self._clear()
         if self._status_shown:
             print(f"{self.status}{self._extra()}", file=sys.stderr)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Final
 
 from ..causes.model import Cause
@@ -31,6 +32,18 @@ def cause_lines(causes: Sequence[Cause]) -> Iterator[str]:
             yield from _wrapped(f"do: {cause.remedy}", "   ")
 
 
+def explained_row(row: FindingRow, causes: Sequence[Cause]) -> FindingRow:
+    """Findings of one code with the causes that they follow from."""
+    groups = tuple(replace(group, explained_by=_explained_by(row.code, group.unit, causes)) for group in row.groups)
+    units: list[int | None] = [*row.units] or [None]
+    found = dict.fromkeys(_explained_by(row.code, unit, causes) for unit in units)
+    return replace(row, groups=groups, explained_by=tuple(cause for cause in found if cause is not None))
+
+
+def _explained_by(code: str, unit: int | None, causes: Sequence[Cause]) -> str | None:
+    return next((cause.cause for cause in causes if cause.is_behind(code, unit)), None)
+
+
 def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
     """Nothing where there are none."""
     if not findings:
@@ -42,6 +55,8 @@ def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
     for number, row in enumerate(worst, 1):
         yield from _wrapped(f"{number}. {row.code}, {cost(row)}", "   ", first="")
         yield from _group_lines(row)
+        if row.explained_by:
+            yield from _wrapped(f"explained by: {', '.join(row.explained_by)}", "   ")
         if row.clause:
             yield from _wrapped(f"rests on: {row.clause}", "   ")
     yield ""

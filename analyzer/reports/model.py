@@ -150,6 +150,7 @@ class FindingGroup:
     start: int
     t_ns: int
     until_ns: int
+    explained_by: str | None = None  # id of the cause that it follows from
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,6 +173,7 @@ class FindingRow:
     t_ns: int  # of the first one
     until_ns: int  # and of the last
     groups: tuple[FindingGroup, ...] = ()  # the commonest first
+    explained_by: tuple[str, ...] = ()  # ids of the causes that these follow from
 
 
 @dataclass(frozen=True, slots=True)

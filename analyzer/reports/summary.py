@@ -270,6 +270,7 @@ def summarize(
     from ..causes.reasoning import causes_of
     from ..core import analyse
     from .cards import unit_cards
+    from .findings import explained_row
     from .polls import poll_rows
 
     line = capture.line
@@ -298,5 +299,6 @@ def summarize(
     ledger.close()
     if values is not None:
         ledger.breaches = values.breaches()
-    cards = unit_cards(ledger, report.times.off_ns)
-    return replace(report, causes=tuple(causes_of(ledger)), cards=cards, polls=poll_rows(ledger))
+    cards, causes = unit_cards(ledger, report.times.off_ns), tuple(causes_of(ledger))
+    explained = tuple(explained_row(row, causes) for row in report.findings)
+    return replace(report, causes=causes, cards=cards, polls=poll_rows(ledger), findings=explained)

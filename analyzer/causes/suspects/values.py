@@ -72,7 +72,9 @@ def frozen_values(evidence: Evidence) -> Iterator[Suspicion]:
             frozen = lively & (len(changed) - last >= max(_READS // 2, _STILL * len(changed)))
             if np.count_nonzero(frozen) < max(_COLUMNS, 0.5 * np.count_nonzero(lively)):
                 continue
-            if not (_stopped(changed[:, frozen], last[frozen]) or (_never(others, frozen) and _of_a_kind(moves[i], others))):
+            if not (
+                _stopped(changed[:, frozen], last[frozen]) or (_never(others, frozen) and _of_a_kind(moves[i], others))
+            ):
                 continue
             since = int(last[frozen].max())
             still = len(changed) - since

@@ -4,31 +4,41 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+import orjson
+
 from analyzer.exports.targets.mcap import schemas
 from captures.formats.mcap.channel import ChunkChannel
-from captures.formats.mcap.log_messages import LOG_NAME, log_schema
+from captures.formats.mcap.log_messages import LOG_NAME, log_message, log_schema
 from captures.formats.mcap.protobuf import ENCODING, Message
 from captures.formats.mcap.records import METADATA
 from captures.formats.mcap.writer import ArrayWriter
 from captures.recording.notes import NoteChannel
 
+from ....causes.ledger import Ledger
+from ....causes.reasoning import causes_of
 from ....outages import notes_of
 from ....tables.batch import Batch
 from ....tables.columns import decode
+from ....tables.findings import Severity
 from ....version import __version__
 from ...output import OutputStream
 from ...sink import ExportOptions
 from .findings import Log
 from .frames import frame_messages, noise_messages
 from .mapped import MappedTopics
+from .schemas import LEVELS
 from .transactions import transaction_messages
 from .values import UnitAreas
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from captures import Block, Capture
 
+    from ....causes.model import Cause
     from ....core import Analysed
 
+CAUSES: Final = f"{METADATA}/causes"  # name of the metadata record with what explains the findings
 LEFT_OUT: Final = f"{METADATA}/left out"  # name of the metadata record that says what is not on any topic
 
 
@@ -46,6 +56,7 @@ class Recording:
         self._noise = self._channel("/noise", schemas.NOISE) if options.noise else None
         self._values = UnitAreas(self._writer)
         self._mapped = MappedTopics(self._writer, options.charts) if options.charts else None
+        self._ledger = None if options.filter is not None else Ledger(capture.line)  # a part of a bus tells no story
         if notes := notes_of(capture):
             channel = NoteChannel(self._writer)
             for note in notes:
@@ -75,9 +86,14 @@ class Recording:
             add(noise_messages(batch, self._noise))
         if findings is not None:
             add(self._log.messages(findings, batch))
+        if self._ledger is not None:
+            self._ledger.feed(batch, analysed.transactions)
 
     def close(self) -> None:
-        """What is left out, and the index."""
+        """The causes, what is left out, and the index."""
+        if self._ledger is not None:
+            self._ledger.close()
+            self._tell(causes_of(self._ledger), self._ledger.end)
         left_out = {
             "values": f"{self._values.left_out} messages: too many addresses" if self._values.left_out else "",
             "findings": f"{self._log.left_out} messages: too many of a kind" if self._log.left_out else "",
@@ -85,6 +101,21 @@ class Recording:
         if any(left_out.values()):
             self._writer.add_metadata(LEFT_OUT, {key: what for key, what in left_out.items() if what})
         self._writer.finish()
+
+    def _tell(self, causes: Sequence[Cause], end_ns: int) -> None:
+        """The causes as log messages at the end of the capture, best first, and whole as JSON in a metadata record."""
+        if not causes:
+            return
+        channel = self._log_channel("/causes")
+        for cause in causes:
+            text = f"{cause.text} ({cause.confidence:.0%} sure; to be sure: {cause.deciding_test}; do: {cause.remedy})"
+            message = log_message(end_ns, LEVELS[Severity[cause.severity.upper()]], text, cause.cause)
+            self._writer.add_message(channel, end_ns, message, end_ns)
+        told = {
+            f"{place:02d} {cause.cause}": orjson.dumps(cause.to_json()).decode()
+            for place, cause in enumerate(causes, 1)
+        }
+        self._writer.add_metadata(CAUSES, told)
 
     def _channel(self, topic: str, message: Message) -> int:
         schema = self._writer.register_schema(message.name, ENCODING, message.schema())
