@@ -89,7 +89,12 @@ def _run(arguments: list[str]) -> int:
         command = load(arguments[0])
         parser = Parser(prog=f"rtuscope {arguments[0]}", **_look(arguments[0], command))
         command.configure(parser)
-        return command.run(parser.parse_args(arguments[1:]))
+        given = parser.parse_args(arguments[1:])
+        if getattr(given, "lang", None):
+            from ..languages import use
+
+            use(given.lang)
+        return command.run(given)
     if arguments and not arguments[0].startswith("-"):
         raise UsageError(_unknown(arguments[0]))
     parser = _parser(())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -21,7 +20,7 @@ from .inputs import (
 )
 from .maps import add_map_argument, chosen_charts
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import Progress, interruptible, put_json, tell
+from .terminal import Progress, interruptible, put_json, put_page, tell
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -181,7 +180,7 @@ def show(
     if as_json:
         put_json(report.to_json(), indent=2)
     else:
-        sys.stdout.write(text(report))
+        put_page(text(report))
     return _status(report, check=check)
 
 

@@ -7,7 +7,7 @@ import os
 from typing import TYPE_CHECKING, Final
 
 from .app import FAILED, INTERRUPTED
-from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, load_functions
+from .inputs import add_functions_argument, add_language_argument, add_limit_arguments, chosen_limits, load_functions
 from .taps import add_recording_arguments, add_tap_arguments, recorder_of, tap_of
 from .telling import Teller
 from .watching import Watch, add_view_arguments, ended_by_signals
@@ -36,6 +36,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_recording_arguments(parser, needed=False)
     add_limit_arguments(parser)
     add_functions_argument(parser)
+    add_language_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

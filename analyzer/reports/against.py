@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Final, Literal
 
+from ..languages import page_words
 from .model import Counts, Report, Times
 
 Change = Literal["new", "gone", "worse", "better"]
@@ -172,13 +173,17 @@ def _load(now: Report, before: Report) -> Iterator[Difference]:
 
 def lines(found: tuple[Difference, ...], before: str) -> Iterator[str]:
     """For the text page."""
-    yield from textwrap.wrap(f"against {before}", _WIDTH)
+    yield from textwrap.wrap(page_words("against {name}").format(name=before), _WIDTH)
     if not found:
-        yield "nothing that chance would not explain is new, gone, worse or better"
+        yield page_words("nothing that chance would not explain is new, gone, worse or better")
     for change in _ORDER:
         mine = [each for each in found if each.change == change]
         for each in mine[:_SHOWN]:
-            words = f"{change}: {each.name}: {each.text}" if each.about == "cause" else f"{change}: {each.text}"
+            words = (
+                f"{page_words(change)}: {each.name}: {each.text}"
+                if each.about == "cause"
+                else f"{page_words(change)}: {each.text}"
+            )
             yield from textwrap.wrap(words, _WIDTH, subsequent_indent="   ", break_on_hyphens=False)
         if len(mine) > _SHOWN:
             yield f"{change}: {len(mine) - _SHOWN} more (--json has all)"

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from dissectors.values import harmless
 
+from ..languages import page_words
 from ..outages import unheard
 from ..words import duration, is_clock, moment, plural
 from . import against, findings, pagetables, values
@@ -29,7 +30,9 @@ def text(report: Report) -> str:
 
 def _lines(report: Report) -> Iterator[str]:
     for label, words in facts(report):
-        yield from wrap(harmless(words), _WIDTH, initial_indent=f"{label:<9} ", subsequent_indent=" " * 10, **_UNBROKEN)
+        yield from wrap(
+            harmless(words), _WIDTH, initial_indent=f"{page_words(label):<9} ", subsequent_indent=" " * 10, **_UNBROKEN
+        )
     if not report.frames:
         yield ""
         yield nothing(report)
@@ -79,7 +82,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
 
 def nothing(report: Report) -> str:
     """What to say where there is no frame."""
-    return "No frame passes the filter." if report.filter else "No Modbus frame was found."
+    return page_words("No frame passes the filter." if report.filter else "No Modbus frame was found.")
 
 
 def _line(report: Report) -> str:

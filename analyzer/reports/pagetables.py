@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
+from ..languages import page_words
 from ..words import between, compact, duration, is_clock, time_of_day
 from .model import Counts, HourRow, PollRow, Report, Times, UnitCard, UnitRow
 
@@ -116,7 +117,7 @@ def _table(
 
 
 def _exceptions(report: Report) -> Iterator[str]:
-    yield "exceptions"
+    yield page_words("exceptions")
     for row in report.exceptions[:_EXCEPTIONS]:
         yield f"{row.count:>9,} x unit {row.unit}, function {row.function:02d}: {row.exception:02X} {row.name}"
     if len(report.exceptions) > _EXCEPTIONS:
@@ -134,7 +135,7 @@ def _width(cells: Sequence[str]) -> int:
 
 
 def _cards(cards: Sequence[UnitCard]) -> Iterator[str]:
-    yield "units that did not answer well"
+    yield page_words("units that did not answer well")
     worst = sorted(cards, key=lambda card: -(card.silent + card.garbage + card.late + card.doubles))[:_CARDS]
     for card in sorted(worst, key=lambda card: card.unit):
         yield from textwrap.wrap(
