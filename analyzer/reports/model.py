@@ -206,6 +206,19 @@ class PollRow:
 
 
 @dataclass(frozen=True, slots=True)
+class BookmarkRow:
+    """A row that the user marked in the interface, and what he says of it (empty: nothing); `index` -1 for noise."""
+
+    index: int
+    port: int
+    start: int
+    t_ns: int
+    unit: int
+    function: int
+    comment: str
+
+
+@dataclass(frozen=True, slots=True)
 class HourRow:
     """One hour of the clock (of the capture, where its times are none): what became of its requests, and the finding
     that came most often."""
@@ -261,6 +274,7 @@ class Report:
     cards: tuple[UnitCard, ...] = ()  # by unit; none where a filter leaves out a part of the bus
     polls: tuple[PollRow, ...] = ()  # those asked most first
     hours: tuple[HourRow, ...] = ()  # where they were asked for
+    bookmarks: tuple[BookmarkRow, ...] = ()  # the user's, in wire order
     before: str = ""  # the capture that it is compared with
     against: tuple[Difference, ...] = ()  # what is otherwise than there
     findings: tuple[FindingRow, ...] = ()  # those that cost the bus most come first

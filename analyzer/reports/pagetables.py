@@ -7,9 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
+from dissectors.values import harmless
+
 from ..languages import page_words
 from ..words import between, compact, duration, is_clock, time_of_day
-from .model import Counts, HourRow, PollRow, Report, Times, UnitCard, UnitRow
+from .model import BookmarkRow, Counts, HourRow, PollRow, Report, Times, UnitCard, UnitRow
 
 _WIDTH: Final = 80
 _ROWS: Final = 24  # units on the page; --json has all
@@ -17,6 +19,7 @@ _CARDS: Final = 6
 _POLLS: Final = 12
 _HOURS: Final = 72
 _EXCEPTIONS: Final = 10
+_BOOKMARKS: Final = 50
 _LONG_NS: Final = 99_950_000_000
 _UNIT_COLUMNS: Final = (  # head, width, which of Counts
     ("requests", 9, "requests"),
@@ -51,6 +54,8 @@ def tables(report: Report) -> Iterator[Iterator[str]]:
         yield _hours(report.hours)
     if report.exceptions:
         yield _exceptions(report)
+    if report.bookmarks:
+        yield _bookmarks(report.bookmarks)
 
 
 def _legend(report: Report) -> Iterator[str]:
@@ -195,3 +200,14 @@ def _hours(hours: Sequence[HourRow]) -> Iterator[str]:
         yield f"{row.name:<18}{numbers}{load:>7}  {row.finding}".rstrip()[:_WIDTH]
     if len(hours) > _HOURS:
         yield f"and {len(hours) - _HOURS} more hours (--json has all)"
+
+
+def _bookmarks(rows: Sequence[BookmarkRow]) -> Iterator[str]:
+    yield page_words("bookmarks")
+    for row in rows[:_BOOKMARKS]:
+        what = f"frame {row.index:,}, unit {row.unit}, function {row.function:02d}" if row.index >= 0 else "noise"
+        when = f"{_clock(row.t_ns)}, " if is_clock(row.t_ns) else ""
+        words = f"{when}byte {row.start:,}, {what}" + (f": {harmless(row.comment)}" if row.comment else "")
+        yield from textwrap.wrap(words, _WIDTH, initial_indent="   ", subsequent_indent="      ")
+    if len(rows) > _BOOKMARKS:
+        yield f"   and {len(rows) - _BOOKMARKS} more (--json has all)"

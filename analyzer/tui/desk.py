@@ -8,7 +8,7 @@ from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING
 
 from ..model.bus import Bus
-from ..model.notes import Notes, Place
+from ..usernotes import Notes, Place
 from ..words import TimeBase, date_and_time, is_clock, seconds, short, time_of_day
 
 if TYPE_CHECKING:

@@ -19,6 +19,7 @@ Blocks are packed by arrays: all of them are whole 32-bit words, so each field i
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -31,6 +32,7 @@ from captures.network.packets import INBOUND, OUTBOUND
 
 from ...tables.batch import Batch
 from ...tables.schema import Kind, Protocol
+from ...usernotes import Notes, marked_rows
 from ...version import __version__
 from ..encoding import explain_json
 from ..output import OutputStream
@@ -79,6 +81,7 @@ class _Packets:
         self._line = capture.line
         self._interfaces: dict[int, int] = {}  # by port, in order of appearance
         self._reads = options.filter is None
+        self._notes = Notes.of_capture(capture.path)
         about = pcapng_option(ng.COMMENT, _ABOUT.encode()) + pcapng_option(
             ng.APPLICATION, f"rtuscope {__version__}".encode()
         )
@@ -101,7 +104,9 @@ class _Packets:
             self._interface(port)
         interfaces = np.zeros(256, np.uint32)
         interfaces[list(self._interfaces)] = list(self._interfaces.values())
-        self._out.write(_packets(batch, kept, interfaces[ports], _comments(batch, kept, self._options.explain)))
+        marks = marked_rows(self._notes, ports, batch.rows["start"][kept])
+        comments = _comments(batch, kept, self._options.explain, marks)
+        self._out.write(_packets(batch, kept, interfaces[ports], comments))
 
     def batch(self, analysed: Analysed) -> None:
         """Nothing here hangs on a whole batch."""
@@ -167,8 +172,9 @@ def _copy(data: NDArray[np.uint8], at: _Ints, out: NDArray[np.uint8], to: _Ints,
     out[np.repeat(to - done, lengths) + steps] = data[np.repeat(at - done, lengths) + steps]
 
 
-def _comments(batch: Batch, kept: NDArray[np.intp], explain: bool) -> dict[int, bytes]:
-    """Packet comments as options, by a row's place in `kept`: findings, and why the boundaries stand where they do."""
+def _comments(batch: Batch, kept: NDArray[np.intp], explain: bool, marks: Mapping[int, str]) -> dict[int, bytes]:
+    """Packet comments as options, by a row's place in `kept`: findings, why the boundaries stand where they do, and the
+    user's own."""
     said: dict[int, list[str]] = {}
     found = batch.findings
     if found is not None and len(found):
@@ -181,6 +187,8 @@ def _comments(batch: Batch, kept: NDArray[np.intp], explain: bool) -> dict[int, 
             if (why := explain_json(batch.frame(int(kept[place])))) is not None:
                 weights = ", ".join(f"{key} {value}" for key, value in why.items() if key != "runner_up")
                 said.setdefault(place, []).append(f"evidence in bits: {weights}")
+    for place, comment in marks.items():
+        said.setdefault(place, []).append(f"bookmark: {comment}" if comment else "bookmark")
     return {
         place: b"".join(pcapng_option(ng.COMMENT, text.encode()[:0xFFFF]) for text in texts)
         for place, texts in said.items()

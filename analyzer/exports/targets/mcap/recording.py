@@ -20,6 +20,7 @@ from ....outages import notes_of
 from ....tables.batch import Batch
 from ....tables.columns import decode
 from ....tables.findings import Severity
+from ....usernotes import Notes, marked_rows
 from ....version import __version__
 from ...output import OutputStream
 from ...sink import ExportOptions
@@ -57,6 +58,7 @@ class Recording:
         self._values = UnitAreas(self._writer)
         self._mapped = MappedTopics(self._writer, options.charts) if options.charts else None
         self._ledger = None if options.filter is not None else Ledger(capture.line)  # a part of a bus tells no story
+        self._marks, self._marked = Notes.of_capture(capture.path), -1  # and the channel of them, once there is one
         if notes := notes_of(capture):
             channel = NoteChannel(self._writer)
             for note in notes:
@@ -86,6 +88,8 @@ class Recording:
             add(noise_messages(batch, self._noise))
         if findings is not None:
             add(self._log.messages(findings, batch))
+        for row, comment in marked_rows(self._marks, batch.rows["port"], batch.rows["start"]).items():
+            self._mark(int(batch.rows["t_end"][row]), int(batch.rows["index"][row]), comment)
         if self._ledger is not None:
             self._ledger.feed(batch, analysed.transactions)
 
@@ -101,6 +105,14 @@ class Recording:
         if any(left_out.values()):
             self._writer.add_metadata(LEFT_OUT, {key: what for key, what in left_out.items() if what})
         self._writer.finish()
+
+    def _mark(self, t_ns: int, index: int, comment: str) -> None:
+        """A bookmark of the user's, as a log message on its row's time."""
+        if self._marked < 0:
+            self._marked = self._log_channel("/bookmarks")
+        name = f"frame {index}" if index >= 0 else "noise"
+        message = log_message(t_ns, LEVELS[Severity.NOTE], comment or "bookmark", name)
+        self._writer.add_message(self._marked, t_ns, message, t_ns)
 
     def _tell(self, causes: Sequence[Cause], end_ns: int) -> None:
         """The causes as log messages at the end of the capture, best first, and whole as JSON in a metadata record."""
