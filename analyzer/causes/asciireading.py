@@ -27,6 +27,8 @@ def read_ascii(data: bytes, due: int, header: bytes) -> tuple[str, int, int]:
     `due` characters were to come, which begin with the digits of `header`.
     """
     known = COLON + header.hex().upper().encode()
+    if not header or due < len(known):
+        return "whole", len(data), 0
     if _right(data):
         return ("none" if data.startswith(known) and len(data) == due else "other"), 0, 0
     for lost in range(1, min(len(known), _HEAD_MOST, due - 5) + 1):

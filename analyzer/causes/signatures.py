@@ -130,7 +130,7 @@ def known_header(request: bytes) -> bytes:
 def _rtu_of(request: bytes) -> bytes:
     """A request in ASCII as it would be in RTU; empty where its digits are none."""
     try:
-        body = bytes.fromhex(request[1:-2].decode("ascii"))[:-1]
+        body = bytes.fromhex(request[1:].rstrip(b"\r\n").decode("ascii"))[:-1]
     except ValueError:
         return b""
     return body + crc_bytes(body)
@@ -143,8 +143,8 @@ def _headed(sample: Sample, data: bytes) -> int:
 
 @lru_cache(maxsize=4096)
 def _header(request: bytes) -> bytes:
-    """The first bytes of a right answer: all of them, where it only echoes."""
-    return expectation(request).header
+    """The first bytes of a right answer: all of them, where it only echoes; none where the request cannot be read."""
+    return expectation(request).header if len(request) >= _LEAST else b""
 
 
 @dataclass(frozen=True, slots=True)

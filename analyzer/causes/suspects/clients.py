@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from ...tables.findings import Severity
+from ..asciireading import COLON
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
 from ..exchanges import Outcome
@@ -360,6 +361,7 @@ def overload(evidence: Evidence) -> Iterator[Suspicion]:
         or ledger.span_ns < _SECONDS_NS
         or not _BUSY <= load <= 1.02
         or ledger.exchanges < 30
+        or any(request[:1] == COLON for request in ledger.polls.requests)  # no silence is due in ASCII
     ):
         return
     due = evidence.t35_ns
