@@ -12,7 +12,7 @@ from .evidence import Evidence
 from .signatures import Behind
 
 _NEARLY_ALL: Final = 0.9
-_SHARED: Final = 0.6
+_SURE_BITS: Final = 30.0
 _MOST_HIT: Final = 0.98
 _ABOUT: Final = 20.0  # bytes
 
@@ -77,7 +77,8 @@ def is_one_units(evidence: Evidence) -> bool:
         return False
     exposed = [unit.asked * _mean_due(evidence, unit.unit) for unit in units]
     at = hits.index(max(hits))
-    return hits[at] >= _NEARLY_ALL * sum(hits) and exposed[at] <= _SHARED * sum(exposed)
+    share = exposed[at] / sum(exposed)  # by chance alone so many of the hits would be its
+    return hits[at] >= _NEARLY_ALL * sum(hits) and -sum(hits) * log2(share) >= _SURE_BITS
 
 
 def _mean_due(evidence: Evidence, unit: int) -> float:

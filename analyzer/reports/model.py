@@ -292,6 +292,7 @@ class Report:
     def to_json(self) -> dict[str, Any]:
         """The report as plain values, nested as it is here, with `span_ns`."""
         line = {**asdict(self), "span_ns": self.span_ns, "times": self.times.to_json()}
+        line["causes"] = [cause.to_json() for cause in self.causes]
         for name, rows in (("units", self.units), ("functions", self.functions)):
             line[name] = [{**asdict(row), "times": row.times.to_json()} for row in rows]
         return line
