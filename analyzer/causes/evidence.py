@@ -15,12 +15,12 @@ from dissectors.lengths import Role, rule
 
 from ..diagnosis.tap_clock import UNKNOWN, TimeTrust, silences
 from .bits import surplus_bits
-from .exchanges import Outcome
+from .exchanges import Ending
 from .foreign import PROTOCOLS
 from .ledger import Ledger
 from .polls import Poll
 from .registry import Explained, Symptom
-from .signatures import Behind, Damage, Signature, signature
+from .signatures import AnswerDamage, Behind, Signature, signature
 from .thinned import densest
 from .unitledger import UnitLedger
 
@@ -43,9 +43,9 @@ _ANYWHERE: Final[Mapping[str, float]] = {
 
 def kind_of(reading: Signature) -> str:
     """The kind of damage, places at the end told apart."""
-    if reading.damage is Damage.CUT:
+    if reading.damage is AnswerDamage.CUT:
         return "cut-short" if reading.bytes <= _SHORT_CUT else "cut"
-    if reading.damage is Damage.BITS and reading.at >= reading.due - 1:
+    if reading.damage is AnswerDamage.BITS and reading.at >= reading.due - 1:
         return "bits-tail"
     return str(reading.damage.value)
 
@@ -94,27 +94,27 @@ class Evidence:
         """Requests without an answer that nothing explains; of two clocks only those of a unit that is never heard."""
         if not self.ordered and unit.answered + unit.strays + unit.late + unit.doubles + unit.unfit:
             return 0
-        return unit.count(Outcome.SILENT) if self.is_open(Symptom.SILENCE, unit.unit) else 0
+        return unit.count(Ending.SILENT) if self.is_open(Symptom.SILENCE, unit.unit) else 0
 
     def damaged(self, unit: UnitLedger) -> int:
         """Answers that are none and that nothing explains; of those looked at, the share that is damaged indeed."""
         if not self.is_open(Symptom.DAMAGE, unit.unit) or not self.ordered:
             return 0
-        count, samples = unit.count(Outcome.GARBAGE), self._samples(unit)
+        count, samples = unit.count(Ending.GARBAGE), self._samples(unit)
         return round(count * len(self.readings(unit)) / samples) if samples else count
 
     @staticmethod
     def _samples(unit: UnitLedger) -> int:
-        return sum(sample.outcome == Outcome.GARBAGE for sample in unit.samples.kept)
+        return sum(sample.outcome == Ending.GARBAGE for sample in unit.samples.kept)
 
     def readings(self, unit: UnitLedger) -> list[Signature]:
         """Samples of damaged answers, read; those that are whole after all, though in pieces, are left out."""
         if not self.is_open(Symptom.DAMAGE, unit.unit):
             return []
         if unit.unit not in self._readings:
-            samples = [sample for sample in unit.samples.kept if sample.outcome == Outcome.GARBAGE]
+            samples = [sample for sample in unit.samples.kept if sample.outcome == Ending.GARBAGE]
             read = [self._read(sample) for sample in samples]
-            self._readings[unit.unit] = [reading for reading in read if reading.damage is not Damage.NONE]
+            self._readings[unit.unit] = [reading for reading in read if reading.damage is not AnswerDamage.NONE]
         return self._readings[unit.unit]
 
     def followed(self, unit: UnitLedger) -> list[Signature]:
@@ -198,14 +198,14 @@ class Evidence:
             return None
         return densest(numbers)
 
-    def cost(self, unit: UnitLedger, *outcomes: Outcome) -> tuple[int, float | None]:
+    def cost(self, unit: UnitLedger, *outcomes: Ending) -> tuple[int, float | None]:
         """Answers lost by these outcomes, and the time (ms) that the master waited for them; None where nobody knows."""
         lost = unit.count(*outcomes)
         if not self.ledger.timed:
             return lost, None
         most = 1.3 * self.timeout_ns if self.timeout_ns else UNKNOWN
         waited, known = 0.0, False
-        for outcome, waits in ((Outcome.SILENT, unit.waits), (Outcome.GARBAGE, unit.garbage_waits)):
+        for outcome, waits in ((Ending.SILENT, unit.waits), (Ending.GARBAGE, unit.garbage_waits)):
             if outcome in outcomes and len(waits):
                 waited += float(np.clip(waits.numbers, 0, most).mean()) * len(waits)
                 known = True

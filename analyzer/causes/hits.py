@@ -92,13 +92,13 @@ def span_of_hits(evidence: Evidence) -> dict[str, Any]:
     """`since` and `until` of a suspicion, by the parts of the time with hits; nothing where there are none."""
     grid = evidence.ledger.grid
     parts = np.flatnonzero(grid.counts("damage"))
-    if grid.begin is None or not len(parts):
+    if grid.begin_ns is None or not len(parts):
         return {}
-    return {"since": grid.begin + int(parts[0]) * grid.width, "until": end_of_part(evidence, int(parts[-1]) + 1)}
+    return {"since": grid.begin_ns + int(parts[0]) * grid.width_ns, "until": end_of_part(evidence, int(parts[-1]) + 1)}
 
 
 def end_of_part(evidence: Evidence, part: int) -> int:
     """The end of so many parts of the grid, which may reach beyond the capture's."""
     grid, ledger = evidence.ledger.grid, evidence.ledger
-    reach = (grid.begin or 0) + part * grid.width
+    reach = (grid.begin_ns or 0) + part * grid.width_ns
     return min(reach, ledger.end) if ledger.timed else reach

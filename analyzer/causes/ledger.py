@@ -21,7 +21,7 @@ from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol, Rows, take_rows
 from ..tables.transactions import NEVER, Status
 from .columntable import ColumnTable
-from .exchanges import ANSWERED, ExchangeBuilder, Outcome, RowTable, Stretch, Unowned
+from .exchanges import ANSWERED, Ending, ExchangeBuilder, RowColumns, Stretch, Unowned
 from .polls import PollTable
 from .samples import sampled
 from .states import StateTable
@@ -48,7 +48,7 @@ _ECHO_NS: Final = 40e6
 _NEARLY_ALL: Final = 0.8
 _NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
 _OK, _EXCEPTION, _SILENT, _GARBAGE, _BROADCAST = (
-    int(each) for each in (Outcome.OK, Outcome.EXCEPTION, Outcome.SILENT, Outcome.GARBAGE, Outcome.BROADCAST)
+    int(each) for each in (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE, Ending.BROADCAST)
 )
 
 
@@ -100,7 +100,7 @@ class Ledger:
             batch = replace(batch, rows=take_rows(batch.rows, ~networked))
         if not len(batch):
             return
-        table = RowTable.of(batch)
+        table = RowColumns.of(batch)
         unheard = transactions["request"][transactions["status"] == Status.UNHEARD].tolist()
         self._count_rows(table)
         for part in self._builder.feed(table, unheard):
@@ -132,7 +132,7 @@ class Ledger:
         """By what the order of things is told: time, or bytes where there are no times."""
         return exchanges["t_start"] if self.timed else exchanges["place"]
 
-    def _count_rows(self, table: RowTable) -> None:
+    def _count_rows(self, table: RowColumns) -> None:
         rows = table.rows
         kind, check, length = rows["kind"], rows["check"], rows["length"]
         self.timed = self.timed or bool(rows["t_end"].any())
@@ -166,7 +166,7 @@ class Ledger:
             tally["responses"] += int(np.count_nonzero(here & right & ~asks))
             tally["misshapen"] += int(np.count_nonzero(here & misshapen))
 
-    def _count_noise(self, table: RowTable, noise: NDArray[np.intp]) -> None:
+    def _count_noise(self, table: RowColumns, noise: NDArray[np.intp]) -> None:
         length, begins = table.rows["length"][noise], table.rows["t_start"][noise]
         self.noise_bytes += int(length.sum())
         self.stray_times.add(begins[length <= _STRAY])
@@ -240,7 +240,7 @@ class Ledger:
         called = to_all & exchanges["called"]
         self.broadcasts_answered += int(np.count_nonzero(called))
         self.called_examples += exchanges["request"][called][: _EXAMPLES - len(self.called_examples)].tolist()
-        for number in exchanges["unit"][exchanges["outcome"] == Outcome.NO_REQUEST].tolist():
+        for number in exchanges["unit"][exchanges["outcome"] == Ending.NO_REQUEST].tolist():
             self.unit(number).called += 1
         if self.timed:
             known = to_all & (exchanges["t_next"] != NEVER)
@@ -278,7 +278,7 @@ class Ledger:
                 repeats[i] = again_before
             echo = bool(silent[i]) and not echo
             if echo:
-                outcome[i], again_before, repeats[i] = Outcome.ECHO, bool(repeats[i]), False
+                outcome[i], again_before, repeats[i] = Ending.ECHO, bool(repeats[i]), False
         self._echo_before, self._echo_repeats = echo, again_before
 
     @property

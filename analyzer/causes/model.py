@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .registry import Symptom
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,13 +37,10 @@ class Cause:
     lost_ms: float | None
     frames: tuple[int, ...]
     bits: float
-    explains: frozenset[tuple[str, int | None]] = frozenset()
-
-    def is_behind(self, code: str, unit: int | None) -> bool:
-        """Whether findings of a code on a unit follow from it; `unit` None: on no unit in particular."""
-        return (code, unit) in self.explains or (unit is None and any(code == each for each, _ in self.explains))
+    explains: frozenset[tuple[Symptom, int | None]] = frozenset()  # for `links`: which findings point here
 
     def to_json(self) -> dict[str, Any]:
         """As plain values."""
-        codes = sorted({code for code, _ in self.explains})
-        return {**asdict(self), "units": list(self.units), "frames": list(self.frames), "explains": codes}
+        plain = {**asdict(self), "units": list(self.units), "frames": list(self.frames)}
+        del plain["explains"]
+        return plain

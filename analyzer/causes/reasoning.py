@@ -10,7 +10,7 @@ from ..languages import cause_words, filled
 from .evidence import Evidence
 from .ledger import Ledger
 from .model import Cause
-from .registry import SHOWN_BY, Suspect, Suspicion, suspects
+from .registry import Suspect, Suspicion, suspects
 
 THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
@@ -79,5 +79,5 @@ def _cause(best: Weighed, rival: Weighed | None, *, timed: bool) -> Cause:
         lost_ms=found.lost_ms if timed else None,
         frames=found.frames,
         bits=round(found.bits, 1),
-        explains=frozenset((code, unit) for symptom, unit in found.explains for code in SHOWN_BY[symptom]),
+        explains=found.explains,
     )

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..causes.evidence import Evidence
-from ..causes.exchanges import Outcome
+from ..causes.exchanges import Ending
 from ..causes.ledger import ASKED, BAD, DELAY, Ledger
-from ..causes.signatures import Damage, Signature
+from ..causes.signatures import AnswerDamage, Signature
 from ..causes.spells import spells_of
 from ..causes.unitledger import UnitLedger
 from ..tables.delays import bounds_of
@@ -24,9 +24,9 @@ _PARTS: Final = 4  # of the time on either side of it, at the least
 _ANSWERS: Final = 20
 _CHANGES: Final = 4
 _PLACES: Final = {
-    Damage.HEAD: "head", Damage.TAIL: "tail", Damage.CUT: "cut short", Damage.LONG: "too long",
-    Damage.CONVENTION: "check value", Damage.COUNT: "byte count", Damage.CROSSED: "next request inside",
-    Damage.OTHER: "another answer", Damage.WHOLE: "all of it",
+    AnswerDamage.HEAD: "head", AnswerDamage.TAIL: "tail", AnswerDamage.CUT: "cut short",
+    AnswerDamage.LONG: "too long", AnswerDamage.CONVENTION: "check value", AnswerDamage.COUNT: "byte count",
+    AnswerDamage.CROSSED: "next request inside", AnswerDamage.OTHER: "another answer", AnswerDamage.WHOLE: "all of it",
 }  # fmt: skip
 
 
@@ -37,7 +37,7 @@ def unit_cards(ledger: Ledger, off_ns: float | None) -> tuple[UnitCard, ...]:
 
 
 def _card(evidence: Evidence, unit: UnitLedger, off_ns: float | None) -> UnitCard:
-    garbage = unit.count(Outcome.GARBAGE)
+    garbage = unit.count(Ending.GARBAGE)
     places = Counter(map(_place, evidence.readings(unit)))
     read = sum(places.values())
     low, high = unit.delays.quantile(0.05), unit.delays.quantile(0.95)
@@ -48,9 +48,9 @@ def _card(evidence: Evidence, unit: UnitLedger, off_ns: float | None) -> UnitCar
     return UnitCard(
         unit.unit,
         unit.asked,
-        unit.count(Outcome.OK),
-        unit.count(Outcome.EXCEPTION),
-        unit.count(Outcome.SILENT),
+        unit.count(Ending.OK),
+        unit.count(Ending.EXCEPTION),
+        unit.count(Ending.SILENT),
         garbage,
         unit.late + unit.strays,
         unit.doubles,
@@ -61,7 +61,7 @@ def _card(evidence: Evidence, unit: UnitLedger, off_ns: float | None) -> UnitCar
 
 
 def _place(reading: Signature) -> str:
-    if reading.damage in (Damage.BITS, Damage.MIDDLE) and reading.due > 0 and reading.at >= 0:
+    if reading.damage in (AnswerDamage.BITS, AnswerDamage.MIDDLE) and reading.due > 0 and reading.at >= 0:
         thirds = ("head", "middle", "tail")
         return thirds[min(3 * reading.at // reading.due, 2)]
     return _PLACES.get(reading.damage, "middle")
@@ -69,7 +69,7 @@ def _place(reading: Signature) -> str:
 
 def _changes(ledger: Ledger, unit: UnitLedger) -> list[UnitChange]:
     grid = ledger.grid
-    if not ledger.timed or grid.begin is None:
+    if not ledger.timed or grid.begin_ns is None:
         return []
     asked, bad = grid.counts((ASKED, unit.unit)), grid.counts((BAD, unit.unit))
     bits, inside = spells_of(bad, asked)
@@ -80,13 +80,13 @@ def _changes(ledger: Ledger, unit: UnitLedger) -> list[UnitChange]:
         edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
         for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             hits = f"{int(bad[begin:end].sum())} of {int(asked[begin:end].sum())} requests without a good answer"
-            until = min(grid.begin + end * grid.width, ledger.end)
-            found.append(UnitChange(grid.begin + begin * grid.width, until, f"{hits}, {usual}"))
+            until = min(grid.begin_ns + end * grid.width_ns, ledger.end)
+            found.append(UnitChange(grid.begin_ns + begin * grid.width_ns, until, f"{hits}, {usual}"))
     slower = _slower(asked - bad, grid.counts((DELAY, unit.unit)))
     if slower is not None:
         at, before, after = slower
         words = f"answers after {between(before, before)} before, {between(after, after)} from then on (mean)"
-        found.append(UnitChange(grid.begin + at * grid.width, ledger.end, words))
+        found.append(UnitChange(grid.begin_ns + at * grid.width_ns, ledger.end, words))
     return found
 
 

@@ -7,9 +7,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
+from ..causes.links import cause_of
 from ..causes.model import Cause
 from ..languages import page_words
-from ..words import is_clock, time_of_day
+from ..words import is_clock, plural, time_of_day
 from .model import FindingGroup, FindingRow
 
 _WORST: Final = 3
@@ -41,7 +42,8 @@ def explained_row(row: FindingRow, causes: Sequence[Cause]) -> FindingRow:
 
 
 def _explained_by(code: str, unit: int | None, causes: Sequence[Cause]) -> str | None:
-    return next((cause.cause for cause in causes if cause.is_behind(code, unit)), None)
+    number = cause_of(code, unit, causes)
+    return None if number is None else causes[number].cause
 
 
 def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
@@ -75,7 +77,8 @@ def _group_lines(row: FindingRow) -> Iterator[str]:
                 yield from _labelled(label, words)
                 said.add(words)
     if len(row.groups) > _GROUPS:
-        yield f"   and {len(row.groups) - _GROUPS} more kinds or units (--json has all)"
+        more = len(row.groups) - _GROUPS
+        yield f"   and {more} more {plural(more, 'kind or unit', 'kinds or units')} (--json has all)"
 
 
 def where(group: FindingGroup, row: FindingRow) -> Iterator[str]:

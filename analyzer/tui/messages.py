@@ -72,6 +72,10 @@ class SpanChosen(Message):
         super().__init__()
 
 
+class SpanSeen(Message):
+    """Another span of time is in sight."""
+
+
 class ViewWanted(Message):
     """Somebody wants to see another view."""
 
@@ -87,6 +91,10 @@ class DetailWanted(Message):
         self.view = view
         self.look = look
         super().__init__()
+
+
+class OnlyChanged(Message):
+    """Only transactions are wanted whose answer differs from the last one to that poll; or all again."""
 
 
 class FilterLeft(Message):

@@ -11,7 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.widgets import Label, TextArea
 
-from captures.text.hexshapes import HexError
+from captures.text.halves import HexError
 
 from ..paste import Paste, PasteError, read
 from ..paste.model import PastedFrame, PastedNoise
@@ -154,6 +154,6 @@ def _shown(screen: BusScreen) -> None:
 VIEW: Final = View(
     name="paste", key="8,p", title="Paste",
     make=lambda desk: PastePane(id="paste"), shown=_shown,  # noqa: ARG005
-    detail=True,
+    detail=True, filtered=False,
     without=("filter", *JUMPS, "time_base", "select", "bookmark", "comment", "export", "reference"),
 )  # fmt: skip

@@ -16,9 +16,12 @@ from dissectors.values import AREAS, logical
 from ..model.meanings import AREA_WORDS, CHOICES, PLAIN, Meaning, Spot, chosen, told
 from ..model.registers import RegisterSeries, WatchedRegister
 from ..words import short
+from .burst import ASKING
+from .doors import DoorCell, register_text
 from .lines import Lines
 from .paint import StyledText, fitted
 from .plot import Plot, Series
+from .prompts import Ask
 from .view import JUMPS, View
 
 if TYPE_CHECKING:
@@ -43,6 +46,7 @@ class RegisterList(Lines):
         Binding("V", "type(-1)", "Type back", show=False),
         Binding("x", "told", "As told", tooltip="Read it as its map or its values tell", show=False),
         Binding("space", "pin", "Pin", tooltip="Keep this register in the plot, or take it out"),
+        Binding("g,ctrl+g", "place", "Go to", tooltip="A register by its number"),
         Binding("left", "cursor(-1)", "Earlier", show=False),
         Binding("right", "cursor(1)", "Later", show=False),
     ]
@@ -57,13 +61,17 @@ class RegisterList(Lines):
         self._parts: dict[Spot, Spot] = {}  # registers that are part of the value of one before them
 
     @property
+    def empty(self) -> str:
+        return self.desk.emptied(self.EMPTY)
+
+    @property
     def register(self) -> WatchedRegister | None:
         """The one under the cursor."""
         return self._registers[self.cursor] if self.cursor < len(self._registers) else None
 
     def grown(self) -> None:
         before = self.register
-        self._registers = sorted(self.desk.bus.registers.all(), key=_in_order)
+        self._registers = sorted(self.desk.figures.registers.all(), key=_in_order)
         self._places = {_spot(r): i for i, r in enumerate(self._registers)}
         self._find_parts()
         if before is not None:
@@ -200,6 +208,28 @@ class RegisterList(Lines):
         self.unpaint()
         self._tell()
 
+    def action_place(self) -> None:
+        self.screen.run_worker(self._ask_place(), group=ASKING)
+
+    async def _ask_place(self) -> None:
+        """Go to the next register of a number, of any unit; `17 40108` says of which."""
+        hint = "a register such as 40108; 17 40108: of unit 17"
+        text = await self.app.push_screen_wait(Ask("Go to", hint, wrong=self._no_register))
+        if text is not None:
+            self.move_to(self._numbered(text)[0], middle=True)
+
+    def _numbered(self, text: str) -> list[int]:
+        """Lines of the registers of a number, those behind the cursor first."""
+        unit, _, number = text.strip().rpartition(" ")
+        lines = [
+            i for i, register in enumerate(self._registers)
+            if logical(register.address, _AREA_NAMES[register.area]) == number and unit in ("", str(register.unit))
+        ]  # fmt: skip
+        return sorted(lines, key=lambda line: (line <= self.cursor, line))
+
+    def _no_register(self, text: str) -> str:
+        return "" if self._numbered(text) else f"no register {text.strip()[:20]} was seen here"
+
     def action_cursor(self, step: int) -> None:
         self.screen.query_one(Plot).move(step)
 
@@ -257,7 +287,7 @@ def _plotted(screen: BusScreen) -> None:
         meanings = [found.meaning(spot) for spot in spots]
         series = []
         for spot, each, meaning in zip(spots, read, meanings, strict=True):
-            t_ns, rows, registers = each.readings()
+            t_ns, rows, registers = screen.desk.in_scope(*each.readings())
             if meaning.words == each.words:
                 numbers = meaning.numbers(registers) if meaning.is_number else registers[:, 0].astype(float)
                 series.append(Series(found.label(spot), t_ns if bus.timed else rows, numbers))
@@ -302,8 +332,19 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
     screen.jumps.go(row)
 
 
+def _cells(screen: BusScreen) -> list[DoorCell]:
+    register = screen.query_one(RegisterList).register
+    if register is None:
+        return []
+    number = logical(register.address, _AREA_NAMES[register.area])
+    return [
+        DoorCell("r", f"register {number} of unit {register.unit}", register_text(register.unit, number)),
+        DoorCell("u", f"unit {register.unit}", f"unit == {register.unit}"),
+    ]
+
+
 VIEW: Final = View(
     name="registers", key="5", title="Registers",
-    make=_make, refresh=_refresh, chosen=_chosen, entered=_entered,
+    make=_make, refresh=_refresh, chosen=_chosen, entered=_entered, cells=_cells,
     without=(*JUMPS, "select"),
 )  # fmt: skip

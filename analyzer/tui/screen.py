@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import ContentSwitcher, Footer
@@ -20,12 +20,14 @@ from dissectors.values import harmless
 from ..words import short
 from .bookmarks import Bookmarks
 from .burst import ASKING
-from .conversations import ConversationList
 from .detailpane import DetailPane
+from .doors import Doors
 from .filterbar import FilterBar
 from .frames import FrameList
 from .jobs import Jobs
 from .jumps import Jumps
+from .keptfilters import KeptFilters
+from .keys import BINDINGS
 from .lines import Lines
 from .look import at_row
 from .messages import (
@@ -38,65 +40,50 @@ from .messages import (
     SpanChosen,
     ViewWanted,
 )
+from .openfiles import NextFile, OpenFiles
 from .picking import PickedRows
 from .prompts import Choose
 from .status import StatusLine
 from .tabs import Tabs
-from .view import View
+from .transactions import TransactionList
+from .view import LISTS, View
 from .views import BY_NAME, VIEWS
 
 if TYPE_CHECKING:
     from .desk import ViewState
-    from .wire import Wire
+    from .wire import ThinWire
 
 
 class BusScreen(Screen[None]):
     """Everything about one source."""
 
     AUTO_FOCUS = ""  # else keys pressed while it starts would go to the filter, its first widget
-    BINDINGS: ClassVar[list[BindingType]] = [
-        *(Binding(view.key, f"view('{view.name}')", view.title, show=False) for view in VIEWS),
-        Binding("slash", "filter", "Filter", key_display="/"),
-        Binding("f,ctrl+f", "find", "Find", key_display="f"),
-        Binding("n", "find_on(False)", "Next hit", show=False),
-        Binding("N", "find_on(True)", "Previous hit", show=False),
-        Binding("g,ctrl+g", "goto", "Go to", key_display="g"),
-        Binding("c", "counterpart", "Answer", tooltip="From a request to its answer and back"),
-        Binding("right_square_bracket", "finding(1)", "Finding", key_display="]"),
-        Binding("left_square_bracket", "finding(-1)", "Previous finding", show=False),
-        Binding("t", "time_base", "Time"),
-        Binding("r", "reference", "Reference", show=False),
-        Binding("z", "noise", "Noise", show=False),
-        Binding("F", "follow", "Follow", show=False),
-        Binding("space", "select", "Select", show=False),
-        Binding("m", "bookmark", "Mark", show=False),
-        Binding("apostrophe", "next_bookmark", "Next mark", show=False),
-        Binding("u", "undo", "Undo", show=False),
-        Binding("semicolon", "comment", "Comment", show=False),
-        Binding("y", "copy", "Copy", show=False),
-        Binding("e", "export", "Export", show=False),
-        Binding("d", "app.theme_flip", "Dark or light", show=False),
-        Binding("tab", "pane(1)", "Next pane", show=False),
-        Binding("shift+tab", "pane(-1)", "Previous pane", show=False),
-        Binding("escape", "whole", "Take back", show=False),
-        Binding("question_mark,f1", "help", "Help", key_display="?"),
-        Binding("q", "leave", "Quit"),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = [*BINDINGS]
 
-    def __init__(self, desk: ViewState, wire: Wire, *, view: str = "frames") -> None:
+    def __init__(
+        self, desk: ViewState, wire: ThinWire, *, view: str | None = None, resumed: NextFile | None = None
+    ) -> None:
+        """`view`: what comes up; None: the transactions, or Home once there are causes to tell."""
         super().__init__()
         self.desk = desk
-        self.view = view
+        self.view = view or LISTS[0]
+        self.list_view = view if view in LISTS else LISTS[0]  # the list that jumps go to
+        self._resumed = resumed  # what is to be as it was, once all is read
+        self.undecided = view is None and not desk.source.live  # Home may still come up by itself
+        self.lit: tuple[int, int, int] | None = None  # a row, and the bytes of it that were looked for
         self.studied: int | None = None  # the row that was last shown below
         self.wire = wire
         self.jobs = Jobs(self)
         self.jumps = Jumps(self)
         self.bookmarks = Bookmarks(self)
         self.picked = PickedRows(self)
+        self.doors = Doors(self)
+        self.kept = KeptFilters(self)
+        self.files = OpenFiles(self)
 
     def compose(self) -> ComposeResult:
         yield Tabs(id="tabs")
-        yield FilterBar(self.desk.source.line, id="filter-bar")
+        yield FilterBar(self.desk.source.line, self.desk.wishes, id="filter-bar")
         with ContentSwitcher(id="views", initial=self.view):
             for view in VIEWS:
                 yield view.make(self.desk)
@@ -110,6 +97,20 @@ class BusScreen(Screen[None]):
         self.action_view(self.view)
         self.jobs.begin()
 
+    def resume(self) -> None:
+        """The filter and the row as they were before the file was read anew."""
+        resumed, self._resumed = self._resumed, None
+        if resumed is None or self.desk.source.path is None:
+            return
+        if resumed.filter:
+            self.query_one(FilterBar).use(resumed.filter)
+        if resumed.row is None:
+            self.action_follow()
+        elif 0 < resumed.row < self.desk.bus.count:
+            self.studied = resumed.row
+            for each in self.query(FrameList):
+                each.go(resumed.row)
+
     # The parts
 
     @property
@@ -119,12 +120,17 @@ class BusScreen(Screen[None]):
         return self.studied if own is None else own
 
     @property
+    def touched(self) -> bool:
+        """Whether a key was pressed."""
+        return bool(getattr(self.app, "keys").taken)  # noqa: B009 - the application is known as an App here
+
+    @property
     def frames(self) -> FrameList:
         return self.query_one("#frames", FrameList)
 
     @property
-    def conversations(self) -> ConversationList:
-        return self.query_one("#conversations", ConversationList)
+    def transactions(self) -> TransactionList:
+        return self.query_one("#transactions", TransactionList)
 
     @property
     def detail(self) -> DetailPane:
@@ -144,9 +150,12 @@ class BusScreen(Screen[None]):
         record = BY_NAME[view]
         self.studied = self.row if row is None else row
         self.view = view
+        self.list_view = view if view in LISTS else self.list_view
         self.query_one("#views", ContentSwitcher).current = view
         self.query_one(Tabs).choose(view)
         self.detail.display = record.detail
+        self.query_one("#views").display = True
+        self.detail.set_class(False, "-zoomed")
         self.query_one(FilterBar).display = record.filtered
         for name in ("home", "paste"):  # of the pane alone: a class of the screen would style every widget anew
             self.detail.set_class(view == name, f"-{name}")
@@ -169,8 +178,6 @@ class BusScreen(Screen[None]):
         waiting = frames.count() - 1 - frames.cursor
         if frames.live and not bus.whole:
             where += ", following" if frames.following else f", {waiting:,} below (F follows)"
-        if self.jobs.scope.narrows and not BY_NAME[self.view].filtered and self.view != "paste":
-            where = "whole capture, unfiltered"
         if self.picked.anchor is not None:
             where += f", {len(self.picked.rows()):,} selected"
         self.query_one(StatusLine).say(where, self.jobs.doing)
@@ -179,6 +186,8 @@ class BusScreen(Screen[None]):
         """Show a row's fields and bytes; the cursor of the fields goes to an item."""
         self.studied = row
         self.detail.show(at_row(self.desk, row), to=to)
+        if self.lit is not None and self.lit[0] == row:
+            self.detail.light(*self.lit[1:])
         if self.picked.anchor is not None:
             self.frames.unpaint()
         self.say()
@@ -209,15 +218,29 @@ class BusScreen(Screen[None]):
         self.jobs.scope.filter = event.filter
         self.jobs.reselect()
 
+    def on_span_seen(self) -> None:
+        self.refresh_view()
+
+    def on_only_changed(self) -> None:
+        scope = self.jobs.scope
+        scope.only_changed = not scope.only_changed
+        self.jobs.reselect()
+        self.tell("only what changed since the last same poll; d shows all" if scope.only_changed else "all shown")
+
     def on_filter_left(self, event: FilterLeft) -> None:
         event.stop()
         self.panes[0].focus()
 
     def on_span_chosen(self, event: SpanChosen) -> None:
-        self.jobs.scope.span = event.t_start, event.t_end
+        self.narrow_to((event.t_start, event.t_end))
+        self.action_view(self.list_view)
+
+    def narrow_to(self, span: tuple[int, int]) -> None:
+        """Only this span of time from now on."""
+        self.jobs.scope.span = span
         self._say_span()
         self.jobs.reselect()
-        self.action_view("frames")
+        self.refresh_view()
 
     def _say_span(self) -> None:
         """The span stands on the scope's line, beside the filter."""
@@ -236,7 +259,7 @@ class BusScreen(Screen[None]):
 
     def action_filter(self) -> None:
         if not BY_NAME[self.view].filtered:
-            self.action_view("frames")
+            self.action_view(self.list_view)
         self.query_one(FilterBar).line.focus()
 
     def action_whole(self) -> None:
@@ -258,10 +281,26 @@ class BusScreen(Screen[None]):
         at = next((i for i, pane in enumerate(panes) if pane.has_focus), -1)
         panes[(at + step) % len(panes) if at >= 0 else 0].focus()
 
+    def action_zoom(self) -> None:
+        """The list alone, or the frame below alone; again both."""
+        views, detail = self.query_one("#views"), self.detail
+        if not (views.display and detail.display) and BY_NAME[self.view].detail:
+            views.display = detail.display = True
+            detail.set_class(False, "-zoomed")
+        elif detail.has_focus_within:
+            views.display = False
+            detail.set_class(True, "-zoomed")
+        else:
+            detail.display = False
+
+    def action_size(self, step: int) -> None:
+        """More or less room for the frame below, in percent of the screen."""
+        share = round(100 * self.detail.size.height / max(1, self.size.height)) + step
+        self.detail.styles.height = f"{max(15, min(80, share))}%"
+
     def action_time_base(self) -> None:
         self.desk.next_base()
-        for each in self.query(Lines):
-            each.unpaint()
+        self.repaint_lists()
 
     def action_noise(self) -> None:
         scope = self.jobs.scope
@@ -270,10 +309,31 @@ class BusScreen(Screen[None]):
         self.tell("noise hidden; z shows it" if scope.hide_noise else "noise shown in place")
 
     def action_follow(self) -> None:
-        frames = self.frames
-        frames.live = frames.following = not frames.following
-        frames.grown()
+        wanted = not self.query_one(f"#{self.list_view}", FrameList).following
+        for each in self.query(FrameList):
+            each.live = each.following = wanted
+            each.grown()
         self.say()
+
+    def action_pause(self) -> None:
+        """What comes is not shown until the same key again."""
+        if not self.desk.source.live or self.desk.bus.whole:
+            self.tell("nothing comes that could be held up")
+            return
+        self.desk.paused = not self.desk.paused
+        if self.desk.paused:
+            self.say()
+        else:
+            self.refresh_view()
+
+    def action_mark_recording(self) -> None:
+        self.run_worker(self.bookmarks.ask_mark(), group=ASKING)
+
+    def action_again(self) -> None:
+        self.files.again()
+
+    def action_open(self) -> None:
+        self.run_worker(self.files.ask(), group=ASKING)
 
     def action_find(self) -> None:
         self.run_worker(self.jumps.ask_what(), group=ASKING)
@@ -281,11 +341,29 @@ class BusScreen(Screen[None]):
     def action_find_on(self, back: bool) -> None:
         self.jumps.find_on(back=back)
 
+    def action_span(self) -> None:
+        self.run_worker(self.jumps.ask_span(), group=ASKING)
+
+    def action_door(self, way: str) -> None:
+        self.run_worker(self.doors.go(way), group=ASKING)
+
+    def action_kept(self) -> None:
+        self.run_worker(self.kept.choose(), group=ASKING)
+
+    def repaint_lists(self) -> None:
+        """Every list looks otherwise now."""
+        for each in self.query(Lines):
+            each.unpaint()
+
     def action_goto(self) -> None:
         self.run_worker(self.jumps.ask_where(), group=ASKING)
 
     def action_counterpart(self) -> None:
         self.jumps.to_counterpart()
+
+    def action_why(self) -> None:
+        """The evidence of the boundaries, opened below."""
+        self.detail.open("why")
 
     def action_finding(self, step: int) -> None:
         self.jumps.to_finding(step)
@@ -330,7 +408,7 @@ class BusScreen(Screen[None]):
     def action_help(self) -> None:
         from .help import Help
 
-        self.app.push_screen(Help())
+        self.app.push_screen(Help(self.desk.wishes.keys))
 
     def tell(self, text: str, *, wrong: bool = False) -> None:
         """A short notice; nothing in it is markup."""

@@ -11,7 +11,7 @@ from ...tables.findings import Severity
 from ..asciireading import COLON
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..hits import evenness_bits
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Behind
@@ -75,7 +75,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     bits += overlaid(readings) + 2 * (hasty + late) + likelihood_bits(damaged + requests, damaged + behind, _ON_FRAMES)
     bits -= likelihood_bits(damaged + requests, damaged + behind, 0.5)
     bits += evenness_bits(evidence) / 2  # two cycles meet where they do, yet not at one unit only
-    costs = [evidence.cost(unit, Outcome.SILENT, Outcome.GARBAGE) for unit in units]
+    costs = [evidence.cost(unit, Ending.SILENT, Ending.GARBAGE) for unit in units]
     known = [ms for _, ms in costs if ms is not None]
     kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS)
     yield Suspicion(
@@ -91,7 +91,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
         },
         lost_answers=sum(lost for lost, _ in costs),
         lost_ms=round(sum(known), 3) if known else None,
-        frames=tuple(index for unit in hit for index in unit.examples.get(Outcome.GARBAGE, []))[:6],
+        frames=tuple(index for unit in hit for index in unit.examples.get(Ending.GARBAGE, []))[:6],
     )
 
 
@@ -173,7 +173,7 @@ def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
     if pause is None or pause > max(_STORM_NS, _STORM_PAUSES * (evidence.t35_ns or 0.0)):
         return
     silent = frozenset((Symptom.SILENCE, unit.unit) for unit in evidence.units)
-    costs = [evidence.cost(unit, Outcome.SILENT) for unit in evidence.units]
+    costs = [evidence.cost(unit, Ending.SILENT) for unit in evidence.units]
     known = [ms for _, ms in costs if ms is not None]
     yield Suspicion(
         (),
@@ -199,7 +199,7 @@ def _mean_pause(evidence: Evidence) -> float | None:
     if not ledger.span_ns or not ledger.line.baud:
         return None
     waited = sum(unit.waits.total for unit in evidence.units)
-    silent = sum(unit.count(Outcome.SILENT) for unit in evidence.units)
+    silent = sum(unit.count(Ending.SILENT) for unit in evidence.units)
     rested = ledger.span_ns - ledger.bytes * ledger.char_ns - waited
     return max(rested, 0.0) / max(ledger.exchanges - silent, 1)
 

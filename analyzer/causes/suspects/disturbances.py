@@ -10,10 +10,10 @@ import numpy as np
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, phase_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..hits import ALIKE, Hits, end_of_part, evenness_bits, is_one_units, span_of_hits
 from ..registry import Explained, Suspicion, Symptom, suspect
-from ..signatures import Damage
+from ..signatures import AnswerDamage
 from ..spells import spells_of
 
 _LEAST: Final = 5
@@ -59,9 +59,9 @@ def _anywhere(evidence: Evidence) -> tuple[Hits, float]:
 
 
 def _suspicion(evidence: Evidence, hits: Hits, bits: float, more: Mapping[str, Any], **times: Any) -> Suspicion:
-    costs = [evidence.cost(unit, Outcome.GARBAGE) for unit in evidence.units]
+    costs = [evidence.cost(unit, Ending.GARBAGE) for unit in evidence.units]
     known = [ms for _, ms in costs if ms is not None]
-    frames = tuple(i for unit in evidence.units for i in unit.examples.get(Outcome.GARBAGE, []))[:6]
+    frames = tuple(i for unit in evidence.units for i in unit.examples.get(Ending.GARBAGE, []))[:6]
     return Suspicion(
         (),
         bits,
@@ -88,7 +88,7 @@ _SHARE: Final = "{hits} hits in {exchanges} exchanges: {damaged} answers, {reque
     remedy="Check shield (earthed at one end), common wire, loose terminals, and cables that run beside power cables",
 )
 def interference(evidence: Evidence) -> Iterator[Suspicion]:
-    """Damage of all senders alike."""
+    """AnswerDamage of all senders alike."""
     hits, bits = _anywhere(evidence)
     if bits > 0:
         yield _suspicion(evidence, hits, bits, {})
@@ -105,7 +105,7 @@ def interference(evidence: Evidence) -> Iterator[Suspicion]:
     "cables, earth the shield, use an isolated converter",
 )
 def emi_mains(evidence: Evidence) -> Iterator[Suspicion]:
-    """Damage at one phase of the mains or of its half-waves."""
+    """AnswerDamage at one phase of the mains or of its half-waves."""
     hits, bits = _anywhere(evidence)
     if bits <= 0 or not evidence.ledger.timed or evidence.verdict.wait_ns > _PHASE_NS:
         return
@@ -126,7 +126,7 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
     times: list[int] = []
     for unit in evidence.units:
         for reading in evidence.readings(unit):
-            if reading.damage is Damage.BITS and reading.t_ns >= 0:
+            if reading.damage is AnswerDamage.BITS and reading.t_ns >= 0:
                 times.append(reading.t_ns)
     return np.concatenate((np.array(times, np.float64), evidence.ledger.stray_times.numbers)) / 1e9
 
@@ -143,7 +143,7 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
     "or a ferrite at its output",
 )
 def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
-    """Damage that goes with a value on the bus."""
+    """AnswerDamage that goes with a value on the bus."""
     hits, bits = _anywhere(evidence)
     state = evidence.ledger.states.likeliest()
     if bits <= 0 or state is None or state.bits < _SURE_BITS:
@@ -172,13 +172,13 @@ def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
     remedy="Find the machine that runs then (shift, pump, charger, lighting) and keep the bus cable away from its cables",
 )
 def hours(evidence: Evidence) -> Iterator[Suspicion]:
-    """Damage in spells."""
+    """AnswerDamage in spells."""
     hits, bits = _anywhere(evidence)
     if bits <= 0 or not evidence.ledger.timed:
         return
     grid = evidence.ledger.grid
     found, inside = spells_of(grid.counts("damage"), grid.counts("asked"))
-    if found < _SURE_BITS or grid.begin is None:
+    if found < _SURE_BITS or grid.begin_ns is None:
         return
     edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
     begins, ends = edges[::2], edges[1::2]
@@ -190,9 +190,9 @@ def hours(evidence: Evidence) -> Iterator[Suspicion]:
         "part": float(inside[trials > 0].mean()),
     }
     times: dict[str, Any] = {
-        "since": grid.begin + int(begins[0]) * grid.width,
+        "since": grid.begin_ns + int(begins[0]) * grid.width_ns,
         "until": end_of_part(evidence, int(ends[-1])),
     }
     if len(begins) > 2:
-        times["period_s"] = round(float(np.diff(begins).mean()) * grid.width / 1e9, 1)
+        times["period_s"] = round(float(np.diff(begins).mean()) * grid.width_ns / 1e9, 1)
     yield _suspicion(evidence, hits, bits + found, numbers, **times)

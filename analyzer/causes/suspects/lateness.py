@@ -12,9 +12,9 @@ from ...diagnosis.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..registry import Suspicion, Symptom, suspect
-from ..signatures import Damage, Signature
+from ..signatures import AnswerDamage, Signature
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 3
@@ -56,7 +56,7 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
     late = {unit.unit: _late(evidence, unit) for unit in evidence.units}
     for unit in evidence.units:  # what is another's, it is late for
         for reading in evidence.readings(unit) if evidence.is_open(Symptom.LATENESS, unit.unit) else ():
-            sender = reading.heard[0] if reading.damage is Damage.OTHER and reading.heard else unit.unit
+            sender = reading.heard[0] if reading.damage is AnswerDamage.OTHER and reading.heard else unit.unit
             if sender != unit.unit and sender in late:
                 late[sender] += 1
     for unit in evidence.units:
@@ -75,7 +75,7 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         explains |= {
             (symptom, other.unit) for other in others for symptom in (Symptom.DAMAGE, Symptom.BEHIND, Symptom.SILENCE)
         }
-        lost, lost_ms = evidence.cost(unit, Outcome.SILENT, Outcome.GARBAGE)
+        lost, lost_ms = evidence.cost(unit, Ending.SILENT, Ending.GARBAGE)
         slow = unit.delays.quantile(0.9)
         yield Suspicion(
             (unit.unit,),
@@ -95,7 +95,7 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
             until=unit.last,
             lost_answers=lost + _redundant(unit).count,
             lost_ms=lost_ms,
-            frames=tuple(unit.examples.get(Outcome.SILENT, [])),
+            frames=tuple(unit.examples.get(Ending.SILENT, [])),
         )
 
 
@@ -104,19 +104,19 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
     if not evidence.is_open(Symptom.LATENESS, unit.unit):
         return 0
     found = unit.late + unit.strays
-    if unit.doubles <= 1.2 * unit.count(Outcome.SILENT):
+    if unit.doubles <= 1.2 * unit.count(Ending.SILENT):
         found += unit.doubles
     readings = evidence.readings(unit)
     slow = _redundant(unit)
     bound = min(slow.bound_ns, _overdue_ns(evidence, unit))
     late = [r for r in readings if kind_of(r) == "crossed" or r.delay >= bound or _own(r, unit)]
-    found += round(unit.count(Outcome.GARBAGE) * len(late) / max(len(readings), 1))
+    found += round(unit.count(Ending.GARBAGE) * len(late) / max(len(readings), 1))
     return found + max(slow.count, _unheeded(evidence, unit))
 
 
 def _own(reading: Signature, unit: UnitLedger) -> bool:
     """Whether it is a right answer of this unit to another request."""
-    return reading.damage is Damage.OTHER and reading.heard[:1] == bytes((unit.unit,))
+    return reading.damage is AnswerDamage.OTHER and reading.heard[:1] == bytes((unit.unit,))
 
 
 def _overdue_ns(evidence: Evidence, unit: UnitLedger) -> float:

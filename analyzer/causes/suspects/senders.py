@@ -12,10 +12,10 @@ from typing import Any, Final
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..misreading import beheaded, formats_of
 from ..registry import Suspicion, Symptom, suspect
-from ..signatures import Behind, Damage, Signature, known_header
+from ..signatures import AnswerDamage, Behind, Signature, known_header
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 3
@@ -48,24 +48,24 @@ def damage_suspicions(
 def damage_suspicion(evidence: Evidence, unit: UnitLedger, bits: float, more: Mapping[str, Any]) -> Suspicion:
     """The damaged answers of one unit."""
     others = [other for other in evidence.units if other.unit != unit.unit]
-    lost, lost_ms = evidence.cost(unit, Outcome.GARBAGE)
+    lost, lost_ms = evidence.cost(unit, Ending.GARBAGE)
     return Suspicion(
         (unit.unit,),
         bits,
         frozenset({(Symptom.DAMAGE, unit.unit), (Symptom.MARKS, unit.unit)}),
         {
             "unit": unit.unit,
-            "damaged": unit.count(Outcome.GARBAGE),
-            "answers": unit.answered + unit.count(Outcome.GARBAGE),
-            "others_damaged": sum(other.count(Outcome.GARBAGE) for other in others),
-            "others_answers": sum(other.answered + other.count(Outcome.GARBAGE) for other in others),
+            "damaged": unit.count(Ending.GARBAGE),
+            "answers": unit.answered + unit.count(Ending.GARBAGE),
+            "others_damaged": sum(other.count(Ending.GARBAGE) for other in others),
+            "others_answers": sum(other.answered + other.count(Ending.GARBAGE) for other in others),
             **more,
         },
         since=unit.samples.kept[0].t_asked if evidence.ledger.timed and unit.samples.kept else None,
         until=unit.samples.kept[-1].t_asked if evidence.ledger.timed and unit.samples.kept else None,
         lost_answers=lost,
         lost_ms=lost_ms,
-        frames=tuple(unit.examples.get(Outcome.GARBAGE, [])),
+        frames=tuple(unit.examples.get(Ending.GARBAGE, [])),
     )
 
 
@@ -81,7 +81,7 @@ _BEHEADED: Final = {"whole": 0.4, "head": 0.35, "middle": 0.1, "cut": 0.05, "cut
 
 
 def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
-    return {"bytes": median(each.bytes for each in readings if each.damage is Damage.HEAD)}
+    return {"bytes": median(each.bytes for each in readings if each.damage is AnswerDamage.HEAD)}
 
 
 @suspect(
@@ -96,7 +96,7 @@ def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     "direction; bias resistors hide a delay of less than a character",
 )
 def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
-    """Damage at the head of one sender's frames."""
+    """AnswerDamage at the head of one sender's frames."""
     yield from damage_suspicions(evidence, {"head": 0.85, "whole": 0.06, "middle": 0.03}, ("head",), _head)
     for unit in evidence.units:
         readings = evidence.readings(unit)
@@ -143,7 +143,7 @@ def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     "buffer)",
 )
 def driver_released_early(evidence: Evidence) -> Iterator[Suspicion]:
-    """Damage at the tail of one sender's frames."""
+    """AnswerDamage at the tail of one sender's frames."""
     expected = {"tail": 0.72, "cut-short": 0.15, "bits-tail": 0.08, "middle": 0.02}
     yield from damage_suspicions(evidence, expected, ("tail", "cut-short", "bits-tail"), _tail)
 
@@ -162,7 +162,7 @@ def crc_convention(evidence: Evidence) -> Iterator[Suspicion]:
     """All frames of one unit right by one other check value."""
 
     def variant(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
-        names = [each.detail for each in readings if each.damage is Damage.CONVENTION]
+        names = [each.detail for each in readings if each.damage is AnswerDamage.CONVENTION]
         return {"variant": max(set(names), key=names.count)}
 
     yield from damage_suspicions(evidence, {"convention": 0.95}, ("convention",), variant)
@@ -203,7 +203,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
         crossed = evidence.behind(unit, Behind.REQUEST, Behind.NOISE)
         crossed = round(crossed) if doubles >= _LEAST or (len(readings) >= _LEAST and crossed >= _LEAST) else 0
-        if doubles <= 1.2 * unit.count(Outcome.SILENT):
+        if doubles <= 1.2 * unit.count(Ending.SILENT):
             doubles = 0
         rest = [other for other in evidence.units if other is not unit]
         noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)

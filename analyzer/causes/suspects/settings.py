@@ -10,7 +10,7 @@ from typing import Any, Final
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..misreading import CharacterFormat, formats_of, misread, other_formats, samples
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Signature, known_header
@@ -78,7 +78,7 @@ def _steadiness(unit: UnitLedger) -> float:
     """Whether the same poll gives the same garbage each time, as far as its header goes."""
     polls: dict[int, list[bytes]] = defaultdict(list)
     for sample in unit.samples.kept:
-        if sample.outcome == Outcome.GARBAGE:
+        if sample.outcome == Ending.GARBAGE:
             polls[sample.poll].append(b"".join(piece.data for piece in sample.pieces)[:2])
     return max(_alike(polls.values(), unit.unit, count) for count in (1, 2))
 
@@ -108,5 +108,5 @@ def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
         {**found.numbers, "damaged": unit.marked, "others_damaged": sum(o.marked for o in others)},
         since=unit.first,
         until=unit.last,
-        frames=tuple(unit.examples.get(Outcome.OK, [])),
+        frames=tuple(unit.examples.get(Ending.OK, [])),
     )

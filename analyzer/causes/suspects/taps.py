@@ -14,7 +14,7 @@ from ...deframing.directions import port_role
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import Evidence
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..registry import Explained, Suspicion, Symptom, suspect
 
 _LEAST: Final = 20  # frames
@@ -151,7 +151,7 @@ def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in evidence.units:
         readings = evidence.readings(unit)
         share = sum(reading.echoed for reading in readings) / len(readings) if readings else 0.0
-        echoed += round(share * unit.count(Outcome.GARBAGE))
+        echoed += round(share * unit.count(Ending.GARBAGE))
         if share > _MOSTLY:
             explains |= {(kind, unit.unit) for kind in Symptom}
     firsts = max(sum(unit.asked for unit in evidence.units), 1)

@@ -9,7 +9,7 @@ from typing import Final
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..hits import ALIKE, Hits, span_of_hits
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Behind
@@ -20,7 +20,7 @@ _ONE_UNIT: Final = 0.9  # of all stretches
 _MOST: Final = 0.6
 _FEW: Final = 0.15  # frames hit for a stretch on the idle line
 _EARLY: Final = (0.3, 0.22, 0.16, 0.12, 0.08, 0.05, 0.04, 0.03)  # bits of a byte that ringing behind its start reaches
-# Damage by reflections, one bit a frame, or several.
+# AnswerDamage by reflections, one bit a frame, or several.
 _BENT: Final = {"bits": 0.52, "head": 0.17, "bits-tail": 0.04, "middle": 0.1, "whole": 0.12, "tail": 0.02}
 _MUCH_BENT: Final = {"bits": 0.2, "head": 0.1, "bits-tail": 0.03, "middle": 0.35, "whole": 0.3, "tail": 0.01}
 _SINGLE: Final = 0.3
@@ -91,7 +91,7 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
         ) < _LEAST:
             continue
         if best is None or bits > best.bits:
-            costs = [evidence.cost(unit, Outcome.GARBAGE) for unit in far]
+            costs = [evidence.cost(unit, Ending.GARBAGE) for unit in far]
             known = [ms for _, ms in costs if ms is not None]
             best = Suspicion(
                 tuple(unit.unit for unit in far),
@@ -107,7 +107,7 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
                 },
                 lost_answers=sum(lost for lost, _ in costs),
                 lost_ms=round(sum(known), 3) if known else None,
-                frames=tuple(i for unit in far for i in unit.examples.get(Outcome.GARBAGE, []))[:6],
+                frames=tuple(i for unit in far for i in unit.examples.get(Ending.GARBAGE, []))[:6],
                 **span_of_hits(evidence),
             )
     if best is not None:
@@ -124,12 +124,12 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
     remedy="Check the terminals, the stub and the shield of this drop, then the unit's line driver",
 )
 def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
-    """Damage of any kind, of one unit alone."""
+    """AnswerDamage of any kind, of one unit alone."""
     for unit in evidence.units if len(evidence.units) > 1 else ():
         bits = evidence.surplus(unit) + min(kind_bits(evidence.readings(unit), ALIKE), 0.0) - _UNIT_BITS
         if bits > 0 and evidence.damaged(unit) >= _LEAST:
             others = [other for other in evidence.units if other.unit != unit.unit]
-            lost, lost_ms = evidence.cost(unit, Outcome.GARBAGE)
+            lost, lost_ms = evidence.cost(unit, Ending.GARBAGE)
             yield Suspicion(
                 (unit.unit,),
                 bits,
@@ -143,6 +143,6 @@ def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
                 },
                 lost_answers=lost,
                 lost_ms=lost_ms,
-                frames=tuple(unit.examples.get(Outcome.GARBAGE, [])),
+                frames=tuple(unit.examples.get(Ending.GARBAGE, [])),
                 **span_of_hits(evidence),
             )

@@ -20,7 +20,7 @@ from ..taps import TAPS, with_errors
 from .envelopes import ASCII
 from .master import FieldMaster, FieldPoll, FieldRequest, Manners
 from .schedule import Schedule
-from .uart import Octet, Uart
+from .uart import LineUart, ReceivedOctet
 from .units import MS, FieldUnit
 from .wire import FieldWire, Pulse, TapEnd
 
@@ -64,7 +64,7 @@ class Bench:
 
     random: Random
     tap_name: str
-    uart: Uart
+    uart: LineUart
     schedule: Schedule
     wire: FieldWire
     units: dict[int, FieldUnit]
@@ -74,7 +74,7 @@ class Bench:
     begin_ns: float
     header: dict[str, Any] = field(default_factory=dict)
     marks_errors: bool = True
-    tapped: Callable[[list[Octet]], list[Octet]] = lambda octets: octets  # what the adapter makes of it
+    tapped: Callable[[list[ReceivedOctet]], list[ReceivedOctet]] = lambda octets: octets  # what the adapter makes of it
     epoch_ns: int = 0
     most_requests: int | None = None  # behind so many in the capture the recorder is switched off
 
@@ -151,9 +151,9 @@ def site(
     parities: Sequence[str] = _PARITIES,
 ) -> Bench:
     """A healthy site; a case narrows what it needs."""
-    uart = Uart(random.choice(bauds), 8, random.choice(parities), 1)
+    uart = LineUart(random.choice(bauds), 8, random.choice(parities), 1)
     if uart.parity == "N" and random.random() < 0.3:
-        uart = Uart(uart.baud, 8, "N", 2)
+        uart = LineUart(uart.baud, 8, "N", 2)
     schedule = Schedule()
     wire = FieldWire(random, schedule, uart)
     wire.contention = random.choice(("low", "strong", "random"))
@@ -176,7 +176,7 @@ def site(
     return bench
 
 
-def _manners(random: Random, uart: Uart, slowest_ms: float) -> Manners:
+def _manners(random: Random, uart: LineUart, slowest_ms: float) -> Manners:
     longest = 140 * uart.char_ns / MS
     least = 4 * slowest_ms + longest
     base = random.choice((0.0, 2.0, 5.0, 10.0, 20.0, 50.0))
@@ -194,7 +194,7 @@ def _manners(random: Random, uart: Uart, slowest_ms: float) -> Manners:
     )
 
 
-def _usual_seconds(uart: Uart, manners: Manners, delay_ms: float, polls: Sequence[FieldPoll]) -> float:
+def _usual_seconds(uart: LineUart, manners: Manners, delay_ms: float, polls: Sequence[FieldPoll]) -> float:
     one = 45 * uart.char_ns / MS + 0.6 * delay_ms + manners.pause_ms(0)
     return max(one, manners.cycle_ms / max(len(polls), 1)) / 1e3
 
@@ -219,7 +219,7 @@ def write_pdu(random: Random, function: int, address: int, quantity: int = 1) ->
     return pdu
 
 
-def _polls(random: Random, uart: Uart, numbers: Sequence[int]) -> list[FieldPoll]:
+def _polls(random: Random, uart: LineUart, numbers: Sequence[int]) -> list[FieldPoll]:
     longest = 60 if uart.baud >= 9600 else 24
     alike = random.random() < 0.5  # sister units, asked for the same things
     shapes = [_shapes(random, longest) for _ in range(1 if alike else len(numbers))]

@@ -11,7 +11,7 @@ from dissectors.crc import crc_ok
 
 from ..conversation import adu
 from .envelopes import RTU, WireEnvelope
-from .uart import Octet, Uart
+from .uart import LineUart, ReceivedOctet
 from .units import Shape, burst_of
 from .wire import FieldWire
 
@@ -56,7 +56,7 @@ class Manners:
 class FieldMaster:
     """A client on the line."""
 
-    uart: Uart
+    uart: LineUart
     wire: FieldWire
     random: Random
     polls: list[FieldPoll]
@@ -74,7 +74,7 @@ class FieldMaster:
     _poll: FieldPoll | None = None
     _sent: bytes = b""
     _waiting: bool = False
-    _heard: list[Octet] = field(default_factory=list)
+    _heard: list[ReceivedOctet] = field(default_factory=list)
 
     @property
     def waits(self) -> bool:
@@ -87,7 +87,7 @@ class FieldMaster:
         self._cycle = t
         self.wire.schedule.at(t, self._next)
 
-    def hear(self, octets: Sequence[Octet], t: float) -> None:
+    def hear(self, octets: Sequence[ReceivedOctet], t: float) -> None:
         """Bytes since the last time; nobody sends any more at `t`."""
         if not self._waiting or not self.requests:
             return

@@ -10,15 +10,13 @@ A module of this package holds such functions; nothing lists the modules.
 
 from __future__ import annotations
 
-import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from random import Random
-from types import MappingProxyType
 from typing import Final
 
+from ....registry import Registry
 from ..bench import Bench, Expected, FieldCapture
 
 ANY_TAP: Final = ("precise", "irq", "ftdi16", "gateway", "untimed")
@@ -50,16 +48,14 @@ class FieldCase:
         return bench.run(expected)
 
 
-_cases: dict[str, FieldCase] = {}
+_CASES: Final = Registry[FieldCase]("analyzer.simulation.field.cases", "field case")
 
 
 def field_case(name: str, taps: tuple[str, ...] = ANY_TAP) -> Callable[[Play], Play]:
     """Registers a case."""
 
     def enter(play: Play) -> Play:
-        if name in _cases:
-            raise ValueError(f"two cases are called {name}")
-        _cases[name] = FieldCase(name, play, taps)
+        _CASES.enter(name, FieldCase(name, play, taps))
         return play
 
     return enter
@@ -68,7 +64,4 @@ def field_case(name: str, taps: tuple[str, ...] = ANY_TAP) -> Callable[[Play], P
 @cache
 def field_cases() -> Mapping[str, FieldCase]:
     """All cases by name."""
-    package = import_module("analyzer.simulation.field.cases")
-    for module in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
-        import_module(f"{package.__name__}.{module}")
-    return MappingProxyType(dict(sorted(_cases.items())))
+    return _CASES.by_name()

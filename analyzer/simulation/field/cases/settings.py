@@ -6,7 +6,7 @@ from dataclasses import replace
 from random import Random
 
 from ..bench import Bench, Expected, site
-from ..uart import Octet, Uart
+from ..uart import LineUart, ReceivedOctet
 from ..units import FieldUnit
 from ..wire import Burst, TapEnd
 from .registry import ANY_TAP, LOCAL, Site, field_case
@@ -14,11 +14,11 @@ from .registry import ANY_TAP, LOCAL, Site, field_case
 _STANDARD = (1200, 2400, 4800, 9600, 14400, 19200, 38400, 57600, 115200)
 
 
-def _other_baud(random: Random, uart: Uart) -> float:
+def _other_baud(random: Random, uart: LineUart) -> float:
     return random.choice([baud for baud in _STANDARD if baud != uart.baud and 0.2 < baud / uart.baud < 5])
 
 
-def another_format(random: Random, uart: Uart) -> Uart:
+def another_format(random: Random, uart: LineUart) -> LineUart:
     """Settings of a UART that are not these."""
     kind = random.random()
     if kind < 0.5:
@@ -107,12 +107,12 @@ def local_echo(random: Random, tap: str) -> Site:
 
 def echo_of_client(random: Random, bench: Bench) -> None:
     """The client's adapter shows what it is given to send before the line does."""
-    sent: list[Octet] = []
+    sent: list[ReceivedOctet] = []
     early = random.uniform(0.02, 1.0) * 1e6
 
     def remember(burst: Burst, _: Random) -> None:
         begin = burst.starts[0] - early
-        sent.extend(Octet(begin + i, value, False) for i, value in enumerate(burst.data))
+        sent.extend(ReceivedOctet(begin + i, value, False) for i, value in enumerate(burst.data))
 
     bench.master.shapes.append(remember)
     bench.tapped = lambda octets: sorted([*octets, *sent])
