@@ -28,6 +28,7 @@ from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 _LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
 _COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
 _WORD: Final = re.compile(r"\w")
+_SAYS_MORE: Final = re.compile(r"[^\W\d_]|[/<>←→]")
 _LETTER: Final = re.compile(r"[^\W\d_]")
 _BARE_HEX: Final = re.compile(r"[0-9A-Fa-f\s]+")
 _BARE_LEAST: Final = 4096  # characters of a line that is worth a look whether it is nothing but hex digits
@@ -98,19 +99,41 @@ class LineReader:
     _newest: int | None = None
     _received: bool = False  # pymodbus reports received bytes by themselves, not only those it processes
     _memory: dict[str, tuple[int, list[LineMark], list[ByteRun]]] = field(default_factory=dict)
+    _empty: dict[str, tuple[int, str, str, str | None]] = field(default_factory=dict)  # lines that hold nothing
     _tools: list[Shape] = field(default_factory=lambda: list(SHAPES))
 
     def read(self, line: str, number: int) -> LogLine:
         """What a line holds. Never raises."""
         if len(line) > _BARE_LEAST and _BARE_HEX.fullmatch(line) and (bare := self._bare(line, number)) is not None:
             return bare
+        if (empty := self._empty.get(line)) is not None and self._says_nothing(empty[0]):
+            self._bare_heading()
+            return LogLine(number, empty[1], empty[2], problem=empty[3])
         text = plain(line)
         if not text.strip(" \t`~"):
             return LogLine(number, line, quiet=True)
         found = self._below_header(text, number) or self._tool_line(text, number)
         if found is None and (sign := _QUOTE.match(text)) is not None:
             found = self._tool_line(text[sign.end() :], number)
-        return found or self._any_line(text, number)
+        if found is None:
+            found = self._any_line(text, number)
+            if not found.runs and found.t_ns is None and not found.quiet and not _SAYS_MORE.search(found.clean):
+                if len(self._empty) >= _REMEMBERED:
+                    self._empty.clear()
+                learnt = len(self.experience.right)
+                self._empty[line] = learnt, found.text, found.clean, found.problem
+        return found
+
+    def _says_nothing(self, learnt: int) -> bool:
+        """Whether a line that held nothing holds nothing here, either: nothing above waits for it."""
+        waits = self._dump.row is not None or (self._heading is not None and self._heading.left is not None)
+        return not waits and learnt == len(self.experience.right)
+
+    def _bare_heading(self) -> None:
+        """After a line that says nothing of rows below: the time of one above may still be theirs."""
+        above = self._heading
+        t_ns, fine = (above.t_ns, above.fine) if above is not None and not above.rows else (None, False)
+        self._heading = Heading(NONE, t_ns, fine, "")
 
     def _bare(self, line: str, number: int) -> LogLine | None:
         """A long line of nothing but hex digits; None for numbers and words of such digits."""
