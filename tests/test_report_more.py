@@ -1,4 +1,4 @@
-"""What a report says besides: cards, polls, hours, what changed, bookmarks, another language; and that all of it fits."""
+"""What a report says besides: cards, polls, hours, what changed, bookmarks, another language; and that it all fits."""
 
 from __future__ import annotations
 

@@ -173,7 +173,7 @@ def _clock(t_ns: int) -> str:
 
 
 def _polls(polls: Sequence[PollRow]) -> Iterator[str]:
-    yield f"{'poll':<24}{'asked':>7}{'ok':>7}{'wasted':>8}{'period':>9}{'jitter':>9}  one request with"
+    yield f"{'poll':<24}{'asked':>7}{'ok':>7}{'wasted':>8}{'period':>9}{'jitter':>9}  joins with"
     for row in polls[:_POLLS]:
         name = f"unit {row.unit} {row.function:02d} {row.address}..{row.address + row.quantity - 1}"
         if row.function in (5, 6, 22) or row.quantity <= 1:
