@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import IO
+from typing import IO, BinaryIO
 
 from dissectors.values import harmless
 
@@ -98,10 +98,26 @@ def put_json(value: object, *, indent: int | None = None) -> None:
 
 def put(text: str) -> None:
     """Write all of a text to standard output, now: unbuffered, a stream may take part of it when a signal comes."""
-    data = memoryview(terminal_text(text).encode(sys.stdout.encoding, "backslashreplace"))
-    while data:
-        data = data[sys.stdout.buffer.write(data) :]
-    sys.stdout.buffer.flush()
+    put_bytes(terminal_text(text).encode(sys.stdout.encoding, "backslashreplace"), sys.stdout.buffer)
+
+
+def put_bytes(data: bytes, stream: BinaryIO) -> None:
+    """Write all of it, now."""
+    left = memoryview(data)
+    while left:
+        left = left[stream.write(left) :]
+    stream.flush()
+
+
+def hung_up(stream: BinaryIO) -> bool:
+    """Whether nobody reads this pipe any more, as far as that shows without writing to it."""
+    if os.name != "posix":
+        return False
+    import select
+
+    asked = select.poll()
+    asked.register(stream.fileno(), select.POLLERR)
+    return bool(asked.poll(0))
 
 
 def places(stream: IO[str]) -> bool:

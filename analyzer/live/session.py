@@ -9,19 +9,21 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Iterator, Mapping
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
 from captures.chunks import Block
 from captures.line import LineSettings
 from captures.live.wire import Item, PortEvent, Tick
-from captures.recording.notes import Note
+from captures.recording.notes import MARK, Note
 
 from ..core import Analysed, Analyzer
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.findings import Findings
+from .outlets import Outlet
 
 _BACKLOG: Final = 4 << 20  # bytes that wait for the analysis at most
 _PATIENCE_S: Final = 0.2
@@ -98,18 +100,22 @@ class Session:
         recorder: RecordingSink | None = None,
         options: Options = Options(),  # noqa: B008 - frozen
         backlog: int = _BACKLOG,
+        outlets: Sequence[Outlet] = (),
     ) -> None:
+        """`outlets` get every step before whoever takes them; they are closed with the session."""
         self.line = source.line
         self._source = source
         self._recorder = recorder
         self._analyzer = Analyzer(source.line, options)
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._backlog = backlog
+        self._outlets = outlets
         self._waiting = 0  # bytes queued
         self._lock = threading.Condition()
         self._stopped = False
         self._missed: dict[int, int] = {}  # the other thread's: bytes not queued, by port
         self._newest = 0
+        self._marks: deque[str] = deque()  # to be recorded
         self._thread = threading.Thread(target=self._pump, daemon=True)
 
     def __enter__(self) -> Session:
@@ -119,6 +125,8 @@ class Session:
     def __exit__(self, *_: object) -> None:
         self.stop()
         self._thread.join()
+        for outlet in self._outlets:
+            outlet.close()
 
     def stop(self) -> None:
         """End soon: `steps` gives what there is, then ends."""
@@ -131,6 +139,11 @@ class Session:
         self._thread.join(patience_s)
         return not self._thread.is_alive()
 
+    def mark(self, text: str) -> bool:
+        """Put a note of the user's into the recording, at the newest time heard; whether there is a recording."""
+        self._marks.append(text)
+        return self._recorder is not None
+
     @property
     def waiting(self) -> int:
         """Bytes that wait for the analysis."""
@@ -141,6 +154,21 @@ class Session:
 
         Raises what the source or the recorder raised.
         """
+        for step in self._steps():
+            yield self._fed(step)
+
+    def _fed(self, step: SessionStep) -> SessionStep:
+        """The step, after the outlets got it; one that fails is left out from now on, and that is said."""
+        for outlet in list(self._outlets):
+            try:
+                outlet.feed(step, self.line)
+            except Exception as error:
+                self._outlets = [other for other in self._outlets if other is not outlet]
+                text = f"{type(outlet).__name__.lower()}: ended: {type(error).__name__}: {error}"
+                step.events.append(PortEvent(step.t_ns, 0, "failed", text, {}))
+        return step
+
+    def _steps(self) -> Iterator[SessionStep]:
         over = False
         while not over:
             items = [self._queue.get()]
@@ -197,6 +225,7 @@ class Session:
                 for item in self._source.items():
                     self._record(item)
                     self._offer(item)
+                    self._record_marks()
                     if self._recorder is not None:
                         self._recorder.tick()
                 self._tell_missed()
@@ -218,6 +247,10 @@ class Session:
                 self._recorder.settings(self._source.line)
             if item.kind in _NOTED:
                 self._recorder.note(Note(item.t_ns, item.kind, item.text))
+
+    def _record_marks(self) -> None:
+        while self._marks and self._recorder is not None and self._newest:
+            self._recorder.note(Note(self._newest, MARK, self._marks.popleft()))
 
     def _offer(self, item: Item) -> None:
         """Queue it, but for bytes that the analysis is too far behind to take."""

@@ -40,7 +40,7 @@ _DOUBTFUL: Final = 0.5
 # Counters a transaction adds to, in the order of `Counts`.
 _COUNTERS: Final = ("requests", "answered", "exceptions", "unanswered", "broadcasts", "damaged", "retries", "late",
              "unheard")  # fmt: skip
-_BY_STATUS: Final = {
+BY_STATUS: Final = {
     Status.ANSWERED: "answered",
     Status.EXCEPTION: "exceptions",
     Status.UNANSWERED: "unanswered",
@@ -195,7 +195,7 @@ class Summary:
         np.add.at(self._counts["requests"], place, 1)
         np.add.at(self._counts["retries"], place, settled["retry"])
         np.add.at(self._counts["late"], place, settled["late"])
-        for status, name in _BY_STATUS.items():
+        for status, name in BY_STATUS.items():
             np.add.at(self._counts[name], place, settled["status"] == status)
         measured = settled[settled["response_ns"] >= 0]
         if len(measured):
