@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, tzinfo
 from enum import Enum
-from typing import Final
+from typing import TYPE_CHECKING, Final, overload
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 _EPOCH_NS: Final = 10**17  # times after 1973 are taken for a clock's, others count from the start of the capture
 
@@ -18,8 +22,12 @@ class TimeBase(Enum):
     REFERENCE = "since reference"
 
 
-def is_clock(t_ns: int) -> bool:
-    """Whether a time is a clock's, and so has a date."""
+@overload
+def is_clock(t_ns: int) -> bool: ...
+@overload
+def is_clock(t_ns: NDArray[np.int64]) -> NDArray[np.bool_]: ...
+def is_clock(t_ns: int | NDArray[np.int64]) -> bool | NDArray[np.bool_]:
+    """Whether a time, or each of some, is a clock's, and so has a date."""
     return t_ns > _EPOCH_NS
 
 
@@ -69,6 +77,15 @@ def short(ns: int | None) -> str:
     if hours < 100:
         return f"{hours}h{minutes:02d}m"
     return f"{hours // 24}d" if hours < 24_000 else ">999d"
+
+
+def pointed_ms(ns: int) -> str:
+    """Milliseconds in nine columns, the point always in the same: `    4.21 `, `   12.3  `; blank where negative."""
+    if ns < 0:
+        return " " * 9
+    ms = ns / 1e6
+    whole, _, rest = f"{ms:.{3 if ms < 1 else 2 if ms < 10 else 1 if ms < 100 else 0}f}".partition(".")
+    return f"{whole:>5}{'.' if rest else ' '}{rest:<3}"
 
 
 def moment(t_ns: int) -> str:

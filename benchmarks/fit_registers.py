@@ -89,7 +89,8 @@ class Fit:
         totals = np.tile(weights[STARTS["device order"] : STARTS["device order"] + 2], (self.devices, 1))
         sums = []
         for bucket in self.buckets:
-            both = [bucket.sums(weights, order) for order in range(2)]
+            scores = bucket.scores(weights)
+            both = [bucket.sums(scores, weights, order) for order in range(2)]
             for order, one in enumerate(both):
                 np.add.at(totals[:, order], bucket.devices, one.log_total)
             sums.append(both)
@@ -98,8 +99,7 @@ class Fit:
         found = np.zeros(TOTAL + 1)
         found[STARTS["device order"] : STARTS["device order"] + 2] = shares[self.present].sum(axis=0)
         for bucket, both in zip(self.buckets, sums, strict=True):
-            for order, one in enumerate(both):
-                found += bucket.expected(one, order, shares[bucket.devices, order])
+            found += bucket.expected(both, shares[bucket.devices])
         return found
 
     def run(self, rounds: int, start: Floats | None = None) -> Floats:
@@ -143,24 +143,29 @@ class _Bucket:
             self.true[STARTS["begin"] + FAMILY_OF[numbers[0]]] += 1
             self.true[STARTS["end"] + FAMILY_OF[numbers[-1]]] += 1
 
-    def sums(self, weights: Floats, order: int) -> ChainSums:
+    def scores(self, weights: Floats) -> Floats:
+        """Log odds of every segment, word orders left out."""
+        return np.stack([weights[block].sum(axis=2) for block in self.entries], axis=-1)
+
+    def sums(self, scores: Floats, weights: Floats, order: int) -> ChainSums:
         """Of devices that have this word order."""
-        scores = np.stack([weights[block].sum(axis=2) for block in self.entries], axis=-1)
-        scores += weights[order_codes()[order] + STARTS["value order"]]
+        scores = scores + weights[order_codes()[order] + STARTS["value order"]]
         scores[~self.fits] = -1e9
         transitions = weights[neighbour_codes() + STARTS["neighbours"]]
         begin, end = weights[STARTS["begin"] + FAMILY_OF], weights[STARTS["end"] + FAMILY_OF]
         return chain_sums(scores, self.lengths, transitions, begin, end)
 
-    def expected(self, sums: ChainSums, order: int, shares: Floats) -> Floats:
-        """Expected counts, each run weighed by the share of the order in its device."""
-        posterior = sums.posterior * shares[:, None, None]
+    def expected(self, both: Sequence[ChainSums], shares: Floats) -> Floats:
+        """Expected counts, each run weighed by the share (runs, 2) of either order in its device."""
+        by_order = [sums.posterior * shares[:, order, None, None] for order, sums in enumerate(both)]
         found = np.zeros(TOTAL + 1)
+        for order, one in enumerate(by_order):
+            np.add.at(found, order_codes()[order] + STARTS["value order"], one.sum(axis=(0, 1)))
+        posterior = by_order[0] + by_order[1]
         for number, block in enumerate(self.entries):
             share = np.repeat(posterior[:, :, number].ravel(), block.shape[2])
             found += np.bincount(block.ravel(), share, TOTAL + 1)
-        np.add.at(found, order_codes()[order] + STARTS["value order"], posterior.sum(axis=(0, 1)))
-        neighbours = np.einsum("r,rij->ij", shares, sums.neighbours)
+        neighbours = sum(np.einsum("r,rij->ij", shares[:, order], sums.neighbours) for order, sums in enumerate(both))
         np.add.at(found, neighbour_codes() + STARTS["neighbours"], neighbours)
         np.add.at(found, STARTS["begin"] + FAMILY_OF, posterior[:, 0].sum(axis=0))
         last = np.zeros(len(HYPOTHESES))
@@ -216,7 +221,7 @@ def main(arguments: list[str]) -> int:
     begin = time.perf_counter()
     kinds = ((60, range(options.seeds), 0.0), (60, range(200, 202), 1.0), (150, range(100, 101), 0.0))
     made = [(d, runs_of(d.readings)) for polls, seeds, refine in kinds
-            for d in devices(seeds, polls, widen=0.1, refine=refine)]  # fmt: skip
+            for d in devices(seeds, polls, widen=0.15, refine=refine)]  # fmt: skip
     print(f"{len(made)} devices, {time.perf_counter() - begin:.1f} s", file=sys.stderr)
     if options.folds:
         everything = Tally()

@@ -55,16 +55,21 @@ def made_device(
     flip: float = 0.0,
     widen: float = 0.0,
     refine: float = 0.0,
+    move: bool = True,
+    wild: float = 0.2,
 ) -> MadeDevice:
-    """A device of this layout, polled so many times."""
+    """A device of this layout, polled so many times; of chances `flip` has the other word order, `widen` and `refine`
+    wider and finer integers; at other addresses unless told not to `move`; `wild` of its values do what nobody
+    expects."""
     if random.random() < refine:
         chart = refined(chart, random)
     if random.random() < flip:
         chart = reordered(chart)
     if random.random() < widen:
-        chart = widened(chart)
-    chart = moved(chart, random)
-    client = MappedClient(random, [(1, chart)])
+        chart = widened(chart, random)
+    if move:
+        chart = moved(chart, random)
+    client = MappedClient(random, [(1, chart)], wild)
     device = client.devices[0]
     blocks = {(poll.area, poll.address, poll.quantity): [] for poll in client.polls}
     for _ in range(polls):
@@ -100,13 +105,14 @@ def reordered(chart: RegisterMap) -> RegisterMap:
     )
 
 
-def widened(chart: RegisterMap) -> RegisterMap:
-    """The same with 64-bit values in place of those of 32 bits, what follows moved up."""
+def widened(chart: RegisterMap, random: Random) -> RegisterMap:
+    """The same with 64-bit values in place of those of 32 bits, all or some; what follows moved up."""
+    part = random.choice((0.2, 0.5, 1.0))
     rows, shift = [], {"input": 0, "holding": 0}
     wider = {"u32": "u64", "s32": "s64", "f32": "f64"}
     for row in sorted(chart.rows, key=lambda row: row.address):
         if row.area in shift:
-            kind = wider.get(row.type, row.type)
+            kind = wider.get(row.type, row.type) if random.random() < part else row.type
             moved_row = replace(row, address=row.address + shift[row.area], type=kind)
             if kind != row.type:
                 moved_row = replace(moved_row, length=4)

@@ -3,7 +3,8 @@
     python benchmarks/score_causes.py [--seeds N] [--first SEED] [--taps precise,ftdi16] [--misses] [CASE ...]
 
 The cases are `analyzer.simulation.field`: a line bit by bit, and on it a client and units that hear the same wire. A
-case counts where the first cause has its id and, where one is to be named, its unit first. Beside it, causes among the
+case counts where the first cause has its id and, where one is to be named, its unit first; of two faults at once
+either may come first, and it is named where both are. Beside it, causes among the
 first three that are not so are counted as wrong accusations; a healthy case must have none at all. A line a case and
 tap, then sums by tap; and how far lost answers and lost time are from what the clients know.
 """
@@ -21,7 +22,7 @@ from analyzer.causes.ledger import ledger_of
 from analyzer.causes.model import Cause
 from analyzer.causes.reasoning import causes_of
 from analyzer.core import analyse
-from analyzer.simulation.field.bench import FieldCapture
+from analyzer.simulation.field.bench import Expected, FieldCapture
 from analyzer.simulation.field.cases.registry import ANY_TAP, FieldCase, field_cases
 from captures.chunks import Capture
 
@@ -49,22 +50,26 @@ def enter(tally: CaseTally, seed: int, made: FieldCapture, found: Sequence[Cause
     """Enter one capture."""
     expected = made.expected
     tally.seeds += 1
-    right = [cause for cause in found if is_right(cause, made)]
-    tally.named += bool(right) if expected.cause else not found
+    faults = [expected, *([expected.beside] if expected.beside else [])]
+    told = [[cause for cause in found if is_right(cause, fault)] for fault in faults]
+    right = [cause for causes in told for cause in causes]
+    tally.named += all(told) if expected.cause else not found
     first = not found if expected.cause is None else bool(found) and found[0] in right
     tally.first += first
     wrong = [c for c in found[:_LOOKED_AT] if c not in right and c.cause not in expected.also]
     tally.wrong += len(wrong)
     if not first or wrong:
         words = "; ".join(f"{c.cause} {list(c.units)[:4]} {c.bits:.0f} bits" for c in found[:4]) or "nothing"
-        tally.misses.append(
-            f"seed {seed}, {made.line.baud} bit/s: {expected.cause} {list(expected.units)}: said {words}"
-        )
+        tally.misses.append(f"seed {seed}, {made.line.baud} bit/s: {_words(expected)}: said {words}")
 
 
-def is_right(cause: Cause, made: FieldCapture) -> bool:
+def _words(expected: Expected) -> str:
+    beside = f" and {_words(expected.beside)}" if expected.beside else ""
+    return f"{expected.cause} {list(expected.units)}{beside}"
+
+
+def is_right(cause: Cause, expected: Expected) -> bool:
     """Whether a cause is the one of a case, with one of its units first where it has any."""
-    expected = made.expected
     return cause.cause == expected.cause and (not expected.units or cause.units[:1] in [(u,) for u in expected.units])
 
 
@@ -101,7 +106,13 @@ def score(case: FieldCase, tap: str, seed: int, tally: CaseTally, answers: list[
     found = causes_in(made)
     enter(tally, seed, made, found)
     true = len(made.lost())
-    if found and is_right(found[0], made) and found[0].lost_answers is not None and true > 10:
+    if (
+        found
+        and made.expected.beside is None
+        and is_right(found[0], made.expected)
+        and found[0].lost_answers is not None
+        and true > 10
+    ):
         answers.append(found[0].lost_answers / true)
 
 

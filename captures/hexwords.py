@@ -12,7 +12,7 @@ from typing import Final
 from .text.choosing import Judge, no_judge
 from .text.hexshapes import HexError as HexError
 from .text.hexshapes import halves
-from .text.logs import Piece, Unread, joined, read_lines
+from .text.logs import Piece, UnreadLine, joined, read_lines
 
 _WHAT_IS_READ: Final = (
     "looked for pairs of hex digits (11 03 00 6B, 1103006B, 0x11, \\x11, [11][03]), ASCII frames (:1103…) and "
@@ -42,7 +42,7 @@ class TextBytes:
     """What a text holds: its bytes, an item for each run of them, and the lines of which not all was read."""
 
     words: tuple[Words, ...]
-    unread: tuple[Unread, ...]
+    unread: tuple[UnreadLine, ...]
 
 
 def read_line(text: str) -> Words | None:
@@ -82,10 +82,10 @@ def _read(text: str, judge: Judge, zone: tzinfo | None) -> TextBytes:
         for piece in given
         if isinstance(piece, Piece)
     )
-    return TextBytes(words, tuple(piece for piece in given if isinstance(piece, Unread)))
+    return TextBytes(words, tuple(piece for piece in given if isinstance(piece, UnreadLine)))
 
 
-def _nothing(text: str, unread: tuple[Unread, ...]) -> str:
+def _nothing(text: str, unread: tuple[UnreadLine, ...]) -> str:
     """What to say where there are no bytes."""
     shown = " ".join(text.split())
     if not shown:

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO, Final
 from .chunks import Block, Capture, Chunk, Note, Source
 from .errors import CaptureError
 from .files import read_head, replacing
-from .formats import Format, Recognised, by_name, claimed, for_writing, likely, recognise
+from .formats import Format, RecognisedFormat, by_name, claimed, for_writing, likely, recognise
 from .line import POLARITIES, LineSettings
 from .packed import STANDARD_INPUT, LocalFile, local_file, unpacked
 from .recording.notes import Note as LineNote
@@ -94,7 +94,7 @@ def time_zone(text: str) -> tzinfo:
         ) from error
 
 
-def _recognised(file: LocalFile, chosen: Format | None) -> tuple[LocalFile, Recognised]:
+def _recognised(file: LocalFile, chosen: Format | None) -> tuple[LocalFile, RecognisedFormat]:
     """The file unpacked as far as that makes it a capture, and its format."""
     while True:
         try:
@@ -106,7 +106,7 @@ def _recognised(file: LocalFile, chosen: Format | None) -> tuple[LocalFile, Reco
             if inside is not None:
                 file = inside
                 continue
-        return file, Recognised(chosen) if chosen is not None else recognise(head, file.path.suffix, file.name)
+        return file, RecognisedFormat(chosen) if chosen is not None else recognise(head, file.path.suffix, file.name)
 
 
 def _read(format: Format, file: LocalFile, settings: dict[str, Any]) -> Source:

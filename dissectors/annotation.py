@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
+from .adu import BROADCAST, CRC_SIZE, EXCEPTION, LAST_UNIT
 from .blocks import opaque
-from .declaration import EXCEPTION
 from .envelopes import MBAP, Adu
 from .fields import Field, FieldTracer, filled
 from .functions.exceptions import RESPONSE as EXCEPTION_RESPONSE
@@ -25,9 +25,7 @@ from .tracing import record
 
 __all__ = ["Context", "Field", "annotate", "summary"]
 
-_CHECK_WIDTH: Final = {"rtu": 2, "ascii": 1, "tcp": 0}
-_BROADCAST: Final = 0
-_LAST_UNIT: Final = 247
+_CHECK_WIDTH: Final = {"rtu": CRC_SIZE, "ascii": 1, "tcp": 0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,9 +102,9 @@ def header_fields(adu: Adu) -> tuple[Field, ...]:
 def _unit(data: bytes, at: int, *, serial: bool) -> Field:
     unit = data[at]
     text, problem = str(unit), None
-    if serial and unit == _BROADCAST:
+    if serial and unit == BROADCAST:
         text = "0 (broadcast)"
-    elif serial and unit > _LAST_UNIT:
+    elif serial and unit > LAST_UNIT:
         problem = "units 248 to 255 are reserved"
     return Field("unit", at, 1, unit, f"{unit:02x}", text, problem=problem)
 

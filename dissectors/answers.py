@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-from .declaration import EXCEPTION
+from .adu import EXCEPTION
 from .lengths import relations
 from .limits import RequestedByteCount, taken
 from .registry import revision

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Final
 
-_LEAST: Final = 4  # bytes of an RTU ADU: unit, function code, CRC
+from .adu import MIN_ADU
 
 
 def _entry(byte: int) -> int:
@@ -37,7 +37,7 @@ def crc_bytes(data: bytes) -> bytes:
 
 def crc_ok(adu: bytes) -> bool:
     """Whether an RTU ADU (unit to CRC) is long enough to be one and ends in the right CRC."""
-    return len(adu) >= _LEAST and crc16(adu) == 0
+    return len(adu) >= MIN_ADU and crc16(adu) == 0
 
 
 def crc_ends(data: bytes, start: int, most: int) -> list[int]:
@@ -46,7 +46,7 @@ def crc_ends(data: bytes, start: int, most: int) -> list[int]:
     table = CRC_TABLE
     for end, byte in enumerate(data[start : start + most], start + 1):
         crc = (crc >> 8) ^ table[(crc ^ byte) & 0xFF]
-        if not crc and end - start >= _LEAST:
+        if not crc and end - start >= MIN_ADU:
             ends.append(end)
     return ends
 

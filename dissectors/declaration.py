@@ -27,7 +27,6 @@ from .values import Area
 
 USER_DEFINED: Final = frozenset((*range(65, 73), *range(100, 111)))  # [1] 5
 RESERVED: Final = frozenset((9, 10, 13, 14, 41, 42, 90, 91, 125, 126, 127))  # [1] annex A
-EXCEPTION: Final = 0x80  # set in the function code of an exception response ([1] 7)
 
 
 class DeclarationError(Exception):

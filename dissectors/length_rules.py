@@ -10,16 +10,14 @@ import enum
 import io
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
 
 import construct
 
+from .adu import MAX_PDU
 from .declaration import Function
 from .limits import Bound, Choice, Count, Echo, Multiple, RequestedByteCount, Sized, taken
 from .parts import AnyConstruct
 from .structure import DeclarationShape, Impossible, Unknowable, measuring, shape
-
-MAX_PDU: Final = 253  # [1] 4.1: what a serial ADU of 256 bytes leaves
 
 
 class Role(enum.IntEnum):

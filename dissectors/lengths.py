@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-from .declaration import EXCEPTION
-from .length_rules import MAX_PDU, LengthRule, Role, broken_value, compiled, relations_of
+from .adu import EXCEPTION
+from .length_rules import LengthRule, Role, broken_value, compiled, relations_of
 from .limits import Bound, Choice, Count, Echo, Multiple, RequestedByteCount, Sized
 from .registry import functions, revision
 from .structure import DeclarationShape, shape
 
 __all__ = [
-    "MAX_PDU",
     "RULES",
     "Bound",
     "Choice",

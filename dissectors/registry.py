@@ -15,7 +15,8 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import Final
 
-from .declaration import EXCEPTION, DeclarationError, Function, class_of
+from .adu import EXCEPTION
+from .declaration import DeclarationError, Function, class_of
 
 ENTRY_POINTS: Final = "rtuscope.functions"
 

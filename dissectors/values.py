@@ -184,6 +184,10 @@ def harmless(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
+FORMULA_STARTS: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
+"""How a cell begins that a spreadsheet would run as a formula; an apostrophe before it keeps it a text."""
+
+
 def device_text(data: bytes) -> str:
     """A device's string: ASCII by the specification, UTF-8 where it is, other bytes as `\\xNN`; harmless."""
     return harmless(data.decode("utf-8", "backslashreplace"))

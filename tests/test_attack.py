@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import pytest
 from scripts import package
@@ -37,6 +38,20 @@ def test_the_fuzz_sees_what_is_wrong() -> None:
     assert "ValueError" in fuzz._one(bad, 1, 0)[0]
     assert fuzz._one(good, 1, 0)[0] == ""
     assert "bytes: 0." in fuzz._one(slow, 1, 0)[0]
+
+
+def test_a_campaign_goes_on_where_its_account_ends(tmp_path: Path) -> None:
+    account, fuzz, path = package("attack.account"), package("attack.fuzz"), tmp_path / "account.jsonl"
+    for first, count, failures in ((0, 40, []), (40, 2, ["bad"])):
+        account.add(path, account.Entry("notes beside", 7, first, count, "abc", 1.5, 0.2, 40.0, failures))
+    with path.open("a") as file:
+        file.write('{"target": "notes be')  # cut by a power failure
+    assert account.reached(account.entries(path), "notes beside", 7) == 42
+    outcome = fuzz.campaign(7, 50, path, only="notes beside", most=9)
+    assert outcome.tried == 51
+    assert outcome.failures == ["bad"]
+    assert [(entry.first, entry.count) for entry in account.entries(path)] == [(0, 40), (40, 2), (42, 9)]
+    assert "51 inputs" in list(account.told(account.entries(path)))[-1]
 
 
 def test_damage_costs_what_it_hit() -> None:

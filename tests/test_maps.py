@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,11 +14,11 @@ from scripts import package
 
 from dissectors.maps import MapError, RegisterMap, map_for_unit, map_text, read_map, shipped_map, shipped_names
 from dissectors.maps.importers import FORMATS, import_maps
-from dissectors.maps.model import MappedValue, Signature
+from dissectors.maps.model import DeviceSignature, MappedValue
 from dissectors.maps.schema import json_schema
 from dissectors.maps.table import read_table, write_table
 from dissectors.maps.yamlform import read_yaml, write_yaml
-from dissectors.values import ORDERS, ordered, registers_of
+from dissectors.values import FORMULA_STARTS, ORDERS, ordered, registers_of
 
 FILES = package("attack.mapfiles")
 WORDS = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), min_size=1, max_size=12)
@@ -57,7 +58,7 @@ CHARTS = st.builds(
     rows=st.lists(values(), min_size=1, max_size=5, unique_by=lambda row: (row.area, row.address)).map(tuple),
     vendor=st.just("Maker"),
     word_order=st.sampled_from(ORDERS),
-    match=st.just(Signature(("ID",), ("OBJ",), (("holding", 40000, (0x5375, 0x6E53)),), (("input", 0, 72),))),
+    match=st.just(DeviceSignature(("ID",), ("OBJ",), (("holding", 40000, (0x5375, 0x6E53)),), (("input", 0, 72),))),
     other=st.just({"functions": "3, 4"}),
 )
 
@@ -66,6 +67,23 @@ CHARTS = st.builds(
 def test_a_map_survives_its_files(chart: RegisterMap) -> None:
     assert read_table(write_table(chart), "x.csv") == chart
     assert read_yaml(write_yaml(chart), "x.yaml") == chart
+
+
+HARMFUL = st.sampled_from(
+    ("=1+1", "+x", "-y", "@z", "'=q", "''+r", "a;=cmd", "a,+b", "a\t@c", '"=x"', 'a";=y', "-40", "= 5")
+)
+
+
+@given(HARMFUL, HARMFUL, HARMFUL, HARMFUL)
+def test_no_cell_is_run_as_a_formula(name: str, measure: str, device: str, column: str) -> None:
+    row = MappedValue("input", 1, name, "s16", unit=measure, minimum=-40.0, maximum=5.0, other={column: name})
+    chart = RegisterMap(device, (row,), source=measure)
+    text = write_table(chart)
+    for delimiter in ",;\t":
+        cells = [cell for line in csv.reader(text.splitlines(), delimiter=delimiter) for cell in line]
+        assert not [cell for cell in cells if cell.startswith(FORMULA_STARTS) and cell != "-40"]
+    found = read_table(text, "x.csv").rows[0]
+    assert (found.name, found.unit, found.minimum) == (" ".join(name.split()), " ".join(measure.split()), -40.0)
 
 
 @given(st.binary(max_size=200))
@@ -195,6 +213,66 @@ def test_what_a_map_cannot_carry_is_noted() -> None:
     assert heat.offset == -100
     amps = import_maps("c.json", FILES.SUNSPEC.encode())[0].chart.rows[1]
     assert amps.scale_address == 40072
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("\ufeffRegister;Bezeichnung;Datentyp;Faktor\n40001-40002;U;FLOAT32;1\n40003 - 40004;E;UINT32;0,01\n"
+         "40005…40008;S;ASCII;\n",
+         [("holding", 0, "f32", 1, ""), ("holding", 2, "u32", 0.01, ""), ("holding", 4, "text", 1, "")]),
+        ("Адрес (hex);Наименование параметра;Тип данных;Ед. изм.\n0x0000;U;uint16;0,1 В\n0010h;E;uint32;кВт·ч\n",
+         [("holding", 0, "u16", 0.1, "В"), ("holding", 16, "u32", 1, "кВт·ч")]),
+        ("Address (Hex),Name,Type\n000A,I,U16\n0010,P,S32\n",
+         [("holding", 10, "u16", 1, ""), ("holding", 16, "s32", 1, "")]),
+        ("Address,Name\n10,A\n1F,B\n", [("holding", 16, "u16", 1, ""), ("holding", 31, "u16", 1, "")]),
+        ("No.,Start address,End address,Parameter name,Unit\n1,0,1,E,kWh\n2,4,4,F,0.01Hz\n",
+         [("holding", 0, "u32", 1, "kWh"), ("holding", 4, "u16", 0.01, "Hz")]),
+        ("№;Регистр;Имя\n1;30009;T\n", [("input", 8, "u16", 1, "")]),
+        ("Address,Name,Type\n10.0,Pump on,bool\n10.1,Fault,bool\n11,Flow,u16\n",
+         [("holding", 11, "u16", 1, ""), ("holding", 10, "bits", 1, "")]),
+        ("| Address | Name | Function | Scaling |\n|---|---|---|---|\n| 5 | U | 04 | ÷10 |\n| 6 | I |  | x0.1 |\n",
+         [("input", 5, "u16", 0.1, ""), ("input", 6, "u16", 0.1, "")]),
+        ("Address\tName\tType\r\n1 000\tA\tREAL\r\n4x1003\tB\tDINT\r\n",
+         [("holding", 1000, "f32", 1, ""), ("holding", 1002, "s32", 1, "")]),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "cp1251"])
+def test_tables_as_manuals_and_spreadsheets_have_them(
+    text: str, expected: list[tuple[str, int, str, float, str]], encoding: str
+) -> None:
+    data = text.encode("utf-8" if encoding == "cp1251" and not text.isascii() and "÷" in text else encoding, "ignore")
+    (found,) = import_maps("list.csv", data)
+    assert [(row.area, row.address, row.type, row.scale, row.unit) for row in found.chart.rows] == expected
+
+
+def test_orders_limits_and_what_is_unsure() -> None:
+    text = (
+        "Address,Name,Type,Byte order,Range\n0,A,float,CD AB,0...100\n2,B,float,little endian,-10 to 10\n"
+        "4,C,float,big-endian,-32 768 – 32 767\n6,D,float,3412,0=off 1=on\n"
+    )
+    (found,) = import_maps("list.csv", text.encode())
+    assert [(row.order, row.minimum, row.maximum) for row in found.chart.rows] == [
+        ("CDAB", 0, 100), ("ABCD", -10, 10), ("ABCD", -32768, 32767), ("CDAB", None, None),
+    ]  # fmt: skip
+    assert any("little endian" in note for note in found.notes)
+
+
+def test_merged_cells_of_a_workbook(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    sheet = book.active
+    for row in (["Meter list"], ["Function", "Address", "Name", "Type"], [4, 0, "U", "float"], [None, 2, "I", "float"],
+                [3, 10.0, "Mode", "uint16"], [None, 11, "Limit", "uint16"]):  # fmt: skip
+        sheet.append(row)
+    sheet.merge_cells("A1:D1")
+    sheet.merge_cells("A3:A4")
+    sheet.merge_cells("A5:A6")
+    book.save(tmp_path / "list.xlsx")
+    (found,) = import_maps("list.xlsx", (tmp_path / "list.xlsx").read_bytes())
+    assert [(row.area, row.address, row.type) for row in found.chart.rows] == [
+        ("input", 0, "f32"), ("input", 2, "f32"), ("holding", 10, "u16"), ("holding", 11, "u16"),
+    ]  # fmt: skip
 
 
 def test_a_workbook(tmp_path: Path) -> None:

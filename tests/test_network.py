@@ -37,7 +37,7 @@ import captures
 from captures import Capture, CaptureError, Chunk, LineSettings, Mark
 from captures.formats import formats
 from captures.network.choosing import kind_of
-from captures.network.tcp import Group, Half, Reassembly
+from captures.network.tcp import ConnectionGroup, Half, Reassembly
 from captures.recording.notes import Note
 from dissectors.crc import crc_bytes
 
@@ -364,7 +364,7 @@ def test_a_storm_of_connections_is_forgotten_in_time() -> None:
         reassembly.feed(segments(packets, np.arange(count), 1), rows.tobytes())
     assert len(reassembly._halves) <= 1 << 16
     assert len(reassembly.groups) <= (1 << 14) + 1
-    assert isinstance(reassembly.groups[-1], Group)
+    assert isinstance(reassembly.groups[-1], ConnectionGroup)
 
 
 @pytest.mark.skipif(TSHARK is None, reason="tshark is not installed")

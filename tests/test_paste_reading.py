@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 from buses import adu
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from analyzer.paste import PastedFrame, PastedNoise, PasteError, read, tree
@@ -264,6 +264,8 @@ def test_any_bytes_are_read_and_tiled(data, envelope, role):
     check_tiling(paste, len(data))
 
 
+# what is left of one RTU line would be a frame with the next, but for the Modbus TCP line between them
+@example([REQUEST, "00", "01", "00", "\n", MBAP, "\n", "3A 30 31 0D 0A", REQUEST])
 @settings(deadline=None)
 @given(
     st.lists(

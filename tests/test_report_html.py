@@ -14,10 +14,10 @@ from running import ran, refused
 import captures
 from analyzer.reports import summarize
 from analyzer.reports.html import Sights, page
+from analyzer.reports.html.troublebins import TroubleBins
 from analyzer.reports.page import facts
 from analyzer.tables.findings import NOTHING
 from analyzer.tables.schema import ROW
-from analyzer.tables.timebins import TroubleBins
 from captures import Capture, samples
 
 SECOND = 1_000_000_000

@@ -285,7 +285,7 @@ def test_the_interface_shows_it_readable_wherever_it_stands(capture: Path) -> No
             await sitting.press(view)
             seen += sitting.shown()
         assert "CANARY\\x1b]52" in seen and "[red]x[/red]" in seen
-        await sitting.press("1", "semicolon")
+        await sitting.press("2", "semicolon")
         seen += sitting.shown()
         await sitting.press("escape", "slash")
         sitting.screen.query_one(FilterBar).line.value = CANARY

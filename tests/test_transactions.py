@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from buses import LINE, adu, spaced, streams
 from hypothesis import given
 
+from analyzer.deframing.protocols import Deframer
 from analyzer.deframing.stream import RtuDeframer
+from analyzer.tables.batch import Batch, join_batches
 from analyzer.tables.transactions import TRANSACTION, Status, Transactions
 from captures.chunks import Block, Chunk
+from dissectors.crc import lrc
 
 READ, ANSWER = adu("110300000002"), adu("110304000a0014")
 
@@ -62,8 +68,65 @@ def test_batches_do_not_matter(chunks: list[Chunk]) -> None:
 
 
 @given(streams())
+def test_a_row_a_batch_is_as_good_as_all_at_once(chunks: list[Chunk]) -> None:
+    assert_same_row_by_row(chunks)
+
+
+@pytest.mark.parametrize("gap_ns", [6_000_000, 4_000_000_000])
+def test_a_request_behind_a_damaged_answer_ends_the_wait_for_it_in_any_batch(gap_ns: int) -> None:
+    """Cost: time to the next request. A row a batch, the damaged answer had been settled before that came."""
+    damaged = ANSWER[:-1] + bytes([ANSWER[-1] ^ 1])
+    found = transactions(spaced([READ, damaged, READ, ANSWER], gap_ns))
+    assert found["status"].tolist() == [Status.DAMAGED, Status.ANSWERED]
+    assert found["t_next"][0] == found["t_start"][1]
+    assert_same_row_by_row(spaced([READ, damaged, READ, ANSWER], gap_ns))
+
+
+def test_a_retried_write_and_two_echoes_are_put_in_order_in_any_batch() -> None:
+    write = adu("110600010002")
+    assert_same_row_by_row(spaced([READ, ANSWER, write, write, write, write, READ, ANSWER]))
+
+
+@pytest.mark.parametrize("strays", [14, 15, 16, 17, 18])
+def test_what_comes_beyond_the_horizon_is_not_told_in_any_batch(strays: int) -> None:
+    alien = adu("0504020007")
+    assert_same_row_by_row(spaced([READ, *[alien] * strays, READ, ANSWER]))
+    assert_same_row_by_row(spaced([READ, *[alien] * strays, ANSWER, READ]))
+
+
+def assert_same_row_by_row(chunks: list[Chunk]) -> None:
+    deframer = RtuDeframer(LINE)
+    batches = [deframer.feed(Block.from_chunks(chunks)) if chunks else Batch.empty(), deframer.close()]
+    batch = join_batches(batches)
+    whole, single = Transactions(), Transactions()
+    rows = [replace(batch, rows=batch.rows[i : i + 1]) for i in range(len(batch))]
+    at_once = np.concatenate([whole.feed(batch), whole.close()])
+    row_by_row = np.concatenate([*(single.feed(row) for row in rows), single.close()])
+    assert at_once.tolist() == row_by_row.tolist()
+
+
+@given(streams())
 def test_every_request_has_one_transaction_in_order(chunks: list[Chunk]) -> None:
     found = transactions(list(chunks))
     assert (np.diff(found["request"]) > 0).all()
     answers = found["response"][found["response"] >= 0]
     assert len(set(answers.tolist())) == len(answers)
+
+
+@pytest.mark.parametrize("envelope", ["ascii", "tcp"])
+def test_only_the_same_write_is_the_same_again_whatever_the_envelope(envelope: str) -> None:
+    """In ASCII mode all frames end alike, and over Modbus TCP each has its own number."""
+    writes = [adu("110600010002"), adu("110600010003"), adu("110600010003")]
+    pieces = []
+    for number, write in enumerate(writes):
+        body = write[:-2]
+        if envelope == "ascii":
+            frame = b":" + (body + bytes([lrc(body)])).hex().upper().encode() + b"\r\n"
+        else:
+            frame = number.to_bytes(2) + b"\0\0" + len(body).to_bytes(2) + body
+        pieces += [frame, frame]
+    found, deframer = Transactions(), Deframer(LINE)
+    batches = [deframer.feed(Block.from_chunks(spaced(pieces))), deframer.close()]
+    told = np.concatenate([*(found.feed(batch) for batch in batches), found.close()])
+    assert told["status"].tolist() == [Status.ANSWERED] * 3
+    assert told["again"].tolist() == [False, False, True]

@@ -33,7 +33,7 @@ def test_moving_shows_fields_and_bytes_both_ways(capture: Path) -> None:
         await sitting.press("home", "down", "tab")  # an answer with registers
         details, octets = sitting.screen.query_one(Details), sitting.screen.query_one(BytesPane)
         assert details.has_focus
-        await sitting.press("home", "down", "down", "down", "down", "down")
+        await sitting.press("home", "down", "down", "down", "down", "down", "down")
         assert details.item is not None and details.item.label == "register"
         assert octets.lit == range(details.item.start, details.item.start + 2)
         await sitting.press("tab", "end")
@@ -94,12 +94,12 @@ def test_counterpart_findings_and_go_to(capture: Path) -> None:
 
 def test_find_bytes_text_and_values(capture: Path) -> None:
     async def work(sitting: Seat) -> None:
-        for way, text, wanted in (
-            ("h", "83 02", lambda row: b"\x83\x02" in sitting.bus.captured(row)),
-            ("t", "discrete", lambda row: "discrete" in sitting.bus.frame(row).summary()),
-            ("v", "674", lambda row: b"\x02\xa2" in sitting.bus.captured(row)),
+        for text, wanted in (
+            ("83 02", lambda row: b"\x83\x02" in sitting.bus.captured(row)),
+            ("discrete", lambda row: "discrete" in sitting.bus.frame(row).summary()),
+            ("674", lambda row: b"\x02\xa2" in sitting.bus.captured(row)),
         ):
-            await sitting.press("home", "f", way)
+            await sitting.press("home", "f")
             sitting.app.screen.query_one(Input).value = text
             await sitting.press("enter")
             first = sitting.row
@@ -108,6 +108,21 @@ def test_find_bytes_text_and_values(capture: Path) -> None:
             assert sitting.row >= first and wanted(sitting.row)
             await sitting.press("N")
             assert sitting.row == first
+        await sitting.press("f")
+        sitting.app.screen.query_one(Input).value = "83 02"
+        await sitting.settle()
+        assert "looks for the bytes 83 02" in sitting.shown()
+        await sitting.press("enter")
+        octets = sitting.screen.query_one(BytesPane)
+        assert bytes(octets.look.data[i] for i in octets.lit) == b"\x83\x02", "hits are lit"
+        before = sitting.row
+        rows = [row for row in range(sitting.bus.count) if b"\x83\x02" in sitting.bus.captured(row)]
+        await sitting.press(*"n" * len(rows))
+        assert sitting.row == before and any("from the beginning again" in said for said in sitting.notices())
+        await sitting.press("f")
+        sitting.app.screen.query_one(Input).value = "50%"
+        await sitting.press("enter")
+        assert sitting.row == sitting.bus.count // 2
 
     using(opened(capture), work)
 
@@ -133,9 +148,9 @@ def test_the_filter_narrows_completes_and_says_what_is_wrong(capture: Path) -> N
         ]  # fmt: skip
         assert rows == expected != []
         assert f"{len(rows)} of {sitting.bus.count} rows shown" in sitting.shown()
-        await sitting.press("2")
-        assert screen.conversations.count() <= len(rows)
-        await sitting.press("1", "escape")
+        await sitting.press("1")
+        assert screen.transactions.count() == len(rows), "the answers that pass bring their requests"
+        await sitting.press("2", "escape")
         assert screen.frames.count() == sitting.bus.count
         await sitting.press("slash")
         bar.line.value = 'finding == "exception" or severity >= error'

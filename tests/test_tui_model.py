@@ -26,9 +26,9 @@ from analyzer.exports import export
 from analyzer.model import goto, search
 from analyzer.model.bus import Bus
 from analyzer.model.notes import Notes, NotesError
-from analyzer.model.polls import answer_before, changed
+from analyzer.model.polls import changed
 from analyzer.model.registers import RegisterSeries
-from analyzer.model.selection import Everything, Selection, conversations, frames_only, within
+from analyzer.model.selection import Everything, Selection, frames_only, transactions, within
 from analyzer.model.source import CaptureSource
 from analyzer.model.table import COLUMNS, PIECE, ByteStore, RowTable, ShortTimes
 from analyzer.simulation import Scenario, simulate
@@ -63,7 +63,8 @@ def cut(batch: Batch, each: int) -> Iterator[Batch]:
         asked = {int(rows["request"][i]): first + i for i in range(len(rows)) if rows["request"][i] >= 0}
         own = set(rows["index"].tolist())
         earlier = {i: batch.request_of(row, i) or b"" for i, row in asked.items() if i not in own}
-        yield replace(batch, rows=rows, earlier=earlier)
+        why = None if batch.evidence is None else batch.evidence[first : first + each]
+        yield replace(batch, rows=rows, earlier=earlier, evidence=why)
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +157,7 @@ def test_registers_are_the_newest_values_that_frames_carry(each: int) -> None:
 
 
 def test_selections_hold_the_rows_that_pass_whenever_they_are_asked(troubled: Bus) -> None:
-    for test in (frames_only, conversations, within(troubled.t_first, troubled.t_first + 3_000_000_000)):
+    for test in (frames_only, transactions, within(troubled.t_first, troubled.t_first + 3_000_000_000)):
         selection = Selection(troubled, test)
         assert selection.extend()
         passed = np.flatnonzero(test(troubled, 0, 0, troubled.count))
@@ -241,7 +242,7 @@ def test_causes_are_those_of_the_analysis(troubled: Bus) -> None:
 def test_an_answer_is_compared_with_the_one_to_the_same_poll(troubled: Bus) -> None:
     compared = differing = 0
     for row in range(troubled.count):
-        before = answer_before(troubled, row)
+        before = troubled.polls.before(row)
         if before is None:
             continue
         compared += 1
@@ -315,7 +316,7 @@ def test_activity_counts_everything_once_near_and_far(troubled: Bus) -> None:
     near = troubled.activity.over(troubled, troubled.t_first, troubled.t_last + 1, 50)
     assert near.octets.sum() == size
     assert near.frames.sum() == troubled.frames
-    far = troubled.activity._counts
+    far = troubled.activity._bins.tables["all"]
     assert far[0].sum() == size
 
 

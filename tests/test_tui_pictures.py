@@ -21,8 +21,8 @@ from captures import samples
 _DOCS = Path(__file__).parents[1] / "docs" / "pictures"
 _STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("home", ("0",)),
-    ("frames", ("1", "g", "1", "5", "enter", "tab", "home", "down", "tab", "tab")),
-    ("conversations", ("2",)),
+    ("transactions", ("1", "home", "down", "right")),
+    ("frames", ("2", "g", "1", "5", "enter", "tab", "home", "down", "tab", "tab")),
     ("findings", ("3", "home")),
     ("units", ("4",)),
     ("registers", ("5", "down", "down")),

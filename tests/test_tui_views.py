@@ -35,16 +35,15 @@ def capture(tmp_path: Path) -> Path:
     return sample_in(tmp_path)
 
 
-def test_views_of_conversations_findings_units_registers_timeline_and_report(capture: Path) -> None:
+def test_views_of_transactions_findings_units_registers_timeline_and_report(capture: Path) -> None:
     async def work(sitting: Seat) -> None:
         screen = sitting.screen
-        await sitting.press("2")
+        await sitting.press("1")
         kinds = [
-            sitting.bus.table.value("kind", screen.conversations.rows.row(i))
-            for i in range(screen.conversations.count())
+            sitting.bus.table.value("kind", screen.transactions.rows.row(i)) for i in range(screen.transactions.count())
         ]
         assert kinds.count(1) == 112
-        await sitting.press("down", "c")
+        await sitting.press("down", "c", "2")
         await sitting.press("3")
         found = screen.query_one(FindingList)
         assert found.count() == sitting.bus.found.count > 0
@@ -137,7 +136,7 @@ def test_help_palette_themes_and_quit(capture: Path) -> None:
         assert isinstance(sitting.app.screen, Help) and "display filter" in sitting.shown()
         await sitting.press("down", "escape")
         dark = sitting.app.theme
-        await sitting.press("d")
+        await sitting.press("D")
         assert sitting.app.theme != dark
         await sitting.press("ctrl+p")
         await sitting.type("View: Reg")
@@ -159,7 +158,7 @@ def test_the_mouse_chooses_rows_bytes_and_views(capture: Path) -> None:
         await sitting.settle()
         details = sitting.screen.query_one(Details)
         assert details.item is not None and details.item.label == "function"
-        await sitting.pilot.click("#tabs", offset=(24, 0))
+        await sitting.pilot.click("#tabs", offset=(44, 0))
         await sitting.settle()
         assert sitting.screen.view != "frames"
 
@@ -248,7 +247,7 @@ def test_findings_are_gone_to_however_many_there_are(capture: Path) -> None:
         await sitting.press("end", "left_square_bracket", "3")
         assert found.count() == sitting.bus.found.count > 4096
         assert found.row == sitting.row == max(sitting.bus.found.row(i) for i in range(found.count()))
-        await sitting.press("1", "home", "3")
+        await sitting.press("2", "home", "3")
         assert found.row is not None and found.row < 20
 
     using(Wordy(captures.open(capture), "bus"), work)
@@ -269,7 +268,7 @@ def test_hostile_text_is_shown_harmless() -> None:
             await sitting.press(view)
             shown = sitting.shown()
             assert "\x1b" not in shown and "\x07" not in shown and "\x9b" not in shown
-        await sitting.press("ctrl+l", "escape", "1", "down")
+        await sitting.press("ctrl+l", "escape", "2", "down")
         assert sitting.row == 1
         assert "\\x1b[2J[red]x[/red]" in sitting.shown()
 

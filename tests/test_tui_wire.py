@@ -23,7 +23,7 @@ if os.name != "posix":
 from emulator import Picture, Watched
 from textual._compositor import LayoutUpdate
 
-from analyzer.tui.wire import Wire
+from analyzer.tui.wire import ThinWire
 
 _STYLES = [
     Style(), Style(bold=True), Style(color="red"), Style(color="#8b949e", bgcolor="#16191d"), Style(reverse=True),
@@ -39,7 +39,7 @@ _updates = st.lists(st.tuples(st.integers(0, _COLUMNS - 1), st.integers(0, _ROWS
 def test_the_terminal_shows_what_is_drawn_however_it_was_sent(updates: list[tuple[int, int, list]]) -> None:  # type: ignore[type-arg]
     """Against the same updates, each sent whole to a terminal of its own."""
     console = Console(width=_COLUMNS, height=_ROWS, color_system="256", force_terminal=True)
-    wire, thin, whole = Wire(), Picture(_COLUMNS, _ROWS), Picture(_COLUMNS, _ROWS)
+    wire, thin, whole = ThinWire(), Picture(_COLUMNS, _ROWS), Picture(_COLUMNS, _ROWS)
     blank = LayoutUpdate([[Strip.blank(_COLUMNS)]] * _ROWS, Region(0, 0, _COLUMNS, _ROWS))
     for x, y, pieces in [(0, 0, None), *updates]:
         if pieces is None:
@@ -72,7 +72,7 @@ def _halved(cells: list[str], x: int) -> bool:
 @pytest.fixture
 def terminal(tmp_path: Path) -> Iterator[Watched]:
     with Watched("open", str(sample_in(tmp_path)), cwd=tmp_path) as terminal:
-        terminal.until("registers from").settle(1.5)
+        terminal.until("things explain").settle(1.5)
         terminal.press("1")
         yield terminal
 

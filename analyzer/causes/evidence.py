@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import log2
@@ -15,20 +15,22 @@ from dissectors.lengths import Role, rule
 
 from ..diagnosis.tap_clock import UNKNOWN, TimeTrust, silences
 from .bits import surplus_bits
-from .exchanges import Outcome
+from .exchanges import Ending
 from .foreign import PROTOCOLS
 from .ledger import Ledger
 from .polls import Poll
 from .registry import Explained, Symptom
-from .signatures import Behind, Damage, Signature, signature
+from .signatures import AnswerDamage, Behind, Signature, signature
 from .thinned import densest
 from .unitledger import UnitLedger
 
 HEALTHY: Final = 0.004  # damaged exchanges of a line on which nothing is wrong
 _WAITS: Final = 3  # that tell a timeout
-_TAIL_BYTES: Final = 4
+_TAIL_BYTES: Final = 3
 _SHORT_CUT: Final = 4  # bytes
+_LONG: Final = 6
 _RARE: Final = 0.01
+_STRAYED: Final = 2  # bytes
 _FOREIGN: Final = 0.02  # of all bytes
 _FOREIGN_FRAMES: Final = 3
 
@@ -41,9 +43,9 @@ _ANYWHERE: Final[Mapping[str, float]] = {
 
 def kind_of(reading: Signature) -> str:
     """The kind of damage, places at the end told apart."""
-    if reading.damage is Damage.CUT:
+    if reading.damage is AnswerDamage.CUT:
         return "cut-short" if reading.bytes <= _SHORT_CUT else "cut"
-    if reading.damage is Damage.BITS and reading.at >= reading.due - 1:
+    if reading.damage is AnswerDamage.BITS and reading.at >= reading.due - 1:
         return "bits-tail"
     return str(reading.damage.value)
 
@@ -92,27 +94,27 @@ class Evidence:
         """Requests without an answer that nothing explains; of two clocks only those of a unit that is never heard."""
         if not self.ordered and unit.answered + unit.strays + unit.late + unit.doubles + unit.unfit:
             return 0
-        return unit.count(Outcome.SILENT) if self.is_open(Symptom.SILENCE, unit.unit) else 0
+        return unit.count(Ending.SILENT) if self.is_open(Symptom.SILENCE, unit.unit) else 0
 
     def damaged(self, unit: UnitLedger) -> int:
         """Answers that are none and that nothing explains; of those looked at, the share that is damaged indeed."""
         if not self.is_open(Symptom.DAMAGE, unit.unit) or not self.ordered:
             return 0
-        count, samples = unit.count(Outcome.GARBAGE), self._samples(unit)
+        count, samples = unit.count(Ending.GARBAGE), self._samples(unit)
         return round(count * len(self.readings(unit)) / samples) if samples else count
 
     @staticmethod
     def _samples(unit: UnitLedger) -> int:
-        return sum(sample.outcome == Outcome.GARBAGE for sample in unit.samples.kept)
+        return sum(sample.outcome == Ending.GARBAGE for sample in unit.samples.kept)
 
     def readings(self, unit: UnitLedger) -> list[Signature]:
         """Samples of damaged answers, read; those that are whole after all, though in pieces, are left out."""
         if not self.is_open(Symptom.DAMAGE, unit.unit):
             return []
         if unit.unit not in self._readings:
-            samples = [sample for sample in unit.samples.kept if sample.outcome == Outcome.GARBAGE]
+            samples = [sample for sample in unit.samples.kept if sample.outcome == Ending.GARBAGE]
             read = [self._read(sample) for sample in samples]
-            self._readings[unit.unit] = [reading for reading in read if reading.damage is not Damage.NONE]
+            self._readings[unit.unit] = [reading for reading in read if reading.damage is not AnswerDamage.NONE]
         return self._readings[unit.unit]
 
     def followed(self, unit: UnitLedger) -> list[Signature]:
@@ -129,6 +131,12 @@ class Evidence:
         if not readings:
             return 0.0
         return unit.followed.offered * sum(reading.behind in kinds for reading in readings) / len(readings)
+
+    def requests_behind(self, unit: UnitLedger) -> float:
+        """About how many good answers have a damaged request behind them, known again or as long as one."""
+        readings = self.followed(unit) if self.ordered else []
+        found = [r for r in readings if r.behind is Behind.REQUEST or (r.behind is Behind.NOISE and r.length >= _LONG)]
+        return unit.followed.offered * len(found) / len(readings) if readings else 0.0
 
     def _read(self, sample: object) -> Signature:
         from .samples import Sample
@@ -190,14 +198,14 @@ class Evidence:
             return None
         return densest(numbers)
 
-    def cost(self, unit: UnitLedger, *outcomes: Outcome) -> tuple[int, float | None]:
+    def cost(self, unit: UnitLedger, *outcomes: Ending) -> tuple[int, float | None]:
         """Answers lost by these outcomes, and the time (ms) that the master waited for them; None where nobody knows."""
         lost = unit.count(*outcomes)
         if not self.ledger.timed:
             return lost, None
         most = 1.3 * self.timeout_ns if self.timeout_ns else UNKNOWN
         waited, known = 0.0, False
-        for outcome, waits in ((Outcome.SILENT, unit.waits), (Outcome.GARBAGE, unit.garbage_waits)):
+        for outcome, waits in ((Ending.SILENT, unit.waits), (Ending.GARBAGE, unit.garbage_waits)):
             if outcome in outcomes and len(waits):
                 waited += float(np.clip(waits.numbers, 0, most).mean()) * len(waits)
                 known = True
@@ -207,6 +215,12 @@ class Evidence:
 def kind_bits(readings: list[Signature], expected: Mapping[str, float]) -> float:
     """How much likelier these kinds of damage are as expected than where damage strikes anywhere."""
     return sum(log2(expected.get(kind_of(each), _RARE) / _ANYWHERE[kind_of(each)]) for each in readings)
+
+
+def overlaid(readings: Sequence[Signature]) -> int:
+    """How many are so much longer or shorter than what was due that something else was sent into them: what disturbs a
+    line from outside makes a byte or two more or less."""
+    return sum(each.length > 0 and abs(each.length - each.due) > _STRAYED for each in readings)
 
 
 def share_of(readings: list[Signature], *kinds: str) -> float:

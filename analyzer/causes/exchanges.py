@@ -35,7 +35,7 @@ _STRAY_BYTES: Final = 1  # so few are no answer, however damaged
 _SAME: Final = (1 << 40) - 1  # of a poll's number: all but the unit
 
 
-class Outcome(IntEnum):
+class Ending(IntEnum):
     """What became of a request."""
 
     OK = 0
@@ -45,6 +45,7 @@ class Outcome(IntEnum):
     BROADCAST = 4
     UNHEARD = 5  # the recorder heard nothing when an answer was due
     NO_REQUEST = 6  # reads like a request, and is a unit's answer to the broadcast before it
+    ECHO = 7  # the next request once more, as an adapter shows what it sends
 
 
 EXCHANGE = np.dtype(
@@ -90,14 +91,14 @@ ROW_COLUMNS: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class RowTable:
+class RowColumns:
     """Rows of the deframer (those columns of ROW), with their bytes."""
 
     rows: ColumnTable
     data: NDArray[np.uint8]
 
     @classmethod
-    def of(cls, batch: Batch) -> RowTable:
+    def of(cls, batch: Batch) -> RowColumns:
         """The rows of a batch."""
         rows = batch.rows
         return cls(ColumnTable({name: np.ascontiguousarray(rows[name]) for name in ROW_COLUMNS}), batch.data)
@@ -105,30 +106,30 @@ class RowTable:
     def __len__(self) -> int:
         return len(self.rows)
 
-    def part(self, first: int, last: int) -> RowTable:
+    def part(self, first: int, last: int) -> RowColumns:
         """Rows `first` to `last` (excluded); the bytes stay where they are."""
-        return RowTable(self.rows.part(first, last), self.data)
+        return RowColumns(self.rows.part(first, last), self.data)
 
     def bytes_of(self, row: int) -> bytes:
         """The captured bytes of a row."""
         at = int(self.rows["at"][row])
         return self.data[at : at + int(self.rows["length"][row])].tobytes()
 
-    def compact(self) -> RowTable:
+    def compact(self) -> RowColumns:
         """The same rows with their own bytes only."""
         if not len(self):
-            return RowTable(self.rows, np.zeros(0, np.uint8))
+            return RowColumns(self.rows, np.zeros(0, np.uint8))
         at = self.rows["at"]
         begin, end = int(at.min()), int((at + self.rows["length"]).max())
         columns = {name: self.rows[name].copy() for name in ROW_COLUMNS}
         columns["at"] -= begin
-        return RowTable(ColumnTable(columns), self.data[begin:end].copy())
+        return RowColumns(ColumnTable(columns), self.data[begin:end].copy())
 
-    def followed_by(self, other: RowTable) -> RowTable:
+    def followed_by(self, other: RowColumns) -> RowColumns:
         """These rows and those behind them."""
         moved = other.compact()
         moved.rows["at"][:] += len(self.data)
-        return RowTable(ColumnTable.joined((self.rows, moved.rows)), np.concatenate((self.data, moved.data)))
+        return RowColumns(ColumnTable.joined((self.rows, moved.rows)), np.concatenate((self.data, moved.data)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +137,7 @@ class Stretch:
     """Exchanges (EXCHANGE) in order, and the rows that they are made of."""
 
     exchanges: ColumnTable
-    table: RowTable
+    table: RowColumns
 
     def rows_of(self, i: int) -> range:
         """Rows behind the request of one exchange."""
@@ -147,7 +148,7 @@ class Stretch:
 class Unowned:
     """Rows that follow no request: before the first one, or so long after one that they are not its."""
 
-    table: RowTable
+    table: RowColumns
 
 
 class ExchangeBuilder:
@@ -157,12 +158,12 @@ class ExchangeBuilder:
     """
 
     def __init__(self) -> None:
-        self._open: RowTable | None = None  # from the oldest request on that is not given
+        self._open: RowColumns | None = None  # from the oldest request on that is not given
         self._unheard: set[int] = set()
         self._before: dict[str, Any] = {}  # the newest exchange that was given
         self._bytes = 0  # on the bus before the open rows
 
-    def feed(self, rows: RowTable, unheard: Collection[int] = ()) -> Iterator[Stretch | Unowned]:
+    def feed(self, rows: RowColumns, unheard: Collection[int] = ()) -> Iterator[Stretch | Unowned]:
         """What is settled once these rows are known. `unheard`: requests (by index) whose answer nobody could hear."""
         if not len(rows):
             return
@@ -178,7 +179,7 @@ class ExchangeBuilder:
             yield self._stretch(seam, int(np.count_nonzero(asking(opened.rows))))
             yield from self._settle(rows.part(int(asks[0]), len(rows)))
 
-    def _settle(self, rows: RowTable) -> Iterator[Stretch | Unowned]:
+    def _settle(self, rows: RowColumns) -> Iterator[Stretch | Unowned]:
         asks = asking(rows.rows).nonzero()[0]
         first = int(asks[0]) if len(asks) else len(rows)
         if first:
@@ -206,22 +207,22 @@ class ExchangeBuilder:
         if opened is not None:
             yield from self._all(opened)
 
-    def _all(self, rows: RowTable) -> Iterator[Stretch]:
+    def _all(self, rows: RowColumns) -> Iterator[Stretch]:
         count = int(np.count_nonzero(asking(rows.rows)))
         if count:
             yield self._stretch(rows, count)
 
-    def _unowned(self, rows: RowTable) -> Unowned:
+    def _unowned(self, rows: RowColumns) -> Unowned:
         self._bytes += int(rows.rows["length"].sum())
         return Unowned(rows)
 
-    def _stretch(self, rows: RowTable, count: int) -> Stretch:
+    def _stretch(self, rows: RowColumns, count: int) -> Stretch:
         """The first exchanges of these rows, which begin with a request."""
         made = _exchanges(rows, self._before)
         made["place"][:] += self._bytes
         if self._unheard:
             outcome = made["outcome"]
-            outcome[np.isin(made["request"], list(self._unheard)) & (outcome == Outcome.SILENT)] = Outcome.UNHEARD
+            outcome[np.isin(made["request"], list(self._unheard)) & (outcome == Ending.SILENT)] = Ending.UNHEARD
             last = int(made["request"][count - 1])
             self._unheard = {index for index in self._unheard if index > last}
         given = made.part(0, count)
@@ -230,7 +231,7 @@ class ExchangeBuilder:
         return Stretch(given, rows)
 
 
-def _exchanges(table: RowTable, before: Mapping[str, Any]) -> ColumnTable:
+def _exchanges(table: RowColumns, before: Mapping[str, Any]) -> ColumnTable:
     """The exchanges of rows that begin with a request; `before`: the exchange before them."""
     rows = table.rows
     asks = asking(rows)
@@ -262,15 +263,15 @@ def _compare(made: ColumnTable, before: Mapping[str, Any]) -> None:
     made["next_unit"][:-1], made["next_unit"][-1] = made["unit"][1:], -1
     if before:
         made["repeats"][0] = identity[0] == before["identity"]
-    to_all = outcome == Outcome.BROADCAST
-    if not (to_all.any() or before.get("outcome") == Outcome.BROADCAST):
+    to_all = outcome == Ending.BROADCAST
+    if not (to_all.any() or before.get("outcome") == Ending.BROADCAST):
         return
     echoed = np.zeros(len(made), np.bool_)
     echoed[1:] = to_all[:-1] & (poll[1:] & _SAME == poll[:-1] & _SAME)
     if before:
-        echoed[0] = before["outcome"] == Outcome.BROADCAST and poll[0] & _SAME == before["poll"] & _SAME
-    echoed &= outcome == Outcome.SILENT
-    outcome[echoed] = Outcome.NO_REQUEST
+        echoed[0] = before["outcome"] == Ending.BROADCAST and poll[0] & _SAME == before["poll"] & _SAME
+    echoed &= outcome == Ending.SILENT
+    outcome[echoed] = Ending.NO_REQUEST
     made["called"][:-1] |= echoed[1:]
 
 
@@ -304,20 +305,20 @@ def _answered(made: ColumnTable, rows: ColumnTable, of: NDArray[np.intp]) -> Non
     bad = ((kind == Kind.NOISE) | ~check).nonzero()[0]
     if len(bad):
         np.add.at(made["noise"], of[bad], lengths[bad])
-    outcome = np.where(made["answer"] >= 0, np.uint8(Outcome.OK), np.uint8(Outcome.SILENT))
-    outcome[made["exception"] > 0] = Outcome.EXCEPTION
+    outcome = np.where(made["answer"] >= 0, np.uint8(Ending.OK), np.uint8(Ending.SILENT))
+    outcome[made["exception"] > 0] = Ending.EXCEPTION
     garbled = made["noise"] > _STRAY_BYTES
     unfit = others[of_own_function(rows, made, others, of)] if len(others) else others
     garbled[of[unfit]] = True
-    outcome[(outcome == Outcome.SILENT) & garbled] = Outcome.GARBAGE
-    outcome[made["unit"] == 0] = Outcome.BROADCAST
+    outcome[(outcome == Ending.SILENT) & garbled] = Ending.GARBAGE
+    outcome[made["unit"] == 0] = Ending.BROADCAST
     made["outcome"][:] = outcome
     to_all = answers[made["unit"][of[answers]] == 0]
     if len(to_all):
         asked = made["row"][of[to_all]]
         called = (rows["unit"][to_all] != 0) | (lengths[to_all] != lengths[asked])
         made["called"][of[to_all[called]]] = True
-    made["called"][:] |= (outcome == Outcome.BROADCAST) & (made["noise"] > _STRAY_BYTES)
+    made["called"][:] |= (outcome == Ending.BROADCAST) & (made["noise"] > _STRAY_BYTES)
 
 
 def of_own_function(
@@ -331,7 +332,7 @@ def of_own_function(
     return own
 
 
-def _asked(made: ColumnTable, table: RowTable, which: NDArray[np.intp]) -> None:
+def _asked(made: ColumnTable, table: RowColumns, which: NDArray[np.intp]) -> None:
     """Fill in what each request asks for."""
     rows, data = table.rows, table.data
     begins = rows["at"].take(which) + 1
@@ -356,7 +357,7 @@ def _asked(made: ColumnTable, table: RowTable, which: NDArray[np.intp]) -> None:
 
 
 def _decoded(
-    table: RowTable, which: NDArray[np.intp]
+    table: RowColumns, which: NDArray[np.intp]
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64]]:
     """The bytes of requests in ASCII mode without their envelope, and where each PDU begins and ends in them."""
     parts = [adu_of(table.bytes_of(row), int(table.rows["protocol"][row])).data + b"\0" for row in which.tolist()]

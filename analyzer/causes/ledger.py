@@ -21,7 +21,7 @@ from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol, Rows, take_rows
 from ..tables.transactions import NEVER, Status
 from .columntable import ColumnTable
-from .exchanges import ANSWERED, ExchangeBuilder, Outcome, RowTable, Stretch, Unowned
+from .exchanges import ANSWERED, Ending, ExchangeBuilder, RowColumns, Stretch, Unowned
 from .polls import PollTable
 from .samples import sampled
 from .states import StateTable
@@ -40,9 +40,12 @@ _EXAMPLES: Final = 3
 _BACK: Final = 2  # exchanges
 _STRAY: Final = 3  # bytes that one spike makes
 _HOLE: Final = 1.5  # characters
+_ECHOES: Final = 5
+_ECHO_NS: Final = 40e6
+_NEARLY_ALL: Final = 0.8
 _NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
 _OK, _EXCEPTION, _SILENT, _GARBAGE, _BROADCAST = (
-    int(each) for each in (Outcome.OK, Outcome.EXCEPTION, Outcome.SILENT, Outcome.GARBAGE, Outcome.BROADCAST)
+    int(each) for each in (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE, Ending.BROADCAST)
 )
 
 
@@ -82,6 +85,9 @@ class Ledger:
         self.next_asked, self.next_hit = (np.zeros(256, np.int64) for _ in range(2))  # see `_count_neighbours`
         self.breaches: Sequence[LimitBreach] = ()  # of a map's limits, where values were looked at
         self._newest_unit = 0
+        self.answered = 0
+        self._echo_before = False  # the newest request is to come once more
+        self._echo_repeats = False
         self._repeating = False  # the newest request got no answer, and the next one is the same
         self._builder = ExchangeBuilder()
 
@@ -91,7 +97,7 @@ class Ledger:
             batch = replace(batch, rows=take_rows(batch.rows, ~networked))
         if not len(batch):
             return
-        table = RowTable.of(batch)
+        table = RowColumns.of(batch)
         unheard = transactions["request"][transactions["status"] == Status.UNHEARD].tolist()
         self._count_rows(table)
         for part in self._builder.feed(table, unheard):
@@ -123,7 +129,7 @@ class Ledger:
         """By what the order of things is told: time, or bytes where there are no times."""
         return exchanges["t_start"] if self.timed else exchanges["place"]
 
-    def _count_rows(self, table: RowTable) -> None:
+    def _count_rows(self, table: RowColumns) -> None:
         rows = table.rows
         kind, check, length = rows["kind"], rows["check"], rows["length"]
         self.timed = self.timed or bool(rows["t_end"].any())
@@ -155,7 +161,7 @@ class Ledger:
             tally["requests"] += int(np.count_nonzero(here & right & asks))
             tally["responses"] += int(np.count_nonzero(here & right & ~asks))
 
-    def _count_noise(self, table: RowTable, noise: NDArray[np.intp]) -> None:
+    def _count_noise(self, table: RowColumns, noise: NDArray[np.intp]) -> None:
         length, begins = table.rows["length"][noise], table.rows["t_start"][noise]
         self.noise_bytes += int(length.sum())
         self.stray_times.add(begins[length <= _STRAY])
@@ -169,6 +175,7 @@ class Ledger:
             return
         exchanges = part.exchanges
         self.exchanges += len(exchanges)
+        self._count_echoes(exchanges)
         odd = (exchanges["noise"] > 0) | (exchanges["strays"] > 0) | (exchanges["late"] > 0)
         times = self.axis(exchanges)
         self._sample(part, odd)
@@ -204,7 +211,6 @@ class Ledger:
         self.request_gaps.add(gaps[gaps != NO_GAP])
         self._count_broadcasts(exchanges, outcome == _BROADCAST)
         self._count_neighbours(exchanges["unit"], odd)
-        self._count_echoes(exchanges, outcome)
         self.grid.add("asked", times)
         self.grid.add("damage", times[(outcome == _GARBAGE) | (exchanges["noise"] > 0)])
 
@@ -216,7 +222,7 @@ class Ledger:
         called = to_all & exchanges["called"]
         self.broadcasts_answered += int(np.count_nonzero(called))
         self.called_examples += exchanges["request"][called][: _EXAMPLES - len(self.called_examples)].tolist()
-        for number in exchanges["unit"][exchanges["outcome"] == Outcome.NO_REQUEST].tolist():
+        for number in exchanges["unit"][exchanges["outcome"] == Ending.NO_REQUEST].tolist():
             self.unit(number).called += 1
         if self.timed:
             known = to_all & (exchanges["t_next"] != NEVER)
@@ -232,15 +238,39 @@ class Ledger:
         if odd.any():
             self.next_hit += np.bincount(before[follows & odd], minlength=256)
 
-    def _count_echoes(self, exchanges: ColumnTable, outcome: NDArray[np.uint8]) -> None:
-        """Requests without an answer that come again at once and are answered then."""
+    def _count_echoes(self, exchanges: ColumnTable) -> None:
+        """Requests without an answer that come again at once and are answered then; and let go of them, where nearly
+        every request that is answered came so."""
+        outcome = exchanges["outcome"]
+        answered = outcome <= _EXCEPTION
+        self.answered += int(np.count_nonzero(answered))
         silent = (outcome == _SILENT) & exchanges["next_same"]
-        if silent.any() or self._repeating:
-            again = np.concatenate(([self._repeating], silent[:-1])) & (outcome <= _EXCEPTION)
-            self.repeats_answered += int(np.count_nonzero(again))
-            if self.timed:
-                self.repeat_waits.add((exchanges["t_next"] - exchanges["t_asked"])[silent])
+        again = np.concatenate(([self._repeating], silent[:-1])) & answered
         self._repeating = bool(silent[-1])
+        self.repeats_answered += int(np.count_nonzero(again))
+        if self.timed and silent.any():
+            self.repeat_waits.add((exchanges["t_next"] - exchanges["t_asked"])[silent])
+        if not self.echoing:
+            self._echo_before = False
+            return
+        repeats = exchanges["repeats"]
+        echo, again_before = self._echo_before, self._echo_repeats
+        for i in range(len(outcome)):  # of a request that comes again and again, every other one is an echo
+            if echo:
+                repeats[i] = again_before
+            echo = bool(silent[i]) and not echo
+            if echo:
+                outcome[i], again_before, repeats[i] = Ending.ECHO, bool(repeats[i]), False
+        self._echo_before, self._echo_repeats = echo, again_before
+
+    @property
+    def echoing(self) -> bool:
+        """Whether an adapter shows what it sends: nearly every request that is answered came twice, at once."""
+        if self.repeats_answered < _ECHOES or self.repeats_answered < _NEARLY_ALL * self.answered:
+            return False
+        wait = self.repeat_waits.quantile(0.25)
+        off = self.clock.newest().wait_ns if wait is not None and wait > _ECHO_NS else 0.0
+        return wait is None or wait <= _ECHO_NS + (off if np.isfinite(off) else 0.0)
 
     def _count_others(self, part: Stretch) -> None:
         """Right answers behind a request that are not its."""

@@ -18,6 +18,7 @@ _FARTHEST: Final = 16.0  # times faster or slower
 _FORMATS: Final = ((8, "N", 1), (8, "N", 2), (8, "E", 1), (8, "O", 1), (7, "E", 1), (7, "O", 1), (7, "N", 2))
 _DRIFTS: Final = (0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12)
 _SAMPLE: Final = 0.5  # of a bit, where a receiver looks at it
+_BETWEEN: Final = (0.47, 0.53)  # the same, where that is just between two bits of a sender that is a multiple as fast
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,10 +68,15 @@ def other_formats(line: CharacterFormat) -> Iterator[tuple[CharacterFormat, floa
 
 
 @lru_cache(maxsize=1 << 14)
-def misread(data: bytes, sender: CharacterFormat, receiver: CharacterFormat) -> bytes:
+def misread(data: bytes, sender: CharacterFormat, receiver: CharacterFormat, sample: float = _SAMPLE) -> bytes:
     """What the receiver makes of the beginning of these bytes: as much as hangs on them alone."""
     levels = [bit for byte in data for bit in sender.bits(byte)]
-    return _received(levels, sender.baud / receiver.baud, receiver)
+    return _received(levels, sender.baud / receiver.baud, receiver, sample)
+
+
+def samples(sender: CharacterFormat, receiver: CharacterFormat) -> tuple[float, ...]:
+    """Where in a bit the receiver may look, as far as it makes a difference."""
+    return _BETWEEN if sender.baud > 1.5 * receiver.baud else (_SAMPLE,)
 
 
 @lru_cache(maxsize=1 << 14)
@@ -81,19 +87,19 @@ def beheaded(data: bytes, lost_bits: int, receiver: CharacterFormat) -> bytes:
     return _received(levels, 1.0, receiver)
 
 
-def _received(levels: list[int], ratio: float, receiver: CharacterFormat) -> bytes:
+def _received(levels: list[int], ratio: float, receiver: CharacterFormat, sample: float = _SAMPLE) -> bytes:
     """The bytes of levels, one a bit of their sender, `ratio` of which last as long as a bit of the receiver."""
     found, at, end = bytearray(), 0.0, len(levels)
     while True:
         start = _falls(levels, at)
         if start is None:
             return bytes(found)
-        last = start + (receiver.data_bits + (receiver.parity != "N") + 1 + _SAMPLE) * ratio
+        last = start + (receiver.data_bits + (receiver.parity != "N") + 1 + sample) * ratio
         if last >= end:
             return bytes(found)
         value = 0
         for i in range(receiver.data_bits):
-            value |= levels[int(start + (i + 1 + _SAMPLE) * ratio)] << i
+            value |= levels[int(start + (i + 1 + sample) * ratio)] << i
         found.append(value)
         at = last
         if not levels[int(last)]:  # out of step: it waits for the line to rest

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .columntable import ColumnTable
-from .exchanges import Outcome, Stretch
+from .exchanges import Ending, Stretch
 
 _POLLS: Final = 4096
 _RING: Final = 32  # intervals of a poll that are remembered, the newest
 _HOLDS: Final = np.isin(np.arange(256), (1, 2, 3, 4, 23))
-_OK, _EXCEPTION, _KINDS = int(Outcome.OK), int(Outcome.EXCEPTION), len(Outcome)
+_OK, _EXCEPTION, _KINDS = int(Ending.OK), int(Ending.EXCEPTION), len(Ending)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +38,22 @@ class Poll:
 
     @property
     def asked(self) -> int:
-        return int(self.outcomes.sum())
+        return int(self.outcomes.sum() - self.outcomes[Ending.ECHO])
 
     @property
     def end(self) -> int:
         """The address behind the last that it asks for."""
         return self.address + self.quantity
 
-    def count(self, outcome: Outcome) -> int:
+    @property
+    def about_bytes(self) -> int:
+        """Bytes of a request with its answer, about."""
+        held = (
+            2 * self.quantity if self.function in (3, 4, 23) else self.quantity // 8 if self.function in (1, 2) else 4
+        )
+        return 13 + min(held, 250)
+
+    def count(self, outcome: Ending) -> int:
         """How many of its requests ended so."""
         return int(self.outcomes[outcome])
 

@@ -12,6 +12,8 @@ from .model import Cause
 from .registry import Suspect, Suspicion, suspects
 
 THRESHOLD: Final = 24.0  # bits under which nothing is said
+_LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
+_LEFT_OVER_MOST: Final = 100.0  # and a cause of its own weighs more
 _MOST: Final = 8
 _SURE: Final = 0.99
 _DOUBT: Final = 12.0  # bits of margin that make a confidence of two thirds
@@ -38,11 +40,13 @@ def causes_of(ledger: Ledger) -> list[Cause]:
 
 
 def _explained(evidence: Evidence) -> Iterator[Cause]:
+    least = THRESHOLD
     for _ in range(_MOST):
         found = weigh(evidence)
-        if not found or found[0].suspicion.bits < THRESHOLD:
+        if not found or found[0].suspicion.bits < least:
             return
         best = found[0]
+        least = max(least, min(_LEFT_OVER * best.suspicion.bits, _LEFT_OVER_MOST))
         rivals = [each for each in found[1:] if each.suspicion.explains & best.suspicion.explains]
         yield _cause(best, rivals[0] if rivals else None, timed=evidence.ledger.timed)
         evidence = evidence.without(best.suspicion.explains)

@@ -15,14 +15,13 @@ in bits. Words are templates over the numbers of a suspicion, by name, so that a
 
 from __future__ import annotations
 
-import pkgutil
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cache
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
+from ..registry import Registry
 from ..tables.findings import Severity
 
 if TYPE_CHECKING:
@@ -86,7 +85,7 @@ class Suspect:
     judge: Judge
 
 
-_declared: dict[str, Suspect] = {}
+_SUSPECTS: Final = Registry[Suspect]("analyzer.causes.suspects", "suspect")
 
 
 def suspect(
@@ -102,9 +101,7 @@ def suspect(
     """Registers the judge of a cause."""
 
     def enter(judge: Judge) -> Judge:
-        if cause in _declared:
-            raise ValueError(f"two suspects are called {cause}")
-        _declared[cause] = Suspect(cause, severity, blame, text, share, deciding_test, remedy, judge)
+        _SUSPECTS.enter(cause, Suspect(cause, severity, blame, text, share, deciding_test, remedy, judge))
         return judge
 
     return enter
@@ -113,7 +110,4 @@ def suspect(
 @cache
 def suspects() -> tuple[Suspect, ...]:
     """All suspects, in the order of their causes."""
-    package = import_module("analyzer.causes.suspects")
-    for name in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
-        import_module(f"{package.__name__}.{name}")
-    return tuple(_declared[cause] for cause in sorted(_declared))
+    return tuple(_SUSPECTS.by_name().values())

@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from ..tables.schema import Kind
-from .exchanges import Outcome, Stretch
+from .exchanges import Ending, Stretch
 
 _MOST: Final = 96  # of a unit
 _PIECES: Final = 12  # of a sample
 _BYTES: Final = 600
 
 
-class Piece(NamedTuple):
+class SampleRow(NamedTuple):
     """A row behind a request: what the deframer took it for, and whether the exchange's good answer is it."""
 
     kind: int
@@ -35,13 +35,13 @@ class Sample:
     function: int
     request: bytes
     poll: int
-    outcome: Outcome
+    outcome: Ending
     due: int
     index: int
     t_asked: int
     t_next: int
     place: int
-    pieces: tuple[Piece, ...]
+    pieces: tuple[SampleRow, ...]
     usual: bytes | None
     next_same: bool
     next_unit: int
@@ -82,7 +82,7 @@ def sampled(stretch: Stretch, i: int, usual: bytes | None) -> Sample:
         room -= len(data)
         kind = int(rows["kind"][row])
         pieces.append(
-            Piece(
+            SampleRow(
                 kind,
                 bool(rows["check"][row]) and kind != Kind.NOISE,
                 row == exchange["answer"],
@@ -98,7 +98,7 @@ def sampled(stretch: Stretch, i: int, usual: bytes | None) -> Sample:
         exchange["function"],
         table.bytes_of(exchange["row"]),
         exchange["poll"],
-        Outcome(exchange["outcome"]),
+        Ending(exchange["outcome"]),
         exchange["due"],
         exchange["request"],
         exchange["t_asked"],

@@ -13,16 +13,18 @@ from enum import Enum
 from functools import lru_cache
 from typing import Final
 
+from dissectors.adu import EXCEPTION
 from dissectors.answers import expectation
 from dissectors.crc import byte_between, crc16, crc_bytes, flipped_bit, needed, registers
 from dissectors.crc_variants import matching
 
 from ..tables.schema import Kind
-from .exchanges import Outcome
-from .samples import Piece, Sample
+from .exchanges import Ending
+from .samples import Sample, SampleRow
 
 _HEAD_MOST: Final = 12  # bytes that may be put right
 _LEAST: Final = 4
+_ENDING: Final = 3  # bytes by which a damaged request is known again: `Evidence.request_ends`
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
 _TAIL_BITS: Final = 2  # bits of a byte that must have come before its driver let go
 _LOCAL: Final = 0.55  # share of bytes like those of a good answer: the damage is somewhere, not everywhere
@@ -30,7 +32,7 @@ _SURELY: Final = 1.5  # times what silences may be wrong by
 _APART_CHARS: Final = 12.0  # silence behind which bytes are no longer of one answer
 
 
-class Damage(Enum):
+class AnswerDamage(Enum):
     """What happened to an answer."""
 
     NONE = "none"
@@ -61,11 +63,11 @@ class Behind(Enum):
 class Signature:
     """The reading of one sample.
 
-    `bytes` how many are damaged or lost, `length` how many came, `at` the first damaged byte (-1 unknown), `flips` the
+    `bytes` how many are damaged or lost, `length` how many came (of a good answer: behind it), `at` the first damaged byte (-1 unknown), `flips` the
     bits of it that are wrong (0 the earliest), `t_ns` when, `marks` bytes that the UART marked, `detail` a name.
     """
 
-    damage: Damage
+    damage: AnswerDamage
     behind: Behind = Behind.NOTHING
     bytes: int = 0
     length: int = 0
@@ -86,17 +88,18 @@ class Signature:
 def signature(sample: Sample, char_ns: float, requests: frozenset[bytes], *, off_ns: float) -> Signature:
     """Read a sample. `requests`: last bytes of requests of this bus, by which a damaged one is known again; `off_ns`: by
     how much silences may be wrong, infinite where nobody knows."""
-    if sample.outcome in (Outcome.OK, Outcome.EXCEPTION):
+    if sample.outcome in (Ending.OK, Ending.EXCEPTION):
         kind, t = _behind(sample, requests)
         before = next((i for i, piece in enumerate(sample.pieces) if piece.answers), 0)
         marks = sum(piece.marks for piece in sample.pieces if piece.answers)
         detail = "before" if before else ""
         kind = Behind.NOISE if before and kind is Behind.NOTHING else kind
-        return Signature(Damage.NONE, kind, marks=marks, t_behind=t, detail=detail, due=sample.due)
+        length = sum(len(piece.data) for i, piece in enumerate(sample.pieces) if i > before and not piece.answers)
+        return Signature(AnswerDamage.NONE, kind, length=length, marks=marks, t_behind=t, detail=detail, due=sample.due)
     burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
     every = b"".join(piece.data for piece in sample.pieces)
     if not burst or (len(every) == sample.due and crc16(every) == 0 and every.startswith(_header(sample.request))):
-        return Signature(Damage.NONE, due=sample.due)
+        return Signature(AnswerDamage.NONE, due=sample.due)
     data = b"".join(piece.data for piece in burst)
     echoed = data.startswith(sample.request) and len(data) > len(sample.request)
     data = data[len(sample.request) :] if echoed else data
@@ -121,42 +124,42 @@ def _header(request: bytes) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class _Reading:
-    damage: Damage
+class _SignatureSums:
+    damage: AnswerDamage
     bytes: int = 0
     at: int = -1
     flips: tuple[int, ...] = ()
     detail: str = ""
 
 
-def _read(sample: Sample, data: bytes, burst: list[Piece], requests: frozenset[bytes]) -> _Reading:
+def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: frozenset[bytes]) -> _SignatureSums:
     due, header = sample.due, _header(sample.request)
     if crc16(data) == 0 and len(data) > _LEAST and data[:2] == header[:2]:
-        return _Reading(Damage.COUNT if len(burst) == 1 or len(data) != due else Damage.NONE, 1, 2)
+        return _SignatureSums(AnswerDamage.COUNT if len(burst) == 1 or len(data) != due else AnswerDamage.NONE, 1, 2)
     if any(piece.check and piece.kind == Kind.RESPONSE for piece in burst):
-        return _Reading(Damage.OTHER, at=0)
-    refused = bytes((sample.unit, sample.function | 0x80))
+        return _SignatureSums(AnswerDamage.OTHER, at=0)
+    refused = bytes((sample.unit, sample.function | EXCEPTION))
     if due < _LEAST or len(header) < 2:
-        return _Reading(Damage.WHOLE, len(data), 0)
+        return _SignatureSums(AnswerDamage.WHOLE, len(data), 0)
     if len(header) == due - 2:
         header += crc_bytes(header)
     for length, head in ((due, header), (5, refused)):
         found = _of_length(sample, data, length, head)
         if found is not None:
             return found
-    if data[-_LEAST:] in requests or any(piece.kind == Kind.REQUEST for piece in burst[1:]):
-        return _Reading(Damage.CROSSED, 1, 0)
+    if data[-_ENDING:] in requests or any(piece.kind == Kind.REQUEST for piece in burst[1:]):
+        return _SignatureSums(AnswerDamage.CROSSED, 1, 0)
     begins = data.startswith(header[:3]) if len(data) >= 3 else data == header[: len(data)]
     if begins and len(data) < due:
-        return _Reading(Damage.CUT, due - len(data), len(data))
+        return _SignatureSums(AnswerDamage.CUT, due - len(data), len(data))
     if begins and len(data) > due + 2:
-        return _Reading(Damage.LONG, len(data) - due, due)
+        return _SignatureSums(AnswerDamage.LONG, len(data) - due, due)
     if (flips := _flipped(data, due)) is not None:
         return flips
     return _like_usual(sample, data, begins=begins)
 
 
-def _of_length(sample: Sample, data: bytes, due: int, header: bytes) -> _Reading | None:
+def _of_length(sample: Sample, data: bytes, due: int, header: bytes) -> _SignatureSums | None:
     """What is right but for its head, its tail, its convention or one bit, if it should have had this length."""
     count = len(data)
     usual = sample.usual if sample.usual is not None and len(sample.usual) == due else b""
@@ -164,29 +167,29 @@ def _of_length(sample: Sample, data: bytes, due: int, header: bytes) -> _Reading
     if count == due and data.startswith(header[:3]):
         variant = next(matching(data), None)
         if variant is not None:
-            return _Reading(Damage.CONVENTION, 2, due - 2, (), variant.name)
+            return _SignatureSums(AnswerDamage.CONVENTION, 2, due - 2, (), variant.name)
     for head in range(1, min(len(known), _HEAD_MOST, due - 3) + 1):
         rest = due - head
         if count >= rest and crc16(known[:head] + data[count - rest :]) == 0:
             flips: tuple[int, ...] = ()
             if count == due and head == 1:
                 flips = _bits(data[0] ^ known[0])
-            return _Reading(Damage.HEAD, head, 0, flips)
+            return _SignatureSums(AnswerDamage.HEAD, head, 0, flips)
     if data.startswith(header[: min(3, due - 2)]) and count >= due - 1:
         return _tail(data, due)
     return None
 
 
-def _tail(data: bytes, due: int) -> _Reading | None:
+def _tail(data: bytes, due: int) -> _SignatureSums | None:
     """The check value's bytes lost or with high bits set, all before them right."""
     first, second = crc_bytes(data[: due - 2])
     rest = data[due - 2 :]
     if rest[:1] == bytes((first,)):
         if len(rest) == 1 or (rest[1] != second and _let_go(rest[1], second)):
-            return _Reading(Damage.TAIL, 1, due - 1)
+            return _SignatureSums(AnswerDamage.TAIL, 1, due - 1)
         return None
     if rest and _let_go(rest[0], first) and (len(rest) == 1 or rest[1] == 0xFF):
-        return _Reading(Damage.TAIL, 2, due - 2)
+        return _SignatureSums(AnswerDamage.TAIL, 2, due - 2)
     return None
 
 
@@ -199,17 +202,17 @@ def _let_go(byte: int, sent: int) -> bool:
     return byte == 0xFF
 
 
-def _flipped(data: bytes, due: int) -> _Reading | None:
+def _flipped(data: bytes, due: int) -> _SignatureSums | None:
     if len(data) != due:
         return None
     if (bit := flipped_bit(crc16(data), due)) is not None:
-        return _Reading(Damage.BITS, 1, bit[0], (bit[1],))
+        return _SignatureSums(AnswerDamage.BITS, 1, bit[0], (bit[1],))
     before, after = registers(data), needed(data)
     fits = [(i, byte) for i in range(due) if (byte := byte_between(before[i], after[i + 1])) is not None]
     short = [(i, _bits(byte ^ data[i])) for i, byte in fits]
     runs = [(i, bits) for i, bits in short if bits and bits[-1] - bits[0] < len(bits) + 1]
     if len(runs) == 1:
-        return _Reading(Damage.BITS, 1, runs[0][0], runs[0][1])
+        return _SignatureSums(AnswerDamage.BITS, 1, runs[0][0], runs[0][1])
     return None
 
 
@@ -217,32 +220,34 @@ def _bits(pattern: int) -> tuple[int, ...]:
     return tuple(i for i in range(8) if pattern >> i & 1)
 
 
-def _like_usual(sample: Sample, data: bytes, *, begins: bool) -> _Reading:
+def _like_usual(sample: Sample, data: bytes, *, begins: bool) -> _SignatureSums:
     """How much of it is as in a good answer, from its beginning and from its end."""
     usual = sample.usual
     if usual is None or len(usual) != sample.due:
         if begins:
-            return _Reading(Damage.MIDDLE, 1, 3)
+            return _SignatureSums(AnswerDamage.MIDDLE, 1, 3)
         header = _header(sample.request)
         wrong = [i for i, (one, two) in enumerate(zip(header, data, strict=False)) if one != two]
-        return _Reading(Damage.WHOLE, len(data), wrong[0] if wrong else 0)
+        return _SignatureSums(AnswerDamage.WHOLE, len(data), wrong[0] if wrong else 0)
     body = len(usual) - 2
     ahead = [one == two for one, two in zip(usual[:body], data, strict=False)]
     aback = [one == two for one, two in zip(reversed(usual[:body]), reversed(data[:-2]), strict=False)]
     share = max(sum(ahead), sum(aback)) / max(body, 1)
     if share < _LOCAL:
-        return _Reading(Damage.WHOLE, len(data), 0)
+        return _SignatureSums(AnswerDamage.WHOLE, len(data), 0)
     if sum(aback) > sum(ahead) and not begins:
         first = len(aback) - next((i for i, same in enumerate(aback) if not same), 0)
         headless = all(aback[: len(aback) // 2])
-        return _Reading(Damage.HEAD if headless else Damage.MIDDLE, max(1, first) if headless else 1, 0)
+        return _SignatureSums(
+            AnswerDamage.HEAD if headless else AnswerDamage.MIDDLE, max(1, first) if headless else 1, 0
+        )
     wrong = [i for i, same in enumerate(ahead) if not same]
     at = wrong[0] if wrong else body
     flips = _bits(usual[at] ^ data[at]) if len(wrong) == 1 and at < min(len(data), 3) else ()
-    return _Reading(Damage.MIDDLE, max(len(wrong), 1), at, flips)
+    return _SignatureSums(AnswerDamage.MIDDLE, max(len(wrong), 1), at, flips)
 
 
-def _first_burst(pieces: tuple[Piece, ...], apart_ns: float) -> tuple[list[Piece], list[Piece]]:
+def _first_burst(pieces: tuple[SampleRow, ...], apart_ns: float) -> tuple[list[SampleRow], list[SampleRow]]:
     """The pieces that one silence ends, and those behind it."""
     for i in range(1, len(pieces)):
         if pieces[i].t_start - pieces[i - 1].t_end > apart_ns:
@@ -258,7 +263,7 @@ def _behind(sample: Sample, requests: frozenset[bytes]) -> tuple[Behind, int]:
     return _kind_of(rest, sample, requests), rest[0].t_start
 
 
-def _kind_of(rest: list[Piece], sample: Sample, requests: frozenset[bytes]) -> Behind:
+def _kind_of(rest: list[SampleRow], sample: Sample, requests: frozenset[bytes]) -> Behind:
     if any(piece.check and piece.kind == Kind.RESPONSE and piece.unit == sample.unit for piece in rest):
         return Behind.ANSWER
     if all(piece.check for piece in rest):
@@ -269,6 +274,6 @@ def _kind_of(rest: list[Piece], sample: Sample, requests: frozenset[bytes]) -> B
     header = _header(sample.request)[:_COUNTED]
     if len(header) == _COUNTED and header != sample.request[:_COUNTED] and data.startswith(header):
         return Behind.ANSWER
-    if data[-_LEAST:] in requests or any(piece.kind == Kind.REQUEST for piece in rest):
+    if data[-_ENDING:] in requests or any(piece.kind == Kind.REQUEST for piece in rest):
         return Behind.REQUEST
     return Behind.NOISE

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bits import likelihood_bits
-from .exchanges import Outcome, Stretch
+from .exchanges import Ending, Stretch
 
 _WORDS: Final = (3, 4)
 _BITS: Final = (1, 2)
@@ -40,7 +40,7 @@ class _States:
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class DamageState:
     """A value that goes with damage: where it is, its value then, and hits and exchanges with it and without."""
 
     unit: int
@@ -68,10 +68,10 @@ class StateTable:
         if self._hits < _FROM and not exchanges["noise"].any():
             self._trials += len(exchanges)
             return
-        hit = (exchanges["noise"] > 0) | (exchanges["outcome"] == Outcome.GARBAGE)
+        hit = (exchanges["noise"] > 0) | (exchanges["outcome"] == Ending.GARBAGE)
         hits = self._hits + np.cumsum(hit)
         trials = self._trials + np.arange(1, len(exchanges) + 1)
-        good = (exchanges["outcome"] == Outcome.OK) & np.isin(exchanges["function"], _WORDS + _BITS)
+        good = (exchanges["outcome"] == Ending.OK) & np.isin(exchanges["function"], _WORDS + _BITS)
         places = good.nonzero()[0]
         numbers = exchanges["poll"][places]
         for number in np.unique(numbers).tolist():
@@ -132,12 +132,12 @@ class StateTable:
             states.hits[state, column] += int(gained[here].sum())
             states.trials[state, column] += int(passed[here].sum())
 
-    def likeliest(self) -> State | None:
+    def likeliest(self) -> DamageState | None:
         """The value whose states differ most in how often the bus was hit; None where none does."""
         found = max(self._all(), key=lambda state: state.bits, default=None)
         return found if found is not None and found.bits > 0 else None
 
-    def _all(self) -> Iterator[State]:
+    def _all(self) -> Iterator[DamageState]:
         columns = sum(int(np.count_nonzero(states.switches >= _SWITCHES)) for states in self._polls.values())
         price = np.log2(max(columns, 1)) + 1
         for number, states in self._polls.items():
@@ -150,7 +150,7 @@ class StateTable:
                 own = sum(likelihood_bits(h, n, r) for h, n, r in zip(hits, trials, rates, strict=True))
                 bits = own - likelihood_bits(sum(hits), sum(trials), (sum(hits) + 0.25) / (sum(trials) + 0.5))
                 bad = int(rates[1] > rates[0])
-                yield State(
+                yield DamageState(
                     number >> 40 & 0xFF,
                     number >> 32 & 0xFF,
                     (number >> 16 & 0xFFFF) + column,

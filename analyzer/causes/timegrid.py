@@ -2,53 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..tables.timebins import TimeBins
+
 _PARTS: Final = 256
 _FIRST_NS: Final = 100_000_000
 _SPELLS: Final = 256  # that are remembered singly
 
 
-class TimeGrid:
-    """Counts by part of the time; parts grow as the time does, so that there are never more than 256.
+class TimeGrid(TimeBins):
+    """Counts by part of the time; a table a kind of count, made when it is first needed."""
 
-    Each kind of count is a row that is made when it is first needed; all share the same parts.
-    """
+    def __init__(self, width_ns: int = _FIRST_NS) -> None:
+        super().__init__(_PARTS, width_ns)
 
-    def __init__(self, width: int = _FIRST_NS) -> None:
-        self.begin: int | None = None
-        self.width = width
-        self._rows: dict[object, NDArray[np.int64]] = {}
-
-    def add(self, kind: object, times: NDArray[np.int64], weights: NDArray[np.int64] | None = None) -> None:
+    def add(self, kind: Hashable, times: NDArray[np.int64], weights: NDArray[np.int64] | None = None) -> None:
         """Count at these times, which need not be in order but do not lie before the first one by much."""
         if not len(times):
             return
-        if self.begin is None:
-            self.begin = int(times.min())
-        last = int(times.max()) - self.begin
-        while last >= self.width * _PARTS:
-            self._double()
-        parts = np.clip((times - self.begin) // self.width, 0, _PARTS - 1)
-        counts = np.bincount(parts, weights, _PARTS).astype(np.int64)
-        if kind in self._rows:
-            self._rows[kind] += counts
-        else:
-            self._rows[kind] = counts
+        self.reach(int(times.min()), int(times.max()))
+        counts = np.bincount(self.bins(times), weights, _PARTS).astype(np.int64)
+        self.tables[kind] = self.tables[kind] + counts if kind in self.tables else counts
 
-    def _double(self) -> None:
-        self.width *= 2
-        for kind, row in self._rows.items():
-            pairs = row.reshape(-1, 2).sum(axis=1)
-            self._rows[kind] = np.concatenate((pairs, np.zeros(_PARTS - len(pairs), np.int64)))
-
-    def counts(self, kind: object) -> NDArray[np.int64]:
+    def counts(self, kind: Hashable) -> NDArray[np.int64]:
         """The counts of one kind, a part each."""
-        return self._rows.get(kind, np.zeros(_PARTS, np.int64))
+        return self.tables.get(kind, np.zeros(_PARTS, np.int64))
 
 
 @dataclass(slots=True)

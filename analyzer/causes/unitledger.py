@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from ..tables.schema import NO_GAP
 from ..tables.transactions import ECHOED, NEVER
 from .columntable import ColumnTable
-from .exchanges import Outcome
+from .exchanges import Ending
 from .samples import Samples
 from .thinned import Thinned
 from .timegrid import Spells
 
 _EXAMPLES: Final = 3
 _OK, _EXCEPTION, _SILENT, _GARBAGE = (
-    int(each) for each in (Outcome.OK, Outcome.EXCEPTION, Outcome.SILENT, Outcome.GARBAGE)
+    int(each) for each in (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE)
 )
 NEEDED: Final = (
     "request", "outcome", "exception", "delay", "noise", "strays", "t_next", "t_asked", "t_answered", "marks",
@@ -32,7 +32,7 @@ class UnitLedger:
 
     def __init__(self, unit: int) -> None:
         self.unit = unit
-        self.outcomes = np.zeros(len(Outcome), np.int64)
+        self.outcomes = np.zeros(len(Ending), np.int64)
         self.repeats = 0  # requests to it that repeat the one before
         self.strays = 0  # right answers of it that answer nothing, while another unit is asked
         self.unfit = 0  # and that stand where its answer was due, and are another
@@ -66,25 +66,25 @@ class UnitLedger:
         self.samples = Samples()  # without a good answer
         self.followed = Samples()  # with one, and something behind it
 
-    def count(self, *outcomes: Outcome) -> int:
+    def count(self, *outcomes: Ending) -> int:
         """How many requests to it ended so."""
         return int(sum(self.outcomes[outcome] for outcome in outcomes))
 
     @property
     def asked(self) -> int:
         """Requests to it of which something is known."""
-        return self.count(Outcome.OK, Outcome.EXCEPTION, Outcome.SILENT, Outcome.GARBAGE)
+        return self.count(Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE)
 
     @property
     def answered(self) -> int:
         """Requests that got a whole answer; an exception is one."""
-        return self.count(Outcome.OK, Outcome.EXCEPTION)
+        return self.count(Ending.OK, Ending.EXCEPTION)
 
     def add(self, mine: ColumnTable, times: NDArray[np.int64], *, timed: bool, hole_ns: float) -> None:
         """Count its next exchanges; `times` tell their order, `timed` whether as time. Silences over `hole_ns` are
         holes in an answer."""
         outcome = mine["outcome"]
-        counts = np.bincount(outcome, minlength=len(Outcome))
+        counts = np.bincount(outcome, minlength=len(Ending))
         if not self.outcomes.any():
             self.first = int(times[0])
         self.outcomes += counts

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from .exchanges import Outcome, Stretch
+from .exchanges import Ending, Stretch
 from .states import answered_values
 
 _FUNCTIONS: Final = (3, 4)
@@ -42,7 +42,7 @@ class ValueTable:
     def add(self, stretch: Stretch, times: NDArray[np.int64]) -> None:
         """The next exchanges, with their times on the ledger's axis."""
         exchanges = stretch.exchanges
-        good = (exchanges["outcome"] == Outcome.OK) & np.isin(exchanges["function"], _FUNCTIONS)
+        good = (exchanges["outcome"] == Ending.OK) & np.isin(exchanges["function"], _FUNCTIONS)
         places = good.nonzero()[0]
         numbers = exchanges["poll"][places]
         order = np.argsort(numbers, kind="stable")

@@ -11,14 +11,13 @@ measure, or raises CheckError with a column. The parser, the errors, `--list` an
 
 from __future__ import annotations
 
-import pkgutil
 from collections.abc import Callable
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
+from ..registry import Registry
 from .model import Measure
 
 if TYPE_CHECKING:
@@ -67,16 +66,14 @@ class Form:
 
 
 _F = TypeVar("_F", bound=Callable[..., Start])
-_declared: dict[str, Form] = {}
+_FORMS: Final = Registry[Form]("analyzer.checks.rules", "form of rule")
 
 
 def form(name: str, grammar: str, help: str, *examples: str) -> Callable[[_F], _F]:
     """Enters a function as the maker of this form."""
 
     def enter(make: _F) -> _F:
-        if name in _declared:
-            raise ValueError(f"two forms have the name {name}")
-        _declared[name] = Form(name, grammar, help, examples, make)
+        _FORMS.enter(name, Form(name, grammar, help, examples, make))
         return make
 
     return enter
@@ -85,7 +82,4 @@ def form(name: str, grammar: str, help: str, *examples: str) -> Callable[[_F], _
 @cache
 def forms() -> tuple[Form, ...]:
     """All forms, a family after the other."""
-    package: Any = import_module("analyzer.checks.rules")
-    for name in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
-        import_module(f"{package.__name__}.{name}")
-    return tuple(_declared.values())
+    return tuple(_FORMS.entries().values())

@@ -17,6 +17,7 @@ from contextlib import suppress
 from typing import IO, Any, Final, NoReturn
 
 from ..meant import did_you_mean, meant
+from ..settingfiles import found_files
 from ..terminal_text import gated_streams
 from ..version import __version__
 from .commands import COMMANDS, Command, load
@@ -101,11 +102,13 @@ def _run(arguments: list[str]) -> int:
 
         argcomplete.autocomplete(_parser(COMMANDS))
     if arguments and arguments[0] in COMMANDS:  # the usual way: nothing of other commands is built
-        from .settling import settled
-
         command = load(arguments[0])
         parser = Parser(prog=f"rtuscope {arguments[0]}", **_look(arguments[0], command))
         command.configure(parser)
+        if next(found_files(), None) is None:
+            return command.run(parser.parse_args(arguments[1:]))
+        from .settling import settled
+
         return command.run(settled(parser, arguments[0], arguments[1:]))
     if arguments and not arguments[0].startswith("-"):
         raise UsageError(_unknown(arguments[0]))

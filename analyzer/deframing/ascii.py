@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
+from dissectors.adu import EXCEPTION, MAX_PDU
 from dissectors.answers import Expectation, expectation
-from dissectors.declaration import EXCEPTION
 from dissectors.envelopes import Adu, ascii_frames
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length
@@ -23,7 +23,7 @@ from .buffer import CharacterTime
 from .segments import NOISE, NOISE_MOST, noise_parts
 from .selfdelimited import SelfDelimitedEngine
 
-_LONGEST: Final = 513 + 4  # characters of a frame ([2] 2.5.2), and some that a fault may have added
+_LONGEST: Final = 2 * (MAX_PDU + 2) + 3 + 4  # characters of a frame ([2] 2.5.2), and some that a fault may have added
 _FRAME: Final = re.compile(rb"[:>][0-9A-Fa-f]{6,%d}(?:\r\n?|\n)" % _LONGEST)
 _ENOUGH: Final = 2  # frames with a right LRC that make a capture one of ASCII mode
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from dissectors.adu import MAX_ADU
 from dissectors.length_rules import Role
 from dissectors.lengths import plausibility
 
 from .candidates import CRC_BITS, KNOWN_BITS, predicted_length
 from .lattice import EMBEDDED, FITS, NOISE_BYTE, Lattice, PathStep
-from .rules import MAX_ADU, length_tables
+from .rules import length_tables
 from .unpredicted import next_byte
 
 _HEADERS: Final = 8  # beginnings of an awaited answer that are gone through

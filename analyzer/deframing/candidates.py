@@ -15,27 +15,17 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.adu import MAX_ADU, MIN_ADU, OVERHEAD
 from dissectors.length_rules import Role
 
 from .crc_windows import CrcWindows
-from .rules import (
-    MAX_ADU,
-    MIN_ADU,
-    OVERHEAD,
-    Bytes,
-    CountedLengths,
-    Index,
-    LengthTables,
-    Mask,
-    WalkedLengths,
-    big_endian_at,
-    length_tables,
-)
+from .rules import Bytes, CountedLengths, Index, LengthTables, Mask, WalkedLengths, big_endian_at, length_tables
 
 CRC_BITS: Final = 16.0
 KNOWN_BITS: Final = 3.0  # one of the 20-odd functions in use, of 256
 STRANGE_BITS: Final = -3.0  # an exception of a function that nobody has declared
 _NONE: Final = np.empty(0, np.intp)
+_NEVER: Final = 1 << 62  # further than any byte
 GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))  # what RS-485 drivers leave on the line when they switch
 ZERO_BITS: Final = -8.0  # 1 in 256 check values ends in 00
 _BITS_OF_FUNCTION: Final = np.array([STRANGE_BITS, KNOWN_BITS], np.float32)  # by whether it is declared
@@ -106,11 +96,17 @@ def _rule_out(keep: Mask, start: Index, end: Index, broken: Mask) -> None:
     `01 03 02 00 19 79 8E 00` is an answer and a stray byte, whatever a request for 6521 registers looks like. Where the
     very same bytes are legal in the other role the conversation tells.
     """
-    legal = keep & ~broken
-    for i in (keep & broken).nonzero()[0].tolist():
-        low, high = np.searchsorted(start, (start[i], end[i]))
-        inside = legal[low:high] & (end[low:high] <= end[i])
-        keep[i] = not (inside & (end[low:high] - start[low:high] < end[i] - start[i])).any()
+    legal = (keep & ~broken).nonzero()[0]
+    if not len(legal):
+        return
+    some = (keep & broken).nonzero()[0]
+    begin, until = start.take(some), end.take(some)
+    starts, ends = start.take(legal), end.take(legal)  # in this order
+    soonest = np.append(np.minimum.accumulate(ends[::-1])[::-1], _NEVER)  # end of any from here on
+    shorter = soonest.take(starts.searchsorted(begin, side="right")) <= until
+    alike = starts.searchsorted(begin)
+    shorter |= (np.append(starts, -1).take(alike) == begin) & (np.append(ends, _NEVER).take(alike) < until)
+    keep[some[shorter]] = False
 
 
 def _discount_zeros(structure: NDArray[np.float32], data: Bytes, start: Index, end: Index) -> None:

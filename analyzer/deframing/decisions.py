@@ -24,6 +24,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from dissectors.adu import MAX_ADU
 from dissectors.length_rules import Role
 
 from ..options import Options
@@ -36,7 +37,6 @@ from .crc_windows import possible_starts
 from .forced import ForcedRuns, SearchedBytes
 from .gaps import AGAINST, SILENT, GapStatistics, SpeakerTurn, classes_of, next_checkpoint
 from .lattice import LEAD, SURE, Candidate, Lattice, Losers, PathStep
-from .rules import MAX_ADU
 from .segments import NOISE, DecidedSegments, evidence_rows
 from .unpredicted import (
     broken_windows,
@@ -89,7 +89,7 @@ UNDECIDED: Final = Decision([], ())
 
 
 @dataclass(slots=True)
-class _Look:
+class _Region:
     """What is known from one undecided position on; offsets are from where the look began.
 
     `origin` is the first byte that is not decided. A look is kept while nothing is decided there and more bytes come.
@@ -144,7 +144,7 @@ class Decider:
         """`role`: the only one that frames of this port have, where that is known."""
         self._buffer, self._statistics, self._options, self._role = buffer, statistics, options, role
         self._idle_class = int(classes_of(np.array([options.idle_ns]), buffer.char_ns)[0])
-        self._look: _Look | None = None
+        self._look: _Region | None = None
         self.heard: set[int] = set()  # functions that nobody has declared and this bus has used
 
     def decide(
@@ -157,7 +157,7 @@ class Decider:
         offset = self._buffer.base + stretch.begin + at
         look, self._look = self._look, None
         if look is None or look.offset != offset:
-            look = _Look(offset, conversation, Lattice(offset, self._statistics, conversation))
+            look = _Region(offset, conversation, Lattice(offset, self._statistics, conversation))
         settled = next_checkpoint(offset) - offset  # silences are worth the same up to here
         decisions: list[Decision] = []
         while (decision := self._next(look, stretch, at, stages)).steps:
@@ -170,7 +170,7 @@ class Decider:
             self._look = look
         return decisions
 
-    def _next(self, look: _Look, stretch: SearchedBytes, at: int, stages: int) -> Decision:
+    def _next(self, look: _Region, stretch: SearchedBytes, at: int, stages: int) -> Decision:
         """What is certain next."""
         size = len(stretch.data) - at
         while True:
@@ -190,7 +190,7 @@ class Decider:
             return self._decision(look, stretch, at, DecisionPoint(size, stages, silent=True, parted=True))
         return UNDECIDED
 
-    def _extend(self, look: _Look, stretch: SearchedBytes, at: int, limit: int) -> None:
+    def _extend(self, look: _Region, stretch: SearchedBytes, at: int, limit: int) -> None:
         """Let a look know the first `limit` bytes, at least, and the points there of which the silence is known."""
         buffer, begin, known = self._buffer, stretch.begin + at, len(look.data)
         size = len(stretch.data) - at
@@ -211,7 +211,7 @@ class Decider:
             look.points += self._points(look, begin, look.pointed, last)
             look.pointed = max(look.pointed, last)
 
-    def _points(self, look: _Look, begin: int, low: int, high: int) -> list[DecisionPoint]:
+    def _points(self, look: _Region, begin: int, low: int, high: int) -> list[DecisionPoint]:
         """The points in (low, high] of a look that began at index `begin` of the buffer."""
         buffer, options = self._buffer, self._options
         idle = set((buffer.quiet(begin + low, begin + high + 1, options.idle_ns) - begin).tolist())
@@ -224,13 +224,13 @@ class Decider:
             for position in sorted(idle | cut | parted | ends)
         ]
 
-    def _point(self, look: _Look, position: int, stages: int = 1, parted: bool = False) -> DecisionPoint:
+    def _point(self, look: _Region, position: int, stages: int = 1, parted: bool = False) -> DecisionPoint:
         silence = look.classes[position]
         return DecisionPoint(
             position, stages, silence > 0 or stages > 1, self._statistics.most[silence] >= AGAINST, parted or stages > 1
         )
 
-    def _decision(self, look: _Look, stretch: SearchedBytes, at: int, point: DecisionPoint) -> Decision:
+    def _decision(self, look: _Region, stretch: SearchedBytes, at: int, point: DecisionPoint) -> Decision:
         """What is certain at a point, stage by stage."""
         overdue = point.position == look.origin + WINDOWS[-1]
         for stage in look.move(point):
@@ -248,7 +248,7 @@ class Decider:
         )
 
     def _of_everything(
-        self, look: _Look, stretch: SearchedBytes, at: int, point: DecisionPoint, stage: int
+        self, look: _Region, stretch: SearchedBytes, at: int, point: DecisionPoint, stage: int
     ) -> Decision:
         """What is certain at a stage of a point, or at a place before it, by all candidates that there are."""
         if stage == _IDLE:
@@ -268,7 +268,7 @@ class Decider:
         lattice.advance(point.position)
         return self._certain(look, lattice, point, stage)
 
-    def _everything(self, look: _Look, stretch: SearchedBytes, at: int, point: DecisionPoint, stage: int) -> Lattice:
+    def _everything(self, look: _Region, stretch: SearchedBytes, at: int, point: DecisionPoint, stage: int) -> Lattice:
         """A lattice of all candidates up to a stage of a point."""
         if look.everything is not None:
             return look.everything
@@ -298,7 +298,7 @@ class Decider:
         look.everything = lattice
         return lattice
 
-    def _certain(self, look: _Look, lattice: Lattice, point: DecisionPoint, stage: int) -> Decision:
+    def _certain(self, look: _Region, lattice: Lattice, point: DecisionPoint, stage: int) -> Decision:
         """What a lattice that was advanced to a point makes certain at a stage of it."""
         if stage == _CUT:
             return Decision(lattice.steps(), lattice.rivals())
@@ -312,7 +312,7 @@ class Decider:
 
     def _awaited(
         self,
-        look: _Look,
+        look: _Region,
         point: DecisionPoint,
         stage: int,
         frames: Sequence[PathStep],

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.adu import MAX_ADU, MIN_ADU
 from dissectors.length_rules import Role
 
 from ..options import Options
@@ -23,7 +24,7 @@ from .decisions import STAGES, WINDOWS, Decider
 from .forced import ForcedRuns, SearchedBytes, forced_runs, plain_evidence, plain_reach, without_tail
 from .gaps import GapStatistics, LearntFrames, SpeakerTurn, classes_of, next_checkpoint
 from .lattice import GLITCH_RUN, LOST
-from .rules import MAX_ADU, MIN_ADU, Bytes, Index, Mask, length_tables
+from .rules import Bytes, Index, Mask, length_tables
 from .segments import NOISE, DecidedSegments, StreamSegments, evidence_rows, join_segments
 
 _PARTS_NOISE: Final = 6.0  # bits of a silence at which noise is cut in two

@@ -16,12 +16,14 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.adu import EXCEPTION, MAX_ADU
+
 from .candidates import CRC_BITS, Candidates
 from .conversation import OPEN, REACH, Conversation, ConversationTracker, responses_fit
 from .crc_windows import CrcWindows
 from .gaps import GapStatistics, SpeakerTurn
 from .lattice import CONTRARY, FITS, FITS_EXCEPTION, HALF, LEAD, Candidate
-from .rules import MAX_ADU, Bytes, Index, Mask, length_tables
+from .rules import Bytes, Index, Mask, length_tables
 
 _PLAIN: Final = -4.0  # bits by which silence may speak against a role that the places speak for
 _SURE: Final = 10.0  # bits for an echo, and not the request once more, where requests go unanswered
@@ -315,7 +317,7 @@ def plain_evidence(
     conversation_bits = np.where(asks & open_requests, statistics.unanswered_bits, 0.0)
     answers = np.flatnonzero(role[1:] > role[:-1]) + 1
     fits = responses_fit(data, start[answers - 1], start[answers])
-    failed = data.take(start[answers] + 1) & 0x80 != 0
+    failed = data.take(start[answers] + 1) & EXCEPTION != 0
     conversation_bits[answers] = np.where(fits, np.where(failed, FITS_EXCEPTION, FITS), CONTRARY)
     if role[0] == _ANSWERS:
         known = conversation.answers(data[start[0] : end[0]].tobytes()) is not None

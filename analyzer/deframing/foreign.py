@@ -8,24 +8,26 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dissectors.declaration import EXCEPTION
+from dissectors.adu import EXCEPTION
 from dissectors.foreign import NAMES, MeterTalk, foreign_bytes
 from dissectors.length_rules import Role
-from dissectors.lengths import rule, sound_roles
+from dissectors.lengths import rule
 from dissectors.registry import function_class
 
 from ..tables.schema import Kind, Protocol, Rows
-from .rules import Bytes
+from .rules import Bytes, Index, Mask, lengths_fit
 
 _LEAST: Final = 4  # bytes of noise that may be a frame of something
 _PART: Final = 0.5  # of a row's bytes that must be
 _NUMBER: Final = {name: number for number, name in enumerate(NAMES)}
-_READS: Final = (1, 2, 3, 4)
-_WRITES: Final = (5, 6)
-_BLOCKS: Final = (15, 16)
 _DIAGNOSTICS: Final = 8
+_FIXED, _READ, _BLOCK = 1, 2, 4  # what the commonest functions' frames are as long as
+_FIXED_LENGTH: Final = 8  # bytes
+_COMMON: Final = np.zeros(256, np.uint8)
+_COMMON[[1, 2, 3, 4]] = _FIXED | _READ
+_COMMON[[15, 16]] = _FIXED | _BLOCK
+_COMMON[[5, 6, _DIAGNOSTICS]] = _FIXED
 
 
 class ForeignTalk:
@@ -40,13 +42,12 @@ class ForeignTalk:
         plain = rows["protocol"] == Protocol.RTU
         noise = (kind == Kind.NOISE) & plain & (rows["length"] >= _LEAST)
         odd = (kind != Kind.NOISE) & plain & rows["check"]
-        odd[odd] = _unusual(rows, data, np.flatnonzero(odd))
+        odd[odd] = _unusual(rows, data, odd.nonzero()[0])
+        odd[odd] = ~_sound(rows, data, odd.nonzero()[0])
         for row in np.flatnonzero(noise | odd).tolist():
             adu = _bytes(rows, data, row)
             if noise[row]:
                 rows["foreign"][row] = self._of_noise(adu, int(rows["port"][row]))
-                continue
-            if sound_roles(adu[1:-2]) and adu[1] != _DIAGNOSTICS:  # which is of any length
                 continue
             talk = self._talks.setdefault(int(rows["port"][row]), MeterTalk())
             undeclared = function_class(adu[1] & ~EXCEPTION) != "user-defined" and (
@@ -69,14 +70,31 @@ def _bytes(rows: Rows, data: Bytes, row: int) -> bytes:
     return data[at : at + int(rows["length"][row])].tobytes()
 
 
-def _unusual(rows: Rows, data: Bytes, which: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _unusual(rows: Rows, data: Bytes, which: Index) -> Mask:
     """Which of these frames are not as long as the commonest functions are: a look that costs little."""
-    at, length = rows["at"][which], rows["length"][which].astype(np.int64)
+    at, length = rows["at"][which], rows["length"][which]
     function = data.take(at + 1)
+    common = _COMMON.take(function)
     last = at + length - 1
-    usual = (length == 8) & np.isin(function, (*_READS, *_WRITES, *_BLOCKS, _DIAGNOSTICS))
-    usual |= np.isin(function, _READS) & (length == 5 + data.take(np.minimum(at + 2, last)).astype(np.int64))
-    usual |= np.isin(function, _BLOCKS) & (length == 9 + data.take(np.minimum(at + 6, last)).astype(np.int64))
+    usual = (length == _FIXED_LENGTH) & (common & _FIXED != 0)
+    usual |= (common & _READ != 0) & (length == data.take(np.minimum(at + 2, last)).astype(np.int64) + 5)
+    usual |= (common & _BLOCK != 0) & (length == data.take(np.minimum(at + 6, last)).astype(np.int64) + 9)
     usual |= (function > EXCEPTION) & (length == 5)
-    unusual: NDArray[np.bool_] = ~usual
+    unusual: Mask = ~usual
     return unusual
+
+
+def _sound(rows: Rows, data: Bytes, which: Index) -> Mask:
+    """Which of these frames are of a declared function, in a role of which they are as long as that predicts.
+
+    A frame of function 8, which is of any length, is not among them.
+    """
+    at, length = rows["at"][which], rows["length"][which]
+    function = data.take(at + 1)
+    sound = np.zeros(len(which), np.bool_)
+    for code in np.bincount(function).nonzero()[0].tolist():
+        mine = (function == code).nonzero()[0]
+        if code != _DIAGNOSTICS:
+            for role in Role:
+                sound[mine] |= lengths_fit(data, at.take(mine), length.take(mine), code, role)
+    return sound

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import NamedTuple
 
+from dissectors.adu import EXCEPTION
 from dissectors.length_rules import Role
 
 from .candidates import CRC_BITS, GLITCHES
@@ -258,7 +259,7 @@ class Lattice:
                 return max(ASKED_IN_NOISE, unasked) + unit, conversation
             return (unasked if conversation.answered else CONTRARY) + unit, conversation
         asked = conversation.open_requests[which]
-        bits = FITS_EXCEPTION if adu[1] & 0x80 else FITS if asked.expects.marks else FITS_BARE
+        bits = FITS_EXCEPTION if adu[1] & EXCEPTION else FITS if asked.expects.marks else FITS_BARE
         if not newest:
             bits += LATE + LATE_BYTE * (self.offset + start - asked.start - len(asked.adu))
         return bits, conversation.answer(which)

@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
+from dissectors.adu import EXCEPTION, MAX_ADU, OVERHEAD
 from dissectors.answers import Expectation, expectation
 from dissectors.crc import crc_ok
-from dissectors.declaration import EXCEPTION
 from dissectors.envelopes import MBAP
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, sound_roles
@@ -22,7 +22,6 @@ from dissectors.lengths import pdu_length, sound_roles
 from ..options import Options
 from ..tables.schema import Protocol
 from .buffer import CharacterTime
-from .rules import MAX_ADU, OVERHEAD
 from .segments import NOISE, NOISE_MOST, noise_parts
 from .selfdelimited import SelfDelimitedEngine
 

@@ -15,8 +15,9 @@ from typing import Final, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.adu import MIN_ADU, OVERHEAD
 from dissectors.length_rules import LengthRule, Role
-from dissectors.lengths import RULES
+from dissectors.lengths import RULES, pdu_length
 from dissectors.limits import Bound, Choice, Multiple, Sized, taken
 from dissectors.registry import revision
 
@@ -24,9 +25,6 @@ Bytes = NDArray[np.uint8]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-OVERHEAD: Final = 3  # unit and CRC around the PDU
-MIN_ADU: Final = 4
-MAX_ADU: Final = 256  # [2] 2.5.1; what the rules predict may exceed it, the wire may not
 _STEPS: Final = 1024.0
 
 
@@ -154,6 +152,29 @@ def _checks(rule: LengthRule) -> RoleChecks:
         sum(bits for (_, bits), soft in compiled if not soft),
         tuple(bits for (_, bits), soft in compiled if soft),
     )
+
+
+def lengths_fit(data: Bytes, at: Index, length: Index, function: int, role: Role) -> Mask:
+    """Which ADUs (starts and lengths) of one function byte are as long as its declaration predicts in a role."""
+    rule = RULES.get((function, role))
+    if rule is None:
+        return np.zeros(len(at), np.bool_)
+    if rule.variable:
+        return np.ones(len(at), np.bool_)
+    if rule.base is None or max(map(_reach, rule.checks), default=0) > rule.base + 1:
+        windows = zip((at + 1).tolist(), (length - OVERHEAD).tolist(), strict=True)
+        return np.array([pdu_length(data[i : i + n].tobytes(), role) == n for i, n in windows], np.bool_)
+    due: int | Index = rule.base + OVERHEAD
+    if rule.count is not None:
+        place = np.minimum(at + (rule.count.offset + 1), len(data) - rule.count.width)
+        due = big_endian_at(data, place, rule.count.width) * rule.count.scale + due
+    fits = (length == due).nonzero()[0]
+    checks = length_tables().checks[256 * role + function]
+    for test in checks.hard if checks is not None else ():
+        fits = fits[test(data, at.take(fits))]
+    sound = np.zeros(len(at), np.bool_)
+    sound[fits] = True
+    return sound
 
 
 def length_tables() -> LengthTables:

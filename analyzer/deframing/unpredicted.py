@@ -29,8 +29,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.adu import EXCEPTION, MAX_ADU, MIN_ADU, OVERHEAD
 from dissectors.answers import expectation
-from dissectors.declaration import EXCEPTION, USER_DEFINED
+from dissectors.declaration import USER_DEFINED
 from dissectors.length_rules import Role
 from dissectors.lengths import rule
 from dissectors.limits import Sized, taken
@@ -40,7 +41,7 @@ from .conversation import OpenRequest
 from .crc_windows import CrcWindows
 from .gaps import SILENT, GapStatistics
 from .lattice import GLITCH_RUN, Candidate
-from .rules import MAX_ADU, MIN_ADU, OVERHEAD, Mask
+from .rules import Mask
 
 _UNHEARD: Final = -8.0  # bits: functions that nobody declared are rare
 _HEARD: Final = 2.0  # this one was on this bus before

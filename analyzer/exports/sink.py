@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Protocol, cast
 
+from ..registry import module_names
 from . import targets
 from .output import ExportError, OutputStream
 
@@ -64,9 +65,7 @@ class Target(Protocol):
 
 def formats() -> tuple[str, ...]:
     """The names of all targets, which are the suffixes too."""
-    import pkgutil
-
-    return tuple(sorted(module.name for module in pkgutil.iter_modules(targets.__path__)))
+    return module_names(targets.__name__)
 
 
 def target(path: str | PurePath, name: str | None = None) -> Target:

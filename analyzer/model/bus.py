@@ -23,8 +23,10 @@ from ..reports.summary import Summary
 from ..tables.batch import Batch
 from ..tables.frame import Frame
 from ..tables.schema import NO_GAP, ROW, Kind, Row, Rows
-from ..tables.timebins import Activity, UnitActivity
 from ..tables.transactions import NEVER, OF_ANSWER, TRANSACTION, Status
+from .activity import Activity, Bins, UnitActivity
+from .evidence import RowEvidence, evidence_columns, evidence_of
+from .polls import PollIndex
 from .registers import RegisterLog
 from .source import CaptureSource, ViewSource
 from .table import PIECE, ByteStore, FindingLog, RowState, RowTable
@@ -59,6 +61,7 @@ class Bus:
         self.store = ByteStore()
         self.found = FindingLog()
         self.registers = RegisterLog()
+        self.polls = PollIndex(self)
         self.activity = Activity()
         self.units = UnitActivity()
         self.frames = 0
@@ -67,7 +70,7 @@ class Bus:
         self.whole = False  # nothing more comes
         self.t_first = self.t_last = 0
         self._summary = Summary(self.char_ns)
-        self._options = Options()
+        self.options = Options()
         self._ledger = Ledger(line)
         self._lock = threading.Lock()
         self._capture: CaptureSource | None = None
@@ -79,7 +82,7 @@ class Bus:
             return cls(source.line, timed=source.timed)
         bus = cls(source.line, timed=source.timed)
         bus._capture = source
-        bus._options = source.options
+        bus.options = source.options
         bus._ledger = Ledger(source.line, source.options)
         return bus
 
@@ -109,13 +112,13 @@ class Bus:
         self._settle(analysed.transactions)
         self.found.add(analysed.findings, self.table)
         if len(batch):
-            self.registers.feed(batch, first)
+            self.registers.feed(batch, np.arange(first, first + len(batch)))
             self.activity.feed(batch.rows)
             self.units.feed(batch.rows)
         with self._lock:
             self._summary.feed(analysed)
             if self._ledger.line != self.line:  # a tap found it out: what was counted before was of another one
-                self._ledger = Ledger(self.line, self._options)
+                self._ledger = Ledger(self.line, self.options)
             self._ledger.feed(batch, analysed.transactions)
         self._count = self.table.count
 
@@ -141,6 +144,7 @@ class Bus:
         columns["at"] = self.store.append(data) + ends - lengths
         columns["partner"] = np.full(n, -1, np.int32)
         columns["state"] = columns["mark"] = np.zeros(n, np.uint8)
+        columns.update(evidence_columns(batch))
         if not self.table.count:
             self.t_first = int(rows["t_start"][0])
         self.t_first = min(self.t_first, int(rows["t_start"].min()))
@@ -199,6 +203,10 @@ class Bus:
         """What was found about a row."""
         return self.found.of_row(row) if self.table.value("mark", row) else ()
 
+    def evidence(self, row: int) -> RowEvidence | None:
+        """Why a row's boundaries stand where they do; None where nobody kept it."""
+        return evidence_of(self.table, row)
+
     def gap_ns(self, row: int) -> int | None:
         """Silence before a row; None before the first one and where the tap cannot tell."""
         gap = self.table.value("gap_before", row)
@@ -250,13 +258,21 @@ class Bus:
             yield first, self.batch(np.arange(first, stop))
             first = stop
 
+    def over(self, t_start: int, t_end: int, bins: int) -> Bins:
+        """How busy a span was, in equal bins."""
+        return self.activity.over(self, t_start, t_end, bins)
+
     def report(self, source: ViewSource) -> Report:
         """The bus on one page, as it is known now."""
+        with self._lock:
+            return self.page(self._summary, source, partial=not self.whole)
+
+    def page(self, summary: Summary, source: ViewSource, *, partial: bool) -> Report:
+        """A summary of this bus, or of some of its rows, as a page."""
         from captures.chunks import Capture
 
         capture = getattr(source, "capture", None) or Capture.of(source.line, (), timed=source.timed)
-        with self._lock:
-            return self._summary.report(capture, source=source.name, partial=not self.whole)
+        return summary.report(capture, source=source.name, partial=partial)
 
     def causes(self) -> list[Cause]:
         """What explains the findings so far, best first; nothing on a healthy bus. Takes a moment."""

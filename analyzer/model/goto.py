@@ -19,6 +19,13 @@ class GotoError(ValueError):
     """No place is named like this; the message says what can be."""
 
 
+def is_place(text: str) -> bool:
+    """Whether a text has the form of a place, wherever that may be."""
+    text = text.strip().lower()
+    forms = (r"#?\d+", r"\d+(?:\.\d+)?\s*%", _STEP, _DAY)
+    return any(re.fullmatch(form, text) for form in forms)
+
+
 def place(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
     """The row that `text` names, seen from `row`; times of day are those of `zone`. Raises GotoError."""
     text = text.strip().lower()

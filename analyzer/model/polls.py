@@ -1,9 +1,12 @@
-"""The answer to the same poll before an answer: what changed from one to the next."""
+"""The answer to the same poll before an answer: what changed from one to the next.
+
+A poll is told by its request's bytes, of which a hash is kept for the pieces that were looked at last.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,34 +19,100 @@ if TYPE_CHECKING:
 
     from .bus import Bus
 
-_TRIED: Final = 512  # answers of the same unit and function, before it is given up
-_LOOKED: Final = 1 << 18  # rows
+_PIECES: Final = 4  # looked back over
+_KEPT: Final = 6
+_POWERS: Final = np.cumprod(np.full(1 << 10, 0x9E3779B97F4A7C15, np.uint64), dtype=np.uint64)
+_Hashes = NDArray[np.uint64]
 
 
-def answer_before(bus: Bus, row: int) -> int | None:
-    """The row of the newest good answer before `row` that answers the same request; None where none is near."""
-    table = bus.table
-    asked = bus.partner(row)
-    if table.value("kind", row) != Kind.RESPONSE or asked is None:
+def hashes(bus: Bus, rows: NDArray[np.int64]) -> _Hashes:
+    """A number for each row, the same where their bytes are."""
+    if not len(rows):
+        return np.zeros(0, np.uint64)
+    at = bus.table.take("at", rows).astype(np.int64)
+    length = bus.table.take("length", rows).astype(np.int64)
+    low = int(at.min())
+    data = bus.store.get(low, int((at + length).max()) - low)
+    begins = np.cumsum(length) - length
+    inside = np.arange(int(length.sum())) - np.repeat(begins, length)
+    octets = data[np.repeat(at - low, length) + inside].astype(np.uint64) + 1
+    found: _Hashes = np.add.reduceat(octets * _POWERS[inside % len(_POWERS)], begins)
+    return found
+
+
+def _keyed(polls: _Hashes, lengths: NDArray[Any]) -> _Hashes:
+    """Polls of which answers of these lengths are compared."""
+    keys: _Hashes = polls ^ lengths.astype(np.uint64) * _POWERS[0]
+    return keys
+
+
+class PollIndex:
+    """Which answers are to the same poll."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._known: dict[int, _Hashes] = {}
+
+    def _polls(self, number: int) -> _Hashes:
+        """The poll, and the length, of each row of a piece that is a good answer; 0 for others."""
+        table = self._bus.table
+        size = min(PIECE, self._bus.count - number * PIECE)
+        known = self._known.pop(number, np.zeros(0, np.uint64))
+        if len(known) < size:
+            low = len(known)
+            kind, check, partner = (table.column(number, name)[low:size] for name in ("kind", "check", "partner"))
+            found = np.zeros(size - low, np.uint64)
+            here = np.flatnonzero((kind == Kind.RESPONSE) & check & (partner >= 0))
+            lengths = table.column(number, "length")[low:size][here]
+            found[here] = _keyed(hashes(self._bus, partner[here].astype(np.int64)), lengths)
+            known = np.concatenate((known, found))
+        if len(self._known) >= _KEPT:
+            del self._known[next(iter(self._known))]
+        self._known[number] = known
+        return known
+
+    def _poll(self, row: int) -> np.uint64:
+        """The same of one answer, good or not; 0 where it answers nothing."""
+        bus = self._bus
+        partner = bus.partner(row) if row < bus.count else None
+        if partner is None or bus.table.value("kind", row) != Kind.RESPONSE:
+            return np.uint64(0)
+        found: np.uint64 = _keyed(hashes(bus, np.array([partner])), bus.table.take("length", np.array([row])))[0]
+        return found
+
+    def before(self, row: int) -> int | None:
+        """The row of the newest good answer before `row` to the same poll; None where none is near."""
+        number, place = divmod(row, PIECE)
+        wanted = self._poll(row)
+        if not wanted:
+            return None
+        for other in range(number, max(-1, number - _PIECES), -1):
+            polls = self._polls(other)
+            here = np.flatnonzero((polls[:place] if other == number else polls) == wanted)
+            if len(here):
+                return other * PIECE + int(here[-1])
         return None
-    question = bus.captured(asked)
-    unit, function, length = (table.value(name, row) for name in ("unit", "function", "length"))
-    tried = 0
-    for number, low, high in reversed(list(table.slices(max(0, row - _LOOKED), row))):
-        columns = {name: table.column(number, name)[low:high] for name in ("kind", "unit", "function", "length")}
-        alike: NDArray[np.bool_] = columns["kind"] == Kind.RESPONSE
-        for name, value in (("unit", unit), ("function", function), ("length", length)):
-            alike &= columns[name] == value
-        alike &= table.column(number, "check")[low:high]
-        for place in np.flatnonzero(alike)[::-1].tolist():
-            other = number * PIECE + low + place
-            partner = bus.partner(other)
-            if partner is not None and bus.captured(partner) == question:
-                return int(other)
-            tried += 1
-            if tried >= _TRIED:
-                return None
-    return None
+
+
+class ChangedAnswers:
+    """A test of requests, row after row: the answer is another one than the last to the same poll."""
+
+    def __init__(self) -> None:
+        self._newest: dict[int, int] = {}
+
+    def __call__(self, bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
+        """Of places `low` to `high` of a piece; the first answer to a poll counts as a change."""
+        table = bus.table
+        passed = np.zeros(high - low, np.bool_)
+        kind, partner = (table.column(number, name)[low:high] for name in ("kind", "partner"))
+        here = np.flatnonzero((kind == Kind.REQUEST) & (partner >= 0))
+        answers: NDArray[Any] = partner[here].astype(np.int64)
+        polls, said = hashes(bus, here + number * PIECE + low), hashes(bus, answers)
+        newest = self._newest
+        for i, poll, content in zip(here.tolist(), polls.tolist(), said.tolist(), strict=True):
+            passed[i] = newest.get(poll) != content
+            newest[poll] = content
+        return passed
 
 
 def changed(before: tuple[Field, ...], now: tuple[Field, ...]) -> Iterator[tuple[Field, Field]]:

@@ -59,8 +59,8 @@ class RegisterLog:
     def __len__(self) -> int:
         return int((self._row >= 0).sum())
 
-    def feed(self, batch: Batch, first: int) -> None:
-        """Take in the values of a batch, whose rows stand in the model from `first` on."""
+    def feed(self, batch: Batch, numbers: _Ints) -> None:
+        """Take in the values of a batch; `numbers` are those of its rows in the model."""
         keys, values, rows = _readings(batch)
         if not len(keys):
             return
@@ -77,7 +77,7 @@ class RegisterLog:
         self._before[seen] = before[seen]
         self._value[seen] = values[last]
         self._t[seen] = batch.rows["t_end"][rows[last]]
-        self._row[seen] = rows[last] + first
+        self._row[seen] = numbers[rows[last]]
 
     def all(self) -> list[WatchedRegister]:
         """Every one, by unit, area and address."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..tables.columns import decode
 from .bus import Bus
+from .selection import Test
 from .table import PIECE
 
 _AT_ONCE: Final = 1 << 12  # rows
@@ -20,20 +21,62 @@ _Rows = NDArray[np.int64]
 Hits = Callable[[Bus, int, int], _Rows]  # rows of [first, last) that match
 
 
+_BYTES: Final = re.compile(r"(?:0x|\\x)?[0-9a-f]{2}(?:(?:[\s,:-]+(?:0x)?|\\x)?[0-9a-f]{2})*", re.IGNORECASE)
+_NUMBER: Final = re.compile(r"[+-]?(?:0x[0-9a-f]{1,4}|\d+(?:\.\d+)?(?:e[+-]?\d+)?)", re.IGNORECASE)
+_KINDS: Final = ("bytes", "text", "value")
+
+
 class SearchError(ValueError):
     """What was typed cannot be looked for; the message says why."""
 
 
-def for_bytes(text: str) -> Hits:
-    """Rows that hold these bytes (`03 02`, `0x03,0x02`) in one stretch."""
+class Wanted(NamedTuple):
+    """What is looked for: in words, how rows with it are found, and the bytes where those are what is meant."""
+
+    words: str
+    hits: Hits
+    data: bytes = b""
+
+
+def wanted(text: str) -> Wanted:
+    """What a text asks for: bytes as hex, a value, or else text. `bytes:`, `value:`, `text:` or quotes say which.
+
+    Raises SearchError.
+    """
+    text = text.strip()
+    kind, colon, rest = text.partition(":")
+    if colon and kind.strip().lower() in _KINDS:
+        return _as(kind.strip().lower(), rest.strip())
+    if len(text) > 1 and text[0] == text[-1] and text[0] in "'\"":
+        return _as("text", text[1:-1])
+    if _NUMBER.fullmatch(text) and not (text[:1] == "0" and text[1:].isdecimal()):
+        return _as("value", text)
+    return _as("bytes" if _BYTES.fullmatch(text) else "text", text)
+
+
+def _as(kind: str, text: str) -> Wanted:
+    if kind == "bytes":
+        data = _octets(text)
+        return Wanted(f"the bytes {data.hex(' ').upper()}", for_bytes(text), data)
+    if kind == "value":
+        where = "a register, or a bit" if "." not in text and "e" not in text.lower().removeprefix("0x") else "a float"
+        return Wanted(f"the value {text} of {where}", for_value(text))
+    return Wanted(f'the text "{text}"', for_text(text), text.encode())
+
+
+def _octets(text: str) -> bytes:
     from captures.hexwords import read_text
     from captures.text.hexshapes import HexError
 
     try:
-        wanted = b"".join(words.data for words in read_text(text))
+        return b"".join(words.data for words in read_text(text))
     except HexError as error:
         raise SearchError(str(error)) from error
-    pattern = re.compile(re.escape(wanted), re.DOTALL)
+
+
+def for_bytes(text: str) -> Hits:
+    """Rows that hold these bytes (`03 02`, `0x03,0x02`) in one stretch."""
+    pattern = re.compile(re.escape(_octets(text)), re.DOTALL)
     return lambda bus, first, last: _holding(bus, pattern, first, last)
 
 
@@ -69,14 +112,27 @@ def for_value(text: str) -> Hits:
     return hits
 
 
+def for_test(test: Test) -> Hits:
+    """Rows that pass a test, such as a filter's."""
+
+    def hits(bus: Bus, first: int, last: int) -> _Rows:
+        passed = [
+            np.flatnonzero(test(bus, number, low, high)) + number * PIECE + low
+            for number, low, high in bus.table.slices(first, last)
+        ]
+        return np.concatenate([np.zeros(0, np.int64), *passed])
+
+    return hits
+
+
 def _for_float(text: str) -> Hits:
     try:
-        wanted = float(text)
+        number = float(text)
     except ValueError as error:
         raise SearchError(f"{text!r} is no number") from error
-    if not math.isfinite(wanted):
+    if not math.isfinite(number):
         raise SearchError(f"{text!r} is no finite number")
-    low, high = sorted((wanted * (1 - _CLOSE), wanted * (1 + _CLOSE)))
+    low, high = sorted((number * (1 - _CLOSE), number * (1 + _CLOSE)))
 
     def test(values: NDArray[np.uint16]) -> NDArray[np.bool_]:
         passed = np.zeros(len(values), np.bool_)

@@ -15,6 +15,7 @@ from .table import PIECE
 
 Test = Callable[[Bus, int, int, int], NDArray[np.bool_]]  # bus, piece, first and last place in it: which rows pass
 _JOINED: Final = 1 << 15  # numbers: smaller parts are put together
+_BELOW: Final = 64  # rows of a transaction, at most
 
 
 class ListRows(Protocol):
@@ -110,12 +111,32 @@ def frames_only(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]
     return frames
 
 
-def conversations(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
-    """Rows that begin a line of the conversation: requests, and answers to none that is known."""
+def transactions(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
+    """Rows that begin a transaction: requests, and answers to none that is known."""
     kinds = bus.table.column(number, "kind")[low:high]
     alone = bus.table.column(number, "partner")[low:high] < 0
     begins: NDArray[np.bool_] = (kinds == Kind.REQUEST) | ((kinds == Kind.RESPONSE) & alone)
     return begins
+
+
+def transactions_with(test: Test) -> Test:
+    """Rows that begin a transaction of which the request or its answer passes."""
+
+    def either(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
+        passed = test(bus, number, low, high)
+        begins, out = transactions(bus, number, low, high), passed.copy()
+        partner = bus.table.column(number, "partner")[low:high].astype(np.int64)
+        place = partner - (number * PIECE + low)
+        asked = begins & (partner >= 0)
+        inside = asked & (place >= 0) & (place < high - low)
+        out[inside] |= passed[place[inside]]
+        for i in np.flatnonzero(asked & ~inside & ~out).tolist():
+            other, at = divmod(int(partner[i]), PIECE)
+            out[i] = test(bus, other, at, at + 1)[0]
+        whole: NDArray[np.bool_] = out & begins
+        return whole
+
+    return either
 
 
 def within(t_start: int, t_end: int) -> Test:
@@ -141,3 +162,54 @@ def both(tests: list[Test]) -> Test:
         return passed
 
     return test
+
+
+class Unfolded:
+    """Transactions as lines, the rows of some of them on lines of their own below.
+
+    A line is a row of the list, or a row that stands below it; `rows` may grow at its end.
+    """
+
+    def __init__(self, bus: Bus, rows: ListRows) -> None:
+        self.rows = rows
+        self._bus = bus
+        self._opened: list[tuple[int, tuple[int, ...]]] = []  # position and the rows below it, ascending
+
+    @property
+    def count(self) -> int:
+        """Lines."""
+        return self.rows.count + sum(len(below) for _, below in self._opened)
+
+    def place(self, line: int) -> tuple[int, int]:
+        """A line's row, and how far below the line of its transaction it stands: 0 for that line itself."""
+        for position, below in self._opened:
+            if line <= position:
+                break
+            if line <= position + len(below):
+                return below[line - position - 1], line - position
+            line -= len(below)
+        return self.rows.row(line), 0
+
+    def line(self, row: int) -> int:
+        """The line of the transaction that a row begins, or of the last one before it."""
+        at = self.rows.position(row)
+        return at + sum(len(below) for position, below in self._opened if position < at)
+
+    def turn(self, line: int, wanted: bool | None = None) -> int:
+        """Open or close what a line belongs to, or turn it; the line of its transaction."""
+        line -= self.place(line)[1]
+        at = self.rows.position(self.place(line)[0])
+        is_open = any(position == at for position, _ in self._opened)
+        if wanted is None or wanted != is_open:
+            self._opened = [each for each in self._opened if each[0] != at]
+            if not is_open:
+                self._opened = sorted([*self._opened, (at, self._below(self.rows.row(at)))])
+        return line
+
+    def _below(self, row: int) -> tuple[int, ...]:
+        """The request, what follows it up to the next one, and its answer where that is further on."""
+        table, last = self._bus.table, row + 1
+        while last < min(self._bus.count, row + _BELOW) and table.value("kind", last) != Kind.REQUEST:
+            last += 1
+        partner = table.value("partner", row)
+        return (*range(row, last), *((partner,) if partner >= last else ()))

@@ -8,6 +8,7 @@ to look at `stop` meanwhile.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
@@ -91,7 +92,8 @@ class CaptureSource:
     def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:
         from ..core import as_it_comes, observed
 
-        return as_it_comes(observed(self.capture, stop=stop), self.options, outages=self.deaf, first=_FIRST)
+        options = replace(self.options, explain=True)
+        return as_it_comes(observed(self.capture, stop=stop), options, outages=self.deaf, first=_FIRST)
 
     @cached_property
     def deaf(self) -> Sequence[Deaf]:

@@ -1,7 +1,7 @@
 """Rows kept as compact columns, in pieces of 65,536, and their bytes.
 
 One thread appends, any thread reads rows that it was told of; what is written later to a row (its answer, its state,
-its mark) is a single number each. Columns take 71 bytes a row; the bytes themselves are kept once, in row order.
+its mark) is a single number each. Columns take 75 bytes a row; the bytes themselves are kept once, in row order.
 """
 
 from __future__ import annotations
@@ -44,8 +44,18 @@ COLUMNS: Final[dict[str, type[np.generic]]] = {
     "protocol": np.uint8,
     "state": np.uint8,  # what became of a request: see `State`
     "mark": np.uint8,  # the gravest finding's severity, 0 for none
+    "why_length": np.int16,  # evidence of the row's boundaries in eighths of a bit: `tables.schema.EVIDENCE`
+    "why_crc": np.int16,
+    "why_silence": np.int16,
+    "why_conversation": np.int16,
+    "why_margin": np.int16,  # NO_EVIDENCE where none was kept
+    "rival_start": np.int16,  # from the row's start on
+    "rival_length": np.uint16,
+    "rival_kind": np.uint8,
 }
+NO_EVIDENCE: Final = np.iinfo(np.int16).min
 _SHORT: Final = frozenset({"response_ns", "gap_before", "gap_most"})  # times that nearly always are
+_NEAR: Final = frozenset({"start", "at"})  # numbers that are near each other in a piece
 
 
 class RowState:
@@ -205,7 +215,15 @@ class RowTable:
 
 
 def _empty_piece() -> dict[str, Column | ShortTimes]:
-    return {name: ShortTimes(PIECE) if name in _SHORT else np.empty(PIECE, kind) for name, kind in COLUMNS.items()}
+    piece: dict[str, Column | ShortTimes] = {}
+    for name, kind in COLUMNS.items():
+        if name in _SHORT:
+            piece[name] = ShortTimes(PIECE)
+        elif name in _NEAR:
+            piece[name] = NearNumbers(PIECE)
+        else:
+            piece[name] = EndTimes(piece["t_start"]) if name == "t_end" else np.empty(PIECE, kind)
+    return piece
 
 
 class ByteStore:
@@ -274,13 +292,45 @@ class ShortTimes:
             if not (np.abs(known[~unknown]) > _LONGEST).any():
                 self._values[places] = np.where(unknown, _UNKNOWN, known)
                 return
-            self._values = self[:]
+            self._values = ShortTimes.__getitem__(self, slice(None))
         self._values[places] = known
 
     @property
     def nbytes(self) -> int:
         """Memory of the column."""
         return self._values.nbytes
+
+
+class NearNumbers(ShortTimes):
+    """Numbers that nearly always are within two thousand million of the first: four bytes each."""
+
+    def __init__(self, count: int) -> None:
+        super().__init__(count)
+        self._base: int | None = None
+
+    def __getitem__(self, places: Any) -> NDArray[Any]:
+        return super().__getitem__(places) + (self._base or 0)
+
+    def __setitem__(self, places: Any, times: NDArray[np.int64] | int) -> None:
+        known = np.asarray(times, np.int64)
+        if self._base is None and known.size:
+            self._base = int(known.flat[0])
+        super().__setitem__(places, known - (self._base or 0))
+
+
+class EndTimes(ShortTimes):
+    """Times shortly after those of another column, which are written first."""
+
+    def __init__(self, begins: Column | ShortTimes) -> None:
+        super().__init__(PIECE)
+        self._begins = begins
+
+    def __getitem__(self, places: Any) -> NDArray[Any]:
+        ends: NDArray[Any] = super().__getitem__(places) + self._begins[places]
+        return ends
+
+    def __setitem__(self, places: Any, times: NDArray[np.int64] | int) -> None:
+        super().__setitem__(places, np.asarray(times, np.int64) - self._begins[places])
 
 
 # Findings in the order in which they were made, each with the row that it stands on.

@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from typing import Final, Literal
 
 from captures.text.choosing import Checked
+from dissectors.adu import EXCEPTION, MAX_ADU, MIN_ADU
 from dissectors.answers import expectation
 from dissectors.crc import crc_ok
-from dissectors.declaration import EXCEPTION
 from dissectors.envelopes import MBAP, ascii_frames, tcp_frames
 from dissectors.lengths import Role, pdu_length, rule, sound_roles
 
-from .tiling import LEAST, MOST, predicted
+from .tiling import predicted
 
 _LOOK: Final = 20  # places, behind the last right frame, at which another may begin
 _LAST_EXCEPTION: Final = 0x0B
@@ -25,7 +25,7 @@ _LAST_EXCEPTION: Final = 0x0B
 
 def judge(data: bytes) -> list[Checked]:
     """The stretches of these bytes whose check value is right, in order; none overlaps another."""
-    if len(data) < LEAST:
+    if len(data) < MIN_ADU:
         return []
     if data[:1] in (b":", b">"):
         right = (adu for adu in ascii_frames(data) if adu.check_ok)
@@ -43,16 +43,16 @@ def envelope_of(data: bytes) -> Literal["rtu", "ascii", "tcp"] | None:
 
 
 def _rtu(data: bytes) -> Iterator[Checked]:
-    if len(data) <= MOST and crc_ok(data) and predicted_roles(data):
+    if len(data) <= MAX_ADU and crc_ok(data) and predicted_roles(data):
         yield Checked(0, len(data), _repeats(data), "rtu")
         return
     at, looked, right = 0, 0, False
-    while at <= len(data) - LEAST and looked < _LOOK:
+    while at <= len(data) - MIN_ADU and looked < _LOOK:
         length = 0
-        head = data[at : at + MOST] if _may_begin(data, at) else b""
+        head = data[at : at + MAX_ADU] if _may_begin(data, at) else b""
         for role in Role if head else ():
             expected = predicted(head, role)
-            if expected is not None and LEAST <= expected <= len(head) and crc_ok(head[:expected]):
+            if expected is not None and MIN_ADU <= expected <= len(head) and crc_ok(head[:expected]):
                 length = expected
                 break
         if length:
@@ -60,7 +60,7 @@ def _rtu(data: bytes) -> Iterator[Checked]:
             right, looked = True, 0
         looked += 1
         at += length or 1
-    if not right and len(data) <= MOST and crc_ok(data) and data[1] not in (0, EXCEPTION):
+    if not right and len(data) <= MAX_ADU and crc_ok(data) and data[1] not in (0, EXCEPTION):
         yield Checked(0, len(data), envelope="rtu")
 
 

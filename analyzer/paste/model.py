@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from dissectors.adu import EXCEPTION
 from dissectors.annotation import Context, annotate, summary
 from dissectors.envelopes import Adu
 from dissectors.fields import Field
@@ -56,7 +57,7 @@ class PastedFrame:
     def exception(self) -> int | None:
         """The exception code of an exception answer."""
         pdu = self.adu.pdu
-        return pdu[1] if len(pdu) > 1 and pdu[0] & 0x80 and self.role is Role.RESPONSE else None
+        return pdu[1] if len(pdu) > 1 and pdu[0] & EXCEPTION and self.role is Role.RESPONSE else None
 
     @property
     def check_ok(self) -> bool | None:

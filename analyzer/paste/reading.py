@@ -9,17 +9,19 @@ frame that was damaged or cut, in the envelope for which more speaks. The choice
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import accumulate, pairwise
+from itertools import accumulate
 from typing import TYPE_CHECKING, Final, Literal
 
+from dissectors.adu import LAST_UNIT
 from dissectors.envelopes import MBAP, Adu, ascii_frames, tcp
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, plausibility, rule
 
 from . import rtu
+from .mixing import Envelope, kinds_of, mixed
 from .model import Paste, PastedFrame, PastedNoise, PastePart, Piece, Unread
 from .suspicion import with_findings
 from .turns import BOTH, Turn, possible, turns
@@ -27,13 +29,11 @@ from .turns import BOTH, Turn, possible, turns
 if TYPE_CHECKING:
     from datetime import tzinfo
 
-Envelope = Literal["auto", "rtu", "ascii", "tcp"]
 _ROLES: Final = {"auto": BOTH, "request": (Role.REQUEST,), "response": (Role.RESPONSE,)}
 LONGEST: Final = 1 << 20  # bytes
 _PAIR: Final = 2  # hex digits of a byte
 _LENGTH_END: Final = 6  # bytes of an MBAP header, up to its length
 _MOST_TCP: Final = 254  # what the length in an MBAP header can be
-_LAST_UNIT: Final = 247
 _CRC: Final = 2  # bytes
 
 
@@ -89,59 +89,10 @@ def _parts(text: str, zone: tzinfo | None) -> tuple[list[PastePart], tuple[Unrea
 def read_parts(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> Paste:
     """Bytes with their marks and times as frames."""
     if envelope == "auto" and len(parts) > 1:
-        kinds = _kinds(parts)
+        kinds = kinds_of(parts)
         if len(set(kinds)) > 1:
-            return _mixed(parts, kinds, roles)
+            return mixed(parts, kinds, lambda mine, kind: _alike(mine, kind, roles))
     return _alike(parts, envelope, roles)
-
-
-def _kinds(parts: Sequence[PastePart]) -> list[Envelope]:
-    """The envelope of each part by its own check values; a part that has none is of that before it, or behind."""
-    from .evidence import envelope_of
-
-    found = [envelope_of(part.data) for part in parts]
-    known: Envelope = next((kind for kind in found if kind is not None), "auto")
-    kinds: list[Envelope] = []
-    for kind in found:
-        known = kind or known
-        kinds.append(known)
-    return kinds
-
-
-def _mixed(parts: Sequence[PastePart], kinds: Sequence[Envelope], roles: Sequence[Role]) -> Paste:
-    """Parts of several envelopes, those of each read as one stream."""
-    starts = [0, *accumulate(len(part.data) for part in parts)]
-    pieces: list[Piece] = []
-    why = []
-    for kind in dict.fromkeys(kinds):
-        mine = [i for i, other in enumerate(kinds) if other == kind]
-        paste = _alike([parts[i] for i in mine], kind, roles)
-        why.append(paste.why)
-        begins = [0, *accumulate(len(parts[i].data) for i in mine)]
-        places = [(begin, starts[i]) for begin, i in zip(begins, mine, strict=False)]
-        pieces.extend(moved for piece in paste.pieces for moved in _moved(piece, places))
-    first = max(dict.fromkeys(kinds), key=kinds.count)
-    protocol: Literal["rtu", "ascii", "tcp"] = "rtu" if first == "auto" else first
-    return Paste(protocol, "; ".join(why), tuple(sorted(pieces, key=lambda piece: piece.start)))
-
-
-def _moved(piece: Piece, places: Sequence[tuple[int, int]]) -> Iterator[Piece]:
-    """A piece of one envelope's stream in the bytes of all; noise is divided where bytes of others lie between."""
-
-    def moved(start: int) -> int:
-        begin, there = max(place for place in places if place[0] <= start)
-        return there + start - begin
-
-    if isinstance(piece, PastedFrame):
-        asked = None if piece.request_start is None else moved(piece.request_start)
-        yield replace(
-            piece, start=moved(piece.start), adu=replace(piece.adu, start=moved(piece.start)), request_start=asked
-        )
-        return
-    end = piece.start + piece.length
-    cuts = [piece.start, *(begin for begin, _ in places if piece.start < begin < end), end]
-    for start, stop in pairwise(cuts):
-        yield PastedNoise(moved(start), piece.data[start - piece.start : stop - piece.start])
 
 
 def _alike(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> Paste:
@@ -209,7 +160,7 @@ def _speaks_for_rtu(piece: Piece) -> int:
         bits += 6 if swapped else 4
     elif piece.missing:
         bits += 4 if piece.missing == _CRC and piece.length_known else -2
-    if not 0 < (adu.unit or 0) <= _LAST_UNIT:
+    if not 0 < (adu.unit or 0) <= LAST_UNIT:
         bits -= 6
     return bits - 4 * len(plausibility(pdu, piece.role))
 

@@ -8,15 +8,15 @@ from dataclasses import replace
 from itertools import accumulate
 from typing import Final
 
+from dissectors.adu import EXCEPTION, MAX_ADU, MIN_ADU
 from dissectors.crc import crc_ends
-from dissectors.declaration import EXCEPTION
 from dissectors.envelopes import Adu, rtu
 from dissectors.functions import function
 from dissectors.length_rules import Role
 from dissectors.lengths import plausibility
 
 from .model import PastedFrame, PastedNoise, PastePart, Piece
-from .tiling import LEAST, LIMIT, MOST, predicted, tiling, windows
+from .tiling import LIMIT, predicted, tiling, windows
 from .turns import Turn, by_marks, other, turns
 
 _BEGINNING: Final = 3  # bytes, from which on a rest is a beginning rather than a glitch
@@ -24,7 +24,7 @@ _BEGINNING: Final = 3  # bytes, from which on a rest is a beginning rather than 
 
 def exact(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> list[PastedFrame] | None:
     """The frames of a paste that whole frames tile in one way; None for any other."""
-    if not LEAST <= len(data) <= LIMIT:
+    if not MIN_ADU <= len(data) <= LIMIT:
         return None
     cuts = _edges(parts)
     tiles = tiling(windows(data, cuts, roles), len(data))
@@ -49,12 +49,12 @@ def lone(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> list
     readings = []
     for role in roles:
         length = predicted(data, role)
-        if length == -1 or (length is not None and length > MOST):
+        if length == -1 or (length is not None and length > MAX_ADU):
             continue
-        missing = max(LEAST - len(data), 1) if length is None else max(length - len(data), 0)
+        missing = max(MIN_ADU - len(data), 1) if length is None else max(length - len(data), 0)
         spare = 0 if length is None else max(len(data) - length, 0)
         broken = len(plausibility(data[1 : len(data) - spare - (0 if missing else 2)], role))
-        if broken and (missing or spare or data[1] & 0x80):
+        if broken and (missing or spare or data[1] & EXCEPTION):
             continue  # neither CRC nor length nor content speak for it
         readings.append(((bool(missing or spare), bool(spare), broken, missing + spare, role), role, missing, spare))
     if not readings:
@@ -110,10 +110,10 @@ def _mended(noise: PastedNoise, edges: Sequence[int]) -> list[Piece]:
     data, at = noise.data, 0
     found: list[Piece] = []
     inner = [edge - noise.start for edge in edges if 0 < edge - noise.start < noise.length]
-    while len(data) - at >= LEAST:
-        right = crc_ends(data, at, MOST)
+    while len(data) - at >= MIN_ADU:
+        right = crc_ends(data, at, MAX_ADU)
         ahead = bisect_right(inner, at)
-        shown = {*inner[ahead : ahead + MOST], len(data)}
+        shown = {*inner[ahead : ahead + MAX_ADU], len(data)}
         end = next((end for end in right if end in shown), None)
         if end is None and right and function(data[at + 1]) is not None:
             end = right[0]  # an end that nothing shows needs a function that is in use

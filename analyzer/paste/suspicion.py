@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from dissectors.adu import LAST_UNIT, MAX_ADU
 from dissectors.functions import function_class
 from dissectors.lengths import plausibility
 
 from .model import Paste, PastedFrame
 
 _CONVERSATION = 2  # frames, beyond which somebody may have gone unanswered
-_LAST_UNIT = 247
-_LONGEST = 256  # bytes
 
 
 def with_findings(paste: Paste) -> Paste:
@@ -33,6 +32,6 @@ def _suspicious(frame: PastedFrame) -> bool:
     adu = frame.adu
     if not adu.pdu or frame.check_ok is False or frame.exception is not None or not adu.unit:
         return True
-    if adu.unit > _LAST_UNIT or len(adu.data) > _LONGEST or frame.request is not None:
+    if adu.unit > LAST_UNIT or len(adu.data) > MAX_ADU or frame.request is not None:
         return True
     return function_class(adu.pdu[0]) not in ("public", "user-defined") or bool(plausibility(adu.pdu, frame.role))

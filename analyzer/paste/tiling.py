@@ -11,14 +11,11 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
 
+from dissectors.adu import EXCEPTION, MAX_ADU, MIN_ADU, OVERHEAD
 from dissectors.crc import crc_ok
-from dissectors.declaration import EXCEPTION
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, rule
 
-OVERHEAD: Final = 3  # unit and CRC around the PDU
-LEAST: Final = 4
-MOST: Final = 256
 LIMIT: Final = 1024  # bytes; a longer paste is the deframer's
 
 
@@ -44,16 +41,16 @@ def predicted(data: bytes, role: Role) -> int | None:
 def windows(data: bytes, cuts: Iterable[int], roles: Sequence[Role]) -> list[Window]:
     """All windows that can be frames; `cuts` are the offsets at which the paste itself is divided."""
     found: dict[tuple[int, int], list[Role]] = {}
-    for start in range(len(data) - LEAST + 1):
-        head = data[start : start + MOST]
+    for start in range(len(data) - MIN_ADU + 1):
+        head = data[start : start + MAX_ADU]
         for role in roles:
             length = predicted(head, role)
-            if length is not None and LEAST <= length <= len(data) - start and crc_ok(data[start : start + length]):
+            if length is not None and MIN_ADU <= length <= len(data) - start and crc_ok(data[start : start + length]):
                 found.setdefault((start, start + length), []).append(role)
     edges = sorted({0, len(data), *cuts})
     for start, end in pairwise(edges):
         if (
-            LEAST <= end - start <= MOST
+            MIN_ADU <= end - start <= MAX_ADU
             and crc_ok(data[start:end])
             and not any(start <= w[0] and w[1] <= end for w in found)
         ):

@@ -7,7 +7,7 @@ sign or an order or a type that another reading explains beyond doubt.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final, cast
 
@@ -18,11 +18,15 @@ from dissectors.values import Order
 
 from .hypotheses import numbers, patterns
 from .inference import hypothesis_number, infer
-from .readings import BlockReadings, RegisterReadings
+from .readings import BlockReadings, RegisterReadings, Words
 from .roles import is_signed
 from .values import RegisterValue
 
-_SURE: Final = 0.985  # confidence of another reading that contradicts a map
+_SURE: Final = 0.985  # confidence of another reading that contradicts a map, of several values
+_LIKELY: Final = 0.7  # of one value, which is then asked for again in the light of all other rows of the map
+_SURE_OF_ONE: Final = 0.95  # and then
+_SEVERAL: Final = 3
+_MOST_ASKED: Final = 32  # values that are asked for again
 _STEPS: Final = 4  # different readings, before their steps are judged
 _ENOUGH: Final = 8  # changes, before a type is judged
 
@@ -63,33 +67,36 @@ def check_map(readings: RegisterReadings, charts: Mapping[int, RegisterMap]) -> 
         blocks = [block for block in readings if block.unit == unit]
         if not blocks:
             continue
-        free = infer(readings, units=[unit])
         for row in chart.rows:
-            found += _contradictions(unit, row, blocks, free)
+            found += _contradictions(unit, row, blocks)
+        found += _wrong_types(readings, unit, chart, blocks)
         found += _cuts(unit, chart, blocks)
         found += _coverage(unit, chart, blocks)
     order = ("contradiction", "partial", "unmapped", "unpolled")
     return sorted(found, key=lambda remark: (order.index(remark.kind), remark.unit, remark.area, remark.address))
 
 
-def _contradictions(
-    unit: int, row: MappedValue, blocks: Sequence[BlockReadings], free: Sequence[RegisterValue]
-) -> Iterator[MapRemark]:
+def _contradictions(unit: int, row: MappedValue, blocks: Sequence[BlockReadings]) -> Iterator[MapRemark]:
+    mine = _readings_of(row, blocks)
+    if mine is not None:
+        for text in _wrong(row, mine):
+            yield MapRemark("contradiction", unit, row.area, row.address, row.length, row.name, text)
+
+
+def _readings_of(row: MappedValue, blocks: Sequence[BlockReadings]) -> Words | None:
+    """The readings (n, length) of a value, of the block that has most of it; None where none holds it whole."""
     block = max(
         (b for b in blocks if b.area == row.area and b.address <= row.address and row.end <= b.address + b.quantity),
         key=lambda b: b.count,
         default=None,
     )
     if block is None:
-        return
-    for text in _wrong(row, block, free):
-        yield MapRemark("contradiction", unit, row.area, row.address, row.length, row.name, text)
-
-
-def _wrong(row: MappedValue, block: BlockReadings, free: Sequence[RegisterValue]) -> Iterator[str]:
+        return None
     at = row.address - block.address
-    words, _ = block.series
-    mine = words[:, at : at + row.length]
+    return block.series[0][:, at : at + row.length]
+
+
+def _wrong(row: MappedValue, mine: Words) -> Iterator[str]:
     order = cast(Order, row.order)
     if row.area in ("coil", "discrete"):
         return
@@ -113,7 +120,7 @@ def _wrong(row: MappedValue, block: BlockReadings, free: Sequence[RegisterValue]
         return
     yield from _out_of_range(row, mine)
     yield from _wrong_sign(row, mine)
-    yield from _wrong_type(row, mine, free)
+    yield from _absurd(row, mine)
 
 
 def _out_of_range(row: MappedValue, mine: np.ndarray[Any, Any]) -> Iterator[str]:
@@ -153,41 +160,65 @@ def _wrong_sign(row: MappedValue, mine: np.ndarray[Any, Any]) -> Iterator[str]:
             yield f"signed, but it passes {int(top)} as if it were not"
 
 
-def _wrong_type(row: MappedValue, mine: np.ndarray[Any, Any], free: Sequence[RegisterValue]) -> Iterator[str]:
-    if hypothesis_number(row) is None or row.type in ("bits", "time"):
+def _absurd(row: MappedValue, mine: Words) -> Iterator[str]:
+    """What no value of this type does."""
+    if hypothesis_number(row) is None or row.type in ("bits", "time") or not (mine != mine[0]).any():
         return
     order = cast(Order, row.order)
-    changes = int((mine[1:] != mine[:-1]).any(axis=1).sum())
-    if not changes:
-        return
     if row.is_float:
         values = np.abs(numbers(mine, order, is_float=True))
         absurd = np.isfinite(values) & (values != 0) & ((values < 1e-15) | (values > 1e20))
         if absurd.mean() > 0.2:
             yield f"a float {row.order}, but it would be {values[absurd][0]:.3g}"
-            return
     elif row.length > 1:
         low = patterns(mine, order) & np.uint64(0xFFFF)
-        distinct = len(np.unique(patterns(mine, order)))
-        if distinct >= _STEPS and (low == low[0]).all():
+        if len(np.unique(patterns(mine, order))) >= _STEPS and (low == low[0]).all():
             yield f"{row.type} {row.order}, but it would move in steps of 65536 alone"
-            return
-    if changes < _ENOUGH:
-        return
-    for value in free:
+
+
+def _wrong_types(
+    readings: RegisterReadings, unit: int, chart: RegisterMap, blocks: Sequence[BlockReadings]
+) -> Iterator[MapRemark]:
+    """Values that are read otherwise beyond doubt: by themselves where several are, else with the rest of the map taken
+    for right."""
+    free = infer(readings, units=[unit])
+    doubtful = []
+    for row in chart.rows:
+        mine = None if hypothesis_number(row) is None else _readings_of(row, blocks)
+        if mine is None or row.type in ("bits", "time", "enum") or row.area in ("coil", "discrete"):
+            continue
+        if int((mine[1:] != mine[:-1]).any(axis=1).sum()) < _ENOUGH or any(_absurd(row, mine)):
+            continue
+        if (other := _other_reading(row, free)) is not None and other.confidence >= _LIKELY:
+            doubtful.append((row, other))
+    sure = [pair for pair in doubtful if pair[1].confidence >= _SURE]
+    for row, other in doubtful[:_MOST_ASKED] if len(sure) < _SEVERAL else sure:
+        if len(sure) < _SEVERAL:
+            rest = [
+                one for one in chart.rows if one.area != row.area or one.end <= row.address or one.address >= row.end
+            ]
+            again = infer(readings, units=[unit], charts={unit: replace(chart, rows=tuple(rest))})
+            found = _other_reading(row, again)
+            if found is None or found.confidence < _SURE_OF_ONE:
+                continue
+            other = found
+        mapped = f"{row.type} {row.order}" if row.length > 1 else row.type
+        read = f"{other.type} {other.order}" if other.order else other.type
+        text = f"{mapped}, but the readings are those of a {read} at {other.address} ({other.confidence:.1%})"
+        yield MapRemark("contradiction", unit, row.area, row.address, row.length, row.name, text)
+
+
+def _other_reading(row: MappedValue, values: Sequence[RegisterValue]) -> RegisterValue | None:
+    """The first value that shares a register with a mapped one and is not read as the map has it."""
+    for value in values:
         if value.area != row.area or value.address >= row.end or value.address + value.words <= row.address:
             continue
         same = (value.address, value.words, value.kind == "float") == (row.address, row.length, row.is_float)
         if same and value.order in (None, row.order):
-            return
-        if value.changes < _ENOUGH or value.confidence < _SURE:
-            continue
-        sure_of_words = value.words > 1 or row.is_float or row.length > 1
-        if sure_of_words:
-            mapped = f"{row.type} {row.order}" if row.length > 1 else row.type
-            read = f"{value.type} {value.order}" if value.order else value.type
-            yield f"{mapped}, but the readings are those of a {read} at {value.address} ({value.confidence:.1%})"
-            return
+            return None
+        if value.name is None and value.changes >= _ENOUGH and max(value.words, row.length) > 1:
+            return value
+    return None
 
 
 def _cuts(unit: int, chart: RegisterMap, blocks: Sequence[BlockReadings]) -> Iterator[MapRemark]:

@@ -10,55 +10,27 @@ Codes are small whole numbers: the tables that they index are learnt (`weights.j
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from captures.ragged import Ints
-
-from .hypotheses import HYPOTHESES, patterns
+from .counting import Codes, Counting
 from .readings import Words
 
-Floats = NDArray[np.float64]
-Codes = Mapping[str, Ints]
-NONE: Final = -1  # the hypothesis does not reach so far
-
-_GAINS: Final = np.array([-24, -8, -3, -0.5, 0.5, 3, 8, 16, 32, 64, 128, 256, 512])  # bits
-_COSTS: Final = np.array([2.5, 4, 6, 8, 10, 12, 13.5, 15])  # bits a change
-_SHARES: Final = np.array([0.02, 0.1, 0.3, 0.7, 0.95])
-_SIZES: Final = np.array([1, 4, 7, 9, 11, 13, 15])  # bits
-_RANGES: Final = np.array([1, 3, 5, 7, 9, 11, 13, 15, 15.9])  # bits
 _PORTION: Final = 1024  # registers that are counted at once
-
-SIZES: Final[Mapping[str, int]] = {
-    # of one register
-    "i16": 1, "i16 quiet": 16, "i16 quiet beside": 16 * 9, "i16 moved": 9 * 9, "i16 shape": 8 * 3 * 3,
-    "i16 share": 6 * 3,
-    # of two, as an integer
-    "i32": 4, "i32 gain": 14 * 2, "i32 words": 9 * 10, "i32 high": 16 * 2, "i32 low": 6 * 8 * 3,
-    "i32 low range": 6 * 10, "i32 low cost": 6 * 9, "i32 high only": 16 * 4, "i32 quiet": 16 * 16,
-    "i32 as float": 2 * 8 * 2, "i32 carries": 16, "i32 sign": 6 * 3, "i32 wraps": 12,
-    # of two, as a float
-    "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
-    # of four
-    "i64": 16, "i64 gain": 14, "i64 top": 16 * 2, "i64 low": 8 * 3, "f64": 16, "f64 gain": 14, "f64 value": 8 * 2,
-    "f32 decimals": 4 * 6,
-    # by the size of the block, and whether the value begins or ends it
-    "i16 block": 7 * 2, "i32 block": 7 * 4, "f32 block": 7 * 4, "wide block": 7 * 4,
-}  # fmt: skip
-"""The tables by name, and how many entries each has."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockEvidence:
     """The codes of one block: `codes[h]` of hypothesis h by table, an entry a register where it would begin; `moved`
-    which registers moved."""
+    which registers moved; `absurd[h]` where hypothesis h cannot stand."""
 
     codes: list[Codes]
     moved: NDArray[np.bool_]
+    absurd: list[NDArray[np.bool_]]
 
 
 def block_evidence(series: Sequence[tuple[Words, int]]) -> list[BlockEvidence]:
@@ -70,8 +42,8 @@ def block_evidence(series: Sequence[tuple[Words, int]]) -> list[BlockEvidence]:
     found: dict[int, BlockEvidence] = {}
     for (_, beginning), members in groups.items():
         for part in _portions(members, [series[number][0].shape[1] for number in members]):
-            counting = _Counting([series[number][0] for number in part], beginning)
-            found.update(zip(part, counting.blocks(), strict=True))
+            counting = Counting([series[number][0] for number in part], beginning)
+            found.update(zip(part, (BlockEvidence(*mine) for mine in counting.blocks()), strict=True))
     return [found[number] for number in range(len(series))]
 
 
@@ -87,319 +59,3 @@ def _portions(members: Sequence[int], sizes: Sequence[int]) -> Iterator[list[int
         room -= size
     if part:
         yield part
-
-
-class _Counting:
-    """Blocks of as many readings, side by side: what reaches over a border is counted too, and not used."""
-
-    def __init__(self, blocks: Sequence[Words], beginning: int) -> None:
-        words = np.concatenate(blocks, axis=1)
-        self.words = words
-        self.sizes = np.array([block.shape[1] for block in blocks])
-        ends = np.cumsum(self.sizes)
-        self.starts = ends - self.sizes
-        self._first = np.repeat(self.starts, self.sizes)  # of each register, of its block
-        self._last = np.repeat(ends - 1, self.sizes)
-        self._block_size = np.repeat(np.digitize(self.sizes, (2, 3, 4, 5, 9, 17)), self.sizes)
-        self.joint = beginning if beginning < len(words) else None
-        self.moved = (words != words[0]).any(axis=0)
-        changes = self.steps(words.astype(np.int32))
-        self._changes = ((changes + 0x8000) & 0xFFFF) - 0x8000
-        self._wraps = ((changes < -0x8000).astype(np.int8) - (changes > 0x8000)).astype(np.int8)
-        self._bits16 = _bits(self._changes, 17)
-        self._cost16 = _sum_lengths(self._bits16)
-        self._singles()
-
-    def blocks(self) -> Iterator[BlockEvidence]:
-        """The evidence of each block."""
-        codes = [self._codes(number) for number in range(len(HYPOTHESES))]
-        for start, size in zip(self.starts.tolist(), self.sizes.tolist(), strict=True):
-            mine: list[Codes] = []
-            for hypothesis, by_table in zip(HYPOTHESES, codes, strict=True):
-                end = start + size - hypothesis.words + 1
-                mine.append({name: code[start:end] for name, code in by_table.items()} if end > start else {})
-            yield BlockEvidence(mine, self.moved[start : start + size])
-
-    def steps(self, series: NDArray[np.int64] | NDArray[np.int32]) -> NDArray[np.int64]:
-        """From reading to reading; not over the joint."""
-        steps: NDArray[np.int64] = series[1:].astype(np.int64) - series[:-1]
-        return steps if self.joint is None else np.delete(steps, self.joint - 1, axis=0)
-
-    def _singles(self) -> None:
-        words, changes = self.words, self._changes
-        signed = words.view(np.int16).astype(np.int32)
-        low, high = words.min(axis=0).astype(np.int32), words.max(axis=0).astype(np.int32)
-        span, signed_span = high - low, signed.max(axis=0) - signed.min(axis=0)
-        self._signed = signed_span < span
-        self._span = np.log2(np.minimum(span, signed_span) + 1.0)
-        size = np.where(self._signed, np.abs(signed).max(axis=0), high)
-        self._size = np.digitize(np.log2(size + 1.0), _SIZES)
-        self._class = _classes(words[0])
-        count = (changes != 0).sum(axis=0)
-        self._count = count
-        self._share = np.digitize(count / max(len(changes), 1), _SHARES)
-        self._mean = np.digitize(self._bits16.sum(axis=0) / np.maximum(count, 1), _COSTS)
-        self._direction = _directions(changes)
-
-    def _codes(self, number: int) -> Codes:
-        hypothesis = HYPOTHESES[number]
-        reach = self.words.shape[1] - hypothesis.words + 1
-        if reach <= 0:
-            return {}
-        if hypothesis.words == 1:
-            return self._one()
-        reverse = hypothesis.order == "CDAB"
-        if hypothesis.words == 2:
-            return self._two(reverse=reverse, is_float=hypothesis.is_float)
-        return self._four(reverse=reverse, is_float=hypothesis.is_float)
-
-    def _one(self) -> Codes:
-        moved, quiet = self.moved, ~self.moved
-        at = np.arange(len(moved))
-        before = np.where(at == self._first, 2, np.roll(moved, 1))  # 2 at the edges of the block
-        behind = np.where(at == self._last, 2, np.roll(moved, -1))
-        beside = self._class * 9 + before * 3 + behind
-        span = np.digitize(self._span, _RANGES)
-        return {
-            "i16": np.zeros(len(moved), np.int64),
-            "i16 quiet": np.where(quiet, self._class, NONE),
-            "i16 quiet beside": np.where(quiet, beside, NONE),
-            "i16 moved": np.where(moved, np.minimum(span, 8) * 9 + self._mean, NONE),
-            "i16 shape": np.where(moved, (self._size * 3 + self._direction) * 3 + self._sign(), NONE),
-            "i16 share": np.where(moved, self._share * 3 + self._direction, NONE),
-            "i16 block": self._block_size * 2 + moved,
-        }
-
-    def _edges(self, words: int) -> Ints:
-        """Where a value of so many registers stands in its block."""
-        at = np.arange(self.words.shape[1] - words + 1)
-        first, last = self._first[: len(at)], self._last[: len(at)]
-        found: Ints = (self._block_size[: len(at)] * 2 + (at == first)) * 2 + (at == last - words + 1)
-        return found
-
-    def _sign(self) -> Ints:
-        """0 never over 7FFF, 1 on both sides of zero as a signed number, 2 over 7FFF."""
-        top = (self.words >= 0x8000).any(axis=0)
-        return np.where(self._signed, 1, np.where(top, 2, 0))
-
-    def _two(self, *, reverse: bool, is_float: bool) -> Codes:
-        first, second = np.arange(self.words.shape[1] - 1), np.arange(1, self.words.shape[1])
-        high, low = (second, first) if reverse else (first, second)
-        pair = patterns(np.stack((self.words[:, high], self.words[:, low]), axis=-1), "ABCD")
-        number = pair.astype(np.int64)
-        steps = ((self.steps(number) + (1 << 31)) & 0xFFFFFFFF) - (1 << 31)
-        case = 2 * self.moved[high] + self.moved[low]
-        separate = self._cost16[high] + self._cost16[low]
-        value = pair.astype(np.uint32).view(np.float32)
-        kinds = _float_classes(value)
-        both, few = case == 3, (self._count[high] < 4).astype(np.int64)
-        group = _GROUP[self._class[high]]
-        if is_float:
-            as_float = np.minimum(_lengths(_float_steps(self, pair), 33), _relative_lengths(self, value))
-            gain = np.digitize(separate - as_float, _GAINS)
-            return {
-                "f32": case,
-                "f32 gain": np.where(case > 0, gain * 2 + both, NONE),
-                "f32 value": case * 8 + kinds,
-                "f32 low": case * 9 + np.where(self.moved[low], self._mean[low], 0),
-                "f32 quiet": np.where(case == 0, kinds * 16 + self._class[low], NONE),
-                "f32 spread": np.where(case > 0, case * 6 + _spreads(value), NONE),
-                "f32 decimals": case * 6 + _decimals(value),
-                "f32 block": self._edges(2),
-            }
-        gain = np.digitize(separate - _lengths(steps, 33), _GAINS)
-        low_only = case == 1
-        span = np.digitize(self._span, _RANGES)
-        return {
-            "i32": case,
-            "i32 gain": np.where(case > 0, gain * 2 + both * few, NONE),
-            "i32 words": np.where(both, self._mean[low] * 10 + span[high], NONE),
-            "i32 high": np.where(both, self._class[high] * 2 + few, NONE),
-            "i32 low": np.where(low_only, (group * 8 + self._size[low]) * 3 + self._direction[low], NONE),
-            "i32 low range": np.where(low_only, group * 10 + span[low], NONE),
-            "i32 low cost": np.where(low_only, group * 9 + self._mean[low], NONE),
-            "i32 sign": np.where(low_only, group * 3 + self._sign()[low], NONE),
-            "i32 high only": np.where(case == 2, self._class[low] * 4 + np.minimum(kinds, 3), NONE),
-            "i32 quiet": np.where(case == 0, self._class[high] * 16 + self._class[low], NONE),
-            "i32 as float": np.where(case > 0, (both * 8 + kinds) * 2 + few, NONE),
-            "i32 carries": np.where(both, self._carries(high, steps), NONE),
-            "i32 wraps": np.where(low_only | both, self._carried(high, low), NONE),
-            "i32 block": self._edges(2),
-        }
-
-    def _carried(self, high: Ints, low: Ints) -> Ints:
-        """Whether the high word counts each time that the low word runs over, and at no other time.
-
-        0 it never runs over; 1 to 3 so it does (once, to three times, more often), 4 nearly so, 5 now and then, 6
-        never. Where the high word stands still: 7 it never runs over, 8 and 9 a smooth one does (once, more often), 10
-        a wild one.
-        """
-        wraps, steps = self._wraps[:, low], self._changes[:, high]
-        over, moved = (wraps != 0).sum(axis=0), (steps != 0).sum(axis=0)
-        matched = ((wraps != 0) & (steps == wraps)).sum(axis=0)
-        most = np.maximum(np.maximum(over, moved), 1)
-        found = np.where(matched >= 0.8 * most, 4, np.where(matched > 0, 5, 6))
-        found = np.where(matched == most, np.digitize(over, (2, 4)) + 1, found)
-        found = np.where(over == 0, 0, found)
-        size = np.abs(self._changes[:, low])
-        smooth = (size > 0x1000).sum(axis=0) * 8 < np.maximum((size > 0).sum(axis=0), 1)
-        still = np.where(over == 0, 7, np.where(smooth, np.where(over == 1, 8, 9), 10))
-        return np.where(moved == 0, still, found)
-
-    def _carries(self, high: Ints, steps: NDArray[np.int64]) -> Ints:
-        """How the high word's changes fit a carry: their number, and the share of which the whole moved little."""
-        changed = self._changes[:, high] != 0
-        count = changed.sum(axis=0)
-        small = (changed & (np.abs(steps) < 0x8000)).sum(axis=0)
-        share = np.digitize(small / np.maximum(count, 1), (0.3, 0.7, 0.95))
-        found: Ints = np.digitize(count, (2, 4, 12)) * 4 + share
-        return found
-
-    def _four(self, *, reverse: bool, is_float: bool) -> Codes:
-        width = self.words.shape[1] - 3
-        columns = np.arange(width)[:, None] + (np.arange(4)[::-1] if reverse else np.arange(4))
-        pattern = patterns(self.words[:, columns], "ABCD")
-        moved = self.moved[columns]
-        case = moved @ np.array([8, 4, 2, 1])
-        separate = self._cost16[columns].sum(axis=1)
-        any_moved = case > 0
-        if is_float:
-            value = pattern.view(np.float64)
-            gain = np.digitize(separate - _relative_lengths(self, value, 52), _GAINS)
-            return {
-                "f64": case,
-                "f64 gain": np.where(any_moved, gain, NONE),
-                "f64 value": _float_classes(value) * 2 + any_moved,
-                "wide block": self._edges(4),
-            }
-        steps = np.diff(pattern, axis=0).view(np.int64)
-        steps = steps if self.joint is None else np.delete(steps, self.joint - 1, axis=0)
-        gain = np.digitize(separate - _lengths(steps, 65), _GAINS)
-        low = columns[:, 3]
-        return {
-            "i64": case,
-            "i64 gain": np.where(any_moved, gain, NONE),
-            "i64 top": self._class[columns[:, 0]] * 2 + any_moved,
-            "i64 low": np.where(self.moved[low], self._size[low] * 3 + self._direction[low], NONE),
-            "wide block": self._edges(4),
-        }
-
-
-_GROUP: Final = np.array([0, 1, 1, 1, 2, 2, 3, 3, 4, 5, 5, 3, 3, 3, 3, 2])  # classes of a quiet high word, coarser
-
-
-def _classes(words: NDArray[np.uint16]) -> Ints:
-    """What a word holds: 0; 1; 2 to 9; to 127; to 999; to 9999; to 7FFE; over; FFFF; 8000; 7FFF; the head of a float
-    (two classes); two letters; FF80 to FFFE; 256 times something."""
-    value = words.astype(np.int64)
-    found = np.digitize(value, (1, 2, 10, 128, 1000, 10000, 0x8000))
-    letters = ((value >> 8) >= 0x20) & ((value >> 8) < 0x7F) & ((value & 0xFF) >= 0x20) & ((value & 0xFF) < 0x7F)
-    magnitude = value & 0x7FFF
-    head = (magnitude >= 0x3C00) & (magnitude < 0x4A00)
-    found = np.where(letters, 13, found)
-    found = np.where((value & 0xFF == 0) & (value > 0xFF), 15, found)
-    found = np.where(head & (value < 0x8000), 11, found)
-    found = np.where(head & (value >= 0x8000), 12, found)
-    found = np.where((value >= 0xFF80) & (value < 0xFFFF), 14, found)
-    for special, number in ((0xFFFF, 8), (0x8000, 9), (0x7FFF, 10)):
-        found = np.where(value == special, number, found)
-    return found
-
-
-def _bits(steps: NDArray[np.int64] | Floats, most: int) -> NDArray[np.float32]:
-    """Bits that a change takes: its sign and a number of unknown size (Elias), at most a word's own; 0 for none."""
-    amount = np.abs(steps.astype(np.float32))
-    size = np.log2(np.maximum(amount, np.float32(1)))
-    found = np.minimum(np.float32(2) + size + np.float32(1.5) * np.log2(size + np.float32(1)), np.float32(most))
-    found[amount == 0] = 0
-    return found
-
-
-def _lengths(steps: NDArray[np.int64] | Floats, most: int) -> Floats:
-    """Bits of a column's changes: when it changed, and by how much."""
-    return _sum_lengths(_bits(steps, most))
-
-
-def _sum_lengths(bits: NDArray[np.float32]) -> Floats:
-    count, n = np.count_nonzero(bits, axis=0), max(len(bits), 1)
-    found: Floats = bits.sum(axis=0, dtype=np.float64) + n * _entropy(count / n) + 0.5 * np.log2(n + 1)
-    return found
-
-
-def _entropy(share: Floats) -> Floats:
-    inside = np.clip(share, 1e-9, 1 - 1e-9)
-    found: Floats = -(inside * np.log2(inside) + (1 - inside) * np.log2(1 - inside))
-    return found
-
-
-def _directions(steps: NDArray[np.int64]) -> Ints:
-    """0 both up and down, 1 only up, 2 only down."""
-    up, down = (steps > 0).any(axis=0), (steps < 0).any(axis=0)
-    return np.where(up & ~down, 1, np.where(down & ~up, 2, 0))
-
-
-def _float_steps(counting: _Counting, pair: NDArray[np.uint64]) -> NDArray[np.int64]:
-    """Changes of floats, counted in the floats that lie between."""
-    pattern = pair.astype(np.int64)
-    ordinal = np.where(pattern >= 1 << 31, (1 << 31) - pattern, pattern)
-    return counting.steps(ordinal)
-
-
-def _relative_lengths(counting: _Counting, value: NDArray[np.floating], digits: int = 22) -> Floats:
-    """The same with changes counted in the last digit of the greatest value: fair to what passes through zero."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        number = np.nan_to_num(value.astype(np.float64), nan=0.0, posinf=1e38, neginf=-1e38)
-        number = np.clip(number, -1e300, 1e300)
-        unit = np.maximum(np.abs(number).max(axis=0), 1e-300) * 2.0**-digits
-        steps = np.diff(number / unit, axis=0)
-    steps = steps if counting.joint is None else np.delete(steps, counting.joint - 1, axis=0)
-    return _lengths(steps, digits + 11)
-
-
-def _float_classes(value: NDArray[np.floating]) -> Ints:
-    """0 all as people measure (0.01 to 1e5), 1 to 3 a wider range of sizes, 4 zeros only, 5 some not a number, 6 some
-    denormal or absurd, 7 all so."""
-    with np.errstate(invalid="ignore"):
-        size = np.abs(value.astype(np.float64))
-        finite = np.isfinite(size)
-        zero = size == 0
-        usual = zero | ((size >= 0.009) & (size <= 1e5))
-        wide = zero | ((size >= 1e-4) & (size <= 1e9))
-        absurd = finite & ~zero & ((size < 1e-9) | (size > 1e15))
-    found = np.full(value.shape[1], 3, np.int64)
-    found[wide.all(axis=0)] = 1
-    found[usual.all(axis=0)] = 0
-    found[(usual.mean(axis=0) > 0.9) & (found > 1)] = 2
-    found[~finite.all(axis=0)] = 5
-    found[absurd.any(axis=0)] = 6
-    found[absurd.all(axis=0) | (~finite).all(axis=0)] = 7
-    found[zero.all(axis=0)] = 4
-    return found
-
-
-def _spreads(value: NDArray[np.floating]) -> Ints:
-    """How far a float's sizes lie apart, in powers of two: 0, 1, to 4, to 10, to 30, more."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        size = np.abs(np.nan_to_num(value.astype(np.float64), nan=1e38, posinf=1e38, neginf=1e38))
-        power = np.log2(np.where(size == 0, np.nan, size))
-        filled = np.where(np.isnan(power), 0.0, power)
-        high = np.where(np.isnan(power), -np.inf, filled).max(axis=0)
-        low = np.where(np.isnan(power), np.inf, filled).min(axis=0)
-        apart = np.where(np.isfinite(high - low), high - low, 0.0)
-    return np.digitize(apart, (0.01, 1.0, 4.0, 10.0, 30.0))
-
-
-def _decimals(value: NDArray[np.floating]) -> Ints:
-    """How few decimals nearly all of a float's readings have: 0 to 3, 4 more, 5 it has no room for decimals.
-
-    A float made of a rounded number is one; the words of two integers hardly ever are.
-    """
-    with np.errstate(invalid="ignore", over="ignore"):
-        exact = np.clip(np.nan_to_num(value.astype(np.float64)), -1e30, 1e30)
-        digit = np.abs(exact).max(axis=0) * 2.0**-23
-        found = np.full(value.shape[1], 4, np.int64)
-        for places in (3, 2, 1, 0):
-            rounded = np.round(exact, places).astype(np.float32)
-            few = (rounded == exact.astype(np.float32)).mean(axis=0) >= 0.95
-            found[few] = np.where(digit[few] > 0.05 * 10.0**-places, 5, places)
-    return found

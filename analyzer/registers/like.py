@@ -67,7 +67,7 @@ class Match:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Reading:
+class _SoughtReading:
     block: BlockReadings
     at: int
     words: int
@@ -200,7 +200,7 @@ def _fitted(series: Floats, shown: Floats, *, is_float: bool) -> tuple[Floats, F
     return scale, offset, misfit
 
 
-def _readings(readings: RegisterReadings, units: Sequence[int] | None) -> Iterator[_Reading]:
+def _readings(readings: RegisterReadings, units: Sequence[int] | None) -> Iterator[_SoughtReading]:
     for block in readings:
         if block.area not in ("input", "holding") or (units is not None and block.unit not in units):
             continue
@@ -212,7 +212,7 @@ def _readings(readings: RegisterReadings, units: Sequence[int] | None) -> Iterat
                     if signed and not hypothesis.is_float and not _has_top(words, order):
                         continue
                     series = numbers(words, order, is_float=hypothesis.is_float, signed=signed)
-                    yield _Reading(
+                    yield _SoughtReading(
                         block,
                         at,
                         hypothesis.words,
@@ -234,13 +234,13 @@ def _agreement(inferred: Sequence[RegisterValue]) -> dict[tuple[Any, ...], float
     }
 
 
-def _key(reading: _Reading) -> tuple[Any, ...]:
+def _key(reading: _SoughtReading) -> tuple[Any, ...]:
     block = reading.block
     return block.unit, block.area, block.address + reading.at, reading.words, reading.is_float, reading.order
 
 
 def _match(
-    reading: _Reading, scale: float, offset: float, value: float, row: int, lag: float | None, score: float
+    reading: _SoughtReading, scale: float, offset: float, value: float, row: int, lag: float | None, score: float
 ) -> Match:
     block = reading.block
     kind = "float" if reading.is_float else "int"

@@ -8,11 +8,13 @@ power factor below 1, floats that are floats) add up. Said only with how sure.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dissectors.maps import RegisterMap, shipped_map, shipped_names
 from dissectors.maps.model import MappedValue
@@ -30,14 +32,18 @@ _NONE: Final = 7.0  # bits for a device that no map is of
 _LEAST: Final = 0.8  # confidence below which nothing is said
 _UNSAID: Final = 0.9  # the most where the device does not say what it is
 _MOST_PLACES: Final = 12.0  # bits that addresses alone can say
+_MOST_TYPES: Final = 8.0  # and what was inferred of its values
 _SURE: Final = 0.9
 _CHAIN: Final = 0.99  # of a chain of SunSpec models that was walked
 _TEXT_BITS, _WORD_BITS, _POLL_BITS = 14.0, 5.0, 3.0
 _RANGES: Final[Mapping[str, tuple[float, float]]] = {
-    "Hz": (40.0, 70.0), "V": (3.0, 1200.0), "A": (-2000.0, 2000.0), "kW": (-5000.0, 5000.0), "W": (-5e6, 5e6),
-    "°C": (-60.0, 400.0), "%": (-150.0, 150.0),
+    "mains": (40.0, 70.0), "Hz": (0.0, 1000.0), "V": (3.0, 1200.0), "A": (-2000.0, 2000.0), "kW": (-5000.0, 5000.0),
+    "W": (-5e6, 5e6), "°C": (-60.0, 400.0), "%": (-150.0, 150.0),
 }  # fmt: skip
-_ZERO_SAYS: Final = {"Hz": -2.0, "V": -0.3}
+_ZERO_SAYS: Final = {"mains": -2.0, "V": -0.3}
+_ABSENT: Final = (0xFFFF, 0x8000, 0x7FFF)
+_FREE_RUNNING: Final = re.compile(r"output|motor|compressor|fan|pulse|reference|set|carrier", re.IGNORECASE)
+"""Names of frequencies that are not the mains'."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +179,7 @@ def _types_bits(chart: RegisterMap, values: Sequence[RegisterValue]) -> float:
             bits += (0.25 if row.length == 1 else 1.5) if right else -3.0
         elif value.words > 1 or value.kind == "float":
             bits -= 3.0
-    return bits
+    return max(min(bits, _MOST_TYPES), -_MOST_TYPES)  # one mistake about a device's words shows in many
 
 
 def _values_bits(chart: RegisterMap, blocks: Sequence[BlockReadings]) -> tuple[float, int]:
@@ -204,15 +210,15 @@ def _is_cut(row: MappedValue, block: BlockReadings) -> bool:
 
 
 def _row_bits(row: MappedValue, block: BlockReadings) -> float:
-    if row.type in ("text", "enum", "bits", "time"):
-        if row.type == "enum" and row.values:
-            words, _ = block.series
-            seen = np.unique(words[:, row.address - block.address])
-            return 0.4 if all(int(state) in row.values for state in seen) else -2.0
-        return 0.0
-    words, _ = block.series
+    """How well the readings of a value are what its map says that it measures."""
     at = row.address - block.address
-    values = numbers(words[:, at : at + row.length], _order(row), is_float=row.is_float, signed=row.is_signed)
+    words = block.series[0][:, at : at + row.length]
+    if row.type == "enum" and row.values:
+        seen = np.unique(words[:, 0])
+        return 0.4 if all(int(state) in row.values for state in seen) else -2.0
+    if row.type in ("text", "enum", "bits", "time") or row.writable or _is_absent(words):
+        return 0.0
+    values = numbers(words, _order(row), is_float=row.is_float, signed=row.is_signed)
     scale = row.scale
     if row.scale_address is not None and block.address <= row.scale_address < block.address + block.quantity:
         power = int(block.last[row.scale_address - block.address].astype(np.int16))
@@ -227,18 +233,32 @@ def _row_bits(row: MappedValue, block: BlockReadings) -> float:
         if not np.isfinite(values).all() or ((size > 0) & (size < 1e-6)).any() or (size > 1e12).any():
             return -5.0
         score += 1.2 if (values != 0).any() else 0.0
-    if "power factor" in row.name.lower():
-        return score + (
-            1.0 if (np.abs(values) <= 1.001).all() and (values != 0).any() else -2.0 * (np.abs(values) > 1.001).any()
-        )
-    if row.unit not in _RANGES:
-        return score
-    low, high = _RANGES[row.unit]
+    name = row.name.lower()
+    if "power factor" in name and "scale" not in name:
+        beyond = (np.abs(values) > 1.001).any()
+        return score + (-2.0 if beyond else 1.0 if (values != 0).any() else 0.0)
+    return score + _range_bits(row, values)
+
+
+def _range_bits(row: MappedValue, values: NDArray[np.float64]) -> float:
+    """The same of numbers in a unit of measure."""
+    unit = "mains" if row.unit == "Hz" and not _FREE_RUNNING.search(row.name) else row.unit
+    if unit not in _RANGES:
+        return 0.0
+    low, high = _RANGES[unit]
     if not values.any():
-        return score + _ZERO_SAYS.get(row.unit, 0.0)
+        return _ZERO_SAYS.get(unit, 0.0)
     inside = bool(((values >= low) & (values <= high)).mean() > 0.9)
-    strength = {"Hz": 4.0, "V": 1.0}.get(row.unit, 0.3)
-    return score + (strength if inside else -2.0 * strength)
+    strength = {"mains": 4.0, "V": 1.0}.get(unit, 0.3)
+    return strength if inside else -2.0 * strength
+
+
+def _is_absent(words: NDArray[np.uint16]) -> bool:
+    """Whether a value holds what devices put where they have none."""
+    first = int(words[0, 0])
+    rest = words[:, 1:]
+    same = bool((words == words[0]).all())
+    return same and ((first in _ABSENT and not rest.any()) or (first == 0xFFFF and bool((rest == 0xFFFF).all())))
 
 
 def _order(row: MappedValue) -> Order:

@@ -16,11 +16,12 @@ from captures.ragged import Ints
 from dissectors.maps.model import MapArea
 
 from .chain import IMPOSSIBLE, chain_sums
-from .device import device_codes, device_counts
-from .evidence import NONE, BlockEvidence, Codes, block_evidence
+from .counting import NONE, Codes
+from .device import device_codes, device_counts, zero_codes, zero_counts
+from .evidence import BlockEvidence, block_evidence
 from .hypotheses import HYPOTHESES, moved_registers
 from .readings import BlockReadings, Words
-from .weights import Weights
+from .weights import DEVICE_ORDERS, Weights
 
 Floats = NDArray[np.float64]
 
@@ -30,7 +31,8 @@ class Run:
     """T neighbouring registers of one unit and area, from `address` on.
 
     `codes[h]` are the tables' entries of hypothesis h, `fits` (T, H) where it can stand, `moved` (T) which registers
-    moved, `source` (T, H) the number of the block that speaks of a segment, `series` the readings of each block.
+    moved, `words` (T) what they held at first, `source` (T, H) the number of the block that
+    speaks of a segment, `series` the readings of each block.
     """
 
     unit: int
@@ -41,6 +43,7 @@ class Run:
     codes: list[Codes]
     fits: NDArray[np.bool_]
     moved: NDArray[np.bool_]
+    words: Ints
     source: Ints
 
     @property
@@ -85,7 +88,7 @@ def _run(
     length = max(block.address + block.quantity for block in blocks) - address
     fits = np.zeros((length, len(HYPOTHESES)), np.bool_)
     source = np.full((length, len(HYPOTHESES)), -1, np.int64)
-    moved = np.zeros(length, np.bool_)
+    moved, words = np.zeros(length, np.bool_), np.zeros(length, np.int64)
     codes: list[dict[str, Ints]] = [{} for _ in HYPOTHESES]
     ranked = sorted(range(len(blocks)), key=lambda number: (blocks[number].count, not blocks[number].written))
     for number in ranked:
@@ -93,14 +96,15 @@ def _run(
         mine = evidence[id(block)]
         at = block.address - address
         moved[at : at + block.quantity] = mine.moved
+        words[at : at + block.quantity] = series[id(block)][0][0]
         for hypothesis, by_table in enumerate(mine.codes):
             for name, values in by_table.items():
                 whole = codes[hypothesis].setdefault(name, np.full(length, NONE, np.int64))
                 whole[at : at + len(values)] = values
-                fits[at : at + len(values), hypothesis] = True
+                fits[at : at + len(values), hypothesis] = ~mine.absurd[hypothesis]
                 source[at : at + len(values), hypothesis] = number
     own = [series[id(block)] for block in blocks]
-    return Run(blocks[0].unit, blocks[0].area, address, blocks, own, list(codes), fits, moved, source)
+    return Run(blocks[0].unit, blocks[0].area, address, blocks, own, list(codes), fits, moved, words, source)
 
 
 def run_posteriors(runs: Sequence[Run], weights: Weights) -> list[Floats]:
@@ -116,16 +120,16 @@ def second_codes(runs: Sequence[Run], first: Sequence[Floats]) -> list[list[Code
     """The codes of the second pass: those of the first, and what the unit's other values are by the first pass."""
     moved = [moved_registers(run.moved) > 0 for run in runs]
     counts: dict[int, Floats] = {}
+    zeros: dict[int, Ints] = {}
     for run, own, moves in zip(runs, first, moved, strict=True):
-        none: Floats = np.zeros((2, len(HYPOTHESES)))
-        counts[run.unit] = np.add(counts.get(run.unit, none), device_counts(own, moves))
-    return [
-        [
-            {**one, **other}
-            for one, other in zip(run.codes, device_codes(counts[run.unit], own, moves, run.fits), strict=True)
-        ]
-        for run, own, moves in zip(runs, first, moved, strict=True)
-    ]
+        counts[run.unit] = counts.get(run.unit, 0) + device_counts(own, moves)
+        zeros[run.unit] = zeros.get(run.unit, 0) + zero_counts(run.words, run.moved)
+    found: list[list[Codes]] = []
+    for run, own, moves in zip(runs, first, moved, strict=True):
+        pairs = [zero_codes(zeros[run.unit], run.words, run.moved, order) for order in DEVICE_ORDERS]
+        more = device_codes(counts[run.unit], own, moves, run.fits, pairs)
+        found.append([{**one, **other} for one, other in zip(run.codes, more, strict=True)])
+    return found
 
 
 def run_pass(

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .chain import IMPOSSIBLE
-from .evidence import SIZES, Codes
+from .counting import SIZES, Codes
+from .device import ZERO_CODES
 from .hypotheses import FAMILIES, FAMILY_OF, HYPOTHESES
 
 Floats = NDArray[np.float64]
 _ORDERS: Final = 3  # of two neighbours: one has no order, the same, different ones
 NEIGHBOURS: Final = len(FAMILIES) ** 2 * _ORDERS
-SHARES: Final[Mapping[str, int]] = {"device family": 5 * 8, "device family moved": 5 * 8}
+SHARES: Final[Mapping[str, int]] = {"device family": 5 * 8, "device family moved": 5 * 8, "device zeros": ZERO_CODES}
 """Tables of the second pass: what the device's other values are."""
 DEVICE_ORDERS: Final = ("ABCD", "CDAB")
 TABLES: Final[Mapping[str, int]] = {

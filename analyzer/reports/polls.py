@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from ..causes.exchanges import Outcome
+from ..causes.exchanges import Ending
 from ..causes.ledger import Ledger
 from .model import PollRow
 
@@ -31,10 +31,10 @@ def poll_rows(ledger: Ledger) -> tuple[PollRow, ...]:
                 poll.address,
                 poll.quantity,
                 poll.asked,
-                poll.count(Outcome.OK),
-                poll.count(Outcome.EXCEPTION),
-                poll.count(Outcome.SILENT),
-                poll.count(Outcome.GARBAGE),
+                poll.count(Ending.OK),
+                poll.count(Ending.EXCEPTION),
+                poll.count(Ending.SILENT),
+                poll.count(Ending.GARBAGE),
                 period,
                 jitter,
             )

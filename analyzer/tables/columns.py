@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from captures.ragged import copy_pieces
-from dissectors.declaration import EXCEPTION
+from dissectors.adu import EXCEPTION
 from dissectors.layout import Contents, NumberRef, ValueRun, contents, values_listed
 from dissectors.length_rules import Role
 
@@ -70,9 +70,9 @@ class Decoded:
         return self.values[int(self.offsets[row]) : int(self.offsets[row + 1])]
 
 
-def decode(batch: Batch) -> Decoded:
-    """The columns of a batch."""
-    return _Decoding(batch).decoded()
+def decode(batch: Batch, pdus: Pdus | None = None) -> Decoded:
+    """The columns of a batch; `pdus` are its own, where somebody has them already."""
+    return _Decoding(batch, Pdus(batch) if pdus is None else pdus).decoded()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,10 +89,9 @@ class _ValueSpans:
 class _Decoding:
     """One batch on its way to columns."""
 
-    def __init__(self, batch: Batch) -> None:
+    def __init__(self, batch: Batch, pdus: Pdus) -> None:
         n = len(batch.rows)
-        self.batch = batch
-        self.pdus = Pdus(batch)
+        self.batch, self.pdus = batch, pdus
         self.address = np.full(n, -1, np.int32)
         self.quantity = np.full(n, -1, np.int32)
         self.area = np.zeros(n, np.uint8)

@@ -6,17 +6,17 @@ Observation is not root cause: `text` says what was seen, `cause` what it likely
 
 from __future__ import annotations
 
-import pkgutil
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from functools import cache
-from importlib import import_module
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..registry import Registry
 
 if TYPE_CHECKING:
     from ..diagnosis.view import DiagnosisStep
@@ -193,7 +193,7 @@ class Rule:
 
 _L = TypeVar("_L", bound=Callable[..., Any])
 _looks: list[Callable[..., Any]] = []
-_declared: dict[str, Rule] = {}
+_RULES: Final = Registry[Rule]("analyzer.diagnosis.rules", "rule")
 
 
 def looks_for(*found: Rule) -> Callable[[_L], _L]:
@@ -201,8 +201,7 @@ def looks_for(*found: Rule) -> Callable[[_L], _L]:
 
     def enter(look: _L) -> _L:
         for rule in found:
-            if _declared.setdefault(rule.code, rule) is not rule:
-                raise ValueError(f"two rules have the code {rule.code}")
+            _RULES.enter(rule.code, rule)
         _looks.append(look)
         return look
 
@@ -212,10 +211,7 @@ def looks_for(*found: Rule) -> Callable[[_L], _L]:
 @cache
 def rules() -> tuple[Rule, ...]:
     """All rules, in the order of their codes."""
-    package = import_module("analyzer.diagnosis.rules")
-    for name in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
-        import_module(f"{package.__name__}.{name}")
-    return tuple(_declared[code] for code in sorted(_declared))
+    return tuple(_RULES.by_name().values())
 
 
 @cache

@@ -2,7 +2,8 @@
 
 A transaction is a request and what became of it. It is settled when its answer has come, or when so many frames have
 followed that none will; settled ones are given in the order of their requests, so that the columns of all batches put
-end to end are the conversation of the whole capture.
+end to end are the conversation of the whole capture. What a request can still be told ends at its horizon, a row that
+hangs on the rows alone: so batches do not matter.
 
 A serial answer carries no address. Where several requests of one shape are open and as many answers follow, a server
 answers in the order in which it was asked, which shows only when the second answer has come: `put_in_order`.
@@ -108,23 +109,30 @@ class Transactions:
         responses = np.flatnonzero(kind == Kind.RESPONSE)
         responses = responses[_at(rows, "request", responses) >= 0]
         frames = np.flatnonzero(kind)
+        known = len(self._open)
+        before = np.cumsum(kind > 0) - (kind > 0) + self._frames
         if len(frames):
             self._frames = int(rows["index"][frames[-1]]) + 1
-        known = len(self._open)
         opened = np.zeros(known + len(requests), TRANSACTION)
         opened[:known], self._open = self._open, opened
         _begin(opened[known:], rows, requests)
         ends = self._octets + np.cumsum(rows["length"])
         self._places = np.concatenate((self._places, ends[requests]))
         self._octets = int(ends[-1])
-        self._count_garbage(batch, requests, known)
-        self._answer(batch, responses)
+        patience = np.where(self._open["protocol"] == Protocol.TCP, _PIPELINED, _PATIENCE) + self._open["request"]
+        horizon = np.minimum(
+            np.searchsorted(before, patience, side="right"),
+            np.searchsorted(ends - rows["length"], self._places + _REACH, side="right"),
+        )
+        self._count_garbage(batch, requests, known, horizon)
+        late = self._answer(batch, responses, horizon)
         self._mark_retries(batch, requests, known)
+        for place in late:
+            self._put_in_order(place)
         status = self._open["status"]
         waiting = (status == Status.UNANSWERED) | (status == Status.BROADCAST)
-        patience = np.where(self._open["protocol"] == Protocol.TCP, _PIPELINED, _PATIENCE)
-        waiting &= self._open["request"] >= self._frames - patience
-        waiting &= self._places >= self._octets - _REACH
+        waiting |= (status == Status.DAMAGED) & (self._open["t_next"] == NEVER)  # what it costs shows the next request
+        waiting &= (patience >= self._frames) & (self._places >= self._octets - _REACH)
         count = int(np.argmax(waiting)) if waiting.any() else len(waiting)
         return self._settle(count)
 
@@ -147,7 +155,7 @@ class Transactions:
         self._places = self._places[count:].copy()
         return settled
 
-    def _count_garbage(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
+    def _count_garbage(self, batch: Batch, requests: NDArray[np.intp], known: int, horizon: NDArray[np.intp]) -> None:
         """What lies between each request and the next, and when that next one began."""
         rows = batch.rows
         bad = np.flatnonzero((rows["kind"] != Kind.REQUEST) & (rows["request"] < 0))
@@ -158,22 +166,21 @@ class Transactions:
             lost[row + 1] = len(octets) - int(np.isin(octets, _GLITCHES).sum())
         total = np.cumsum(lost)
         first = max(known - 1, 0)
-        bounds = np.append(requests, len(rows))
-        between = np.diff(total[bounds]) if known == 0 else np.diff(np.append(0, total[bounds]))
-        self._open["garbage"][first:] += between
-        starts = _at(rows, "t_start", requests)
-        if known:
-            self._open["t_next"][first:-1] = starts
-        elif len(requests):
-            self._open["t_next"][:-1] = starts[1:]
+        bounds = np.append(requests, len(rows)) if known == 0 else np.concatenate(([0], requests, [len(rows)]))
+        begins, bounds = bounds[:-1], bounds[1:]
+        horizon = horizon[first:]
+        self._open["garbage"][first:] += total[np.maximum(np.minimum(bounds, horizon), begins)] - total[begins]
+        heard = bounds[:-1] < horizon[:-1]
+        self._open["t_next"][first:-1][heard] = _at(rows, "t_start", bounds[:-1][heard])
 
-    def _answer(self, batch: Batch, responses: NDArray[np.intp]) -> None:
+    def _answer(self, batch: Batch, responses: NDArray[np.intp], horizon: NDArray[np.intp]) -> list[int]:
+        """Join answers to their requests; the places of those that came late, in the order of the answers."""
         rows = batch.rows
         asked = np.ascontiguousarray(self._open["request"])
         wanted = _at(rows, "request", responses)
         place = np.searchsorted(asked, wanted)
         found = place < len(asked)
-        found[found] = asked[place[found]] == wanted[found]
+        found[found] = (asked[place[found]] == wanted[found]) & (responses[found] < horizon[place[found]])
         place, responses = place[found], responses[found]
         for name, column in OF_ANSWER.items():
             self._open[name][place] = _at(rows, column, responses)
@@ -186,8 +193,8 @@ class Transactions:
         self._open["late"][place] = late
         for at, row in zip(place[late].tolist(), responses[late].tolist(), strict=True):
             self._open["mistaken"][at] = self._mistaken(batch, row)
-        for at in place[late].tolist():
-            self._put_in_order(at)
+        after: list[int] = place[late].tolist()
+        return after
 
     def _mistaken(self, batch: Batch, row: int) -> bool:
         """Whether a late answer would do for the newest request before it, which then takes it for its own."""
@@ -234,12 +241,10 @@ class Transactions:
             bad = np.append(self._failed if not known else _failed(opened[known - 1 : known]), _failed(opened[known:]))
             for i in np.flatnonzero(bad[:-1]).tolist():
                 asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
-                row = int(requests[i])
+                row, protocol = int(requests[i]), int(opened["protocol"][known + i])
                 if asked is not None and len(asked) == batch.rows["length"][row]:
-                    tcp = opened["protocol"][known + i] == Protocol.TCP
-                    first = _TRANSACTION_ID if tcp else 0
-                    same = batch.bytes_of(row)[first:] == asked[first:]
-                    opened["retry"][known + i] = same and bool(tcp or asked[0])
+                    same = _same_request(asked, batch.bytes_of(row), protocol)
+                    opened["retry"][known + i] = same and (protocol == Protocol.TCP or bool(opened["unit"][known + i]))
             self._mark_second_tries(batch, requests, known)
             self._mark_again(batch, requests, known)
             self._last_request = batch.bytes_of(int(requests[-1]))
@@ -249,16 +254,18 @@ class Transactions:
     def _mark_again(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
         """Broadcasts, and writes that are echoed, of which each byte is that of the request before."""
         rows, opened = batch.rows, self._open
-        unit, function = opened["unit"][known:], opened["function"][known:]
+        unit, function, protocol = (opened[name][known:] for name in ("unit", "function", "protocol"))
         may = ((unit == 0) | ECHOED[function]) & ~opened["retry"][known:]
         if not may.any():
             return
         lengths, ends = _at(rows, "length", requests), _at(rows, "at", requests) + _at(rows, "length", requests)
         checks = batch.data.take(ends - 2).astype(np.int64) << 8 | batch.data.take(ends - 1)
-        same = np.zeros(len(requests), np.bool_)
-        same[1:] = (lengths[1:] == lengths[:-1]) & (checks[1:] == checks[:-1])
-        same[1:] &= (unit[1:] == unit[:-1]) & (function[1:] == function[:-1])
-        same[0] = self._last_request is not None and batch.bytes_of(int(requests[0])) == self._last_request
+        same = np.ones(len(requests), np.bool_)
+        same[1:] = (lengths[1:] == lengths[:-1]) & (unit[1:] == unit[:-1]) & (function[1:] == function[:-1])
+        same[1:] &= (checks[1:] == checks[:-1]) | (protocol[1:] != Protocol.RTU)
+        for i in np.flatnonzero(may & same).tolist():
+            asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
+            same[i] = asked is not None and _same_request(asked, batch.bytes_of(int(requests[i])), int(protocol[i]))
         opened["again"][known:] = may & same
 
     def _mark_second_tries(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
@@ -277,6 +284,12 @@ def _failed(transactions: Rows) -> NDArray[np.bool_]:
     status = transactions["status"]
     failed: NDArray[np.bool_] = (status != Status.ANSWERED) & (status != Status.EXCEPTION) | transactions["late"]
     return failed
+
+
+def _same_request(one: bytes, other: bytes, protocol: int) -> bool:
+    """Whether two requests ask the same, whatever their numbers over Modbus TCP."""
+    first = _TRANSACTION_ID if protocol == Protocol.TCP else 0
+    return one[first:] == other[first:]
 
 
 def _shared(one: bytes, two: bytes) -> int:

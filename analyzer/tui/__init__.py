@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 def run(
     source: ViewSource,
     *,
-    view: str = "frames",
+    view: str | None = None,
     light: bool = False,
     zone: tzinfo = UTC,
     charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] | None = None,
 ) -> None:
     """Show a source until the user quits.
 
-    `view` is what is shown first: `frames`, `home`, `paste` …; `zone` that of times of day; `charts` gives the maps of
-    units.
+    `view` is what is shown first: `frames`, `home`, `paste` …; None: the transactions, or Home where a capture
+    has causes to tell. `zone` is that of times of day; `charts` gives the maps of units.
     """
     from .app import Rtuscope
 

@@ -16,10 +16,12 @@ from ..model.bus import Bus
 from ..model.notes import Notes, NotesError
 from .burst import KeyQueue
 from .desk import ViewState
+from .keptfilters import rules_of
 from .paint import DARK, HARMLESS, LIGHT
+from .preferences import Preferences
 from .screen import BusScreen
 from .views import VIEWS
-from .wire import Wire
+from .wire import ThinWire
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -47,7 +49,7 @@ class Rtuscope(App[None]):
     CSS_PATH = "style.tcss"
     BINDINGS: ClassVar[list[BindingType]] = []
 
-    def __init__(self, source: ViewSource, *, view: str = "frames", light: bool = False) -> None:
+    def __init__(self, source: ViewSource, *, view: str | None = None, light: bool = False) -> None:
         super().__init__()
         self.register_theme(DARK)
         self.register_theme(LIGHT)
@@ -57,9 +59,12 @@ class Rtuscope(App[None]):
             notes = Notes.beside(source.path)
         except NotesError as error:
             notes, self._trouble = Notes(), str(error)
-        self.desk = ViewState(source, Bus.of(source), notes)
+        wishes = Preferences.of_user()
+        self._trouble = self._trouble or wishes.trouble
+        self.desk = ViewState(source, Bus.of(source), notes, wishes=wishes)
+        self.desk.rules = list(rules_of(self.desk))
         self._view = view
-        self.wire = Wire()
+        self.wire = ThinWire()
         self.keys = KeyQueue(self, super().on_event)
         self._cursor_was = self.cursor_position
         self.HORIZONTAL_BREAKPOINTS = [(0, "-slim"), (_NARROW, "-narrow"), (_WIDE, "-wide")]
@@ -89,6 +94,7 @@ class Rtuscope(App[None]):
     def on_mount(self) -> None:
         sys.setswitchinterval(0.001)  # keys are answered while a thread reads the source
         if self.is_web:
+            self.desk.wishes.path = None
             self.desk.notes.path = None  # whoever has the page writes no file of this machine
         if self._trouble:
             self.notify(self._trouble, severity="error", markup=False)

@@ -36,6 +36,7 @@ class KeyQueue:
         self._app, self._dispatch = app, dispatch
         self._waiting: deque[Key] = deque()
         self._task: asyncio.Task[None] | None = None
+        self.taken = 0  # keys so far
 
     @property
     def busy(self) -> bool:
@@ -44,6 +45,7 @@ class KeyQueue:
 
     async def take(self, event: Key) -> None:
         """A key was pressed: it is handed on at once where none is before it."""
+        self.taken += 1
         if self._task is not None:
             self._waiting.append(event)
             return

@@ -7,13 +7,20 @@ from dataclasses import dataclass, field
 from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..model.bus import Bus
 from ..model.notes import Notes, Place
+from ..model.scope import Scope, ScopedFigures
+from ..model.table import PIECE
 from ..words import TimeBase, date_and_time, is_clock, seconds, short, time_of_day
+from .preferences import Preferences
 
 if TYPE_CHECKING:
     from dissectors.maps.model import RegisterMap
 
+    from ..model.selection import Test
     from ..model.source import ViewSource
 
 
@@ -29,10 +36,48 @@ class ViewState:
     bus: Bus
     notes: Notes = field(default_factory=Notes)
     base: TimeBase = TimeBase.START
+    scope: Scope = field(default_factory=Scope)
+    narrowed: ScopedFigures | None = None  # what the scope leaves, once it was counted
+    wishes: Preferences = field(default_factory=Preferences)
+    rules: list[tuple[Test, str]] = field(default_factory=list)  # colours of rows
     losses: int = 0  # things that the source told to be lost or broken
     zone: tzinfo = UTC  # of times of day
     charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] = _no_charts  # the maps of units
     _reference: tuple[Place, int] | None = None  # and its time
+
+    @property
+    def figures(self) -> Bus | ScopedFigures:
+        """The figures of the rows that the scope leaves; of all until those were counted."""
+        return self.narrowed if self.narrowed is not None and self.scope.narrows else self.bus
+
+    def in_scope(
+        self, t_ns: NDArray[np.int64], rows: NDArray[np.int64], values: NDArray[np.uint16]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint16]]:
+        """Readings, of those rows that the scope leaves."""
+        figures = self.figures
+        if not isinstance(figures, ScopedFigures):
+            return t_ns, rows, values
+        inside = np.isin(rows, figures.rows)
+        return t_ns[inside], rows[inside], values[inside]
+
+    def emptied(self, otherwise: str) -> str:
+        """Why a view is empty: the scope, or else this."""
+        if not self.scope.narrows or not self.bus.count:
+            return otherwise
+        return f"nothing here passes {self.scope_words()}; Esc takes it back"
+
+    def tint(self, row: int) -> str:
+        """The component class of the first colour rule that a row passes."""
+        number, place = divmod(row, PIECE)
+        return next((kind for test, kind in self.rules if test(self.bus, number, place, place + 1)[0]), "")
+
+    def scope_words(self) -> str:
+        """What narrows the rows, in words."""
+        scope = self.scope
+        words = [] if scope.filter is None else [scope.filter.text]
+        if scope.span is not None:
+            words.append(f"{self.when(scope.span[0])} + {short(scope.span[1] - scope.span[0])}")
+        return " in ".join(words)
 
     def when(self, t_ns: int) -> str:
         """A time by itself, as times are shown."""

@@ -6,7 +6,7 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal
 
 from .details import Details
-from .look import NOTHING, FrameDetail
+from .items import NOTHING, FrameDetail
 from .messages import FieldChosen, OctetChosen
 from .octets import BytesPane
 
@@ -39,6 +39,17 @@ class DetailPane(Horizontal):
         start, length = (0, 0) if item is None else (item.start, item.length)
         self.octets.show(look, start, length)
         self._title_octets(start, length)
+
+    def light(self, start: int, length: int) -> None:
+        """Light some bytes, and the field that they belong to."""
+        self.fields.light(start)
+        self.octets.light(start, length)
+        self._title_octets(start, length)
+
+    def open(self, name: str) -> None:
+        """Open an item, and let its tree have the keys."""
+        self.fields.open(name)
+        self.fields.focus()
 
     @property
     def chosen_bytes(self) -> bytes:

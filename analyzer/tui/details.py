@@ -8,8 +8,8 @@ from typing import ClassVar, NamedTuple
 
 from textual.binding import Binding, BindingType
 
+from .items import NOTHING, FrameDetail, Item, chosen
 from .lines import Lines
-from .look import NOTHING, FrameDetail, Item, chosen
 from .messages import FieldChosen
 from .paint import StyledText
 
@@ -55,6 +55,13 @@ class Details(Lines):
         self._told = self._nearest(path)
         self.renewed(self._told)
         return self.item
+
+    def open(self, name: str) -> None:
+        """Open one of the outermost items and go there, its last line in sight."""
+        if any(item.name == name for item in self.look.items):
+            self._turn((name,), True)
+            top = self._nearest((name,))
+            self.scroll_to(y=top, animate=False, immediate=True)
 
     def light(self, offset: int) -> None:
         """Put the cursor on the innermost visible item that means a byte, without telling."""

@@ -18,6 +18,7 @@ from ..model.filtering import compiled
 from .lines import Lines
 from .messages import FilterChanged, FilterLeft, LineEntered
 from .paint import StyledText, fitted
+from .preferences import Preferences
 
 _MOST = 8  # completions in sight
 
@@ -55,13 +56,21 @@ class FilterInput(Input):
         Binding("tab", "complete", "Complete"),
         Binding("down", "pick(1)", "Next", show=False),
         Binding("up", "pick(-1)", "Previous", show=False),
+        Binding("ctrl+up", "past(-1)", "Past filters", show=False),
+        Binding("ctrl+down", "past(1)", "Newer", show=False),
         Binding("escape", "leave", "Leave", show=False),
     ]
+
+    def action_past(self, step: int) -> None:
+        self.query_ancestor(FilterBar).recall(step)
 
     def action_complete(self) -> None:
         self.query_ancestor(FilterBar).complete()
 
     def action_pick(self, step: int) -> None:
+        if self.query_ancestor(FilterBar).recalled(self.value) or (step < 0 and not self.value):
+            self.action_past(step)
+            return
         self.query_ancestor(FilterBar).pick(step)
 
     def action_leave(self) -> None:
@@ -71,10 +80,12 @@ class FilterInput(Input):
 class FilterBar(Vertical):
     """The line, what is wrong with it, and completions under it."""
 
-    def __init__(self, speaks: LineSettings, *, id: str) -> None:
+    def __init__(self, speaks: LineSettings, wishes: Preferences, *, id: str) -> None:
         super().__init__(id=id)
         self.text = ""  # the filter in use
         self._speaks = speaks
+        self._wishes = wishes
+        self._back = 0  # how many past filters ago
 
     def compose(self) -> ComposeResult:
         with Horizontal(id="filter-line"):
@@ -95,6 +106,23 @@ class FilterBar(Vertical):
         """Filter by this, as if it was typed."""
         self.line.value = text
         self._use(text)
+
+    def recalled(self, text: str) -> bool:
+        """Whether a text is a past filter as it came into the line."""
+        return bool(self._back) and text == self._wishes.past[-self._back]
+
+    def recall(self, step: int) -> None:
+        """A past filter into the line: the one before, or the one after."""
+        past = self._wishes.past
+        self._back = max(0, min(len(past), self._back - step))
+        self.line.value = past[-self._back] if self._back else ""
+        self.line.cursor_position = len(self.line.value)
+
+    def prepare(self, text: str) -> None:
+        """Put a text into the line, to be gone on with."""
+        self.line.value = text
+        self.line.focus()
+        self.line.cursor_position = len(text)
 
     def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
@@ -126,7 +154,9 @@ class FilterBar(Vertical):
             self._say(str(error))
             self.line.cursor_position = min(error.column, len(text))
             return False
-        self.text = text
+        self.text, self._back = text, 0
+        if text:
+            self._wishes.used(text)
         self._say("")
         self.post_message(FilterChanged(found))
         return True

@@ -50,6 +50,10 @@ class FindingList(Lines):
         self._seen, self._next = -1, 0.0
 
     @property
+    def empty(self) -> str:
+        return self.desk.emptied(self.EMPTY)
+
+    @property
     def row(self) -> int | None:
         """The row that the finding under the cursor stands on; None for none."""
         if self.cursor >= len(self._numbers):
@@ -180,5 +184,5 @@ VIEW: Final = View(
     name="findings", key="3", title="Findings",
     make=lambda desk: FindingList(desk, id="findings"), refresh=_refresh,
     chosen=_chosen, entered=_entered, shown=_shown, at=_at,
-    detail=True, filtered=True, without=("find", "find_on", "select"),
+    detail=True, without=("find", "find_on", "select"),
 )  # fmt: skip

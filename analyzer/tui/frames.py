@@ -30,9 +30,9 @@ class FrameList(Lines):
 
     @property
     def empty(self) -> str:
-        if self.desk.bus.count and not isinstance(self.rows, Everything):
-            return "no row passes the filter, the span or z (noise hidden); Esc takes filter and span back"
-        return self.EMPTY
+        if self.desk.bus.count and self.desk.scope.only_changed and not self.desk.scope.narrows:
+            return "no answer changed; d shows all"
+        return self.desk.emptied(self.EMPTY)
 
     def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
@@ -65,11 +65,15 @@ class FrameList(Lines):
     def count(self) -> int:
         return self.rows.count
 
+    def row_at(self, line: int) -> int:
+        """The row on a line."""
+        return self.rows.row(line)
+
     def kind_of_line(self, line: int) -> str:
-        row, here = self.rows.row(line), self.row if self.pinned_to is None else self.pinned_to
-        if self.pinned is None or here is None:
-            return ""
-        return "lit" if min(self.pinned, here) <= row <= max(self.pinned, here) else ""
+        row, here = self.row_at(line), self.row if self.pinned_to is None else self.pinned_to
+        if self.pinned is not None and here is not None and min(self.pinned, here) <= row <= max(self.pinned, here):
+            return "lit"
+        return self.desk.tint(row)
 
     def columns(self, width: int) -> tuple[int, int, int]:
         """Widths: number, time, answer's time (0: not shown)."""
@@ -81,24 +85,27 @@ class FrameList(Lines):
             time = 1
         return max(4, len(str(bus.frames))), time, 7 if width >= _WIDE else 0
 
+    def time_title(self) -> str:
+        """What stands over the times."""
+        desk, base = self.desk, self.desk.base
+        title = {TimeBase.START: "time s", TimeBase.REFERENCE: "from R s", TimeBase.PREVIOUS: "delta"}.get(base)
+        return "" if not desk.bus.timed else title or f"date, {zone_name(desk.bus.t_first, desk.zone)}"
+
     def head(self, width: int) -> Sequence[StyledText]:
         number, time, answer = self.columns(width)
-        base = self.desk.base
-        title = {TimeBase.START: "time s", TimeBase.REFERENCE: "from R s", TimeBase.PREVIOUS: "delta"}.get(base)
-        title = title or f"date, {zone_name(self.desk.bus.t_first, self.desk.zone)}"
-        if not self.desk.bus.timed:
-            title = ""
         answers = f"{'answer':>{answer}} " if answer else ""
         gap = f" {'gap':>6}" if width >= _NARROW else ""
-        return [StyledText(f"  {'#':>{number}} {title:>{time}}{gap}     unit fn {answers} what")]
+        return [StyledText(f"  {'#':>{number}} {self.time_title():>{time}}{gap}     unit fn {answers} what")]
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
-        row = self.rows.row(line)
+        return self.row_pieces(self.rows.row(line), self.rows.row(line - 1) if line else None, width)
+
+    def row_pieces(self, row: int, before: int | None, width: int) -> Sequence[StyledText]:
+        """A row on a line of its own, `before` the one above it."""
         desk, table = self.desk, self.desk.bus.table
         number, time, answer = self.columns(width)
         noise = desk.bus.is_noise(row)
         kind = words.direction(desk, row)
-        before = self.rows.row(line - 1) if line else None
         index = "" if noise else str(table.value("frame", row))
         unit = "" if noise else str(table.value("unit", row))
         function = "" if noise else f"{table.value('function', row):02X}"
@@ -148,8 +155,8 @@ def under_cursor(screen: BusScreen) -> int | None:
 
 
 VIEW: Final = View(
-    name="frames", key="1", title="Frames",
+    name="frames", key="2", title="Frames",
     make=lambda desk: FrameList(desk, id="frames"), refresh=grown,
     chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor,
-    detail=True, filtered=True,
+    detail=True,
 )  # fmt: skip

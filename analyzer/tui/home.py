@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from ..words import compact, duration, short
+from .doors import DoorCell
 from .filterbar import FilterBar
+from .items import FrameDetail, Item
 from .lines import Lines
-from .look import FrameDetail, Item
 from .paint import StyledText, fitted
 from .unitlist import sparkline
 from .view import View
@@ -48,17 +49,25 @@ class HomeList(Lines):
         self.desk = desk
         self.state: BusState | None = None
         self.next_at = 0.0  # when it may be reckoned again
-        self.seen = -1  # rows that it was reckoned of
+        self.seen: tuple[int, ...] = ()  # what it was reckoned of
 
     def use(self, state: BusState) -> None:
         """Newer figures."""
-        first = self.state is None
+        scope = self.desk.scope
+        if scope.narrows:  # causes are told from everything; those of units that are left out are not shown
+            units = {unit.unit for unit in state.report.units}
+            own = [cause for cause in state.causes if not cause.units or units.intersection(cause.units)]
+            state = BusState(state.report, own)
         self.state = state
         self.next_at = time.monotonic() + _AGAIN_S
         self._fresh_until = 0.0
         self.grown()
-        if self.count() and (first or self.cursor != self._told):
+        if self.count():
             self._tell()
+
+    @property
+    def empty(self) -> str:
+        return self.desk.emptied(self.EMPTY)
 
     @property
     def cause(self) -> Cause | None:
@@ -84,7 +93,7 @@ class HomeList(Lines):
         room = max(1, width - _LABEL - 11)
         if not bus.count or not bus.timed:
             return fitted([StyledText("" if bus.timed else "  no times in this capture")], width)
-        bins = bus.activity.over(bus, bus.t_first, max(bus.t_last, bus.t_first + 1), room)
+        bins = self.desk.figures.over(bus.t_first, max(bus.t_last, bus.t_first + 1), room)
         if y == 1:
             most = ""
             if bus.char_ns:
@@ -97,6 +106,8 @@ class HomeList(Lines):
         bus, state = self.desk.bus, self.state
         span = f" in {duration(bus.t_last - bus.t_first)}" if bus.timed and bus.count else ""
         what = StyledText(f"   {bus.frames:,} frames{span}, {bus.found.count:,} findings", "dim")
+        if self.desk.scope.narrows:
+            what = StyledText(f"   {self.desk.figures.frames:,} of {bus.frames:,} frames{span}", "dim")
         if state is None:
             return [StyledText("  reading …"), what]
         wrong = len(state.causes)
@@ -122,7 +133,7 @@ class HomeList(Lines):
         kind = "error" if rate > _MANY else "warning" if bad else "good"
         load = ""
         if bus.char_ns and bus.timed and bus.t_last > bus.t_first:
-            load = f"load {bus.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first):.0%}"
+            load = f"load {self.desk.figures.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first):.0%}"
         answers = f"{short(times.p50_ns)} to {short(times.p95_ns)}" if times.count else "no answer times"
         health = "sound" if not bad else f"{rate:.0%} bad" if rate >= 0.005 else "<1% bad"
         said = [
@@ -132,7 +143,7 @@ class HomeList(Lines):
         ]
         room = width - sum(len(piece.text) for piece in said) - 2
         if room > 7:
-            said.append(StyledText("  " + sparkline(bus.units.means(unit.unit), room), "accent"))
+            said.append(StyledText("  " + sparkline(self.desk.figures.units.means(unit.unit), room), "accent"))
         return said
 
     def look(self) -> FrameDetail:
@@ -208,12 +219,31 @@ def _unit_items(unit: UnitRow, causes: Sequence[Cause]) -> tuple[Item, ...]:
 
 def _refresh(screen: BusScreen) -> None:
     home, bus = screen.query_one(HomeList), screen.desk.bus
-    seen = bus.count + bus.found.count + bus.whole
-    if seen == home.seen or (time.monotonic() < home.next_at and not bus.whole):
+    figures = screen.desk.figures
+    seen = bus.count, bus.found.count, bus.whole, id(figures)
+    if seen == home.seen or (time.monotonic() < home.next_at and not bus.whole and figures is bus):
         return
     home.seen, home.next_at = seen, time.monotonic() + _AGAIN_S
     source = screen.desk.source
-    screen.jobs.run("home", lambda _: BusState(bus.report(source), bus.causes()), home.use)
+    screen.jobs.run("home", lambda _: BusState(figures.report(source), bus.causes()), home.use)
+
+
+def first(screen: BusScreen) -> None:
+    """Come up first where there are causes to tell and nobody has pressed a key yet."""
+    home, bus, source = screen.query_one(HomeList), screen.desk.bus, screen.desk.source
+    if not screen.undecided or not bus.count or (time.monotonic() < home.next_at and not bus.whole):
+        return
+    home.next_at = time.monotonic() + _AGAIN_S
+
+    def decide(state: BusState) -> None:
+        if screen.touched or not screen.undecided:
+            return
+        if state.causes:
+            home.use(state)
+            screen.action_view(VIEW.name)
+        screen.undecided = not bus.whole and not state.causes
+
+    screen.jobs.run("home first", lambda _: BusState(bus.report(source), bus.causes()), decide)
 
 
 def _chosen(screen: BusScreen, sender: Widget) -> None:
@@ -231,7 +261,7 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
         if row >= 0:
             screen.jumps.go(row)
     elif unit is not None:
-        screen.action_view("frames")
+        screen.action_view(screen.list_view)
         screen.query_one(FilterBar).use(f"unit == {unit.unit}")
 
 
@@ -239,9 +269,15 @@ def _shown(screen: BusScreen) -> None:
     screen.detail.show(screen.query_one(HomeList).look())
 
 
+def _cells(screen: BusScreen) -> list[DoorCell]:
+    home = screen.query_one(HomeList)
+    units = home.cause.units if home.cause is not None else () if home.unit is None else (home.unit.unit,)
+    return [DoorCell("ubcdefgh"[i], f"unit {unit}", f"unit == {unit}") for i, unit in enumerate(units[:8])]
+
+
 VIEW: Final = View(
     name="home", key="0,H", title="Home",
     make=lambda desk: HomeList(desk, id="home"), refresh=_refresh,
-    chosen=_chosen, entered=_entered, shown=_shown,
+    chosen=_chosen, entered=_entered, shown=_shown, cells=_cells,
     detail=True, without=("find", "find_on", "select", "counterpart"),
 )  # fmt: skip

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, TypeVar
 
 from textual.worker import get_current_worker
 
-from ..model.selection import Everything, Selection, Test, both, conversations, frames_only, within
+from ..model.scope import Scope, ScopedFigures
+from ..model.selection import Everything, Selection
 from ..model.source import Grave
+from . import home
 from .status import is_gone
 
 if TYPE_CHECKING:
-    from ..model.filtering import CompiledTest
     from ..reports.model import Report
     from .screen import BusScreen
 
@@ -22,35 +22,10 @@ _PERIOD_S: Final = 0.1  # between two tellings
 _RATE: Final = 1500  # bytes a second to the terminal from which on a live view is painted less often
 _QUIET_S: Final = 1.0  # between two while nothing comes
 _REPORT_S: Final = 1.0
-_LAG: Final = 64  # rows: by then what was found about one is known, as a rule
+_SCOPE_S: Final = 2.0  # between two countings of what the scope leaves, live
 
 T = TypeVar("T")
 Stop = Callable[[], bool]
-
-
-@dataclass
-class Scope:
-    """What the user narrows the rows to."""
-
-    filter: CompiledTest | None = None
-    span: tuple[int, int] | None = None  # ns
-    hide_noise: bool = False
-
-    @property
-    def narrows(self) -> bool:
-        """Whether the user leaves rows out, noise apart."""
-        return self.filter is not None or self.span is not None
-
-    def tests(self) -> list[Test]:
-        """What a row must pass; nothing where all are wanted."""
-        tests: list[Test] = []
-        if self.hide_noise:
-            tests.append(frames_only)
-        if self.span is not None:
-            tests.append(within(*self.span))
-        if self.filter is not None:
-            tests.append(self.filter.test)
-        return tests
 
 
 class Jobs:
@@ -60,11 +35,13 @@ class Jobs:
         self._screen = screen
         self._bus, self._source = screen.desk.bus, screen.desk.source
         self.doing = ""
-        self.scope = Scope()
+        self.scope: Scope = screen.desk.scope
         self.selection: Selection | None = None
-        self._conversation = Selection(self._bus, conversations)
+        self._asked = self.scope.transactions(self._bus)
         self._waiting: Selection | None = None  # will be shown once it has come as far as the cursor
         self._counted_at: dict[str, float] = {}  # by view
+        self._counted: Selection | None = None  # the selection whose figures were asked for, its rows, when again
+        self._counted_to, self._count_next = -1, 0.0
         self._told_notices: set[str] = set()
         self._paint_at = 0.0
 
@@ -75,7 +52,7 @@ class Jobs:
 
     def begin(self) -> None:
         """Read the source."""
-        self._screen.conversations.rows = self._conversation
+        self._screen.transactions.use(self._asked)
         self._start("load", self._load)
         self._select()
 
@@ -137,6 +114,7 @@ class Jobs:
             return
         self._paint_at = now + _PERIOD_S * max(1.0, rate / _RATE)
         self._screen.refresh_view()
+        home.first(self._screen)
 
     def _first_row(self) -> None:
         if self._screen.studied is None and self._bus.count:
@@ -154,10 +132,11 @@ class Jobs:
     def _loaded(self, trouble: str) -> None:
         """No more rows come; `trouble` says why if it is not that the source was read to its end."""
         self.doing = ""
-        if self.scope.filter is not None and self.scope.filter.settled:
+        if self.scope.settled:
             self.reselect()
         self._first_row()
         self._screen.refresh_view()
+        home.first(self._screen)
         if trouble:
             self._screen.tell(f"reading ended: {trouble}", wrong=True)
         self._tell_notices()
@@ -168,19 +147,19 @@ class Jobs:
 
     def reselect(self) -> None:
         """The rows that the scope leaves."""
-        tests = self.scope.tests()
-        lag = _LAG if self.scope.filter is not None and self.scope.filter.settled else 0
-        self._waiting = Selection(self._bus, both(tests), lag=lag) if tests else None
-        self._conversation = Selection(self._bus, both([conversations, *tests]), lag=lag)
+        self._waiting = self.scope.rows(self._bus)
+        self._asked = self.scope.transactions(self._bus)
         self.selection = self._waiting
         if self._waiting is None:
             self._screen.frames.use(Everything(self._bus))
-        self._screen.conversations.use(self._conversation)
+        self._screen.transactions.use(self._asked)
+        self._screen.desk.narrowed = None
+        self._count_scope()
         self._select()
 
     def _select(self) -> None:
         """Test rows as they come, until there are no more of them."""
-        selections = [each for each in (self.selection, self._conversation) if each is not None]
+        selections = [each for each in (self.selection, self._asked) if each is not None]
 
         def thread() -> None:
             worker = get_current_worker()
@@ -201,6 +180,7 @@ class Jobs:
         if waiting is not None and (row is None or waiting.done > row or waiting.done >= self._bus.count):
             self._waiting = None
             self._screen.frames.use(waiting)
+        self._count_scope()
         if self.selection is not None and self._bus.whole:
             done, count = self.selection.done, self._bus.count
             self.doing = f"filtering {done / max(1, count):.0%}" if done < count else ""
@@ -208,12 +188,32 @@ class Jobs:
 
     # Counting
 
+    def _count_scope(self) -> None:
+        """The figures of the rows that the scope leaves, once all of them are known; live, now and then."""
+        desk, selection = self._screen.desk, self.narrowed
+        if selection is None:
+            if desk.narrowed is not None:
+                self._use_figures(None)
+            return
+        now, bus = time.monotonic(), self._bus
+        if selection is self._counted and (selection.done == self._counted_to or now < self._count_next):
+            return
+        if bus.whole and selection.done < bus.count:
+            return
+        self._counted, self._counted_to, self._count_next = selection, selection.done, now + _SCOPE_S
+        self.run("scope", lambda stop: ScopedFigures(bus, selection.rows(), stop), self._use_figures)
+
+    def _use_figures(self, figures: ScopedFigures | None) -> None:
+        self._screen.desk.narrowed = figures
+        self._counted_at.clear()
+        self._screen.refresh_view()
+
     def count_report(self, view: str, then: Callable[[Report], None]) -> None:
         """Newer figures of the whole bus for a view, not too often."""
         now = time.monotonic()
         if now - self._counted_at.get(view, 0.0) >= _REPORT_S or self._bus.whole:
             self._counted_at[view] = now
-            self.run(f"report for {view}", lambda _: self._bus.report(self._source), then)
+            self.run(f"report for {view}", lambda _: self._screen.desk.figures.report(self._source), then)
 
 
 def _extended(selection: Selection, stop: Stop) -> bool:

@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Final
 
 from ..model import goto, search
 from .burst import FINDING
-from .prompts import Ask, Choose
+from .frames import FrameList
+from .jobs import Stop
+from .prompts import Ask
 
 if TYPE_CHECKING:
     from .screen import BusScreen
 
-_WAYS: Final = (
-    ("h", "bytes: 03 02, 0x03,0x02", search.for_bytes),
-    ("t", "text: in the bytes or in the words of the list", search.for_text),
-    ("v", "value: a register such as 17216 or -5, a float such as 230.5", search.for_value),
-)
+_HINT: Final = 'bytes 03 02, a value 230.5, a time 08:29 or 12.5s, frame #120, or text; "…" is text'
 
 
 class Jumps:
@@ -25,26 +23,37 @@ class Jumps:
     def __init__(self, screen: BusScreen) -> None:
         self._screen = screen
         self._bus = screen.desk.bus
-        self._hits: search.Hits | None = None
+        self._wanted: search.Wanted | None = None
         self._sought = ""
+        self._arrived: tuple[int | None, int] = (None, -1)  # where the cursor was put, and for which row
         self._waiting: deque[bool] = deque()  # steps to the next hit that are still to be made; True: back
 
     def go(self, row: int) -> None:
-        """Show a row in the frame list, or in the conversations where those are shown."""
+        """Show a row in the list that was last in sight: transactions or frames. Noise is in the frames alone."""
         screen = self._screen
-        if screen.view == "conversations":
-            if not screen.conversations.go(row):
-                screen.tell("the line shown holds it, or comes before it")
-            return
-        if screen.view != "frames":
-            screen.action_view("frames", row)
-        if not screen.frames.go(row):
-            screen.tell("that row is not among those shown (Esc shows all); this one comes before it")
-        screen.frames.focus()
+        listed = screen.list_view
+        shown = "frames" if self._bus.is_noise(row) else listed
+        if screen.view != shown:
+            screen.action_view(shown, row)
+            screen.list_view = listed
+        found = screen.query_one(f"#{shown}", FrameList)
+        if not found.go(row):
+            screen.tell("that row is not among those shown (Esc takes the filter back); this one comes before it")
+        found.focus()
+        self._arrived = found.row, row
+
+    @property
+    def here(self) -> int:
+        """The row to go on from: where one last went, if the cursor is still there, else that of the cursor."""
+        row = self._screen.row
+        if row is None:
+            return -1
+        shown, meant = self._arrived
+        return meant if shown == row else row
 
     def to_counterpart(self) -> None:
         """From a request to its answer, from an answer to its request."""
-        partner = None if self._screen.row is None else self._bus.partner(self._screen.row)
+        partner = None if self.here < 0 else self._bus.partner(self.here)
         if partner is None:
             self._screen.tell("no counterpart is known")
         else:
@@ -52,7 +61,7 @@ class Jumps:
 
     def to_finding(self, step: int) -> None:
         """The next row with a finding, or the one before."""
-        here, shown = -1 if self._screen.row is None else self._screen.row, self._screen.frames.rows
+        here, shown = self.here, self._screen.frames.rows
         rows = self._bus.found.rows_beyond(here, step)
         row = next((row for row in rows.tolist() if shown.row(shown.position(row)) == row), None)
         if row is None:
@@ -76,54 +85,102 @@ class Jumps:
             self.go(goto.place(text, self._bus, here, self._screen.desk.zone))
 
     async def ask_what(self) -> None:
-        """Ask what to look for, and look."""
-        ask = self._screen.app.push_screen_wait
-        which = await ask(Choose("Find", [(key, words) for key, words, _ in _WAYS]))
-        if which is None:
-            return
-        _, hint, make = _WAYS[which]
+        """Ask what to look for, tell what is understood while it is typed, and look; a place is gone to."""
+        here, zone = max(0, self.here), self._screen.desk.zone
+
+        def understood(text: str) -> str:
+            if not text.strip():
+                return _HINT
+            if _is_place(text):
+                return f"goes to {text.strip()}"
+            try:
+                return f"looks for {search.wanted(text).words}"
+            except search.SearchError as error:
+                return str(error)
 
         def wrong(text: str) -> str:
             try:
-                make(text)
-            except search.SearchError as error:
+                if _is_place(text):
+                    goto.place(text, self._bus, here, zone)
+                else:
+                    search.wanted(text)
+            except (search.SearchError, goto.GotoError) as error:
                 return str(error)
             return ""
 
-        text = await ask(Ask("Find", hint, value=self._sought, wrong=wrong))
-        if text is not None:
-            self._sought, self._hits = text, make(text)
-            self._waiting.clear()
-            self.find_on(back=False)
+        text = await self._screen.app.push_screen_wait(
+            Ask("Find", _HINT, value=self._sought, wrong=wrong, understood=understood)
+        )
+        if text is None:
+            return
+        self._sought = text
+        if _is_place(text):
+            self.go(goto.place(text, self._bus, here, zone))
+        else:
+            self._wanted = search.wanted(text)
+            self._look()
+
+    def _look(self) -> None:
+        self._waiting.clear()
+        self.find_on(back=False)
+
+    def find_by(self, words: str, hits: search.Hits) -> None:
+        """Look for something that needs no asking."""
+        self._wanted = search.Wanted(words, hits)
+        self._look()
 
     def find_on(self, *, back: bool) -> None:
         """The next hit, or the one before."""
-        screen, hits = self._screen, self._hits
-        if hits is None:
+        screen, wanted = self._screen, self._wanted
+        if wanted is None:
             screen.action_find()
             return
         self._waiting.append(back)
         if len(self._waiting) == 1:
-            screen.jobs.doing = f"looking for {self._sought[:20]}"
+            screen.jobs.doing = f"looking for {wanted.words[:30]}"
             screen.say()
-            self._seek(hits, back=back)
+            self._seek(wanted, back=back)
 
-    def _seek(self, hits: search.Hits, *, back: bool) -> None:
-        screen = self._screen
-        row = -1 if screen.row is None else screen.row
-        screen.jobs.run(FINDING, lambda stop: search.find(self._bus, hits, row, back=back, stop=stop), self._sought_out)
+    def _seek(self, wanted: search.Wanted, *, back: bool) -> None:
+        row, bus = self.here, self._bus
 
-    def _sought_out(self, row: int | None) -> None:
-        """Go to the hit; where the key was pressed again meanwhile, on from there."""
-        screen = self._screen
-        self._waiting.popleft()
+        def seek(stop: Stop) -> tuple[int | None, bool]:
+            found = search.find(bus, wanted.hits, row, back=back, stop=stop)
+            if found is not None or stop():
+                return found, False
+            return search.find(bus, wanted.hits, bus.count if back else -1, back=back, stop=stop), True
+
+        self._screen.jobs.run(FINDING, seek, lambda outcome: self._sought_out(*outcome))
+
+    def _sought_out(self, row: int | None, wrapped: bool) -> None:
+        """Go to the hit, and light it; where the key was pressed again meanwhile, on from there."""
+        screen, wanted = self._screen, self._wanted
+        assert wanted is not None
+        back = self._waiting.popleft()
         if row is None:
             self._waiting.clear()
-            screen.tell(f"{self._sought[:40]} is not found further on")
+            screen.tell(f"{wanted.words[:50]}: nowhere here")
         else:
+            if wrapped:
+                screen.tell(f"from the {'end' if back else 'beginning'} again")
+            self._light(row, wanted.data)
             self.go(row)
-        if self._waiting and self._hits is not None:
-            self._seek(self._hits, back=self._waiting[0])
+        if self._waiting:
+            self._seek(wanted, back=self._waiting[0])
             return
         screen.jobs.doing = ""
         screen.say()
+
+    def _light(self, row: int, data: bytes) -> None:
+        """The bytes that were looked for, in the frame that holds them."""
+        held = self._bus.captured(row)
+        at = held.find(data) if data else -1
+        self._screen.lit = (row, at, len(data)) if at >= 0 else None
+        if self._screen.studied == row:
+            self._screen.study_row(row)
+
+
+def _is_place(text: str) -> bool:
+    """Whether a text names a place, not something to look for: `#120`, `12.5s`, `+200ms`, `08:29`, `50%`."""
+    text = text.strip().lower()
+    return goto.is_place(text) and not text.isdecimal()

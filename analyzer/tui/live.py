@@ -17,7 +17,7 @@ _NOTICES: Final = 5  # the newest
 _BAD: Final = frozenset({"lost", "failed", "gap"})  # events that mean a loss
 
 
-class Recording(Protocol):
+class RecordingState(Protocol):
     """What is known of a recording (`captures.recording.recorder.Recorder`)."""
 
     bytes: int
@@ -37,7 +37,7 @@ class LiveSource:
     timed = True
     path: Path | None = None
 
-    def __init__(self, session: Session, name: str, recording: Recording | None = None) -> None:
+    def __init__(self, session: Session, name: str, recording: RecordingState | None = None) -> None:
         self.name = name
         self.recording = recording
         self._session = session
@@ -105,7 +105,7 @@ class LiveSource:
         return said
 
 
-def show(session: Session, name: str, recording: Recording | None = None) -> int:
+def show(session: Session, name: str, recording: RecordingState | None = None) -> int:
     """Show a session until the user quits; the exit status."""
     from . import run
 

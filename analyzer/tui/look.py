@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from dissectors.fields import Field
 from dissectors.values import harmless, readings
 
-from ..model.polls import answer_before, changed
+from ..model.polls import changed
 from ..paste.model import PastedFrame, PastedNoise
 from ..words import date_and_time, plural, seconds, short
+from .items import NOTHING, FrameDetail, Item, chosen
 from .rows import LETTER, SEVERITY
+from .why import why
 
 if TYPE_CHECKING:
     from ..tables.findings import Finding
@@ -24,52 +25,13 @@ _DIFFERENT: Final = 64  # differences listed
 _KINDS: Final = ("u", "s", "f")
 
 
-@dataclass(frozen=True, slots=True)
-class Item:
-    """A line of the tree.
-
-    `name` tells it from its siblings, `text` is what it says; `start` and `length` are the bytes meant (0 bytes: none).
-    `ready` is whether it begins open; `values` that it holds a register's interpretations.
-    """
-
-    name: str
-    text: str
-    start: int = 0
-    length: int = 0
-    kind: str = ""  # component class of the text
-    label: str = ""  # shown before the text instead of the name
-    children: tuple[Item, ...] = ()
-    ready: bool = True
-    values: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class FrameDetail:
-    """What is looked at: its bytes and what they mean."""
-
-    title: str
-    data: bytes
-    items: tuple[Item, ...]
-    fields: tuple[Field, ...] = ()
-
-    def spot(self, start: int, length: int) -> str:
-        """Bytes in words: `bytes 3-4 of 11`."""
-        if not length:
-            return plural(len(self.data), "byte", "bytes")
-        where = f"byte {start}" if length == 1 else f"bytes {start}-{start + length - 1}"
-        return f"{where} of {len(self.data)}"
-
-
-NOTHING: Final = FrameDetail("", b"", ())
-
-
 def at_row(desk: ViewState, row: int) -> FrameDetail:
     """A row of the bus."""
     bus = desk.bus
     if bus.is_noise(row):
         data = bus.captured(row)
         head = Item("noise", _unexplained(data), 0, len(data), "noise", children=_facts(desk, row), ready=False)
-        return FrameDetail("noise", data, (head, *_findings(bus.findings(row))))
+        return FrameDetail("noise", data, (head, *_findings(bus.findings(row)), *why(bus, row)))
     frame = bus.frame(row)
     fields = frame.fields()
     items = (
@@ -77,6 +39,7 @@ def at_row(desk: ViewState, row: int) -> FrameDetail:
              ready=False),
         *_findings(frame.findings),
         *_versus(desk, row, fields),
+        *why(bus, row),
         *_fields(fields),
     )  # fmt: skip
     title = f"frame {frame.index}" + (", ASCII mode: its bytes decoded" if frame.protocol == "ascii" else "")
@@ -86,7 +49,7 @@ def at_row(desk: ViewState, row: int) -> FrameDetail:
 def _versus(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[Item]:
     """What an answer says otherwise than the one to the same poll before it."""
     bus = desk.bus
-    before = answer_before(bus, row)
+    before = bus.polls.before(row)
     if before is None:
         return
     other = bus.frame(before)
@@ -233,18 +196,6 @@ def _readings(fields: Sequence[Field], first: int) -> Iterator[Item]:
         for order in orders:
             said = "  ".join(f"{r.kind} {r.text}" for r in found if r.order == order)
             yield Item(f"{size} {order}", said, start, size * _PAIR, label=f"{size} regs {order}")
-
-
-def chosen(look: FrameDetail, path: Sequence[str]) -> Item | None:
-    """The item at a path of names."""
-    items: Sequence[Item] = look.items
-    found = None
-    for name in path:
-        found = next((item for item in items if item.name == name), None)
-        if found is None:
-            return None
-        items = found.children
-    return found
 
 
 __all__ = ["NOTHING", "FrameDetail", "Item", "at_finding", "at_piece", "at_row", "chosen", "finding_name"]

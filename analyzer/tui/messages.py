@@ -89,5 +89,9 @@ class DetailWanted(Message):
         super().__init__()
 
 
+class OnlyChanged(Message):
+    """Only transactions are wanted whose answer differs from the last one to that poll; or all again."""
+
+
 class FilterLeft(Message):
     """The user is done with the filter's line."""

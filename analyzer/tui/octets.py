@@ -9,8 +9,8 @@ from textual import events
 from textual.binding import Binding, BindingType
 from textual.geometry import Offset
 
+from .items import NOTHING, FrameDetail
 from .lines import Lines
-from .look import NOTHING, FrameDetail
 from .messages import OctetChosen
 from .paint import StyledText
 

@@ -54,6 +54,7 @@ class Painted(Widget):
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "head", "dim", "request", "response", "noise", "error", "warning", "note", "good", "strong", "accent",
         "cursor", "cursor-away", "lit", "lit-exact",
+        "tint-red", "tint-yellow", "tint-green", "tint-blue", "tint-violet",
     }  # fmt: skip
     _looks: dict[str, Style] | None = None
     _base: Style | None = None
@@ -122,6 +123,8 @@ DARK: Final = Theme(
         "bad": "#ff7b72", "warn": "#e5c07b", "note": "#a5b4c8", "good": "#8fc87a",
         "chosen": "#2f5f8f", "chosen-text": "#ffffff", "chosen-away": "#2c333c",
         "lit": "#5c4a1e", "lit-text": "#ffe8b0",
+        "tint-red": "#4a1f22", "tint-yellow": "#45391a", "tint-green": "#1f3a24", "tint-blue": "#1d3350",
+        "tint-violet": "#3a2550",
         "footer-key-foreground": "#ffaf5f",
     },
 )  # fmt: skip
@@ -134,6 +137,8 @@ LIGHT: Final = Theme(
         "bad": "#b3261e", "warn": "#7a5200", "note": "#4a5968", "good": "#1a7f37",
         "chosen": "#0a58a5", "chosen-text": "#ffffff", "chosen-away": "#d5dde6",
         "lit": "#ffe08a", "lit-text": "#3d2c00",
+        "tint-red": "#ffd9d6", "tint-yellow": "#fff1c2", "tint-green": "#d6f2da", "tint-blue": "#d6e8ff",
+        "tint-violet": "#ecdcff",
         "footer-key-foreground": "#8f4700",
     },
 )  # fmt: skip

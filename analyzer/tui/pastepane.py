@@ -154,6 +154,6 @@ def _shown(screen: BusScreen) -> None:
 VIEW: Final = View(
     name="paste", key="8,p", title="Paste",
     make=lambda desk: PastePane(id="paste"), shown=_shown,  # noqa: ARG005
-    detail=True,
+    detail=True, filtered=False,
     without=("filter", *JUMPS, "time_base", "select", "bookmark", "comment", "export", "reference"),
 )  # fmt: skip

@@ -23,18 +23,28 @@ class Ask(ModalScreen[str | None]):
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(None)", "Cancel", show=False)]
 
     def __init__(
-        self, question: str, hint: str, *, value: str = "", wrong: Callable[[str], str] = lambda _: ""
+        self,
+        question: str,
+        hint: str,
+        *,
+        value: str = "",
+        wrong: Callable[[str], str] = lambda _: "",
+        understood: Callable[[str], str] | None = None,
     ) -> None:
+        """`understood`: what a text means, told in the hint's place while it is typed."""
         super().__init__()
         self._question, self._hint, self._value, self._wrong = question, hint, value, wrong
+        self._understood = understood
 
     def compose(self) -> ComposeResult:
         with Vertical(classes="prompt"):
             yield Label(Text(self._question), classes="question")
-            yield Input(value=self._value, id="answer", compact=True)
+            yield Input(value=self._value, id="answer", compact=True, select_on_focus=True)
             yield Label(Text(self._hint), id="hint")
 
-    def on_input_changed(self) -> None:
+    def on_input_changed(self, event: Input.Changed) -> None:
+        if self._understood is not None:
+            self._hint = self._understood(event.value)
         self._say("")
 
     def on_input_submitted(self, event: Input.Submitted) -> None:

@@ -16,6 +16,7 @@ from dissectors.values import AREAS, logical
 from ..model.meanings import AREA_WORDS, CHOICES, PLAIN, Meaning, Spot, chosen, told
 from ..model.registers import RegisterSeries, WatchedRegister
 from ..words import short
+from .doors import DoorCell, register_text
 from .lines import Lines
 from .paint import StyledText, fitted
 from .plot import Plot, Series
@@ -57,13 +58,17 @@ class RegisterList(Lines):
         self._parts: dict[Spot, Spot] = {}  # registers that are part of the value of one before them
 
     @property
+    def empty(self) -> str:
+        return self.desk.emptied(self.EMPTY)
+
+    @property
     def register(self) -> WatchedRegister | None:
         """The one under the cursor."""
         return self._registers[self.cursor] if self.cursor < len(self._registers) else None
 
     def grown(self) -> None:
         before = self.register
-        self._registers = sorted(self.desk.bus.registers.all(), key=_in_order)
+        self._registers = sorted(self.desk.figures.registers.all(), key=_in_order)
         self._places = {_spot(r): i for i, r in enumerate(self._registers)}
         self._find_parts()
         if before is not None:
@@ -257,7 +262,7 @@ def _plotted(screen: BusScreen) -> None:
         meanings = [found.meaning(spot) for spot in spots]
         series = []
         for spot, each, meaning in zip(spots, read, meanings, strict=True):
-            t_ns, rows, registers = each.readings()
+            t_ns, rows, registers = screen.desk.in_scope(*each.readings())
             if meaning.words == each.words:
                 numbers = meaning.numbers(registers) if meaning.is_number else registers[:, 0].astype(float)
                 series.append(Series(found.label(spot), t_ns if bus.timed else rows, numbers))
@@ -302,8 +307,19 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
     screen.jumps.go(row)
 
 
+def _cells(screen: BusScreen) -> list[DoorCell]:
+    register = screen.query_one(RegisterList).register
+    if register is None:
+        return []
+    number = logical(register.address, _AREA_NAMES[register.area])
+    return [
+        DoorCell("r", f"register {number} of unit {register.unit}", register_text(register.unit, number)),
+        DoorCell("u", f"unit {register.unit}", f"unit == {register.unit}"),
+    ]
+
+
 VIEW: Final = View(
     name="registers", key="5", title="Registers",
-    make=_make, refresh=_refresh, chosen=_chosen, entered=_entered,
+    make=_make, refresh=_refresh, chosen=_chosen, entered=_entered, cells=_cells,
     without=(*JUMPS, "select"),
 )  # fmt: skip

@@ -20,12 +20,13 @@ from dissectors.values import harmless
 from ..words import short
 from .bookmarks import Bookmarks
 from .burst import ASKING
-from .conversations import ConversationList
 from .detailpane import DetailPane
+from .doors import Doors
 from .filterbar import FilterBar
 from .frames import FrameList
 from .jobs import Jobs
 from .jumps import Jumps
+from .keptfilters import KeptFilters
 from .lines import Lines
 from .look import at_row
 from .messages import (
@@ -42,12 +43,13 @@ from .picking import PickedRows
 from .prompts import Choose
 from .status import StatusLine
 from .tabs import Tabs
-from .view import View
+from .transactions import TransactionList
+from .view import LISTS, View
 from .views import BY_NAME, VIEWS
 
 if TYPE_CHECKING:
     from .desk import ViewState
-    from .wire import Wire
+    from .wire import ThinWire
 
 
 class BusScreen(Screen[None]):
@@ -57,11 +59,18 @@ class BusScreen(Screen[None]):
     BINDINGS: ClassVar[list[BindingType]] = [
         *(Binding(view.key, f"view('{view.name}')", view.title, show=False) for view in VIEWS),
         Binding("slash", "filter", "Filter", key_display="/"),
+        Binding("S", "kept", "Kept filters", show=False, tooltip="Use, keep or drop a filter, with a colour if wanted"),
+        Binding("equals_sign", "door('=')", "Filter to", show=False, tooltip="Filter to what stands under the cursor"),
+        Binding("exclamation_mark", "door('!')", "Filter out", show=False, tooltip="Filter it out"),
+        Binding("ampersand", "door('&')", "And", show=False, tooltip="Put it into the filter's line, joined by and"),
+        Binding("vertical_line", "door('|')", "Or", show=False, tooltip="The same, joined by or"),
+        Binding("full_stop", "door('.')", "Next of", show=False, tooltip="Go to the next row of this unit, poll, …"),
         Binding("f,ctrl+f", "find", "Find", key_display="f"),
         Binding("n", "find_on(False)", "Next hit", show=False),
         Binding("N", "find_on(True)", "Previous hit", show=False),
         Binding("g,ctrl+g", "goto", "Go to", key_display="g"),
         Binding("c", "counterpart", "Answer", tooltip="From a request to its answer and back"),
+        Binding("w", "why", "Why", tooltip="Why this frame's boundaries stand where they do"),
         Binding("right_square_bracket", "finding(1)", "Finding", key_display="]"),
         Binding("left_square_bracket", "finding(-1)", "Previous finding", show=False),
         Binding("t", "time_base", "Time"),
@@ -75,7 +84,7 @@ class BusScreen(Screen[None]):
         Binding("semicolon", "comment", "Comment", show=False),
         Binding("y", "copy", "Copy", show=False),
         Binding("e", "export", "Export", show=False),
-        Binding("d", "app.theme_flip", "Dark or light", show=False),
+        Binding("D", "app.theme_flip", "Dark or light", show=False),
         Binding("tab", "pane(1)", "Next pane", show=False),
         Binding("shift+tab", "pane(-1)", "Previous pane", show=False),
         Binding("escape", "whole", "Take back", show=False),
@@ -83,20 +92,26 @@ class BusScreen(Screen[None]):
         Binding("q", "leave", "Quit"),
     ]
 
-    def __init__(self, desk: ViewState, wire: Wire, *, view: str = "frames") -> None:
+    def __init__(self, desk: ViewState, wire: ThinWire, *, view: str | None = None) -> None:
+        """`view`: what comes up; None: the transactions, or Home once there are causes to tell."""
         super().__init__()
         self.desk = desk
-        self.view = view
+        self.view = view or LISTS[0]
+        self.list_view = view if view in LISTS else LISTS[0]  # the list that jumps go to
+        self.undecided = view is None and not desk.source.live  # Home may still come up by itself
+        self.lit: tuple[int, int, int] | None = None  # a row, and the bytes of it that were looked for
         self.studied: int | None = None  # the row that was last shown below
         self.wire = wire
         self.jobs = Jobs(self)
         self.jumps = Jumps(self)
         self.bookmarks = Bookmarks(self)
         self.picked = PickedRows(self)
+        self.doors = Doors(self)
+        self.kept = KeptFilters(self)
 
     def compose(self) -> ComposeResult:
         yield Tabs(id="tabs")
-        yield FilterBar(self.desk.source.line, id="filter-bar")
+        yield FilterBar(self.desk.source.line, self.desk.wishes, id="filter-bar")
         with ContentSwitcher(id="views", initial=self.view):
             for view in VIEWS:
                 yield view.make(self.desk)
@@ -119,12 +134,17 @@ class BusScreen(Screen[None]):
         return self.studied if own is None else own
 
     @property
+    def touched(self) -> bool:
+        """Whether a key was pressed."""
+        return bool(getattr(self.app, "keys").taken)  # noqa: B009 - the application is known as an App here
+
+    @property
     def frames(self) -> FrameList:
         return self.query_one("#frames", FrameList)
 
     @property
-    def conversations(self) -> ConversationList:
-        return self.query_one("#conversations", ConversationList)
+    def transactions(self) -> TransactionList:
+        return self.query_one("#transactions", TransactionList)
 
     @property
     def detail(self) -> DetailPane:
@@ -144,6 +164,7 @@ class BusScreen(Screen[None]):
         record = BY_NAME[view]
         self.studied = self.row if row is None else row
         self.view = view
+        self.list_view = view if view in LISTS else self.list_view
         self.query_one("#views", ContentSwitcher).current = view
         self.query_one(Tabs).choose(view)
         self.detail.display = record.detail
@@ -169,8 +190,6 @@ class BusScreen(Screen[None]):
         waiting = frames.count() - 1 - frames.cursor
         if frames.live and not bus.whole:
             where += ", following" if frames.following else f", {waiting:,} below (F follows)"
-        if self.jobs.scope.narrows and not BY_NAME[self.view].filtered and self.view != "paste":
-            where = "whole capture, unfiltered"
         if self.picked.anchor is not None:
             where += f", {len(self.picked.rows()):,} selected"
         self.query_one(StatusLine).say(where, self.jobs.doing)
@@ -179,6 +198,8 @@ class BusScreen(Screen[None]):
         """Show a row's fields and bytes; the cursor of the fields goes to an item."""
         self.studied = row
         self.detail.show(at_row(self.desk, row), to=to)
+        if self.lit is not None and self.lit[0] == row:
+            self.detail.light(*self.lit[1:])
         if self.picked.anchor is not None:
             self.frames.unpaint()
         self.say()
@@ -209,6 +230,12 @@ class BusScreen(Screen[None]):
         self.jobs.scope.filter = event.filter
         self.jobs.reselect()
 
+    def on_only_changed(self) -> None:
+        scope = self.jobs.scope
+        scope.only_changed = not scope.only_changed
+        self.jobs.reselect()
+        self.tell("only what changed since the last same poll; d shows all" if scope.only_changed else "all shown")
+
     def on_filter_left(self, event: FilterLeft) -> None:
         event.stop()
         self.panes[0].focus()
@@ -217,7 +244,7 @@ class BusScreen(Screen[None]):
         self.jobs.scope.span = event.t_start, event.t_end
         self._say_span()
         self.jobs.reselect()
-        self.action_view("frames")
+        self.action_view(self.list_view)
 
     def _say_span(self) -> None:
         """The span stands on the scope's line, beside the filter."""
@@ -236,7 +263,7 @@ class BusScreen(Screen[None]):
 
     def action_filter(self) -> None:
         if not BY_NAME[self.view].filtered:
-            self.action_view("frames")
+            self.action_view(self.list_view)
         self.query_one(FilterBar).line.focus()
 
     def action_whole(self) -> None:
@@ -260,8 +287,7 @@ class BusScreen(Screen[None]):
 
     def action_time_base(self) -> None:
         self.desk.next_base()
-        for each in self.query(Lines):
-            each.unpaint()
+        self.repaint_lists()
 
     def action_noise(self) -> None:
         scope = self.jobs.scope
@@ -281,11 +307,26 @@ class BusScreen(Screen[None]):
     def action_find_on(self, back: bool) -> None:
         self.jumps.find_on(back=back)
 
+    def action_door(self, way: str) -> None:
+        self.run_worker(self.doors.go(way), group=ASKING)
+
+    def action_kept(self) -> None:
+        self.run_worker(self.kept.choose(), group=ASKING)
+
+    def repaint_lists(self) -> None:
+        """Every list looks otherwise now."""
+        for each in self.query(Lines):
+            each.unpaint()
+
     def action_goto(self) -> None:
         self.run_worker(self.jumps.ask_where(), group=ASKING)
 
     def action_counterpart(self) -> None:
         self.jumps.to_counterpart()
+
+    def action_why(self) -> None:
+        """The evidence of the boundaries, opened below."""
+        self.detail.open("why")
 
     def action_finding(self, step: int) -> None:
         self.jumps.to_finding(step)

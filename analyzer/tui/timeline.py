@@ -17,7 +17,7 @@ from .paint import Painted, StyledText, fitted
 from .view import JUMPS, View, grown
 
 if TYPE_CHECKING:
-    from ..tables.timebins import Bins
+    from ..model.activity import Bins
     from .desk import ViewState
 
 _BLOCKS: Final = " ▁▂▃▄▅▆▇█"
@@ -70,7 +70,7 @@ class Timeline(Painted, can_focus=True):
         """Count anew for what is in sight."""
         bus = self.desk.bus
         if bus.count and bus.timed:
-            self._bins = bus.activity.over(bus, self.t_start, self.t_end, self.columns)
+            self._bins = self.desk.figures.over(self.t_start, self.t_end, self.columns)
         self.cursor = min(self.cursor, self.columns - 1)
         self.refresh()
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from textual.containers import Vertical
 
 from ..words import compact, short
+from .doors import DoorCell
 from .filterbar import FilterBar
 from .history import History
 from .lines import Lines
@@ -58,6 +59,10 @@ class UnitList(Lines):
             self._tell()
 
     @property
+    def empty(self) -> str:
+        return self.desk.emptied(self.EMPTY)
+
+    @property
     def unit(self) -> int | None:
         """The unit under the cursor."""
         return self.report.units[self.cursor].unit if self.report and self.cursor < len(self.report.units) else None
@@ -67,7 +72,7 @@ class UnitList(Lines):
         unit = self.unit
         if unit is None:
             return "", [], str
-        means = self.desk.bus.units.means(unit)
+        means = self.desk.figures.units.means(unit)
         return (
             f" unit {unit}: mean answer time over the capture",
             list(enumerate(means.tolist())),
@@ -88,7 +93,7 @@ class UnitList(Lines):
         bus, counts, times = self.desk.bus, unit.counts, unit.times
         load = ""
         if bus.char_ns and bus.timed and bus.t_last > bus.t_first:
-            load = f"{bus.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first):.1%}"
+            load = f"{self.desk.figures.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first):.1%}"
         bad = counts.unanswered + counts.exceptions + counts.damaged
         rate = bad / counts.requests if counts.requests else 0.0
         pieces = [
@@ -105,7 +110,7 @@ class UnitList(Lines):
         pieces.append(StyledText(f"{share:>6}", grave))
         pieces += [StyledText(f"{short(t):>7}") for t in (times.p50_ns, times.p95_ns, times.max_ns)]
         if width >= 90:
-            pieces.append(StyledText("  " + sparkline(bus.units.means(unit.unit), width - 80), "accent"))
+            pieces.append(StyledText("  " + sparkline(self.desk.figures.units.means(unit.unit), width - 80), "accent"))
         return fitted(pieces, width)
 
 
@@ -126,12 +131,17 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
     """The frames of that unit alone."""
     assert isinstance(sender, UnitList)
     if sender.unit is not None:
-        screen.action_view("frames")
+        screen.action_view(screen.list_view)
         screen.query_one(FilterBar).use(f"unit == {sender.unit}")
+
+
+def _cells(screen: BusScreen) -> list[DoorCell]:
+    unit = screen.query_one(UnitList).unit
+    return [] if unit is None else [DoorCell("u", f"unit {unit}", f"unit == {unit}")]
 
 
 VIEW: Final = View(
     name="units", key="4", title="Units",
-    make=_make, refresh=_refresh, chosen=_chosen, entered=_entered,
+    make=_make, refresh=_refresh, chosen=_chosen, entered=_entered, cells=_cells,
     without=(*JUMPS, "select"),
 )  # fmt: skip

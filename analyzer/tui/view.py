@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from .doors import DoorCell, cells_of_row
 from .paint import Painted
 
 if TYPE_CHECKING:
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from .screen import BusScreen
 
 JUMPS: Final = ("find", "find_on", "goto", "counterpart", "finding")  # the screen's actions that go to another row
+
+
+LISTS: Final = ("transactions", "frames")  # the views whose lines are rows of the bus
 
 
 def nothing(screen: BusScreen) -> None:
@@ -52,7 +56,8 @@ class View:
     entered: Callable[[BusScreen, Widget], None] = ignored  # a line of one of its lists was opened
     shown: Callable[[BusScreen], None] = nothing  # it has just come up
     at: Callable[[BusScreen], int | None] = nowhere  # the row that its cursor stands on
+    cells: Callable[[BusScreen], list[DoorCell]] = cells_of_row  # what under its cursor can be filtered by
     short: str = ""  # title on narrow terminals
     detail: bool = False  # with the frame under the cursor below
-    filtered: bool = False  # with the filter's line above
+    filtered: bool = True  # obeys the scope, whose line stands above
     without: tuple[str, ...] = ()  # the screen's actions that mean nothing in it

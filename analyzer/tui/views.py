@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Final
 
-from . import conversations, findings, frames, home, pastepane, registerlist, report, timeline, unitlist
+from . import findings, frames, home, pastepane, registerlist, report, timeline, transactions, unitlist
 from .view import View
 
 VIEWS: Final[tuple[View, ...]] = (
     home.VIEW,
+    transactions.VIEW,
     frames.VIEW,
-    conversations.VIEW,
     findings.VIEW,
     unitlist.VIEW,
     registerlist.VIEW,

@@ -39,7 +39,7 @@ class Look(NamedTuple):
 _PLAIN: Final = Look("39", "49", frozenset())
 
 
-class Wire:
+class ThinWire:
     """The terminal as it stands, and what was sent of late."""
 
     def __init__(self) -> None:

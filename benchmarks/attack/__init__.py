@@ -4,6 +4,7 @@
     python benchmarks/attack --long                  ten million inputs, a hundred kills, ...: hours
     python benchmarks/attack fuzz kills --times 10   some attacks, so many times their short count
     python benchmarks/attack fuzz --only filters --seed 7 --first 1234 --inputs 1    one input again
+    python benchmarks/attack fuzz --account campaign.jsonl --inputs 10000000    goes on where the account ends
 
 Each attack is a file: `fuzz` (readers, pasted text, filters, rules, files beside a capture, the analysis, exporters),
 `kills` (kill -9 while recording), `damage` (cuts at every byte, bad sectors, flipped bits), `storms` (a recorder under

@@ -29,9 +29,12 @@ def main() -> int:
     parser.add_argument("--long", action="store_true", help="the whole campaign")
     parser.add_argument("--times", type=float, default=1.0, help="so many times the usual counts")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="of fuzz: targets with this in their name")
+    parser.add_argument(
+        "--only", default="", help="of fuzz: targets with this, or of several after commas one, in their name"
+    )
     parser.add_argument("--inputs", type=int, help="of fuzz: how many")
     parser.add_argument("--first", type=int, default=0, help="of fuzz: number of the first input")
+    parser.add_argument("--account", type=Path, help="of fuzz: go on with the campaign in this file, up to --inputs")
     parser.add_argument("--worker", nargs=6, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.worker:
@@ -42,7 +45,9 @@ def main() -> int:
     for name in given.attacks or ATTACKS:
         run, short, long = ATTACKS[name]
         count = max(1, round((long if given.long else short) * given.times))
-        if name == "fuzz":
+        if name == "fuzz" and given.account:
+            outcome = fuzz.campaign(given.seed, given.inputs or count, given.account, only=given.only)
+        elif name == "fuzz":
             outcome = fuzz.attack(given.seed, given.inputs or count, only=given.only, first=given.first)
         else:
             outcome = run(given.seed, count)

@@ -10,6 +10,7 @@ import faulthandler
 import json
 import os
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -20,12 +21,16 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
+from attack import account
 from attack.inputs import spoilt
 from attack.outcome import Outcome
 from attack.targets import Target, targets
 
 MEGABYTES: Final = 300
-_DEAD_S: Final = 60  # after which a process is asked where it stands, and ended
+_DEAD_S: Final = 600  # without a sign of life, after which a process is asked where it stands, and ended
+_LOOP_S: Final = 30  # the same of CPU seconds of one input
+_SLICE: Final = 60_000  # inputs that one process of a campaign has at most
+_A_SHARE: Final = 2000  # of them for each share of its target
 _TOLD: Final = 20  # failures of a target that are told in full
 
 
@@ -34,7 +39,7 @@ def attack(seed: int, inputs: int, *, only: str = "", first: int = 0, patience: 
 
     An input may take `patience` times what its target allows.
     """
-    chosen = [target for name, target in targets().items() if only in name]
+    chosen = _chosen(only)
     shares = sum(target.share for target in chosen)
     outcome = Outcome("fuzz")
     begun, slowest, largest = time.monotonic(), 0.0, 0.0
@@ -52,6 +57,48 @@ def attack(seed: int, inputs: int, *, only: str = "", first: int = 0, patience: 
     spent = time.monotonic() - begun
     outcome.figures = f"seed {seed}, slowest {slowest:.2f} s, largest process {largest:.0f} MB, {spent:.0f} s"
     return outcome
+
+
+def _chosen(only: str) -> list[Target]:
+    return [target for name, target in targets().items() if any(word in name for word in only.split(","))]
+
+
+def campaign(seed: int, inputs: int, path: Path, *, only: str = "", most: int = _SLICE) -> Outcome:
+    """Goes on with the account at `path` until it has so many inputs of this seed over the targets chosen.
+
+    Every target gets its share in turn, at most `most` for each, so that an account which was broken off is balanced.
+    """
+    chosen = _chosen(only)
+    outcome, names = Outcome("campaign"), {target.name for target in chosen}
+
+    def mine() -> list[account.Entry]:
+        return [entry for entry in account.entries(path) if entry.target in names]
+
+    with suppress(KeyboardInterrupt):
+        while chosen and sum(entry.count for entry in mine() if entry.seed == seed) < inputs:
+            for target in chosen:
+                first = account.reached(mine(), target.name, seed)
+                account.add(path, _slice(target, seed, first, most))
+    for entry in (done := mine()):
+        outcome.failures += entry.failures
+        outcome.tried += entry.count
+    print("\n".join(account.told(done)), flush=True)
+    outcome.figures = f"account in {path}"
+    return outcome
+
+
+def _slice(target: Target, seed: int, first: int, most: int) -> account.Entry:
+    """The next inputs of a target, in one process, or in more where one ends early."""
+    found, at, last = Outcome(target.name), first, first + min(_A_SHARE * target.share, most)
+    cpu = slowest = megabytes = 0.0
+    while at < last:
+        done = _run(target.name, (seed, at, last - at, 1.0), found)
+        at, cpu = int(done["next"]), cpu + done["cpu_s"]
+        slowest, megabytes = max(slowest, done["slowest"]), max(megabytes, done["megabytes"])
+    return account.Entry(
+        target.name, seed, first, last - first, account.revision(), round(cpu, 2), round(slowest, 3),
+        round(megabytes, 1), found.failures,
+    )  # fmt: skip
 
 
 def _run(name: str, given: tuple[int, int, int, float], outcome: Outcome) -> dict[str, float]:
@@ -77,7 +124,7 @@ def _run(name: str, given: tuple[int, int, int, float], outcome: Outcome) -> dic
         return ends[0]
     last = process.stderr.strip()[-1500:]
     outcome.failures.append(f"{name} ({again} {reached} --inputs 1): the process died ({process.returncode}): {last}")
-    return {"next": reached + 1, "slowest": 0.0, "megabytes": 0.0}
+    return {"next": reached + 1, "slowest": 0.0, "megabytes": 0.0, "cpu_s": 0.0}
 
 
 def work(name: str, seed: int, first: int, count: int, patience: float, place: str) -> None:
@@ -87,32 +134,41 @@ def work(name: str, seed: int, first: int, count: int, patience: float, place: s
     slowest, told = 0.0, 0
     with suppress(Exception):  # what is loaded when it is first used is not the input's
         target.take(target.seeds()[0], Random(0))
+    faulthandler.register(signal.SIGPROF, chain=True)  # in a loop without end: where, and then the signal's own effect
     for number in range(first, first + count):
         if (number - first) % 64 == 0:
             faulthandler.dump_traceback_later(_DEAD_S, exit=True)
+        signal.setitimer(signal.ITIMER_PROF, patience * max(_LOOP_S, 3 * target.seconds))
         os.pwrite(at_work, b"%d" % number, 0)
         failure, spent = _one(target, seed, number, patience)
         slowest = max(slowest, spent)
-        megabytes = _peak_megabytes()
-        if not failure and megabytes > MEGABYTES:
-            failure = f"{megabytes:.0f} MB"
+        grown = _most_so_far() > MEGABYTES and _peak_megabytes() > MEGABYTES
+        if grown and not failure:
+            failure = f"{_peak_megabytes():.0f} MB"
         if failure and told < _TOLD:
             print(json.dumps({"input": number, "failure": failure}), flush=True)
             told += 1
-        if megabytes > MEGABYTES:  # it would be said of all inputs to come
+        if grown:  # it would be said of all inputs to come
             break
     else:
         number = first + count - 1
-    print(json.dumps({"next": number + 1, "slowest": slowest, "megabytes": megabytes}), flush=True)
+    signal.setitimer(signal.ITIMER_PROF, 0)
+    figures = {"slowest": slowest, "megabytes": _peak_megabytes(), "cpu_s": time.process_time()}
+    print(json.dumps({"next": number + 1, **figures}), flush=True)
+
+
+def _most_so_far() -> float:
+    """The most memory in MB, cheaply: on Linux it may be that of the process which started this one."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
 
 
 def _peak_megabytes() -> float:
-    """The most memory that this process had; on Linux its `ru_maxrss` may be that of the process which started it."""
+    """The most memory that this process had."""
     with suppress(OSError):
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) / 1e3
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
+    return _most_so_far()
 
 
 def _one(target: Target, seed: int, number: int, patience: float = 1) -> tuple[str, float]:

@@ -7,6 +7,12 @@ from random import Random
 from typing import Final
 
 LARGEST: Final = 1 << 16  # bytes of an input
+_LIMITS: Final = (
+    LARGEST,
+    4096,
+    512,
+)  # most inputs are small, as most of what goes wrong is; a few are as large as can be
+_WEIGHTS: Final = (2, 10, 88)
 _NUMBERS: Final = (
     0,
     1,
@@ -49,13 +55,17 @@ _WORDS: Final = (
 
 
 def spoilt(chance: Random, seeds: Sequence[bytes], tokens: Sequence[bytes] = ()) -> bytes:
-    """One of the seeds, changed a little or a lot; now and then nothing but noise."""
+    """One of the seeds, changed a little or a lot; now and then nothing but noise.
+
+    A seed's own length is always let stand.
+    """
     if chance.random() < 0.02:
         return chance.randbytes(chance.choice((0, 1, 7, 100, 4000)))
     data = bytearray(chance.choice(seeds))
+    limit = max(len(data), *chance.choices(_LIMITS, _WEIGHTS))
     for _ in range(chance.choice((1, 1, 1, 2, 3, 8, 30))):
         chance.choice(_CHANGES)(chance, data, seeds, tokens)
-    return bytes(data[:LARGEST])
+    return bytes(data[:limit])
 
 
 def _place(chance: Random, data: bytearray) -> int:

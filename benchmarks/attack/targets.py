@@ -16,11 +16,13 @@ from typing import Final
 import numpy as np
 
 import captures
+from attack.seedfiles import repacked, seeds_of
 from captures import Capture, CaptureError, Chunk, LineSettings, Mark
 from captures.chunks import TIME_LIMIT
 from captures.formats import formats
 from captures.text.hexshapes import HexError
 
+_ZIPPED: Final = ("sigrok", "saleae-session")
 LINE: Final = LineSettings(baud=19200, char_bits=11, parity="E", tap="irq")
 _FRAMES: Final = (
     "1103006b00037687",
@@ -75,18 +77,20 @@ def conversation(chance: Random, count: int = 20) -> list[Chunk]:
 def _capture_seeds(name: str) -> Sequence[bytes]:
     """Good files of a format: written where it can be written, texts where it is one."""
     chosen, seeds = formats()[name], []
-    for number in range(4):
+    for number, count in enumerate((1, 2, 4, 12)):
         if chosen.write is None:
             break
         file = io.BytesIO()
-        captures.write(file, Capture.of(LINE, conversation(Random(number))), format=name)
+        captures.write(file, Capture.of(LINE, conversation(Random(number), count)), format=name)
         seeds.append(file.getvalue())
-    return seeds or TEXTS
+    return [*seeds, *seeds_of(name)] or TEXTS
 
 
 def _read(name: str) -> Callable[[bytes, Random], None]:
     def take(data: bytes, chance: Random) -> None:
         path = folder() / f"input{chance.choice(formats()[name].suffixes)}"
+        if name in _ZIPPED and chance.random() < 0.7:
+            data = repacked(chance.choice(seeds_of(name)), chance)
         path.write_bytes(data)
         capture = captures.open(path, format=name if chance.random() < 0.7 else None)
         newest: dict[int, int] = {}

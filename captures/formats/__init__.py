@@ -81,14 +81,14 @@ def by_name(name: str) -> Format:
 
 
 @dataclass(frozen=True, slots=True)
-class Recognised:
+class RecognisedFormat:
     """The format of a file, and what is odd about it where content and suffix disagree."""
 
     format: Format
     doubt: str | None = None
 
 
-def recognise(head: bytes, suffix: str, name: str) -> Recognised:
+def recognise(head: bytes, suffix: str, name: str) -> RecognisedFormat:
     """The format of a file that begins like this; CaptureError, about `name`, where there is none.
 
     In this order: content without doubt, the formats of other distributions first; one of theirs by suffix; files that
@@ -100,13 +100,13 @@ def recognise(head: bytes, suffix: str, name: str) -> Recognised:
         if scores and max(scores.values()) >= CERTAIN:
             return _by_content(scores, suffix)
     if (by_suffix := _of_suffix(foreign, suffix)) is not None:
-        return Recognised(by_suffix)
+        return RecognisedFormat(by_suffix)
     if kind := other_kind(head):
         raise CaptureError(f"{name}: not a capture but {kind}")
     by_suffix = _of_suffix(own, suffix)
     likely = max((scores for scores in (foreign, own) if scores), key=lambda scores: max(scores.values()))
     if by_suffix is not None and (own[by_suffix] > 0 or max(likely.values()) < LIKELY):
-        return Recognised(by_suffix, _suspicion(by_suffix, own, head))
+        return RecognisedFormat(by_suffix, _suspicion(by_suffix, own, head))
     if max(likely.values()) >= LIKELY:
         return _by_content(likely, suffix)
     raise CaptureError(
@@ -156,12 +156,12 @@ def _of_suffix(scores: dict[Format, float], suffix: str) -> Format | None:
     return max(named, key=lambda candidate: scores[candidate], default=None)
 
 
-def _by_content(scores: dict[Format, float], suffix: str) -> Recognised:
+def _by_content(scores: dict[Format, float], suffix: str) -> RecognisedFormat:
     best = max(scores, key=lambda candidate: scores[candidate])
     others = [other.name for other in formats().values() if suffix in other.suffixes]
     if suffix in best.suffixes or not others:
-        return Recognised(best)
-    return Recognised(best, f"named {suffix}, but its content is that of {best.name}: read as such")
+        return RecognisedFormat(best)
+    return RecognisedFormat(best, f"named {suffix}, but its content is that of {best.name}: read as such")
 
 
 def _suspicion(chosen: Format, scores: dict[Format, float], head: bytes) -> str | None:

@@ -27,7 +27,7 @@ from ..errors import CaptureError
 from ..files import HEAD_BYTES, line_batches, opened, read_head
 from ..line import PROTOCOLS_NOTE, LineSettings
 from ..text.choosing import Judge, no_judge
-from ..text.logs import LogReader, Piece, Unread, joined
+from ..text.logs import LogReader, Piece, UnreadLine, joined
 from . import Format
 
 _MARK_WORDS = ("", "TX", "RX")
@@ -61,17 +61,17 @@ class _TextReader:
             while held := list(_up_to(chunks, max_bytes)):
                 yield Block.from_chunks(held, timed=self.timed)
 
-    def _pieces(self, file: BinaryIO, note: Note) -> Iterator[Piece | Unread]:
+    def _pieces(self, file: BinaryIO, note: Note) -> Iterator[Piece | UnreadLine]:
         reader = LogReader(self.judge, self.zone, self.sample_rate, self.learnt.experience)
         yield from reader.feed(enumerate(_text_of(file, note), 1))
         yield from reader.close()
 
-    def _chunks(self, pieces: Iterable[Piece | Unread], note: Note) -> Iterator[Chunk]:
+    def _chunks(self, pieces: Iterable[Piece | UnreadLine], note: Note) -> Iterator[Chunk]:
         ports = dict(self.ports)
         envelope = next((envelope for _, envelope in ports), "")
         t_ns = self.first_ns
         for piece in pieces:
-            if isinstance(piece, Unread):
+            if isinstance(piece, UnreadLine):
                 note(f"line {piece.line}", piece.why)
                 continue
             if piece.t_ns is not None:
@@ -113,7 +113,7 @@ def _sniff(head: bytes) -> float:
         return 0.0
     given = LogReader().learn(encodings.decoded(head[:_LOOK]).split("\n"))
     with_bytes = {piece.line for piece in given if isinstance(piece, Piece)}
-    without = {piece.line for piece in given if isinstance(piece, Unread)} - with_bytes
+    without = {piece.line for piece in given if isinstance(piece, UnreadLine)} - with_bytes
     share = len(with_bytes) / len(with_bytes | without) if with_bytes else 0.0
     return 0.4 + 0.4 * share if share >= 0.2 else 0.0
 
@@ -128,7 +128,7 @@ def _read(
         given = reader.learn(_text_of(file, _silent))
     pieces = [piece for piece in given if isinstance(piece, Piece)]
     if not pieces:
-        _refuse(path, [piece for piece in given if isinstance(piece, Unread)])
+        _refuse(path, [piece for piece in given if isinstance(piece, UnreadLine)])
     times = [piece.t_ns for piece in pieces if piece.t_ns is not None]
     timed = 2 * len(times) > len(pieces)
     notices = (f"times without a zone are read as {_zone_name(tz)}",) if timed and reader.zoneless else ()
@@ -152,7 +152,7 @@ def _ports(pieces: Sequence[Piece]) -> dict[tuple[str, str], int]:
     return ports
 
 
-def _refuse(path: Path, unread: list[Unread]) -> None:
+def _refuse(path: Path, unread: list[UnreadLine]) -> None:
     if not unread:
         raise CaptureError(f"{path}: no hex bytes found: the file holds only empty lines and comments")
     first = next((one for one in unread if not one.empty), unread[0])

@@ -36,7 +36,7 @@ _SECOND: Final = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class _Session:
+class _SigrokSession:
     path: Path
     names: list[str]
     levels: list[int]
@@ -113,12 +113,12 @@ def _sniff(head: bytes) -> float:
     return 1.0 if head[_MEMBER:].startswith(_MEMBERS) else 0.0
 
 
-def _load(path: Path) -> _Session:
+def _load(path: Path) -> _SigrokSession:
     with opened(path) as file, _archive(path, file) as archive:
         return _session(path, archive)
 
 
-def _session(path: Path, archive: zipfile.ZipFile) -> _Session:
+def _session(path: Path, archive: zipfile.ZipFile) -> _SigrokSession:
     """What the metadata says; CaptureError where it does not make sense."""
     try:
         with archive.open("metadata") as member:
@@ -144,12 +144,12 @@ def _session(path: Path, archive: zipfile.ZipFile) -> _Session:
     parts = sorted((int(found[1] or 0), member) for member, found in numbers.items() if found)
     count = min(int(probes), 8 * int(unit))
     names = [device.get(f"probe{bit + 1}", f"probe {bit + 1}") for bit in range(count)]
-    session = _Session(path, names, [0] * count, [member for _, member in parts], int(unit), hertz)
+    session = _SigrokSession(path, names, [0] * count, [member for _, member in parts], int(unit), hertz)
     first = next(session._samples(lambda *_: None), None)
     if first is None:
         raise CaptureError(f"{path}: a sigrok session without samples")
     levels = [int(first[0]) >> bit & 1 for bit in range(count)]
-    return _Session(path, names, levels, session.parts, session.unit, session.rate)
+    return _SigrokSession(path, names, levels, session.parts, session.unit, session.rate)
 
 
 FORMAT = Format("sigrok", (".sr",), _sniff, edge_reader(_load))

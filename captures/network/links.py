@@ -165,7 +165,7 @@ def _ip(data: Bytes, at: Ints, link: int) -> Ints:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Part:
+class _VersionSegments:
     """Segments of one IP version: `which` of the chosen packets, and their keys."""
 
     which: Ints
@@ -174,7 +174,9 @@ class _Part:
     end: Ints
 
 
-def _tcp(data: Bytes, which: Ints, ip: Ints, tcp: Ints, end: Ints, whole: NDArray[np.bool_], addresses: range) -> _Part:
+def _tcp(
+    data: Bytes, which: Ints, ip: Ints, tcp: Ints, end: Ints, whole: NDArray[np.bool_], addresses: range
+) -> _VersionSegments:
     tcp, end = tcp[whole], end[whole]
     keys = np.zeros((len(tcp), KEY), np.uint8)
     width = len(addresses) // 2
@@ -184,10 +186,10 @@ def _tcp(data: Bytes, which: Ints, ip: Ints, tcp: Ints, end: Ints, whole: NDArra
         if width < 16:
             keys[:, 16 * side + 10 : 16 * side + 12] = 0xFF
     keys[:, 32:] = data.take(tcp[:, None] + np.arange(4), mode="clip")
-    return _Part(which, keys, tcp, end)
+    return _VersionSegments(which, keys, tcp, end)
 
 
-def _joined(packets: Packets, chosen: Ints, captured: Ints, parts: list[_Part]) -> Segments:
+def _joined(packets: Packets, chosen: Ints, captured: Ints, parts: list[_VersionSegments]) -> Segments:
     data = packets.data
     none = [np.zeros(0, np.int64)]
     keys = np.concatenate([part.keys for part in parts] or [np.zeros((0, KEY), np.uint8)])

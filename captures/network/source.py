@@ -24,7 +24,7 @@ from . import links
 from .choosing import SAMPLE, SAMPLE_BYTES, kind_of, looks_foreign, may_begin, whole_adus
 from .packets import Bytes, Interface, Ints, PacketFile, Packets, take_number
 from .remarks import errors_of, note_of
-from .tcp import Group, Half, Reassembly
+from .tcp import ConnectionGroup, Half, Reassembly
 
 TAP: Final = "network"  # the line's `tap`, where bytes came over TCP
 _PORTS: Final = 256
@@ -40,7 +40,7 @@ _LINKS: Final = {
 class _Judged:
     """A group of connections while it is judged."""
 
-    group: Group
+    group: ConnectionGroup
     reads: list[tuple[Mark, bytes]] = field(default_factory=list)
     octets: int = 0
     kind: str | None = None
@@ -57,7 +57,7 @@ class _Survey:
     names: dict[int, str] = field(default_factory=dict)  # port: what it is
 
 
-def packet_source(path: Path, file: PacketFile) -> _Source:
+def packet_source(path: Path, file: PacketFile) -> _PacketSource:
     """The capture in a packet file; CaptureError where it holds nothing that may be Modbus."""
     survey = _surveyed(file)
     if not survey.serial and not survey.ports:
@@ -71,7 +71,7 @@ def packet_source(path: Path, file: PacketFile) -> _Source:
     if survey.ports:
         names = {f"port {port}": name for port, name in sorted(survey.names.items())}
         line = replace(line, tap=line.tap or TAP, notes={**names, **line.notes})
-    return _Source(file, line, timed, survey, tuple(complaints))
+    return _PacketSource(file, line, timed, survey, tuple(complaints))
 
 
 def _nothing(survey: _Survey) -> str:
@@ -85,7 +85,7 @@ def _nothing(survey: _Survey) -> str:
     return f"no serial line and no TCP data in it: {', '.join(found) or 'no packets'}"
 
 
-class _Listener:
+class _ConnectionSurvey:
     """Takes what connections carry as far as it takes to judge them."""
 
     def __init__(self) -> None:
@@ -120,7 +120,7 @@ class _Listener:
 
 def _surveyed(file: PacketFile) -> _Survey:
     """Read the whole file for what is in it."""
-    survey, listener = _Survey(), _Listener()
+    survey, listener = _Survey(), _ConnectionSurvey()
     reassembly = Reassembly(listener)
     for packets in file.packets(_unheard):
         listener.data = packets.data.tobytes()
@@ -184,7 +184,7 @@ def _by_interface(packets: Packets) -> Iterator[tuple[int, Ints]]:
 
 
 @dataclass(slots=True)
-class _Source:
+class _PacketSource:
     """The capture in a packet file that was surveyed."""
 
     file: PacketFile
@@ -210,7 +210,7 @@ class _Source:
         return packet_notes(self.file)
 
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:  # noqa: ARG002 - as the file comes
-        taker = _Taker(self.survey)
+        taker = _PacketBlocks(self.survey)
         for packets in self.file.packets(note):
             yield taker.block(packets, self.file.interfaces)
         yield taker.rest()
@@ -221,7 +221,7 @@ class _Source:
                 note(group.name, f"{group.missing:,} bytes of this connection are not in the capture")
 
 
-class _Taker:
+class _PacketBlocks:
     """Packets in, blocks out: the second reading of a file."""
 
     def __init__(self, survey: _Survey) -> None:

@@ -36,7 +36,7 @@ _FACTORS: Final = np.random.default_rng().integers(1, 1 << 63, KEY // 4, np.uint
 
 
 @dataclass(slots=True)
-class Group:
+class ConnectionGroup:
     """All connections between one client and one server's port. `lanes` is how many of them were open at once."""
 
     key: bytes  # of the client's segments
@@ -60,7 +60,7 @@ class Group:
 class Connection:
     """One connection, whose place among those of its group is `lane`."""
 
-    group: Group
+    group: ConnectionGroup
     lane: int
     closed: bool = False
 
@@ -85,7 +85,7 @@ class Half:
     rest: bytes = b""  # and what it keeps back of them
 
     @property
-    def group(self) -> Group:
+    def group(self) -> ConnectionGroup:
         return self.connection.group
 
 
@@ -109,10 +109,10 @@ class Reassembly:
     """Segments in, bytes in order out. Directions in which nothing is out of turn are taken as arrays."""
 
     def __init__(self, taker: Taker) -> None:
-        self.groups: list[Group] = []
+        self.groups: list[ConnectionGroup] = []
         self._taker = taker
         self._halves: dict[bytes, Half] = {}
-        self._by_ends: dict[bytes, Group] = {}
+        self._by_ends: dict[bytes, ConnectionGroup] = {}
 
     def feed(self, segments: Segments, data: bytes) -> None:
         """Take segments, whose bytes lie in `data`."""
@@ -296,19 +296,19 @@ class Reassembly:
             self._forget(half)
             del self._halves[key]
 
-    def _group(self, key: bytes) -> Group:
+    def _group(self, key: bytes) -> ConnectionGroup:
         """The group of a connection, by the key of its client's segments."""
         ends = key[:32] + key[34:]
         group = self._by_ends.get(ends)
         if group is None:
             if len(self.groups) > _GROUPS:
                 return self.groups[-1]
-            group = Group(key if len(self.groups) < _GROUPS else b"", number=len(self.groups))
+            group = ConnectionGroup(key if len(self.groups) < _GROUPS else b"", number=len(self.groups))
             self._by_ends[ends] = group
             self.groups.append(group)
         return group
 
-    def _opened(self, group: Group) -> Connection:
+    def _opened(self, group: ConnectionGroup) -> Connection:
         if group.free:
             return Connection(group, heappop(group.free))
         group.lanes += 1

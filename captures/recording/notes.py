@@ -17,7 +17,7 @@ import orjson
 from ..errors import CaptureError
 from ..files import opened
 from ..formats.mcap.records import DamagedRecordError
-from ..formats.mcap.scanning import FileBytes, Record, read_summary, walk
+from ..formats.mcap.scanning import FileBytes, ScannedRecord, read_summary, walk
 from ..formats.mcap.topics import TopicMessage, messages_in
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def read(path: Path) -> list[Note]:
             return []
         channels = dict(summary.channels) if summary else {}
         for item in walk(data, summary, _ignore):
-            if isinstance(item, Record):
+            if isinstance(item, ScannedRecord):
                 with suppress(DamagedRecordError):
                     for message in messages_in(item, channels, TOPIC):
                         if (note := _note_of(message)) is not None:

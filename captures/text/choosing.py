@@ -15,9 +15,9 @@ from typing import Final, NamedTuple
 
 from .hexshapes import (
     ROWS,
-    Candidate,
-    Level,
-    Line,
+    HexWindow,
+    TextLine,
+    Writing,
     hex_candidates,
     holds_digits,
     holds_several,
@@ -59,7 +59,7 @@ def no_judge(_: bytes) -> Sequence[Checked]:
 
 
 @dataclass(slots=True)
-class Run:
+class ByteRun:
     """Bytes that a line may hold: what was chosen of several readings of the same characters, and what became of it.
 
     `label` is the text before it without its numbers, by which runs of one kind are known again, `heading` that of the
@@ -72,7 +72,7 @@ class Run:
     start: int
     end: int
     shape: str
-    level: Level
+    level: Writing
     label: str = ""
     mark: int = 0
     direct: bool = False
@@ -86,17 +86,17 @@ class Run:
     checked: Sequence[Checked] = ()
     taken: bool = False
     why: str | None = None  # it was not taken
-    others: Sequence[Candidate] = ()  # the same characters read otherwise
+    others: Sequence[HexWindow] = ()  # the same characters read otherwise
     rivals: Sequence[str] = ()
 
-    def anew(self) -> Run:
+    def anew(self) -> ByteRun:
         """The same before it was decided on."""
-        return Run(
+        return ByteRun(
             self.data, self.start, self.end, self.shape, self.level, self.label, self.mark, self.direct, "", self.ascii,
             self.cut, self.offset, self.halved, checked=self.checked, others=self.others, rivals=self.rivals,
         )  # fmt: skip
 
-    def take(self, candidate: Candidate | Run) -> None:
+    def take(self, candidate: HexWindow | ByteRun) -> None:
         """Read it otherwise."""
         self.data, self.shape, self.start, self.end = candidate.data, candidate.shape, candidate.start, candidate.end
 
@@ -113,13 +113,13 @@ class Experience:
     columns: dict[str, tuple[int, str]] = field(default_factory=dict)  # of lines alike: which number, read how
     in_vain: int = 0  # rows of numbers whose columns were searched without finding anything
     right: dict[tuple[str, str], int] = field(default_factory=dict)
-    threshold: Level = Level.BYTES
+    threshold: Writing = Writing.BYTES
     decimals: bool = False  # lists of decimal numbers are bytes: there is nothing else
     other: bool = False  # there are bytes that are beyond doubt
 
-    def note(self, run: Run) -> None:
+    def note(self, run: ByteRun) -> None:
         """One more run."""
-        right = run.checked or (run.level is Level.BYTES and run.label)
+        right = run.checked or (run.level is Writing.BYTES and run.label)
         for label in (run.label, _MARKED) if run.direct else (run.label,):
             self.met[label, run.shape] = self.met.get((label, run.shape), 0) + 1
             for shape in (run.shape, *run.rivals) if right else ():
@@ -135,7 +135,7 @@ class Experience:
         return most
 
 
-def runs_in(line: Line, judge: Judge, experience: Experience) -> list[Run]:
+def runs_in(line: TextLine, judge: Judge, experience: Experience) -> list[ByteRun]:
     """The runs of a line, none overlapping another, in order; none is taken yet."""
     if not holds_digits(line.text):
         return []
@@ -146,7 +146,7 @@ def runs_in(line: Line, judge: Judge, experience: Experience) -> list[Run]:
         return []
     offsets = {entry.candidate.lead for entry in ranked if entry.candidate.offset is not None}
     ranked.sort(key=lambda entry: (entry.candidate.start not in offsets, *entry.rank), reverse=True)
-    places: list[tuple[int, int, Run]] = []  # of the runs chosen, in order
+    places: list[tuple[int, int, ByteRun]] = []  # of the runs chosen, in order
     for _, candidate, checked, whole in ranked:
         at = bisect_left(places, (candidate.lead,))
         clash = next((places[i][2] for i in (at - 1, at) if _overlaps(places, i, candidate)), None)
@@ -173,12 +173,12 @@ class _Ranked(NamedTuple):
     """A candidate with what speaks for it; `whole`: all of it has right check values."""
 
     rank: tuple[int, int, int, int, int]
-    candidate: Candidate
+    candidate: HexWindow
     checked: Sequence[Checked]
     whole: bool
 
 
-def _ranked(candidate: Candidate, line: Line, judge: Judge, experience: Experience) -> _Ranked:
+def _ranked(candidate: HexWindow, line: TextLine, judge: Judge, experience: Experience) -> _Ranked:
     candidate = in_its_place(candidate, line)
     size = len(candidate.data)
     checked = checked_in(candidate, judge) if size >= _LEAST else ()
@@ -191,30 +191,30 @@ def _ranked(candidate: Candidate, line: Line, judge: Judge, experience: Experien
     return _Ranked(rank, candidate, checked, covered == size > 0)
 
 
-def _run(candidate: Candidate, line: Line, checked: Sequence[Checked]) -> Run:
+def _run(candidate: HexWindow, line: TextLine, checked: Sequence[Checked]) -> ByteRun:
     data, start, end, shape, level, ascii_mode, offset, _ = candidate
     halved = shape == "pairs" and not checked and is_halved(line, start, end)
-    return Run(
+    return ByteRun(
         data, start, end, shape, level, label_of(line, start), ascii=ascii_mode, cut=is_cut(line, end), offset=offset,
         halved=halved, checked=checked,
     )  # fmt: skip
 
 
-def _overlaps(places: Sequence[tuple[int, int, Run]], i: int, candidate: Candidate) -> bool:
+def _overlaps(places: Sequence[tuple[int, int, ByteRun]], i: int, candidate: HexWindow) -> bool:
     return 0 <= i < len(places) and places[i][0] < candidate.end and candidate.lead < places[i][1]
 
 
-def checked_in(candidate: Candidate, judge: Judge) -> Sequence[Checked]:
+def checked_in(candidate: HexWindow, judge: Judge) -> Sequence[Checked]:
     """The stretches of a candidate with a right check value; of a number's bytes they must cover enough."""
     checked = judge(candidate.data[:MOST_JUDGED])
-    if checked and candidate.level is Level.NUMBER:
+    if checked and candidate.level is Writing.NUMBER:
         covered = sum(span.end - span.start for span in checked)
         if covered < _ENOUGH * min(len(candidate.data), MOST_JUDGED):
             return ()
     return checked
 
 
-def label_of(line: Line, start: int) -> str:
+def label_of(line: TextLine, start: int) -> str:
     """The end of what stands before a run, in small letters and without numbers."""
     before = line.text[max(start - 2 * _LABEL, 0) : start]
     return label_in(before) if before else ""

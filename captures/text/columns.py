@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import accumulate, groupby, takewhile
 from typing import Final, NamedTuple
 
-from .choosing import Checked, Experience, Judge, Run, label_in
-from .hexshapes import H, Level
+from .choosing import ByteRun, Checked, Experience, Judge, label_in
+from .hexshapes import H, Writing
 from .loglines import LogLine
 
 COLUMN_SHAPE: Final = "column"
@@ -179,6 +179,6 @@ def _take_tokens(line: LogLine, tokens: list[_Token], data: bytes) -> None:
     start, end = tokens[0].start, tokens[-1].end
     mark = next((run.mark for run in line.runs if run.mark), 0)
     label = label_in(line.clean[max(start - 56, 0) : start])
-    run = Run(data, start, end, COLUMN_SHAPE, Level.NUMBER, label, mark, taken=True)
+    run = ByteRun(data, start, end, COLUMN_SHAPE, Writing.NUMBER, label, mark, taken=True)
     run.checked = (Checked(0, len(data)),)
     line.runs = [run]

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from .choosing import Experience, Run
+from .choosing import ByteRun, Experience
 from .columns import COLUMN_SHAPE
 from .loglines import LogLine
 
@@ -23,7 +23,7 @@ class _Entry:
     data: bytes
     first: LogLine
     last: LogLine
-    runs: list[Run]
+    runs: list[ByteRun]
 
     @property
     def checked(self) -> bool:

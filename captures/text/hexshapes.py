@@ -2,7 +2,7 @@
 
 A line is searched for all shapes at once; what they give are candidates, which may overlap (`10 20 30 40` is hex or
 decimal: for shapes that are no hex see `captures.text.othershapes`). How much a writing speaks for itself is its
-`Level`: signs of its own (`0x11`, `[11][03]`) or many pairs of digits are what a person takes for bytes; a number, a
+`Writing`: signs of its own (`0x11`, `[11][03]`) or many pairs of digits are what a person takes for bytes; a number, a
 word or an address is bytes only where a check value says so. Who chooses between candidates is
 `captures.text.choosing`.
 """
@@ -20,7 +20,7 @@ class HexError(ValueError):
     """Text that should be hex bytes and is not; `str()` is one line with the position."""
 
 
-class Level(IntEnum):
+class Writing(IntEnum):
     """How much the writing alone speaks for bytes."""
 
     NUMBER = 0  # only a check value makes bytes of it
@@ -28,7 +28,7 @@ class Level(IntEnum):
     BYTES = 2
 
 
-class Candidate(NamedTuple):
+class HexWindow(NamedTuple):
     """Characters `start` to `end` of a line read as bytes.
 
     `ascii`: an ASCII-mode frame, kept as its characters from `:` to CR LF. `offset` is the dump offset that stands
@@ -39,13 +39,13 @@ class Candidate(NamedTuple):
     start: int
     end: int
     shape: str
-    level: Level
+    level: Writing
     ascii: bool = False
     offset: str | None = None
     lead: int = 0
 
 
-class Line(NamedTuple):
+class TextLine(NamedTuple):
     """A line to search: its text, and where what is more than brackets and blanks begins and ends in it.
 
     `first` are several places where it has direction marks: it begins anew behind each.
@@ -150,14 +150,14 @@ _COLUMN_NUMBERS: Final = tuple(
 )
 
 
-def line_of(text: str, marks: Iterable[int] = ()) -> Line:
+def line_of(text: str, marks: Iterable[int] = ()) -> TextLine:
     """A text as a line to search; `marks` are the ends of its direction marks."""
     first, begin, behind = set(), len(text), len(text)
     for place in sorted({0, *marks}, reverse=True):
         solid = _SOLID.search(text, place, behind)
         begin, behind = begin if solid is None else solid.start(), place
         first.add(begin)
-    return Line(text, frozenset(first), len(text.rstrip(_WRAPPING)), begin)
+    return TextLine(text, frozenset(first), len(text.rstrip(_WRAPPING)), begin)
 
 
 def holds_digits(text: str) -> bool:
@@ -170,7 +170,7 @@ def holds_several(text: str) -> bool:
     return len(text) > _LONG or "\\" in text or len(_SHORT.findall(text)) > _SOME or _BIG.search(text) is not None
 
 
-def hex_candidates(line: Line) -> Iterator[Candidate]:
+def hex_candidates(line: TextLine) -> Iterator[HexWindow]:
     """All runs of characters that can be hex bytes, shape by shape."""
     text = line.text
     yield from _pairs(line)
@@ -187,17 +187,17 @@ def hex_candidates(line: Line) -> Iterator[Candidate]:
 _SIGNS: Final = frozenset("xX$#&%'\"")
 
 
-def in_its_place(found: Candidate, line: Line) -> Candidate:
+def in_its_place(found: HexWindow, line: TextLine) -> HexWindow:
     """A candidate with what stands before it taken into account."""
     before = line.before(found.start)
     bare = before.rstrip(" \t:|-")
     if found.shape in ROWS and bare[-1:] in _OFFSET_ENDS and (offset := _OFFSET.search(before)) is not None:
         begin = found.start - len(before) + offset.start("all")
         if begin in line.first:
-            level = max(found.level, Level.BYTES if len(found.data) > 2 else Level.LIKELY)
+            level = max(found.level, Writing.BYTES if len(found.data) > 2 else Writing.LIKELY)
             return found._replace(offset=offset[2], level=level, lead=begin)
     if found.level and not found.ascii and _is_named_otherwise(before):
-        return found._replace(level=Level.NUMBER, lead=found.start)
+        return found._replace(level=Writing.NUMBER, lead=found.start)
     return found._replace(lead=found.start)
 
 
@@ -213,19 +213,19 @@ def _is_named_otherwise(before: str) -> bool:
     )
 
 
-def is_cut(line: Line, end: int) -> bool:
+def is_cut(line: TextLine, end: int) -> bool:
     """Whether the text says, at the end of some bytes, that there are more."""
     return line.text[end : end + 1] in _ELLIPSIS_STARTS and _ELLIPSIS.match(line.text, end) is not None
 
 
-def is_halved(line: Line, start: int, end: int) -> bool:
+def is_halved(line: TextLine, start: int, end: int) -> bool:
     """Whether half a byte stands beside these bytes."""
     if _HALF_AFTER.match(line.text, end):
         return True
     return end - start < _FEW and _HALF_BEFORE.search(line.before(start)) is not None
 
 
-def _pairs(line: Line) -> Iterator[Candidate]:
+def _pairs(line: TextLine) -> Iterator[HexWindow]:
     """`11 03 00 6B`"""
     text = line.text
     for match in _PAIRS.finditer(text):
@@ -236,34 +236,34 @@ def _pairs(line: Line) -> Iterator[Candidate]:
         if len(tokens) < _SOME and (len(text) > _LONG or text[end : end + 1].isalnum()):
             continue  # one number of many, or the beginning of a word
         data = bytes.fromhex(text[start:end])
-        level = Level.BYTES if line.before(start).endswith("<Buffer ") else _level_of_pairs(line, start, end, tokens)
+        level = Writing.BYTES if line.before(start).endswith("<Buffer ") else _level_of_pairs(line, start, end, tokens)
         if len(tokens) > _SOME:  # what stands at the ends may be a word, or a number in a column of its own
             second = text.index(tokens[1], start + 2)
             (usual, _), *_ = Counter(_GAP.findall(text, second, end)).most_common(1)
             apart = text[start + 2 : second] != usual
             if apart or (tokens[0].isalpha() and not line.alone(start, end)):
-                yield Candidate(data[1:], second, end, "pairs", level)
-                level = Level.LIKELY if apart else level
+                yield HexWindow(data[1:], second, end, "pairs", level)
+                level = Writing.LIKELY if apart else level
             if text[end : end + 1].isalnum():  # "02Connected", "10 after"
                 last = start + len(text[start : end - 2].rstrip())
-                yield Candidate(data[:-1], start, last, "pairs", level)
-                level = Level.LIKELY if tokens[-1].isalpha() else level
-        yield Candidate(data, start, end, "pairs", level)
+                yield HexWindow(data[:-1], start, last, "pairs", level)
+                level = Writing.LIKELY if tokens[-1].isalpha() else level
+        yield HexWindow(data, start, end, "pairs", level)
 
 
-def _level_of_pairs(line: Line, start: int, end: int, tokens: list[str]) -> Level:
+def _level_of_pairs(line: TextLine, start: int, end: int, tokens: list[str]) -> Writing:
     """Three pairs are bytes where any can be no number that people write: it has a letter, or a leading zero."""
     alone = line.alone(start, end)
     odd = any(token[0] == "0" or not token.isdigit() for token in tokens)
     if all(token.isalpha() for token in tokens):
-        return Level.LIKELY if alone or len(tokens) >= _SOME else Level.NUMBER
+        return Writing.LIKELY if alone or len(tokens) >= _SOME else Writing.NUMBER
     if len(tokens) == 1:
-        return Level.LIKELY if alone and (odd or start == line.begin) else Level.NUMBER
+        return Writing.LIKELY if alone and (odd or start == line.begin) else Writing.NUMBER
     if len(tokens) < _SOME:
-        return Level.LIKELY if alone else Level.NUMBER
+        return Writing.LIKELY if alone else Writing.NUMBER
     if tokens in _COLUMN_NUMBERS:
-        return Level.NUMBER
-    return Level.BYTES if odd else Level.LIKELY
+        return Writing.NUMBER
+    return Writing.BYTES if odd else Writing.LIKELY
 
 
 def _before_characters(text: str, start: int, end: int) -> int:
@@ -288,7 +288,7 @@ def shows(data: bytes, text: str) -> bool:
     return True
 
 
-def _signed(line: Line) -> Iterator[Candidate]:
+def _signed(line: TextLine) -> Iterator[HexWindow]:
     """`11-03-00`, `11:03:00`, `11, 03, 00`, `[11][03]`, `'11', '03'`"""
     text = line.text
     for match in _SIGNED.finditer(text):
@@ -297,24 +297,24 @@ def _signed(line: Line) -> Iterator[Candidate]:
         goes_on = text.startswith(gap, end) and text[end + len(gap) : end + len(gap) + 1].isalnum()
         level = _level_of_signed(tokens, gap.strip())
         if goes_on:
-            level = Level.NUMBER  # a list of other numbers
+            level = Writing.NUMBER  # a list of other numbers
         elif line.alone(match.start(), end):
-            level = max(level, Level.LIKELY)
-        yield Candidate(bytes.fromhex("".join(tokens)), match.start(), end, f"pairs{gap.strip()}", level)
+            level = max(level, Writing.LIKELY)
+        yield HexWindow(bytes.fromhex("".join(tokens)), match.start(), end, f"pairs{gap.strip()}", level)
 
 
-def _level_of_signed(tokens: list[str], gap: str) -> Level:
+def _level_of_signed(tokens: list[str], gap: str) -> Writing:
     count, numbers = len(tokens), all(token.isdigit() for token in tokens)
     if (gap in "/." and count < 5) or all(token.isalpha() for token in tokens):
-        return Level.NUMBER  # a date, an address, a version, words
+        return Writing.NUMBER  # a date, an address, a version, words
     if gap == ":" and count == _MAC_LENGTH:
-        return Level.LIKELY
+        return Writing.LIKELY
     if count > 3 or (count == 3 and not numbers):
-        return Level.BYTES if not numbers or any(token[0] == "0" for token in tokens) else Level.LIKELY
-    return Level.NUMBER
+        return Writing.BYTES if not numbers or any(token[0] == "0" for token in tokens) else Writing.LIKELY
+    return Writing.NUMBER
 
 
-def _words(line: Line) -> Iterator[Candidate]:
+def _words(line: TextLine) -> Iterator[HexWindow]:
     """`1103006B`, `1103 006B`: digits without signs between the bytes; of 16-bit words the other order, too."""
     for match in _WORDS.finditer(line.text):
         start, end = match.span()
@@ -324,10 +324,10 @@ def _words(line: Line) -> Iterator[Candidate]:
         if len(tokens) > 2 and len(tokens[0]) > 2 and all(len(token) == 2 for token in tokens[1:]):
             continue  # the first is an offset
         data = bytes.fromhex("".join(tokens))
-        yield Candidate(data, start, end, "words", _level_of_words(line, start, end, tokens))
+        yield HexWindow(data, start, end, "words", _level_of_words(line, start, end, tokens))
         row = len(tokens) > 1 or _ROW_OF_WORDS.match(line.text) is not None
         if row and all(len(token) == 4 for token in tokens):
-            yield Candidate(swapped(data), start, end, "swapped words", Level.NUMBER)
+            yield HexWindow(swapped(data), start, end, "swapped words", Writing.NUMBER)
 
 
 def swapped(data: bytes) -> bytes:
@@ -337,23 +337,23 @@ def swapped(data: bytes) -> bytes:
     return bytes(out)
 
 
-def _level_of_words(line: Line, start: int, end: int, tokens: list[str]) -> Level:
+def _level_of_words(line: TextLine, start: int, end: int, tokens: list[str]) -> Writing:
     digits = "".join(tokens)
     size = len(digits) // 2
     bare = line.alone(start, end)
     alone = bare or (end >= line.last and line.before(start).rstrip()[-1:] in (":", "=", ","))
     if line.text[start - 1 : start] == "-" or line.text[end : end + 1] == "-":
-        return Level.NUMBER  # part of a UUID
+        return Writing.NUMBER  # part of a UUID
     if digits.isalpha():
-        return Level.LIKELY if len(tokens) == 1 and size > 4 and alone else Level.NUMBER
+        return Writing.LIKELY if len(tokens) == 1 and size > 4 and alone else Writing.NUMBER
     if digits.isdigit():
-        return Level.LIKELY if bare else Level.NUMBER
+        return Writing.LIKELY if bare else Writing.NUMBER
     if size >= _WORD_LENGTH:
-        return Level.BYTES if size > _WORD_LENGTH or alone or digits[0] == "0" or len(tokens) > 1 else Level.LIKELY
-    return Level.LIKELY if bare or (alone and len(tokens) > 1) else Level.NUMBER
+        return Writing.BYTES if size > _WORD_LENGTH or alone or digits[0] == "0" or len(tokens) > 1 else Writing.LIKELY
+    return Writing.LIKELY if bare or (alone and len(tokens) > 1) else Writing.NUMBER
 
 
-def _prefixed(line: Line) -> Iterator[Candidate]:
+def _prefixed(line: TextLine) -> Iterator[HexWindow]:
     """`0x11, 0x03`, `16#11`, `$11`, `&H11`, `%11`"""
     text = line.text
     for match in _PREFIXED.finditer(text):
@@ -368,34 +368,34 @@ def _prefixed(line: Line) -> Iterator[Candidate]:
         if any(len(token) > 2 for token in tokens):
             yield from _prefixed_words(line, match, tokens)
             continue
-        level = Level.NUMBER
+        level = Writing.NUMBER
         if sign not in _COMMON_SIGNS or (len(tokens) > 2 and all(len(token) == 2 for token in tokens)):
             some = len(tokens) > 1 or line.alone(start, end)
-            level = Level.BYTES if len(tokens) > 2 else Level.LIKELY if some else Level.NUMBER
-        yield Candidate(bytes(int(token, 16) for token in tokens), start, end, "0x", level)
+            level = Writing.BYTES if len(tokens) > 2 else Writing.LIKELY if some else Writing.NUMBER
+        yield HexWindow(bytes(int(token, 16) for token in tokens), start, end, "0x", level)
 
 
-def _prefixed_words(line: Line, match: re.Match[str], tokens: list[str]) -> Iterator[Candidate]:
+def _prefixed_words(line: TextLine, match: re.Match[str], tokens: list[str]) -> Iterator[HexWindow]:
     if any(len(token) % 2 for token in tokens):
         return
     data = bytes.fromhex("".join(tokens))
     alone = line.alone(*match.span()) and len(data) > 3
-    yield Candidate(data, *match.span(), "0x words", Level.LIKELY if alone else Level.NUMBER)
+    yield HexWindow(data, *match.span(), "0x words", Writing.LIKELY if alone else Writing.NUMBER)
     if all(len(token) == 4 for token in tokens):
-        yield Candidate(swapped(data), *match.span(), "swapped 0x words", Level.NUMBER)
+        yield HexWindow(swapped(data), *match.span(), "swapped 0x words", Writing.NUMBER)
 
 
-def _suffixed(text: str) -> Iterator[Candidate]:
+def _suffixed(text: str) -> Iterator[HexWindow]:
     """`11h 03h`"""
     for match in _SUFFIXED.finditer(text):
         data = bytes.fromhex(re.sub(r"[hH,;\s]", "", match[0]))
-        yield Candidate(data, *match.span(), "h", Level.BYTES if len(data) > 2 else Level.LIKELY)
+        yield HexWindow(data, *match.span(), "h", Writing.BYTES if len(data) > 2 else Writing.LIKELY)
 
 
-def _ascii_frames(text: str) -> Iterator[Candidate]:
+def _ascii_frames(text: str) -> Iterator[HexWindow]:
     """`:1103006B00037E`"""
     for match in _ASCII.finditer(text):
-        yield Candidate(match[0].encode() + b"\r\n", *match.span(), "ascii", Level.BYTES, ascii=True)
+        yield HexWindow(match[0].encode() + b"\r\n", *match.span(), "ascii", Writing.BYTES, ascii=True)
 
 
 _ODD: Final = "an odd number of hex digits in {!r} at column {}: write each byte with two digits"

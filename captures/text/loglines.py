@@ -18,10 +18,10 @@ from typing import Final
 
 from captures.text import stamps
 
-from .choosing import Experience, Judge, Run, label_in, no_judge, runs_in
-from .hexshapes import Level, halves, line_of
+from .choosing import ByteRun, Experience, Judge, label_in, no_judge, runs_in
+from .hexshapes import Writing, halves, line_of
 from .othershapes import unescape
-from .tools import MARK_WORDS, NONE, SHAPES, Mark, Role, Shape, marks
+from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 
 _LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
 _ANSI: Final = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
@@ -104,7 +104,7 @@ class LogLine:
     number: int
     text: str
     clean: str = ""
-    runs: list[Run] = field(default_factory=list)
+    runs: list[ByteRun] = field(default_factory=list)
     t_ns: int | None = None
     fine: bool = False
     port: str = ""
@@ -127,11 +127,11 @@ class LineReader:
     zoneless: bool = False  # a date without a zone was met
     _heading: Heading | None = None
     _dump: tuple[int, int, int | None] | None = None  # bytes of the dump so far, offset of its first line, its time
-    _row: Run | None = None  # the newest of it
+    _row: ByteRun | None = None  # the newest of it
     _days: int = 0
     _newest: int | None = None
     _received: bool = False  # pymodbus reports received bytes by themselves, not only those it processes
-    _memory: dict[str, tuple[int, list[Mark], list[Run]]] = field(default_factory=dict)
+    _memory: dict[str, tuple[int, list[LineMark], list[ByteRun]]] = field(default_factory=dict)
     _tools: list[Shape] = field(default_factory=lambda: list(SHAPES))
 
     def read(self, line: str, number: int) -> LogLine:
@@ -154,7 +154,7 @@ class LineReader:
         if not words or any(len(word) % 2 for word in words):
             return None
         data = bytes.fromhex("".join(words))
-        run = Run(data, 0, len(line), "pairs", Level.BYTES, checked=self.judge(data[:_BARE_LEAST]))
+        run = ByteRun(data, 0, len(line), "pairs", Writing.BYTES, checked=self.judge(data[:_BARE_LEAST]))
         return self._placed(LogLine(number, line[:80], runs=[run]), None, 0)
 
     def _below_header(self, text: str, number: int) -> LogLine | None:
@@ -164,7 +164,7 @@ class LineReader:
             return None
         if (body := _SOCAT_BYTES.match(text)) is not None:
             data = bytes.fromhex(body[1])[: heading.left]
-            run = Run(data, 1, 1 + len(body[1]), "pairs", Level.BYTES, mark=heading.mark, sure=True)
+            run = ByteRun(data, 1, 1 + len(body[1]), "pairs", Writing.BYTES, mark=heading.mark, sure=True)
             left = heading.left - len(data)
             self._heading = replace(heading, left=left) if left else None
             return LogLine(number, text, text, [run], heading.t_ns, heading.fine, heading.port)
@@ -176,14 +176,14 @@ class LineReader:
     def _tool_line(self, text: str, number: int) -> LogLine | None:
         for i, shape in enumerate(self._tools if len(text) >= _LEAST_SHAPED else ()):
             if (match := shape.pattern.match(text)) is not None:
-                if i and shape.role is not Role.NOTHING:  # a log is of one tool: its shapes first from now on
+                if i and shape.role is not LineRole.NOTHING:  # a log is of one tool: its shapes first from now on
                     self._tools.insert(0, self._tools.pop(i))
                 return self._shaped(shape, match, number, text)
         return None
 
     def _shaped(self, shape: Shape, match: re.Match[str], number: int, text: str) -> LogLine | None:
         groups = match.groupdict()
-        if shape.role is Role.NOTHING:
+        if shape.role is LineRole.NOTHING:
             heading = self._heading
             line = self._any_line(text, number)
             line.quiet, line.problem = True, None
@@ -196,7 +196,7 @@ class LineReader:
         if groups.get("sample") and self.sample_rate:
             t_ns, fine = round(int(groups["sample"]) / self.sample_rate * 1e9), True
         length = int(groups["length"]) if groups.get("length") else None
-        if shape.role is Role.HEADER:
+        if shape.role is LineRole.HEADER:
             above = self._heading
             if t_ns is None and above is not None and not above.rows:
                 t_ns, fine = above.t_ns, above.fine  # its time stands in a line of its own
@@ -221,13 +221,13 @@ class LineReader:
             line.runs, line.quiet = [found], False
         return line
 
-    def _payload(self, text: str, shape: Shape) -> Run | None:
+    def _payload(self, text: str, shape: Shape) -> ByteRun | None:
         """The bytes of a tool's line, in whatever shape they stand in it."""
-        if shape.role is Role.STRING:
-            return Run(unescape(text), 0, len(text), "\\x", Level.BYTES)
+        if shape.role is LineRole.STRING:
+            return ByteRun(unescape(text), 0, len(text), "\\x", Writing.BYTES)
         _, runs = self._searched(text)
         best = max(runs, key=lambda run: (bool(run.checked), run.level, len(run.data)), default=None)
-        if best is not None and best.level is Level.NUMBER and not best.checked and len(best.data) > 1:
+        if best is not None and best.level is Writing.NUMBER and not best.checked and len(best.data) > 1:
             return None
         return best
 
@@ -254,7 +254,7 @@ class LineReader:
             return line
         return self._placed(line, stamp, found[0].mark if found else NONE)
 
-    def _searched(self, text: str) -> tuple[list[Mark], list[Run]]:
+    def _searched(self, text: str) -> tuple[list[LineMark], list[ByteRun]]:
         """Marks and runs of a text without its times; logs repeat themselves, so what was met is remembered."""
         learnt = len(self.experience.right)
         known = self._memory.get(text)
@@ -269,7 +269,7 @@ class LineReader:
             known = self._memory[text] = learnt, found, runs
         return known[1], [run.anew() for run in known[2]]
 
-    def _as_heading(self, line: LogLine, rest: str, found: list[Mark]) -> None:
+    def _as_heading(self, line: LogLine, rest: str, found: list[LineMark]) -> None:
         """A line of words: what it says of rows below."""
         mark = found[-1].mark if found else NONE
         above, t_ns, fine = self._heading, line.t_ns, line.fine
@@ -319,7 +319,7 @@ class LineReader:
             line.t_ns, line.fine = heading.t_ns, heading.fine
         return line
 
-    def _goes_on(self, line: LogLine, first: Run) -> bool:
+    def _goes_on(self, line: LogLine, first: ByteRun) -> bool:
         """Whether the offset before the bytes goes on with the dump of the lines before."""
         so_far = self._dump
         if first.offset is None:
@@ -373,7 +373,7 @@ def plain(line: str) -> str:
     return _CAST.sub("", text) if "(" in text else text
 
 
-def _with_marks(text: str, runs: list[Run], found: list[Mark]) -> None:
+def _with_marks(text: str, runs: list[ByteRun], found: list[LineMark]) -> None:
     """Each run with the mark before it; of one run alone, the one behind it where there is none before.
 
     An arrow says nothing behind a plain word, nor behind the first run: there it points from one frame to the next.

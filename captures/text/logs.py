@@ -16,14 +16,14 @@ from itertools import islice
 from typing import Final
 
 from .choosing import Experience, Judge, no_judge
-from .hexshapes import Level, halves
+from .hexshapes import Writing, halves
 from .loglines import LineReader, LogLine, quoted
 from .settling import only_bytes, settle
 
 _LEARNT_LINES: Final = 800  # of a text's beginning,
 _LEARNT: Final = 1 << 16  # and characters
 # What is taken for bytes unchecked, from the plainest on, as far as a text has nothing plainer.
-_STANDARDS: Final = ((Level.BYTES, False), (Level.LIKELY, False), (Level.BYTES, True))
+_STANDARDS: Final = ((Writing.BYTES, False), (Writing.LIKELY, False), (Writing.BYTES, True))
 _STRETCH: Final = 512  # lines that are settled together
 _MOST: Final = 1 << 18  # characters of a line that is searched at once
 _PORTION: Final = re.compile(rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST}}}")
@@ -49,7 +49,7 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class Unread:
+class UnreadLine:
     """A line of which not all was read, and why.
 
     `empty`: it does not look as if there were any bytes in it.
@@ -90,7 +90,7 @@ class LogReader:
         """Whether dates without a zone were met."""
         return self._lines.zoneless
 
-    def learn(self, lines: Iterable[str]) -> list[Piece | Unread]:
+    def learn(self, lines: Iterable[str]) -> list[Piece | UnreadLine]:
         """Look at the beginning of a text, which is given again with `feed`; gives what it holds."""
         experience = self._experience = Experience()
         reader = self._line_reader()
@@ -108,7 +108,7 @@ class LogReader:
         self._lines.zoneless = reader.zoneless
         return [given for line in read for given in _given(line)]
 
-    def feed(self, lines: Iterable[tuple[int, str]]) -> Iterator[Piece | Unread]:
+    def feed(self, lines: Iterable[tuple[int, str]]) -> Iterator[Piece | UnreadLine]:
         """Lines with their numbers; gives what has been settled."""
         for number, line in lines:
             for part in _read(self._lines, line, number):
@@ -118,14 +118,14 @@ class LogReader:
             if len(self._held) >= _STRETCH:
                 yield from self._settled(_safe_cut(self._held))
 
-    def close(self) -> Iterator[Piece | Unread]:
+    def close(self) -> Iterator[Piece | UnreadLine]:
         """No more lines come; gives the rest."""
         yield from self._settled(len(self._held))
 
     def _line_reader(self) -> LineReader:
         return LineReader(self._judge, self._zone, self._sample_rate, self._experience)
 
-    def _settled(self, count: int) -> Iterator[Piece | Unread]:
+    def _settled(self, count: int) -> Iterator[Piece | UnreadLine]:
         lines, self._held = self._held[:count], self._held[count:]
         settle(lines, self._judge, self._experience)
         for line in lines:
@@ -134,7 +134,7 @@ class LogReader:
 
 def read_lines(
     lines: Sequence[str], judge: Judge = no_judge, zone: tzinfo | None = None, sample_rate: float | None = None
-) -> list[Piece | Unread]:
+) -> list[Piece | UnreadLine]:
     """All of a text at once."""
     reader = LogReader(judge, zone, sample_rate)
     reader.learn(lines)
@@ -171,7 +171,7 @@ def _safe_cut(lines: Sequence[LogLine]) -> int:
     )
 
 
-def _given(line: LogLine) -> Iterator[Piece | Unread]:
+def _given(line: LogLine) -> Iterator[Piece | UnreadLine]:
     taken = [run for run in line.runs if run.taken]
     text = line.text if len(line.text) <= 200 else line.text[:197] + "..."
     for i, run in enumerate(taken):
@@ -179,14 +179,14 @@ def _given(line: LogLine) -> Iterator[Piece | Unread]:
         envelope = run.checked[0].envelope if run.checked else ""
         yield Piece(run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues, envelope)
     if line.problem is not None:
-        yield Unread(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))
+        yield UnreadLine(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))
     for run in taken:
         if run.cut and line.problem is None:
-            yield Unread(line.number, text, f"the text shows the first {len(run.data)} bytes only")
+            yield UnreadLine(line.number, text, f"the text shows the first {len(run.data)} bytes only")
     if any(run.halved and not run.checked for run in taken):
-        yield Unread(line.number, text, halves(line.clean) or "half a byte")
+        yield UnreadLine(line.number, text, halves(line.clean) or "half a byte")
     if not taken and line.problem is None and line.runs and not line.quiet:
-        yield Unread(line.number, text, *_why(line))
+        yield UnreadLine(line.number, text, *_why(line))
 
 
 def _why(line: LogLine) -> tuple[str, bool]:
@@ -197,19 +197,19 @@ def _why(line: LogLine) -> tuple[str, bool]:
     if (half := halves(line.clean)) is not None:
         return half, False
     run = max(line.runs, key=lambda run: (run.level, len(run.data)))
-    if len(run.data) < 3 and run.level is Level.NUMBER:
+    if len(run.data) < 3 and run.level is Writing.NUMBER:
         return f"no bytes found in {quoted(line.text)}", True
     shown = line.clean[run.start : run.end]
     return f"{quoted(shown)} may be anything: no check value says that these are bytes", False
 
 
-def joined(pieces: Iterable[Piece | Unread], limit: int | None = None) -> Iterator[Piece | Unread]:
+def joined(pieces: Iterable[Piece | UnreadLine], limit: int | None = None) -> Iterator[Piece | UnreadLine]:
     """The same with pieces that continue one put together, up to about `limit` bytes each."""
     held: Piece | None = None
     parts: list[bytes] = []
     size = 0
     for piece in pieces:
-        if isinstance(piece, Unread):
+        if isinstance(piece, UnreadLine):
             yield piece
             continue
         if held is not None and piece.continues and (limit is None or size < limit):

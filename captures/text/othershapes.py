@@ -11,7 +11,7 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from typing import Final
 
-from .hexshapes import EDGE, END, Candidate, H, Level, Line
+from .hexshapes import EDGE, END, H, HexWindow, TextLine, Writing
 
 _LONG: Final = 1 << 16  # characters: these shapes are not looked for in a longer line
 _ESCAPES: Final = re.compile(r"\\(?:x[0-9A-Fa-f]{2}|u00[0-9A-Fa-f]{2}|u\{[0-9A-Fa-f]{1,2}\}|\d{1,3})")
@@ -46,7 +46,7 @@ _PLAIN_WORD: Final = re.compile(r"[A-Za-z]?(?:[a-z]*|[A-Z]*)|[a-z/]+")
 _LEAST_BASE64: Final = 8  # characters
 
 
-def other_candidates(line: Line) -> Iterator[Candidate]:
+def other_candidates(line: TextLine) -> Iterator[HexWindow]:
     """All runs of characters that can be bytes and are no hex pairs."""
     text = line.text
     if len(text) > _LONG:
@@ -60,7 +60,7 @@ def other_candidates(line: Line) -> Iterator[Candidate]:
     yield from _base64(text)
 
 
-def _strings(text: str) -> Iterator[Candidate]:
+def _strings(text: str) -> Iterator[HexWindow]:
     r"""`'\x11\x03\x00k'`, `\021\003`, quoted or not, other characters as they are."""
     if _ESCAPES.search(text) is None:
         return
@@ -79,18 +79,18 @@ def _strings(text: str) -> Iterator[Candidate]:
             at = end
 
 
-def _unquoted(text: str, start: int, end: int, first: int | None) -> Iterator[Candidate]:
+def _unquoted(text: str, start: int, end: int, first: int | None) -> Iterator[HexWindow]:
     """Escapes without quotes; the characters before the first may belong to them, and all from `first` on."""
     body = text[start:end].rstrip("'\",)];")
     yield from _string(body, start, start + len(body))
     if start + len(body) < end:
-        yield Candidate(unescape(text[start:end]), start, end, "\\x", Level.NUMBER)
+        yield HexWindow(unescape(text[start:end]), start, end, "\\x", Writing.NUMBER)
     word = text.rfind(" ", max(start - _WORD, 0), start) + 1 or (0 if start < _WORD else start)
     for begin in {word} | ({first} if first is not None else set()):
         if begin == start:
             continue
         rest = text[begin:] if begin != word else text[begin : start + len(body)]
-        yield Candidate(unescape(rest), begin, begin + len(rest), "\\x", Level.NUMBER)
+        yield HexWindow(unescape(rest), begin, begin + len(rest), "\\x", Writing.NUMBER)
 
 
 def _quoted(text: str) -> Iterator[tuple[int, int]]:
@@ -107,16 +107,16 @@ def _quoted(text: str) -> Iterator[tuple[int, int]]:
             yield start + 1, at - 1
 
 
-def _string(body: str, start: int, end: int) -> Iterator[Candidate]:
+def _string(body: str, start: int, end: int) -> Iterator[HexWindow]:
     hexadecimal = "\\x" in body or "\\u" in body
-    level = Level.BYTES if hexadecimal or len(_ESCAPES.findall(body)) > 2 else Level.NUMBER
+    level = Writing.BYTES if hexadecimal or len(_ESCAPES.findall(body)) > 2 else Writing.NUMBER
     if _HALF.search(body):
-        level = Level.NUMBER
-    yield Candidate(unescape(body), start, end, "\\x", level)
+        level = Writing.NUMBER
+    yield HexWindow(unescape(body), start, end, "\\x", level)
     if _NUL.search(body):  # as Rust and JavaScript have it
-        yield Candidate(unescape(_NUL.sub(r"\\x00", body)), start, end, "\\0", Level.NUMBER)
+        yield HexWindow(unescape(_NUL.sub(r"\\x00", body)), start, end, "\\0", Writing.NUMBER)
     if not hexadecimal:  # as Lua has it
-        yield Candidate(unescape(body, _DECIMAL_ESCAPE, 10), start, end, "\\decimal", Level.NUMBER)
+        yield HexWindow(unescape(body, _DECIMAL_ESCAPE, 10), start, end, "\\decimal", Writing.NUMBER)
 
 
 def unescape(text: str, escape: re.Pattern[str] = _ESCAPE, base: int = 8) -> bytes:
@@ -144,7 +144,7 @@ def _octets(char: str) -> bytes:
     return char.encode("utf-8", "replace")
 
 
-def _decimals(text: str) -> Iterator[Candidate]:
+def _decimals(text: str) -> Iterator[HexWindow]:
     """`17, 3, 0, 107`, `[17 3 0 107]`, `[17][3]`, `17-3-0`; negative ones as Java has them."""
     for pattern in _DECIMALS:
         for match in pattern.finditer(text):
@@ -155,8 +155,8 @@ def _decimals(text: str) -> Iterator[Candidate]:
                 continue
             if max(values) < 256 and min(values) > -129 and not (min(values) < 0 and max(values) > 127):
                 node = _NODE_JSON.search(text, max(match.start() - 40, 0), match.start())
-                level = Level.BYTES if node else Level.NUMBER
-                yield Candidate(bytes(value & 0xFF for value in values), match.start(), end, "decimal", level)
+                level = Writing.BYTES if node else Writing.NUMBER
+                yield HexWindow(bytes(value & 0xFF for value in values), match.start(), end, "decimal", level)
 
 
 def _list_end(text: str, start: int, end: int) -> int:
@@ -169,28 +169,28 @@ def _list_end(text: str, start: int, end: int) -> int:
     return start if _GOES_ON.match(text, end) is not None else end
 
 
-def _digits(text: str) -> Iterator[Candidate]:
+def _digits(text: str) -> Iterator[HexWindow]:
     """`11 3 0 6B`, as `Serial.print(byte, HEX)` writes them."""
     for pattern in _DIGITS:
         for match in pattern.finditer(text):
             tokens = re.findall(rf"{H}+", match[0])
             if min(map(len, tokens)) == 1:
                 data = bytes(int(token, 16) for token in tokens)
-                yield Candidate(data, *match.span(), "digits", Level.NUMBER)
+                yield HexWindow(data, *match.span(), "digits", Writing.NUMBER)
 
 
-def _binary(text: str) -> Iterator[Candidate]:
+def _binary(text: str) -> Iterator[HexWindow]:
     """`00010001 00000011`"""
     for match in _BINARY.finditer(text):
         data = bytes(int(word, 2) for word in re.findall(r"\d+", match[0]))
-        yield Candidate(data, *match.span(), "binary", Level.NUMBER)
+        yield HexWindow(data, *match.span(), "binary", Writing.NUMBER)
 
 
-def _base64(text: str) -> Iterator[Candidate]:
+def _base64(text: str) -> Iterator[HexWindow]:
     """`EQMAawADdoc=`"""
     for match in _BASE64.finditer(text):
         if len(match[0]) < _LEAST_BASE64 or _PLAIN_WORD.fullmatch(match[0]):
             continue
         from base64 import b64decode
 
-        yield Candidate(b64decode(match[0]), *match.span(), "base64", Level.NUMBER)
+        yield HexWindow(b64decode(match[0]), *match.span(), "base64", Writing.NUMBER)

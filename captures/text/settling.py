@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
-from .choosing import MOST_JUDGED, Experience, Judge, Run
+from .choosing import MOST_JUDGED, ByteRun, Experience, Judge
 from .columns import MOST_ROWS, settle_columns
 from .copies import settle_copies
-from .hexshapes import Candidate, Level
+from .hexshapes import HexWindow, Writing
 from .loglines import LogLine
 
 _TAIL: Final = 260  # bytes without a right check value that a later run may complete
@@ -37,14 +37,14 @@ def settle(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> No
     settle_copies(lines, experience)
 
 
-def _speaks_for_itself(run: Run, line: LogLine, experience: Experience) -> bool:
+def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> bool:
     if run.sure or run.checked:
         return True
     if run.halved and not experience.other:
         return False
     if run.level >= experience.threshold:
         return True
-    if run.level is Level.LIKELY and run.mark and (len(run.data) > 1 or not run.heading):
+    if run.level is Writing.LIKELY and run.mark and (len(run.data) > 1 or not run.heading):
         return True
     if experience.decimals and run.shape == "decimal" and _plainly_decimal(line.clean[run.start : run.end]):
         return True
@@ -63,7 +63,7 @@ def only_bytes(lines: Sequence[LogLine]) -> bool:
     return all(len(line.runs) == 1 and line.runs[0].level and _is_all(line.runs[0], line) for line in filled)
 
 
-def _is_all(run: Run, line: LogLine) -> bool:
+def _is_all(run: ByteRun, line: LogLine) -> bool:
     return not any(char.isalnum() for char in line.clean[: run.start] + line.clean[run.end :])
 
 
@@ -74,7 +74,7 @@ def _beside(lines: Sequence[LogLine]) -> None:
         for one, other in pairwise(near):
             if len(one.runs) == len(other.runs) == 1 and one.runs[0].taken and not other.runs[0].taken:
                 run = other.runs[0]
-                if run.level is Level.LIKELY and not run.halved and _is_all(run, other) and _is_all(one.runs[0], one):
+                if run.level is Writing.LIKELY and not run.halved and _is_all(run, other) and _is_all(one.runs[0], one):
                     run.taken = (
                         len(run.data) > 1 or not other.clean[run.start : run.end].isdigit() or run.data[0] < 0x10
                     )
@@ -85,7 +85,7 @@ def _beside(lines: Sequence[LogLine]) -> None:
 
 def _blocks(lines: Sequence[LogLine], judge: Judge) -> None:
     """Runs that fill lines one below the other, read in another way where that makes right what is not."""
-    block: list[tuple[LogLine, Run]] = []
+    block: list[tuple[LogLine, ByteRun]] = []
     for line in [*lines, None]:
         if line is not None and line.runs and block and _begins(line, line.runs[0]) and len(block) < MOST_ROWS:
             block.append((line, line.runs[0]))
@@ -96,19 +96,19 @@ def _blocks(lines: Sequence[LogLine], judge: Judge) -> None:
         block = [(line, line.runs[-1])] if line is not None and line.runs and _opens(line, line.runs[-1]) else []
 
 
-def _begins(line: LogLine, run: Run) -> bool:
+def _begins(line: LogLine, run: ByteRun) -> bool:
     return not any(char.isalnum() for char in line.clean[: run.start]) or run.offset is not None
 
 
-def _opens(line: LogLine, run: Run) -> bool:
+def _opens(line: LogLine, run: ByteRun) -> bool:
     return _ends(line, run) and (len(run.data) > 1 or _begins(line, run))
 
 
-def _ends(line: LogLine, run: Run) -> bool:
+def _ends(line: LogLine, run: ByteRun) -> bool:
     return run.offset is not None or not any(char.isalnum() for char in line.clean[run.end :])
 
 
-def _reread(block: list[tuple[LogLine, Run]], judge: Judge) -> None:
+def _reread(block: list[tuple[LogLine, ByteRun]], judge: Judge) -> None:
     if any(run.checked for _, run in block):
         return
     readings = [_readings(run) for _, run in block]
@@ -140,8 +140,8 @@ def _rows_of_dumps(lines: Sequence[LogLine]) -> None:
                 run.data, run.padded = run.data[:-1], False
 
 
-def _readings(run: Run) -> dict[str, Run | Candidate]:
-    readings: dict[str, Run | Candidate] = {run.shape: run}
+def _readings(run: ByteRun) -> dict[str, ByteRun | HexWindow]:
+    readings: dict[str, ByteRun | HexWindow] = {run.shape: run}
     for other in run.others:
         if abs(other.end - run.end) < 2:
             readings.setdefault(other.shape, other)
@@ -167,15 +167,15 @@ def _tails(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> No
                 since = line.number
 
 
-def _completes(run: Run, open_runs: Sequence[bytes], judge: Judge) -> bool:
+def _completes(run: ByteRun, open_runs: Sequence[bytes], judge: Judge) -> bool:
     """Whether a frame begins in one of the open runs and ends with this one, which then is taken."""
-    candidates: tuple[Run | Candidate, ...] = (run, *run.others)
+    candidates: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
     for reading in candidates:
         for i in range(len(open_runs)):
             joint = b"".join(open_runs[i:]) + reading.data
             begins = len(joint) - len(reading.data)
             if any(span.start < begins and span.end == len(joint) for span in judge(joint)):
-                if isinstance(reading, Candidate):
+                if isinstance(reading, HexWindow):
                     run.take(reading)
                 run.taken = True
                 return True

@@ -95,7 +95,7 @@ _ARROW: Final = re.compile(r"->|=>|>>|<-|<=|<<|^\s*[<>]\s")
 _MARKING: Final = frozenset((*_MARK_OF, *_SIGNED))
 
 
-class Mark(NamedTuple):
+class LineMark(NamedTuple):
     """A mark's extent in its line, and what it says; a plain word outweighs an arrow or the name of who speaks."""
 
     start: int
@@ -105,9 +105,9 @@ class Mark(NamedTuple):
     plain: bool = False
 
 
-def marks(text: str) -> list[Mark]:
+def marks(text: str) -> list[LineMark]:
     """The marks of a line, in order."""
-    found: list[Mark] = []
+    found: list[LineMark] = []
     if text.isascii() and _MARKING.isdisjoint(_ASCII_WORD.findall(text.lower())) and not _ARROW.search(text):
         return found  # in most lines of most logs
     for match in _CANDIDATE.finditer(text):
@@ -115,11 +115,11 @@ def marks(text: str) -> list[Mark]:
         if word is None:
             arrow = match["arrow"].strip()
             kind = _ARROW_OF[arrow[0] if arrow[0] in _ARROW_OF else arrow[-1]]
-            found.append(Mark(match.start(), match.end(), kind, arrow=True))
+            found.append(LineMark(match.start(), match.end(), kind, arrow=True))
         elif kind := _of_word(word, signed=match["sign"] is not None):
             end = match.end("word")
             plain = word.lower() not in _SIGNED
-            found.append(Mark(match.start(), end + text.startswith(":", end), kind, plain=plain))
+            found.append(LineMark(match.start(), end + text.startswith(":", end), kind, plain=plain))
     return found
 
 
@@ -135,7 +135,7 @@ def _of_word(word: str, *, signed: bool) -> int:
     return kind
 
 
-class Role(Enum):
+class LineRole(Enum):
     """What a line of a tool's own layout is."""
 
     BYTES = auto()
@@ -149,7 +149,7 @@ class Shape:
     """The layout of one tool's line; `mark` for a layout that is a direction by itself."""
 
     tool: str
-    role: Role
+    role: LineRole
     pattern: re.Pattern[str]
     mark: int = NONE
 
@@ -161,14 +161,14 @@ _STRACE = r"^(?:\[pid +\d+\] |\d+ +)?(?:(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?|\d{9,1
 SHAPES = (
     Shape(
         "socat -x",
-        Role.HEADER,
+        LineRole.HEADER,
         re.compile(
             r"^(?P<mark>[<>]) (?P<time>\d{4}/\d\d/\d\d \d\d:\d\d:\d\d\.\d+) +length=(?P<length>\d+) from=\d+ to=\d+\s*$"
         ),
     ),
     Shape(
         "strace",
-        Role.STRING,
+        LineRole.STRING,
         re.compile(
             _STRACE + r"(?:<\.\.\. )?(?P<mark>read|write)(?: resumed>|\(\d+(?:<[^>]*>)?, )"
             r'"(?P<hex>(?:[^"\\]|\\.)*)"(?P<cut>\.\.\.)?, \d+\)\s+= (?P<length>-?\d+)'
@@ -176,34 +176,34 @@ SHAPES = (
     ),
     Shape(
         "strace",
-        Role.NOTHING,
+        LineRole.NOTHING,
         re.compile(
             _STRACE + r"(?:\w+\(.*(?:\)\s+= (?:-?\d|0x|\?)|<unfinished)|<\.\.\. \w+ resumed|"
             r"(?:\+{3}|-{3}) (?:exited|killed|SIG))"
         ),
     ),
-    Shape("Modbus Poll", Role.BYTES, re.compile(r"^(?P<mark>Tx|Rx):\d{4,}-(?P<hex>.*)$")),
-    Shape("Modbus Poll", Role.BYTES, re.compile(r"^\d{4,}-(?P<mark>Tx|Rx):(?P<hex>.*)$")),
+    Shape("Modbus Poll", LineRole.BYTES, re.compile(r"^(?P<mark>Tx|Rx):\d{4,}-(?P<hex>.*)$")),
+    Shape("Modbus Poll", LineRole.BYTES, re.compile(r"^\d{4,}-(?P<mark>Tx|Rx):(?P<hex>.*)$")),
     Shape(
         "QModMaster",
-        Role.BYTES,
+        LineRole.BYTES,
         re.compile(r"^\[\w+\]>(?P<mark>Tx|Rx) > (?P<time>\d\d:\d\d:\d\d:\d{3}) : ?(?P<hex>.*)$"),
     ),
     Shape(
         "pymodbus",
-        Role.BYTES,
+        LineRole.BYTES,
         re.compile(
             r"^(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?.*?\b(?P<mark>send|recv|processing): "
             r"(?P<hex>(?:0x[0-9a-f]{1,2}(?: |$))*)\s*(?:(?:extra data|unexpected data|old_data):.*)?$",
             re.IGNORECASE,
         ),
     ),
-    Shape("pymodbus", Role.NOTHING, re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3} [A-Z]+ +\w+:\d+ ")),
-    Shape("libmodbus", Role.BYTES, re.compile(r"^(?P<hex>(?:\[[0-9A-F]{2}\])+)\s*$"), TX),
-    Shape("libmodbus", Role.BYTES, re.compile(r"^(?P<hex>(?:<[0-9A-F]{2}>)+)\s*$"), RX),
+    Shape("pymodbus", LineRole.NOTHING, re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3} [A-Z]+ +\w+:\d+ ")),
+    Shape("libmodbus", LineRole.BYTES, re.compile(r"^(?P<hex>(?:\[[0-9A-F]{2}\])+)\s*$"), TX),
+    Shape("libmodbus", LineRole.BYTES, re.compile(r"^(?P<hex>(?:<[0-9A-F]{2}>)+)\s*$"), RX),
     Shape(
         "libmodbus, mbpoll",
-        Role.NOTHING,
+        LineRole.NOTHING,
         re.compile(
             r"^(?:Waiting for an? (?:confirmation|indication)|Opening /|-- Polling|\[\d+\]:\s|Bytes flushed|"
             r"debug enabled|Set (?:mode|device|function|rtu|number|start|response|timeout|daddr)\b|iGet\w*List\(|"
@@ -215,15 +215,15 @@ SHAPES = (
     ),
     Shape(
         "ESPHome",
-        Role.BYTES,
+        LineRole.BYTES,
         re.compile(
             r"^(?:\[(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?)\])?\[[A-Z]+\]\[uart_debug:\d+\]: (?P<mark>>>>|<<<) (?P<hex>.*)$"
         ),
     ),
-    Shape("ESPHome", Role.NOTHING, re.compile(r"^(?:\[[\d:.]+\])?\[[A-Z]{1,2}\]\[[\w.]+:\d+\]:")),
+    Shape("ESPHome", LineRole.NOTHING, re.compile(r"^(?:\[[\d:.]+\])?\[[A-Z]{1,2}\]\[[\w.]+:\d+\]:")),
     Shape(
         "PortMon",
-        Role.BYTES,
+        LineRole.BYTES,
         re.compile(
             r"^\d+(?=\s.*\bIRP_MJ_)\s{1,16}(?P<time>\d{1,2}:\d\d:\d\d(?:\.\d+)?(?: [AP]M)?|\d+\.\d+)?\s"
             r".*?\b(?P<mark>IRP_MJ_READ|IRP_MJ_WRITE)\s.*\bLength (?P<length>\d+): "
@@ -232,7 +232,7 @@ SHAPES = (
     ),
     Shape(
         "serial port monitors, table",
-        Role.BYTES,
+        LineRole.BYTES,
         re.compile(
             r"^\d+\t(?:(?P<time>[^\t]*\d:\d\d:\d\d[^\t]*)\t)?(?:[^\t]*\t){0,12}?(?P<mark>IRP_MJ_READ|IRP_MJ_WRITE)\t"
             r"(?:[^\t]*\t){0,12}?(?P<hex>[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})+) ?(?:\t|$)"
@@ -240,27 +240,27 @@ SHAPES = (
     ),
     Shape(
         "Eltima Serial Port Monitor",
-        Role.HEADER,
+        LineRole.HEADER,
         re.compile(r"^\d+\s+(?P<mark>IRP_MJ_READ|IRP_MJ_WRITE) - Request transfers data\b"),
     ),
     Shape(
         "Eltima Serial Port Monitor",
-        Role.NOTHING,
+        LineRole.NOTHING,
         re.compile(r"^\s+(?:STATUS_\w+|IOCTL_\w+ - .*|(?=[A-Za-z]*[g-zG-Z])[A-Za-z]+ - \w+)\s*$"),
     ),
     Shape(
         "Free Serial Analyzer",
-        Role.HEADER,
+        LineRole.HEADER,
         re.compile(r"^\[(?P<time>\d[^\]]+)\] (?P<mark>Written|Read) data \(\S+\)\s*$"),
     ),
     Shape(
         "PortMon",
-        Role.NOTHING,
+        LineRole.NOTHING,
         re.compile(
             r"^\d+\s.*\b(?:IRP_MJ_(?!READ|WRITE)\w+|IOCTL_\w+|"
             r"IRP_MJ_(?:READ|WRITE)\b(?!.*\b[0-9A-Fa-f]{2} [0-9A-Fa-f]{2}\b))"
         ),
     ),
-    Shape("sigrok uart", Role.BYTES, re.compile(r"^\d+-\d+ uart-\d+: (?P<hex>[0-9A-Fa-f]{2})\s*$")),
-    Shape("sigrok uart", Role.NOTHING, re.compile(r"^\d+-\d+ uart-\d+: \D")),
+    Shape("sigrok uart", LineRole.BYTES, re.compile(r"^\d+-\d+ uart-\d+: (?P<hex>[0-9A-Fa-f]{2})\s*$")),
+    Shape("sigrok uart", LineRole.NOTHING, re.compile(r"^\d+-\d+ uart-\d+: \D")),
 )

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from .files import map_for_unit, map_text, read_map, shipped_map, shipped_names
-    from .model import MapError, MappedValue, RegisterMap, Signature
+    from .model import DeviceSignature, MapError, MappedValue, RegisterMap
 
 __all__ = [
+    "DeviceSignature",
     "MapError",
     "MappedValue",
     "RegisterMap",
-    "Signature",
     "map_for_unit",
     "map_text",
     "read_map",
@@ -30,7 +30,7 @@ __all__ = [
 
 _HOME: Final = {
     **dict.fromkeys(("map_for_unit", "map_text", "read_map", "shipped_map", "shipped_names"), "files"),
-    **dict.fromkeys(("MapError", "MappedValue", "RegisterMap", "Signature"), "model"),
+    **dict.fromkeys(("MapError", "MappedValue", "RegisterMap", "DeviceSignature"), "model"),
 }
 
 

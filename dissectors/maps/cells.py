@@ -18,9 +18,9 @@ from .model import (
     AREA_WORDS,
     DIGIT_OF_AREA,
     VALUE_TYPES,
+    DeviceSignature,
     MapArea,
     MappedValue,
-    Signature,
 )
 
 _LAST_ADDRESS: Final = 0xFFFF
@@ -247,7 +247,7 @@ def number_text(number: float) -> str:
     return str(int(number)) if number == int(number) and abs(number) < 1e15 else repr(float(number))
 
 
-def signature_of(text: object) -> Signature:
+def signature_of(text: object) -> DeviceSignature:
     """The header's `match`: `server_id: TEXT; register: holding 40000 = 0x5375 0x6E53; poll: input 0 72`."""
     clauses: list[tuple[str, str]] = []
     if isinstance(text, Mapping):
@@ -274,10 +274,10 @@ def signature_of(text: object) -> Signature:
             polls.append((area, numbers[0], numbers[1]))
         else:
             raise CellError("match", key, "server_id, identification, register or poll")
-    return Signature(tuple(texts["server_id"]), tuple(texts["identification"]), tuple(registers), tuple(polls))
+    return DeviceSignature(tuple(texts["server_id"]), tuple(texts["identification"]), tuple(registers), tuple(polls))
 
 
-def signature_text(match: Signature) -> str:
+def signature_text(match: DeviceSignature) -> str:
     """The header line that `signature_of` reads."""
     return "; ".join(
         [f"server_id: {text}" for text in match.server_id]

@@ -88,7 +88,7 @@ class MappedValue:
 
 
 @dataclass(frozen=True, slots=True)
-class Signature:
+class DeviceSignature:
     """What tells that a device is the map's: any of these, the more the surer.
 
     `server_id` and `identification` are texts in the answers to functions 17 and 43; `registers` constants at
@@ -113,7 +113,7 @@ class RegisterMap:
     vendor: str = ""
     version: str = ""
     word_order: str = "ABCD"
-    match: Signature = Signature()
+    match: DeviceSignature = DeviceSignature()
     source: str = ""
     licence: str = ""
     other: Mapping[str, str] = field(default_factory=dict)

@@ -1,15 +1,19 @@
 """Maps as a flat table: CSV, what spreadsheets write. Lines `# key: value` before the column names are the header.
 
 Read as people have it: comma, semicolon or tab; a byte order mark; header lines with the delimiters that a spreadsheet
-adds. Unknown header keys and columns are kept. Written so that reading gives the same map.
+adds. Unknown header keys and columns are kept. Written so that reading gives the same map, and so that no spreadsheet
+runs a cell as a formula: such a text gets an apostrophe, which reading takes away.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
+
+from dissectors.values import FORMULA_STARTS
 
 from .cells import (
     COLUMN_NAMES,
@@ -35,6 +39,8 @@ HEADER_KEYS: Final = (
     "source",
     "licence",
 )
+_NUMBER: Final = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?", re.IGNORECASE)
+_FORMULA: Final = re.compile(rf"(^|[;\t])('*[{re.escape(''.join(FORMULA_STARTS))}])")
 _NEEDED: Final = ("address", "name")
 
 
@@ -44,7 +50,7 @@ def read_table(text: str, file: str) -> RegisterMap:
     header: dict[str, str] = {}
     begin = len(lines)
     for number, line in enumerate(lines):
-        bare = line.strip().strip('"').strip()
+        bare = _bared(_unquoted(line.strip()))
         if bare.startswith("#"):
             key, mark, value = bare.lstrip("# ").partition(":")
             if mark and key.strip():
@@ -57,7 +63,7 @@ def read_table(text: str, file: str) -> RegisterMap:
     delimiter = max(",;\t", key=lines[begin].count)
     numbered = ((begin + number, row) for number, row in csv_rows(lines[begin:], delimiter, file))
     _, names = next(numbered)
-    columns = [name.strip().lower() for name in names]
+    columns = [_bared(name.strip()).lower() for name in names]
     for needed in _NEEDED:
         if needed not in columns:
             there = one_line(", ".join(filter(None, columns)))[:200]
@@ -79,15 +85,35 @@ def write_table(chart: RegisterMap) -> str:
     """The CSV text of a map."""
     out = io.StringIO()
     for key, value in header_of(chart).items():
-        out.write(f"# {one_line(key.replace(':', ' '))}: {one_line(value)}\n")
+        out.write(_quoted(_guarded(f"# {one_line(key.replace(':', ' '))}: {one_line(value)}")) + "\n")
     rows = [cells_of(row, chart.word_order) for row in chart.rows]
     extra = dict.fromkeys(name for row in rows for name in row if name not in COLUMN_NAMES)
     always = ("area", "address", "name", "type")
     wanted = [name for name in COLUMN_NAMES if name in always or any(row[name] for row in rows)]
-    writer = csv.DictWriter(out, [*wanted, *extra], restval="", extrasaction="ignore", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
+    for cells in ({name: name for name in (*wanted, *extra)}, *rows):
+        out.write(",".join(_quoted(_guarded(cells.get(name, ""))) for name in (*wanted, *extra)) + "\n")
     return out.getvalue()
+
+
+def _quoted(cell: str) -> str:
+    """A cell as it stands whole whichever of the usual delimiters a spreadsheet takes."""
+    return '"' + cell.replace('"', '""') + '"' if re.search('[,;\t"]', cell) else cell
+
+
+def _unquoted(line: str) -> str:
+    """A header line as it was before `_quoted`, or a spreadsheet, put it between quotes."""
+    whole = re.fullmatch(r'"((?:[^"]|"")*)"[,;\t]*', line)
+    return (whole[1].replace('""', '"') if whole else line.strip('"')).strip()
+
+
+def _guarded(cell: str) -> str:
+    """A cell that no spreadsheet runs as a formula, not even one that cuts at semicolons; numbers stay numbers."""
+    return cell if _NUMBER.fullmatch(cell) else _FORMULA.sub(r"\1'\2", cell)
+
+
+def _bared(cell: str) -> str:
+    """A cell without the apostrophes that `_guarded` put into it."""
+    return _FORMULA.sub(lambda begin: begin[1] + begin[2].removeprefix("'"), cell)
 
 
 def header_of(chart: RegisterMap) -> dict[str, str]:
@@ -149,4 +175,4 @@ def _cells(rows: Iterator[tuple[int, list[str]]], columns: Sequence[str]) -> Ite
         if any(cell.strip() for cell in row) and not row[0].lstrip().startswith("#"):
             named = dict(zip(columns, row, strict=False))
             named.pop("", None)
-            yield number, {key: cell.strip() for key, cell in named.items()}
+            yield number, {key: _bared(cell.strip()) for key, cell in named.items()}

@@ -9,8 +9,9 @@ import numpy as np
 
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
-from ..evidence import HEALTHY, Evidence, kind_bits
-from ..exchanges import Outcome
+from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
+from ..exchanges import Ending
+from ..hits import evenness_bits
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Behind
 from ..unitledger import UnitLedger
@@ -28,9 +29,13 @@ _HURRIED: Final = 1.1  # of t3.5: the mean pause of a master that never rests
 _HURRIED_NS: Final = 3e5
 _MANY_POLLS: Final = 8
 _LONG_ROUND_NS: Final = 0.9e9
+_FEW_POLLS: Final = 3
+_SLOW_ROUND_NS: Final = 1.5e9
+_FULL: Final = 0.85  # of the line's time
 _SECONDS_NS: Final = 8e9
 _STORM: Final = 30  # broadcasts
 _STORM_NS: Final = 60e6
+_STORM_PAUSES: Final = 2.5  # times t3.5, on slow lines
 _HOLE_CHARS: Final = 1.5
 
 
@@ -55,15 +60,17 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     damaged = sum(map(evidence.damaged, units))
     readings = [reading for unit in units for reading in evidence.readings(unit)]
     hit = [unit for unit in units if evidence.damaged(unit) or unit.late or _hasty(evidence, unit)]
-    requests = sum(evidence.behind(unit, Behind.REQUEST) for unit in units)
-    crossed = hasty + late + requests + damaged * _share(readings, "crossed", "cut", "cut-short", "long")
+    requests = sum(map(evidence.requests_behind, units))
+    sent_into = max(_share(readings, "crossed", "cut", "cut-short", "long"), overlaid(readings) / max(len(readings), 1))
+    crossed = hasty + late + requests + damaged * sent_into
     hits = min(hasty + late + behind + damaged, evidence.ledger.exchanges)
     if crossed < _LEAST or crossed < 0.4 * hits or len(hit) < min(2, len(units)) or not hasty + late + requests:
         return
     bits = surplus_bits(hits, evidence.ledger.exchanges, HEALTHY) + kind_bits(readings, _COLLIDED)
-    bits += 2 * (hasty + late) + likelihood_bits(damaged + requests, damaged + behind, _ON_FRAMES)
+    bits += overlaid(readings) + 2 * (hasty + late) + likelihood_bits(damaged + requests, damaged + behind, _ON_FRAMES)
     bits -= likelihood_bits(damaged + requests, damaged + behind, 0.5)
-    costs = [evidence.cost(unit, Outcome.SILENT, Outcome.GARBAGE) for unit in units]
+    bits += evenness_bits(evidence) / 2  # two cycles meet where they do, yet not at one unit only
+    costs = [evidence.cost(unit, Ending.SILENT, Ending.GARBAGE) for unit in units]
     known = [ms for _, ms in costs if ms is not None]
     kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS)
     yield Suspicion(
@@ -79,7 +86,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
         },
         lost_answers=sum(lost for lost, _ in costs),
         lost_ms=round(sum(known), 3) if known else None,
-        frames=tuple(index for unit in hit for index in unit.examples.get(Outcome.GARBAGE, []))[:6],
+        frames=tuple(index for unit in hit for index in unit.examples.get(Ending.GARBAGE, []))[:6],
     )
 
 
@@ -158,10 +165,10 @@ def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
     if ledger.broadcasts < _STORM or share < _MOSTLY or ledger.broadcast_runs < 0.4 * ledger.broadcasts:
         return
     pause = _mean_pause(evidence)
-    if pause is None or pause > _STORM_NS:
+    if pause is None or pause > max(_STORM_NS, _STORM_PAUSES * (evidence.t35_ns or 0.0)):
         return
     silent = frozenset((Symptom.SILENCE, unit.unit) for unit in evidence.units)
-    costs = [evidence.cost(unit, Outcome.SILENT) for unit in evidence.units]
+    costs = [evidence.cost(unit, Ending.SILENT) for unit in evidence.units]
     known = [ms for _, ms in costs if ms is not None]
     yield Suspicion(
         (),
@@ -187,7 +194,7 @@ def _mean_pause(evidence: Evidence) -> float | None:
     if not ledger.span_ns or not ledger.line.baud:
         return None
     waited = sum(unit.waits.total for unit in evidence.units)
-    silent = sum(unit.count(Outcome.SILENT) for unit in evidence.units)
+    silent = sum(unit.count(Ending.SILENT) for unit in evidence.units)
     rested = ledger.span_ns - ledger.bytes * ledger.char_ns - waited
     return max(rested, 0.0) / max(ledger.exchanges - silent, 1)
 
@@ -360,8 +367,12 @@ def overload(evidence: Evidence) -> Iterator[Suspicion]:
     intervals = sorted(
         float(np.median(poll.intervals)) for poll in evidence.polls if poll.unit and len(poll.intervals) > 2
     )
-    if len(intervals) < _MANY_POLLS or intervals[len(intervals) // 2] < _LONG_ROUND_NS:
+    round_ns = intervals[len(intervals) // 2] if intervals else 0.0
+    long_list = len(intervals) >= _MANY_POLLS and round_ns >= _LONG_ROUND_NS
+    if not long_list and (len(intervals) < _FEW_POLLS or round_ns < _SLOW_ROUND_NS or load < _FULL):
         return  # a master that goes through a short list without a pause does what it is told
+    if evidence.verdict.fine and (ledger.request_gaps.quantile(0.5) or due) < _TOO_SOON * due:
+        return  # one that does not even keep the pause that is due would never rest, whatever its list
     yield Suspicion(
         (),
         100 * (load - _BUSY) + 40,

@@ -12,8 +12,9 @@ from ...diagnosis.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..registry import Suspicion, Symptom, suspect
+from ..signatures import AnswerDamage, Signature
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 3
@@ -24,6 +25,8 @@ _SOONER: Final = 0.85
 _SILENT: Final = 0.02
 _OTHERS: Final = 2
 _STEADY: Final = 0.3
+_OVERDUE: Final = 0.8  # of the timeout
+_FAR_SLOWER: Final = 3.0
 _KINDS: Final = {
     "crossed": 0.5,
     "other": 0.12,
@@ -51,6 +54,11 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
     if not evidence.ordered:
         return
     late = {unit.unit: _late(evidence, unit) for unit in evidence.units}
+    for unit in evidence.units:  # what is another's, it is late for
+        for reading in evidence.readings(unit) if evidence.is_open(Symptom.LATENESS, unit.unit) else ():
+            sender = reading.heard[0] if reading.damage is AnswerDamage.OTHER and reading.heard else unit.unit
+            if sender != unit.unit and sender in late:
+                late[sender] += 1
     for unit in evidence.units:
         others = [other for other in evidence.units if other.unit != unit.unit]
         mine, rest = late[unit.unit], sum(late[other.unit] for other in others)
@@ -67,7 +75,7 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         explains |= {
             (symptom, other.unit) for other in others for symptom in (Symptom.DAMAGE, Symptom.BEHIND, Symptom.SILENCE)
         }
-        lost, lost_ms = evidence.cost(unit, Outcome.SILENT, Outcome.GARBAGE)
+        lost, lost_ms = evidence.cost(unit, Ending.SILENT, Ending.GARBAGE)
         slow = unit.delays.quantile(0.9)
         yield Suspicion(
             (unit.unit,),
@@ -79,13 +87,15 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
                 "asked": unit.asked,
                 "others_late": rest,
                 "others_asked": sum(other.asked for other in others),
-                "delay": f" (it takes up to {slow / 1e6:.3g} ms)" if slow and evidence.verdict.wait_ns < slow else "",
+                "delay": f" (it takes up to {slow / 1e6:.3g} ms)"
+                if slow and evidence.verdict.wait_ns < slow and slow > 0.5 * (evidence.timeout_ns or 0.0)
+                else "",
             },
             since=unit.first,
             until=unit.last,
             lost_answers=lost + _redundant(unit).count,
             lost_ms=lost_ms,
-            frames=tuple(unit.examples.get(Outcome.SILENT, [])),
+            frames=tuple(unit.examples.get(Ending.SILENT, [])),
         )
 
 
@@ -94,13 +104,27 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
     if not evidence.is_open(Symptom.LATENESS, unit.unit):
         return 0
     found = unit.late + unit.strays
-    if unit.doubles <= 1.2 * unit.count(Outcome.SILENT):
+    if unit.doubles <= 1.2 * unit.count(Ending.SILENT):
         found += unit.doubles
     readings = evidence.readings(unit)
     slow = _redundant(unit)
-    late = [r for r in readings if kind_of(r) in ("crossed", "other") or r.delay >= slow.bound_ns]
-    found += round(unit.count(Outcome.GARBAGE) * len(late) / max(len(readings), 1))
+    bound = min(slow.bound_ns, _overdue_ns(evidence, unit))
+    late = [r for r in readings if kind_of(r) == "crossed" or r.delay >= bound or _own(r, unit)]
+    found += round(unit.count(Ending.GARBAGE) * len(late) / max(len(readings), 1))
     return found + max(slow.count, _unheeded(evidence, unit))
+
+
+def _own(reading: Signature, unit: UnitLedger) -> bool:
+    """Whether it is a right answer of this unit to another request."""
+    return reading.damage is AnswerDamage.OTHER and reading.heard[:1] == bytes((unit.unit,))
+
+
+def _overdue_ns(evidence: Evidence, unit: UnitLedger) -> float:
+    """The delay from which on bytes behind a request come when the master gives up, and its good answers never do."""
+    timeout, usual = evidence.timeout_ns, unit.delays.quantile(0.95)
+    if timeout is None or evidence.verdict.wait_ns > (1 - _OVERDUE) * timeout:
+        return UNKNOWN
+    return max(_OVERDUE * timeout, _FAR_SLOWER * (usual or 0.0))
 
 
 @dataclass(frozen=True, slots=True)

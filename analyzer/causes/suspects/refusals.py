@@ -8,7 +8,7 @@ from typing import Final
 from ...tables.findings import Severity
 from ..bits import clustering_bits, surplus_bits
 from ..evidence import Evidence
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..polls import Poll
 from ..registry import Suspicion, Symptom, suspect
 
@@ -57,7 +57,7 @@ def unit_busy(evidence: Evidence) -> Iterator[Suspicion]:
             until=spells[-1].end if spells else unit.last,
             period_s=round((begins[-1] - begins[0]) / (len(begins) - 1) / 1e9, 3) if recurs else None,
             lost_answers=unit.busy,
-            frames=tuple(unit.examples.get(Outcome.EXCEPTION, [])),
+            frames=tuple(unit.examples.get(Ending.EXCEPTION, [])),
         )
 
 
@@ -69,14 +69,14 @@ def _refused(evidence: Evidence, unit: int, codes: tuple[int, ...]) -> list[Poll
         poll
         for poll in evidence.polls_of(unit)
         if (hits := sum(poll.exceptions[code] for code in codes)) >= _LEAST
-        and hits >= _ALWAYS * (poll.count(Outcome.OK) + poll.count(Outcome.EXCEPTION))
+        and hits >= _ALWAYS * (poll.count(Ending.OK) + poll.count(Ending.EXCEPTION))
     ]
 
 
 def _well(evidence: Evidence, unit: int, functions: tuple[int, ...]) -> list[Poll]:
     """Polls of a unit by these functions that it answers."""
     mine = evidence.polls_of(unit)
-    return [poll for poll in mine if poll.function in functions and poll.count(Outcome.OK) > poll.exceptions.total()]
+    return [poll for poll in mine if poll.function in functions and poll.count(Ending.OK) > poll.exceptions.total()]
 
 
 def _beside(poll: Poll, well: list[Poll]) -> bool:
@@ -92,7 +92,7 @@ def _beside(poll: Poll, well: list[Poll]) -> bool:
 
 
 def _suspicion(evidence: Evidence, unit: int, polls: list[Poll], weight: float) -> Suspicion:
-    hits = sum(poll.count(Outcome.EXCEPTION) for poll in polls)
+    hits = sum(poll.count(Ending.EXCEPTION) for poll in polls)
     asked = sum(poll.asked for poll in polls)
     areas = ", ".join(f"{poll.address}..{poll.end - 1}" for poll in polls[:4]) + (" and more" if len(polls) > 4 else "")
     return Suspicion(
@@ -109,7 +109,7 @@ def _suspicion(evidence: Evidence, unit: int, polls: list[Poll], weight: float) 
         since=min(poll.first for poll in polls),
         until=max(poll.last for poll in polls),
         lost_answers=hits,
-        frames=tuple(evidence.ledger.units[unit].examples.get(Outcome.EXCEPTION, [])),
+        frames=tuple(evidence.ledger.units[unit].examples.get(Ending.EXCEPTION, [])),
     )
 
 

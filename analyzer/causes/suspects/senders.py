@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from math import log2
 from statistics import median
 from typing import Any, Final
@@ -13,16 +14,18 @@ from dissectors.answers import expectation
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..misreading import beheaded, formats_of
 from ..registry import Suspicion, Symptom, suspect
-from ..signatures import Behind, Damage, Signature
+from ..signatures import AnswerDamage, Behind, Signature
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 3
 _MOSTLY: Final = 0.5
 _OFTEN: Final = 0.2
 _RARELY: Final = 0.05
+_SHORT: Final = 0.8  # of what is due: two answers that overlap are no shorter than one,
+_SHORT_BITS: Final = 2.0  # but where the receiver falls out of step
 
 Numbers = Callable[[Evidence, UnitLedger, list[Signature]], Mapping[str, Any]]
 
@@ -47,24 +50,24 @@ def damage_suspicions(
 def damage_suspicion(evidence: Evidence, unit: UnitLedger, bits: float, more: Mapping[str, Any]) -> Suspicion:
     """The damaged answers of one unit."""
     others = [other for other in evidence.units if other.unit != unit.unit]
-    lost, lost_ms = evidence.cost(unit, Outcome.GARBAGE)
+    lost, lost_ms = evidence.cost(unit, Ending.GARBAGE)
     return Suspicion(
         (unit.unit,),
         bits,
         frozenset({(Symptom.DAMAGE, unit.unit), (Symptom.MARKS, unit.unit)}),
         {
             "unit": unit.unit,
-            "damaged": unit.count(Outcome.GARBAGE),
-            "answers": unit.answered + unit.count(Outcome.GARBAGE),
-            "others_damaged": sum(other.count(Outcome.GARBAGE) for other in others),
-            "others_answers": sum(other.answered + other.count(Outcome.GARBAGE) for other in others),
+            "damaged": unit.count(Ending.GARBAGE),
+            "answers": unit.answered + unit.count(Ending.GARBAGE),
+            "others_damaged": sum(other.count(Ending.GARBAGE) for other in others),
+            "others_answers": sum(other.answered + other.count(Ending.GARBAGE) for other in others),
             **more,
         },
         since=unit.samples.kept[0].t_asked if evidence.ledger.timed and unit.samples.kept else None,
         until=unit.samples.kept[-1].t_asked if evidence.ledger.timed and unit.samples.kept else None,
         lost_answers=lost,
         lost_ms=lost_ms,
-        frames=tuple(unit.examples.get(Outcome.GARBAGE, [])),
+        frames=tuple(unit.examples.get(Ending.GARBAGE, [])),
     )
 
 
@@ -80,7 +83,7 @@ _BEHEADED: Final = {"whole": 0.4, "head": 0.35, "middle": 0.1, "cut": 0.05, "cut
 
 
 def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
-    return {"bytes": median(each.bytes for each in readings if each.damage is Damage.HEAD)}
+    return {"bytes": median(each.bytes for each in readings if each.damage is AnswerDamage.HEAD)}
 
 
 @suspect(
@@ -95,7 +98,7 @@ def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     "direction; bias resistors hide a delay of less than a character",
 )
 def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
-    """Damage at the head of one sender's frames."""
+    """AnswerDamage at the head of one sender's frames."""
     yield from damage_suspicions(evidence, {"head": 0.85, "whole": 0.06, "middle": 0.03}, ("head",), _head)
     for unit in evidence.units:
         readings = evidence.readings(unit)
@@ -142,7 +145,7 @@ def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     "buffer)",
 )
 def driver_released_early(evidence: Evidence) -> Iterator[Suspicion]:
-    """Damage at the tail of one sender's frames."""
+    """AnswerDamage at the tail of one sender's frames."""
     expected = {"tail": 0.72, "cut-short": 0.15, "bits-tail": 0.08, "middle": 0.02}
     yield from damage_suspicions(evidence, expected, ("tail", "cut-short", "bits-tail"), _tail)
 
@@ -161,7 +164,7 @@ def crc_convention(evidence: Evidence) -> Iterator[Suspicion]:
     """All frames of one unit right by one other check value."""
 
     def variant(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
-        names = [each.detail for each in readings if each.damage is Damage.CONVENTION]
+        names = [each.detail for each in readings if each.damage is AnswerDamage.CONVENTION]
         return {"variant": max(set(names), key=names.count)}
 
     yield from damage_suspicions(evidence, {"convention": 0.95}, ("convention",), variant)
@@ -179,7 +182,9 @@ def crc_convention(evidence: Evidence) -> Iterator[Suspicion]:
 )
 def byte_count(evidence: Evidence) -> Iterator[Suspicion]:
     """All frames of one unit with a wrong count."""
-    yield from damage_suspicions(evidence, {"count": 0.95}, ("count", "other"))
+    for found in damage_suspicions(evidence, {"count": 0.95}, ("count", "other")):
+        unread = {(Symptom.LATENESS, found.units[0])}  # right frames of its that answer nothing
+        yield replace(found, explains=found.explains | unread)
 
 
 @suspect(
@@ -200,7 +205,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
         crossed = evidence.behind(unit, Behind.REQUEST, Behind.NOISE)
         crossed = round(crossed) if doubles >= _LEAST or (len(readings) >= _LEAST and crossed >= _LEAST) else 0
-        if doubles <= 1.2 * unit.count(Outcome.SILENT):
+        if doubles <= 1.2 * unit.count(Ending.SILENT):
             doubles = 0
         rest = [other for other in evidence.units if other is not unit]
         noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)
@@ -210,15 +215,23 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
             expected = {"whole": 0.35, "middle": 0.22, "long": 0.2, "cut": 0.06, "cut-short": 0.03, "crossed": 0.02,
                         "head": 0.12, "tail": 0.02, "bits": 0.03}  # fmt: skip
             bits += evidence.surplus(unit) + kind_bits(readings, expected)
+            bits -= _SHORT_BITS * _shortened(readings)
         if bits <= 0 or doubles + len(readings) < _LEAST:
             continue
         found = damage_suspicion(evidence, unit, bits, {"doubles": doubles})
-        explains = found.explains | {(Symptom.DOUBLES, unit.unit), (Symptom.BEHIND, unit.unit)}
-        yield Suspicion(**{**_fields(found), "explains": explains})
+        explains = found.explains | {(kind, unit.unit) for kind in (Symptom.DOUBLES, Symptom.BEHIND, Symptom.LATENESS)}
+        yield replace(found, explains=explains)
 
 
-def _fields(suspicion: Suspicion) -> dict[str, Any]:
-    return {name: getattr(suspicion, name) for name in Suspicion.__slots__}
+def _shortened(readings: list[Signature]) -> int:
+    """How many are too short and always by as much, as they are where one device sends faster than the line."""
+    dues = Counter(each.due for each in readings)
+    short = Counter((each.due, each.length) for each in readings if 0 < each.length < _SHORT * each.due)
+    return sum(
+        n
+        for (due, length), n in short.items()
+        if _MOSTLY * dues[due] < n + short[due, length - 1] + short[due, length + 1]
+    )
 
 
 @suspect(

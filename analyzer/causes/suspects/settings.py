@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import log2
 from typing import Any, Final
 
@@ -12,8 +12,8 @@ from dissectors.answers import expectation
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
-from ..exchanges import Outcome
-from ..misreading import CharacterFormat, formats_of, misread, other_formats
+from ..exchanges import Ending
+from ..misreading import CharacterFormat, formats_of, misread, other_formats, samples
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Signature
 from ..unitledger import UnitLedger
@@ -57,8 +57,9 @@ def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, 
     pairs = Counter((expectation(r.request).header, r.heard[:_MOST_BYTES]) for r in readings)
     for receiver in formats_of(evidence.ledger.line):
         for sender, drift in other_formats(receiver):
-            bits = (
-                sum(count * _match(header, heard, sender, receiver) for (header, heard), count in pairs.items()) - _BYTE
+            bits = -_BYTE + max(
+                sum(count * _match(h, heard, sender, receiver, sample) for (h, heard), count in pairs.items())
+                for sample in samples(sender, receiver)
             )
             if bits > best:
                 best = bits
@@ -66,9 +67,9 @@ def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, 
     return best, words
 
 
-def _match(header: bytes, heard: bytes, sender: CharacterFormat, receiver: CharacterFormat) -> float:
+def _match(header: bytes, heard: bytes, sender: CharacterFormat, receiver: CharacterFormat, sample: float) -> float:
     """Bits for first bytes that are garbled just so; nothing where they would be as they should."""
-    garbled = misread(header, sender, receiver)[:_MOST_BYTES]
+    garbled = misread(header, sender, receiver, sample)[:_MOST_BYTES]
     if not garbled or header.startswith(garbled):
         return 0.0
     same = next((i for i, (one, two) in enumerate(zip(garbled, heard, strict=False)) if one != two), len(garbled))
@@ -79,12 +80,18 @@ def _steadiness(unit: UnitLedger) -> float:
     """Whether the same poll gives the same garbage each time, as far as its header goes."""
     polls: dict[int, list[bytes]] = defaultdict(list)
     for sample in unit.samples.kept:
-        if sample.outcome == Outcome.GARBAGE:
+        if sample.outcome == Ending.GARBAGE:
             polls[sample.poll].append(b"".join(piece.data for piece in sample.pieces)[:2])
+    return max(_alike(polls.values(), unit.unit, count) for count in (1, 2))
+
+
+def _alike(polls: Iterable[Sequence[bytes]], unit: int, count: int) -> float:
+    """The same by so many bytes; the first one by itself only where it is not the unit's own."""
     bits = 0.0
-    for heads in polls.values():
-        common = Counter(heads).most_common(1)[0][1]
-        bits += (common - 1) * _SAME + (len(heads) - common) * _OTHER
+    for heads in polls:
+        common, times = Counter(head[:count] for head in heads).most_common(1)[0]
+        same = 0.0 if common == bytes((unit,)) else _SAME  # the unit's own number is no garbage
+        bits += (times - 1) * same + (len(heads) - times) * _OTHER
     return bits
 
 
@@ -103,5 +110,5 @@ def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
         {**found.numbers, "damaged": unit.marked, "others_damaged": sum(o.marked for o in others)},
         since=unit.first,
         until=unit.last,
-        frames=tuple(unit.examples.get(Outcome.OK, [])),
+        frames=tuple(unit.examples.get(Ending.OK, [])),
     )

@@ -8,7 +8,7 @@ from typing import Final
 from ...tables.findings import Severity
 from ..bits import clustering_bits, surplus_bits
 from ..evidence import Evidence
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..registry import Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 
@@ -21,6 +21,8 @@ _TO_THE_END: Final = 8
 _END_SHARE: Final = 0.1  # of the capture
 _AS_LATE: Final = 0.95
 _ALL: Final = 0.5
+_NO_ANSWER_BEHIND: Final = 11  # the exception by which a gateway says that its target failed to respond
+_NEARLY_ALL: Final = 0.95
 
 
 def _never(evidence: Evidence) -> list[UnitLedger]:
@@ -32,13 +34,13 @@ def _never(evidence: Evidence) -> list[UnitLedger]:
         and (not unit.answered or _only_repeats(unit))
         and not unit.strays
         and not unit.late
-        and unit.count(Outcome.GARBAGE) <= _STRAYS * unit.asked
+        and unit.count(Ending.GARBAGE) <= _STRAYS * unit.asked
     ]
 
 
 def _only_repeats(unit: UnitLedger) -> bool:
     """Whether what reads like its answers is the master's own requests once more: echoes, and as late as its repeats."""
-    if unit.answered != unit.echoes or unit.count(Outcome.SILENT) < 5 * unit.answered:
+    if unit.answered != unit.echoes or unit.count(Ending.SILENT) < 5 * unit.answered:
         return False
     delay, wait = unit.echo_delays.quantile(0.1), unit.waits.quantile(0.1)
     return delay is None or wait is None or delay > _AS_LATE * wait
@@ -50,7 +52,7 @@ def _died(evidence: Evidence, unit: UnitLedger) -> int | None:
     if spell is None or not unit.answered or not evidence.silent(unit) or _only_repeats(unit):
         return None
     before = max((each.count for each in unit.silences.all if each is not spell), default=0)
-    span = evidence.ledger.grid.width * 256 if not evidence.ledger.timed else evidence.ledger.span_ns
+    span = evidence.ledger.grid.width_ns * 256 if not evidence.ledger.timed else evidence.ledger.span_ns
     lasted = (spell.end - spell.begin) / max(span, 1)
     return spell.begin if spell.count >= max(_TO_THE_END, 3 * before) and lasted >= _END_SHARE else None
 
@@ -68,7 +70,7 @@ def _bits(silent: int, asked: int) -> float:
     "dead-unit",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} never answers{since}: {silent} of {asked} requests to it stayed without a byte, while "
+    text="Unit {unit} never answers{since}: {silent} of {asked} requests to it {how}, while "
     "{others_answered} of {others_asked} to other units were answered",
     share="{silent} of {asked} requests to unit {unit}, {others_silent} of {others_asked} to others",
     deciding_test="Poll unit {unit} alone, with a master put in the place of the bus: if it stays silent, it is the unit "
@@ -85,6 +87,36 @@ def dead_unit(evidence: Evidence) -> Iterator[Suspicion]:
         since = _died(evidence, unit)
         if since is not None:
             yield _silence(evidence, unit, since)
+        if evidence.is_open(Symptom.REFUSAL, unit.unit):
+            yield from _excused(evidence, unit)
+
+
+def _excused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
+    """A unit of which a gateway says that it does not answer (exception 0B), and never anything else."""
+    excused = sum(poll.exceptions[_NO_ANSWER_BEHIND] for poll in evidence.polls_of(unit.unit))
+    others = [other for other in evidence.units if other.unit != unit.unit]
+    if excused < _LEAST or excused < _NEARLY_ALL * unit.answered or not any(other.answered for other in others):
+        return
+    numbers = {
+        "unit": unit.unit,
+        "silent": excused,
+        "asked": unit.asked,
+        "since": "",
+        "how": "got exception 0B, by which a gateway says that its target is silent",
+        "others_asked": sum(other.asked for other in others),
+        "others_answered": sum(other.answered for other in others),
+        "others_silent": sum(other.count(Ending.SILENT) for other in others),
+    }
+    yield Suspicion(
+        (unit.unit,),
+        _bits(excused, unit.asked),
+        frozenset({(Symptom.REFUSAL, unit.unit), (Symptom.SILENCE, unit.unit)}),
+        numbers,
+        since=unit.first,
+        until=unit.last,
+        lost_answers=excused,
+        frames=tuple(unit.examples.get(Ending.EXCEPTION, [])),
+    )
 
 
 def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspicion:
@@ -94,7 +126,7 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
     bits = _bits(silent, unit.asked)
     if since is not None and lasting is not None:
         silent, bits = lasting.count, _bits(lasting.count, lasting.count)
-    lost, lost_ms = evidence.cost(unit, Outcome.SILENT)
+    lost, lost_ms = evidence.cost(unit, Ending.SILENT)
     return Suspicion(
         (unit.unit,),
         bits,
@@ -104,15 +136,16 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
             "silent": silent,
             "asked": silent if since is not None else unit.asked,
             "since": " any more" if since is not None else "",
+            "how": "stayed without a byte",
             "others_asked": sum(other.asked for other in others),
             "others_answered": sum(other.answered for other in others),
-            "others_silent": sum(other.count(Outcome.SILENT) for other in others),
+            "others_silent": sum(other.count(Ending.SILENT) for other in others),
         },
         since=unit.first if since is None else since,
         until=unit.last,
         lost_answers=lost,
         lost_ms=lost_ms,
-        frames=tuple(unit.examples.get(Outcome.SILENT, [])),
+        frames=tuple(unit.examples.get(Ending.SILENT, [])),
     )
 
 
@@ -132,7 +165,7 @@ def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
         return
     others = [unit for unit in evidence.units if unit not in never]
     weight = 1.0 if others else _ALL  # where nobody answers at all, the fault is hardly theirs
-    costs = [evidence.cost(unit, Outcome.SILENT) for unit in never]
+    costs = [evidence.cost(unit, Ending.SILENT) for unit in never]
     known = [ms for _, ms in costs if ms is not None]
     yield Suspicion(
         tuple(unit.unit for unit in never),
@@ -144,14 +177,14 @@ def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
             "list": ", ".join(str(unit.unit) for unit in never),
             "silent": sum(evidence.silent(unit) for unit in never),
             "asked": sum(unit.asked for unit in never),
-            "others_silent": sum(unit.count(Outcome.SILENT) for unit in others),
+            "others_silent": sum(unit.count(Ending.SILENT) for unit in others),
             "others_asked": sum(unit.asked for unit in others),
         },
         since=min(unit.first for unit in never),
         until=max(unit.last for unit in never),
         lost_answers=sum(lost for lost, _ in costs),
         lost_ms=round(sum(known), 3) if known else None,
-        frames=tuple(index for unit in never for index in unit.examples.get(Outcome.SILENT, []))[:8],
+        frames=tuple(index for unit in never for index in unit.examples.get(Ending.SILENT, []))[:8],
     )
 
 
@@ -172,7 +205,7 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in never if len(never) == 1 else ():
         tries = _tries(unit)
         if tries >= _MANY_TRIES:
-            lost, lost_ms = evidence.cost(unit, Outcome.SILENT)
+            lost, lost_ms = evidence.cost(unit, Ending.SILENT)
             yield Suspicion(
                 (unit.unit,),
                 _bits(evidence.silent(unit), unit.asked) + tries,
@@ -182,7 +215,7 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
                 until=unit.last,
                 lost_answers=lost,
                 lost_ms=lost_ms,
-                frames=tuple(unit.examples.get(Outcome.SILENT, [])),
+                frames=tuple(unit.examples.get(Ending.SILENT, [])),
             )
 
 
@@ -205,7 +238,7 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
         runs = len(unit.silences.all) + unit.silences.single + unit.silences.more
         begins = [each.begin for each in spells]
         lengths = [each.end - each.begin for each in spells]
-        lost, lost_ms = evidence.cost(unit, Outcome.SILENT)
+        lost, lost_ms = evidence.cost(unit, Ending.SILENT)
         timed = evidence.ledger.timed
         yield Suspicion(
             (unit.unit,),
@@ -223,5 +256,5 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
             period_s=round((begins[-1] - begins[0]) / (len(begins) - 1) / 1e9, 3) if timed else None,
             lost_answers=lost,
             lost_ms=lost_ms,
-            frames=tuple(unit.examples.get(Outcome.SILENT, [])),
+            frames=tuple(unit.examples.get(Ending.SILENT, [])),
         )

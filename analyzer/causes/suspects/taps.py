@@ -14,7 +14,7 @@ from ...deframing.directions import port_role
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import Evidence
-from ..exchanges import Outcome
+from ..exchanges import Ending
 from ..registry import Explained, Suspicion, Symptom, suspect
 
 _LEAST: Final = 20  # frames
@@ -22,7 +22,7 @@ _NEARLY_ALL: Final = 0.9
 _NOTHING: Final = 0.12  # of the bytes in right frames
 _BYTES: Final = 150
 _TEXT: Final = 0.7  # of bytes that people can read: no UART set wrongly gives so many
-_ECHO_NS: Final = 40e6
+_MOSTLY: Final = 0.5
 _COPY_BITS: Final = 64.0  # eight bytes that are just those before
 _TIMERS: Final = 0.015  # of a timeout: so far a master's timer strays
 _LATE_NS: Final = 500_000  # and as late its task comes to run
@@ -144,21 +144,19 @@ def _frames_in(data: bytes, role: Role) -> int:
 def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
     """Each request twice, at once."""
     ledger = evidence.ledger
-    echoed = ledger.repeats_answered
-    wait = ledger.repeat_waits.quantile(0.5)
-    if wait is not None and wait > _ECHO_NS + (
-        evidence.verdict.wait_ns if np.isfinite(evidence.verdict.wait_ns) else 0.0
-    ):
-        echoed = 0
+    echoed = ledger.repeats_answered if ledger.echoing else 0
+    explains: set[tuple[Symptom, int | None]] = {(Symptom.FRAMING, None), (Symptom.TIMING, None)}
     for unit in evidence.units:
         readings = evidence.readings(unit)
         share = sum(reading.echoed for reading in readings) / len(readings) if readings else 0.0
-        echoed += round(share * unit.count(Outcome.GARBAGE))
-    firsts = max(ledger.exchanges - ledger.repeats_answered - ledger.broadcasts, 1)
+        echoed += round(share * unit.count(Ending.GARBAGE))
+        if share > _MOSTLY:
+            explains |= {(kind, unit.unit) for kind in Symptom}
+    firsts = max(sum(unit.asked for unit in evidence.units), 1)
     if echoed < _LEAST / 2 or echoed < 0.4 * firsts:
         return
-    bits = _COPY_BITS * echoed
-    yield Suspicion((), bits, _everything(evidence), {"echoes": echoed, "requests": firsts}, ledger.begin, ledger.end)
+    numbers = {"echoes": echoed, "requests": firsts}
+    yield Suspicion((), _COPY_BITS * echoed, frozenset(explains), numbers, ledger.begin, ledger.end)
 
 
 @suspect(

@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, NamedTuple
 
+from dissectors.adu import MAX_PDU, MIN_ADU, OVERHEAD
 from dissectors.answers import Expectation, expectation
 from dissectors.crc import crc_bytes, needed, registers
-from dissectors.length_rules import MAX_PDU, Role
+from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, rule
-
-OVERHEAD = 3  # unit and CRC around the PDU
-MIN_ADU = 4
-MAX_ADU = 256  # [2] 2.5.1
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,12 @@ from dataclasses import replace
 from math import inf, log2
 from typing import Final, NamedTuple
 
+from dissectors.adu import EXCEPTION, MAX_ADU
 from dissectors.crc import byte_between, crc_bytes, flipped_bit
 from dissectors.crc_variants import VARIANTS, matching
-from dissectors.declaration import EXCEPTION
 from dissectors.length_rules import Role
 
-from .case import MAX_ADU, ByteRepair, DamagedFrame, Explanation, Length, agrees, answer_length, told
+from .case import ByteRepair, DamagedFrame, Explanation, Length, agrees, answer_length, told
 from .flow_control import swallowed
 from .likelihood import BYTE, LENGTH_TOLD, RECURS, REFUSED, counted, likelihood, opening
 

@@ -12,11 +12,12 @@ from dataclasses import replace
 from math import comb, inf, log2
 from typing import Final, NamedTuple
 
+from dissectors.adu import MAX_ADU, MIN_ADU, OVERHEAD
 from dissectors.crc import byte_between, stepped
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length
 
-from .case import FRAME, MAX_ADU, MIN_ADU, OVERHEAD, ByteRepair, DamagedFrame, Explanation, told
+from .case import FRAME, ByteRepair, DamagedFrame, Explanation, told
 from .likelihood import BYTE, likelihood
 
 XON_XOFF: Final = frozenset((0x11, 0x13))

@@ -12,14 +12,15 @@ from functools import lru_cache
 from math import inf, log2
 from typing import Final
 
-from dissectors.declaration import EXCEPTION, USER_DEFINED
+from dissectors.adu import EXCEPTION, LAST_UNIT, MIN_ADU
+from dissectors.declaration import USER_DEFINED
 from dissectors.functions.exceptions import EXCEPTIONS
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, plausibility, rule
 from dissectors.limits import Bound, Choice, Multiple, Sized
 from dissectors.registry import revision
 
-from .case import MIN_ADU, DamagedFrame
+from .case import DamagedFrame
 
 BYTE: Final = 8.0
 _FITS: Final = -0.2  # nearly every answer is the one that was asked for
@@ -91,7 +92,7 @@ def header(data: bytes, case: DamagedFrame) -> float:
 
 
 def _unit(unit: int, case: DamagedFrame) -> float:
-    if unit > 247:
+    if unit > LAST_UNIT:
         return _UNIT_RESERVED
     if not unit:
         return _UNIT_BROADCAST

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from dissectors.adu import OVERHEAD
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, rule
 from dissectors.registry import revision
@@ -21,7 +22,6 @@ from ...tables.batch import Batch
 from ...tables.schema import NO_GAP, Kind, Protocol, Row
 from ..view import DiagnosisStep, EarlierRow, LookBack, where
 from . import DamagedFrame, DividedFrame, Explanation, autopsy, divided, joined
-from .case import OVERHEAD
 
 HASTE_NS: Final = 50_000_000  # sooner than any master gives up waiting
 _HARD_NS: Final = 1_500_000  # what comes sooner belongs to the frame before

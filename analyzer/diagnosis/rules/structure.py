@@ -14,19 +14,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.adu import EXCEPTION, LAST_UNIT, MAX_ADU
 from dissectors.functions import function_class, function_name
 from dissectors.length_rules import Role
 from dissectors.lengths import RULES, layout, relations
 from dissectors.limits import Bound, Choice, RequestedByteCount, Sized, taken
 from dissectors.registry import revision
 
-from ...deframing.rules import MAX_ADU
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import Protocol
 from ..view import DiagnosisStep, where
-
-_LAST_UNIT: Final = 247
-_EXCEPTION: Final = 0x80
 
 
 def _asked(numbers: Mapping[str, float]) -> str:
@@ -223,18 +220,18 @@ def padding(view: DiagnosisStep) -> Iterator[Findings]:
 @looks_for(RESERVED_UNIT, RESERVED_FUNCTION, INVALID_FUNCTION, TOO_LONG)
 def codes(view: DiagnosisStep) -> Iterator[Findings]:
     """Units, function codes and lengths that the specification does not know."""
-    unit = where((view.column("unit") > _LAST_UNIT) & (view.column("protocol") != Protocol.TCP))  # 255 is usual there
+    unit = where((view.column("unit") > LAST_UNIT) & (view.column("protocol") != Protocol.TCP))  # 255 is usual there
     if len(unit):
         rows = view.rows[view.right(unit)]
         yield RESERVED_UNIT.on(rows, rows["unit"])
     for code in view.asked_functions:
-        if code & _EXCEPTION or not code:
+        if code & EXCEPTION or not code:
             yield INVALID_FUNCTION.on(view.rows[view.requests[view.requested == code]], code)
         elif _reserved(code, revision()):
             yield RESERVED_FUNCTION.on(view.rows[view.requests[view.requested == code]], code)
     for place in view.strays.tolist():
         code = int(view.data[view.plain.at[place] + 1])
-        if code and not code & _EXCEPTION and _reserved(code, revision()):
+        if code and not code & EXCEPTION and _reserved(code, revision()):
             yield RESERVED_FUNCTION.on(view.rows[place : place + 1], code)
     long = where(view.column("length") > MAX_ADU)
     if len(long):

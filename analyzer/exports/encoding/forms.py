@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.adu import EXCEPTION
 from dissectors.blocks import Bits
-from dissectors.declaration import EXCEPTION
 from dissectors.functions import function
 from dissectors.layout import CountedBlock, FieldRef, Slots, exception_slots, slots
 from dissectors.length_rules import Role

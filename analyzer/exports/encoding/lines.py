@@ -63,7 +63,7 @@ class FrameJsonLines:
         sheet = Sheet(self._store, sizes)
         sheet.at(np.flatnonzero(silent)).put_texts([_noise(batch, row) for row in here[silent].tolist()])
         self._envelope.put_head(spoken, here[frames], source, sheet.at(frames))
-        self._envelope.put_tail(spoken, here[frames], batch, sheet.at(frames, -TAIL))
+        self._envelope.put_tail(spoken, here[frames], batch, sheet.before_end(frames, TAIL))
         self._put_fields(groups, rows, here, source, sheet)
         return sheet.parts()
 
@@ -82,7 +82,7 @@ class FrameJsonLines:
     def _put_around(self, rows: Rows, formed: Ints, source: BatchBytes, sheet: Sheet) -> None:
         """Unit and function, and the check value, of RTU frames."""
         begins, lengths = rows["at"][formed], rows["length"][formed]
-        head, tail = sheet.at(formed, HEAD), sheet.at(formed, -TAIL - 2)
+        head, tail = sheet.at(formed, HEAD), sheet.before_end(formed, TAIL + 2)
         head.put(self._unit.take(source.octets(begins)))
         kind = rows["kind"][formed].astype(np.int64)
         head.put(self._function.take(kind << 8 | source.octets(begins + 1)))

@@ -30,8 +30,12 @@ class Sheet:
         self.pieces: Pieces = np.empty(int(self._ends[-1]) if len(counts) else 0, np.int64)
 
     def at(self, lines: Ints, piece: int = 0) -> Cursor:
-        """A cursor on piece number `piece` of some lines; negative ones count from the end."""
-        return Cursor(self, (self._ends if piece < 0 else self._begins)[lines] + piece)
+        """A cursor on piece number `piece` of some lines."""
+        return Cursor(self, self._begins[lines] + piece)
+
+    def before_end(self, lines: Ints, pieces: Ints | int) -> Cursor:
+        """A cursor on the last pieces of some lines, so many of each."""
+        return Cursor(self, self._ends[lines] - pieces)
 
     def lend(self, text: bytes | Bytes) -> int:
         """Where a text begins (counted from the store's end) that is for this sheet only."""

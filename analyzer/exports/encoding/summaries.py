@@ -11,8 +11,8 @@ from string import Formatter
 
 import numpy as np
 
+from dissectors.adu import EXCEPTION
 from dissectors.annotation import summary
-from dissectors.declaration import EXCEPTION
 from dissectors.envelopes import rtu
 from dissectors.fields import filled
 from dissectors.functions import function

@@ -10,12 +10,12 @@ import csv
 import io
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dissectors.functions import function_name
+from dissectors.values import FORMULA_STARTS
 
 from ...tables.batch import Batch
 from ...tables.columns import Decoded, decode
@@ -27,7 +27,7 @@ from ..encoding import explain_json
 from ..encoding.envelope import Whole
 from ..encoding.forms import BatchBytes, Forms, kept
 from ..encoding.pieces import Ints, Pieces, Store, without
-from ..encoding.sheet import Cursor, Sheet
+from ..encoding.sheet import Cursor, Sheet, within
 from ..encoding.summaries import words
 from ..output import OutputStream
 from ..sink import ExportOptions
@@ -75,12 +75,22 @@ EXPLAINED: Final = (
     "runner_up_start",
     "runner_up_length",
 )
-_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 _HEAD: Final = 5 + 9  # pieces before the summary, times left out
 _TIMES: Final = 7  # theirs
+_TAIL: Final = 5  # pieces behind the summary, values left out
+_TAIL_TIMED: Final = _TAIL + 3
 _NO_CHECK: Final = 2  # in a key: beside 0 and 1, whether the check value is right
 _EXACT: Final = 1 << 53  # nanoseconds that a float still counts
 _SPECIAL: Final = frozenset(',"\r\n')
+
+
+class _Said(NamedTuple):
+    """What frames speak of: -1 for none; how many values each has, and the values of all, end to end."""
+
+    address: Ints
+    quantity: Ints
+    counts: Ints
+    values: Ints
 
 
 class _CsvTable:
@@ -92,6 +102,9 @@ class _CsvTable:
         self._pdus: Pdus | None = None
         self._store = Store()
         self._cell = self._store.table(lambda number: b",%d," % number)
+        self._known = self._store.table(lambda number: b",%d" % (number - 1) if number else b",")
+        self._value = self._store.table_of_many(lambda numbers: [b" %d" % number for number in numbers])
+        self._second = self._store.table(_second)
         self._unit = self._store.table(_unit)
         self._function = self._store.table(_function)
         self._confidence = self._store.table(lambda key: b",%.6f," % float(np.uint32(key).view(np.float32)))
@@ -118,9 +131,12 @@ class _CsvTable:
         source = BatchBytes.of(self._pdus, spoken)
         groups = self._forms.groups(rows, here, source)
         head = _HEAD + (_TIMES if self._timed else 1)
-        sizes = np.where(silent, 1, head + 2)
+        said = self._contents(batch, here[frames])
+        tail = (_TAIL_TIMED if self._timed else _TAIL) + said.counts
+        sizes = np.ones(len(rows), np.int64)
+        sizes[frames] = head + 1 + tail
         for group in groups:
-            sizes[group.lines] = head + group.sizes() + 1
+            sizes[group.lines] += group.sizes() - 1
         sheet = Sheet(self._store, sizes)
         sheet.at(np.flatnonzero(silent)).put_texts(self._noise(batch, here[silent]))
         self._put_head(spoken, here[frames], source, sheet.at(frames))
@@ -128,9 +144,9 @@ class _CsvTable:
         for group in groups:
             group.put(source, sheet.at(group.lines, head))
             whole[group.lines] = False
-        said = [self._whole.text(batch.frame(row)) for row in here[whole].tolist()]
-        sheet.at(np.flatnonzero(whole), head).put_texts(said)
-        sheet.at(frames, -1).put(self._ends(batch, here[frames], sheet))
+        annotated = [self._whole.text(batch.frame(row)) for row in here[whole].tolist()]
+        sheet.at(np.flatnonzero(whole), head).put_texts(annotated)
+        self._put_tail(spoken, said, batch, here[frames], sheet.before_end(frames, tail))
         for part in sheet.parts():
             self._out.write(part)
 
@@ -180,32 +196,48 @@ class _CsvTable:
         cursor.put(b",")
         cursor.put_numbers(rows["t_end"])
 
-    def _ends(self, batch: Batch, here: Ints, sheet: Sheet) -> Ints:
-        """What is behind the summary: findings, and the reasons where they are asked for."""
-        findings = [b""] * len(here)
-        for i in np.flatnonzero(batch.finding_counts[here]).tolist():
-            findings[i] = _findings(batch.findings_of(int(here[i])))
-        why = [b""] * len(here)
+    def _put_tail(self, rows: Rows, said: _Said, batch: Batch, here: Ints, cursor: Cursor) -> None:
+        """What is behind the summary, and the line's end."""
+        found = np.full(len(here), self._store.fixed(b'",,'))
+        odd = np.flatnonzero(batch.finding_counts[here])
+        if len(odd):
+            texts = [b'",' + _findings(batch.findings_of(row)) + b"," for row in here[odd].tolist()]
+            found[odd] = cursor.sheet.texts(texts)
+        cursor.put(found)
+        if self._timed:
+            self._put_clock(rows["t_start"], cursor)
+        cursor.put(self._known.take(said.address + 1))
+        cursor.put(self._known.take(said.quantity + 1))
+        cursor.put(b",")
+        numbers = self._value.take(said.values)
+        cursor.spread(said.counts, np.where(within(said.counts) > 0, numbers, without(numbers, 1)))
         if self._options.explain:
-            why = [_explained(batch.frame(row)) for row in here.tolist()]
-        parts = zip(findings, self._contents(batch, here), why, strict=True)
-        return sheet.texts([b'",%b,%b%b\n' % part for part in parts])
+            cursor.put_texts([_explained(batch.frame(row)) + b"\n" for row in here.tolist()])
+        else:
+            cursor.put(b"\n")
 
-    def _contents(self, batch: Batch, here: Ints) -> list[bytes]:
-        """Wall clock, address, quantity and values, in cells."""
+    def _put_clock(self, t_ns: Ints, cursor: Cursor) -> None:
+        """ISO 8601 in UTC to the microsecond; nothing for times that no clock of ours gave."""
+        second, fraction, zone = np.full((3, len(t_ns)), self._store.fixed(b""))
+        known = np.flatnonzero(is_clock(t_ns))
+        if len(known):
+            seconds, rest = np.divmod(t_ns[known] // 1000, 1_000_000)
+            second[known] = self._second.take(seconds)
+            fraction[known] = without(cursor.sheet.numbers(1_000_000 + rest), 1)
+            zone[known] = self._store.fixed(b"Z")
+        for part in (second, fraction, zone):
+            cursor.put(part)
+
+    def _contents(self, batch: Batch, here: Ints) -> _Said:
+        """What some rows speak of."""
         if self._decoded is None or self._decoded[0] is not batch:
-            self._decoded = batch, decode(batch)
+            self._decoded = batch, decode(batch, self._pdus)
         decoded = self._decoded[1]
-        times = _wall_clock(batch.rows["t_start"][here]) if self._timed else [b""] * len(here)
-        address = [b"%d" % n if n >= 0 else b"" for n in decoded.address[here].tolist()]
-        quantity = [b"%d" % n if n >= 0 else b"" for n in decoded.quantity[here].tolist()]
-        begins, ends = decoded.offsets[here].tolist(), decoded.offsets[1:][here].tolist()
-        values = decoded.values.tolist() if len(here) else []
-        texts = [
-            " ".join(map(str, values[begin:end])).encode() if end > begin else b""
-            for begin, end in zip(begins, ends, strict=True)
-        ]
-        return [b"%b,%b,%b,%b" % cells for cells in zip(times, address, quantity, texts, strict=True)]
+        begins = decoded.offsets[here]
+        counts = decoded.offsets[here + 1] - begins
+        values = decoded.values.take(np.repeat(begins, counts) + within(counts)).astype(np.int64)
+        address, quantity = (column[here].astype(np.int64) for column in (decoded.address, decoded.quantity))
+        return _Said(address, quantity, counts, values)
 
     def _noise(self, batch: Batch, here: Ints) -> list[bytes]:
         blank = b"," * (COLUMNS.index("hex") - COLUMNS.index("t_end_ns"))
@@ -256,10 +288,9 @@ def _seconds(ns: Ints, sheet: Sheet) -> tuple[Pieces, Pieces]:
     return before, behind
 
 
-def _wall_clock(t_ns: NDArray[np.int64]) -> list[bytes]:
-    """ISO 8601 in UTC to the microsecond; nothing for times that no clock of ours gave."""
-    texts = np.datetime_as_string(t_ns.astype("datetime64[ns]").astype("datetime64[us]"), timezone="UTC")
-    return [text.encode() if is_clock(ns) else b"" for text, ns in zip(texts.tolist(), t_ns.tolist(), strict=True)]
+def _second(second: int) -> bytes:
+    """`2026-11-22T08:29:51.`, in UTC."""
+    return f"{np.datetime64(second, 's')}.".encode()
 
 
 def _unit(key: int) -> bytes:
@@ -306,7 +337,7 @@ def _quoted(text: str) -> bytes:
 
 def safe(text: str) -> str:
     """Text that no spreadsheet runs as a formula."""
-    return f"'{text}" if text.startswith(_FORMULA) else text
+    return f"'{text}" if text.startswith(FORMULA_STARTS) else text
 
 
 def open_sink(out: OutputStream, capture: Capture, options: ExportOptions) -> _CsvTable:

@@ -83,7 +83,7 @@ _FROM_AT, _TO_AT = 4, 6  # words of the tags that are the addresses
 _AFTER: Final = 4  # words behind the bytes: the flags, the end of the options, the block's size
 
 
-class _Packets:
+class _PacketWriter:
     def __init__(self, out: OutputStream, capture: Capture, options: ExportOptions) -> None:
         self._out = out
         self._options = options
@@ -248,6 +248,6 @@ class PacketStream:
         return _interface(port, line), self._interfaces[port]
 
 
-def open_sink(out: OutputStream, capture: Capture, options: ExportOptions) -> _Packets:
+def open_sink(out: OutputStream, capture: Capture, options: ExportOptions) -> _PacketWriter:
     """Packets onto `out`."""
-    return _Packets(out, capture, options)
+    return _PacketWriter(out, capture, options)

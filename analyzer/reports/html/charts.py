@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 
 from ...outages import Deaf, unheard
-from ...tables.timebins import TroubleBins
 from ...words import duration
 from ..model import UnitRow
+from .troublebins import TroubleBins
 
 WIDTH: Final = 900  # of a drawing, in its own units; it scales with the page
 _LEFT: Final = 54

@@ -11,7 +11,7 @@ from ...tables.batch import Batch, rows_of_findings
 from ...tables.findings import Finding, Findings, describe
 from ...tables.frame import Frame
 from ...tables.schema import Kind
-from ...tables.timebins import TroubleBins
+from .troublebins import TroubleBins
 
 if TYPE_CHECKING:
     from ...core import Analysed

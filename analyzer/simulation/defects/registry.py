@@ -12,13 +12,12 @@ the number of exchanges that the capture should have.
 
 from __future__ import annotations
 
-import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, TypeVar
+
+from ...registry import Registry
 
 if TYPE_CHECKING:
     from .stage import Stage
@@ -60,16 +59,14 @@ _APART: Final = 12
 _LAST: Final = 3
 
 _F = TypeVar("_F", bound=Callable[..., None])
-_declared: dict[str, Defect] = {}
+_DEFECTS: Final = Registry[Defect]("analyzer.simulation.defects", "defect")
 
 
 def defect(code: str, **how: Any) -> Callable[[_F], _F]:
     """Enters a function as the defect of this code."""
 
     def enter(place: _F) -> _F:
-        if code in _declared:
-            raise ValueError(f"two defects have the code {code}")
-        _declared[code] = Defect(code, place, **how)
+        _DEFECTS.enter(code, Defect(code, place, **how))
         return place
 
     return enter
@@ -78,7 +75,4 @@ def defect(code: str, **how: Any) -> Callable[[_F], _F]:
 @cache
 def defects() -> Mapping[str, Defect]:
     """All defects, by code."""
-    package = import_module("analyzer.simulation.defects")
-    for name in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
-        import_module(f"{package.__name__}.{name}")
-    return MappingProxyType(dict(sorted(_declared.items())))
+    return _DEFECTS.by_name()

@@ -10,18 +10,19 @@ import struct
 from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from random import Random
 from typing import Any
 
 import captures
 
 from ..taps import TAPS, with_errors
+from .envelopes import ASCII
 from .master import FieldMaster, FieldPoll, FieldRequest, Manners
 from .schedule import Schedule
-from .uart import Octet, Uart
+from .uart import LineUart, ReceivedOctet
 from .units import MS, FieldUnit
-from .wire import FieldWire, Pulse
+from .wire import FieldWire, Pulse, TapEnd
 
 SECOND = 1e9
 _BAUDS = (1200, 2400, 4800, 9600, 9600, 9600, 19200, 19200, 38400, 57600, 115200)
@@ -33,11 +34,12 @@ _REQUESTS = 1500  # about: a site's capture is no longer than these take
 @dataclass(frozen=True, slots=True)
 class Expected:
     """What an analysis of a case should say first: a cause (None: nothing at all) and one of these units, if any are
-    named; `also` are other causes that are true of it."""
+    named; `also` are other causes that are true of it, `beside` is another fault, of which either may come first."""
 
     cause: str | None
     units: tuple[int, ...] = ()
     also: tuple[str, ...] = ()
+    beside: Expected | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +64,7 @@ class Bench:
 
     random: Random
     tap_name: str
-    uart: Uart
+    uart: LineUart
     schedule: Schedule
     wire: FieldWire
     units: dict[int, FieldUnit]
@@ -72,8 +74,9 @@ class Bench:
     begin_ns: float
     header: dict[str, Any] = field(default_factory=dict)
     marks_errors: bool = True
-    tapped: Callable[[list[Octet]], list[Octet]] = lambda octets: octets  # what the adapter makes of it
+    tapped: Callable[[list[ReceivedOctet]], list[ReceivedOctet]] = lambda octets: octets  # what the adapter makes of it
     epoch_ns: int = 0
+    most_requests: int | None = None  # behind so many in the capture the recorder is switched off
 
     def unit(self, *, asked: int = 1) -> FieldUnit:
         """One of the units, which the client asks for so many things at least."""
@@ -94,14 +97,31 @@ class Bench:
             master.start(0.05 * SECOND + self.random.random() * 0.3 * SECOND)
         self.schedule.run(self.duration_ns)
         self.wire.finish(self.duration_ns)
+        requests = [request for master in self.masters for request in master.requests]
+        ends = sorted(request.end for request in requests if request.end > self.begin_ns)
+        if self.most_requests is not None and self.most_requests < len(ends):
+            self.duration_ns = ends[self.most_requests] - 2 * self.uart.char_ns
         return FieldCapture(
             captures.LineSettings(**self.header),
             list(self._chunks()),
             expected,
-            [request for master in self.masters for request in master.requests],
+            requests,
             self.begin_ns,
             self.duration_ns,
         )
+
+    def speak_ascii(self) -> None:
+        """Everybody speaks Modbus ASCII, of seven data bits."""
+        self.uart = replace(self.uart, data_bits=7, parity="E")
+        self.header["char_bits"] = self.uart.char_bits
+        if "parity" in self.header:
+            self.header["parity"] = "E"
+        self.wire.uart = self.master.uart = self.uart
+        self.wire.taps = [TapEnd(self.uart)]
+        self.master.envelope = ASCII
+        for unit in self.units.values():
+            unit.uart = unit.sends = self.uart
+            unit.envelope = ASCII
 
     def _chunks(self) -> list[captures.Chunk]:
         chunks: list[captures.Chunk] = []
@@ -130,9 +150,9 @@ def site(
     parities: Sequence[str] = _PARITIES,
 ) -> Bench:
     """A healthy site; a case narrows what it needs."""
-    uart = Uart(random.choice(bauds), 8, random.choice(parities), 1)
+    uart = LineUart(random.choice(bauds), 8, random.choice(parities), 1)
     if uart.parity == "N" and random.random() < 0.3:
-        uart = Uart(uart.baud, 8, "N", 2)
+        uart = LineUart(uart.baud, 8, "N", 2)
     schedule = Schedule()
     wire = FieldWire(random, schedule, uart)
     wire.contention = random.choice(("low", "strong", "random"))
@@ -155,7 +175,7 @@ def site(
     return bench
 
 
-def _manners(random: Random, uart: Uart, slowest_ms: float) -> Manners:
+def _manners(random: Random, uart: LineUart, slowest_ms: float) -> Manners:
     longest = 140 * uart.char_ns / MS
     least = 4 * slowest_ms + longest
     base = random.choice((0.0, 2.0, 5.0, 10.0, 20.0, 50.0))
@@ -173,7 +193,7 @@ def _manners(random: Random, uart: Uart, slowest_ms: float) -> Manners:
     )
 
 
-def _usual_seconds(uart: Uart, manners: Manners, delay_ms: float, polls: Sequence[FieldPoll]) -> float:
+def _usual_seconds(uart: LineUart, manners: Manners, delay_ms: float, polls: Sequence[FieldPoll]) -> float:
     one = 45 * uart.char_ns / MS + 0.6 * delay_ms + manners.pause_ms(0)
     return max(one, manners.cycle_ms / max(len(polls), 1)) / 1e3
 
@@ -198,7 +218,7 @@ def write_pdu(random: Random, function: int, address: int, quantity: int = 1) ->
     return pdu
 
 
-def _polls(random: Random, uart: Uart, numbers: Sequence[int]) -> list[FieldPoll]:
+def _polls(random: Random, uart: LineUart, numbers: Sequence[int]) -> list[FieldPoll]:
     longest = 60 if uart.baud >= 9600 else 24
     alike = random.random() < 0.5  # sister units, asked for the same things
     shapes = [_shapes(random, longest) for _ in range(1 if alike else len(numbers))]

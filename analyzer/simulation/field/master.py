@@ -10,7 +10,8 @@ from typing import Literal
 from dissectors.crc import crc_ok
 
 from ..conversation import adu
-from .uart import Octet, Uart
+from .envelopes import RTU, WireEnvelope
+from .uart import LineUart, ReceivedOctet
 from .units import Shape, burst_of
 from .wire import FieldWire
 
@@ -55,7 +56,7 @@ class Manners:
 class FieldMaster:
     """A client on the line."""
 
-    uart: Uart
+    uart: LineUart
     wire: FieldWire
     random: Random
     polls: list[FieldPoll]
@@ -64,6 +65,7 @@ class FieldMaster:
     requests: list[FieldRequest] = field(default_factory=list)
     strength: float = 1.2
     takes_prefix: bool = False  # reads as many bytes as it expects and lets go of more
+    envelope: WireEnvelope = RTU
     hasty_ns: float | None = None  # its pause, where it does not keep t3.5
     _at: int = 0
     _cycle: float = 0.0
@@ -72,7 +74,7 @@ class FieldMaster:
     _poll: FieldPoll | None = None
     _sent: bytes = b""
     _waiting: bool = False
-    _heard: list[Octet] = field(default_factory=list)
+    _heard: list[ReceivedOctet] = field(default_factory=list)
 
     @property
     def waits(self) -> bool:
@@ -85,7 +87,7 @@ class FieldMaster:
         self._cycle = t
         self.wire.schedule.at(t, self._next)
 
-    def hear(self, octets: Sequence[Octet], t: float) -> None:
+    def hear(self, octets: Sequence[ReceivedOctet], t: float) -> None:
         """Bytes since the last time; nobody sends any more at `t`."""
         if not self._waiting or not self.requests:
             return
@@ -93,7 +95,7 @@ class FieldMaster:
         self._heard += mine
         if not self._heard:
             return
-        data = bytes(octet.value for octet in self._heard)
+        data = self.envelope.take(bytes(octet.value for octet in self._heard))
         if self.takes_prefix and len(data) > 5 and not data[-1] and crc_ok(data[:-1]):
             data = data[:-1]
         whole = None if any(octet.error for octet in self._heard) or not crc_ok(data) else data
@@ -147,7 +149,7 @@ class FieldMaster:
             self.requests[-1].next_ns = now
         self._turn += 1
         self._heard = []
-        burst = burst_of(self, self.uart, self._sent, now)
+        burst = burst_of(self, self.uart, self.envelope.put(self._sent), now)
         burst.strength = self.strength
         for shape in self.shapes:
             shape(burst, self.random)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 
 @dataclass(frozen=True, slots=True)
-class Uart:
+class LineUart:
     """Settings of a UART; `inverted`: A and B are swapped at it."""
 
     baud: float
@@ -78,7 +78,7 @@ class LineSignal:
         return None
 
 
-class Octet(NamedTuple):
+class ReceivedOctet(NamedTuple):
     """A byte as a receiver has it: when its stop bit ended (ns), its value, whether parity or stop bit were wrong."""
 
     t_ns: float
@@ -86,7 +86,7 @@ class Octet(NamedTuple):
     error: bool
 
 
-def waveform(uart: Uart, data: bytes, starts: Sequence[float]) -> tuple[list[float], list[int]]:
+def waveform(uart: LineUart, data: bytes, starts: Sequence[float]) -> tuple[list[float], list[int]]:
     """Times and levels of these characters, each begun at its time."""
     times: list[float] = []
     levels: list[int] = []
@@ -102,10 +102,10 @@ def waveform(uart: Uart, data: bytes, starts: Sequence[float]) -> tuple[list[flo
     return times, levels
 
 
-def receive(signal: LineSignal, uart: Uart, begin: float, end: float) -> list[Octet]:
+def receive(signal: LineSignal, uart: LineUart, begin: float, end: float) -> list[ReceivedOctet]:
     """What a receiver makes of a signal between two times; a character begun by then is read to its end."""
     bit = uart.bit_ns
-    found: list[Octet] = []
+    found: list[ReceivedOctet] = []
     mark = 0 if uart.inverted else 1
     t = begin
     while True:
@@ -119,7 +119,7 @@ def receive(signal: LineSignal, uart: Uart, begin: float, end: float) -> list[Oc
         value = sum(level << i for i, level in enumerate(samples[: uart.data_bits]))
         stopped = samples[-1]
         right = stopped and uart.right_parity(value, samples[uart.data_bits])
-        found.append(Octet(start + uart.char_ns, value, not right))
+        found.append(ReceivedOctet(start + uart.char_ns, value, not right))
         t = start + (len(samples) + 0.5) * bit
         if not stopped:  # a break, or out of step: the line must rest before anything begins
             again = signal.next_to(mark, t)

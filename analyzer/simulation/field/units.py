@@ -13,8 +13,9 @@ from random import Random
 from dissectors.crc import crc_ok
 
 from ..conversation import adu
+from .envelopes import ASCII, RTU, WireEnvelope
 from .registers import Holdings
-from .uart import Octet, Uart
+from .uart import LineUart, ReceivedOctet
 from .wire import Burst, FieldWire
 
 MS = 1e6
@@ -27,7 +28,7 @@ Shape = Callable[[Burst, Random], None]
 class FieldUnit:
     """One server."""
 
-    def __init__(self, unit: int, uart: Uart, wire: FieldWire, random: Random) -> None:
+    def __init__(self, unit: int, uart: LineUart, wire: FieldWire, random: Random) -> None:
         self.unit = unit
         self.uart = uart  # by which it hears
         self.sends = uart  # and by which it speaks
@@ -42,18 +43,19 @@ class FieldUnit:
         self.delay: Callable[[bytes, float], float] = lambda _pdu, _t: self._usual_delay()
         self.tampers: list[Tamper] = []
         self.seal: Callable[[int, bytes], bytes] = adu
+        self.envelope: WireEnvelope = RTU
         self.shapes: list[Shape] = []
         self.answers_all = False  # also what is sent to unit 0
         self.answered: list[float] = []  # when
         self.strength = random.uniform(0.5, 1.5)
         self._wire = wire
-        self._heard: list[Octet] = []
+        self._heard: list[ReceivedOctet] = []
         self._frames = 0  # that it has heard
         self._deaf_to_all = 0.0
         self._spoke = (0.0, 0.0)  # from when to when: it does not hear itself
         wire.listeners.append(self)
 
-    def hear(self, octets: Sequence[Octet], t: float) -> None:
+    def hear(self, octets: Sequence[ReceivedOctet], t: float) -> None:
         """Bytes came; nobody sends any more at `t`."""
         begin, end = self._spoke
         octets = [octet for octet in octets if not begin < octet.t_ns <= end]
@@ -84,6 +86,9 @@ class FieldUnit:
 
     def _request(self) -> bytes | None:
         data = bytes(octet.value for octet in self._heard[-260:])
+        if self.envelope is ASCII:
+            whole = ASCII.take(data)
+            return whole if whole[:1] in (b"\0", bytes((self.unit,))) else None
         spoilt = [i for i, octet in enumerate(self._heard[-260:]) if octet.error]
         first = spoilt[-1] + 1 if spoilt else 0
         starts = [0] if not self.lenient else range(first, max(first + 1, len(data) - 7))
@@ -106,7 +111,7 @@ class FieldUnit:
         if pdu is None:
             return
         data = self.seal(self.unit if request[0] else self.answer_unit(), pdu)
-        burst = burst_of(self, self.sends, data, now)
+        burst = burst_of(self, self.sends, self.envelope.put(data), now)
         burst.strength = self.strength
         for shape in self.shapes:
             shape(burst, self.random)
@@ -150,7 +155,7 @@ def _request_length(frame: bytes) -> int:
     return 9 + frame[6] if frame[1] in (15, 16) and len(frame) > 8 else 0 if frame[1] in (15, 16) else len(frame)
 
 
-def burst_of(sender: object, uart: Uart, data: bytes, t: float, gap_ns: float = 0.0) -> Burst:
+def burst_of(sender: object, uart: LineUart, data: bytes, t: float, gap_ns: float = 0.0) -> Burst:
     """Bytes sent back to back from `t` on, the driver enabled just long enough."""
     step = uart.char_ns + gap_ns
     starts = [t + i * step for i in range(len(data))]

@@ -18,7 +18,7 @@ from random import Random
 from typing import Literal, NamedTuple, Protocol
 
 from .schedule import Schedule
-from .uart import LineSignal, Octet, Uart, receive, waveform
+from .uart import LineSignal, LineUart, ReceivedOctet, receive, waveform
 
 _APART = 3.0  # characters of silence after which nothing of one stretch hangs on the next
 _TAIL = 1.5  # characters that a receiver may need to end one that began last
@@ -37,7 +37,7 @@ class Burst:
     """What one sender puts on the line at once."""
 
     sender: object
-    uart: Uart
+    uart: LineUart
     data: bytes
     starts: list[float]
     on: float
@@ -62,9 +62,9 @@ class Burst:
 class Listener(Protocol):
     """A receiver on the line."""
 
-    uart: Uart
+    uart: LineUart
 
-    def hear(self, octets: Sequence[Octet], t: float) -> None:
+    def hear(self, octets: Sequence[ReceivedOctet], t: float) -> None:
         """Bytes since the last time; nobody sends any more at `t`."""
 
 
@@ -76,15 +76,15 @@ class TapEnd:
     """One receiver of the tap: its settings, which senders it hears (four wires carry each direction apart), and what
     it made of them."""
 
-    uart: Uart
+    uart: LineUart
     hears: Callable[[Burst], bool] | None = None
-    recorded: list[Octet] = field(default_factory=list)
+    recorded: list[ReceivedOctet] = field(default_factory=list)
 
 
 class FieldWire:
     """One line with its listeners and what taps it."""
 
-    def __init__(self, random: Random, schedule: Schedule, uart: Uart) -> None:
+    def __init__(self, random: Random, schedule: Schedule, uart: LineUart) -> None:
         self.random = random
         self.schedule = schedule
         self.uart = uart
@@ -122,7 +122,7 @@ class FieldWire:
         if any(burst.last > t + 1 for burst in self._bursts):
             return
         begin, self._notified = self._notified, t
-        heard: dict[Uart, list[Octet]] = {}
+        heard: dict[LineUart, list[ReceivedOctet]] = {}
         for listener in self.listeners:
             if listener.uart not in heard:
                 octets = self._read(self._bursts, listener.uart, min(burst.on for burst in self._bursts), t)
@@ -138,7 +138,7 @@ class FieldWire:
         self._heard_to = t
         self._bursts, self._bent = [], []
 
-    def _read(self, bursts: Sequence[Burst], uart: Uart, begin: float, end: float) -> list[Octet]:
+    def _read(self, bursts: Sequence[Burst], uart: LineUart, begin: float, end: float) -> list[ReceivedOctet]:
         begin = min([begin, *(burst.on for burst in bursts[:1])])
         low = bisect_left(self.pulses, (begin - 4 * uart.char_ns,))
         high = bisect_left(self.pulses, (end,))
@@ -147,7 +147,9 @@ class FieldWire:
             burst = bursts[0]
             if burst.plain and burst.uart == uart:
                 char = uart.char_ns
-                return [Octet(t + char, value, False) for t, value in zip(burst.starts, burst.data, strict=True)]
+                return [
+                    ReceivedOctet(t + char, value, False) for t, value in zip(burst.starts, burst.data, strict=True)
+                ]
         signal = self._composed(bursts, [*pulses, *self._bent])
         return receive(signal, uart, begin, end)
 

@@ -24,7 +24,7 @@ _WRITES: Final = 0.004  # of the exchanges
 
 
 @dataclass(frozen=True, slots=True)
-class Poll:
+class PolledBlock:
     """A block that the master asks for again and again."""
 
     device: MappedDevice
@@ -36,11 +36,11 @@ class Poll:
 class MappedClient:
     """Polls its devices in turn; `exchange` gives the next request with its answer."""
 
-    def __init__(self, random: Random, charts: list[tuple[int, RegisterMap]]) -> None:
+    def __init__(self, random: Random, charts: list[tuple[int, RegisterMap]], wild: float = 0.2) -> None:
         self._random = random
         seconds = 10 ** random.uniform(-0.3, 1.8)
         self.devices = [
-            MappedDevice(unit, chart, random.uniform(2.5e6, 31e6), seconds, random) for unit, chart in charts
+            MappedDevice(unit, chart, random.uniform(2.5e6, 31e6), seconds, random, wild) for unit, chart in charts
         ]
         self.polls = [poll for device in self.devices for poll in _polls(random, device)]
         self._turn = 0
@@ -95,13 +95,13 @@ class MappedClient:
         return Exchange(adu(device.unit, pdu), adu(device.unit, answer), device.response_ns)
 
 
-def _polls(random: Random, device: MappedDevice) -> list[Poll]:
+def _polls(random: Random, device: MappedDevice) -> list[PolledBlock]:
     """The blocks in which a master asks for a device's values."""
     reach = random.choice((0, 1, 2, 4, 8, 16, 40, 40))
     longest = random.choice((2, 10, 20, 40, 60, 100, 125, 125))
     share = random.choice((1.0, 1.0, 1.0, 0.7, 0.4))
     beyond = random.choice((0, 0, 0, 1, 2, 5))
-    polls: list[Poll] = []
+    polls: list[PolledBlock] = []
     for area in READ_FUNCTIONS:
         rows = sorted((row for row in device.chart.rows if row.area == area), key=lambda row: row.address)
         kept = [row for row in rows if random.random() < share]
@@ -123,5 +123,5 @@ def _polls(random: Random, device: MappedDevice) -> list[Poll]:
                 last = max((row.end for row in rows_of_area if row.address < last < row.end), default=last)
             if last - first > _MOST:
                 first, last = begin, end
-            polls.append(Poll(device, area, first, last - first))
+            polls.append(PolledBlock(device, area, first, last - first))
     return polls

@@ -11,7 +11,7 @@ import math
 import re
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from random import Random
 from typing import Final, cast
 
@@ -30,6 +30,9 @@ _COUNTED: Final = frozenset(
     ("Wh", "kWh", "MWh", "varh", "kvarh", "VAh", "kVAh", "Ah", "GJ", "MJ", "m³", "t", "h", "s", "min", "kg", "l")
 )
 _ABSENT: Final = 0.03  # of the values that a map lists
+_CLOCK: Final = re.compile(
+    r"\bclock ((?:years?|months?|days?|hours?|minutes?|(?:milli)?seconds?)(?: and [a-z]+)?)\b", re.IGNORECASE
+)
 _TIMES: Final = {"h": 3600.0, "min": 60.0, "s": 1.0}
 _LEVELS: Final[dict[str, tuple[float, float]]] = {  # unit: level and reach
     "Hz": (50, 0.2), "kPa": (300, 100), "bar": (6, 3), "MPa": (0.6, 0.2), "%": (50, 45), "rpm": (1450, 300),
@@ -49,28 +52,50 @@ class MappedDevice:
     response_ns: float
     seconds: float
     random: Random
+    wild: float = 0.2  # of the values, those that do what nobody expects of their names
     words: dict[tuple[MapArea, int], int] = field(default_factory=dict)
     _motions: list[tuple[MappedValue, Series]] = field(default_factory=list)
     _unlisted: list[tuple[tuple[MapArea, int], Series]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        plant = Plant(self.random, self.seconds)
+        plant = Plant(self.random, self.seconds, self.wild)
+        powers = {(row.area, row.scale_address) for row in self.chart.rows if row.scale_address is not None}
         for row in self.chart.rows:
-            if row.type == "text" or self.random.random() < _ABSENT:
+            if (row.area, row.address) in powers:
+                self.words[row.area, row.address] = self.random.choice((0, 0, -1, -1, -2, -3, 1)) & 0xFFFF
+            elif row.type == "text" or self.random.random() < _ABSENT:
                 for place, word in enumerate(self._still(row), row.address):
                     self.words[row.area, place] = word
             else:
                 self._motions.append((row, plant.motion_of(row)))
+        for area, address, held in self.chart.match.registers:
+            for place, word in enumerate(held, address):
+                self.words[area, place] = word
+        self._motions = [(row, motion) for row, motion in self._motions if not self._is_told(row)]
         self.step()
+
+    def _is_told(self, row: MappedValue) -> bool:
+        """Whether a value is one by which the device is recognised."""
+        return any(
+            row.area == area and row.address < address + len(held) and address < row.end
+            for area, address, held in self.chart.match.registers
+        )
 
     def step(self) -> None:
         """One poll cycle later."""
         for row, motion in self._motions:
-            words = encoded(row, next(motion))
+            words = encoded(self._in_powers(row), next(motion))
             for place, word in enumerate(words):
                 self.words[row.area, row.address + place] = word
         for key, motion in self._unlisted:
             self.words[key] = int(next(motion)) & 0xFFFF
+
+    def _in_powers(self, row: MappedValue) -> MappedValue:
+        """The row with the power of ten that its scale register holds."""
+        power = None if row.scale_address is None else self.words.get((row.area, row.scale_address))
+        if not power:
+            return row
+        return replace(row, scale=row.scale * 10.0 ** (power - 0x10000 if power > 0x7FFF else power))
 
     def read(self, area: MapArea, address: int, quantity: int) -> list[int]:
         """The words of a block."""
@@ -152,7 +177,7 @@ def decoded(row: MappedValue, words: list[int]) -> float:
 
 
 @dataclass(slots=True)
-class _Channel:
+class _Circuit:
     """Voltage, current and power factor of one circuit, a number each a cycle."""
 
     volts: Series
@@ -171,16 +196,19 @@ class _Channel:
 class Plant:
     """What the values of one device measure."""
 
-    def __init__(self, random: Random, seconds: float) -> None:
+    def __init__(self, random: Random, seconds: float, wild: float) -> None:
         self._random = random
+        self._wild = wild
         self._seconds = seconds
         self._volts = random.choice((230.0, 230.0, 230.0, 120.0, 400.0))
+        self._mains = random.choice((50.0, 50.0, 50.0, 60.0)) + random.uniform(-0.03, 0.03)
         self._amperes = 10 ** random.uniform(-0.5, 2.5)
         self._idle = random.random() < 0.1
         self._sense = random.choice((1, 1, 1, 1, -1))
         self._lively = 10 ** random.uniform(-2.2, -0.3)
-        self._channels: dict[str, _Channel] = {}
+        self._channels: dict[str, _Circuit] = {}
         self._decimals = random.choice((None, None, 1, 2, 3))
+        self._clock = series.Clock(random, seconds)
 
     def motion_of(self, row: MappedValue) -> Series:
         """What a value does."""
@@ -189,13 +217,17 @@ class Plant:
             return series.states(random, [0, 1])
         if row.type == "time":
             return series.counter(random, random.uniform(1.6e9, 1.8e9), random.choice((0.0, self._seconds)))
+        if (clock := _CLOCK.search(row.name)) is not None:
+            return self._clock.parts(clock[1].lower().split(" and ")[:: -1 if self._clock.turned else 1])
         if row.type == "bits":
             return series.flags(random, 16 * row.length)
+        if "packed" in row.name:
+            return series.packed(random)
         if row.type == "enum" or (row.values and row.length == 1):
             return series.states(random, list(row.values) or list(range(random.choice((2, 4, 8, 300)))))
         if row.writable or re.search(r"setpoint|nominal|serial|firmware|device type|address|capacity", row.name, re.I):
             return self._set(row)
-        if random.random() < 0.2 and row.length <= 2:
+        if random.random() < self._wild and row.length <= 2:
             return self._rounded(row, self._anything(row))
         return self._rounded(row, self._measured(row))
 
@@ -210,6 +242,8 @@ class Plant:
         if "°C" in unit:
             level = self._random.choice((5.0, 22.0, 22.0, 45.0, 65.0, -8.0))
             return series.motion(self._random, level, self._random.uniform(0.5, 8))
+        if unit == "Hz" and not re.search(r"output|motor|compressor|pulse|setpoint|reference|meter \d", name, re.I):
+            return series.walk(self._random, self._mains, 0.01, 0.05)
         level, reach = _LEVELS.get(unit, (0.0, 0.0))
         if level:
             low = self._random.uniform(0.02, 1)
@@ -237,7 +271,7 @@ class Plant:
 
         return run()
 
-    def _channel(self, key: str) -> _Channel:
+    def _channel(self, key: str) -> _Circuit:
         if key not in self._channels:
             random = self._random
             volts, amperes = self._volts, self._amperes * random.uniform(0.3, 1.2) * self._sense
@@ -249,7 +283,7 @@ class Plant:
             if self._idle:
                 amperes = 0.0
             still = random.random() < 0.04
-            self._channels[key] = _Channel(
+            self._channels[key] = _Circuit(
                 series.constant(volts) if still else series.walk(random, volts, volts * 0.002, volts * 0.02),
                 series.motion(random, amperes, abs(amperes) * self._lively),
                 series.walk(random, random.uniform(0.75, 0.99), 0.003, 0.01),

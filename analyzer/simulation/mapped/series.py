@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from datetime import datetime, timedelta
+from itertools import count
 from random import Random
 
 Series = Iterator[float]
@@ -106,6 +108,46 @@ def flags(random: Random, width: int) -> Series:
         if live and random.random() < 0.08:
             value ^= 1 << random.choice(live)
         yield float(value)
+
+
+def packed(random: Random) -> Series:
+    """Two numbers of a byte each in one register."""
+    halves = [
+        random.choice((
+            lambda: constant(float(random.choice((0, random.randrange(256))))),
+            lambda: states(random, list(range(random.choice((2, 5, 12))))),
+            lambda: motion(random, random.uniform(20, 200), random.uniform(2, 40)),
+        ))()
+        for _ in range(2)
+    ]  # fmt: skip
+    while True:
+        high, low = (min(max(round(next(half)), 0), 255) for half in halves)
+        yield float(high << 8 | low)
+
+
+class Clock:
+    """A calendar clock, of which registers hold parts: all of one device go together."""
+
+    def __init__(self, random: Random, seconds: float) -> None:
+        self._begin = datetime(random.randrange(2015, 2030), 1, 1) + timedelta(seconds=random.uniform(0, 3e7))
+        self._seconds = seconds
+        self._short = random.random() < 0.5  # years without their century
+        self.turned = random.random() < 0.5  # the later of two parts stands in the high byte
+
+    def parts(self, names: list[str]) -> Series:
+        """One part of the time, or two as the bytes of one number, the first one high."""
+        for turn in count():
+            now = self._begin + timedelta(seconds=turn * self._seconds)
+            value = 0
+            for name in names:
+                value = value << 8 | self._part(now, name.rstrip("s"), short=len(names) > 1 or self._short)
+            yield float(value)
+
+    def _part(self, now: datetime, name: str, *, short: bool) -> int:
+        if name == "millisecond":
+            return now.second * 1000 + now.microsecond // 1000
+        part: int = getattr(now, name)
+        return part % 100 if name == "year" and short else part
 
 
 _MOTIONS: tuple[Callable[[Random, float, float], Series], ...] = (

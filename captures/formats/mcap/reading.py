@@ -21,7 +21,7 @@ from ...time_order import TIME_LIMIT
 from .channel import block_of
 from .protobuf import ENCODING
 from .records import METADATA, TOPIC, DamagedRecordError, one_line, records_in
-from .scanning import FileBytes, Loss, Record, read_summary, stream_of, walk
+from .scanning import FileBytes, Loss, ScannedRecord, read_summary, stream_of, walk
 from .topics import UNDECLARED, TopicMessage, channel_in, messages_in
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def first_metadata(path: Path) -> dict[str, str]:
     """What a file of this tool says of itself at its beginning; nothing where it says nothing, or cannot be read."""
     with suppress(CaptureError), opened(path) as file:
         first = next(iter(walk(FileBytes(file, block=_HEAD_BYTES), None, _ignore)), None)
-        if isinstance(first, Record) and first.opcode == Opcode.METADATA:
+        if isinstance(first, ScannedRecord) and first.opcode == Opcode.METADATA:
             return _settings_record_in(first) or {}
     return {}
 
@@ -106,7 +106,7 @@ def log_time_span(path: Path) -> int:
 def _settings(data: FileBytes) -> dict[str, str] | None:
     """The settings record, or else those of the channel, empty text for lost ones; None in a file of other origin."""
     first = next(iter(walk(data, None, _ignore)), None)  # where this tool writes them
-    if isinstance(first, Record) and (settings := _settings_record_in(first)) is not None:
+    if isinstance(first, ScannedRecord) and (settings := _settings_record_in(first)) is not None:
         return settings
     summary = read_summary(data, TOPIC)
     if summary is not None:
@@ -127,7 +127,7 @@ def _settings(data: FileBytes) -> dict[str, str] | None:
     return {"line": ""} if ours else None
 
 
-def _settings_record_in(record: Record) -> dict[str, str] | None:
+def _settings_record_in(record: ScannedRecord) -> dict[str, str] | None:
     """Settings that a metadata record says, or the declaration of the channel."""
     if record.opcode == Opcode.METADATA:
         metadata = Metadata.read(stream_of(record.content))

@@ -92,7 +92,7 @@ class FileBytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class ScannedRecord:
     """A chunk, unpacked, or a channel, message or metadata record that stands by itself; `at` is its byte in the file.
 
     `packed` is the number of bytes that the content takes in the file.
@@ -114,7 +114,7 @@ class Loss:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Summary:
+class TopicSummary:
     """What a file's summary, whose CRC is right, says of one topic.
 
     `channels` are the encodings of all channels by id, None for those of other topics; `settings` the metadata of the
@@ -136,7 +136,7 @@ class Summary:
     wanted: list[bool]
 
 
-def read_summary(data: FileBytes, topic: str) -> Summary | None:
+def read_summary(data: FileBytes, topic: str) -> TopicSummary | None:
     """The summary of a whole file; None where there is none, or none to trust."""
     footer = _footer(data)
     if footer is None or not footer.content or footer.crc != footer.told_crc:
@@ -171,7 +171,7 @@ def _footer(data: FileBytes) -> _Footer | None:
     return _Footer(start, content, zlib.crc32(end[: FOOTER.size - 4], zlib.crc32(content)), told)
 
 
-def _summary(start: int, content: bytes, topic: str) -> Summary | None:
+def _summary(start: int, content: bytes, topic: str) -> TopicSummary | None:
     channels: dict[int, str | None] = {}
     settings: dict[str, str] = {}
     chunks: list[tuple[int, int, int, int, bytes]] = []
@@ -201,7 +201,7 @@ def _summary(start: int, content: bytes, topic: str) -> Summary | None:
         return None
     chunks.sort()
     ids = {number for number, encoding in channels.items() if encoding is not None}
-    return Summary(
+    return TopicSummary(
         start,
         channels,
         settings,
@@ -215,7 +215,7 @@ def _summary(start: int, content: bytes, topic: str) -> Summary | None:
     )
 
 
-def walk(data: FileBytes, summary: Summary | None, note: Note) -> Iterator[Record | Loss]:
+def walk(data: FileBytes, summary: TopicSummary | None, note: Note) -> Iterator[ScannedRecord | Loss]:
     """What stands in the data section, in order, but for chunks that by the summary are no concern of its topic.
 
     What is wrong without a loss goes to `note`.
@@ -228,7 +228,7 @@ def walk(data: FileBytes, summary: Summary | None, note: Note) -> Iterator[Recor
     return _by_index(data, unpacker, summary)
 
 
-def _by_index(data: FileBytes, unpacker: Unpacker, summary: Summary) -> Iterator[Record | Loss]:
+def _by_index(data: FileBytes, unpacker: Unpacker, summary: TopicSummary) -> Iterator[ScannedRecord | Loss]:
     """With the index nothing but its chunks is needed; records between them may be damaged without a loss."""
     at = len(MAGIC)
     while at < summary.start:
@@ -251,7 +251,7 @@ def _by_index(data: FileBytes, unpacker: Unpacker, summary: Summary) -> Iterator
         at = max(summary.nexts[number], at + 1)
 
 
-def _by_records(data: FileBytes, unpacker: Unpacker, note: Note) -> Iterator[Record | Loss]:
+def _by_records(data: FileBytes, unpacker: Unpacker, note: Note) -> Iterator[ScannedRecord | Loss]:
     """One record after the other, to the end of the data section or of the file."""
     at, complete = len(MAGIC), False
     proven = 0  # up to there a CRC was right: of other records each byte may be another's
@@ -265,7 +265,7 @@ def _by_records(data: FileBytes, unpacker: Unpacker, note: Note) -> Iterator[Rec
             why = str(error)
         if sure:
             complete = item is None and data.read(at, 1)[0] == Opcode.DATA_END
-            if isinstance(item, Record) and item.opcode == Opcode.CHUNK:
+            if isinstance(item, ScannedRecord) and item.opcode == Opcode.CHUNK:
                 proven = after
         elif (begin := _next_chunk(data, unpacker, proven if why else at + 1, after)) is not None:
             if not isinstance(item, Loss):
@@ -289,7 +289,9 @@ def _by_records(data: FileBytes, unpacker: Unpacker, note: Note) -> Iterator[Rec
         note(f"byte {footer.start}", "the index at the file's end is damaged: read without it")
 
 
-def _record_at(data: FileBytes, unpacker: Unpacker, at: int, stop: int) -> tuple[Record | Loss | None, int, bool]:
+def _record_at(
+    data: FileBytes, unpacker: Unpacker, at: int, stop: int
+) -> tuple[ScannedRecord | Loss | None, int, bool]:
     """A record: what it gives, where the next begins, and whether it is surely what it seems to be.
 
     DamagedRecordError where none can begin here that ends by `stop`.
@@ -301,8 +303,8 @@ def _record_at(data: FileBytes, unpacker: Unpacker, at: int, stop: int) -> tuple
     begin, after = at + RECORD.size, at + RECORD.size + length
     if after <= stop and (chunk := chunk_head(head)) is not None:
         item = _chunk(data, unpacker, at, chunk)
-        if opcode == Opcode.CHUNK or isinstance(item, Record):  # whatever its opcode has become
-            return item, after, isinstance(item, Record)
+        if opcode == Opcode.CHUNK or isinstance(item, ScannedRecord):  # whatever its opcode has become
+            return item, after, isinstance(item, ScannedRecord)
     if not (Opcode.HEADER <= opcode <= Opcode.DATA_END or opcode >= 0x80):
         raise DamagedRecordError(f"no record can begin with {opcode:02X}")
     if after > stop:
@@ -316,7 +318,7 @@ def _record_at(data: FileBytes, unpacker: Unpacker, at: int, stop: int) -> tuple
             False,
         )
     if opcode == Opcode.MESSAGE:
-        return Record(at, opcode, data.read(begin, length), length), after, False
+        return ScannedRecord(at, opcode, data.read(begin, length), length), after, False
     if opcode == Opcode.DATA_END and length != _DATA_END.size - RECORD.size:
         raise DamagedRecordError("a damaged record")
     if opcode == Opcode.MESSAGE_INDEX and int.from_bytes(data.read(begin + 2, 4), "little") != length - 6:
@@ -332,15 +334,15 @@ def _record_at(data: FileBytes, unpacker: Unpacker, at: int, stop: int) -> tuple
     if stream.count != length:
         raise DamagedRecordError("a damaged record")
     wanted = opcode in (Opcode.CHANNEL, Opcode.METADATA)
-    return Record(at, opcode, content, length) if wanted else None, after, True
+    return ScannedRecord(at, opcode, content, length) if wanted else None, after, True
 
 
-def _chunk(data: FileBytes, unpacker: Unpacker, at: int, head: ChunkHead) -> Record | Loss:
+def _chunk(data: FileBytes, unpacker: Unpacker, at: int, head: ChunkHead) -> ScannedRecord | Loss:
     try:
         content = unpacker.unpacked(head, data.read(at + head.start, head.packed))
     except DamagedRecordError as error:
         return Loss(at, f"a damaged chunk ({error})", head.last_ns)
-    return Record(at, Opcode.CHUNK, content, head.packed)
+    return ScannedRecord(at, Opcode.CHUNK, content, head.packed)
 
 
 def _next_chunk(data: FileBytes, unpacker: Unpacker, start: int, stop: int) -> int | None:
@@ -356,7 +358,7 @@ def _next_chunk(data: FileBytes, unpacker: Unpacker, start: int, stop: int) -> i
             head = chunk_head(block[place : place + CHUNK_HEAD])
             if head is None or at + place + head.length > data.size:
                 continue
-            if isinstance(_chunk(data, unpacker, at + place, head), Record):
+            if isinstance(_chunk(data, unpacker, at + place, head), ScannedRecord):
                 return at + place
         at += _BLOCK
     return None

@@ -10,7 +10,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 
 from .records import MESSAGE, RECORD, DamagedRecordError, one_line, records_in
-from .scanning import Record, stream_of
+from .scanning import ScannedRecord, stream_of
 
 UNDECLARED: Final = ""  # encoding of messages whose channel's declaration is lost
 _HEAD: Final = MESSAGE.size - RECORD.size  # of a message, before its data
@@ -25,7 +25,7 @@ class TopicMessage:
     data: memoryview
 
 
-def messages_in(record: Record, channels: dict[int, str | None], topic: str) -> Iterator[TopicMessage]:
+def messages_in(record: ScannedRecord, channels: dict[int, str | None], topic: str) -> Iterator[TopicMessage]:
     """The messages in a record; DamagedRecordError ends it where there may be more.
 
     `channels` collects the encodings of declared channels by id, None for those of other topics.

@@ -38,7 +38,7 @@ class MapSource:
     @cached_property
     def text(self) -> str:
         if self.data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-            return self.data.decode("utf-16", "replace")
+            return self.data.decode("utf-16", "replace").lstrip("\ufeff")
         try:
             return self.data.decode("utf-8-sig")
         except UnicodeDecodeError:

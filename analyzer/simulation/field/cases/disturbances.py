@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from random import Random
 
-from ..bench import SECOND, Bench, Expected, FieldCapture, read_pdu, site
+from ..bench import SECOND, Bench, Expected, read_pdu, site
 from ..master import FieldPoll
 from ..registers import steps
 from ..units import FieldUnit
 from ..wire import Burst, Pulse
-from .registry import BYTES, TIMED, field_case
+from .registry import BYTES, TIMED, Site, field_case
 
 
 @field_case("termination")
-def termination(random: Random, tap: str) -> FieldCapture:
+def termination(random: Random, tap: str) -> Site:
     """Reflections bend the early bits of what far units send."""
     bench = site(random, tap, units=(4, 10), seconds=(40, 300), bauds=(9600, 19200, 38400, 57600, 115200))
     numbers = list(bench.units)
@@ -36,11 +36,11 @@ def termination(random: Random, tap: str) -> FieldCapture:
         return pulses
 
     bench.wire.bends = bend
-    return bench.run(Expected("termination", tuple(far)))
+    return bench, Expected("termination", tuple(far))
 
 
 @field_case("bias")
-def bias(random: Random, tap: str) -> FieldCapture:
+def bias(random: Random, tap: str) -> Site:
     """Nothing holds the line when nobody drives it: it picks up bytes that nobody sent."""
     bench = site(random, tap, seconds=(30, 300))
     bench.master.manners.pause_ms = lambda _: random.uniform(10, 120)
@@ -56,7 +56,7 @@ def bias(random: Random, tap: str) -> FieldCapture:
             pulses.append(Pulse(at, at + width, "float"))
             at += width + random.uniform(0.5, 2.0) * char
     bench.pulses(pulses)
-    return bench.run(Expected("bias"))
+    return bench, Expected("bias")
 
 
 def _spikes(random: Random, bench: Bench, times: list[float]) -> None:
@@ -65,7 +65,7 @@ def _spikes(random: Random, bench: Bench, times: list[float]) -> None:
 
 
 @field_case("emi-mains", BYTES)
-def emi_mains(random: Random, tap: str) -> FieldCapture:
+def emi_mains(random: Random, tap: str) -> Site:
     """Spikes in step with the mains."""
     bench = site(random, tap, seconds=(60, 300), bauds=(2400, 4800, 9600, 19200, 38400))
     mains = random.choice((50.0, 50.0, 60.0)) * (1 + random.uniform(-4e-4, 4e-4))
@@ -74,11 +74,11 @@ def emi_mains(random: Random, tap: str) -> FieldCapture:
     count = int(bench.duration_ns / half)
     times = [(k + phase + random.gauss(0, jitter)) * half for k in range(count) if random.random() < share]
     _spikes(random, bench, times)
-    return bench.run(Expected("emi-mains"))
+    return bench, Expected("emi-mains")
 
 
 @field_case("emi-drive")
-def emi_drive(random: Random, tap: str) -> FieldCapture:
+def emi_drive(random: Random, tap: str) -> Site:
     """Interference while a drive runs, which its state on the bus tells."""
     bench = site(random, tap, units=(3, 8), seconds=(90, 400))
     unit = bench.unit()
@@ -101,7 +101,7 @@ def emi_drive(random: Random, tap: str) -> FieldCapture:
     rate = random.choice((1.0, 3.0, 8.0))
     times = [t for begin, end in spells for t in _poisson(random, begin, end, rate)]
     _spikes(random, bench, times)
-    return bench.run(Expected("emi-drive", (), ("hours",)))
+    return bench, Expected("emi-drive", (), ("hours",))
 
 
 def _poisson(random: Random, begin: float, end: float, rate: float) -> list[float]:
@@ -112,7 +112,7 @@ def _poisson(random: Random, begin: float, end: float, rate: float) -> list[floa
 
 
 @field_case("hours", TIMED)
-def hours(random: Random, tap: str) -> FieldCapture:
+def hours(random: Random, tap: str) -> Site:
     """Interference at certain times only, days or minutes long, which nothing on the bus tells."""
     if random.random() < 0.5:
         bench = site(random, tap, units=(2, 6), seconds=(200, 600))
@@ -136,10 +136,10 @@ def hours(random: Random, tap: str) -> FieldCapture:
         bench.master.random = random
         return _sparse(random, bench, spells)
     _spikes(random, bench, [t for begin, end in spells for t in _poisson(random, begin, end, rate)])
-    return bench.run(Expected("hours"))
+    return bench, Expected("hours")
 
 
-def _sparse(random: Random, bench: Bench, spells: list[tuple[float, float]]) -> FieldCapture:
+def _sparse(random: Random, bench: Bench, spells: list[tuple[float, float]]) -> Site:
     """Frames are rare: only where one passes can a spike do harm, so each gets its chance as it passes."""
     share = random.uniform(0.15, 0.5)
 
@@ -151,4 +151,4 @@ def _sparse(random: Random, bench: Bench, spells: list[tuple[float, float]]) -> 
         return [Pulse(at, at + chance.uniform(0.6, 2.5) * burst.uart.bit_ns, "flip")]
 
     bench.wire.bends = bend
-    return bench.run(Expected("hours"))
+    return bench, Expected("hours")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from random import Random
 
-from ..bench import Bench, Expected, FieldCapture, site
-from ..units import MS, Shape
+from ..bench import Bench, Expected, site
+from ..units import MS, FieldUnit, Shape
 from ..wire import Burst
-from .registry import field_case
+from .registry import Site, field_case
 
 
 def _often(random: Random, share: float, shape: Callable[[Burst], None]) -> Shape:
@@ -29,7 +29,7 @@ def _bench(random: Random, tap: str) -> Bench:
 
 
 @field_case("driver-enabled-late")
-def driver_enabled_late(random: Random, tap: str) -> FieldCapture:
+def driver_enabled_late(random: Random, tap: str) -> Site:
     """A unit enables its driver when its answer has already begun."""
     bench = _bench(random, tap)
     unit = bench.unit()
@@ -39,11 +39,11 @@ def driver_enabled_late(random: Random, tap: str) -> FieldCapture:
         burst.on = burst.starts[0] + late * random.uniform(0.9, 1.1)
 
     unit.shapes.append(_often(random, _share(random), shape))
-    return bench.run(Expected("driver-enabled-late", (unit.unit,)))
+    return bench, Expected("driver-enabled-late", (unit.unit,))
 
 
 @field_case("driver-released-early")
-def driver_released_early(random: Random, tap: str) -> FieldCapture:
+def driver_released_early(random: Random, tap: str) -> Site:
     """A unit releases its driver before the last of its answer is out."""
     bench = _bench(random, tap)
     unit = bench.unit()
@@ -53,11 +53,11 @@ def driver_released_early(random: Random, tap: str) -> FieldCapture:
         burst.off = burst.last - early * random.uniform(0.9, 1.1)
 
     unit.shapes.append(_often(random, _share(random), shape))
-    return bench.run(Expected("driver-released-early", (unit.unit,)))
+    return bench, Expected("driver-released-early", (unit.unit,))
 
 
 @field_case("driver-held")
-def driver_held(random: Random, tap: str) -> FieldCapture:
+def driver_held(random: Random, tap: str) -> Site:
     """A unit holds its driver into the client's next request."""
     bench = _bench(random, tap)
     unit = bench.unit()
@@ -72,11 +72,11 @@ def driver_held(random: Random, tap: str) -> FieldCapture:
         burst.off = burst.last + pause + into
 
     unit.shapes.append(_often(random, _share(random), shape))
-    return bench.run(Expected("driver-held", (unit.unit,)))
+    return bench, Expected("driver-held", (unit.unit,))
 
 
 @field_case("null-suffix")
-def null_suffix(random: Random, tap: str) -> FieldCapture:
+def null_suffix(random: Random, tap: str) -> Site:
     """A unit sends a 00 behind each of its frames."""
     bench = _bench(random, tap)
     unit = bench.unit()
@@ -89,14 +89,20 @@ def null_suffix(random: Random, tap: str) -> FieldCapture:
     unit.seal = sealed
     if random.random() < 0.5:  # clients that read as many bytes as they expect go on all the same
         bench.master.takes_prefix = True
-    return bench.run(Expected("null-suffix", (unit.unit,)))
+    return bench, Expected("null-suffix", (unit.unit,))
 
 
 @field_case("duplicate-address")
-def duplicate_address(random: Random, tap: str) -> FieldCapture:
+def duplicate_address(random: Random, tap: str) -> Site:
     """Two devices answer to one address."""
     bench = site(random, tap, units=(2, 9), seconds=(30, 300))
     unit = bench.unit()
+    duplicated(random, bench, unit)
+    return bench, Expected("duplicate-address", (unit.unit,))
+
+
+def duplicated(random: Random, bench: Bench, unit: FieldUnit) -> None:
+    """A second device of a unit's address."""
     twin = type(unit)(unit.unit, bench.uart, bench.wire, random)
     apart = random.random()
     if apart < 0.4:  # nearly at the same time
@@ -106,4 +112,3 @@ def duplicate_address(random: Random, tap: str) -> FieldCapture:
         twin.delay_ms = unit.delay_ms * random.uniform(1.1, 2.0)
     else:  # one behind the other
         twin.delay_ms = unit.delay_ms * 1.3 + 30 * bench.uart.char_ns / MS
-    return bench.run(Expected("duplicate-address", (unit.unit,)))

@@ -8,14 +8,14 @@ from random import Random
 
 from dissectors.crc_variants import VARIANTS
 
-from ..bench import SECOND, Expected, FieldCapture, read_pdu, site, write_pdu
+from ..bench import SECOND, Expected, read_pdu, site, write_pdu
 from ..master import FieldPoll
 from ..units import FieldUnit, Tamper
-from .registry import field_case
+from .registry import Site, field_case
 
 
 @field_case("crc-convention")
-def crc_convention(random: Random, tap: str) -> FieldCapture:
+def crc_convention(random: Random, tap: str) -> Site:
     """A unit's firmware makes its check value by another convention."""
     bench = site(random, tap, seconds=(30, 300))
     unit = bench.unit()
@@ -26,11 +26,11 @@ def crc_convention(random: Random, tap: str) -> FieldCapture:
         return body + variant.made(body)
 
     unit.seal = seal
-    return bench.run(Expected("crc-convention", (unit.unit,)))
+    return bench, Expected("crc-convention", (unit.unit,))
 
 
 @field_case("byte-count")
-def byte_count(random: Random, tap: str) -> FieldCapture:
+def byte_count(random: Random, tap: str) -> Site:
     """A unit's firmware counts its bytes wrongly."""
     bench = site(random, tap, seconds=(30, 300))
     unit = bench.unit()
@@ -43,7 +43,7 @@ def byte_count(random: Random, tap: str) -> FieldCapture:
         return bytes((answer[0], wrong & 0xFF)) + answer[2:]
 
     unit.tampers.append(miscount)
-    return bench.run(Expected("byte-count", (unit.unit,)))
+    return bench, Expected("byte-count", (unit.unit,))
 
 
 def _within(begin: int, end: int) -> Tamper:
@@ -65,7 +65,7 @@ def _own_polls(unit: FieldUnit, polls: list[FieldPoll], pdus: list[Callable[[flo
 
 
 @field_case("off-by-one")
-def off_by_one(random: Random, tap: str) -> FieldCapture:
+def off_by_one(random: Random, tap: str) -> Site:
     """The client's list counts from one, the device from zero, or the other way round."""
     bench = site(random, tap, seconds=(30, 300))
     unit = bench.unit()
@@ -75,11 +75,11 @@ def off_by_one(random: Random, tap: str) -> FieldCapture:
     pdus = [read_pdu(function, begin + shift + k * size, size) for k in range(many)]
     unit.tampers.append(_within(begin, begin + many * size))
     bench.master.polls = _own_polls(unit, bench.master.polls, pdus)
-    return bench.run(Expected("off-by-one", (unit.unit,), ("missing-registers",)))
+    return bench, Expected("off-by-one", (unit.unit,), ("missing-registers",))
 
 
 @field_case("missing-registers")
-def missing_registers(random: Random, tap: str) -> FieldCapture:
+def missing_registers(random: Random, tap: str) -> Site:
     """The client's list holds registers that the device does not have."""
     bench = site(random, tap, seconds=(30, 300))
     unit = bench.unit()
@@ -91,11 +91,11 @@ def missing_registers(random: Random, tap: str) -> FieldCapture:
     ]
     unit.tampers.append(_within(0, 230))
     bench.master.polls = _own_polls(unit, bench.master.polls, pdus)
-    return bench.run(Expected("missing-registers", (unit.unit,)))
+    return bench, Expected("missing-registers", (unit.unit,))
 
 
 @field_case("read-only")
-def read_only(random: Random, tap: str) -> FieldCapture:
+def read_only(random: Random, tap: str) -> Site:
     """The client writes registers that the device lets nobody write, though it reads them well."""
     bench = site(random, tap, seconds=(40, 300))
     unit = bench.unit()
@@ -110,11 +110,11 @@ def read_only(random: Random, tap: str) -> FieldCapture:
     bench.master.polls = _own_polls(unit, bench.master.polls, pdus)
     write = write_pdu(random, random.choice((6, 16)), address + random.randrange(6), 2)
     bench.master.polls.append(FieldPoll(unit.unit, write, random.uniform(1, 4) * SECOND))
-    return bench.run(Expected("read-only", (unit.unit,)))
+    return bench, Expected("read-only", (unit.unit,))
 
 
 @field_case("vendor-transfer")
-def vendor_transfer(random: Random, tap: str) -> FieldCapture:
+def vendor_transfer(random: Random, tap: str) -> Site:
     """A long transfer by a user-defined function; nothing is wrong."""
     bench = site(random, tap, units=(1, 5), seconds=(20, 120))
     unit = bench.unit()
@@ -135,4 +135,4 @@ def vendor_transfer(random: Random, tap: str) -> FieldCapture:
     bench.master.polls.append(FieldPoll(unit.unit, pdu))
     bench.master.manners.cycle_ms = 0.0
     bench.master.manners.timeout_ms += 300
-    return bench.run(Expected("vendor-transfer", (unit.unit,)))
+    return bench, Expected("vendor-transfer", (unit.unit,))

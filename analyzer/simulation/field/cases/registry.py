@@ -1,7 +1,7 @@
 """The one collection of field cases: a function a case, of as many kinds as its cause shows itself in.
 
     @field_case("dead-unit")
-    def dead_unit(random: Random, tap: str) -> FieldCapture:
+    def dead_unit(random: Random, tap: str) -> Site:
         \"\"\"One unit of several never answers.\"\"\"
         ...
 
@@ -10,16 +10,14 @@ A module of this package holds such functions; nothing lists the modules.
 
 from __future__ import annotations
 
-import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from random import Random
-from types import MappingProxyType
 from typing import Final
 
-from ..bench import FieldCapture
+from ....registry import Registry
+from ..bench import Bench, Expected, FieldCapture
 
 ANY_TAP: Final = ("precise", "irq", "ftdi16", "gateway", "untimed")
 TIMED: Final = ("precise", "irq", "ftdi16", "gateway")
@@ -27,7 +25,8 @@ LOCAL: Final = ("precise", "irq", "ftdi16")
 SHARP: Final = ("precise", "irq")
 BYTES: Final = ("precise",)
 
-Play = Callable[[Random, str], FieldCapture]
+Site = tuple[Bench, Expected]
+Play = Callable[[Random, str], Site]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,19 +44,18 @@ class FieldCase:
 
     def capture(self, tap: str, seed: int) -> FieldCapture:
         """The capture of one seed; the same seed is the same site whatever the tap."""
-        return self.play(Random(f"{self.name} {seed}"), tap)
+        bench, expected = self.play(Random(f"{self.name} {seed}"), tap)
+        return bench.run(expected)
 
 
-_cases: dict[str, FieldCase] = {}
+_CASES: Final = Registry[FieldCase]("analyzer.simulation.field.cases", "field case")
 
 
 def field_case(name: str, taps: tuple[str, ...] = ANY_TAP) -> Callable[[Play], Play]:
     """Registers a case."""
 
     def enter(play: Play) -> Play:
-        if name in _cases:
-            raise ValueError(f"two cases are called {name}")
-        _cases[name] = FieldCase(name, play, taps)
+        _CASES.enter(name, FieldCase(name, play, taps))
         return play
 
     return enter
@@ -66,7 +64,4 @@ def field_case(name: str, taps: tuple[str, ...] = ANY_TAP) -> Callable[[Play], P
 @cache
 def field_cases() -> Mapping[str, FieldCase]:
     """All cases by name."""
-    package = import_module("analyzer.simulation.field.cases")
-    for module in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
-        import_module(f"{package.__name__}.{module}")
-    return MappingProxyType(dict(sorted(_cases.items())))
+    return _CASES.by_name()

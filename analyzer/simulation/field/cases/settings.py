@@ -5,20 +5,21 @@ from __future__ import annotations
 from dataclasses import replace
 from random import Random
 
-from ..bench import Expected, FieldCapture, site
-from ..uart import Octet, Uart
+from ..bench import Bench, Expected, site
+from ..uart import LineUart, ReceivedOctet
 from ..units import FieldUnit
 from ..wire import Burst, TapEnd
-from .registry import ANY_TAP, LOCAL, field_case
+from .registry import ANY_TAP, LOCAL, Site, field_case
 
 _STANDARD = (1200, 2400, 4800, 9600, 14400, 19200, 38400, 57600, 115200)
 
 
-def _other_baud(random: Random, uart: Uart) -> float:
+def _other_baud(random: Random, uart: LineUart) -> float:
     return random.choice([baud for baud in _STANDARD if baud != uart.baud and 0.2 < baud / uart.baud < 5])
 
 
-def _other(random: Random, uart: Uart) -> Uart:
+def another_format(random: Random, uart: LineUart) -> LineUart:
+    """Settings of a UART that are not these."""
     kind = random.random()
     if kind < 0.5:
         return replace(uart, baud=_other_baud(random, uart))
@@ -29,7 +30,7 @@ def _other(random: Random, uart: Uart) -> Uart:
 
 
 @field_case("unit-line-settings")
-def unit_line_settings(random: Random, tap: str) -> FieldCapture:
+def unit_line_settings(random: Random, tap: str) -> Site:
     """One unit sends at another speed or parity, or by a clock that is off."""
     bench = site(random, tap, seconds=(30, 300))
     unit = bench.unit()
@@ -37,12 +38,12 @@ def unit_line_settings(random: Random, tap: str) -> FieldCapture:
         off = random.uniform(0.055, 0.09) * random.choice((-1, 1))
         unit.sends = replace(bench.uart, baud=bench.uart.baud * (1 + off))
     else:
-        unit.sends = _other(random, bench.uart)
-    return bench.run(Expected("unit-line-settings", (unit.unit,)))
+        unit.sends = another_format(random, bench.uart)
+    return bench, Expected("unit-line-settings", (unit.unit,))
 
 
 @field_case("tap-line-settings", LOCAL)
-def tap_line_settings(random: Random, tap: str) -> FieldCapture:
+def tap_line_settings(random: Random, tap: str) -> Site:
     """The tap is set to another speed, parity or polarity than the line."""
     bench = site(random, tap, seconds=(30, 200))
     kind = random.random()
@@ -51,23 +52,23 @@ def tap_line_settings(random: Random, tap: str) -> FieldCapture:
     elif kind < 0.75:
         other = replace(bench.uart, baud=_other_baud(random, bench.uart))
     else:
-        other = _other(random, bench.uart)
+        other = another_format(random, bench.uart)
         while other.parity == "N" and bench.uart.parity == "N":
-            other = _other(random, bench.uart)
+            other = another_format(random, bench.uart)
     bench.wire.taps = [TapEnd(other)]
     bench.header["baud"], bench.header["char_bits"] = int(other.baud), other.char_bits
     if "parity" in bench.header:
         bench.header["parity"], bench.header["stop_bits"] = other.parity, other.stop_bits
-    return bench.run(Expected("tap-line-settings"))
+    return bench, Expected("tap-line-settings")
 
 
 @field_case("tap-one-direction")
-def tap_one_direction(random: Random, tap: str) -> FieldCapture:
+def tap_one_direction(random: Random, tap: str) -> Site:
     """The tap hears the client only, or the units only."""
     bench = site(random, tap, units=(1, 9), seconds=(20, 300))
     units = random.random() < 0.5
     bench.wire.taps[0].hears = _units_only if units else _client_only
-    return bench.run(Expected("tap-one-direction"))
+    return bench, Expected("tap-one-direction")
 
 
 def _units_only(burst: Burst) -> bool:
@@ -79,34 +80,39 @@ def _client_only(burst: Burst) -> bool:
 
 
 @field_case("tap-reversed", ANY_TAP)
-def tap_reversed(random: Random, tap: str) -> FieldCapture:
+def tap_reversed(random: Random, tap: str) -> Site:
     """Two taps, a direction each, and what is said of them is the wrong way round."""
     bench = site(random, tap, seconds=(20, 300))
     bench.wire.taps = [TapEnd(bench.uart, _client_only), TapEnd(bench.uart, _units_only)]
     bench.header["notes"] = {"directions": "response,request"}
-    return bench.run(Expected("tap-reversed"))
+    return bench, Expected("tap-reversed")
 
 
 @field_case("healthy-two-ports", LOCAL)
-def healthy_two_ports(random: Random, tap: str) -> FieldCapture:
+def healthy_two_ports(random: Random, tap: str) -> Site:
     """Two taps, a direction each, and what is said of them is right."""
     bench = site(random, tap, seconds=(20, 300))
     bench.wire.taps = [TapEnd(bench.uart, _client_only), TapEnd(bench.uart, _units_only)]
     bench.header["notes"] = {"directions": "request,response"}
-    return bench.run(Expected(None))
+    return bench, Expected(None)
 
 
 @field_case("local-echo")
-def local_echo(random: Random, tap: str) -> FieldCapture:
+def local_echo(random: Random, tap: str) -> Site:
     """The client's own adapter shows what it is given to send, and the line again."""
     bench = site(random, tap, seconds=(20, 300))
-    sent: list[Octet] = []
+    echo_of_client(random, bench)
+    return bench, Expected("local-echo")
+
+
+def echo_of_client(random: Random, bench: Bench) -> None:
+    """The client's adapter shows what it is given to send before the line does."""
+    sent: list[ReceivedOctet] = []
     early = random.uniform(0.02, 1.0) * 1e6
 
     def remember(burst: Burst, _: Random) -> None:
         begin = burst.starts[0] - early
-        sent.extend(Octet(begin + i, value, False) for i, value in enumerate(burst.data))
+        sent.extend(ReceivedOctet(begin + i, value, False) for i, value in enumerate(burst.data))
 
     bench.master.shapes.append(remember)
     bench.tapped = lambda octets: sorted([*octets, *sent])
-    return bench.run(Expected("local-echo"))

@@ -4,36 +4,36 @@ from __future__ import annotations
 
 from random import Random
 
-from ..bench import Expected, FieldCapture, read_pdu, site
+from ..bench import Expected, read_pdu, site
 from ..master import FieldPoll
 from ..units import MS
-from .registry import ANY_TAP, LOCAL, field_case
+from .registry import ANY_TAP, LOCAL, Site, field_case
 
 
 @field_case("dead-unit")
-def dead_unit(random: Random, tap: str) -> FieldCapture:
+def dead_unit(random: Random, tap: str) -> Site:
     """One unit of several never answers."""
     bench = site(random, tap, units=(2, 10))
     unit = bench.unit()
     bench.master.manners.retries = random.choice((0, 0, 1, 1, 2, 3))
     begin = 0.0 if random.random() < 0.85 else bench.begin_ns + random.uniform(0.2, 0.6) * bench.duration_ns
     unit.silent = lambda t: t >= begin
-    return bench.run(Expected("dead-unit", (unit.unit,)))
+    return bench, Expected("dead-unit", (unit.unit,))
 
 
 @field_case("absent-units")
-def absent_units(random: Random, tap: str) -> FieldCapture:
+def absent_units(random: Random, tap: str) -> Site:
     """The client's list holds units that are not there."""
     bench = site(random, tap, units=(4, 10))
     absent = random.sample(sorted(bench.units), random.randint(2, len(bench.units) - 1))
     for number in absent:
         bench.units[number].silent = lambda _: True
     bench.master.manners.retries = random.choice((0, 0, 1, 2))
-    return bench.run(Expected("absent-units", tuple(absent)))
+    return bench, Expected("absent-units", tuple(absent))
 
 
 @field_case("unit-restarts")
-def unit_restarts(random: Random, tap: str) -> FieldCapture:
+def unit_restarts(random: Random, tap: str) -> Site:
     """A unit goes silent for a while, again and again."""
     bench = site(random, tap, seconds=(90, 400))
     unit = bench.unit()
@@ -50,11 +50,11 @@ def unit_restarts(random: Random, tap: str) -> FieldCapture:
             poll.period_ns = 0
     bench.master.manners.cycle_ms = min(bench.master.manners.cycle_ms, down / 4 / MS)
     bench.master.manners.timeout_ms = min(bench.master.manners.timeout_ms, down / 6 / MS)
-    return bench.run(Expected("unit-restarts", (unit.unit,)))
+    return bench, Expected("unit-restarts", (unit.unit,))
 
 
 @field_case("unit-busy")
-def unit_busy(random: Random, tap: str) -> FieldCapture:
+def unit_busy(random: Random, tap: str) -> Site:
     """A unit says for a while, again and again, that it is busy."""
     bench = site(random, tap, seconds=(40, 400))
     unit = bench.unit()
@@ -66,21 +66,21 @@ def unit_busy(random: Random, tap: str) -> FieldCapture:
         return bytes((request[0] | 0x80, code)) if (t - bench.begin_ns) % period < share * period else answer
 
     unit.tampers.append(busy)
-    return bench.run(Expected("unit-busy", (unit.unit,)))
+    return bench, Expected("unit-busy", (unit.unit,))
 
 
 @field_case("retry-policy")
-def retry_policy(random: Random, tap: str) -> FieldCapture:
+def retry_policy(random: Random, tap: str) -> Site:
     """The client asks a silent unit again and again before it goes on."""
     bench = site(random, tap, units=(3, 9), seconds=(60, 400))
     unit = bench.unit()
     unit.silent = lambda _: True
     bench.master.manners.retries = random.choice((5, 6, 9, 10, 19))
-    return bench.run(Expected("retry-policy", (unit.unit,), ("dead-unit",)))
+    return bench, Expected("retry-policy", (unit.unit,), ("dead-unit",))
 
 
 @field_case("timeout-too-short", LOCAL)
-def timeout_too_short(random: Random, tap: str) -> FieldCapture:
+def timeout_too_short(random: Random, tap: str) -> Site:
     """A unit takes longer than its client waits, always or often."""
     bench = site(random, tap, seconds=(40, 300))
     unit = bench.unit()
@@ -92,11 +92,11 @@ def timeout_too_short(random: Random, tap: str) -> FieldCapture:
         usual * MS * random.uniform(0.95, 1.1) if random.random() < often else unit._usual_delay()
     )
     manners.retries = random.choice((0, 0, 1, 2))
-    return bench.run(Expected("timeout-too-short", (unit.unit,)))
+    return bench, Expected("timeout-too-short", (unit.unit,))
 
 
 @field_case("timeout-too-short-shifted", ANY_TAP)
-def timeout_too_short_shifted(random: Random, tap: str) -> FieldCapture:
+def timeout_too_short_shifted(random: Random, tap: str) -> Site:
     """A slow unit's answers are each taken for that of the next request, which asks the same shape."""
     bench = site(random, tap, units=(2, 6), seconds=(40, 300))
     unit = bench.unit()
@@ -116,4 +116,4 @@ def timeout_too_short_shifted(random: Random, tap: str) -> FieldCapture:
             manners.timeout_ms + max(manners.pause_ms(0), 4 * bench.uart.char_ns / MS) + asked + random.uniform(3, 40)
         )
     unit.delay = lambda _pdu, _t: late * MS * random.uniform(0.99, 1.01)
-    return bench.run(Expected("timeout-too-short", (unit.unit,)))
+    return bench, Expected("timeout-too-short", (unit.unit,))

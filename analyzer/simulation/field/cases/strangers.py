@@ -10,9 +10,9 @@ from dissectors.crc import lrc
 from dissectors.crc_variants import ALGORITHMS, Algorithm
 
 from ...conversation import adu
-from ..bench import SECOND, Bench, Expected, FieldCapture, site
+from ..bench import SECOND, Bench, Expected, site
 from ..units import MS, burst_of
-from .registry import field_case
+from .registry import Site, field_case
 
 _X25 = next(one for one in ALGORITHMS if isinstance(one, Algorithm) and one.name == "CRC-16/X-25")
 
@@ -89,7 +89,7 @@ KINDS: dict[str, Callable[[Random], list[bytes]]] = {
 
 
 @field_case("other-protocol")
-def other_protocol(random: Random, tap: str) -> FieldCapture:
+def other_protocol(random: Random, tap: str) -> Site:
     """Another protocol speaks on the pair, between the polls or in their place."""
     bench = site(random, tap, seconds=(20, 120), bauds=(9600, 19200, 38400))
     kind = random.choice(sorted(KINDS))
@@ -107,7 +107,7 @@ def other_protocol(random: Random, tap: str) -> FieldCapture:
         bench.schedule.at(t + period * random.uniform(0.8, 1.2), speak)
 
     bench.schedule.at(0.2 * SECOND, speak)
-    return bench.run(Expected("other-protocol"))
+    return bench, Expected("other-protocol")
 
 
 def _say(bench: Bench, frames: list[bytes], t: float, random: Random) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from random import Random
 
-from ..bench import Bench, Expected, FieldCapture, read_pdu, site
+from ..bench import Bench, Expected, read_pdu, site
 from ..master import FieldPoll
 from ..registers import analog, counter, float_pair
-from .registry import field_case
+from .registry import Site, field_case
 
 
 def _sisters(random: Random, tap: str) -> tuple[Bench, list[int]]:
@@ -28,18 +28,18 @@ def _sisters(random: Random, tap: str) -> tuple[Bench, list[int]]:
 
 
 @field_case("word-order")
-def word_order(random: Random, tap: str) -> FieldCapture:
+def word_order(random: Random, tap: str) -> Site:
     """One of several units of a kind sends its floats with the words exchanged."""
     bench, numbers = _sisters(random, tap)
     wrong = random.choice(numbers)
     words = bench.units[wrong].holdings.words
     for at in (0, 2, 4, 6):
         words[at], words[at + 1] = words[at + 1], words[at]
-    return bench.run(Expected("word-order", (wrong,)))
+    return bench, Expected("word-order", (wrong,))
 
 
 @field_case("counter-jumps")
-def counter_jumps(random: Random, tap: str) -> FieldCapture:
+def counter_jumps(random: Random, tap: str) -> Site:
     """A counter falls back or leaps now and then."""
     bench, numbers = _sisters(random, tap)
     wrong = random.choice(numbers)
@@ -55,7 +55,7 @@ def counter_jumps(random: Random, tap: str) -> FieldCapture:
         return max(0, (high(t) << 16 | low(t)) + shift)
 
     words[6], words[7] = (lambda t: value(t) >> 16), (lambda t: value(t) & 0xFFFF)
-    return bench.run(Expected("counter-jumps", (wrong,)))
+    return bench, Expected("counter-jumps", (wrong,))
 
 
 def _held(word: Callable[[float], int], since: float) -> Callable[[float], int]:
@@ -65,7 +65,7 @@ def _held(word: Callable[[float], int], since: float) -> Callable[[float], int]:
 
 
 @field_case("frozen-values")
-def frozen_values(random: Random, tap: str) -> FieldCapture:
+def frozen_values(random: Random, tap: str) -> Site:
     """A unit answers, but its values stand still from some time on while its sisters' move."""
     bench, numbers = _sisters(random, tap)
     wrong = random.choice(numbers)
@@ -73,4 +73,4 @@ def frozen_values(random: Random, tap: str) -> FieldCapture:
     since = random.choice((0.0, random.uniform(0.1, 0.5) * bench.duration_ns))
     for at, word in list(words.items()):
         words[at] = _held(word, since)
-    return bench.run(Expected("frozen-values", (wrong,)))
+    return bench, Expected("frozen-values", (wrong,))

@@ -1,0 +1,90 @@
+"""What was hit on the line: answers, requests, the idle line; and when."""
+
+from __future__ import annotations
+
+from math import exp, log1p, log2
+from typing import Any, Final
+
+import numpy as np
+
+from .bits import likelihood_bits
+from .evidence import Evidence
+from .signatures import Behind
+
+_MOST_HIT: Final = 0.98
+_ABOUT: Final = 20.0  # bytes
+
+# How damage spreads over kinds where it strikes all senders alike.
+ALIKE: Final = {"bits": 0.24, "bits-tail": 0.03, "head": 0.12, "middle": 0.2, "whole": 0.13, "long": 0.06, "tail": 0.03,
+                 "cut": 0.08, "cut-short": 0.05, "crossed": 0.02, "convention": 0.001, "count": 0.002, "other": 0.01}  # fmt: skip
+
+
+class Hits:
+    """How many exchanges were hit: frames (answers, requests) and the idle line."""
+
+    def __init__(self, evidence: Evidence) -> None:
+        self.damaged = sum(map(evidence.damaged, evidence.units))
+        self.requests = sum(evidence.behind(unit, Behind.REQUEST) for unit in evidence.units)
+        self.idle = sum(evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units)
+        self.exchanges = sum(unit.asked for unit in evidence.units)
+
+    @property
+    def frames(self) -> float:
+        return self.damaged + self.requests
+
+    @property
+    def all(self) -> float:
+        return self.frames + self.idle
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """For people."""
+        return {
+            "idle": round(self.idle),
+            "damaged": self.damaged,
+            "requests": round(self.requests),
+            "exchanges": self.exchanges,
+            "answers": self.exchanges,
+            "well": self.exchanges - self.damaged,
+            "hits": round(self.all),
+        }
+
+
+def evenness_bits(evidence: Evidence) -> float:
+    """How much less likely the damage of units is, each as it is, if all share one rate a byte; never more than 0."""
+    units = [unit for unit in evidence.units if unit.asked]
+    if len(units) < 2:
+        return 0.0
+    hits = [min(evidence.damaged(unit), unit.asked) for unit in units]
+    lengths = [_mean_due(evidence, unit.unit) for unit in units]
+    exposed = sum(unit.asked * length for unit, length in zip(units, lengths, strict=True))
+    surely = -log1p(-min(sum(hits) / sum(unit.asked for unit in units), _MOST_HIT))
+    a_byte = surely * sum(unit.asked for unit in units) / exposed
+    bits, price = 0.0, 0.5 * log2(sum(unit.asked for unit in units) + 2)
+    for unit, hit, length in zip(units, hits, lengths, strict=True):
+        shared = likelihood_bits(hit, unit.asked, 1 - exp(-a_byte * length))
+        bits += min(0.0, shared - likelihood_bits(hit, unit.asked, (hit + 0.25) / (unit.asked + 0.5)) + price)
+    return bits
+
+
+def _mean_due(evidence: Evidence, unit: int) -> float:
+    """Bytes of an exchange with a unit, about."""
+    polls = evidence.polls_of(unit)
+    asked = sum(poll.asked for poll in polls)
+    return sum(poll.asked * poll.about_bytes for poll in polls) / asked if asked else _ABOUT
+
+
+def span_of_hits(evidence: Evidence) -> dict[str, Any]:
+    """`since` and `until` of a suspicion, by the parts of the time with hits; nothing where there are none."""
+    grid = evidence.ledger.grid
+    parts = np.flatnonzero(grid.counts("damage"))
+    if grid.begin_ns is None or not len(parts):
+        return {}
+    return {"since": grid.begin_ns + int(parts[0]) * grid.width_ns, "until": end_of_part(evidence, int(parts[-1]) + 1)}
+
+
+def end_of_part(evidence: Evidence, part: int) -> int:
+    """The end of so many parts of the grid, which may reach beyond the capture's."""
+    grid, ledger = evidence.ledger.grid, evidence.ledger
+    reach = (grid.begin_ns or 0) + part * grid.width_ns
+    return min(reach, ledger.end) if ledger.timed else reach

@@ -1,0 +1,148 @@
+"""What is wrong with the wires: reflections, no bias, one bad drop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import log2
+from typing import Final
+
+from ...tables.findings import Severity
+from ..bits import likelihood_bits, surplus_bits
+from ..evidence import HEALTHY, Evidence, kind_bits, share_of
+from ..exchanges import Ending
+from ..hits import ALIKE, Hits, span_of_hits
+from ..registry import Suspicion, Symptom, suspect
+from ..signatures import Behind
+
+_LEAST: Final = 5
+_WELL: Final = 0.03  # of stray bytes that hit frames all the same, on a line that floats when nobody drives it
+_ONE_UNIT: Final = 0.9  # of all stretches
+_MOST: Final = 0.6
+_FEW: Final = 0.15  # frames hit for a stretch on the idle line
+_EARLY: Final = (0.3, 0.22, 0.16, 0.12, 0.08, 0.05, 0.04, 0.03)  # bits of a byte that ringing behind its start reaches
+# AnswerDamage by reflections, one bit a frame, or several.
+_BENT: Final = {"bits": 0.52, "head": 0.17, "bits-tail": 0.04, "middle": 0.1, "whole": 0.12, "tail": 0.02}
+_MUCH_BENT: Final = {"bits": 0.2, "head": 0.1, "bits-tail": 0.03, "middle": 0.35, "whole": 0.3, "tail": 0.01}
+_SINGLE: Final = 0.3
+_MOST_BENT: Final = 0.45
+_UNIT_BITS: Final = 6.0  # each unit more that is said to be far
+
+
+@suspect(
+    "bias",
+    Severity.WARNING,
+    blame="line",
+    text="Nothing holds the line when nobody drives it: {idle} stretches of stray bytes on the idle line, while "
+    "{well} of {answers} frames are whole",
+    share="{idle} stretches in {exchanges} exchanges, {damaged} damaged answers",
+    deciding_test="Measure A against B on the idle line: under 200 mV it floats",
+    remedy="Fit bias resistors (pull-up on B, pull-down on A, 390 to 650 ohm) at one place of the bus, or switch the "
+    "master's on",
+)
+def bias(evidence: Evidence) -> Iterator[Suspicion]:
+    """Noise between frames, and frames that are well."""
+    hits = Hits(evidence)
+    if hits.idle < _LEAST:
+        return
+    readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]
+    touched = hits.damaged * share_of(readings, "head")  # noise that runs into the beginning of an answer
+    idle, frames = hits.idle + touched, hits.frames - touched
+    bits = surplus_bits(idle, max(hits.exchanges, idle), HEALTHY)
+    bits += likelihood_bits(frames, idle + frames, _WELL) - likelihood_bits(frames, idle + frames, 0.5)
+    stray = [evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units]
+    if len(stray) > 1 and max(stray) > _ONE_UNIT * sum(stray):
+        bits /= 4  # a line that floats does so behind everybody
+    explains = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units) | {(Symptom.FRAMING, None)}
+    if touched > _MOST * hits.damaged or hits.damaged < _FEW * idle:
+        explains |= frozenset((Symptom.DAMAGE, unit.unit) for unit in evidence.units)
+    yield Suspicion((), bits, explains, hits.numbers, **span_of_hits(evidence))
+
+
+@suspect(
+    "termination",
+    Severity.ERROR,
+    blame="line",
+    text="Answers of units {list} come with flipped bits ({damaged} of {answers}), requests and other units' answers do "
+    "not: reflections on the way from there{early}",
+    share="{damaged} of {answers} answers of units {list}, {others_damaged} of {others_answers} of others",
+    deciding_test="Put 120 ohm across A and B at the far end, or halve the baud rate: the errors must go",
+    remedy="Terminate both ends of the cable with 120 ohm, and nowhere else; shorten stubs; avoid stars",
+)
+def termination(evidence: Evidence) -> Iterator[Suspicion]:
+    """Bit errors in the frames of some units."""
+    ranked = sorted(
+        (unit for unit in evidence.units if evidence.damaged(unit) >= 2 and evidence.readings(unit)),
+        key=lambda unit: -evidence.damaged(unit) / unit.asked,
+    )
+    best: Suspicion | None = None
+    for count in range(1, min(len(ranked), max(1, (2 * len(evidence.units)) // 3)) + 1):
+        far = ranked[:count]
+        rest = [unit for unit in evidence.units if unit not in far]
+        hits, trials = sum(map(evidence.damaged, rest)), sum(unit.asked for unit in rest)
+        background = max(HEALTHY, (hits + 0.5) / (trials + 50))
+        readings = [reading for unit in far for reading in evidence.readings(unit)]
+        flips = [bit for reading in readings for bit in reading.flips]
+        early = sum(log2(8 * _EARLY[bit]) for bit in flips)
+        bits = sum(surplus_bits(evidence.damaged(unit), unit.asked, background) for unit in far)
+        bits += max(kind_bits(readings, _BENT), kind_bits(readings, _MUCH_BENT)) + early - _UNIT_BITS * (count - 1)
+        single, several = share_of(readings, "bits", "bits-tail"), share_of(readings, "middle")
+        if (single < _SINGLE and (count < 2 or single < _FEW or single + several < _MOST_BENT)) or len(
+            readings
+        ) < _LEAST:
+            continue
+        if best is None or bits > best.bits:
+            costs = [evidence.cost(unit, Ending.GARBAGE) for unit in far]
+            known = [ms for _, ms in costs if ms is not None]
+            best = Suspicion(
+                tuple(unit.unit for unit in far),
+                bits,
+                frozenset((Symptom.DAMAGE, unit.unit) for unit in far),
+                {
+                    "list": ", ".join(str(unit.unit) for unit in far),
+                    "damaged": sum(map(evidence.damaged, far)),
+                    "answers": sum(unit.asked for unit in far),
+                    "others_damaged": hits,
+                    "others_answers": trials,
+                    "early": ", in the first bits behind an edge" if early > 8 else "",
+                },
+                lost_answers=sum(lost for lost, _ in costs),
+                lost_ms=round(sum(known), 3) if known else None,
+                frames=tuple(i for unit in far for i in unit.examples.get(Ending.GARBAGE, []))[:6],
+                **span_of_hits(evidence),
+            )
+    if best is not None:
+        yield best
+
+
+@suspect(
+    "bad-drop",
+    Severity.ERROR,
+    blame="line",
+    text="Answers of unit {list} are damaged ({damaged} of {answers}), in no particular way; those of others are not",
+    share="{damaged} of {answers} answers of unit {list}, {others_damaged} of {others_answers} of others",
+    deciding_test="Swap the drops of unit {list} and a good one: does the damage stay with the unit or with the drop?",
+    remedy="Check the terminals, the stub and the shield of this drop, then the unit's line driver",
+)
+def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
+    """AnswerDamage of any kind, of one unit alone."""
+    for unit in evidence.units if len(evidence.units) > 1 else ():
+        bits = evidence.surplus(unit) + min(kind_bits(evidence.readings(unit), ALIKE), 0.0) - _UNIT_BITS
+        if bits > 0 and evidence.damaged(unit) >= _LEAST:
+            others = [other for other in evidence.units if other.unit != unit.unit]
+            lost, lost_ms = evidence.cost(unit, Ending.GARBAGE)
+            yield Suspicion(
+                (unit.unit,),
+                bits,
+                frozenset({(Symptom.DAMAGE, unit.unit)}),
+                {
+                    "list": unit.unit,
+                    "damaged": evidence.damaged(unit),
+                    "answers": unit.asked,
+                    "others_damaged": sum(map(evidence.damaged, others)),
+                    "others_answers": sum(other.asked for other in others),
+                },
+                lost_answers=lost,
+                lost_ms=lost_ms,
+                frames=tuple(unit.examples.get(Ending.GARBAGE, [])),
+                **span_of_hits(evidence),
+            )

@@ -1,0 +1,107 @@
+"""What the user narrows the capture to, and the figures of what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import Analysed
+from ..reports.summary import Summary
+from ..tables.findings import NOTHING
+from ..tables.schema import Kind
+from .activity import Bins, UnitActivity, binned
+from .polls import ChangedAnswers
+from .registers import RegisterLog
+from .selection import Selection, Test, both, frames_only, transactions, transactions_with, within
+from .table import PIECE
+
+if TYPE_CHECKING:
+    from ..reports.model import Report
+    from .bus import Bus
+    from .filtering import CompiledTest
+    from .source import ViewSource
+
+_AT_ONCE = 1 << 13  # rows
+_LAG = 64  # rows: by then what was found about one is known, as a rule
+
+
+@dataclass
+class Scope:
+    """The one scope that all views obey: a filter, a span of time; and what lists show of it."""
+
+    filter: CompiledTest | None = None
+    span: tuple[int, int] | None = None  # ns
+    hide_noise: bool = False
+    only_changed: bool = False  # of the transactions
+
+    @property
+    def narrows(self) -> bool:
+        """Whether rows are left out, noise apart."""
+        return self.filter is not None or self.span is not None
+
+    @property
+    def settled(self) -> bool:
+        """Whether it asks for what is only known once later rows have come."""
+        return self.filter is not None and self.filter.settled
+
+    def tests(self) -> list[Test]:
+        """What a row must pass; nothing where all are wanted."""
+        tests: list[Test] = []
+        if self.hide_noise:
+            tests.append(frames_only)
+        if self.span is not None:
+            tests.append(within(*self.span))
+        if self.filter is not None:
+            tests.append(self.filter.test)
+        return tests
+
+    def rows(self, bus: Bus) -> Selection | None:
+        """The rows that it leaves; None for all."""
+        tests = self.tests()
+        return Selection(bus, both(tests), lag=_LAG if self.settled else 0) if tests else None
+
+    def transactions(self, bus: Bus) -> Selection:
+        """The rows that begin the transactions that it leaves: those with a row that passes."""
+        asked = transactions_with(both(self.tests())) if self.narrows else transactions
+        if self.only_changed:
+            asked = both([ChangedAnswers(), asked])
+        return Selection(bus, asked, lag=_LAG if self.narrows or self.only_changed else 0)
+
+
+class ScopedFigures:
+    """The figures of some rows, as `Bus` has them of all: `rows` with what belongs to their transactions."""
+
+    def __init__(self, bus: Bus, rows: NDArray[np.int64], stop: Callable[[], bool] = bool) -> None:
+        self._bus = bus
+        partner = bus.table.take("partner", rows).astype(np.int64)
+        self.rows = np.union1d(rows, partner[partner >= 0])
+        self.registers = RegisterLog()
+        self.units = UnitActivity()
+        self.frames = int((bus.table.take("kind", self.rows) != Kind.NOISE).sum())
+        self._whole = bus.whole
+        self._summary = Summary(bus.char_ns)
+        first = 0
+        while first < len(self.rows) and not stop():
+            last = int(np.searchsorted(self.rows, (self.rows[first] // PIECE + 1) * PIECE))
+            self._take(bus, self.rows[first : min(last, first + _AT_ONCE)])
+            first = min(last, first + _AT_ONCE)
+
+    def _take(self, bus: Bus, part: NDArray[np.int64]) -> None:
+        batch = bus.batch(part)
+        asked = part[batch.rows["kind"] == Kind.REQUEST]
+        found = NOTHING if batch.findings is None else batch.findings
+        self._summary.feed(Analysed(batch, bus.transactions(asked), found))
+        self.registers.feed(batch, part)
+        self.units.feed(batch.rows)
+
+    def over(self, t_start: int, t_end: int, bins: int) -> Bins:
+        """How busy these rows made a span, in equal bins."""
+        return binned(self._bus, self.rows, t_start, t_end, bins)
+
+    def report(self, source: ViewSource) -> Report:
+        """These rows on one page."""
+        return self._bus.page(self._summary, source, partial=not self._whole)

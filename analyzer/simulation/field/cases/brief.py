@@ -1,0 +1,144 @@
+"""Captures with little of what is wrong: sixty exchanges in all, or a fault that begins when all is nearly over."""
+
+from __future__ import annotations
+
+from random import Random
+
+from ..bench import SECOND, Bench, Expected, site
+from ..units import MS
+from ..wire import Burst
+from .disturbances import bias
+from .drivers import driver_enabled_late, duplicate_address
+from .firmware import crc_convention
+from .healthy import healthy
+from .registry import ANY_TAP, Play, Site, field_case
+from .settings import another_format, tap_one_direction, unit_line_settings
+from .silence import dead_unit
+
+_FEW = 60
+
+
+def _shortly(case: Play, random: Random, tap: str) -> Site:
+    bench, expected = case(random, tap)
+    bench.most_requests = _FEW
+    return bench, expected
+
+
+@field_case("short-healthy")
+def short_healthy(random: Random, tap: str) -> Site:
+    """All is well, and sixty requests tell it."""
+    return _shortly(healthy, random, tap)
+
+
+@field_case("short-dead-unit")
+def short_dead_unit(random: Random, tap: str) -> Site:
+    """One unit of a few never answers, in sixty requests."""
+    bench = site(random, tap, units=(2, 5))
+    unit = bench.unit()
+    unit.silent = lambda _: True
+    bench.most_requests = _FEW
+    return bench, Expected("dead-unit", (unit.unit,))
+
+
+@field_case("short-driver-enabled-late")
+def short_driver_enabled_late(random: Random, tap: str) -> Site:
+    """A unit enables its driver late, in sixty requests."""
+    return _shortly(driver_enabled_late, random, tap)
+
+
+@field_case("short-unit-line-settings")
+def short_unit_line_settings(random: Random, tap: str) -> Site:
+    """A unit sends by other settings, in sixty requests."""
+    return _shortly(unit_line_settings, random, tap)
+
+
+@field_case("short-duplicate-address")
+def short_duplicate_address(random: Random, tap: str) -> Site:
+    """Two devices answer to one address, in sixty requests."""
+    return _shortly(duplicate_address, random, tap)
+
+
+@field_case("short-crc-convention")
+def short_crc_convention(random: Random, tap: str) -> Site:
+    """A unit makes another check value, in sixty requests."""
+    return _shortly(crc_convention, random, tap)
+
+
+@field_case("short-tap-one-direction", ANY_TAP)
+def short_tap_one_direction(random: Random, tap: str) -> Site:
+    """The tap hears one side only, in sixty requests."""
+    return _shortly(tap_one_direction, random, tap)
+
+
+def _nearly_over(bench: Bench) -> float:
+    """ns: nine tenths of the capture are well."""
+    return bench.begin_ns + 0.9 * (bench.duration_ns - bench.begin_ns)
+
+
+@field_case("end-dead-unit")
+def end_dead_unit(random: Random, tap: str) -> Site:
+    """A unit goes silent in the last tenth of a capture."""
+    bench = site(random, tap, units=(2, 6), seconds=(120, 600))
+    unit, begin = bench.unit(), _nearly_over(bench)
+    unit.silent = lambda t: t >= begin
+    bench.master.manners.cycle_ms = min(bench.master.manners.cycle_ms, 500.0)
+    bench.master.manners.timeout_ms = min(bench.master.manners.timeout_ms, 300.0)
+    return bench, Expected("dead-unit", (unit.unit,))
+
+
+@field_case("end-driver-released-early")
+def end_driver_released_early(random: Random, tap: str) -> Site:
+    """A unit's driver begins to let go too early in the last tenth of a capture."""
+    bench = site(random, tap, units=(2, 6), seconds=(120, 400))
+    unit, begin = bench.unit(), _nearly_over(bench)
+    early = random.uniform(0.5, 2.0) * bench.uart.char_ns
+
+    def shape(burst: Burst, _: Random) -> None:
+        if burst.starts[0] >= begin:
+            burst.off, burst.plain = burst.last - early * random.uniform(0.9, 1.1), False
+
+    unit.shapes.append(shape)
+    return bench, Expected("driver-released-early", (unit.unit,))
+
+
+@field_case("end-unit-line-settings")
+def end_unit_line_settings(random: Random, tap: str) -> Site:
+    """Somebody sets a unit to another speed or parity in the last tenth of a capture."""
+    bench = site(random, tap, units=(2, 6), seconds=(120, 400))
+    unit, other = bench.unit(), another_format(random, bench.uart)
+
+    def change(_: float) -> None:
+        unit.sends = other
+
+    bench.schedule.at(_nearly_over(bench), change)
+    return bench, Expected("unit-line-settings", (unit.unit,))
+
+
+@field_case("short-bias")
+def short_bias(random: Random, tap: str) -> Site:
+    """Nothing holds the line at rest, in sixty requests of a client that takes its time."""
+    bench, expected = bias(random, tap)
+    bench.most_requests = _FEW
+    bench.master.manners.pause_ms = lambda _: random.uniform(150, 400)
+    return bench, expected
+
+
+@field_case("healthy-slow-round")
+def healthy_slow_round(random: Random, tap: str) -> Site:
+    """A client that asks all its units in a burst and then rests for half a minute."""
+    bench = site(random, tap, units=(2, 8), seconds=(600, 1500))
+    bench.master.manners.cycle_ms = random.uniform(15, 40) * SECOND / MS
+    return bench, Expected(None)
+
+
+@field_case("single-dead-unit")
+def single_dead_unit(random: Random, tap: str) -> Site:
+    """The only unit of a bus stops to answer."""
+    bench, _ = dead_unit(random, tap)
+    unit = bench.unit()
+    for number in [number for number in bench.units if number != unit.unit]:
+        bench.units[number].silent = lambda _: True
+        bench.master.polls = [poll for poll in bench.master.polls if poll.unit == unit.unit]
+    begin = bench.begin_ns + random.uniform(0.3, 0.6) * (bench.duration_ns - bench.begin_ns)
+    unit.silent = lambda t: t >= begin
+    return bench, Expected("dead-unit", (unit.unit,))

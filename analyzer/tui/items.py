@@ -1,0 +1,63 @@
+"""What is looked at below the views: a tree of items over some bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from ..words import plural
+
+if TYPE_CHECKING:
+    from dissectors.fields import Field
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """A line of the tree.
+
+    `name` tells it from its siblings, `text` is what it says; `start` and `length` are the bytes meant (0 bytes: none).
+    `ready` is whether it begins open; `values` that it holds a register's interpretations.
+    """
+
+    name: str
+    text: str
+    start: int = 0
+    length: int = 0
+    kind: str = ""  # component class of the text
+    label: str = ""  # shown before the text instead of the name
+    children: tuple[Item, ...] = ()
+    ready: bool = True
+    values: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class FrameDetail:
+    """What is looked at: its bytes and what they mean."""
+
+    title: str
+    data: bytes
+    items: tuple[Item, ...]
+    fields: tuple[Field, ...] = ()
+
+    def spot(self, start: int, length: int) -> str:
+        """Bytes in words: `bytes 3-4 of 11`."""
+        if not length:
+            return plural(len(self.data), "byte", "bytes")
+        where = f"byte {start}" if length == 1 else f"bytes {start}-{start + length - 1}"
+        return f"{where} of {len(self.data)}"
+
+
+NOTHING: Final = FrameDetail("", b"", ())
+
+
+def chosen(look: FrameDetail, path: Sequence[str]) -> Item | None:
+    """The item at a path of names."""
+    items: Sequence[Item] = look.items
+    found = None
+    for name in path:
+        found = next((item for item in items if item.name == name), None)
+        if found is None:
+            return None
+        items = found.children
+    return found

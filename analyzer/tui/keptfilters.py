@@ -1,0 +1,85 @@
+"""Filters that the user keeps: used by name, lit in the lists by colour, a row each in the timeline."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ..filters import FilterError
+from ..model.filtering import compiled
+from .filterbar import FilterBar
+from .preferences import COLOURS, KeptFilter
+from .prompts import Ask, Choose
+
+if TYPE_CHECKING:
+    from ..model.selection import Test
+    from .desk import ViewState
+    from .screen import BusScreen
+
+_SHOWN = 9
+
+
+class KeptFilters:
+    """The main screen's kept filters."""
+
+    def __init__(self, screen: BusScreen) -> None:
+        self._screen = screen
+
+    async def choose(self) -> None:
+        """Use one, keep the one in use, drop one."""
+        screen = self._screen
+        wishes, ask = screen.desk.wishes, screen.app.push_screen_wait
+        bar = screen.query_one(FilterBar)
+        shown = wishes.filters[:_SHOWN]
+        choices = [(str(i), _words(kept)) for i, kept in enumerate(shown, 1)]
+        choices += [("k", f"keep the filter in use: {bar.text}")] if bar.text else []
+        choices += [("d", "drop one")] if shown else []
+        if not choices:
+            screen.tell("no filter is kept yet: use one, then S keeps it")
+            return
+        which = await ask(Choose("Kept filters", choices))
+        if which is None:
+            return
+        if which < len(shown):
+            bar.use(shown[which].text)
+        elif choices[which][0] == "k":
+            await self._keep(bar.text)
+        else:
+            gone = await ask(Choose("Drop", choices[: len(shown)]))
+            if gone is not None:
+                wishes.drop(shown[gone].name)
+        self._again()
+
+    async def _keep(self, text: str) -> None:
+        hint = f"a name; a colour behind it lights its rows: {', '.join(COLOURS)}"
+        said = await self._screen.app.push_screen_wait(Ask("Keep as", hint, wrong=_no_name))
+        if said is None:
+            return
+        name, _, colour = said.strip().rpartition(" ")
+        if colour not in COLOURS or not name:
+            name, colour = said.strip(), ""
+        self._screen.desk.wishes.keep(KeptFilter(name, text, colour))
+
+    def _again(self) -> None:
+        """Colours are others now."""
+        self._screen.desk.rules = list(rules_of(self._screen.desk))
+        self._screen.repaint_lists()
+        self._screen.refresh_view()
+
+
+def rules_of(desk: ViewState) -> Iterator[tuple[Test, str]]:
+    """Kept filters with a colour, as tests with the component class of their rows."""
+    for kept in desk.wishes.filters:
+        if kept.colour:
+            try:
+                yield compiled(kept.text, desk.source.line).test, f"tint-{kept.colour}"
+            except FilterError:
+                continue  # kept for captures with a map, or by another version
+
+
+def _words(kept: KeptFilter) -> str:
+    return f"{kept.name}: {kept.text}" + (f" ({kept.colour})" if kept.colour else "")
+
+
+def _no_name(text: str) -> str:
+    return "" if text.strip() else "a name is needed"

@@ -1,0 +1,112 @@
+"""What the user wants in every capture: filters that are kept, with colours; past filters; columns; keys.
+
+One small file of the user's own, written whole or not at all; where it cannot be read it is left alone.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import captures
+
+COLOURS: Final = ("red", "yellow", "green", "blue", "violet")
+_VERSION: Final = 1
+_LONGEST: Final = 1 << 20  # bytes
+_PAST: Final = 50  # filters
+
+
+@dataclass(frozen=True, slots=True)
+class KeptFilter:
+    """A filter with a name; with a colour the rows that pass it have it."""
+
+    name: str
+    text: str
+    colour: str = ""
+
+
+@dataclass
+class Preferences:
+    """`path` None: kept in memory only."""
+
+    path: Path | None = None
+    filters: list[KeptFilter] = field(default_factory=list)
+    past: list[str] = field(default_factory=list)  # filters that were used, the newest last
+    hidden: set[str] = field(default_factory=set)  # columns
+    keys: dict[str, str] = field(default_factory=dict)  # by the id of a binding
+    trouble: str = ""  # why they could not be read
+
+    @classmethod
+    def of_user(cls) -> Preferences:
+        """Those of whoever runs this."""
+        return cls.read(folder() / "interface.json")
+
+    @classmethod
+    def read(cls, path: Path) -> Preferences:
+        """Those of a file; none where there is no such file."""
+        try:
+            if not path.is_file() or path.stat().st_size > _LONGEST:
+                return cls(path)
+            return cls._from(json.loads(path.read_text(encoding="utf-8")), path)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            return cls(None, trouble=f"{path} holds no settings of this program: left alone")
+
+    @classmethod
+    def _from(cls, known: Mapping[str, Any], path: Path) -> Preferences:
+        if known["version"] != _VERSION:
+            raise ValueError("of another version")
+        filters = [
+            KeptFilter(str(each["name"]), str(each["filter"]), _colour(each.get("colour")))
+            for each in known.get("filters", [])
+        ]
+        keys = {str(name): str(key) for name, key in dict(known.get("keys", {})).items()}
+        return cls(path, filters, [str(text) for text in known.get("past", [])], set(known.get("hidden", [])), keys)
+
+    def used(self, text: str) -> None:
+        """A filter was used."""
+        self.past = [*(past for past in self.past if past != text), text][-_PAST:]
+        self.save()
+
+    def keep(self, kept: KeptFilter) -> None:
+        """Keep a filter; one of the same name goes."""
+        self.filters = [*(each for each in self.filters if each.name != kept.name), kept]
+        self.save()
+
+    def drop(self, name: str) -> None:
+        """Keep it no longer."""
+        self.filters = [each for each in self.filters if each.name != name]
+        self.save()
+
+    def save(self) -> None:
+        """Write them; what cannot be written lasts until the user leaves."""
+        if self.path is None:
+            return
+        known = {
+            "version": _VERSION,
+            "filters": [{"name": f.name, "filter": f.text, "colour": f.colour} for f in self.filters],
+            "past": self.past,
+            "hidden": sorted(self.hidden),
+            "keys": self.keys,
+        }
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with captures.replacing(self.path) as out:
+                out.write((json.dumps(known, indent=2, ensure_ascii=False) + "\n").encode(errors="backslashreplace"))
+        except (OSError, captures.CaptureError) as error:
+            self.path, self.trouble = None, f"settings last until you quit: {error}"
+
+
+def folder() -> Path:
+    """Where this user's settings are."""
+    if sys.platform == "win32":
+        return Path(os.environ.get("APPDATA") or Path.home()) / "rtuscope"
+    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "rtuscope"
+
+
+def _colour(name: object) -> str:
+    return str(name) if name in COLOURS else ""

@@ -1,0 +1,189 @@
+"""The transactions: a line a request and what became of it, its values in columns; frames, noise and bytes fold out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from rich.cells import cell_len
+from textual.binding import Binding, BindingType
+from textual.cache import LRUCache
+
+from ..model.pollvalues import PollValues, poll_values
+from ..model.selection import ListRows, Selection, Unfolded, transactions
+from ..tables.schema import Kind
+from ..words import pointed_ms
+from . import rows as words
+from .frames import FrameList, at_the_row, shown_row, to_its_fields, under_cursor
+from .messages import OnlyChanged
+from .paint import StyledText
+from .view import View, grown
+
+if TYPE_CHECKING:
+    from .desk import ViewState
+
+_OUTCOMES: Final = {"none": "no answer", "bcast": "broadcast", words.UNHEARD: "answer not heard", "": "…"}
+_BLOCK: Final = 32  # lines that are read at once
+_KEPT: Final = 2048  # transactions
+_WORD: Final = 5  # columns of a register's value
+_BIT_AREAS: Final = "01"
+
+
+class TransactionList(FrameList):
+    """Requests, each with its answer on the same line."""
+
+    EMPTY = "no requests yet"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("right,l", "fold(True)", "Unfold", tooltip="Its frames, the noise and the bytes, below the line"),
+        Binding("left,h", "fold(False)", "Fold", show=False),
+        Binding("d", "changed", "Changed", tooltip="Only transactions whose answer differs from the last to that poll"),
+    ]
+
+    def __init__(self, desk: ViewState, *, id: str) -> None:
+        super().__init__(desk, id=id)
+        self.rows = Selection(desk.bus, transactions)
+        self._lines = Unfolded(desk.bus, self.rows)
+        self._meant = -1  # a request that is meant itself, not its answer
+        self._read: LRUCache[int, PollValues] = LRUCache(_KEPT)
+
+    def use(self, rows: ListRows) -> None:
+        row = self._lines.place(self.cursor)[0] if self.cursor < self._lines.count else None
+        self.rows, self._lines = rows, Unfolded(self.desk.bus, rows)
+        self._told = -1
+        self.renewed(0 if row is None or not rows.count else self._lines.line(row))
+
+    @property
+    def row(self) -> int | None:
+        """The row that the line under the cursor stands for: a transaction's answer, where there is one."""
+        return self._stands_for(self.cursor) if self.cursor < self._lines.count else None
+
+    def _stands_for(self, line: int) -> int:
+        row, below = self._lines.place(line)
+        partner = self.desk.bus.partner(row)
+        return row if below or row == self._meant or partner is None or partner >= self.desk.bus.count else partner
+
+    def go(self, row: int) -> bool:
+        """Put the cursor on the transaction that holds a row; False where it is none of the list's."""
+        if not self.rows.count:
+            return False
+        partner = self.desk.bus.partner(row)
+        answers = partner is not None and self.desk.bus.table.value("kind", row) == Kind.RESPONSE
+        begins = partner if answers and partner is not None else row
+        self.following = False
+        line = self._lines.line(begins)
+        if row != self.row:
+            self._told = -1
+        self._meant = row
+        self.move_to(line, middle=True)
+        return self._lines.place(line)[0] == begins
+
+    def _tell(self) -> None:
+        if self.cursor < self._lines.count and self._lines.place(self.cursor)[0] != self._meant:
+            self._meant = -1
+        super()._tell()
+
+    def count(self) -> int:
+        return self._lines.count
+
+    def kind_of_line(self, line: int) -> str:
+        row, below = self._lines.place(line)
+        own = super().kind_of_line(line)
+        partner = -1 if own or below else self.desk.bus.table.value("partner", row)
+        return own if partner < 0 or partner >= self.desk.bus.count else self.desk.tint(partner)
+
+    def row_at(self, line: int) -> int:
+        return self._lines.place(line)[0]
+
+    def action_fold(self, wanted: bool) -> None:
+        if self.cursor < self._lines.count:
+            line = self._lines.turn(self.cursor, wanted)
+            self._strips.clear()
+            self.move_to(line)
+            self.grown()
+
+    def action_changed(self) -> None:
+        self.post_message(OnlyChanged())
+
+    def head(self, width: int) -> Sequence[StyledText]:
+        number, time, _ = self.columns(width)
+        title = "" if time == 1 else self.time_title()
+        return [StyledText(f"  {'#':>{number}} {title:>{time}} unit fn register qty      ms  what came of it")]
+
+    def pieces(self, line: int, width: int) -> Sequence[StyledText]:
+        row, below = self._lines.place(line)
+        if below:
+            return [StyledText("  │ ", "dim"), *self.row_pieces(row, None, width - 4)]
+        desk, table = self.desk, self.desk.bus.table
+        number, time, _ = self.columns(width)
+        found = self._values(line, row)
+        answer = found.answer
+        ended = words.ended(desk, row if answer < 0 else answer)
+        grave = max(table.value("mark", row), 0 if answer < 0 else table.value("mark", answer))
+        mark = words.marks(desk, row)
+        took = table.value("response_ns", answer) if answer >= 0 else -1
+        quantity = "" if found.quantity < 0 else f"×{found.quantity}"
+        pieces = [
+            StyledText(words.LETTER[grave] + mark.text[1], words.SEVERITY[grave] or mark.kind),
+            StyledText(f"{table.value('frame', row):>{number}} ", "dim"),
+            StyledText(f"{desk.time(row, self.row_at(line - 1) if line else None):>{time}} "),
+            StyledText(f"{table.value('unit', row):>4} {table.value('function', row):02X} ", "request"),
+            StyledText(f"{found.register:>8} ", "accent"),
+            StyledText(f"{quantity:<5}", "dim"),
+            StyledText(f"{pointed_ms(took)}  "),
+        ]
+        room = max(0, width - sum(cell_len(piece.text) for piece in pieces))
+        return [*pieces, *self._outcome(found, ended, room)]
+
+    def _outcome(self, found: PollValues, ended: StyledText, room: int) -> Sequence[StyledText]:
+        """What came of it: values in columns, or words where there are none."""
+        desk, row, answer = self.desk, found.row, found.answer
+        table = desk.bus.table
+        asked, about = words.words(desk, row)
+        said, more = words.words(desk, answer) if answer >= 0 else ([], [])
+        bad = answer >= 0 and (table.value("exception", answer) > 0 or not table.value("check", answer))
+        about += more
+        if bad:
+            about = [each for each in about if each.text.strip() != "exception"]
+        if answer < 0 and not ended.text and desk.bus.whole:
+            said = asked  # no request of which anybody could say what became of it
+        elif answer < 0 and words.direction(desk, row) == "request":
+            said = [StyledText(_OUTCOMES.get(ended.text, ended.text), ended.kind)]
+            if not found.register:
+                said = [*asked, StyledText(" → ", "response"), *said]
+            elif found.values:
+                said += [StyledText(": "), *_columns(found)]
+        elif found.values and not bad:
+            said = _columns(found)
+        elif answer < 0 or not found.register:
+            said = [*asked, *([StyledText(" → ", "response")] if said else []), *said]
+        return words.shared(said, about, room)
+
+    def _values(self, line: int, row: int) -> PollValues:
+        """What a line carries; a block of lines is read at once."""
+        table, read = self.desk.bus.table, self._read
+        known = read.get(row)
+        if known is not None and known.answer == table.value("partner", row):
+            return known
+        first = line // _BLOCK * _BLOCK
+        places = [self._lines.place(i) for i in range(first, min(first + _BLOCK, self._lines.count))]
+        for found in poll_values(self.desk.bus, [each for each, below in places if not below]):
+            read[found.row] = found
+        return read[row]
+
+
+def _columns(found: PollValues) -> list[StyledText]:
+    """Values, registers below each other; one that is another than last time has a star, and stands out."""
+    width = 1 if found.register[:1] in _BIT_AREAS and len(found.register) > 1 else _WORD
+    out = []
+    for i, value in enumerate(found.values):
+        star = "*" if i in found.changed else " "
+        out.append(StyledText(f"{star}{value:>{width}}", "warning" if i in found.changed else ""))
+    return out
+
+
+VIEW: Final = View(
+    name="transactions", key="1", title="Transactions", short="Trans",
+    make=lambda desk: TransactionList(desk, id="transactions"), refresh=grown,
+    chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor,
+    detail=True,
+)  # fmt: skip

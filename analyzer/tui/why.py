@@ -1,0 +1,98 @@
+"""Why a frame's boundaries stand where they do: silences on a ruler, the weight of all evidence, the runner-up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+from ..diagnosis.tap_clock import silences
+from ..tables.schema import NO_GAP, Kind
+from ..words import plural, short
+from .items import Item
+
+if TYPE_CHECKING:
+    from ..model.bus import Bus
+    from ..model.evidence import RowEvidence
+
+_RULER: Final = 14  # columns
+_BITS: Final = 2.0  # a column of a bar
+_BAR: Final = 12
+_NEXT: Final = 64  # rows that the next one of a port is looked for among
+_WEIGHED: Final = (("length", "length"), ("crc", "crc"), ("silence", "silence"), ("conversation", "talk"))
+
+
+def why(bus: Bus, row: int) -> Iterator[Item]:
+    """The item that tells it; nothing where no evidence was kept."""
+    found = bus.evidence(row)
+    if found is None:
+        return
+    if found.margin > 0:
+        said = f"{found.margin:.0f} bits likelier than {_rival(bus, row, found)}"
+    else:
+        said = "nothing else was weighed"
+    yield Item(
+        "why", said, kind="dim", label="why", ready=False,
+        children=(*_ruled(bus, row), *_weights(found)),
+    )  # fmt: skip
+
+
+def _rival(bus: Bus, row: int, found: RowEvidence) -> str:
+    """What would stand here instead."""
+    if found.rival_kind == Kind.NOISE or not found.rival_length:
+        return "noise"
+    ahead = found.rival_start - bus.table.value("start", row)
+    where = "from here on" if not ahead else f"{plural(abs(ahead), 'byte', 'bytes')} {'on' if ahead > 0 else 'before'}"
+    return f"a {Kind(found.rival_kind).name.lower()} of {plural(found.rival_length, 'byte', 'bytes')} {where}"
+
+
+def _weights(found: RowEvidence) -> Iterator[Item]:
+    """Each kind of evidence in bits: for this frame, or (shaded) against it."""
+    for name, label in _WEIGHED:
+        bits = float(getattr(found, name))
+        bar = ("█" if bits > 0 else "▒") * min(_BAR, round(abs(bits) / _BITS))
+        yield Item(name, f"{bits:+6.1f} {bar or 'tells nothing'}", kind="" if bits >= 0 else "warning", label=label)
+
+
+def _ruled(bus: Bus, row: int) -> Iterator[Item]:
+    """The silences before, inside and after, each on a ruler with t1.5 and t3.5."""
+    if not bus.timed:
+        yield Item("silences", "this capture has no times", kind="dim")
+        return
+    table = bus.table
+    inside = table.value("gap_most", row)
+    following = _next(bus, row)
+    gaps = (
+        ("before", bus.gap_ns(row)),
+        ("inside", inside if inside > NO_GAP else None),
+        ("after", None if following is None else bus.gap_ns(following)),
+    )
+    t15, t35 = silences(bus.line, bus.options)
+    if math.isfinite(t35):
+        yield Item("ruler", f"t1.5 {short(round(t15))}, t3.5 {short(round(t35))}", kind="dim", label="limits")
+    for name, gap in gaps:
+        if gap is None:
+            yield Item(name, "the tap cannot tell" if name != "after" else "nothing follows", kind="dim")
+            continue
+        line = f"{ruler(gap, t15, t35)} " if math.isfinite(t35) else ""
+        yield Item(name, f"{line}{short(gap)}", kind="warning" if name == "inside" and gap > t15 else "")
+
+
+def ruler(gap_ns: int, t15_ns: float, t35_ns: float) -> str:
+    """A silence drawn to scale up to twice t3.5, in `_RULER` columns; an arrow where it is longer."""
+    cells = [" "] * _RULER
+    scale = (_RULER - 1) / (2 * t35_ns)
+    end = round(min(max(gap_ns, 0) * scale, _RULER - 1))
+    cells[: end + 1] = "─" * (end + 1)
+    cells[end] = "→" if gap_ns > 2 * t35_ns else "●"
+    for mark in (t15_ns, t35_ns):
+        place = round(mark * scale)
+        cells[place] = "┊" if cells[place] == " " else "┼" if cells[place] == "─" else cells[place]
+    return "".join(cells)
+
+
+def _next(bus: Bus, row: int) -> int | None:
+    """The next row of the same port."""
+    port = bus.table.value("port", row)
+    rows = range(row + 1, min(bus.count, row + _NEXT))
+    return next((other for other in rows if bus.table.value("port", other) == port), None)

@@ -1,0 +1,147 @@
+"""Ways of feeding, and what is compared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from random import Random
+from typing import Any, Final
+
+import numpy as np
+
+from analyzer.core import Analysed, Analyzer
+from analyzer.tables.schema import ROW, Rows
+from captures import Chunk
+from captures.chunks import Block
+from feeding.streams import FedStream
+
+_PAUSES: Final = (8_000_000, 50_000_000, 700_000_000, 3_000_000_000)  # ns of silence that a clock tells
+_OCTETS: Final = 120  # of a stream that are fed one by one: the rest read by read
+_HOLD_NS: Final = 20_000_000  # reads are gathered for so long
+_BY_BATCH: Final = {"at", "confidence"}  # columns of rows that tell of their batch; see docs/deframing.md, Laws
+_BY_READ: Final = {"gap_before", "gap_most", "gap_least", "gap_at", "reads"}  # columns that tell how reads were cut
+
+
+@dataclass(frozen=True)
+class Told:
+    """What an analysis said of a stream."""
+
+    rows: Rows
+    transactions: Rows
+    findings: Rows
+
+    @classmethod
+    def of(cls, parts: Sequence[Analysed]) -> Told:
+        rows = np.concatenate([part.batch.rows for part in parts])
+        transactions = np.concatenate([part.transactions for part in parts])
+        return cls(rows, transactions, np.concatenate([part.findings for part in parts]))
+
+
+def at_once(stream: FedStream) -> Told:
+    """All in one block."""
+    return _fed(stream, [stream.chunks])
+
+
+def read_by_read(stream: FedStream) -> Told:
+    """A block a read."""
+    return _fed(stream, [[chunk] for chunk in stream.chunks])
+
+
+def gathered(stream: FedStream, random: Random) -> Told:
+    """A block some reads."""
+    blocks: list[list[Chunk]] = []
+    most = random.choice((2, 5, 20))
+    at = 0
+    while at < len(stream.chunks):
+        count = random.randint(1, most)
+        blocks.append(stream.chunks[at : at + count])
+        at += count
+    return _fed(stream, blocks)
+
+
+def live(stream: FedStream, random: Random) -> Told:
+    """As a tap gives them: reads of some milliseconds together, silences told, never one in which bytes were sent."""
+    analyzer = Analyzer(stream.line)
+    parts: list[Analysed] = []
+    character_ns = stream.line.nominal_character_ns or 1e6
+    begins = [chunk.t_ns - int(len(chunk.data) * character_ns) for chunk in stream.chunks]
+    quiet_until = np.minimum.accumulate(np.array([*begins, 1 << 62])[::-1])[::-1].tolist()
+    held: list[Chunk] = []
+    for i, chunk in enumerate(stream.chunks):
+        held.append(chunk)
+        free = quiet_until[i + 1] - chunk.t_ns
+        pauses = [pause for pause in _PAUSES if pause < free and random.random() < 0.8]
+        if not pauses and chunk.t_ns < held[0].t_ns + _HOLD_NS and random.random() < 0.9:
+            continue
+        told = chunk.t_ns + pauses[0] if pauses and random.random() < 0.5 else None
+        parts += analyzer.feed(_block(stream, held), told)
+        held = []
+        for pause in pauses:
+            parts += analyzer.tick(chunk.t_ns + pause)
+    if held:
+        parts += analyzer.feed(_block(stream, held))
+    return Told.of([Analysed.nothing(), *parts, *analyzer.close()])
+
+
+def _fed(stream: FedStream, blocks: Sequence[Sequence[Chunk]]) -> Told:
+    analyzer = Analyzer(stream.line)
+    parts = [part for block in blocks if block for part in analyzer.feed(_block(stream, block))]
+    return Told.of([Analysed.nothing(), *parts, *analyzer.close()])
+
+
+def _block(stream: FedStream, chunks: Sequence[Chunk]) -> Block:
+    return replace(Block.from_chunks(chunks), timed=stream.timed)
+
+
+def breaches(stream: FedStream, random: Random) -> Iterator[str]:
+    """What is told otherwise when the stream is fed otherwise."""
+    once = at_once(stream)
+    for way, told in (
+        ("read by read", read_by_read(stream)),
+        ("gathered", gathered(stream, random)),
+        ("live", live(stream, random)),
+    ):
+        yield from (f"{way}: {difference}" for difference in _differences(once, told, _BY_BATCH))
+    by_bytes = replace(stream, chunks=_cut_in_bytes(stream.chunks, random))
+    bytes_at_once = at_once(by_bytes)
+    told = read_by_read(by_bytes)
+    yield from (f"byte by byte: {difference}" for difference in _differences(bytes_at_once, told, _BY_BATCH))
+    rows_alone = (Told(each.rows, once.transactions[:0], once.findings[:0]) for each in (once, bytes_at_once))
+    yield from (f"cut in bytes: {d}" for d in _differences(*rows_alone, _BY_BATCH | _BY_READ))
+
+
+def _cut_in_bytes(chunks: Sequence[Chunk], random: Random) -> list[Chunk]:
+    """The same reads, but some neighbours byte by byte."""
+    first = random.randrange(max(1, sum(len(chunk.data) for chunk in chunks) - _OCTETS))
+    at, cut = 0, []
+    for chunk in chunks:
+        inside = first < at + len(chunk.data) and at < first + _OCTETS
+        size = 1 if inside else len(chunk.data)
+        cut += [replace(chunk, data=chunk.data[i : i + size]) for i in range(0, len(chunk.data), size)]
+        at += len(chunk.data)
+    return cut
+
+
+def _differences(one: Told, other: Told, left_out: set[str]) -> Iterator[str]:
+    if len(one.rows) != len(other.rows):
+        yield f"{len(one.rows)} rows, {len(other.rows)}"
+        return
+    names = [name for name in ROW.names or () if name not in left_out]
+    different = [name for name in names if not np.array_equal(one.rows[name], other.rows[name])]
+    if different:
+        yield f"rows differ in {', '.join(different)}"
+    if one.transactions.tolist() != other.transactions.tolist():
+        yield f"transactions differ{_columns(one.transactions, other.transactions)}"
+    if _sorted(one.findings) != _sorted(other.findings):
+        yield f"findings differ ({len(one.findings)}, {len(other.findings)})"
+
+
+def _columns(one: Rows, other: Rows) -> str:
+    if len(one) != len(other):
+        return f" in number: {len(one)}, {len(other)}"
+    return " in " + ", ".join(name for name in one.dtype.names or () if one[name].tolist() != other[name].tolist())
+
+
+def _sorted(records: Rows) -> list[Any]:
+    """Findings, whatever the order in which they were said: as the bytes that they are."""
+    return sorted(record.tobytes() for record in records)

@@ -1,0 +1,26 @@
+"""What a capture tells does not hang on how it is fed: a few streams of each kind of `benchmarks/feeding`."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+from scripts import package
+
+KINDS = list(package("feeding.streams").KINDS)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_at_once_read_by_read_byte_by_byte_and_live_tell_the_same(kind: str) -> None:
+    for seed in range(2):
+        stream = package("feeding.streams").stream(kind, seed)
+        assert list(package("feeding.ways").breaches(stream, Random(seed))) == []
+
+
+def test_a_breach_is_seen() -> None:
+    """The comparison itself: a row that is another is told."""
+    ways = package("feeding.ways")
+    told = ways.at_once(package("feeding.streams").stream("one-port", 1))
+    other = ways.Told(told.rows.copy(), told.transactions, told.findings[:0])
+    other.rows["start"] += 1
+    assert len(list(ways._differences(told, other, set()))) >= 1 + bool(len(told.findings))

@@ -1,0 +1,196 @@
+"""One scope, obeyed by every view; every cell is a door to it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from seats import Seat, opened, sample_in, using
+
+import captures
+from analyzer.model.bus import Bus
+from analyzer.model.filtering import compiled
+from analyzer.model.scope import Scope, ScopedFigures
+from analyzer.model.selection import Unfolded
+from analyzer.model.source import CaptureSource
+from analyzer.tables.schema import Kind
+from analyzer.tui.filterbar import FilterBar
+from analyzer.tui.home import HomeList
+from analyzer.tui.preferences import KeptFilter, Preferences
+from analyzer.tui.registerlist import RegisterList
+from analyzer.tui.timeline import Timeline
+from analyzer.tui.unitlist import UnitList
+from captures import samples
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    return sample_in(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def bus() -> Bus:
+    source = CaptureSource(captures.open(samples.path("troubled.jsonl")), "bus")
+    bus = Bus.of(source)
+    for analysed in source.steps(bool):
+        bus.feed(analysed)
+    bus.close()
+    return bus
+
+
+@pytest.mark.parametrize("text", ["unit == 2", "exception", "response_time > 100ms", 'finding == "no-response"'])
+def test_transactions_are_whole(bus: Bus, text: str) -> None:
+    """A transaction is in the scope if its request or its answer is."""
+    scope = Scope(compiled(text, bus.line))
+    rows, asked = scope.rows(bus), scope.transactions(bus)
+    assert rows is not None
+    rows.extend()
+    asked.extend()
+    passed = set(rows.rows().tolist())
+    assert passed
+    for row in asked.rows().tolist():
+        assert passed & {row, bus.partner(row)}
+    begun = set(asked.rows().tolist())
+    for row in passed:
+        if not bus.is_noise(row):
+            partner = bus.partner(row)
+            assert row in begun or partner in begun
+
+
+def test_the_figures_of_all_rows_are_those_of_the_bus(bus: Bus) -> None:
+    source = CaptureSource(captures.open(samples.path("troubled.jsonl")), "bus")
+    figures = ScopedFigures(bus, np.arange(bus.count))
+    whole, own = bus.report(source), figures.report(source)
+    assert own.transactions == whole.transactions and own.units == whole.units
+    assert figures.registers.all() == bus.registers.all()
+    bins = figures.over(bus.t_first, bus.t_last + 1, 50)
+    assert (bins.octets == bus.over(bus.t_first, bus.t_last + 1, 50).octets).all()
+
+
+def test_only_answers_that_changed(bus: Bus) -> None:
+    changed = Scope(only_changed=True).transactions(bus)
+    changed.extend()
+    newest: dict[bytes, bytes] = {}
+    expected = []
+    for row in range(bus.count):
+        partner = bus.partner(row)
+        if bus.table.value("kind", row) == Kind.REQUEST and partner is not None:
+            asked, said = bus.captured(row), bus.captured(partner)
+            if newest.get(asked) != said:
+                expected.append(row)
+            newest[asked] = said
+    assert changed.rows().tolist() == expected
+
+
+def test_rows_fold_out_below_their_transaction(bus: Bus) -> None:
+    asked = Scope().transactions(bus)
+    asked.extend()
+    lines = Unfolded(bus, asked)
+    for line in (5, 2, 0):
+        assert lines.turn(line, True) == line
+    seen = [lines.place(i) for i in range(lines.count)]
+    assert [row for row, below in seen if not below] == asked.rows().tolist()
+    for i, (row, below) in enumerate(seen):
+        if below:
+            assert lines.turn(i, True) == i - below, "a line below belongs to its transaction"
+        else:
+            assert lines.line(row) == i
+    first = lines.place(0)[0]
+    assert [row for row, below in seen[1:] if below][: bus.partner(first) is not None] == [first]
+    lines.turn(1, False)
+    assert lines.place(1)[1] == 0
+
+
+def test_every_view_obeys_the_scope_and_says_what_empties_it(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        screen = sitting.screen
+        await sitting.press("equals_sign", "u")
+        assert screen.query_one(FilterBar).text == "unit == 1"
+        await sitting.until(lambda: sitting.app.desk.narrowed is not None)
+        await sitting.press("4")
+        units = screen.query_one(UnitList)
+        await sitting.until(lambda: units.report is not None and [u.unit for u in units.report.units] == [1])
+        await sitting.press("5")
+        registers = screen.query_one(RegisterList)
+        assert registers.count() and {registers._registers[i].unit for i in range(registers.count())} == {1}
+        await sitting.press("0")
+        home = screen.query_one(HomeList)
+        await sitting.until(lambda: home.state is not None and len(home.state.report.units) == 1)
+        await sitting.press("6")
+        bins = screen.query_one(Timeline)._bins
+        assert bins is not None and bins.frames.sum() == sitting.app.desk.figures.frames
+        screen.query_one(FilterBar).use("unit == 99")
+        await sitting.settle()
+        for view in "0123457":
+            await sitting.press(view)
+            await sitting.until(lambda: "unit == 99" in sitting.shown())
+        await sitting.press("5")
+        assert "nothing here passes unit == 99; Esc takes it back" in sitting.shown()
+        await sitting.press("escape")
+        assert registers.count() == len(sitting.bus.registers)
+
+    using(opened(capture), work)
+
+
+def test_what_is_under_the_cursor_is_filtered_out_joined_and_followed(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        bar = sitting.screen.query_one(FilterBar)
+        await sitting.press("exclamation_mark", "u")
+        assert bar.text == "not (unit == 1)"
+        await sitting.press("ampersand", "f")
+        assert bar.line.has_focus and bar.line.value.startswith("not (unit == 1) and function == ")
+        await sitting.press("escape", "escape")
+        assert bar.text == ""
+        before = sitting.row
+        await sitting.press("full_stop", "p")
+        after = sitting.row
+        assert after > before and sitting.bus.captured(after)[:2] == sitting.bus.captured(before)[:2]
+
+    using(opened(capture), work)
+
+
+def test_filters_are_remembered_and_kept_with_a_colour(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        screen, wishes = sitting.screen, sitting.app.desk.wishes
+        bar = screen.query_one(FilterBar)
+        for text in ("unit == 2", "exception"):
+            bar.use(text)
+        await sitting.settle()
+        await sitting.press("S", "k")
+        await sitting.type("refused red")
+        await sitting.press("enter")
+        assert KeptFilter("refused", "exception", "red") in wishes.filters
+        await sitting.press("escape")
+        row = next(row for row in range(sitting.bus.count) if sitting.bus.frame(row).exception)
+        assert sitting.app.desk.tint(row) == "tint-red" and not sitting.app.desk.tint(0)
+        await sitting.press("slash", "up", "up")
+        assert bar.line.value == "unit == 2"
+        await sitting.press("escape", "S", "1")
+        assert bar.text == wishes.filters[0].text
+        await sitting.press("S", "d", "1")
+        assert not wishes.filters
+
+    using(opened(capture), work)
+
+
+def test_settings_that_cannot_be_read_are_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "interface.json"
+    wishes = Preferences.read(path)
+    wishes.keep(KeptFilter("late", "late", "blue"))
+    wishes.used("unit == 2")
+    assert Preferences.read(path).filters == wishes.filters and Preferences.read(path).past == ["unit == 2"]
+    for text in (
+        "[]",
+        "{}",
+        '{"version": 99}',
+        "[" * 100_000,
+        '{"version": 1, "filters": 3}',
+        json.dumps({"version": 1, "keys": 5}),
+    ):
+        path.write_text(text)
+        wishes = Preferences.read(path)
+        assert "left alone" in wishes.trouble
+        wishes.used("unit == 3")
+        assert path.read_text() == text
