@@ -33,9 +33,14 @@ def found_files() -> Iterator[str]:
 
 def user_file() -> str:
     """The user's file, there or not."""
+    return os.path.join(user_folder(), USER)  # noqa: PTH118
+
+
+def user_folder() -> str:
+    """Where this user's own files are, there or not."""
     if sys.platform.startswith("linux"):  # as platformdirs has it, without the 5 ms of its import
         base = os.environ.get("XDG_CONFIG_HOME", "").strip() or os.path.expanduser("~/.config")  # noqa: PTH111
-        return os.path.join(base, "rtuscope", USER)  # noqa: PTH118
+        return os.path.join(base, "rtuscope")  # noqa: PTH118
     import platformdirs
 
-    return str(platformdirs.user_config_path("rtuscope", appauthor=False) / USER)
+    return str(platformdirs.user_config_path("rtuscope", appauthor=False))

@@ -264,9 +264,11 @@ def test_the_recorder_s_sample_and_the_workflows_are_what_they_should_be():
 
 
 def test_progress_tells_share_rate_and_time_left():
-    assert progress_words(0.25, 1000, 3_000_000, 5.0) == ("25%, 1,000 frames, 3.0 MB of the line, 0.6 MB/s, 0:15 left")
+    assert progress_words(0.25, 1000, 3_000_000, 5.0) == (
+        "25%, 1,000 frames, 3.0 MB of the line, 200 frames/s, 0:15 left"
+    )
     assert "left" not in progress_words(0.25, 10, 1000, 0.5)
-    assert progress_words(None, 10, 1000, 1.0) == "10 frames, 0.0 MB of the line, 0.0 MB/s"
+    assert progress_words(None, 10, 1000, 1.0) == "10 frames, 0.0 MB of the line, 10 frames/s"
 
 
 def test_the_share_is_that_of_the_file(tmp_path):

@@ -46,6 +46,16 @@ def test_views_of_transactions_findings_units_registers_timeline_and_report(capt
         await sitting.press("down", "c", "2")
         await sitting.press("3")
         found = screen.query_one(FindingList)
+        await sitting.until(lambda: found.grouped)
+        causes = [block for block in found._blocks if not block.code]
+        assert len(causes) >= len(found.causes) > 0
+        assert sum(len(block.numbers) for block in found._blocks) == sitting.bus.found.count
+        await sitting.press("home", "down")
+        assert found.cause is None and found.finding is not None
+        closed = found.count()
+        await sitting.press("right")
+        assert found.count() > closed
+        await sitting.press("left", "b")
         assert found.count() == sitting.bus.found.count > 0
         await sitting.press("s", "s")
         assert 0 < found.count() < sitting.bus.found.count
@@ -133,7 +143,7 @@ def test_pasting_reads_what_parse_reads_and_remembers() -> None:
 def test_help_palette_themes_and_quit(capture: Path) -> None:
     async def work(sitting: Seat) -> None:
         await sitting.press("question_mark")
-        assert isinstance(sitting.app.screen, Help) and "display filter" in sitting.shown()
+        assert isinstance(sitting.app.screen, Help) and "filter to what stands under the cursor" in sitting.shown()
         await sitting.press("down", "escape")
         dark = sitting.app.theme
         await sitting.press("D")
@@ -244,7 +254,7 @@ def test_findings_are_gone_to_however_many_there_are(capture: Path) -> None:
 
     async def work(sitting: Seat) -> None:
         found = sitting.screen.query_one(FindingList)
-        await sitting.press("end", "left_square_bracket", "3")
+        await sitting.press("end", "left_square_bracket", "3", "b")
         assert found.count() == sitting.bus.found.count > 4096
         assert found.row == sitting.row == max(sitting.bus.found.row(i) for i in range(found.count()))
         await sitting.press("2", "home", "3")

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .registry import Symptom
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +36,10 @@ class Cause:
     lost_ms: float | None
     frames: tuple[int, ...]
     bits: float
+    explains: frozenset[tuple[Symptom, int | None]] = frozenset()  # for `links`: which findings point here
 
     def to_json(self) -> dict[str, Any]:
         """As plain values."""
-        return {**asdict(self), "units": list(self.units), "frames": list(self.frames)}
+        plain = {**asdict(self), "units": list(self.units), "frames": list(self.frames)}
+        del plain["explains"]
+        return plain

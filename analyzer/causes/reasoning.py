@@ -74,4 +74,5 @@ def _cause(best: Weighed, rival: Weighed | None, *, timed: bool) -> Cause:
         lost_ms=found.lost_ms if timed else None,
         frames=found.frames,
         bits=round(found.bits, 1),
+        explains=found.explains,
     )

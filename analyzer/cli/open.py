@@ -6,6 +6,8 @@ import argparse
 import os
 import sys
 from datetime import UTC
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .app import DONE, UsageError
 from .inputs import (
@@ -21,6 +23,11 @@ from .inputs import (
 )
 from .maps import add_map_argument, chosen_charts
 from .terminal import full_screen
+
+if TYPE_CHECKING:
+    from captures import Capture
+
+    from ..options import Options
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
@@ -38,7 +45,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="CAPTURE",
         help=f"{CAPTURE_HELP}; none: paste bytes",
     )
-    parser.add_argument("--light", action="store_true", help="dark on light (d switches)")
+    parser.add_argument("--light", action="store_true", help="dark on light (D switches)")
+    parser.add_argument("--plain", action="store_true", help="read it out in plain lines, for a screen reader")
+    parser.add_argument("--filter", metavar="FILTER", default="", help="with --plain: only what passes")
     parser.add_argument("--web", action="store_true", help="serve it to a browser on this machine instead")
     parser.add_argument("--host", default="127.0.0.1", help="with --web: address to listen at (127.0.0.1)")
     parser.add_argument("--port", type=port, default=_PORT, help=f"with --web: port to listen at ({_PORT})")
@@ -66,6 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
 
         serve(in_a_browser(arguments), arguments.host, arguments.port)
         return DONE
+    if arguments.plain:
+        return read_out(arguments, capture, limits)
     needs_a_terminal("open")
     from captures.io import time_zone
 
@@ -77,7 +88,33 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         name = capture.path.name if capture.path else "capture"
         shown_in = UTC if arguments.tz is None else time_zone(arguments.tz)
-        show(CaptureSource(capture, name, limits), light=arguments.light, zone=shown_in, charts=charts.of)
+
+        def again(path: Path) -> CaptureSource:
+            arguments.capture = str(path)
+            return CaptureSource(open_capture(arguments), path.name, limits)
+
+        source = CaptureSource(capture, name, limits)
+        show(source, light=arguments.light, zone=shown_in, charts=charts.of, reader=again)
+    return DONE
+
+
+def read_out(arguments: argparse.Namespace, capture: Capture | None, limits: Options) -> int:
+    """The capture in plain lines."""
+    if capture is None:
+        raise UsageError("--plain reads out a capture: which one?")
+    from captures.io import time_zone
+
+    from ..filters import FilterError
+    from ..model.source import CaptureSource
+    from ..model.spoken import spoken
+
+    name = capture.path.name if capture.path else "capture"
+    try:
+        zone = UTC if arguments.tz is None else time_zone(arguments.tz)
+        for line in spoken(CaptureSource(capture, name, limits), arguments.filter, zone):
+            print(line)
+    except FilterError as error:
+        raise UsageError(f"--filter: {error}") from error
     return DONE
 
 

@@ -54,7 +54,7 @@ def progress_words(share: float | None, frames: int, octets: int, elapsed_s: flo
     """How far it is, how fast, and about how long it still takes; a share of nothing or of all says neither."""
     known = share is not None and _LEAST_SHARE <= share < 1
     parts = [f"{share:.0%}"] if share is not None and known else []
-    parts += [f"{frames:,} frames", f"{octets / 1e6:,.1f} MB of the line", f"{octets / 1e6 / elapsed_s:,.1f} MB/s"]
+    parts += [f"{frames:,} frames", f"{octets / 1e6:,.1f} MB of the line", f"{frames / elapsed_s:,.0f} frames/s"]
     if share is not None and known and elapsed_s >= _LEAST_S:
         left = elapsed_s * (1 - share) / share
         minutes, seconds = divmod(round(left), 60)

@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
@@ -19,11 +19,13 @@ from .quantities import seconds
 from .terminal import coloured, hung_up, places, put, put_bytes, say_in_place, tell
 
 if TYPE_CHECKING:
+    from dissectors.maps.model import RegisterMap
     from dissectors.maps.units import UnitMaps
 
     from ..live.conditions import Condition
     from ..live.recent import ShownRow
     from ..live.session import Session, SessionStep
+    from ..registers.revising import RevisedRegisters, Revision
     from ..tables.findings import Finding
 
 _PERIOD_S: Final = 0.25
@@ -62,6 +64,7 @@ def add_view_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = F
     view.add_argument("--before", type=seconds, default=10.0, metavar="TIME", help="before a trigger (10s)")
     view.add_argument("--after", type=seconds, default=10.0, metavar="TIME", help="after a trigger (10s)")
     add_map_argument(view)
+    view.add_argument("--infer", action="store_true", help="tell what registers mean as it shows, and read them so")
     view.add_argument("--tui", action="store_true", help="show it in the terminal interface")
 
 
@@ -71,6 +74,10 @@ class _ViewLines(Protocol):
     def of(self, shown: ShownRow) -> Any: ...
 
     def bus(self, finding: Finding) -> Any: ...
+
+    def use(self, charts: Mapping[int, RegisterMap]) -> None: ...
+
+    def register(self, revision: Revision) -> Any: ...
 
 
 class Watch:
@@ -95,6 +102,11 @@ class Watch:
         charts = chosen_charts(arguments)
         self._lines = _view(arguments, session, charts)
         self._out = out
+        self._registers: RevisedRegisters | None = None
+        if arguments.infer:
+            from ..registers.revising import RevisedRegisters
+
+            self._registers = RevisedRegisters(charts)
         self.status = LineStatus(session.line)
         self._recent = Recent()
         self._filter, self._until = _condition(arguments.filter, charts), _condition(arguments.until, charts)
@@ -127,6 +139,7 @@ class Watch:
                 if self._over:
                     break
             out += [self._lines.bus(finding) for finding in of_the_bus(step)]
+            out += self._revised(step)
             self._write(out)
             if self._arguments.duration and self.status.elapsed_ns >= self._arguments.duration * 1e9:
                 self._end()
@@ -134,6 +147,14 @@ class Watch:
         if self._status_shown:
             print(f"{self.status}{self._extra()}", file=sys.stderr)
         return DONE if self.status.frames else NO_FRAME
+
+    def _revised(self, step: SessionStep) -> list[Any]:
+        """What registers mean, where that is told for the first time or otherwise; frames are read so from here on."""
+        revisions = self._registers.feed(step.batch) if self._registers is not None else []
+        if not revisions or self._registers is None:
+            return []
+        self._lines.use(self._registers.charts)
+        return [line for revision in revisions if (line := self._lines.register(revision))]
 
     def _row(self, shown: ShownRow, step: SessionStep) -> list[Any]:
         """What is shown of a row, if it is to be shown; with it, perhaps, what was before a trigger."""

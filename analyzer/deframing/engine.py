@@ -199,7 +199,7 @@ class Engine:
         bound = last
         last, margin = plain_reach(runs, i, last, data, classes, self.statistics, self._tracker, waiting=self._waiting)
         if last < bound or last > runs.last[i] or runs.either[last]:
-            last = without_tail(runs, i, last, classes)
+            last = without_tail(runs, i, last, classes, self.statistics)
         if last <= i:
             return at
         start, end, role = runs.start[i:last], runs.end[i:last], runs.role[i:last]

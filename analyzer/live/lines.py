@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from datetime import datetime
 from functools import lru_cache
-from typing import Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 
 import orjson
 
@@ -22,6 +22,9 @@ from ..tables.schema import Kind
 from ..terminal_text import TerminalText, painted, terminal_text
 from ..words import duration
 from .recent import ShownRow
+
+if TYPE_CHECKING:
+    from ..registers.revising import Revision
 
 _SENSIBLE_NS: Final = 1_000_000_000 * 86_400 * 365  # times before 1971 count from a beginning of their own
 _KEPT: Final = 4096  # frames whose words are kept: polls repeat
@@ -60,7 +63,15 @@ class TextLines:
         """`width`: longer lines are cut; None: none are. `noise`: bytes in no frame are shown, too. `charts`: register
         maps of units, whose names stand in place of the registers."""
         self._colour, self._width, self._noise = colour, width, noise
-        self._summaries = FrameCache(lambda frame: harmless(_named(frame, charts or {})))
+        self.use(charts or {})
+
+    def use(self, charts: Mapping[int, RegisterMap]) -> None:
+        """From here on values are named and read by these maps."""
+        self._summaries = FrameCache(lambda frame: harmless(_named(frame, charts)))
+
+    def register(self, revision: Revision) -> TerminalText:
+        """What a register means, told or revised."""
+        return self._cut(f"{_INDENT}= {revision.text}", "36")
 
     def of(self, shown: ShownRow) -> TerminalText:
         """The lines of a row, each with its end; empty where there is nothing to show."""
@@ -113,9 +124,18 @@ class LiveJsonLines:
     """The objects of `rtuscope export`, a line each; a finding made later comes as one of kind `finding`."""
 
     def __init__(self, *, noise: bool = False, charts: Mapping[int, RegisterMap] | None = None) -> None:
-        self._noise, self._charts = noise, charts
+        self._noise = noise
         self._fields = FrameCache(_fields)
-        self._values = FrameCache(lambda frame: [reading.to_json() for reading in frame_readings(frame, charts or {})])
+        self.use(charts or {})
+
+    def use(self, charts: Mapping[int, RegisterMap]) -> None:
+        """From here on frames have the values of these maps."""
+        self._charts = charts
+        self._values = FrameCache(lambda frame: [reading.to_json() for reading in frame_readings(frame, charts)])
+
+    def register(self, revision: Revision) -> str:
+        """What a register means, told or revised: an object with `register`."""
+        return _dumped(revision.to_json())
 
     def of(self, shown: ShownRow) -> str:
         """The lines of a row."""

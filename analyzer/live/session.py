@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import queue
 import threading
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
@@ -16,7 +17,7 @@ from typing import Any, Final, Protocol
 from captures.chunks import Block
 from captures.line import LineSettings
 from captures.live.wire import Item, PortEvent, Tick
-from captures.recording.notes import Note
+from captures.recording.notes import MARK, Note
 
 from ..core import Analysed, Analyzer
 from ..options import Options
@@ -114,6 +115,7 @@ class Session:
         self._stopped = False
         self._missed: dict[int, int] = {}  # the other thread's: bytes not queued, by port
         self._newest = 0
+        self._marks: deque[str] = deque()  # to be recorded
         self._thread = threading.Thread(target=self._pump, daemon=True)
 
     def __enter__(self) -> Session:
@@ -136,6 +138,11 @@ class Session:
         self.stop()
         self._thread.join(patience_s)
         return not self._thread.is_alive()
+
+    def mark(self, text: str) -> bool:
+        """Put a note of the user's into the recording, at the newest time heard; whether there is a recording."""
+        self._marks.append(text)
+        return self._recorder is not None
 
     @property
     def waiting(self) -> int:
@@ -218,6 +225,7 @@ class Session:
                 for item in self._source.items():
                     self._record(item)
                     self._offer(item)
+                    self._record_marks()
                     if self._recorder is not None:
                         self._recorder.tick()
                 self._tell_missed()
@@ -239,6 +247,10 @@ class Session:
                 self._recorder.settings(self._source.line)
             if item.kind in _NOTED:
                 self._recorder.note(Note(item.t_ns, item.kind, item.text))
+
+    def _record_marks(self) -> None:
+        while self._marks and self._recorder is not None and self._newest:
+            self._recorder.note(Note(self._newest, MARK, self._marks.popleft()))
 
     def _offer(self, item: Item) -> None:
         """Queue it, but for bytes that the analysis is too far behind to take."""

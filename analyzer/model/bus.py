@@ -73,15 +73,15 @@ class Bus:
         self.options = Options()
         self._ledger = Ledger(line)
         self._lock = threading.Lock()
-        self._capture: CaptureSource | None = None
+        self._source: ViewSource | None = None
 
     @classmethod
     def of(cls, source: ViewSource) -> Bus:
         """An empty model for a source."""
-        if not isinstance(source, CaptureSource):
-            return cls(source.line, timed=source.timed)
         bus = cls(source.line, timed=source.timed)
-        bus._capture = source
+        bus._source = source
+        if not isinstance(source, CaptureSource):
+            return bus
         bus.options = source.options
         bus._ledger = Ledger(source.line, source.options)
         return bus
@@ -99,7 +99,7 @@ class Bus:
     @property
     def deaf(self) -> Sequence[Deaf]:
         """Times in which a recording heard nothing."""
-        return () if self._capture is None else self._capture.deaf
+        return getattr(self._source, "deaf", ())
 
     # Taking in
 

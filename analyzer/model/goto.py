@@ -15,6 +15,13 @@ _DAY: Final = re.compile(r"(?:(\d{4}-\d{2}-\d{2})[ t])?(\d{1,2}):(\d{2})(?::(\d{
 FORMS: Final = "frame 120, time 12.5s, step +200ms or -5s, clock 08:29:51.5 or 2026-11-21 08:29, share 50%"
 
 
+SPANS: Final = "14:00-16:00, yesterday 14-16 (or y), today 8-9:30, 2026-11-21 14-16, 10s-25s"
+_SPAN: Final = re.compile(
+    r"(?:(y|yesterday|t|today|\d{4}-\d{2}-\d{2})\s+)?(\d{1,2})(?::(\d{2}))?\s*-\s*(\d{1,2})(?::(\d{2}))?"
+)
+_SECONDS: Final = re.compile(r"(\d+(?:\.\d+)?)\s*(us|ms|s|min|h)?\s*-\s*(\d+(?:\.\d+)?)\s*(us|ms|s|min|h)")
+
+
 class GotoError(ValueError):
     """No place is named like this; the message says what can be."""
 
@@ -48,6 +55,51 @@ def place(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
     if match := _DAY.fullmatch(text):
         return bus.table.row_at_time(_on_the_day(match, bus, text, zone))
     raise GotoError(f"{text[:40]!r} is no place: {FORMS}")
+
+
+def span(text: str, bus: Bus, zone: tzinfo = UTC, now: datetime | None = None) -> tuple[int, int]:
+    """The time from .. to, in ns, that `text` names (see SPANS); without a day the last one of the capture that has it.
+
+    `now` tells what today is. Raises GotoError.
+    """
+    text = text.strip().lower()
+    if not bus.timed or not bus.count:
+        raise GotoError("this capture has no times")
+    if match := _SECONDS.fullmatch(text):
+        low, high = (round(float(match[i]) * _UNITS[match[j] or match[4]]) for i, j in ((1, 2), (3, 4)))
+        return _some(bus.t_first + low, bus.t_first + high)
+    match = _SPAN.fullmatch(text)
+    if match is None:
+        raise GotoError(f"{text[:40]!r} is no span: {SPANS}")
+    if not is_clock(bus.t_first):
+        raise GotoError("this capture's clock has no time of day: give seconds since its start, such as 10s-25s")
+    now = now or datetime.now(zone)
+    newest = datetime.fromtimestamp(bus.t_last // 1_000_000_000, zone)
+    try:
+        day = newest
+        if match[1]:
+            back = timedelta(days=match[1][0] == "y")
+            named = match[1][0].isdigit()
+            day = datetime.fromisoformat(match[1]).replace(tzinfo=zone) if named else now.astimezone(zone) - back
+        low, high = (_at(day, int(match[i]), int(match[i + 1] or 0)) for i in (2, 4))
+        if not match[1] and low > bus.t_last:
+            low, high = (_at(day - timedelta(days=1), int(match[i]), int(match[i + 1] or 0)) for i in (2, 4))
+    except ValueError as error:
+        raise GotoError(f"{text[:40]!r} is no time of day") from error
+    return _some(low, high)
+
+
+def _at(day: datetime, hour: int, minute: int) -> int:
+    """A time of a day in ns; 24:00 is its end."""
+    whole = hour == 24 and not minute
+    moment = day.replace(hour=0 if whole else hour, minute=minute, second=0, microsecond=0)
+    return int((moment + timedelta(days=whole)).timestamp()) * 1_000_000_000
+
+
+def _some(low: int, high: int) -> tuple[int, int]:
+    if high <= low:
+        raise GotoError("it ends before it begins")
+    return low, high
 
 
 def _on_the_day(match: re.Match[str], bus: Bus, text: str, zone: tzinfo) -> int:

@@ -83,7 +83,7 @@ class PollIndex:
     def before(self, row: int) -> int | None:
         """The row of the newest good answer before `row` to the same poll; None where none is near."""
         number, place = divmod(row, PIECE)
-        wanted = self._poll(row)
+        wanted = (self._polls(number)[place] if row < self._bus.count else 0) or self._poll(row)
         if not wanted:
             return None
         for other in range(number, max(-1, number - _PIECES), -1):

@@ -48,6 +48,10 @@ class Scope:
         """Whether it asks for what is only known once later rows have come."""
         return self.filter is not None and self.filter.settled
 
+    def words(self) -> tuple[object, ...]:
+        """What tells it from another one."""
+        return None if self.filter is None else self.filter.text, self.span, self.hide_noise
+
     def tests(self) -> list[Test]:
         """What a row must pass; nothing where all are wanted."""
         tests: list[Test] = []

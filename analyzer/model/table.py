@@ -382,6 +382,11 @@ class FindingLog:
         """`row` for many."""
         return self._rows[numbers]
 
+    def rules_of(self, numbers: NDArray[np.int64]) -> NDArray[np.int16]:
+        """The rule of some findings."""
+        rules: NDArray[np.int16] = self._findings["rule"][numbers]
+        return rules
+
     def finding(self, i: int) -> Finding:
         """Finding `i` in words."""
         return describe(self._findings[i])

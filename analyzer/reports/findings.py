@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from ..causes.model import Cause
-from ..words import is_clock, time_of_day
+from ..words import is_clock, plural, time_of_day
 from .model import FindingGroup, FindingRow
 
 _WORST: Final = 3
@@ -62,7 +62,8 @@ def _group_lines(row: FindingRow) -> Iterator[str]:
                 yield from _wrapped(f"{label}: {words}", "   ")
                 said.add(words)
     if len(row.groups) > _GROUPS:
-        yield f"   and {len(row.groups) - _GROUPS} more kinds or units (--json has all)"
+        more = len(row.groups) - _GROUPS
+        yield f"   and {more} more {plural(more, 'kind or unit', 'kinds or units')} (--json has all)"
 
 
 def where(group: FindingGroup, row: FindingRow) -> Iterator[str]:

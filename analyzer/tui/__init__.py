@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from datetime import UTC, tzinfo
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -29,16 +30,33 @@ def run(
     light: bool = False,
     zone: tzinfo = UTC,
     charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] | None = None,
+    reader: Callable[[Path], ViewSource] | None = None,
 ) -> None:
     """Show a source until the user quits.
 
     `view` is what is shown first: `frames`, `home`, `paste` …; None: the transactions, or Home where a capture
-    has causes to tell. `zone` is that of times of day; `charts` gives the maps of units.
+    has causes to tell. `zone` is that of times of day; `charts` gives the maps of units; `reader` opens a file when the
+    user wants another one, or the same anew.
     """
     from .app import Rtuscope
+    from .openfiles import NextFile
 
-    app = Rtuscope(source, view=view, light=light)
-    app.desk.zone = zone
-    if charts is not None:
-        app.desk.charts = charts
-    app.run()
+    resumed: NextFile | None = None
+    while True:
+        app = Rtuscope(source, view=view, light=light, resumed=resumed)
+        app.desk.zone = zone
+        if charts is not None:
+            app.desk.charts = charts
+        resumed = app.run()
+        if resumed is None:
+            return
+        source, view = (reader or _plain)(resumed.path), resumed.view
+
+
+def _plain(path: Path) -> ViewSource:
+    """A file as it is."""
+    import captures
+
+    from ..model.source import CaptureSource
+
+    return CaptureSource(captures.open(path), path.name)

@@ -17,7 +17,9 @@ from ..model.notes import Notes, NotesError
 from .burst import KeyQueue
 from .desk import ViewState
 from .keptfilters import rules_of
+from .openfiles import NextFile
 from .paint import DARK, HARMLESS, LIGHT
+from .palette16 import DARK_16, LIGHT_16
 from .preferences import Preferences
 from .screen import BusScreen
 from .views import VIEWS
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
     from ..model.source import ViewSource
 
+_FEW_COLOURS = ("standard", "windows")
 _NARROW = 70  # columns under which bytes stand below the fields
 _WIDE = 120  # columns from which on bytes stand 16 to a line
 _COMMANDS = (
@@ -42,18 +45,22 @@ _COMMANDS = (
 )  # fmt: skip
 
 
-class Rtuscope(App[None]):
+class Rtuscope(App[NextFile | None]):
     """The terminal interface."""
 
     TITLE = "rtuscope"
     CSS_PATH = "style.tcss"
     BINDINGS: ClassVar[list[BindingType]] = []
 
-    def __init__(self, source: ViewSource, *, view: str | None = None, light: bool = False) -> None:
+    def __init__(
+        self, source: ViewSource, *, view: str | None = None, light: bool = False, resumed: NextFile | None = None
+    ) -> None:
         super().__init__()
         self.register_theme(DARK)
-        self.register_theme(LIGHT)
-        self.theme = (LIGHT if light else DARK).name
+        for theme in (LIGHT, DARK_16, LIGHT_16):
+            self.register_theme(theme)
+        self._themes = (DARK_16, LIGHT_16) if self.console.color_system in _FEW_COLOURS else (DARK, LIGHT)
+        self.theme = self._themes[light].name
         self._trouble = ""
         try:
             notes = Notes.beside(source.path)
@@ -64,6 +71,7 @@ class Rtuscope(App[None]):
         self.desk = ViewState(source, Bus.of(source), notes, wishes=wishes)
         self.desk.rules = list(rules_of(self.desk))
         self._view = view
+        self._resumed = resumed
         self.wire = ThinWire()
         self.keys = KeyQueue(self, super().on_event)
         self._cursor_was = self.cursor_position
@@ -73,7 +81,7 @@ class Rtuscope(App[None]):
         return [*super().get_line_filters(), HARMLESS]
 
     def get_default_screen(self) -> Screen[None]:
-        return BusScreen(self.desk, self.wire, view=self._view)
+        return BusScreen(self.desk, self.wire, view=self._view, resumed=self._resumed)
 
     def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:
         """What Textual would send, as the difference from what stands there."""
@@ -96,12 +104,14 @@ class Rtuscope(App[None]):
         if self.is_web:
             self.desk.wishes.path = None
             self.desk.notes.path = None  # whoever has the page writes no file of this machine
+        self.set_keymap(self.desk.wishes.keys)
         if self._trouble:
             self.notify(self._trouble, severity="error", markup=False)
 
     def action_theme_flip(self) -> None:
         """From dark to light and back."""
-        self.theme = (LIGHT if self.theme == DARK.name else DARK).name
+        dark, light = self._themes
+        self.theme = (light if self.theme == dark.name else dark).name
 
     def get_system_commands(self, screen: Screen[None]) -> Iterable[SystemCommand]:
         if isinstance(screen, BusScreen):

@@ -73,6 +73,22 @@ class Bookmarks:
         if text is not None:
             self._noted(lambda: notes.comment(place, text))
 
+    async def ask_mark(self) -> None:
+        """Ask for a note that goes into the recording, and stands as a comment on the newest row."""
+        screen, bus = self._screen, self._desk.bus
+        mark = getattr(self._desk.source, "mark", None)
+        if mark is None or bus.whole:
+            screen.tell("marks go into a recording, while it runs; ; comments a row")
+            return
+        row = bus.count - 1
+        text = await screen.app.push_screen_wait(Ask("Mark this moment in the recording", "what happens now"))
+        if text:
+            recorded = mark(text)
+            if row >= 0:
+                self._desk.notes.comments[self._desk.place(row)] = text
+            screen.tell("marked in the recording" if recorded else "marked here until you leave: nothing is recorded")
+            screen.repaint_lists()
+
     def next(self) -> None:
         """Go to the next bookmark, from the first one on again."""
         table = self._desk.bus.table

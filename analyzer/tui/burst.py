@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from textual.screen import ModalScreen
 from textual.widgets import Input, TextArea
@@ -32,7 +32,7 @@ _LONGEST_S: Final = 0.5  # nothing holds keys back for longer
 class KeyQueue:
     """The keys that wait for their turn."""
 
-    def __init__(self, app: App[None], dispatch: Callable[[Key], Awaitable[None]]) -> None:
+    def __init__(self, app: App[Any], dispatch: Callable[[Key], Awaitable[None]]) -> None:
         self._app, self._dispatch = app, dispatch
         self._waiting: deque[Key] = deque()
         self._task: asyncio.Task[None] | None = None

@@ -40,6 +40,7 @@ class ViewState:
     narrowed: ScopedFigures | None = None  # what the scope leaves, once it was counted
     wishes: Preferences = field(default_factory=Preferences)
     rules: list[tuple[Test, str]] = field(default_factory=list)  # colours of rows
+    paused: bool = False  # what comes is read, but not shown
     losses: int = 0  # things that the source told to be lost or broken
     zone: tzinfo = UTC  # of times of day
     charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] = _no_charts  # the maps of units

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from textual.binding import Binding, BindingType
 
+from ..causes.links import cause_of
 from ..model.selection import Selection
-from ..tables.findings import Severity
+from ..tables.findings import Severity, codes
+from ..words import plural
+from .causeitems import of_cause
 from .lines import Lines
 from .look import at_finding, finding_name
 from .paint import StyledText, fitted
@@ -20,20 +24,41 @@ from .view import View
 if TYPE_CHECKING:
     from textual.widget import Widget
 
+    from ..causes.model import Cause
     from ..tables.findings import Finding
     from .desk import ViewState
     from .screen import BusScreen
 
 _LEAST: Final = {Severity.NOTE: "all", Severity.WARNING: "warnings and errors", Severity.ERROR: "errors"}
+_AGAIN_S: Final = 2.0  # between two reckonings of causes while rows come
 _PAUSE_S: Final = 0.3  # between two countings while rows come
 
 
+class _Block(NamedTuple):
+    """A stretch of lines: a heading over what a cause explains, or findings of one code under a line that counts them.
+
+    `cause` is its number, None for findings that none explains.
+    """
+
+    cause: int | None
+    code: str  # empty for a heading
+    numbers: NDArray[np.int64]
+    opened: bool
+
+    @property
+    def lines(self) -> int:
+        return 1 + (len(self.numbers) if self.opened else 0)
+
+
 class FindingList(Lines):
-    """A line a finding; opening one goes to its frame."""
+    """By cause, and below each by code, counted and unfolded; or a line a finding, in wire order."""
 
     HEAD = 2
     EMPTY = "nothing was found; that is good news"
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("right,l", "fold(True)", "Unfold", tooltip="The findings of this code, one by one"),
+        Binding("left,h", "fold(False)", "Fold", show=False),
+        Binding("b", "grouped", "By cause", tooltip="Grouped by cause, or all in wire order"),
         Binding("s", "severity", "Severity", tooltip="All findings, from warnings on, errors only"),
         Binding("o", "code(1)", "Code", tooltip="Findings of one code, the next one each time"),
         Binding("O", "code(-1)", "Code back", show=False),
@@ -44,29 +69,66 @@ class FindingList(Lines):
         self.desk = desk
         self.least = Severity.NOTE
         self.code: str | None = None
+        self.causes: Sequence[Cause] = ()
+        self._by_cause = True  # the user's wish
         self._numbers = np.zeros(0, np.int64)
+        self._blocks: list[_Block] = []
+        self._opened: set[tuple[int | None, str]] = set()
         self.scope: Selection | None = None  # rows that findings are shown of; None: all, and the bus as a whole
         self._tested = 0
         self._seen, self._next = -1, 0.0
+        self.explained, self.explain_at = -1, 0.0  # findings that causes were asked for, and when again
 
     @property
     def empty(self) -> str:
         return self.desk.emptied(self.EMPTY)
 
     @property
+    def grouped(self) -> bool:
+        """Whether they stand by cause: from the start where there are causes, until one code is asked for."""
+        return bool(self.causes) and self.code is None and self._by_cause
+
+    def _at(self, line: int) -> tuple[_Block | None, int]:
+        """The block that a line stands in, and the number of its finding; -1 on the line that counts them."""
+        if not self.grouped:
+            return None, int(self._numbers[line]) if line < len(self._numbers) else -1
+        for block in self._blocks:
+            if line < block.lines:
+                return block, -1 if line == 0 else int(block.numbers[line - 1])
+            line -= block.lines
+        return None, -1
+
+    @property
+    def number(self) -> int:
+        """The finding under the cursor, of a group its first; -1 for none."""
+        block, number = self._at(self.cursor)
+        return int(block.numbers[0]) if number < 0 and block is not None and len(block.numbers) else number
+
+    @property
+    def cause(self) -> Cause | None:
+        """The cause whose heading the cursor is on."""
+        block, _ = self._at(self.cursor)
+        return None if block is None or block.code or block.cause is None else self.causes[block.cause]
+
+    @property
     def row(self) -> int | None:
         """The row that the finding under the cursor stands on; None for none."""
-        if self.cursor >= len(self._numbers):
-            return None
-        row = self.desk.bus.found.row(int(self._numbers[self.cursor]))
+        row = -1 if self.number < 0 else self.desk.bus.found.row(self.number)
         return None if row < 0 else row
 
     @property
     def finding(self) -> Finding | None:
         """The one under the cursor."""
-        if self.cursor >= len(self._numbers):
-            return None
-        return self.desk.bus.found.finding(int(self._numbers[self.cursor]))
+        return None if self.number < 0 else self.desk.bus.found.finding(self.number)
+
+    def use(self, causes: Sequence[Cause]) -> None:
+        """What explains them."""
+        if causes != self.causes:
+            row = self.row
+            self.causes = causes
+            self._lay_out()
+            self._told = -1
+            self.renewed(self._line_of(-1 if row is None else row))
 
     def grown(self) -> None:
         found = self.desk.bus.found
@@ -79,10 +141,22 @@ class FindingList(Lines):
         super().grown()
 
     def go(self, row: int) -> None:
-        """Put the cursor on the first finding at or behind a row."""
-        line = int(np.searchsorted(self.desk.bus.found.rows_of(self._numbers), row))  # they are in the order of rows
-        if line < len(self._numbers):
+        """Put the cursor on the first finding at or behind a row, or on the group that holds it."""
+        line = self._line_of(row)
+        if line < self.count():
             self.move_to(line, middle=True)
+
+    def _line_of(self, row: int) -> int:
+        rows = self.desk.bus.found.rows_of
+        if not self.grouped:
+            return int(np.searchsorted(rows(self._numbers), row))  # they are in the order of rows
+        line = 0
+        for block in self._blocks:
+            here = np.flatnonzero(rows(block.numbers) == row) if block.code else np.zeros(0, np.intp)
+            if len(here):
+                return line + (1 + int(here[0]) if block.opened else 0)
+            line += block.lines
+        return 0
 
     def _choose(self) -> None:
         self._seen = self.desk.bus.found.count
@@ -91,9 +165,35 @@ class FindingList(Lines):
             rows = self.desk.bus.found.rows_of(numbers).astype(np.int64)
             numbers = numbers[np.isin(rows, self.scope.rows())]
         self._numbers = numbers
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        """The blocks: causes, best first, then what none explains; under each its codes, the most frequent first."""
+        self._blocks = []
+        if not self.grouped:
+            return
+        log, table = self.desk.bus.found, self.desk.bus.table
+        names = codes()
+        rows = log.rows_of(self._numbers).astype(np.int64)
+        units = np.where(rows >= 0, table.take("unit", np.maximum(rows, 0)), -1)
+        kinds = log.rules_of(self._numbers).astype(np.int64)
+        groups: dict[int | None, dict[str, list[NDArray[np.int64]]]] = {}
+        for key in np.unique(kinds << 16 | units + 1).tolist():
+            code, unit = names[key >> 16], (key & 0xFFFF) - 1
+            cause = cause_of(code, None if unit < 0 else unit, self.causes)
+            here = self._numbers[(kinds << 16 | units + 1) == key]
+            groups.setdefault(cause, {}).setdefault(code, []).append(here)
+        for which in [*range(len(self.causes)), None]:
+            by_code = {code: np.sort(np.concatenate(parts)) for code, parts in groups.get(which, {}).items()}
+            if which is None and not by_code:
+                continue
+            self._blocks.append(_Block(which, "", np.zeros(0, np.int64), False))
+            for code, numbers in sorted(by_code.items(), key=lambda each: -len(each[1])):
+                order = np.argsort(log.rows_of(numbers), kind="stable")
+                self._blocks.append(_Block(which, code, numbers[order], (which, code) in self._opened))
 
     def count(self) -> int:
-        return len(self._numbers)
+        return sum(block.lines for block in self._blocks) if self.grouped else len(self._numbers)
 
     def heads(self, y: int, width: int) -> Sequence[StyledText]:
         if y:
@@ -104,34 +204,78 @@ class FindingList(Lines):
             for level in sorted(Severity, reverse=True)
         ]
         which = f"showing {_LEAST[self.least]}" + (f", {self.code} only" if self.code else "")
+        if self.grouped:
+            which += " by cause"
         return fitted([StyledText(f"  {', '.join(counts)}   "), StyledText(f"{which}: {len(self._numbers):,}")], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
+        block, number = self._at(line)
+        if block is not None and number < 0:
+            return fitted(self._heading(block) if not block.code else self._counted(block), width)
+        return fitted(self._finding_line(number), width)
+
+    def _heading(self, block: _Block) -> list[StyledText]:
+        total = sum(len(each.numbers) for each in self._blocks if each.cause == block.cause)
+        said = f"{plural(total, 'finding', 'findings')}"
+        if block.cause is None:
+            return [StyledText("· "), StyledText(f"no cause explains {said}", "strong")]
+        cause = self.causes[block.cause]
+        letter = cause.severity[:1].upper()
+        kind = cause.severity
+        return [StyledText(f"{letter} ", kind), StyledText(f"{said}: ", "dim"), StyledText(cause.text, "strong")]
+
+    def _counted(self, block: _Block) -> list[StyledText]:
+        log = self.desk.bus.found
+        finding = log.finding(int(block.numbers[0]))
+        sign = "-" if block.opened else "+"
+        return [
+            StyledText(f"  {sign} ", "dim"),
+            StyledText(f"{finding.code:<20} ", SEVERITY[finding.severity]),
+            StyledText(f"{len(block.numbers):>7,} ×  "),
+            StyledText(f"{self._place(int(block.numbers[0]))}: {finding.text}", "dim"),
+        ]
+
+    def _place(self, number: int) -> str:
         bus = self.desk.bus
-        number = int(self._numbers[line])
+        row = bus.found.row(number)
+        return "bus" if row < 0 else "noise" if bus.is_noise(row) else str(bus.table.value("frame", row))
+
+    def _finding_line(self, number: int) -> list[StyledText]:
+        bus = self.desk.bus
         finding, row = bus.found.finding(number), bus.found.row(number)
-        frame = "bus" if row < 0 else "noise" if bus.is_noise(row) else str(bus.table.value("frame", row))
-        when = self.desk.time(row, None) if row >= 0 else ""
         kind = SEVERITY[finding.severity]
-        return fitted(
-            [
-                StyledText(f"{LETTER[finding.severity]} ", kind),
-                StyledText(f"{when:>12} "),
-                StyledText(f"{frame:>8}  ", "dim"),
-                StyledText(f"{finding.code:<20} ", kind),
-                StyledText(finding.text),
-            ],
-            width,
-        )
+        return [
+            StyledText(f"{LETTER[finding.severity]} ", kind),
+            StyledText(f"{self.desk.time(row, None) if row >= 0 else '':>12} "),
+            StyledText(f"{self._place(number):>8}  ", "dim"),
+            StyledText(f"{finding.code:<20} ", kind),
+            StyledText(finding.text),
+        ]
+
+    def action_fold(self, wanted: bool) -> None:
+        block, number = self._at(self.cursor)
+        if block is None or not block.code or block.opened == wanted:
+            return
+        self._opened ^= {(block.cause, block.code)}
+        line = self.cursor - (0 if number < 0 else 1 + int(np.flatnonzero(block.numbers == number)[0]))
+        self._lay_out()
+        self.renewed(line)
+
+    def action_grouped(self) -> None:
+        row, self._by_cause = self.row, self.code is not None or not self._by_cause
+        self.code = None
+        self._again(None, self.least)
+        if row is not None:
+            self.go(row)
 
     def action_severity(self) -> None:
         order = list(_LEAST)
         self._again(self.code, order[(order.index(self.least) + 1) % len(order)])
 
     def action_code(self, step: int) -> None:
-        codes = [None, *sorted(self.desk.bus.found.by_code)]
-        at = codes.index(self.code) if self.code in codes else 0
-        self._again(codes[(at + step) % len(codes)], self.least)
+        known = [None, *sorted(self.desk.bus.found.by_code)]
+        at = known.index(self.code) if self.code in known else 0
+        self._again(known[(at + step) % len(known)], self.least)
 
     def _again(self, code: str | None, least: Severity) -> None:
         self.code, self.least = code, least
@@ -143,8 +287,13 @@ class FindingList(Lines):
 def _chosen(screen: BusScreen, sender: Widget) -> None:
     """A finding is under study, and the row that it stands on."""
     assert isinstance(sender, FindingList)
+    if sender.id != screen.view:
+        return
+    if sender.cause is not None:
+        screen.detail.show(of_cause(sender.cause))
+        return
     finding = sender.finding
-    if sender.id != screen.view or finding is None:
+    if finding is None:
         return
     to = (finding_name(finding),)
     if sender.row is not None:
@@ -156,8 +305,11 @@ def _chosen(screen: BusScreen, sender: Widget) -> None:
 
 def _entered(screen: BusScreen, sender: Widget) -> None:
     assert isinstance(sender, FindingList)
-    if sender.row is not None:
-        screen.jumps.go(sender.row)
+    row = sender.row
+    if sender.cause is not None and sender.cause.frames:
+        row = screen.desk.bus.table.row_of_frame(sender.cause.frames[0])
+    if row is not None and row >= 0:
+        screen.jumps.go(row)
 
 
 def _refresh(screen: BusScreen) -> None:
@@ -167,6 +319,10 @@ def _refresh(screen: BusScreen) -> None:
         found.scope, found._seen = screen.jobs.narrowed, -1
         found._next = 0.0
     found.grown()
+    bus = screen.desk.bus
+    if bus.found.count != found.explained and (bus.whole or time.monotonic() >= found.explain_at):
+        found.explained, found.explain_at = bus.found.count, time.monotonic() + _AGAIN_S
+        screen.jobs.run("explain", lambda _: bus.causes(), found.use)
 
 
 def _shown(screen: BusScreen) -> None:

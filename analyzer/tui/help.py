@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar, Final
 
 from rich.table import Table
@@ -10,56 +11,35 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
+from textual.widget import Widget
 from textual.widgets import Static
 
-from .views import VIEWS
+from .details import Details
+from .filterbar import FilterInput
+from .findings import FindingList
+from .keys import GROUPS
+from .lines import Lines
+from .octets import BytesPane
+from .registerlist import RegisterList
+from .timeline import Timeline
+from .transactions import TransactionList
 
-KEYS: Final[tuple[tuple[str, tuple[tuple[str, str], ...]], ...]] = (
-    ("Move", (
-        ("↑ ↓ PgUp PgDn Home End", "in any list; j and k too"),
-        ("Tab, Shift+Tab", "from the list to the fields, to the bytes, and back"),
-        (f"0 … {len(VIEWS) - 1}", "the views; 0 or H is Home"),
-        ("g", "go to a frame's number, a time, +200ms, 50%"),
-        ("c", "the counterpart: from a request to its answer and back"),
-        ("] and [", "next and previous finding"),
-        ("F", "follow the newest frame (live); moving up stops it"),
-    )),
-    ("See", (
-        ("t", "times since start, date and time, since the previous row, since the reference"),
-        ("r", "make this row the time reference; again takes it back"),
-        ("z", "noise shown in place, or hidden"),
-        ("v", "register values in every interpretation; in Registers the next type"),
-        ("b", "bytes as hex, or bit by bit"),
-        ("→ ← Space", "open and close fields"),
-    )),
-    ("Find", (
-        ("/", "display filter; Tab completes, Enter uses it, empty shows all"),
-        ("Esc", "take back the selection, then the filter, then the span"),
-        ("f or Ctrl+F", "find bytes, text or a value; n and N go on"),
-        ("Space in the list", "begin a selection; again ends and keeps it"),
-    )),
-    ("Keep", (
-        ("m, '", "bookmark on or off; go to the next bookmark"),
-        ("u", "take back the last change of a bookmark or comment"),
-        (";", "comment on a row"),
-        ("y", "copy: hex, C array, Python, rtuscope parse"),
-        ("e", "export the selection, or the rows shown"),
-    )),
-    ("Timeline", (
-        ("← →, + -", "move, zoom; 0 shows the whole"),
-        ("Space, Enter", "begin a span; show it in the list"),
-    )),
-    ("Registers", (
-        ("v, x", "the next type for this register; as its map or its values tell"),
-        ("Space, ← →", "pin into the plot; move the plot's cursor"),
-    )),
-    ("Findings", (("s, o", "by severity, by code"), ("Enter", "the frame in the list"))),
-    ("Else", (("p", "paste bytes"), ("d", "dark or light"), ("Ctrl+P", "every command by name"), ("q", "quit"))),
-)  # fmt: skip
 MARKS: Final = (
     ("E W N", "error, warning, note"), ("* R", "bookmark, time reference"),
     ("┌→ └←", "request, and its answer right after it"), ("╷→ ╵←", "the same, with other rows between"),
     (" →", "request without an answer"), ("?←", "answer to a request that is not known"), ("~~", "noise"),
+)  # fmt: skip
+
+
+_NAMES: Final = {
+    "up": "↑", "down": "↓", "left": "←", "right": "→", "pageup": "PgUp", "pagedown": "PgDn",
+    "home": "Home", "end": "End",
+    "enter": "Enter", "space": "Space", "tab": "Tab", "escape": "Esc", "plus": "+", "minus": "-", "equals_sign": "=",
+}  # fmt: skip
+_WIDGETS: Final[tuple[tuple[str, type[Widget]], ...]] = (
+    ("In any list", Lines), ("In Transactions", TransactionList), ("In Findings", FindingList),
+    ("In Registers", RegisterList), ("In the timeline", Timeline), ("In the fields", Details),
+    ("In the bytes", BytesPane), ("In the filter's line", FilterInput),
 )  # fmt: skip
 
 
@@ -72,9 +52,14 @@ class Help(ModalScreen[None]):
         Binding("down,j", "scroll(1)", show=False),
     ]
 
+    def __init__(self, mine: Mapping[str, str]) -> None:
+        """`mine`: the user's own keys, by the id of what they do."""
+        super().__init__()
+        self._mine = mine
+
     def compose(self) -> ComposeResult:
         with VerticalScroll(id="help"):
-            yield Static(_page())
+            yield Static(_page(self._mine))
 
     def on_mount(self) -> None:
         self.query_one("#help").focus()
@@ -83,11 +68,29 @@ class Help(ModalScreen[None]):
         self.query_one("#help").scroll_relative(y=lines, animate=False)
 
 
-def _page() -> Table:
+def _keys(mine: Mapping[str, str]) -> Iterator[tuple[str, Sequence[tuple[str, str]]]]:
+    """Every binding there is: the screen's by group, then those of each widget."""
+    for title, group in GROUPS:
+        yield title, [(_shown(binding, mine), binding.tooltip or binding.description) for binding in group]
+    for title, widget in _WIDGETS:
+        own = [each for each in widget.BINDINGS if isinstance(each, Binding)]
+        yield title, [(_shown(each, mine), each.tooltip or each.description) for each in own]
+
+
+def _shown(binding: Binding, mine: Mapping[str, str]) -> str:
+    """The keys of a binding, as they are written on a keyboard."""
+    own = mine.get(binding.id or "")
+    if own is None and binding.key_display:
+        return binding.key_display
+    keys = (own or binding.key).split(",")
+    return " ".join(_NAMES.get(key, key.replace("ctrl+", "Ctrl+").replace("shift+", "Shift+")) for key in keys)
+
+
+def _page(mine: Mapping[str, str]) -> Table:
     page = Table.grid(padding=(0, 2))
     page.add_column(no_wrap=True)
     page.add_column()
-    for title, keys in (*KEYS, ("In the list", MARKS)):
+    for title, keys in (*_keys(mine), ("In the list", MARKS)):
         page.add_row(Text(title, "bold"), "")
         for key, words in keys:
             page.add_row(Text(f"  {key}"), Text(words))

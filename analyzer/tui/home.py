@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from ..words import compact, duration, short
+from .causeitems import of_cause, whose
 from .doors import DoorCell
 from .filterbar import FilterBar
 from .items import FrameDetail, Item
@@ -58,7 +60,9 @@ class HomeList(Lines):
             units = {unit.unit for unit in state.report.units}
             own = [cause for cause in state.causes if not cause.units or units.intersection(cause.units)]
             state = BusState(state.report, own)
-        self.state = state
+        self.state = BusState(
+            replace(state.report, units=tuple(sorted(state.report.units, key=_badness))), state.causes
+        )
         self.next_at = time.monotonic() + _AGAIN_S
         self._fresh_until = 0.0
         self.grown()
@@ -150,21 +154,20 @@ class HomeList(Lines):
         """What the cursor is on, in full."""
         cause, unit = self.cause, self.unit
         if cause is not None:
-            return FrameDetail(f"cause: {cause.cause}", b"", _cause_items(cause))
+            return of_cause(cause)
         if unit is not None and self.state is not None:
             return FrameDetail(f"unit {unit.unit}", b"", _unit_items(unit, self.state.causes))
         return FrameDetail("", b"", ())
 
 
+def _badness(unit: UnitRow) -> tuple[float, int]:
+    """The sickest first, then by number."""
+    counts = unit.counts
+    return -(counts.unanswered + counts.exceptions + counts.damaged) / max(1, counts.requests), unit.unit
+
+
 def _bars(octets: np.ndarray[tuple[int], np.dtype[np.int64]], width: int) -> list[StyledText]:
     return [StyledText(f"{sparkline(octets.astype(float), width):<{width}}", "request")]
-
-
-def whose(cause: Cause) -> str:
-    """Whose fault it is, in words."""
-    if cause.blame == "unit" and cause.units:
-        return "unit " + ", ".join(str(unit) for unit in cause.units[:3]) + (" …" if len(cause.units) > 3 else "")
-    return {"master": "the master", "line": "the line", "tap": "the tap"}.get(cause.blame, cause.blame)
 
 
 def _cause_line(cause: Cause) -> list[StyledText]:
@@ -174,23 +177,6 @@ def _cause_line(cause: Cause) -> list[StyledText]:
         StyledText(f"{cause.confidence:>4.0%} sure  ", "dim"),
         StyledText(cause.text),
     ]
-
-
-def _cause_items(cause: Cause) -> tuple[Item, ...]:
-    fault = f"{whose(cause)}, {cause.confidence:.0%} sure"
-    if cause.runner_up:
-        fault += f"; else {cause.runner_up}"
-    lost = "" if not cause.lost_answers else f"{cause.lost_answers:,} answers"
-    if cause.lost_ms:
-        lost += f"{', ' if lost else ''}{duration(round(cause.lost_ms * 1e6))}"
-    again = "" if cause.period_s is None else f"every {cause.period_s:.4g} s"
-    facts = (
-        ("what", cause.text), ("fault", fault), ("seen", cause.share), ("again", again), ("lost", lost),
-        ("to be sure", cause.deciding_test), ("do", cause.remedy),
-        ("frames", ", ".join(f"{index:,}" for index in cause.frames) + "   Enter goes there" if cause.frames else ""),
-    )  # fmt: skip
-    kinds = {"what": "strong", "do": "good"}
-    return tuple(Item(name, text, kind=kinds.get(name, ""), label=f"{name:<11}") for name, text in facts if text)
 
 
 def _unit_items(unit: UnitRow, causes: Sequence[Cause]) -> tuple[Item, ...]:
@@ -271,7 +257,14 @@ def _shown(screen: BusScreen) -> None:
 
 def _cells(screen: BusScreen) -> list[DoorCell]:
     home = screen.query_one(HomeList)
-    units = home.cause.units if home.cause is not None else () if home.unit is None else (home.unit.unit,)
+    if home.unit is not None:
+        unit, times = home.unit.unit, home.unit.times
+        cells = [DoorCell("u", f"unit {unit}", f"unit == {unit}")]
+        if times.p95_ns:
+            slow = f"unit == {unit} and response_time >= {times.p95_ns / 1e6:.6g}ms"
+            cells.append(DoorCell("s", f"its slow answers: {short(times.p95_ns)} and more, one in twenty", slow))
+        return cells
+    units = () if home.cause is None else home.cause.units
     return [DoorCell("ubcdefgh"[i], f"unit {unit}", f"unit == {unit}") for i, unit in enumerate(units[:8])]
 
 

@@ -113,6 +113,9 @@ class Jobs:
         if self._source.live and not self._bus.whole and now < self._paint_at:
             return
         self._paint_at = now + _PERIOD_S * max(1.0, rate / _RATE)
+        if self._screen.desk.paused and not self._bus.whole:
+            self._screen.say()
+            return
         self._screen.refresh_view()
         home.first(self._screen)
 
@@ -137,6 +140,8 @@ class Jobs:
         self._first_row()
         self._screen.refresh_view()
         home.first(self._screen)
+        self._screen.files.read(self._source)
+        self._screen.resume()
         if trouble:
             self._screen.tell(f"reading ended: {trouble}", wrong=True)
         self._tell_notices()

@@ -84,6 +84,21 @@ class Jumps:
         if text is not None:
             self.go(goto.place(text, self._bus, here, self._screen.desk.zone))
 
+    async def ask_span(self) -> None:
+        """Ask for a span of time, and narrow everything to it."""
+        zone = self._screen.desk.zone
+
+        def wrong(text: str) -> str:
+            try:
+                goto.span(text, self._bus, zone)
+            except goto.GotoError as error:
+                return str(error)
+            return ""
+
+        text = await self._screen.app.push_screen_wait(Ask("Only the time", goto.SPANS, wrong=wrong))
+        if text is not None:
+            self._screen.narrow_to(goto.span(text, self._bus, zone))
+
     async def ask_what(self) -> None:
         """Ask what to look for, tell what is understood while it is typed, and look; a place is gone to."""
         here, zone = max(0, self.here), self._screen.desk.zone

@@ -77,6 +77,15 @@ def rules_of(desk: ViewState) -> Iterator[tuple[Test, str]]:
                 continue  # kept for captures with a map, or by another version
 
 
+def kept_tests(desk: ViewState) -> Iterator[tuple[str, Test]]:
+    """All of them, by name."""
+    for kept in desk.wishes.filters:
+        try:
+            yield kept.name, compiled(kept.text, desk.source.line).test
+        except FilterError:
+            continue
+
+
 def _words(kept: KeptFilter) -> str:
     return f"{kept.name}: {kept.text}" + (f" ({kept.colour})" if kept.colour else "")
 

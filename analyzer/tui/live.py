@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from captures.line import LineSettings
+from captures.recording.notes import Note
 
 from ..core import Analysed
 from ..live.session import Session
 from ..live.status import LineStatus
 from ..model.source import Grave
+from ..outages import Deaf, deaf_times
 
 _NOTICES: Final = 5  # the newest
 _BAD: Final = frozenset({"lost", "failed", "gap"})  # events that mean a loss
@@ -45,6 +47,7 @@ class LiveSource:
         self._missed = 0
         self._gone: set[int] = set()  # ports that are away
         self._status = LineStatus(session.line)
+        self._outages: list[Note] = []  # when nothing was heard
 
     @property
     def line(self) -> LineSettings:
@@ -58,6 +61,8 @@ class LiveSource:
                 for event in step.events:
                     if event.text:
                         self._notices.append(Grave(event.text) if event.kind in _BAD else event.text)
+                    if event.kind in _BAD | {"opened"}:
+                        self._outages.append(Note(event.t_ns, event.kind, event.text))
                     if event.kind == "lost":
                         self._gone.add(event.port)
                     elif event.kind == "opened":
@@ -73,6 +78,15 @@ class LiveSource:
         """The newest events, and bytes that were not analysed."""
         missed = [Grave(f"{self._missed:,} bytes were not analysed live")] if self._missed else []
         return [*missed, *self._notices[-_NOTICES:]]
+
+    @property
+    def deaf(self) -> Sequence[Deaf]:
+        """Times in which nothing was heard."""
+        return deaf_times(self._outages)
+
+    def mark(self, text: str) -> bool:
+        """A note of the user's into the recording; False where nothing is recorded."""
+        return self._session.mark(text)
 
     @property
     def gone(self) -> bool:

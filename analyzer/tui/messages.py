@@ -72,6 +72,10 @@ class SpanChosen(Message):
         super().__init__()
 
 
+class SpanSeen(Message):
+    """Another span of time is in sight."""
+
+
 class ViewWanted(Message):
     """Somebody wants to see another view."""
 

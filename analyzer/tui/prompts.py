@@ -30,16 +30,17 @@ class Ask(ModalScreen[str | None]):
         value: str = "",
         wrong: Callable[[str], str] = lambda _: "",
         understood: Callable[[str], str] | None = None,
+        selected: bool = True,
     ) -> None:
         """`understood`: what a text means, told in the hint's place while it is typed."""
         super().__init__()
         self._question, self._hint, self._value, self._wrong = question, hint, value, wrong
-        self._understood = understood
+        self._understood, self._selected = understood, selected
 
     def compose(self) -> ComposeResult:
         with Vertical(classes="prompt"):
             yield Label(Text(self._question), classes="question")
-            yield Input(value=self._value, id="answer", compact=True, select_on_focus=True)
+            yield Input(value=self._value, id="answer", compact=True, select_on_focus=self._selected)
             yield Label(Text(self._hint), id="hint")
 
     def on_input_changed(self, event: Input.Changed) -> None:

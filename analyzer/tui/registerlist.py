@@ -15,11 +15,14 @@ from dissectors.values import AREAS, logical
 
 from ..model.meanings import AREA_WORDS, CHOICES, PLAIN, Meaning, Spot, chosen, told
 from ..model.registers import RegisterSeries, WatchedRegister
+from ..registers.pace import is_due
 from ..words import short
+from .burst import ASKING
 from .doors import DoorCell, register_text
 from .lines import Lines
 from .paint import StyledText, fitted
 from .plot import Plot, Series
+from .prompts import Ask
 from .view import JUMPS, View
 
 if TYPE_CHECKING:
@@ -44,6 +47,7 @@ class RegisterList(Lines):
         Binding("V", "type(-1)", "Type back", show=False),
         Binding("x", "told", "As told", tooltip="Read it as its map or its values tell", show=False),
         Binding("space", "pin", "Pin", tooltip="Keep this register in the plot, or take it out"),
+        Binding("g,ctrl+g", "place", "Go to", tooltip="A register by its number"),
         Binding("left", "cursor(-1)", "Earlier", show=False),
         Binding("right", "cursor(1)", "Later", show=False),
     ]
@@ -205,6 +209,28 @@ class RegisterList(Lines):
         self.unpaint()
         self._tell()
 
+    def action_place(self) -> None:
+        self.screen.run_worker(self._ask_place(), group=ASKING)
+
+    async def _ask_place(self) -> None:
+        """Go to the next register of a number, of any unit; `17 40108` says of which."""
+        hint = "a register such as 40108; 17 40108: of unit 17"
+        text = await self.app.push_screen_wait(Ask("Go to", hint, wrong=self._no_register))
+        if text is not None:
+            self.move_to(self._numbered(text)[0], middle=True)
+
+    def _numbered(self, text: str) -> list[int]:
+        """Lines of the registers of a number, those behind the cursor first."""
+        unit, _, number = text.strip().rpartition(" ")
+        lines = [
+            i for i, register in enumerate(self._registers)
+            if logical(register.address, _AREA_NAMES[register.area]) == number and unit in ("", str(register.unit))
+        ]  # fmt: skip
+        return sorted(lines, key=lambda line: (line <= self.cursor, line))
+
+    def _no_register(self, text: str) -> str:
+        return "" if self._numbered(text) else f"no register {text.strip()[:20]} was seen here"
+
     def action_cursor(self, step: int) -> None:
         self.screen.query_one(Plot).move(step)
 
@@ -282,10 +308,11 @@ def _refresh(screen: BusScreen) -> None:
     found.grown()
     if time.monotonic() >= pane.next_at and pane.next_at and not bus.whole:
         _plotted(screen)
-    if bus.count and (pane.asked_at < 0 or (bus.whole and pane.asked_at < bus.count)):
+    due = pane.asked_at < 0 or (bus.whole and pane.asked_at < bus.count) or is_due(pane.asked_at, bus.count)
+    if bus.count and due:
         pane.asked_at = bus.count
-        charts = screen.desk.charts
-        screen.jobs.run("meanings", lambda stop: told(bus, charts, stop), found.use)
+        charts, types = screen.desk.charts, dict(screen.desk.notes.types)
+        screen.jobs.run("meanings", lambda stop: told(bus, charts, stop, types), found.use)
 
 
 def _chosen(screen: BusScreen, sender: Widget) -> None:  # noqa: ARG001

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from rich.cells import cell_len
@@ -15,6 +16,7 @@ from ..words import short
 from .paint import StyledText, fitted
 
 if TYPE_CHECKING:
+    from ..tables.findings import Finding
     from .desk import ViewState
 
 SEVERITY: Final = ("", "note", "warning", "error")  # component class by mark
@@ -69,12 +71,21 @@ def words(desk: ViewState, row: int) -> tuple[list[StyledText], list[StyledText]
         frame = bus.frame(row)
         found = frame.findings
         said = [StyledText("" if frame.crc_ok else "CRC wrong: ", "error"), StyledText(frame.summary())]
+    return said, _about(desk, row, found)
+
+
+def about(desk: ViewState, row: int) -> list[StyledText]:
+    """What was said of a row: codes of findings, the user's comment."""
+    return _about(desk, row, desk.bus.findings(row))
+
+
+def _about(desk: ViewState, row: int, found: Sequence[Finding]) -> list[StyledText]:
     codes = {finding.code: finding.severity for finding in reversed(found)}
-    about = [StyledText(f"  {code}", SEVERITY[severity]) for code, severity in codes.items()]
+    said = [StyledText(f"  {code}", SEVERITY[severity]) for code, severity in codes.items()]
     comment = desk.notes.comments.get(desk.place(row))
     if comment:
-        about.append(StyledText(f'  "{harmless(comment)}"', "accent"))
-    return said, about
+        said.append(StyledText(f'  "{harmless(comment)}"', "accent"))
+    return said
 
 
 def shared(said: list[StyledText], about: list[StyledText], width: int) -> list[StyledText]:

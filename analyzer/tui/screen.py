@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import ContentSwitcher, Footer
@@ -27,6 +27,7 @@ from .frames import FrameList
 from .jobs import Jobs
 from .jumps import Jumps
 from .keptfilters import KeptFilters
+from .keys import BINDINGS
 from .lines import Lines
 from .look import at_row
 from .messages import (
@@ -39,6 +40,7 @@ from .messages import (
     SpanChosen,
     ViewWanted,
 )
+from .openfiles import NextFile, OpenFiles
 from .picking import PickedRows
 from .prompts import Choose
 from .status import StatusLine
@@ -56,48 +58,17 @@ class BusScreen(Screen[None]):
     """Everything about one source."""
 
     AUTO_FOCUS = ""  # else keys pressed while it starts would go to the filter, its first widget
-    BINDINGS: ClassVar[list[BindingType]] = [
-        *(Binding(view.key, f"view('{view.name}')", view.title, show=False) for view in VIEWS),
-        Binding("slash", "filter", "Filter", key_display="/"),
-        Binding("S", "kept", "Kept filters", show=False, tooltip="Use, keep or drop a filter, with a colour if wanted"),
-        Binding("equals_sign", "door('=')", "Filter to", show=False, tooltip="Filter to what stands under the cursor"),
-        Binding("exclamation_mark", "door('!')", "Filter out", show=False, tooltip="Filter it out"),
-        Binding("ampersand", "door('&')", "And", show=False, tooltip="Put it into the filter's line, joined by and"),
-        Binding("vertical_line", "door('|')", "Or", show=False, tooltip="The same, joined by or"),
-        Binding("full_stop", "door('.')", "Next of", show=False, tooltip="Go to the next row of this unit, poll, …"),
-        Binding("f,ctrl+f", "find", "Find", key_display="f"),
-        Binding("n", "find_on(False)", "Next hit", show=False),
-        Binding("N", "find_on(True)", "Previous hit", show=False),
-        Binding("g,ctrl+g", "goto", "Go to", key_display="g"),
-        Binding("c", "counterpart", "Answer", tooltip="From a request to its answer and back"),
-        Binding("w", "why", "Why", tooltip="Why this frame's boundaries stand where they do"),
-        Binding("right_square_bracket", "finding(1)", "Finding", key_display="]"),
-        Binding("left_square_bracket", "finding(-1)", "Previous finding", show=False),
-        Binding("t", "time_base", "Time"),
-        Binding("r", "reference", "Reference", show=False),
-        Binding("z", "noise", "Noise", show=False),
-        Binding("F", "follow", "Follow", show=False),
-        Binding("space", "select", "Select", show=False),
-        Binding("m", "bookmark", "Mark", show=False),
-        Binding("apostrophe", "next_bookmark", "Next mark", show=False),
-        Binding("u", "undo", "Undo", show=False),
-        Binding("semicolon", "comment", "Comment", show=False),
-        Binding("y", "copy", "Copy", show=False),
-        Binding("e", "export", "Export", show=False),
-        Binding("D", "app.theme_flip", "Dark or light", show=False),
-        Binding("tab", "pane(1)", "Next pane", show=False),
-        Binding("shift+tab", "pane(-1)", "Previous pane", show=False),
-        Binding("escape", "whole", "Take back", show=False),
-        Binding("question_mark,f1", "help", "Help", key_display="?"),
-        Binding("q", "leave", "Quit"),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = [*BINDINGS]
 
-    def __init__(self, desk: ViewState, wire: ThinWire, *, view: str | None = None) -> None:
+    def __init__(
+        self, desk: ViewState, wire: ThinWire, *, view: str | None = None, resumed: NextFile | None = None
+    ) -> None:
         """`view`: what comes up; None: the transactions, or Home once there are causes to tell."""
         super().__init__()
         self.desk = desk
         self.view = view or LISTS[0]
         self.list_view = view if view in LISTS else LISTS[0]  # the list that jumps go to
+        self._resumed = resumed  # what is to be as it was, once all is read
         self.undecided = view is None and not desk.source.live  # Home may still come up by itself
         self.lit: tuple[int, int, int] | None = None  # a row, and the bytes of it that were looked for
         self.studied: int | None = None  # the row that was last shown below
@@ -108,10 +79,12 @@ class BusScreen(Screen[None]):
         self.picked = PickedRows(self)
         self.doors = Doors(self)
         self.kept = KeptFilters(self)
+        self.files = OpenFiles(self)
 
     def compose(self) -> ComposeResult:
         yield Tabs(id="tabs")
-        yield FilterBar(self.desk.source.line, self.desk.wishes, id="filter-bar")
+        charts = self.desk.charts
+        yield FilterBar(self.desk.source.line, self.desk.wishes, charts, id="filter-bar")
         with ContentSwitcher(id="views", initial=self.view):
             for view in VIEWS:
                 yield view.make(self.desk)
@@ -124,6 +97,20 @@ class BusScreen(Screen[None]):
             each.live = each.following = self.desk.source.live
         self.action_view(self.view)
         self.jobs.begin()
+
+    def resume(self) -> None:
+        """The filter and the row as they were before the file was read anew."""
+        resumed, self._resumed = self._resumed, None
+        if resumed is None or self.desk.source.path is None:
+            return
+        if resumed.filter:
+            self.query_one(FilterBar).use(resumed.filter)
+        if resumed.row is None:
+            self.action_follow()
+        elif 0 < resumed.row < self.desk.bus.count:
+            self.studied = resumed.row
+            for each in self.query(FrameList):
+                each.go(resumed.row)
 
     # The parts
 
@@ -168,6 +155,8 @@ class BusScreen(Screen[None]):
         self.query_one("#views", ContentSwitcher).current = view
         self.query_one(Tabs).choose(view)
         self.detail.display = record.detail
+        self.query_one("#views").display = True
+        self.detail.set_class(False, "-zoomed")
         self.query_one(FilterBar).display = record.filtered
         for name in ("home", "paste"):  # of the pane alone: a class of the screen would style every widget anew
             self.detail.set_class(view == name, f"-{name}")
@@ -230,6 +219,9 @@ class BusScreen(Screen[None]):
         self.jobs.scope.filter = event.filter
         self.jobs.reselect()
 
+    def on_span_seen(self) -> None:
+        self.refresh_view()
+
     def on_only_changed(self) -> None:
         scope = self.jobs.scope
         scope.only_changed = not scope.only_changed
@@ -241,10 +233,15 @@ class BusScreen(Screen[None]):
         self.panes[0].focus()
 
     def on_span_chosen(self, event: SpanChosen) -> None:
-        self.jobs.scope.span = event.t_start, event.t_end
+        self.narrow_to((event.t_start, event.t_end))
+        self.action_view(self.list_view)
+
+    def narrow_to(self, span: tuple[int, int]) -> None:
+        """Only this span of time from now on."""
+        self.jobs.scope.span = span
         self._say_span()
         self.jobs.reselect()
-        self.action_view(self.list_view)
+        self.refresh_view()
 
     def _say_span(self) -> None:
         """The span stands on the scope's line, beside the filter."""
@@ -285,6 +282,23 @@ class BusScreen(Screen[None]):
         at = next((i for i, pane in enumerate(panes) if pane.has_focus), -1)
         panes[(at + step) % len(panes) if at >= 0 else 0].focus()
 
+    def action_zoom(self) -> None:
+        """The list alone, or the frame below alone; again both."""
+        views, detail = self.query_one("#views"), self.detail
+        if not (views.display and detail.display) and BY_NAME[self.view].detail:
+            views.display = detail.display = True
+            detail.set_class(False, "-zoomed")
+        elif detail.has_focus_within:
+            views.display = False
+            detail.set_class(True, "-zoomed")
+        else:
+            detail.display = False
+
+    def action_size(self, step: int) -> None:
+        """More or less room for the frame below, in percent of the screen."""
+        share = round(100 * self.detail.size.height / max(1, self.size.height)) + step
+        self.detail.styles.height = f"{max(15, min(80, share))}%"
+
     def action_time_base(self) -> None:
         self.desk.next_base()
         self.repaint_lists()
@@ -296,16 +310,40 @@ class BusScreen(Screen[None]):
         self.tell("noise hidden; z shows it" if scope.hide_noise else "noise shown in place")
 
     def action_follow(self) -> None:
-        frames = self.frames
-        frames.live = frames.following = not frames.following
-        frames.grown()
+        wanted = not self.query_one(f"#{self.list_view}", FrameList).following
+        for each in self.query(FrameList):
+            each.live = each.following = wanted
+            each.grown()
         self.say()
+
+    def action_pause(self) -> None:
+        """What comes is not shown until the same key again."""
+        if not self.desk.source.live or self.desk.bus.whole:
+            self.tell("nothing comes that could be held up")
+            return
+        self.desk.paused = not self.desk.paused
+        if self.desk.paused:
+            self.say()
+        else:
+            self.refresh_view()
+
+    def action_mark_recording(self) -> None:
+        self.run_worker(self.bookmarks.ask_mark(), group=ASKING)
+
+    def action_again(self) -> None:
+        self.files.again()
+
+    def action_open(self) -> None:
+        self.run_worker(self.files.ask(), group=ASKING)
 
     def action_find(self) -> None:
         self.run_worker(self.jumps.ask_what(), group=ASKING)
 
     def action_find_on(self, back: bool) -> None:
         self.jumps.find_on(back=back)
+
+    def action_span(self) -> None:
+        self.run_worker(self.jumps.ask_span(), group=ASKING)
 
     def action_door(self, way: str) -> None:
         self.run_worker(self.doors.go(way), group=ASKING)
@@ -371,7 +409,7 @@ class BusScreen(Screen[None]):
     def action_help(self) -> None:
         from .help import Help
 
-        self.app.push_screen(Help())
+        self.app.push_screen(Help(self.desk.wishes.keys))
 
     def tell(self, text: str, *, wrong: bool = False) -> None:
         """A short notice; nothing in it is markup."""

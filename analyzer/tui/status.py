@@ -45,6 +45,8 @@ class StatusLine(Painted):
         if y:
             return Strip.blank(width, self.base)
         left = [StyledText(f" {self._called(max(12, width // 3))} ", "strong"), StyledText(f"{self._speed()}  ", "dim")]
+        if self.desk.paused:
+            left.append(StyledText("PAUSED, P goes on  ", "warning"))
         if self.doing:
             left.append(StyledText(f"{_SPIN[self._turn % len(_SPIN)]} {self.doing}  ", "accent"))
         state = getattr(self.desk.source, "state", None)

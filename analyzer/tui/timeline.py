@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
@@ -11,19 +12,23 @@ from textual import events
 from textual.binding import Binding, BindingType
 from textual.strip import Strip
 
+from ..model.bands import Band, bands
 from ..words import plural, short
-from .messages import RowWanted, SpanChosen
+from .keptfilters import kept_tests
+from .messages import RowWanted, SpanChosen, SpanSeen
 from .paint import Painted, StyledText, fitted
-from .view import JUMPS, View, grown
+from .view import JUMPS, View
 
 if TYPE_CHECKING:
     from ..model.activity import Bins
     from .desk import ViewState
+    from .screen import BusScreen
 
 _BLOCKS: Final = " ▁▂▃▄▅▆▇█"
 _DEAF: Final = "░"
 _LABEL: Final = 8  # columns left of the plot
 _BELOW: Final = 5  # lines under it
+_LEAST_PLOT: Final = 3  # lines that bands leave to it
 _ABOVE: Final = 2
 _LEAST_NS: Final = 1_000_000  # no span is shorter
 
@@ -53,6 +58,8 @@ class Timeline(Painted, can_focus=True):
         self.cursor = 0
         self.pinned: int | None = None  # ns
         self._bins: Bins | None = None
+        self.bands: Sequence[Band] = ()
+        self.banded: tuple[object, ...] = ()  # what the bands were asked for
 
     @property
     def columns(self) -> int:
@@ -74,8 +81,14 @@ class Timeline(Painted, can_focus=True):
         self.cursor = min(self.cursor, self.columns - 1)
         self.refresh()
 
+    def _moved(self) -> None:
+        """Another span is in sight: the bands of the old one go."""
+        self.bands = [Band(band.name, band.counts * 0, band.troubles * 0) for band in self.bands]
+        self.post_message(SpanSeen())
+
     def on_resize(self) -> None:
         self.refill()
+        self.post_message(SpanSeen())
 
     def time_at(self, column: float) -> int:
         """The time at a column's left edge."""
@@ -88,7 +101,8 @@ class Timeline(Painted, can_focus=True):
         if bins is None:
             why = "no times in this capture" if not self.desk.bus.timed else "nothing captured yet"
             return self.strip([StyledText(f"  {why}" if y == 0 else "", "dim")], width, base)
-        plot = max(1, height - _ABOVE - _BELOW)
+        room = max(0, height - _ABOVE - _BELOW - _LEAST_PLOT)
+        plot = max(1, height - _ABOVE - _BELOW - min(len(self.bands), room))
         return self.strip(fitted(self._line(y, plot, bins), width), width, base)
 
     def _line(self, y: int, plot: int, bins: Bins) -> list[StyledText]:
@@ -104,6 +118,11 @@ class Timeline(Painted, can_focus=True):
             return [StyledText(f"{'trouble':>{_LABEL}}", "error"), *self._marks(bins.troubles, "error", "▪█")]
         if y == 1:
             return [StyledText(f"{'noise':>{_LABEL}}", "noise"), *self._marks(bins.noise, "noise", "·▪")]
+        room = max(0, self.content_size.height - _ABOVE - _BELOW - plot)
+        shown = self.bands[:room]
+        if 2 <= y < 2 + len(shown):
+            return self._band(shown[y - 2])
+        y -= len(shown)
         if y == 2:
             span = self._span_columns()
             under = ["─" if span and span[0] <= i <= span[1] else " " for i in range(self.columns)]
@@ -179,6 +198,20 @@ class Timeline(Painted, can_focus=True):
             StyledText("".join(" " if not c else glyphs[0] if c < half else glyphs[1] for c in counts.tolist()), kind)
         ]
 
+    def _band(self, band: Band) -> list[StyledText]:
+        """How much there was in each column; `!` where something of it was wrong."""
+        name = band.name if len(band.name) < _LABEL else band.name[: _LABEL - 2] + "…"
+        pieces = [StyledText(f"{name:>{_LABEL - 1}} ", "dim")]
+        most = max(1, int(band.counts.max(initial=0)))
+        for i, (count, trouble) in enumerate(zip(band.counts.tolist(), band.troubles.tolist(), strict=True)):
+            cell = "!" if trouble else _BLOCKS[max(1, round(8 * count / most))] if count else " "
+            kind = "accent" if i == self.cursor else "error" if trouble else "response"
+            if len(pieces) > 1 and pieces[-1].kind == kind:
+                pieces[-1] = StyledText(pieces[-1].text + cell, kind)
+            else:
+                pieces.append(StyledText(cell, kind))
+        return pieces
+
     def _under_cursor(self, bins: Bins) -> list[StyledText]:
         i = self.cursor
         at = (self.time_at(i) - self.desk.bus.t_first) / 1e9
@@ -221,6 +254,7 @@ class Timeline(Painted, can_focus=True):
         self.t_start = max(bus.t_first, min(start, bus.t_last - size))
         self.t_end = self.t_start + size
         self.refill()
+        self._moved()
 
     def action_edge(self, edge: int) -> None:
         self.cursor = edge * (self.columns - 1)
@@ -239,10 +273,12 @@ class Timeline(Painted, can_focus=True):
         self.t_end = self.t_start + size
         self.cursor = max(0, min(self.columns - 1, int((here - self.t_start) * self.columns / size)))
         self.refill()
+        self._moved()
 
     def action_whole(self) -> None:
         self.is_whole, self.pinned = True, None
         self.grown()
+        self._moved()
 
     def action_pin(self) -> None:
         self.pinned = None if self.pinned is not None else self.time_at(self.cursor)
@@ -270,8 +306,30 @@ class Timeline(Painted, can_focus=True):
         self.action_zoom(2)
 
 
+def _refresh(screen: BusScreen) -> None:
+    """With what came since; the bands are counted in a thread."""
+    timeline, desk = screen.query_one(Timeline), screen.desk
+    timeline.grown()
+    bus = desk.bus
+    if not bus.count or not bus.timed:
+        return
+    kept = list(kept_tests(desk))
+    wanted = (timeline.t_start, timeline.t_end, timeline.columns, desk.scope.words(), [name for name, _ in kept])
+    if wanted == timeline.banded:
+        return
+    timeline.banded = wanted
+    tests, span, columns = desk.scope.tests(), (timeline.t_start, timeline.t_end), timeline.columns
+
+    def show(found: list[Band]) -> None:
+        if columns == timeline.columns:
+            timeline.bands = found
+            timeline.refresh()
+
+    screen.jobs.run("bands", lambda stop: bands(bus, tests, span, columns, kept, stop), show)
+
+
 VIEW: Final = View(
     name="timeline", key="6", title="Timeline", short="Time",
-    make=lambda desk: Timeline(desk, id="timeline"), refresh=grown,
+    make=lambda desk: Timeline(desk, id="timeline"), refresh=_refresh,
     without=(*JUMPS, "select", "time_base"),
 )  # fmt: skip

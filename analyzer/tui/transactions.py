@@ -138,24 +138,23 @@ class TransactionList(FrameList):
         """What came of it: values in columns, or words where there are none."""
         desk, row, answer = self.desk, found.row, found.answer
         table = desk.bus.table
-        asked, about = words.words(desk, row)
-        said, more = words.words(desk, answer) if answer >= 0 else ([], [])
+        about = words.about(desk, row) + (words.about(desk, answer) if answer >= 0 else [])
         bad = answer >= 0 and (table.value("exception", answer) > 0 or not table.value("check", answer))
-        about += more
         if bad:
             about = [each for each in about if each.text.strip() != "exception"]
+        said: list[StyledText] = []
         if answer < 0 and not ended.text and desk.bus.whole:
-            said = asked  # no request of which anybody could say what became of it
-        elif answer < 0 and words.direction(desk, row) == "request":
+            return words.shared(words.words(desk, row)[0], about, room)  # nobody can say what became of it
+        if answer < 0 and words.direction(desk, row) == "request":
             said = [StyledText(_OUTCOMES.get(ended.text, ended.text), ended.kind)]
-            if not found.register:
-                said = [*asked, StyledText(" → ", "response"), *said]
-            elif found.values:
+            if found.register and found.values:
                 said += [StyledText(": "), *_columns(found)]
         elif found.values and not bad:
-            said = _columns(found)
-        elif answer < 0 or not found.register:
-            said = [*asked, *([StyledText(" → ", "response")] if said else []), *said]
+            return words.shared(_columns(found), about, room)
+        elif answer >= 0:
+            said = words.words(desk, answer)[0]
+        if not found.register:
+            said = [*words.words(desk, row)[0], *([StyledText(" → ", "response")] if said else []), *said]
         return words.shared(said, about, room)
 
     def _values(self, line: int, row: int) -> PollValues:

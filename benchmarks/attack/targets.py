@@ -20,7 +20,7 @@ from attack.seedfiles import repacked, seeds_of
 from captures import Capture, CaptureError, Chunk, LineSettings, Mark
 from captures.chunks import TIME_LIMIT
 from captures.formats import formats
-from captures.text.hexshapes import HexError
+from captures.text.halves import HexError
 
 _ZIPPED: Final = ("sigrok", "saleae-session")
 LINE: Final = LineSettings(baud=19200, char_bits=11, parity="E", tap="irq")

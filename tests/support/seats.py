@@ -80,12 +80,19 @@ class Seat:
 
 
 @asynccontextmanager
-async def seat(source: ViewSource, *, size: tuple[int, int] = (100, 30), view: str = "frames") -> AsyncIterator[Seat]:
+async def seat(
+    source: ViewSource, *, size: tuple[int, int] = (100, 30), view: str | None = "frames"
+) -> AsyncIterator[Seat]:
     app = Rtuscope(source, view=view)
     async with app.run_test(size=size) as pilot:
         sitting = Seat(app, pilot)
         if not source.live:
-            await sitting.until(lambda: sitting.bus.whole and (not sitting.bus.count or sitting.screen.row is not None))
+            await sitting.until(
+                lambda: (
+                    sitting.bus.whole
+                    and (not sitting.bus.count or sitting.screen.row is not None or sitting.screen.view == "home")
+                )
+            )
             await sitting.settle()
         yield sitting
 

@@ -1,0 +1,58 @@
+"""A capture read out line by line, for who hears a screen: causes first, then each transaction in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from datetime import UTC, tzinfo
+from typing import TYPE_CHECKING
+
+from ..tables.schema import Kind
+from ..tables.transactions import Status
+from ..words import date_and_time, duration, is_clock, plural, seconds
+from .bus import Bus
+from .filtering import compiled
+from .scope import Scope
+from .table import RowState
+
+if TYPE_CHECKING:
+    from .source import ViewSource
+
+_OUTCOMES = {
+    Status.UNANSWERED: "no answer", Status.BROADCAST: "to all, no answer is due", Status.DAMAGED: "damaged answer",
+    Status.UNHEARD: "an answer may have come unheard",
+}  # fmt: skip
+
+
+def spoken(source: ViewSource, text: str = "", zone: tzinfo = UTC, stop: Callable[[], bool] = bool) -> Iterator[str]:
+    """Lines without columns, marks or colours. Raises analyzer.filters.FilterError."""
+    bus = Bus.of(source)
+    scope = Scope(compiled(text, source.line) if text else None)
+    for analysed in source.steps(stop):
+        bus.feed(analysed)
+    bus.close()
+    asked = scope.transactions(bus)
+    asked.extend()
+    causes = bus.causes()
+    yield f"{source.name}: {plural(bus.frames, 'frame', 'frames')}, {plural(bus.found.count, 'finding', 'findings')}"
+    yield f"{plural(len(causes), 'cause', 'causes')}." if causes else "No cause of trouble."
+    for number, cause in enumerate(causes, 1):
+        yield f"Cause {number}, {cause.severity}, {cause.confidence:.0%} sure: {cause.text}. To do: {cause.remedy}"
+    yield f"{plural(asked.count, 'transaction', 'transactions')}{f' with {text}' if text else ''}."
+    for row in asked.rows().tolist():
+        yield _transaction(bus, row, zone)
+
+
+def _transaction(bus: Bus, row: int, zone: tzinfo) -> str:
+    frame, answer = bus.frame(row), bus.partner(row)
+    t = bus.table.value("t_start", row)
+    when = "" if not bus.timed else date_and_time(t, zone) if is_clock(t) else f"{seconds(t - bus.t_first)} s"
+    said = [f"Frame {frame.index}", *([when] if when else []), f"unit {frame.unit}", frame.summary()]
+    if answer is not None and bus.table.value("kind", row) == Kind.REQUEST:
+        took = bus.table.value("response_ns", answer)
+        said.append(f"{f'after {duration(took)}' if took >= 0 else 'answer'}: {bus.frame(answer).summary()}")
+    else:
+        status = bus.table.value("state", row) & RowState.STATUS
+        said += [_OUTCOMES[Status(status - 1)]] if status and Status(status - 1) in _OUTCOMES else []
+    found = {f.code: f.text for each in (row, answer) if each is not None for f in bus.findings(each)}
+    said += [f"{code}: {words}" for code, words in found.items()]
+    return ", ".join(said)

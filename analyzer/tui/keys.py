@@ -1,0 +1,80 @@
+"""The keys of the main screen, by what one wants to do: bindings, help and the user's own keys all come from here."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from textual.binding import Binding
+
+from .views import VIEWS
+
+Group = tuple[str, tuple[Binding, ...]]
+
+
+def key(
+    keys: str, action: str, words: str, about: str = "", *, shown: bool = False, as_: str | None = None, id: str = ""
+) -> Binding:
+    """A binding; `words` stand in the footer where it is `shown`, `about` in the help. Its id is the action's name."""
+    name = id or action.replace("app.", "").replace("(", ".").replace(")", "").replace("'", "")
+    return Binding(keys, action, words, show=shown, key_display=as_, tooltip=about, id=name)
+
+
+GROUPS: Final[tuple[Group, ...]] = (
+    ("Views", tuple(key(view.key, f"view('{view.name}')", view.title, view.title) for view in VIEWS)),
+    ("Narrow", (
+        key("slash", "filter", "Filter", "the filter; Tab completes, Enter uses it, Up: past ones", shown=True,
+            as_="/"),
+        key("equals_sign", "door('=')", "Filter to", "filter to what stands under the cursor", as_="=", id="door.to"),
+        key("exclamation_mark", "door('!')", "Filter out", "filter it out", as_="!", id="door.out"),
+        key("ampersand", "door('&')", "And", "put it into the filter's line, joined by and", as_="&", id="door.and"),
+        key("vertical_line", "door('|')", "Or", "the same, joined by or", as_="|", id="door.or"),
+        key("T", "span", "Span", "only a span of time: 14:00-16:00, yesterday 14-16"),
+        key("S", "kept", "Kept filters", "use, keep or drop a filter; with a colour its rows are lit"),
+        key("z", "noise", "Noise", "noise in place, or hidden"),
+        key("escape", "whole", "Take back", "take back the selection, then the filter, then the span", as_="Esc"),
+    )),
+    ("Go", (
+        key("f,ctrl+f", "find", "Find", "find bytes, a value, text or a time, whichever you type", shown=True, as_="f"),
+        key("n", "find_on(False)", "Next hit", "the next hit", id="next"),
+        key("N", "find_on(True)", "Previous hit", "the hit before", id="previous"),
+        key("full_stop", "door('.')", "Next of", "the next row of this unit, register, poll", as_=".", id="door.next"),
+        key("g,ctrl+g", "goto", "Go to", "a frame's number, a time, +200ms, 50%", shown=True, as_="g"),
+        key("c", "counterpart", "Answer", "from a request to its answer and back", shown=True),
+        key("right_square_bracket", "finding(1)", "Finding", "the next finding", shown=True, as_="]",
+            id="finding.next"),
+        key("left_square_bracket", "finding(-1)", "Previous finding", "the finding before", as_="[",
+            id="finding.previous"),
+        key("tab", "pane(1)", "Next pane", "from the list to the fields, to the bytes, and round", as_="Tab",
+            id="pane.next"),
+        key("shift+tab", "pane(-1)", "Previous pane", "the other way round", as_="Shift+Tab", id="pane.previous"),
+    )),
+    ("See", (
+        key("w", "why", "Why", "why this frame's boundaries stand where they do", shown=True),
+        key("t", "time_base", "Time", "times since the start, date and time, since the row before, since the reference",
+            shown=True),
+        key("r", "reference", "Reference", "make this row the time reference; again takes it back"),
+        key("Z", "zoom", "Zoom", "the pane with the keys alone, and back"),
+        key("less_than_sign", "size(-10)", "Smaller", "less room for the frame below", as_="<", id="size.less"),
+        key("greater_than_sign", "size(10)", "Larger", "more room for the frame below", as_=">", id="size.more"),
+        key("D", "app.theme_flip", "Dark or light", "dark or light"),
+    )),
+    ("Keep", (
+        key("m", "bookmark", "Mark", "a bookmark, or none any more"),
+        key("apostrophe", "next_bookmark", "Next mark", "the next bookmark", as_="'"),
+        key("semicolon", "comment", "Comment", "a comment on a row", as_=";"),
+        key("u", "undo", "Undo", "take back the last change of a bookmark or comment"),
+        key("space", "select", "Select", "in a list: begin a selection; again ends and keeps it", as_="Space"),
+        key("y", "copy", "Copy", "copy as hex, C array, Python, rtuscope parse"),
+        key("e", "export", "Export", "export the selection, or the rows shown, to a file"),
+    )),
+    ("Live and files", (
+        key("F", "follow", "Follow", "the newest row, of a file that grows too"),
+        key("P", "pause", "Pause", "what comes is read and recorded, but not shown"),
+        key("M", "mark_recording", "Mark it", "a note into the recording, at this moment"),
+        key("ctrl+r", "again", "Read anew", "the file, as it is now", as_="Ctrl+R"),
+        key("ctrl+o", "open", "Open", "another file", as_="Ctrl+O"),
+        key("question_mark,f1", "help", "Help", "this page", shown=True, as_="?"),
+        key("q", "leave", "Quit", "quit; a recording does not end unasked", shown=True),
+    )),
+)  # fmt: skip
+BINDINGS: Final = [binding for _, group in GROUPS for binding in group]

@@ -1,0 +1,149 @@
+"""Everyone's hands: own keys, zoomed panes, few colours, a file read anew, marks, a screen read out."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from seats import Seat, opened, sample_in, using
+
+from analyzer.model.goto import GotoError, span
+from analyzer.model.spoken import spoken
+from analyzer.tui.app import Rtuscope
+from analyzer.tui.help import Help
+from analyzer.tui.keys import BINDINGS
+from analyzer.tui.openfiles import NextFile
+from captures.recording.notes import MARK, Note
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    return sample_in(tmp_path)
+
+
+def test_help_names_every_binding_and_each_has_an_id_of_its_own(capture: Path) -> None:
+    assert len({binding.id for binding in BINDINGS}) == len(BINDINGS)
+    assert all(binding.tooltip for binding in BINDINGS)
+
+    async def work(sitting: Seat) -> None:
+        await sitting.press("question_mark")
+        assert isinstance(sitting.app.screen, Help)
+        shown = sitting.shown()
+        for words in ("filter to what stands under the cursor", "the newest row", "only a span of time"):
+            assert words in shown, words
+
+    using(opened(capture), work, size=(120, 140))
+
+
+def test_the_users_own_keys(capture: Path) -> None:
+    async def main() -> None:
+        app = Rtuscope(opened(capture), view="frames")
+        app.desk.wishes.keys = {"bookmark": "B"}
+        async with app.run_test(size=(100, 30)) as pilot:
+            sitting = Seat(app, pilot)
+            await sitting.until(lambda: sitting.bus.whole and sitting.screen.row is not None)
+            await sitting.press("B")
+            assert app.desk.notes.comments
+            await sitting.press("m")
+            assert len(app.desk.notes.comments) == 1, "the old key is free"
+
+    asyncio.run(main())
+
+
+def test_panes_are_zoomed_and_sized(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        screen, before = sitting.screen, sitting.screen.frames.size.height
+        await sitting.press("Z")
+        assert not screen.detail.display and screen.frames.size.height > before
+        await sitting.press("Z")
+        assert screen.frames.size.height == before
+        await sitting.press("tab", "Z")
+        assert screen.detail.size.height > before
+        await sitting.press("Z", "greater_than_sign")
+        assert screen.frames.size.height < before
+        await sitting.press("less_than_sign", "less_than_sign")
+        assert screen.frames.size.height > before
+
+    using(opened(capture), work)
+
+
+@pytest.mark.parametrize("width", [40, 80, 120, 200])
+def test_no_view_is_wider_than_the_terminal(capture: Path, width: int) -> None:
+    async def work(sitting: Seat) -> None:
+        for view in "012345678":
+            await sitting.press(view)
+            lines = sitting.shown().splitlines()
+            assert len(lines) == 24 and {len(line) for line in lines} == {width}, view
+            assert sitting.screen.panes[0].size.width > 0
+
+    using(opened(capture), work, size=(width, 24))
+
+
+def test_a_file_is_read_anew_with_its_filter_and_row(capture: Path) -> None:
+    left: list[object] = []
+
+    async def work(sitting: Seat) -> None:
+        sitting.app.exit = lambda result=None, *_: left.append(result)  # type: ignore[method-assign,assignment]
+        await sitting.press("equals_sign", "u", "down", "down", "ctrl+r")
+        assert left == [NextFile(capture, "frames", "unit == 1", sitting.row)]
+
+    using(opened(capture), work)
+
+    async def again() -> None:
+        assert isinstance(left[0], NextFile)
+        app = Rtuscope(opened(capture), view=left[0].view, resumed=left[0])
+        async with app.run_test(size=(100, 30)) as pilot:
+            sitting = Seat(app, pilot)
+            await sitting.until(lambda: sitting.bus.whole and sitting.screen.row == left[0].row)  # type: ignore[union-attr]
+            await sitting.until(lambda: 0 < sitting.screen.frames.count() < sitting.bus.count)
+
+    asyncio.run(again())
+
+
+def test_marks_of_a_recording_come_back_as_comments(capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source = opened(capture)
+    begin = 1_795_249_796_000_000_000
+    monkeypatch.setattr("analyzer.tui.openfiles.notes_of", lambda _: [Note(begin, MARK, "pump on")])
+
+    async def work(sitting: Seat) -> None:
+        assert "pump on" in sitting.app.desk.notes.comments.values()
+
+    using(source, work)
+
+
+def test_a_span_by_the_clock() -> None:
+    from datetime import UTC, datetime
+
+    class Heard:
+        timed, count = True, 1
+        t_first = int(datetime(2026, 11, 20, 8, tzinfo=UTC).timestamp()) * 10**9
+        t_last = int(datetime(2026, 11, 22, 13, tzinfo=UTC).timestamp()) * 10**9
+
+    bus = Heard()
+    now = datetime(2026, 11, 22, 15, tzinfo=UTC)
+
+    def times(text: str) -> list[str]:
+        return [f"{datetime.fromtimestamp(t / 1e9, UTC):%d %H:%M}" for t in span(text, bus, UTC, now)]  # type: ignore[arg-type]
+
+    assert times("14:00-16:00") == ["21 14:00", "21 16:00"], "the last day that has it"
+    assert times("9-10:30") == ["22 09:00", "22 10:30"]
+    assert times("y 14-16") == times("yesterday 14:00 - 16:00") == ["21 14:00", "21 16:00"]
+    assert times("2026-11-20 22-24") == ["20 22:00", "21 00:00"]
+    assert span("10s-25s", bus)[0] == bus.t_first + 10 * 10**9  # type: ignore[arg-type]
+    for text in ("16-14", "25-26", "2026-13-40 1-2", "soon", "5s-1s"):
+        with pytest.raises(GotoError):
+            span(text, bus, UTC, now)  # type: ignore[arg-type]
+
+
+def test_a_capture_is_read_out_in_plain_lines(capture: Path) -> None:
+    lines = list(spoken(opened(capture), "exception"))
+    assert "Cause 1" in lines[2] and all(line.isprintable() and "  " not in line for line in lines)
+    assert any("illegal data address" in line for line in lines)
+    command = [sys.executable, "-m", "analyzer.cli", "open", str(capture), "--plain", "--filter"]
+    done = subprocess.run([*command, "exception"], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == lines
+    wrong = subprocess.run([*command, "unit ="], capture_output=True, text=True, check=False)
+    assert wrong.returncode == 2 and len(wrong.stderr.splitlines()) == 1
