@@ -106,7 +106,12 @@ def _run(arguments: list[str]) -> int:
         command = load(arguments[0])
         parser = Parser(prog=f"rtuscope {arguments[0]}", **_look(arguments[0], command))
         command.configure(parser)
-        return command.run(settled(parser, arguments[0], arguments[1:]))
+        given = settled(parser, arguments[0], arguments[1:])
+        if getattr(given, "lang", None):
+            from ..languages import use
+
+            use(given.lang)
+        return command.run(given)
     if arguments and not arguments[0].startswith("-"):
         raise UsageError(_unknown(arguments[0]))
     parser = _parser(())

@@ -105,7 +105,7 @@ def _own_words(capture: str) -> dict[tuple[int, str, int], str]:
     from pathlib import Path
 
     from analyzer.model.meanings import own_words
-    from analyzer.model.notes import Notes, NotesError
+    from analyzer.usernotes import Notes, NotesError
 
     try:
         return own_words(Notes.beside(None if capture == "-" else Path(capture)).types)
