@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
@@ -19,11 +19,14 @@ from .quantities import seconds
 from .terminal import coloured, hung_up, places, put, put_bytes, say_in_place, tell
 
 if TYPE_CHECKING:
+    from dissectors.maps.model import RegisterMap
     from dissectors.maps.units import UnitMaps
 
+    from ..causes.story import CauseRevision
     from ..live.conditions import Condition
     from ..live.recent import ShownRow
     from ..live.session import Session, SessionStep
+    from ..registers.revising import RevisedRegisters, Revision
     from ..tables.findings import Finding
 
 _PERIOD_S: Final = 0.25
@@ -52,7 +55,7 @@ def add_view_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = F
         "--influx", dest="view_format", action="store_const", const="influx", help="InfluxDB's line protocol"
     )
     view.add_argument("--noise", action="store_true", help="with --json and pcapng: the bytes in no frame, too")
-    view.add_argument("--filter", metavar="FILTER", help="show only frames that pass, such as 'unit == 17'")
+    view.add_argument("-Y", "--filter", metavar="FILTER", help="show only frames that pass, such as 'unit == 17'")
     view.add_argument("--count", type=int, metavar="N", help="stop after N frames shown")
     view.add_argument("--duration", type=seconds, metavar="TIME", help="stop after this time: 90s, 15min, 12h")
     view.add_argument("--until", metavar="FILTER", help="stop after a frame that passes: 'finding == \"no-response\"'")
@@ -62,6 +65,7 @@ def add_view_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = F
     view.add_argument("--before", type=seconds, default=10.0, metavar="TIME", help="before a trigger (10s)")
     view.add_argument("--after", type=seconds, default=10.0, metavar="TIME", help="after a trigger (10s)")
     add_map_argument(view)
+    view.add_argument("--infer", action="store_true", help="tell what registers mean as it shows, and read them so")
     view.add_argument("--tui", action="store_true", help="show it in the terminal interface")
 
 
@@ -71,6 +75,10 @@ class _ViewLines(Protocol):
     def of(self, shown: ShownRow) -> Any: ...
 
     def bus(self, finding: Finding) -> Any: ...
+
+    def use(self, charts: Mapping[int, RegisterMap]) -> None: ...
+
+    def register(self, revision: Revision) -> Any: ...
 
 
 class Watch:
@@ -87,6 +95,7 @@ class Watch:
     ) -> None:
         """`extra`: more words for the status line; `fire` is told the time of each trigger; `out` takes what is shown
         in place of standard output."""
+        from ..causes.story import RunningStory
         from ..live.recent import Recent
         from ..live.status import LineStatus
         from ..live.window import TriggerWindow
@@ -95,8 +104,15 @@ class Watch:
         charts = chosen_charts(arguments)
         self._lines = _view(arguments, session, charts)
         self._out = out
+        self._registers: RevisedRegisters | None = None
+        if arguments.infer:
+            from ..registers.revising import RevisedRegisters
+
+            self._registers = RevisedRegisters(charts)
         self.status = LineStatus(session.line)
         self._recent = Recent()
+        self._tell_cause: Callable[[CauseRevision], Any] | None = getattr(self._lines, "cause", None)
+        self._story = RunningStory(session.line)
         self._filter, self._until = _condition(arguments.filter, charts), _condition(arguments.until, charts)
         self._trigger = _condition(arguments.trigger, charts)
         self._window: TriggerWindow[Any] = TriggerWindow(int(arguments.before * 1e9), int(arguments.after * 1e9))
@@ -127,13 +143,27 @@ class Watch:
                 if self._over:
                     break
             out += [self._lines.bus(finding) for finding in of_the_bus(step)]
+            if self._tell_cause is not None:
+                told = self._story.feed(step.batch, step.analysed.transactions, self._session.line)
+                out += map(self._tell_cause, told)
+            out += self._revised(step)
             self._write(out)
             if self._arguments.duration and self.status.elapsed_ns >= self._arguments.duration * 1e9:
                 self._end()
+        if self._tell_cause is not None:
+            self._write([*map(self._tell_cause, self._story.close())])
         self._clear()
         if self._status_shown:
             print(f"{self.status}{self._extra()}", file=sys.stderr)
         return DONE if self.status.frames else NO_FRAME
+
+    def _revised(self, step: SessionStep) -> list[Any]:
+        """What registers mean, where that is told for the first time or otherwise; frames are read so from here on."""
+        revisions = self._registers.feed(step.batch) if self._registers is not None else []
+        if not revisions or self._registers is None:
+            return []
+        self._lines.use(self._registers.charts)
+        return [line for revision in revisions if (line := self._lines.register(revision))]
 
     def _row(self, shown: ShownRow, step: SessionStep) -> list[Any]:
         """What is shown of a row, if it is to be shown; with it, perhaps, what was before a trigger."""

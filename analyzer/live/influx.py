@@ -18,6 +18,7 @@ from dissectors.maps.decoding import MappedReading
 from dissectors.maps.model import RegisterMap
 from dissectors.values import harmless
 
+from ..registers.revising import Revision
 from ..tables.findings import Finding
 from ..tables.frame import Frame
 from ..tables.schema import Kind
@@ -29,7 +30,15 @@ class InfluxLines:
     """A line a frame, a mapped value, a finding."""
 
     def __init__(self, *, charts: Mapping[int, RegisterMap] | None = None) -> None:
-        self._values = FrameCache(lambda frame: [_value(reading) for reading in frame_readings(frame, charts or {})])
+        self.use(charts or {})
+
+    def use(self, charts: Mapping[int, RegisterMap]) -> None:
+        """From here on frames have the values of these maps."""
+        self._values = FrameCache(lambda frame: [_value(reading) for reading in frame_readings(frame, charts)])
+
+    def register(self, _revision: Revision) -> str:
+        """Nothing: what a register means is no measurement."""
+        return ""
 
     def of(self, shown: ShownRow) -> str:
         """The lines of a row, each with its end."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ..exports.targets.pcapng import PacketStream, finding_comment
@@ -11,6 +12,9 @@ from .lines import clock_time
 from .recent import ShownRow
 
 if TYPE_CHECKING:
+    from dissectors.maps.model import RegisterMap
+
+    from ..registers.revising import Revision
     from .session import Session
 
 
@@ -39,6 +43,13 @@ class LivePackets:
         where = f"(unit {row['unit']}, {clock_time(int(row['t_end']))})" if row["kind"] else "(bytes in no frame)"
         texts = [f"{finding_comment(finding)} {where}" for finding in shown.findings]
         return self._stream.remark(self._now, int(row["port"]), line, texts)
+
+    def use(self, _charts: Mapping[int, RegisterMap]) -> None:
+        """Packets are bytes: maps change nothing."""
+
+    def register(self, _revision: Revision) -> bytes:
+        """Nothing: what a register means is no packet."""
+        return b""
 
     def bus(self, finding: Finding) -> bytes:
         """A finding about the bus as a whole."""
