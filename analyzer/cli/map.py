@@ -217,6 +217,7 @@ def _import(arguments: argparse.Namespace) -> int:
 
     path = Path(arguments.file)
     to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=path)
+    _check_suffix(arguments.output)
     data = map_bytes(path)
     found = import_maps(arguments.file, data, name=arguments.format)
     names = [one.chart.device for one in found]
@@ -242,6 +243,7 @@ def _infer(arguments: argparse.Namespace) -> int:
 
     source = None if arguments.capture == "-" else Path(arguments.capture)
     to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=source)
+    _check_suffix(arguments.output)
     readings, _ = _readings(arguments, arguments.capture)
     units = sorted({block.unit for block in readings})
     if not units:
@@ -267,9 +269,18 @@ def _diff(arguments: argparse.Namespace) -> int:
     from dissectors.maps import read_map
     from dissectors.values import harmless
 
-    for line in map_differences(read_map(arguments.map), read_map(arguments.other)):
+    lines = list(map_differences(read_map(arguments.map), read_map(arguments.other)))
+    for line in lines or ["no differences"]:
         print(harmless(line))
     return DONE
+
+
+def _check_suffix(path: str) -> None:
+    """A map is written as CSV or YAML: what its name says."""
+    from pathlib import PurePath
+
+    if path != "-" and PurePath(path).suffix.lower() not in (".csv", ".yaml", ".yml"):
+        raise UsageError(f"-o {path}: a map is a .csv or a .yaml file")
 
 
 def _write(chart: RegisterMap, path: str) -> None:
