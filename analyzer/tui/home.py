@@ -60,7 +60,9 @@ class HomeList(Lines):
             units = {unit.unit for unit in state.report.units}
             own = [cause for cause in state.causes if not cause.units or units.intersection(cause.units)]
             state = BusState(state.report, own)
-        self.state = BusState(replace(state.report, units=sorted(state.report.units, key=_badness)), state.causes)
+        self.state = BusState(
+            replace(state.report, units=tuple(sorted(state.report.units, key=_badness))), state.causes
+        )
         self.next_at = time.monotonic() + _AGAIN_S
         self._fresh_until = 0.0
         self.grown()
