@@ -10,14 +10,11 @@ from datetime import tzinfo
 from typing import Final
 
 from .text.choosing import Judge, no_judge
-from .text.hexshapes import HexError as HexError
-from .text.hexshapes import halves
-from .text.logs import Piece, UnreadLine, joined, read_lines
+from .text.halves import HexError as HexError
+from .text.halves import halves
+from .text.logs import LOOKED_FOR, Piece, UnreadLine, joined, read_lines
 
-_WHAT_IS_READ: Final = (
-    "looked for pairs of hex digits (11 03 00 6B, 1103006B, 0x11, \\x11, [11][03]), ASCII frames (:1103…) and "
-    "decimals; paste the bytes of a frame, or lines of a log that show them"
-)
+_WHAT_IS_READ: Final = f"looked for {LOOKED_FOR}; paste the bytes of a frame, or lines of a log that show them"
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,5 +93,5 @@ def _nothing(text: str, unread: tuple[UnreadLine, ...]) -> str:
             return f"line {number}: {half}" if len(lines) > 1 else half
     telling = next((one for one in unread if not one.empty), None)
     if telling is not None:
-        return f"no hex bytes found: line {telling.line}: {telling.why}"
+        return f"no hex bytes found: line {telling.line}: {telling.why}; {_WHAT_IS_READ}"
     return f"no hex bytes found in {shown[:60]!r}: {_WHAT_IS_READ}"

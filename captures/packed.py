@@ -201,7 +201,8 @@ class _Zip(_Packing):
 
 
 def _only(archive: zipfile.ZipFile, name: str, member: Member) -> zipfile.ZipInfo:
-    files = [info for info in archive.infolist() if not info.is_dir() and not info.filename.startswith(_NO_CAPTURE)]
+    named = [info for info in archive.infolist() if info.filename]
+    files = [info for info in named if not info.is_dir() and not info.filename.startswith(_NO_CAPTURE)]
     if len(files) > 1:
         likely = []
         for info in files[:1000]:

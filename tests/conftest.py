@@ -1,4 +1,4 @@
-"""What holds for all tests: no property fails because a machine is slow."""
+"""What holds for all tests: no property fails because a machine is slow, and no settings of a user's are read."""
 
 from __future__ import annotations
 
@@ -11,3 +11,4 @@ os.environ["XDG_CONFIG_HOME"] = os.environ["APPDATA"] = tempfile.mkdtemp()  # no
 
 settings.register_profile("rtuscope", deadline=None)
 settings.load_profile("rtuscope")
+os.environ["RTUSCOPE_CONFIG"] = ""

@@ -32,7 +32,7 @@ def test_a_command_is_helped_with_too(capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_what_there_is_not_is_told_with_what_was_meant(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "was filters meant?" in refused(capsys, "help", "filtrs")
+    assert "did you mean filters?" in refused(capsys, "help", "filtrs")
 
 
 def test_the_page_of_causes_is_of_these_suspects() -> None:

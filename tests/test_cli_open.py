@@ -79,7 +79,7 @@ def test_without_its_extra_the_browser_is_refused_in_one_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "textual_serve.server", None)
-    assert "rtuscope[web]" in refused(capsys, "open", samples.path("troubled.jsonl"), "--web")
+    assert "[web]" in refused(capsys, "open", samples.path("troubled.jsonl"), "--web")
 
 
 @posix

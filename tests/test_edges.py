@@ -218,6 +218,8 @@ def test_settings_that_are_given_are_not_inferred(tmp_path: Path) -> None:
         ("clock.sr", sr(bytes([0, 1]) * 10_000), "RO change, but not like a UART's line"),
         ("analog.sr", sr(b"", names=()), "without samples"),
         ("rate.sr", sr(bytes(9), "fast"), "sample rate"),
+        ("endless.sr", sr(bytes(9), "9" * 400), "out of range"),
+        ("lines.sr", sr(bytes([0, 1]) * 10_000, names=("RO\n named",)), "RO named change"),
         ("no.vcd", b"$timescale 1 ns $end\n$var wire 8 ! bus $end\n$enddefinitions $end\n", "no variable of one bit"),
         ("cut.bin", b"<SALEAE>\0\0\0\0", "Saleae Logic 2"),
         ("new.bin", b"<SALEAE>" + struct.pack("<ii", 7, 0) + bytes(40), "version 7"),
@@ -230,6 +232,18 @@ def test_what_holds_no_line_is_refused_in_a_line(tmp_path: Path, name: str, cont
         opened(tmp_path, content, name)
     assert expected in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_member_without_a_name_is_no_capture(tmp_path: Path) -> None:
+    """The archive's directory is damaged so that a name is empty; the fuzz found it."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("q", b"\x11\x03")
+    data = bytearray(file.getvalue())
+    entry = data.index(b"PK\x01\x02")
+    data[entry + 28 : entry + 32] = b"\0\0\1\0"  # it becomes an extra field
+    with pytest.raises(CaptureError):
+        opened(tmp_path, bytes(data), "bus.zip")
 
 
 def test_a_logic_2_session_says_what_to_export(tmp_path: Path) -> None:

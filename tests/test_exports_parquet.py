@@ -133,7 +133,8 @@ def test_without_pyarrow_one_line_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     said = refused(capsys, "export", path("healthy.jsonl"), "-o", tmp_path / "out.parquet")
-    assert said == "parquet needs pyarrow: pip install 'rtuscope[columns]'"
+    assert said.startswith("parquet needs pyarrow: ")
+    assert "[columns]" in said
     assert list(tmp_path.iterdir()) == []
 
 
@@ -165,7 +166,7 @@ def test_data_frames(name: str) -> None:
     assert list(made["name"]) == [frame.name for frame in bus.frames()]
 
 
-@pytest.mark.parametrize(("name", "said"), [("pyarrow", "rtuscope[columns]"), ("polars", "pip install polars")])
+@pytest.mark.parametrize(("name", "said"), [("pyarrow", "[columns]"), ("polars", "pip install polars")])
 def test_what_is_missing_is_said(name: str, said: str) -> None:
     code = f"""
 import sys

@@ -11,6 +11,7 @@ from buses import adu
 from running import ran, refused
 
 import analyzer
+import captures
 from analyzer.filters import BatchTable, FilterError, compile_filter
 from analyzer.simulation import Scenario, write
 from captures.chunks import Capture, Chunk
@@ -28,7 +29,7 @@ CHARTS = UnitMaps({1: shipped_map("eastron-sdm630"), 7: shipped_map("xy-md02")})
 @pytest.fixture(scope="module")
 def bus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("mapped") / "bus.jsonl"
-    write(Scenario("clean", "precise", transactions=200, seed=5, maps=MAPS), path)
+    write(Scenario("clean", "precise", transactions=200, seed=7, maps=MAPS), path)
     return path
 
 
@@ -146,3 +147,25 @@ def test_in_commands(bus: Path, tmp_path: Path, capsys: pytest.CaptureFixture[st
     rule = tmp_path / "rules.toml"
     rule.write_text('[[rule]]\ncheck = "none where value(Temperature) > 200"\n')
     assert ran(capsys, "check", bus, *maps, "--rules", rule).status == 0
+
+
+def test_in_the_model_of_the_interface(bus: Path) -> None:
+    """The interface's filter on its own columns passes the same rows as that of the exports."""
+    from analyzer.model.bus import Bus
+    from analyzer.model.filtering import compiled
+    from analyzer.model.source import CaptureSource
+
+    capture = captures.open(bus)
+    source = CaptureSource(capture, "bus")
+    model = Bus.of(source)
+    for analysed in source.steps(lambda: False):
+        model.feed(analysed)
+    model.close()
+    for text in ('value("Frequency") > 10', 'name contains "Voltage"', 'unit == 7 and value("Humidity") < 1000 %'):
+        test, found = compiled(text, source.line, CHARTS).test, set()
+        for number, low, high in model.table.slices(0, model.count):
+            rows = np.flatnonzero(test(model, number, low, high)) + low
+            found |= set(model.table.column(number, "frame")[rows].tolist())
+        assert found == passing(bus, text) and found, text
+    with pytest.raises(FilterError, match="map"):
+        compiled('value("Frequency") > 10', source.line)

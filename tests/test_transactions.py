@@ -130,3 +130,27 @@ def test_only_the_same_write_is_the_same_again_whatever_the_envelope(envelope: s
     told = np.concatenate([*(found.feed(batch) for batch in batches), found.close()])
     assert told["status"].tolist() == [Status.ANSWERED] * 3
     assert told["again"].tolist() == [False, False, True]
+
+
+def test_a_shifted_series_is_put_right_when_an_answer_is_left_over() -> None:
+    """One late answer, taken for the next request's, and so on: the one that nobody asked for tells whose all were."""
+    asked = [adu(f"1103{address:04x}0002") for address in (0, 16, 32, 48)]
+    values = [adu(f"110304{value:08x}") for value in range(4)]
+    other, its_answer = adu("050400000001"), adu("0504020007")
+    wire = [READ, ANSWER, asked[0], asked[1], values[0], asked[2], values[1], asked[3], values[2]]
+    chunks = spaced([*wire, other, values[3], its_answer, READ, ANSWER])
+    found = transactions(chunks)
+    assert found["response"].tolist() == [1, 4, 6, 8, 10, 11, 13]
+    assert found["late"].tolist() == [False, True, True, True, True, False, False]
+    assert found["mistaken"].tolist() == [False, True, True, True, False, False, False]
+    assert_same_row_by_row(chunks)
+
+
+def test_an_answer_beyond_three_waits_of_the_master_shifts_nothing() -> None:
+    asked, values = adu("110300100002"), adu("110304000000ff")
+    other, its_answer = adu("050400000001"), adu("0504020007")
+    chunks = spaced([READ, asked, values, other], gap_ns=200_000_000)
+    late = [replace(c, t_ns=c.t_ns + 60_000_000_000) for c in spaced([other, ANSWER, its_answer])]
+    found = transactions(chunks + late)
+    assert found["response"].tolist()[1] == 2
+    assert not found["late"][1]

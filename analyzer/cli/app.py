@@ -16,6 +16,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import IO, Any, Final, NoReturn
 
+from ..meant import did_you_mean, meant
 from ..terminal_text import gated_streams
 from ..version import __version__
 from .commands import COMMANDS, Command, load
@@ -40,6 +41,20 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, *arguments: Any, **settings: Any) -> None:
         super().__init__(*arguments, **settings)
         self.color = False
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """argparse's, but an option that is not known is told with the one that was meant."""
+        found, left = self.parse_known_args(args, namespace)
+        if left:
+            near = did_you_mean(left[0].partition("=")[0], self._option_string_actions)
+            self.error(f"unrecognized arguments: {' '.join(left)}{near}")
+        return found
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            near = did_you_mean(str(value), map(str, action.choices))
+            choices = ", ".join(map(str, action.choices))
+            raise argparse.ArgumentError(action, f"invalid choice: {value!r}{near or f' (choose from {choices})'}")
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message} (see {self.prog} --help)")
@@ -86,10 +101,17 @@ def _run(arguments: list[str]) -> int:
 
         argcomplete.autocomplete(_parser(COMMANDS))
     if arguments and arguments[0] in COMMANDS:  # the usual way: nothing of other commands is built
+        from .settling import settled
+
         command = load(arguments[0])
         parser = Parser(prog=f"rtuscope {arguments[0]}", **_look(arguments[0], command))
         command.configure(parser)
-        return command.run(parser.parse_args(arguments[1:]))
+        given = settled(parser, arguments[0], arguments[1:])
+        if getattr(given, "lang", None):
+            from ..languages import use
+
+            use(given.lang)
+        return command.run(given)
     if arguments and not arguments[0].startswith("-"):
         raise UsageError(_unknown(arguments[0]))
     parser = _parser(())
@@ -100,16 +122,13 @@ def _run(arguments: list[str]) -> int:
 
 def _unknown(word: str) -> str:
     """What to do about a first word that is no command: mistyped, or a capture whose command was left out."""
-    from difflib import get_close_matches
-
-    near = get_close_matches(word, COMMANDS, 1)
-    if near:
-        meant = f"did you mean {near[0]}?"
+    if near := meant(word, COMMANDS):
+        why = f"did you mean {near}?"
     elif os.path.isfile(word):  # noqa: PTH113 - pathlib takes 4 ms to import
-        meant = f"to look into it: rtuscope open {word}"
+        why = f"to look into it: rtuscope open {word}"
     else:
-        meant = f"there are {', '.join(COMMANDS)}"
-    return f"no command {word!r}: {meant} (see rtuscope --help)"
+        why = f"there are {', '.join(COMMANDS)}"
+    return f"no command {word!r}: {why} (see rtuscope --help)"
 
 
 def _parser(filled: Iterable[str]) -> Parser:

@@ -21,6 +21,8 @@ COMMANDS: Final[dict[str, str]] = {
     "record": "only record a tap, unattended, for days",
     "replay": "play a capture in its own time into the view of sniff, or onto a port",
     "ports": "list the serial ports that are there, with what is known of them",
+    "wireshark": "have Wireshark list this machine's taps among its interfaces",
+    "config": "settings that stay: show them, and where each is from",
     "repair": "make a whole file of a recording that was cut",
     "simulate": "make a capture of a plausible bus, with faults if asked, and its ground truth",
     "demo": "open the bundled sample capture; on a pipe, report on it",

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Final
 
+from ..meant import did_you_mean
 from .app import DONE, UsageError, main
 from .commands import COMMANDS
 
@@ -14,7 +15,13 @@ rtuscope help
 rtuscope help filters
 rtuscope help findings"""
 
-_ALIASES: Final = {"checks": "check", "maps": "registers"}  # words by which pages are asked for
+_ALIASES: Final = {
+    "checks": "check",
+    "maps": "registers",
+    "config": "settings",
+    "metrics": "outlets",
+    "mqtt": "outlets",
+}  # words by which pages are asked for
 _INSTALLED: Final = Path(__file__).parents[1] / "pages"
 _HERE: Final = Path(__file__).parents[2] / "docs"  # of a clone
 
@@ -37,7 +44,8 @@ def run(arguments: argparse.Namespace) -> int:
     topic = arguments.topic.lower().removesuffix(".md").removeprefix("docs/")
     page = pages.get(topic) or pages.get(_ALIASES.get(topic, ""))
     if page is None:
-        raise UsageError(f"no page {arguments.topic!r}{_meant(topic, [*pages, *_ALIASES])} (rtuscope help lists them)")
+        near = did_you_mean(topic, [*pages, *_ALIASES, *COMMANDS])
+        raise UsageError(f"no page {arguments.topic!r}{near} (rtuscope help lists them)")
     print(page.read_text(encoding="utf-8"), end="")
     return DONE
 
@@ -50,10 +58,3 @@ def _pages() -> dict[str, Path]:
 def _title(page: Path) -> str:
     with page.open(encoding="utf-8") as lines:
         return lines.readline().lstrip("# ").strip()
-
-
-def _meant(topic: str, known: list[str]) -> str:
-    from difflib import get_close_matches
-
-    near = get_close_matches(topic, known, 1)
-    return f": was {near[0]} meant?" if near else ""

@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from .app import DONE, FAILED
-from .inputs import add_limit_arguments
+from .inputs import add_functions_argument, add_limit_arguments, load_functions
+from .maps import add_map_argument
+from .outlets import add_outlet_arguments, outlets_of
 from .quantities import seconds
 from .taps import add_recording_arguments, add_tap_arguments, recorder_of, tap_of
 from .telling import Teller
 from .watching import ended_by_signals
 
+if TYPE_CHECKING:
+    from captures.recording.recorder import Recorder
+
+    from ..live.outlets import Outlet
+
 EXAMPLE = """\
 rtuscope record /dev/ttyUSB0 --baud 19200 --parity E -o bus.mcap
-rtuscope record /dev/ttyUSB0 -o /var/lib/rtuscope/bus.mcap --rotate-every 1h --keep 7d --keep 2GB --wait"""
+rtuscope record /dev/ttyUSB0 -o /var/lib/rtuscope/bus.mcap --rotate-every 1h --keep 7d --keep 2GB --wait
+rtuscope record /dev/ttyUSB0 -o bus.mcap --metrics 9617 --mqtt mqtt://localhost --map meter.csv@17"""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -22,39 +32,76 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_tap_arguments(parser)
     add_recording_arguments(parser, needed=True)
     add_limit_arguments(parser, only="--idle-ms")
+    add_outlet_arguments(parser)
+    add_map_argument(parser)
+    add_functions_argument(parser)
     parser.add_argument("--duration", type=seconds, metavar="TIME", help="stop after this time: 90s, 15min, 12h")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Listen and record: no analysis but what finding the line's settings takes."""
+    """Listen and record: no analysis but what finding the line's settings takes, unless something is to leave."""
+    recorders: list[Recorder] = []
+    with Teller() as tell:
+        load_functions(arguments)
+        outlets = outlets_of(arguments, tell, recorders)
+        recorder = recorder_of(arguments, tell)
+        assert recorder is not None  # -o is needed
+        recorders.append(recorder)
+        if outlets:
+            _analysed(arguments, recorder, outlets, tell)
+        else:
+            _plain(arguments, recorder, tell)
+        tell(recorder.result)
+    return FAILED if recorder.lost else DONE
+
+
+def _plain(arguments: argparse.Namespace, recorder: Recorder, tell: Teller) -> None:
     from captures.chunks import Block
     from captures.live.wire import PortEvent
     from captures.recording.notes import Note
 
-    with Teller() as tell:
-        recorder = recorder_of(arguments, tell)
-        assert recorder is not None  # -o is needed
-        begun = time.monotonic()
-        heard = 0
-        try:
-            source = tap_of(arguments, watched=False)
-            with ended_by_signals(source.close):
-                for item in source.items():
-                    if isinstance(item, Block):
-                        recorder.write(item)
-                        heard += len(item.data)
-                    elif isinstance(item, PortEvent):
-                        if item.kind == "settled":
-                            recorder.settings(source.line)
-                        if item.kind != "settings":
-                            tell(item.text)
-                            recorder.note(Note(item.t_ns, item.kind, item.text))
-                    recorder.tick()
-                    paused = "  PAUSED" if recorder.paused else ""
-                    tell.status(f"{heard:,} bytes heard, {recorder.bytes:,} on the disk{paused}")
-                    if arguments.duration and time.monotonic() - begun >= arguments.duration:
-                        source.close()
-        finally:
-            recorder.close()
-        tell(recorder.result)
-    return FAILED if recorder.lost else DONE
+    begun = time.monotonic()
+    heard = 0
+    try:
+        source = tap_of(arguments, watched=False)
+        with ended_by_signals(source.close):
+            for item in source.items():
+                if isinstance(item, Block):
+                    recorder.write(item)
+                    heard += len(item.data)
+                elif isinstance(item, PortEvent):
+                    if item.kind == "settled":
+                        recorder.settings(source.line)
+                    if item.kind != "settings":
+                        tell(item.text)
+                        recorder.note(Note(item.t_ns, item.kind, item.text))
+                recorder.tick()
+                tell.status(_status(heard, recorder))
+                if arguments.duration and time.monotonic() - begun >= arguments.duration:
+                    source.close()
+    finally:
+        recorder.close()
+
+
+def _analysed(arguments: argparse.Namespace, recorder: Recorder, outlets: Sequence[Outlet], tell: Teller) -> None:
+    """The same through a session, whose other thread records whatever the analysis does."""
+    from ..live.session import Session
+
+    session = Session(tap_of(arguments, watched=False), recorder=recorder, outlets=outlets)
+    begun = time.monotonic()
+    heard = missed = 0
+    with session, ended_by_signals(session.stop):
+        for step in session.steps():
+            heard += step.heard
+            missed += step.missed
+            for event in step.events:
+                if event.kind != "settings":
+                    tell(event.text)
+            behind = f"  NOT ANALYSED LIVE {missed:,} bytes" if missed else ""
+            tell.status(f"{_status(heard, recorder)}{behind}")
+            if arguments.duration and time.monotonic() - begun >= arguments.duration:
+                session.stop()
+
+
+def _status(heard: int, recorder: Recorder) -> str:
+    return f"{heard:,} bytes heard, {recorder.bytes:,} on the disk{'  PAUSED' if recorder.paused else ''}"

@@ -58,6 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         return find_like(arguments, capture, limits)
     from analyzer.core import deframe
     from analyzer.registers.inference import infer
+    from analyzer.registers.ownwords import with_own_words
     from analyzer.registers.readings import RegisterReadings
     from analyzer.registers.recognition import UnitTexts, recognised
 
@@ -75,21 +76,42 @@ def run(arguments: argparse.Namespace) -> int:
     progress.clear()
     tell_damage(arguments.capture, capture)
     units = sorted({block.unit for block in readings})
-    known = charts.of(units)
-    values = infer(readings, units=arguments.unit, charts=known)
+    if arguments.unit and units and not set(arguments.unit) & set(units):
+        there = ", ".join(map(str, units))
+        raise UsageError(f"--unit: no values of it in {arguments.capture}: units with values: {there}")
+    given, words = charts.of(units), _own_words(arguments.capture)
+    values = infer(readings, units=arguments.unit, charts=with_own_words(given, words))
     found: list[Recognised] = []
-    if len(known) < len(units) and (arguments.recognise or not arguments.json):
-        free = values if not known else infer(readings, units=arguments.unit)
-        found = [one for one in recognised(readings, texts, free) if one.unit not in known]
+    if len(given) < len(units) and (arguments.recognise or not arguments.json):
+        free = values if not given and not words else infer(readings, units=arguments.unit)
+        found = [
+            one
+            for one in recognised(readings, texts, free)
+            if one.unit not in given and (not arguments.unit or one.unit in arguments.unit)
+        ]
     if arguments.recognise and found:
-        known = {**{one.unit: one.chart for one in found}, **known}
-        values = infer(readings, units=arguments.unit, charts=known)
+        known = {**{one.unit: one.chart for one in found}, **given}
+        values = infer(readings, units=arguments.unit, charts=with_own_words(known, words))
     if arguments.json:
         _print_json(values)
     else:
         sys.stdout.write(_table(values, everything=arguments.all))
         sys.stdout.write(_devices(found, used=arguments.recognise))
     return _status(arguments, readings, values, stop)
+
+
+def _own_words(capture: str) -> dict[tuple[int, str, int], str]:
+    """What the user said of registers in the interface, kept beside the capture."""
+    from pathlib import Path
+
+    from analyzer.model.meanings import own_words
+    from analyzer.usernotes import Notes, NotesError
+
+    try:
+        return own_words(Notes.beside(None if capture == "-" else Path(capture)).types)
+    except NotesError as error:
+        tell(str(error))
+        return {}
 
 
 def _status(arguments: argparse.Namespace, readings: RegisterReadings, values: list[RegisterValue], stop: Stop) -> int:
@@ -100,9 +122,6 @@ def _status(arguments: argparse.Namespace, readings: RegisterReadings, values: l
         tell(f"{arguments.capture}: no Modbus frame found")
         return NO_FRAME
     if not values:
-        if arguments.unit:
-            units = ", ".join(str(unit) for unit in sorted({block.unit for block in readings})) or "none"
-            raise UsageError(f"--unit: no values of it in {arguments.capture}: units with values: {units}")
         tell(f"{arguments.capture}: no answer carries a register")
         return NO_FRAME
     return DONE

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from .app import DONE, NO_FRAME, UsageError
 from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
 from .keys import keys
+from .outlets import add_outlet_arguments, outlets_of
 from .terminal import tell
 from .watching import Watch, add_view_arguments, ended_by_signals
 
@@ -39,6 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     port.add_argument("--to", metavar="PORT", help="play the bytes onto this port instead of showing them")
     port.add_argument("--only", choices=("requests", "responses"), help="only frames of this direction")
     add_view_arguments(parser)
+    add_outlet_arguments(parser)
     add_limit_arguments(parser)
 
 
@@ -54,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     from ..live.session import Session
 
     replay = Replay(capture, arguments.speed)
-    session = Session(replay, options=chosen_limits(arguments))
+    session = Session(replay, options=chosen_limits(arguments), outlets=outlets_of(arguments, tell))
     if arguments.tui:
         from ..tui.live import show
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
-from typing import TYPE_CHECKING, Final
+import sys
+from typing import TYPE_CHECKING, BinaryIO, Final
 
-from .app import FAILED, INTERRUPTED
-from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, load_functions
+from .app import FAILED, INTERRUPTED, UsageError
+from .inputs import add_functions_argument, add_language_argument, add_limit_arguments, chosen_limits, load_functions
+from .outlets import add_outlet_arguments, outlets_of
 from .taps import add_recording_arguments, add_tap_arguments, recorder_of, tap_of
 from .telling import Teller
 from .watching import Watch, add_view_arguments, ended_by_signals
@@ -23,6 +25,7 @@ _DISK_S: Final = 30.0  # for a recording to be closed
 EXAMPLE = """\
 rtuscope sniff /dev/ttyUSB0
 rtuscope sniff /dev/ttyUSB0 --baud 19200 --parity E -o bus.mcap
+rtuscope sniff /dev/ttyUSB0 -o - --format pcapng | wireshark -k -i -
 rtuscope sniff COM3 --json --filter 'exception' --duration 1h"""
 
 
@@ -32,14 +35,27 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--protocol", choices=("auto", "rtu", "ascii"), default="auto", help="what the line speaks (auto)"
     )
-    add_view_arguments(parser)
+    add_view_arguments(parser, format_flag=True)
     add_recording_arguments(parser, needed=False)
+    add_outlet_arguments(parser)
     add_limit_arguments(parser)
     add_functions_argument(parser)
+    add_language_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Listen and show."""
+    if arguments.output == "-":
+        if arguments.view_format in (None, "text"):
+            raise UsageError("-o - writes frames for another program: say how by --format pcapng, jsonl or influx")
+        arguments.output = None
+    if arguments.view_format == "pcapng" and sys.stdout.isatty():
+        raise UsageError("pcapng is no text to show on a terminal: put it into a pipe, such as | wireshark -k -i -")
+    return listen(arguments)
+
+
+def listen(arguments: argparse.Namespace, out: BinaryIO | None = None) -> int:
+    """Listen, and show it on standard output, or write it to `out`."""
     from dataclasses import replace
 
     from ..live.session import RecordingSink, Session
@@ -47,7 +63,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     load_functions(arguments)
     with Teller() as tell:
+        recorders: list[Recorder] = []
+        outlets = outlets_of(arguments, tell, recorders)
         recorder = recorder_of(arguments, tell)
+        recorders += [] if recorder is None else [recorder]
         sink: RecordingSink | None = recorder
         fire = None
         if recorder is not None and arguments.trigger is not None:
@@ -57,12 +76,13 @@ def run(arguments: argparse.Namespace) -> int:
             tap_of(arguments),
             recorder=sink,
             options=replace(chosen_limits(arguments), protocol=arguments.protocol),
+            outlets=outlets,
         )
         if arguments.tui:
             from ..tui.live import show
 
             return show(session, arguments.port, recorder)
-        watch = Watch(arguments, session, extra=lambda: _recorded(recorder), fire=fire)
+        watch = Watch(arguments, session, extra=lambda: _recorded(recorder), fire=fire, out=out)
         with session, ended_by_signals(session.stop, abandon=lambda: _abandon(session, recorder, tell)):
             status = watch.run()
         if recorder is not None and recorder.lost:

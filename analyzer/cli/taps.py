@@ -45,7 +45,13 @@ def add_tap_arguments(parser: argparse.ArgumentParser) -> None:
 def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) -> None:
     """Where the recording goes, and how much of it is kept."""
     recording = parser.add_argument_group("the recording")
-    recording.add_argument("-o", "--output", metavar="FILE", required=needed, help="record to this .mcap file")
+    recording.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        required=needed,
+        help=f"record to this .mcap file{'' if needed else '; - is for --format'}",
+    )
     add_overwrite_argument(recording, "FILE")
     recording.add_argument("--rotate-every", type=seconds, metavar="TIME", help="begin a new file so often: 1h, 1d")
     recording.add_argument("--rotate-size", type=octets, metavar="SIZE", help="begin a new file at this size: 64MB")
@@ -94,6 +100,8 @@ def recorder_of(arguments: argparse.Namespace, tell: Callable[[str], None]) -> R
     """The recorder that was asked for; None where nothing is recorded. `tell` must not wait for anybody."""
     if arguments.output is None:
         return None
+    if arguments.output == "-":
+        raise UsageError("a recording is a file; for another program: rtuscope sniff PORT -o - --format pcapng")
     from captures.line import LineSettings
     from captures.recording.recorder import Recorder
     from captures.recording.ring import RingLimits

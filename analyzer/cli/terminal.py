@@ -6,17 +6,18 @@ Nothing of the latter shows on a pipe. Colour follows the terminal and NO_COLOR.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import IO
+from typing import IO, BinaryIO
 
 from dissectors.values import harmless
 
-from ..terminal_text import ERASE_LINE, terminal_text
+from ..terminal_text import ERASE_LINE, painted, terminal_text
 
 _PERIOD_S = 0.2
 
@@ -96,12 +97,48 @@ def put_json(value: object, *, indent: int | None = None) -> None:
     print(text.replace("\x7f", "\\u007f"))  # the one control character that JSON does not escape
 
 
+_PAGE_STYLES = (  # of a line of a report page, by how it begins: its graphic rendition
+    (re.compile(r"\d+\. "), "1;31"),
+    (re.compile(r"(new|worse|новое|хуже): "), "31"),
+    (re.compile(r"(gone|better|ушло|лучше): "), "32"),
+    (re.compile(r"(unit  |function  |poll  |hour  |finding  )"), "4"),
+    (re.compile(r"   (seen|rests on|explained by|видно|основание|объясняет): "), "2"),
+    (re.compile(r"\w[^\d.:]*$"), "1"),  # a heading
+)
+
+
+def put_page(text: str) -> None:
+    """Write a report page to standard output: in colour on a terminal, plain on a pipe."""
+    if not coloured(sys.stdout):
+        sys.stdout.write(text)
+        return
+    for line in text.splitlines():
+        style = next((graphics for pattern, graphics in _PAGE_STYLES if pattern.match(line)), "")
+        print(painted(line, style))
+
+
 def put(text: str) -> None:
     """Write all of a text to standard output, now: unbuffered, a stream may take part of it when a signal comes."""
-    data = memoryview(terminal_text(text).encode(sys.stdout.encoding, "backslashreplace"))
-    while data:
-        data = data[sys.stdout.buffer.write(data) :]
-    sys.stdout.buffer.flush()
+    put_bytes(terminal_text(text).encode(sys.stdout.encoding, "backslashreplace"), sys.stdout.buffer)
+
+
+def put_bytes(data: bytes, stream: BinaryIO) -> None:
+    """Write all of it, now."""
+    left = memoryview(data)
+    while left:
+        left = left[stream.write(left) :]
+    stream.flush()
+
+
+def hung_up(stream: BinaryIO) -> bool:
+    """Whether nobody reads this pipe any more, as far as that shows without writing to it."""
+    if os.name != "posix":
+        return False
+    import select
+
+    asked = select.poll()
+    asked.register(stream.fileno(), select.POLLERR)
+    return bool(asked.poll(0))
 
 
 def places(stream: IO[str]) -> bool:

@@ -8,33 +8,53 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
 from ..terminal_text import terminal_text
 from .app import DONE, NO_FRAME
 from .maps import add_map_argument, chosen_charts
 from .quantities import seconds
-from .terminal import coloured, places, put, say_in_place, tell
+from .terminal import coloured, hung_up, places, put, put_bytes, say_in_place, tell
 
 if TYPE_CHECKING:
+    from dissectors.maps.model import RegisterMap
     from dissectors.maps.units import UnitMaps
 
+    from ..causes.story import CauseRevision
     from ..live.conditions import Condition
     from ..live.recent import ShownRow
     from ..live.session import Session, SessionStep
+    from ..registers.revising import RevisedRegisters, Revision
+    from ..tables.findings import Finding
 
 _PERIOD_S: Final = 0.25
 _GRACE_S: Final = 1.2  # from a signal to end to the end
 _SILENT: Final = frozenset({"settings"})  # events that are not told
 
 
-def add_view_arguments(parser: argparse.ArgumentParser) -> None:
-    """What is shown, and when to stop."""
+def add_view_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = False) -> None:
+    """What is shown, and when to stop. `format_flag`: --format is what the view writes, not what a capture is."""
     view = parser.add_argument_group("the view")
-    view.add_argument("--json", action="store_true", help="an object a line, as rtuscope export writes them")
-    view.add_argument("--noise", action="store_true", help="with --json: lines for the bytes in no frame, too")
+    if format_flag:
+        view.add_argument(
+            "--format",
+            dest="view_format",
+            choices=("text", "jsonl", "influx", "pcapng"),
+            help="what goes to standard output: text, or for other programs: wireshark -k -i - takes pcapng",
+        )
+    view.add_argument(
+        "--json",
+        dest="view_format",
+        action="store_const",
+        const="jsonl",
+        help="an object a line, as rtuscope export writes them",
+    )
+    view.add_argument(
+        "--influx", dest="view_format", action="store_const", const="influx", help="InfluxDB's line protocol"
+    )
+    view.add_argument("--noise", action="store_true", help="with --json and pcapng: the bytes in no frame, too")
     view.add_argument("--filter", metavar="FILTER", help="show only frames that pass, such as 'unit == 17'")
     view.add_argument("--count", type=int, metavar="N", help="stop after N frames shown")
     view.add_argument("--duration", type=seconds, metavar="TIME", help="stop after this time: 90s, 15min, 12h")
@@ -45,7 +65,20 @@ def add_view_arguments(parser: argparse.ArgumentParser) -> None:
     view.add_argument("--before", type=seconds, default=10.0, metavar="TIME", help="before a trigger (10s)")
     view.add_argument("--after", type=seconds, default=10.0, metavar="TIME", help="after a trigger (10s)")
     add_map_argument(view)
+    view.add_argument("--infer", action="store_true", help="tell what registers mean as it shows, and read them so")
     view.add_argument("--tui", action="store_true", help="show it in the terminal interface")
+
+
+class _ViewLines(Protocol):
+    """What makes lines, or packets, of rows."""
+
+    def of(self, shown: ShownRow) -> Any: ...
+
+    def bus(self, finding: Finding) -> Any: ...
+
+    def use(self, charts: Mapping[int, RegisterMap]) -> None: ...
+
+    def register(self, revision: Revision) -> Any: ...
 
 
 class Watch:
@@ -58,26 +91,31 @@ class Watch:
         *,
         extra: Callable[[], str] = str,
         fire: Callable[[int], None] | None = None,
+        out: BinaryIO | None = None,
     ) -> None:
-        """`extra`: more words for the status line; `fire` is told the time of each trigger."""
-        from ..live.lines import LiveJsonLines, TextLines
+        """`extra`: more words for the status line; `fire` is told the time of each trigger; `out` takes what is shown
+        in place of standard output."""
+        from ..causes.story import RunningStory
         from ..live.recent import Recent
         from ..live.status import LineStatus
         from ..live.window import TriggerWindow
 
         self._arguments, self._session, self._extra, self._fire = arguments, session, extra, fire
-        width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
         charts = chosen_charts(arguments)
-        self._lines = (
-            LiveJsonLines(noise=arguments.noise, charts=charts)
-            if arguments.json
-            else TextLines(colour=coloured(sys.stdout), width=width, charts=charts)
-        )
+        self._lines = _view(arguments, session, charts)
+        self._out = out
+        self._registers: RevisedRegisters | None = None
+        if arguments.infer:
+            from ..registers.revising import RevisedRegisters
+
+            self._registers = RevisedRegisters(charts)
         self.status = LineStatus(session.line)
         self._recent = Recent()
+        self._tell_cause: Callable[[CauseRevision], Any] | None = getattr(self._lines, "cause", None)
+        self._story = RunningStory(session.line)
         self._filter, self._until = _condition(arguments.filter, charts), _condition(arguments.until, charts)
         self._trigger = _condition(arguments.trigger, charts)
-        self._window: TriggerWindow[str] = TriggerWindow(int(arguments.before * 1e9), int(arguments.after * 1e9))
+        self._window: TriggerWindow[Any] = TriggerWindow(int(arguments.before * 1e9), int(arguments.after * 1e9))
         self._shown = 0
         self._over = False
         self._status_shown = places(sys.stderr)
@@ -86,8 +124,11 @@ class Watch:
 
     def run(self) -> int:
         """Show the session to its end; the exit status."""
+        from ..live.packets import LivePackets
         from ..live.recent import of_the_bus
 
+        if isinstance(self._lines, LivePackets):
+            self._write([self._lines.begin()])
         for step in self._session.steps():
             if self._over:
                 continue  # what the session still gives while it ends
@@ -96,61 +137,107 @@ class Watch:
             for event in step.events:
                 if event.kind not in _SILENT and event.text:
                     tell(event.text)
-            out = []
+            out: list[Any] = []
             for shown in self._recent.feed(step):
-                out.append(self._row(shown, step))
+                out += self._row(shown, step)
                 if self._over:
                     break
             out += [self._lines.bus(finding) for finding in of_the_bus(step)]
-            self._write(terminal_text(*out))
+            if self._tell_cause is not None:
+                told = self._story.feed(step.batch, step.analysed.transactions, self._session.line)
+                out += map(self._tell_cause, told)
+            out += self._revised(step)
+            self._write(out)
             if self._arguments.duration and self.status.elapsed_ns >= self._arguments.duration * 1e9:
                 self._end()
+        if self._tell_cause is not None:
+            self._write([*map(self._tell_cause, self._story.close())])
         self._clear()
         if self._status_shown:
             print(f"{self.status}{self._extra()}", file=sys.stderr)
         return DONE if self.status.frames else NO_FRAME
 
-    def _row(self, shown: ShownRow, step: SessionStep) -> str:
-        """The lines of a row, if it is to be shown; with it, perhaps, lines from before a trigger."""
+    def _revised(self, step: SessionStep) -> list[Any]:
+        """What registers mean, where that is told for the first time or otherwise; frames are read so from here on."""
+        revisions = self._registers.feed(step.batch) if self._registers is not None else []
+        if not revisions or self._registers is None:
+            return []
+        self._lines.use(self._registers.charts)
+        return [line for revision in revisions if (line := self._lines.register(revision))]
+
+    def _row(self, shown: ShownRow, step: SessionStep) -> list[Any]:
+        """What is shown of a row, if it is to be shown; with it, perhaps, what was before a trigger."""
         line = self._session.line
         wanted = self._filter is None or self._filter.holds(shown, step, line)
-        text = self._lines.of(shown) if wanted else ""
+        parts = [part for part in ([self._lines.of(shown)] if wanted else []) if part]
         if self._trigger is not None:
-            text = self._triggered(text, shown, fired=self._trigger.holds(shown, step, line))
+            parts = self._triggered(parts, shown, fired=self._trigger.holds(shown, step, line))
         if self._until is not None and self._until.holds(shown, step, line):
             self._end()
         if self._arguments.count:
-            self._shown += bool(text) and not shown.late and int(shown.batch.rows["index"][shown.row]) >= 0
+            self._shown += bool(parts) and not shown.late and int(shown.batch.rows["index"][shown.row]) >= 0
             if self._shown >= self._arguments.count:
                 self._end()
-        return text
+        return parts
 
-    def _triggered(self, text: str, shown: ShownRow, *, fired: bool) -> str:
+    def _triggered(self, parts: list[Any], shown: ShownRow, *, fired: bool) -> list[Any]:
         t_ns = int(shown.batch.rows["t_end"][shown.row])
         before = self._window.fire(t_ns) if fired else []
         if fired and self._fire is not None:
             self._fire(t_ns)
-        return terminal_text(*before, *self._window.offer(t_ns, text))
+        for part in parts:
+            before += self._window.offer(t_ns, part)
+        return before
 
     def _end(self) -> None:
         self._over = True
         self._session.stop()
 
-    def _write(self, text: str) -> None:
-        if text:
+    def _write(self, parts: list[Any]) -> None:
+        if parts:
             self._clear()
-            put(text)
+            self._put(parts)
         if self._status_shown:
             now = time.monotonic()
             if new := now >= self._next_status:
                 self._next_status = now + _PERIOD_S
                 self._words = f"{self.status}{self._extra()}"[: shutil.get_terminal_size().columns - 1]
-            if new or text:
+            if new or parts:
                 say_in_place(self._words)
+
+        if self._out is not None and hung_up(self._out):
+            raise BrokenPipeError
+
+    def _put(self, parts: list[Any]) -> None:
+        if isinstance(parts[0], str):
+            put(terminal_text(*parts))
+        else:
+            put_bytes(b"".join(parts), self._out or sys.stdout.buffer)
 
     def _clear(self) -> None:
         if self._status_shown:
             say_in_place("")
+
+
+def _view(arguments: argparse.Namespace, session: Session, charts: UnitMaps) -> _ViewLines:
+    """What makes of rows what is shown."""
+    match arguments.view_format:
+        case "jsonl":
+            from ..live.lines import LiveJsonLines
+
+            return LiveJsonLines(noise=arguments.noise, charts=charts)
+        case "influx":
+            from ..live.influx import InfluxLines
+
+            return InfluxLines(charts=charts)
+        case "pcapng":
+            from ..live.packets import LivePackets
+
+            return LivePackets(session, noise=arguments.noise)
+    from ..live.lines import TextLines
+
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    return TextLines(colour=coloured(sys.stdout), width=width, charts=charts)
 
 
 def _condition(text: str | None, charts: UnitMaps) -> Condition | None:

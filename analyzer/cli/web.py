@@ -22,6 +22,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
+from ..extras import needs
 from .app import UsageError
 from .terminal import tell
 
@@ -49,7 +50,7 @@ def serve(command: Sequence[str], host: str, port: int) -> None:
         from aiohttp.web import run_app
         from textual_serve.server import Server
     except ImportError as error:
-        raise UsageError("--web needs textual-serve: pip install 'rtuscope[web]'") from error
+        raise UsageError(needs("--web", "textual-serve", "web")) from error
     logging.basicConfig(level=logging.WARNING, handlers=[_Told()])
     sockets = _listening(host, port)
     port = sockets[0].getsockname()[1]

@@ -199,7 +199,7 @@ class Engine:
         bound = last
         last, margin = plain_reach(runs, i, last, data, classes, self.statistics, self._tracker, waiting=self._waiting)
         if last < bound or last > runs.last[i] or runs.either[last]:
-            last = without_tail(runs, i, last, classes)
+            last = without_tail(runs, i, last, classes, self.statistics)
         if last <= i:
             return at
         start, end, role = runs.start[i:last], runs.end[i:last], runs.role[i:last]
@@ -234,8 +234,7 @@ class Engine:
         if not decisions:
             return at
         last = decisions[-1].steps[-1]
-        for decision in decisions:
-            self._decide(self._decider.segments(decision, stretch, at))
+        self._decide(self._decider.segments(decisions, stretch, at))
         frames = [(s.start, s.candidate.role) for d in decisions for s in d.steps if s.candidate is not None]
         if frames:
             start, role = frames[-1]

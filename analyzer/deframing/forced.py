@@ -203,10 +203,21 @@ class _PlainRoles:
         alone &= self.role[np.minimum(open_ones + 1, m - 1)] == _ASKS
         self.again = _never_answering(open_ones[alone & waits], data, start, asks, joined)
         alone &= ~waits
+        alone[alone] = ~self._repeated_behind(open_ones[alone], data, start, end)
         plain = pair[open_ones] | alone
         self.ask, self.alone, self.waits = open_ones[plain], alone[plain], waits[plain]
         plain[np.searchsorted(open_ones, self.again)] = True
         self.doubt = open_ones[~plain]
+
+    def _repeated_behind(self, indices: Index, data: Bytes, start: Index, end: Index) -> Mask:
+        """Whether what follows each is the request before it once more: that it knows if this one asks or answers."""
+        asking = np.flatnonzero(self.role == _ASKS)
+        before, behind = asking.searchsorted(indices) - 1, indices + 1
+        asked = asking[np.maximum(before, 0)]
+        same: Mask = (before >= 0) & (end[asked] - start[asked] == end[behind] - start[behind])
+        for first in (start, start + 1, end - 2, end - 1):  # unit, function, check value
+            same &= data.take(first[asked]) == data.take(first[behind])
+        return same
 
 
 def _never_answering(indices: Index, data: Bytes, start: Index, asks: Mask, joined: Mask) -> Index:
@@ -256,9 +267,13 @@ def plain_reach(
             waits = np.append(waiting, waits[1:])
         early = np.flatnonzero(start < REACH)
         if len(early):  # what was asked before may be before these bytes
-            asked = {open_requests.adu[:2] for open_requests in tracker.conversation.open_requests}
+            conversation = tracker.conversation
+            asked = {open_requests.adu[:2] for open_requests in conversation.open_requests}
             late = late.copy()
             late[early] |= [data[s : s + 2].tobytes() in asked for s in start[early].tolist()]
+            for k in early[alone[early]].tolist():  # the request before it once more, behind it
+                behind = number[k] + 1
+                late[k] |= data[runs.start[behind] : runs.end[behind]].tobytes() == conversation.last
         before, behind = silences.take(start), silences.take(runs.end[number])
         first = table[np.where(waits, _AGAIN, _ASKS), before] - table[_ANSWERS, before] + asking
         echo = table[_ANSWERS, behind] - table[_AGAIN, behind]
@@ -278,18 +293,31 @@ def plain_reach(
     return last, margin
 
 
-def without_tail(runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8]) -> int:
+def without_tail(runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics) -> int:
     """The end of a run from interval i on, before `last`, behind which the lattice has the word.
 
     After a whole exchange, and where silence parts them, the lattice would decide as well before it goes on; a frame
     by itself it would decide together with what follows, but for a request after others that nobody answers.
     """
+    last = _without_echoes(runs, i, last, silences, statistics)
     end = int(runs.end[last - 1]) if last > i else 0
     if last == i or end == len(silences) or silences[end] or (runs.fits[last - 1] and last - 2 >= i):
         return last
     last -= 1
     while last > i and runs.either[last - 1] and runs.either[last] and not _holds(runs.again, last - 1):
         last -= 1
+    return _without_echoes(runs, i, last, silences, statistics)
+
+
+def _without_echoes(runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics) -> int:
+    """The same without exchanges at the end of which the second frame may be the request once more: what follows
+    tells, and the lattice would wait for it."""
+    while last - 2 >= i and runs.fits[last - 1] and runs.either[last - 1] and runs.end[last - 1] < len(silences):
+        silence = silences[runs.start[last - 1]]
+        echo = statistics.table[_ANSWERS, silence] - statistics.table[_AGAIN, silence]
+        if echo - statistics.unanswered_bits >= LEAD:
+            break
+        last -= 2
     return last
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from dissectors.functions import function_name
 from dissectors.values import AREAS
 
+from ..extras import needs
 from ..tables.batch import Batch
 from ..tables.columns import Decoded, decode
 from ..tables.findings import codes
@@ -26,7 +27,7 @@ from ..tables.schema import Direction, Kind, Protocol, Rows
 try:
     import pyarrow as pa
 except ImportError as error:
-    raise ImportError("tables need pyarrow: pip install 'rtuscope[columns]'", name="pyarrow") from error
+    raise ImportError(needs("a table", "pyarrow", "columns"), name="pyarrow") from error
 
 _NAMES: Final = 128  # function codes
 _BITS: Final = ("length", "crc", "silence", "conversation")  # evidence, in bits

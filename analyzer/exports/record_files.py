@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import orjson
 
+from ..extras import needs
 from .output import ExportError, OutputStream
 from .records import TABLES, Columns, RecordTable
 from .sink import ExportOptions
@@ -97,7 +98,7 @@ class ParquetRecords(RecordSink):
             import pyarrow as pa
             from pyarrow.parquet import ParquetWriter
         except ImportError as error:
-            raise ExportError("parquet needs pyarrow: pip install 'rtuscope[columns]'") from error
+            raise ExportError(needs("parquet", "pyarrow", "columns")) from error
         self._pa = pa
         self._schema = record_schema(table)
         self._parts: list[Any] = []

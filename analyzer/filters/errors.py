@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from ..meant import did_you_mean
+
 
 class FilterError(ValueError):
     """A filter that cannot be used: `message` says what is wrong, `column` where (from 0); the text says both."""
@@ -16,7 +18,4 @@ class FilterError(ValueError):
 
 def meant(word: str, known: Iterable[str]) -> str:
     """`; did you mean unit?` where a known word is near, else nothing."""
-    from difflib import get_close_matches
-
-    near = get_close_matches(word.casefold(), list(known), n=1, cutoff=0.6)
-    return f"; did you mean {near[0]}?" if near else ""
+    return did_you_mean(word, known).replace(":", ";", 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from datetime import datetime
 from functools import lru_cache
-from typing import Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 
 import orjson
 
@@ -13,6 +13,7 @@ from dissectors.maps.decoding import MappedReading
 from dissectors.maps.model import RegisterMap
 from dissectors.values import harmless
 
+from ..causes.story import CauseRevision
 from ..exports.encoding import noise_json
 from ..paste.meaning import mapped_readings
 from ..tables.batch import Batch
@@ -22,6 +23,9 @@ from ..tables.schema import Kind
 from ..terminal_text import TerminalText, painted, terminal_text
 from ..words import duration
 from .recent import ShownRow
+
+if TYPE_CHECKING:
+    from ..registers.revising import Revision
 
 _SENSIBLE_NS: Final = 1_000_000_000 * 86_400 * 365  # times before 1971 count from a beginning of their own
 _KEPT: Final = 4096  # frames whose words are kept: polls repeat
@@ -34,7 +38,7 @@ _INDENT: Final = " " * 16
 T = TypeVar("T")
 
 
-class _LineCache(Generic[T]):
+class FrameCache(Generic[T]):
     """What is said of a frame's bytes, kept for the next one that is alike."""
 
     def __init__(self, say: Callable[[Frame], T]) -> None:
@@ -60,7 +64,15 @@ class TextLines:
         """`width`: longer lines are cut; None: none are. `noise`: bytes in no frame are shown, too. `charts`: register
         maps of units, whose names stand in place of the registers."""
         self._colour, self._width, self._noise = colour, width, noise
-        self._summaries = _LineCache(lambda frame: harmless(_named(frame, charts or {})))
+        self.use(charts or {})
+
+    def use(self, charts: Mapping[int, RegisterMap]) -> None:
+        """From here on values are named and read by these maps."""
+        self._summaries = FrameCache(lambda frame: harmless(_named(frame, charts)))
+
+    def register(self, revision: Revision) -> TerminalText:
+        """What a register means, told or revised."""
+        return self._cut(f"{_INDENT}= {revision.text}", "36")
 
     def of(self, shown: ShownRow) -> TerminalText:
         """The lines of a row, each with its end; empty where there is nothing to show."""
@@ -69,7 +81,9 @@ class TextLines:
         if kind != Kind.NOISE:
             frame = shown.batch.frame(shown.row)
             if shown.late:
-                lines.append(self._cut(f"{_clock(frame.t_end_ns)}   #{frame.index}: {self._summaries.of(frame)}", "2"))
+                lines.append(
+                    self._cut(f"{clock_time(frame.t_end_ns)}   #{frame.index}: {self._summaries.of(frame)}", "2")
+                )
             else:
                 lines.append(self._frame(frame))
         elif self._noise or shown.findings:
@@ -81,11 +95,18 @@ class TextLines:
         """A finding about the bus as a whole."""
         return self._finding(finding)
 
+    def cause(self, revision: CauseRevision) -> TerminalText:
+        """What became of a cause."""
+        cause, mark = revision.cause, _MARKS[Severity[revision.cause.severity.upper()]]
+        head = f"{mark} cause {cause.cause} ({revision.state}, revision {revision.revision} after "
+        text = f"{head}{revision.exchanges:,} requests, {cause.confidence:.0%} sure): {cause.text}"
+        return self._cut(text, _COLOURS[Severity[cause.severity.upper()]])
+
     def _frame(self, frame: Frame) -> TerminalText:
         arrow = ">" if frame.row.kind == Kind.REQUEST else "<"
         took = "" if frame.response_time_ns is None else f"   {duration(frame.response_time_ns)}"
         check = "" if frame.crc_ok else "   WRONG CHECK VALUE"
-        head = f"{_clock(frame.t_end_ns)} {arrow} {frame.unit:3d} {frame.function:02d} "
+        head = f"{clock_time(frame.t_end_ns)} {arrow} {frame.unit:3d} {frame.function:02d} "
         words = self._summaries.of(frame)
         if self._width is not None:
             room = self._width - len(head) - len(took) - len(check)
@@ -111,9 +132,18 @@ class LiveJsonLines:
     """The objects of `rtuscope export`, a line each; a finding made later comes as one of kind `finding`."""
 
     def __init__(self, *, noise: bool = False, charts: Mapping[int, RegisterMap] | None = None) -> None:
-        self._noise, self._charts = noise, charts
-        self._fields = _LineCache(_fields)
-        self._values = _LineCache(lambda frame: [reading.to_json() for reading in _readings(frame, charts or {})])
+        self._noise = noise
+        self._fields = FrameCache(_fields)
+        self.use(charts or {})
+
+    def use(self, charts: Mapping[int, RegisterMap]) -> None:
+        """From here on frames have the values of these maps."""
+        self._charts = charts
+        self._values = FrameCache(lambda frame: [reading.to_json() for reading in frame_readings(frame, charts)])
+
+    def register(self, revision: Revision) -> str:
+        """What a register means, told or revised: an object with `register`."""
+        return _dumped(revision.to_json())
 
     def of(self, shown: ShownRow) -> str:
         """The lines of a row."""
@@ -130,6 +160,10 @@ class LiveJsonLines:
         behind: dict[str, Any] = {key: line.pop(key) for key in _BEHIND_FIELDS if key in line}
         values = {"values": self._values.of(frame)} if self._charts else {}
         return {**line, "fields": self._fields.of(frame), **values, **behind}
+
+    def cause(self, revision: CauseRevision) -> str:
+        """A line of kind `cause`."""
+        return orjson.dumps(revision.to_json(), option=orjson.OPT_APPEND_NEWLINE).decode()
 
     def bus(self, finding: Finding) -> str:
         """A finding by itself: about a frame of before (`index`), a stretch of bytes, or the bus."""
@@ -149,7 +183,7 @@ def _fields(frame: Frame) -> orjson.Fragment:
     return orjson.Fragment(orjson.dumps([field.to_json() for field in frame.fields()]))
 
 
-def _readings(frame: Frame, charts: Mapping[int, RegisterMap]) -> list[MappedReading]:
+def frame_readings(frame: Frame, charts: Mapping[int, RegisterMap]) -> list[MappedReading]:
     """What a frame carries by the map of its unit."""
     chart = charts.get(frame.unit)
     return [] if chart is None or not frame.crc_ok else mapped_readings(frame.to_json(), chart)
@@ -157,7 +191,7 @@ def _readings(frame: Frame, charts: Mapping[int, RegisterMap]) -> list[MappedRea
 
 def _named(frame: Frame, charts: Mapping[int, RegisterMap]) -> str:
     """A frame in words; mapped values by their names."""
-    readings = _readings(frame, charts)
+    readings = frame_readings(frame, charts)
     if not readings:
         return frame.summary()
     names = ", ".join(f"{reading.row.name} {reading.text}" for reading in readings)
@@ -168,10 +202,10 @@ def _noise(batch: Batch, row: int) -> str:
     data = batch.bytes_of(row)
     shown = data[:16].hex(" ").upper() + (" …" if len(data) > 16 else "")
     plural = "byte" if len(data) == 1 else "bytes"
-    return f"{_clock(int(batch.rows['t_end'][row]))} ~ {len(data)} {plural} in no frame: {shown}"
+    return f"{clock_time(int(batch.rows['t_end'][row]))} ~ {len(data)} {plural} in no frame: {shown}"
 
 
-def _clock(t_ns: int) -> str:
+def clock_time(t_ns: int) -> str:
     """The time of day here, to the millisecond; seconds where the capture's clock began at zero."""
     if t_ns < _SENSIBLE_NS:
         return f"{t_ns / 1e9:12.3f}"

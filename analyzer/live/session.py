@@ -10,7 +10,7 @@ from __future__ import annotations
 import queue
 import threading
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
@@ -23,6 +23,7 @@ from ..core import Analysed, Analyzer
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.findings import Findings
+from .outlets import Outlet
 
 _BACKLOG: Final = 4 << 20  # bytes that wait for the analysis at most
 _PATIENCE_S: Final = 0.2
@@ -99,13 +100,16 @@ class Session:
         recorder: RecordingSink | None = None,
         options: Options = Options(),  # noqa: B008 - frozen
         backlog: int = _BACKLOG,
+        outlets: Sequence[Outlet] = (),
     ) -> None:
+        """`outlets` get every step before whoever takes them; they are closed with the session."""
         self.line = source.line
         self._source = source
         self._recorder = recorder
         self._analyzer = Analyzer(source.line, options)
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._backlog = backlog
+        self._outlets = outlets
         self._waiting = 0  # bytes queued
         self._lock = threading.Condition()
         self._stopped = False
@@ -121,6 +125,8 @@ class Session:
     def __exit__(self, *_: object) -> None:
         self.stop()
         self._thread.join()
+        for outlet in self._outlets:
+            outlet.close()
 
     def stop(self) -> None:
         """End soon: `steps` gives what there is, then ends."""
@@ -148,6 +154,21 @@ class Session:
 
         Raises what the source or the recorder raised.
         """
+        for step in self._steps():
+            yield self._fed(step)
+
+    def _fed(self, step: SessionStep) -> SessionStep:
+        """The step, after the outlets got it; one that fails is left out from now on, and that is said."""
+        for outlet in list(self._outlets):
+            try:
+                outlet.feed(step, self.line)
+            except Exception as error:
+                self._outlets = [other for other in self._outlets if other is not outlet]
+                text = f"{type(outlet).__name__.lower()}: ended: {type(error).__name__}: {error}"
+                step.events.append(PortEvent(step.t_ns, 0, "failed", text, {}))
+        return step
+
+    def _steps(self) -> Iterator[SessionStep]:
         over = False
         while not over:
             items = [self._queue.get()]

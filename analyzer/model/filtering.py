@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from captures.line import LineSettings
+from dissectors.maps.units import UnitMaps
 
 from ..filters import compile_filter
 from ..tables.batch import Batch
@@ -37,9 +38,9 @@ class CompiledTest(NamedTuple):
     settled: bool
 
 
-def compiled(text: str, line: LineSettings) -> CompiledTest:
-    """A filter for the rows of a line. Raises analyzer.filters.FilterError."""
-    known = compile_filter(text, line)
+def compiled(text: str, line: LineSettings, charts: UnitMaps | None = None) -> CompiledTest:
+    """A filter for the rows of a line; `charts` are the maps of units, for `value("NAME")` and `name`. FilterError."""
+    known = compile_filter(text, line, charts)
     mask = known.mask
 
     def test(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:

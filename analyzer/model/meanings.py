@@ -88,10 +88,15 @@ def chosen(type_words: str) -> Meaning | None:
 
 
 def told(
-    bus: Bus, charts_of: Callable[[Iterable[int]], Mapping[int, RegisterMap]], stop: Callable[[], bool] = bool
+    bus: Bus,
+    charts_of: Callable[[Iterable[int]], Mapping[int, RegisterMap]],
+    stop: Callable[[], bool] = bool,
+    types: Mapping[Spot, str] | None = None,
 ) -> dict[Spot, Meaning]:
-    """What maps and the values themselves say, by place; of a long capture its first million rows. Takes a while."""
+    """What maps and the values themselves say, by place; of a long capture its first million rows. Takes a while.
+    `types` are the user's own words: they teach what is told of the rest."""
     from ..registers.inference import infer
+    from ..registers.ownwords import with_own_words
     from ..registers.readings import RegisterReadings
 
     seen = RegisterReadings()
@@ -99,7 +104,13 @@ def told(
         if stop():
             return {}
         seen.feed(batch)
-    return dict(_meanings(infer(seen, charts=charts_of({block.unit for block in seen}))))
+    charts = with_own_words(charts_of({block.unit for block in seen}), own_words(types or {}))
+    return dict(_meanings(infer(seen, charts=charts)))
+
+
+def own_words(types: Mapping[Spot, str]) -> dict[tuple[int, str, int], str]:
+    """The user's words as notes keep them, by unit, area's name and address."""
+    return {(unit, AREA_WORDS[area], address): words for (unit, area, address), words in types.items()}
 
 
 def _meanings(values: Iterable[RegisterValue]) -> Iterable[tuple[Spot, Meaning]]:

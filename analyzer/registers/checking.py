@@ -21,6 +21,7 @@ from .inference import hypothesis_number, infer
 from .readings import BlockReadings, RegisterReadings, Words
 from .roles import is_signed
 from .values import RegisterValue
+from .wordclasses import is_absent
 
 _SURE: Final = 0.985  # confidence of another reading that contradicts a map, of several values
 _LIKELY: Final = 0.7  # of one value, which is then asked for again in the light of all other rows of the map
@@ -98,7 +99,7 @@ def _readings_of(row: MappedValue, blocks: Sequence[BlockReadings]) -> Words | N
 
 def _wrong(row: MappedValue, mine: Words) -> Iterator[str]:
     order = cast(Order, row.order)
-    if row.area in ("coil", "discrete"):
+    if row.area in ("coil", "discrete") or is_absent(mine):
         return
     if row.type == "text":
         octets = mine[-1].byteswap().tobytes().rstrip(b"\0 \xff")

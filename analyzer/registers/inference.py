@@ -27,6 +27,7 @@ from . import roles
 from .byteorder import exclude, swapped_floats
 from .cutting import Cut, cut_of
 from .hypotheses import HYPOTHESES, numbers, patterns
+from .ownwords import SAID
 from .readings import BlockReadings, RegisterReadings, Words
 from .reasons import reasons
 from .relations import SeriesKey, with_relations
@@ -240,7 +241,7 @@ def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None) -> Re
     shared = f"{order} is the order of the other values" if order and hypothesis.order == order else None
     confidence = cut.confidence
     if row is not None:
-        confidence, why = 1.0, "as the map has it"
+        confidence, why = 1.0, "as you said" if SAID in row.other else "as the map has it"
     elif moved:
         why = reasons(cut, [mine[0].tolist(), mine[-1].tolist()], shared=shared)
     else:
@@ -264,7 +265,7 @@ def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None) -> Re
         maximum=high,
         last=_last(block.last[columns], device_order, is_float=hypothesis.is_float, signed=signed),
         runner_up=second,
-        name=row.name if row is not None else None,
+        name=(row.name or None) if row is not None else None,
         scale=row.scale if row is not None else None,
         unit_of_measure=row.unit if row is not None else None,
     )

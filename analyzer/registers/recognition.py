@@ -26,6 +26,7 @@ from .hypotheses import numbers
 from .readings import BlockReadings, RegisterReadings
 from .sunspec import at_home, sunspec_chain, sunspec_map
 from .values import RegisterValue
+from .wordclasses import is_absent
 
 _TELLING: Final = {17: "server_id", 43: "identification"}
 _NONE: Final = 7.0  # bits for a device that no map is of
@@ -41,7 +42,6 @@ _RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "W": (-5e6, 5e6), "°C": (-60.0, 400.0), "%": (-150.0, 150.0),
 }  # fmt: skip
 _ZERO_SAYS: Final = {"mains": -2.0, "V": -0.3}
-_ABSENT: Final = (0xFFFF, 0x8000, 0x7FFF)
 _FREE_RUNNING: Final = re.compile(r"output|motor|compressor|fan|pulse|reference|set|carrier", re.IGNORECASE)
 """Names of frequencies that are not the mains'."""
 
@@ -216,7 +216,7 @@ def _row_bits(row: MappedValue, block: BlockReadings) -> float:
     if row.type == "enum" and row.values:
         seen = np.unique(words[:, 0])
         return 0.4 if all(int(state) in row.values for state in seen) else -2.0
-    if row.type in ("text", "enum", "bits", "time") or row.writable or _is_absent(words):
+    if row.type in ("text", "enum", "bits", "time") or row.writable or is_absent(words):
         return 0.0
     values = numbers(words, _order(row), is_float=row.is_float, signed=row.is_signed)
     scale = row.scale
@@ -251,14 +251,6 @@ def _range_bits(row: MappedValue, values: NDArray[np.float64]) -> float:
     inside = bool(((values >= low) & (values <= high)).mean() > 0.9)
     strength = {"mains": 4.0, "V": 1.0}.get(unit, 0.3)
     return strength if inside else -2.0 * strength
-
-
-def _is_absent(words: NDArray[np.uint16]) -> bool:
-    """Whether a value holds what devices put where they have none."""
-    first = int(words[0, 0])
-    rest = words[:, 1:]
-    same = bool((words == words[0]).all())
-    return same and ((first in _ABSENT and not rest.any()) or (first == 0xFFFF and bool((rest == 0xFFFF).all())))
 
 
 def _order(row: MappedValue) -> Order:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from captures.ragged import Ints
 
+_ABSENT: Final = (0xFFFF, 0x8000, 0x7FFF)  # of the first word
 QUIET_GROUP: Final = np.array([0, 1, 1, 1, 2, 2, 3, 3, 4, 5, 5, 3, 3, 3, 3, 2])
 """The classes of a quiet high word, coarser."""
 
@@ -29,3 +30,11 @@ def word_classes(words: NDArray[np.uint16]) -> Ints:
     for special, number in ((0xFFFF, 8), (0x8000, 9), (0x7FFF, 10)):
         found = np.where(value == special, number, found)
     return found
+
+
+def is_absent(words: NDArray[np.uint16]) -> bool:
+    """Whether a value holds what devices put where they have none."""
+    first = int(words[0, 0])
+    rest = words[:, 1:]
+    same = bool((words == words[0]).all())
+    return same and ((first in _ABSENT and not rest.any()) or (first == 0xFFFF and bool((rest == 0xFFFF).all())))

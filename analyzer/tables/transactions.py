@@ -33,6 +33,8 @@ _REACH: Final = 1 << 16  # and bytes, noise included
 _GLITCHES: Final = (0x00, 0xFE, 0xFF)  # noise bytes that say nothing
 _MIN_ADU: Final = 4
 _TRANSACTION_ID: Final = 2  # bytes, anew in each request over Modbus TCP
+_LATE_WAITS: Final = 3  # so many of the master's waits after a request, beyond which an answer is not late but lost
+_LATE_NS: Final = 1_000_000_000  # and so long at least: not every tap tells how long the master waits
 _ALIKE: Final = 2  # bytes in which a damaged request may differ from its repetition
 
 
@@ -208,27 +210,36 @@ class Transactions:
         return expectation(asked).fits(answer) if min(len(asked), len(answer)) >= _MIN_ADU else False
 
     def _put_in_order(self, place: int) -> None:
-        """A late answer that came right after one to a newer request of its shape: the earlier request had that one."""
-        opened = self._open
-        while True:
-            before = np.flatnonzero(opened["response"] == opened["response"][place] - 1)
-            if not len(before) or int(before[0]) < place or not self._alike(place, int(before[0])):
-                return
-            newer = int(before[0])
-            own, other = opened["response"][place], opened["response"][newer]
-            for name in (*OF_ANSWER.keys() - {"response_ns"}, "status"):
-                one, two = opened[name][[place, newer]]
-                opened[name][place], opened[name][newer] = two, one
-            newest = np.searchsorted(opened["request"], (other, own)) - 1
-            opened["late"][place], opened["late"][newer] = newest[0] != place, newest[1] != newer
-            for at in (place, newer):
-                if opened["response_ns"][at] >= 0:
-                    opened["response_ns"][at] = max(0, opened["t_response"][at] - opened["t_request"][at])
+        """Answers to requests of one shape, the last of which came late: the first request had the first of them.
+
+        A master that takes a late answer for that to its next request takes every later one for the next, too, until
+        one comes that nobody asked for: only then it shows whose they were.
+        """
+        opened, own = self._open, self._open["response"][place]
+        later = (
+            place + 1 + np.flatnonzero((opened["response"][place + 1 :] >= 0) & (opened["response"][place + 1 :] < own))
+        )
+        chain = [place, *(at for at in later.tolist() if self._alike(place, at))]
+        answers = [*chain[1:], place]  # of each, where that stood which it had
+        told = opened[answers]
+        waited = told["t_response"] - opened["t_request"][chain]
+        patience = max(_LATE_NS, _LATE_WAITS * (int(opened["t_next"][place]) - int(opened["t_request"][place])))
+        if len(chain) < 2 or (np.diff(told["response"]) < 0).any() or waited.max() > patience:
+            return
+        mistaken = told["mistaken"] | ~told["late"]  # what was in time for the newest request fits that
+        for name in (*OF_ANSWER, "status"):
+            opened[name][chain] = told[name]
+        newest = np.searchsorted(opened["request"], told["response"]) - 1
+        opened["late"][chain] = late = newest != chain
+        opened["mistaken"][chain] = mistaken & late
+        opened["response_ns"][chain] = np.where(told["response_ns"] >= 0, np.maximum(waited, 0), -1)
 
     def _alike(self, place: int, newer: int) -> bool:
         """Whether the answers to these two requests could as well be exchanged."""
         one, two = self._open[place], self._open[newer]
-        if any(one[name] != two[name] for name in ("unit", "function", "length", "response_length", "port")):
+        if any(one[name] != two[name] for name in ("unit", "function", "length", "port")):
+            return False
+        if one["response_length"] != two["response_length"] and not (one["exception"] or two["exception"]):
             return False
         return bool(two["retry"]) or all(
             isinstance(relation, RequestedByteCount) for relation in relations(int(one["function"]))

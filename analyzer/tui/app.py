@@ -13,7 +13,7 @@ from textual.binding import BindingType
 from textual.screen import Screen
 
 from ..model.bus import Bus
-from ..model.notes import Notes, NotesError
+from ..usernotes import Notes, NotesError
 from .burst import KeyQueue
 from .desk import ViewState
 from .keptfilters import rules_of

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import ClassVar
 
 from rich.text import Text
@@ -12,6 +12,8 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Label
 
 from captures.line import LineSettings
+from dissectors.maps.model import RegisterMap
+from dissectors.maps.units import UnitMaps
 
 from ..filters import Completion, FilterError, check, complete
 from ..model.filtering import compiled
@@ -20,6 +22,7 @@ from .messages import FilterChanged, FilterLeft, LineEntered
 from .paint import StyledText, fitted
 from .preferences import Preferences
 
+_UNITS = 256
 _MOST = 8  # completions in sight
 
 
@@ -80,12 +83,25 @@ class FilterInput(Input):
 class FilterBar(Vertical):
     """The line, what is wrong with it, and completions under it."""
 
-    def __init__(self, speaks: LineSettings, wishes: Preferences, *, id: str) -> None:
+    def __init__(
+        self,
+        speaks: LineSettings,
+        wishes: Preferences,
+        charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] = lambda _: {},
+        *,
+        id: str,
+    ) -> None:
+        """`charts` gives the maps of units, whose names a filter may have."""
         super().__init__(id=id)
         self.text = ""  # the filter in use
         self._speaks = speaks
         self._wishes = wishes
+        self._charts = charts
         self._back = 0  # how many past filters ago
+
+    @property
+    def _maps(self) -> UnitMaps:
+        return UnitMaps(dict(self._charts(range(_UNITS))))
 
     def compose(self) -> ComposeResult:
         with Horizontal(id="filter-line"):
@@ -126,7 +142,7 @@ class FilterBar(Vertical):
 
     def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
-        wrong = check(event.value, self._speaks)
+        wrong = check(event.value, self._speaks, self._maps)
         self.line.set_class(wrong is not None, "-wrong")
         self._say("" if wrong is None else str(wrong))
         self._suggest()
@@ -149,7 +165,7 @@ class FilterBar(Vertical):
     def _use(self, text: str) -> bool:
         text = text.strip()
         try:
-            found = compiled(text, self._speaks) if text else None
+            found = compiled(text, self._speaks, self._maps) if text else None
         except FilterError as error:
             self._say(str(error))
             self.line.cursor_position = min(error.column, len(text))

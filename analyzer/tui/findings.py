@@ -152,7 +152,7 @@ class FindingList(Lines):
             return int(np.searchsorted(rows(self._numbers), row))  # they are in the order of rows
         line = 0
         for block in self._blocks:
-            here = np.flatnonzero(rows(block.numbers) == row)
+            here = np.flatnonzero(rows(block.numbers) == row) if block.code else np.zeros(0, np.intp)
             if len(here):
                 return line + (1 + int(here[0]) if block.opened else 0)
             line += block.lines

@@ -11,7 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.widgets import Label, TextArea
 
-from captures.text.hexshapes import HexError
+from captures.text.halves import HexError
 
 from ..paste import Paste, PasteError, read
 from ..paste.model import PastedFrame, PastedNoise

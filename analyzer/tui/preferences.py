@@ -6,14 +6,14 @@ One small file of the user's own, written whole or not at all; where it cannot b
 from __future__ import annotations
 
 import json
-import os
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import captures
+
+from ..settings import user_folder
 
 COLOURS: Final = ("red", "yellow", "green", "blue", "violet")
 _VERSION: Final = 1
@@ -44,7 +44,7 @@ class Preferences:
     @classmethod
     def of_user(cls) -> Preferences:
         """Those of whoever runs this."""
-        return cls.read(folder() / "interface.json")
+        return cls.read(Path(user_folder()) / "interface.json")
 
     @classmethod
     def read(cls, path: Path) -> Preferences:
@@ -99,13 +99,6 @@ class Preferences:
                 out.write((json.dumps(known, indent=2, ensure_ascii=False) + "\n").encode(errors="backslashreplace"))
         except (OSError, captures.CaptureError) as error:
             self.path, self.trouble = None, f"settings last until you quit: {error}"
-
-
-def folder() -> Path:
-    """Where this user's settings are."""
-    if sys.platform == "win32":
-        return Path(os.environ.get("APPDATA") or Path.home()) / "rtuscope"
-    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "rtuscope"
 
 
 def _colour(name: object) -> str:

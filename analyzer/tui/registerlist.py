@@ -15,6 +15,7 @@ from dissectors.values import AREAS, logical
 
 from ..model.meanings import AREA_WORDS, CHOICES, PLAIN, Meaning, Spot, chosen, told
 from ..model.registers import RegisterSeries, WatchedRegister
+from ..registers.pace import is_due
 from ..words import short
 from .burst import ASKING
 from .doors import DoorCell, register_text
@@ -307,10 +308,11 @@ def _refresh(screen: BusScreen) -> None:
     found.grown()
     if time.monotonic() >= pane.next_at and pane.next_at and not bus.whole:
         _plotted(screen)
-    if bus.count and (pane.asked_at < 0 or (bus.whole and pane.asked_at < bus.count)):
+    due = pane.asked_at < 0 or (bus.whole and pane.asked_at < bus.count) or is_due(pane.asked_at, bus.count)
+    if bus.count and due:
         pane.asked_at = bus.count
-        charts = screen.desk.charts
-        screen.jobs.run("meanings", lambda stop: told(bus, charts, stop), found.use)
+        charts, types = screen.desk.charts, dict(screen.desk.notes.types)
+        screen.jobs.run("meanings", lambda stop: told(bus, charts, stop, types), found.use)
 
 
 def _chosen(screen: BusScreen, sender: Widget) -> None:  # noqa: ARG001

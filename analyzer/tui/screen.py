@@ -83,7 +83,8 @@ class BusScreen(Screen[None]):
 
     def compose(self) -> ComposeResult:
         yield Tabs(id="tabs")
-        yield FilterBar(self.desk.source.line, self.desk.wishes, id="filter-bar")
+        charts = self.desk.charts
+        yield FilterBar(self.desk.source.line, self.desk.wishes, charts, id="filter-bar")
         with ContentSwitcher(id="views", initial=self.view):
             for view in VIEWS:
                 yield view.make(self.desk)

@@ -20,7 +20,7 @@ from attack.seedfiles import repacked, seeds_of
 from captures import Capture, CaptureError, Chunk, LineSettings, Mark
 from captures.chunks import TIME_LIMIT
 from captures.formats import formats
-from captures.text.hexshapes import HexError
+from captures.text.halves import HexError
 
 _ZIPPED: Final = ("sigrok", "saleae-session")
 LINE: Final = LineSettings(baud=19200, char_bits=11, parity="E", tap="irq")
@@ -226,7 +226,7 @@ def _rules_file(data: bytes, _: Random) -> None:
 
 
 def _beside(data: bytes, _: Random) -> None:
-    from analyzer.model.notes import Notes
+    from analyzer.usernotes import Notes
 
     path = folder() / "bus.mcap"
     path.with_name("bus.mcap.rtuscope.json").write_bytes(data)
@@ -285,7 +285,7 @@ def targets() -> dict[str, Target]:
     from analyzer.checks.rulesfile import RulesFileError
     from analyzer.exports import ExportError
     from analyzer.filters import FilterError
-    from analyzer.model.notes import NotesError
+    from analyzer.usernotes import NotesError
     from analyzer.paste import PasteError
     from attack.mapfiles import map_targets
 

@@ -16,7 +16,7 @@ from datetime import tzinfo
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import BinaryIO, Final, cast
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from ..errors import CaptureError
 from ..files import HEAD_BYTES, line_batches, opened, read_head
 from ..line import PROTOCOLS_NOTE, LineSettings
 from ..text.choosing import Judge, no_judge
-from ..text.logs import LogReader, Piece, UnreadLine, joined
+from ..text.logs import LOOKED_FOR, LogReader, Piece, UnreadLine, joined
 from . import Format
 
 _MARK_WORDS = ("", "TX", "RX")
@@ -35,6 +35,9 @@ _JOIN_BYTES = 1 << 16  # a dump of any length comes in chunks of this size
 _BLOCK_CHUNKS = 1 << 14
 _LOOK = 1 << 14  # bytes by which a text is known
 _BATCH = 1 << 16  # bytes of text read at once
+
+
+_TIMED: Final = 3  # one of so many lines with bytes has a time at least: frames of a terminal go on in lines without
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +133,7 @@ def _read(
     if not pieces:
         _refuse(path, [piece for piece in given if isinstance(piece, UnreadLine)])
     times = [piece.t_ns for piece in pieces if piece.t_ns is not None]
-    timed = 2 * len(times) > len(pieces)
+    timed = _TIMED * len(times) >= len(pieces)
     notices = (f"times without a zone are read as {_zone_name(tz)}",) if timed and reader.zoneless else ()
     ports = _ports(pieces)
     spoken = {number: envelope for (_, envelope), number in ports.items()}
@@ -156,7 +159,7 @@ def _refuse(path: Path, unread: list[UnreadLine]) -> None:
     if not unread:
         raise CaptureError(f"{path}: no hex bytes found: the file holds only empty lines and comments")
     first = next((one for one in unread if not one.empty), unread[0])
-    raise CaptureError(f"{path}: no hex bytes found, first at line {first.line}: {first.why}")
+    raise CaptureError(f"{path}: no hex bytes found, first at line {first.line}: {first.why}; looked for {LOOKED_FOR}")
 
 
 def _zone_name(zone: tzinfo | None) -> str:

@@ -135,7 +135,10 @@ def _stamp(cell: bytes) -> int:
 def _names(head: bytes) -> list[str] | None:
     """The channels that the head of a table names; None where it is another table."""
     first, _, rest = head.partition(b"\n")
-    names = [cell.strip().strip('"') for cell in first.decode("utf-8", "replace").lstrip("\ufeff").split(",")]
+    names = [
+        " ".join(cell.strip().strip('"').split())
+        for cell in first.decode("utf-8", "replace").lstrip("\ufeff").split(",")
+    ]
     row = rest.partition(b"\n")[0]
     if len(names) < 2 or not _TIME.fullmatch(names[0]) or (row.strip() and not _STATES.fullmatch(row)):
         return None

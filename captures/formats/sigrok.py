@@ -33,6 +33,7 @@ _RATE: Final = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kMG]?)(?:Hz)?\s*")
 _SCALE: Final = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9}
 _MOST: Final = 1 << 20  # bytes of metadata
 _SECOND: Final = 1_000_000_000
+_DIGITS: Final = 9  # of a number that can be meant
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,16 +135,23 @@ def _session(path: Path, archive: zipfile.ZipFile) -> _SigrokSession:
         raise CaptureError(f"{path}: a sigrok session without logic channels: nothing here is a serial line")
     rate = _RATE.fullmatch(device.get("samplerate", ""))
     unit, probes = device.get("unitsize", "1"), device.get("total probes", "8")
-    if rate is None or not unit.isdecimal() or not probes.isdecimal() or not 1 <= int(unit) <= 8:
+    if (
+        max(len(unit), len(probes)) > _DIGITS
+        or rate is None
+        or not unit.isdecimal()
+        or not probes.isdecimal()
+        or not 1 <= int(unit) <= 8
+    ):
         raise CaptureError(f"{path}: a sigrok session without a usable sample rate, probes or sample size")
-    hertz = round(float(rate[1]) * _SCALE[rate[2]])
-    if not 1 <= hertz <= _SECOND:
-        raise CaptureError(f"{path}: a sample rate of {hertz} Hz is out of range")
+    wanted = float(rate[1]) * _SCALE[rate[2]]
+    if not 1 <= wanted <= _SECOND:
+        raise CaptureError(f"{path}: a sample rate of {wanted:g} Hz is out of range")
+    hertz = round(wanted)
     name = device["capturefile"]
     numbers = {member: re.fullmatch(rf"{re.escape(name)}(?:-(\d{{1,9}}))?", member) for member in archive.namelist()}
     parts = sorted((int(found[1] or 0), member) for member, found in numbers.items() if found)
     count = min(int(probes), 8 * int(unit))
-    names = [device.get(f"probe{bit + 1}", f"probe {bit + 1}") for bit in range(count)]
+    names = [" ".join(device.get(f"probe{bit + 1}", f"probe {bit + 1}").split()) for bit in range(count)]
     session = _SigrokSession(path, names, [0] * count, [member for _, member in parts], int(unit), hertz)
     first = next(session._samples(lambda *_: None), None)
     if first is None:

@@ -13,20 +13,11 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final, NamedTuple
 
-from .hexshapes import (
-    ROWS,
-    HexWindow,
-    TextLine,
-    Writing,
-    hex_candidates,
-    holds_digits,
-    holds_several,
-    in_its_place,
-    is_cut,
-    is_halved,
-    shows,
-)
+from .candidates import HexWindow, TextLine, Writing, holds_digits, holds_several
+from .hexshapes import hex_candidates
 from .othershapes import other_candidates
+from .places import in_its_place, is_cut, is_halved
+from .rows import ROWS, shows
 
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value

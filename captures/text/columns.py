@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import accumulate, groupby, takewhile
 from typing import Final, NamedTuple
 
+from .candidates import H, Writing
 from .choosing import ByteRun, Checked, Experience, Judge, label_in
-from .hexshapes import H, Writing
 from .loglines import LogLine
 
 COLUMN_SHAPE: Final = "column"
@@ -22,6 +22,7 @@ _TOKEN: Final = re.compile(
     r"(?!\w|\.\d|=\s*\w)"
 )
 _FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,16}}[hH]?(?!\w)")
+_LETTERS: Final = re.compile(r"[g-zG-Z]")
 _PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is looked for in the columns of a text
 _LONGEST_ROW: Final = 512  # characters
 _NUMBER: Final = re.compile(rf"0[xX]{H}+|(?<![^\W_]){H}{{1,4}}(?![^\W_])|\d+")
@@ -33,8 +34,9 @@ def settle_columns(lines: Sequence[LogLine], judge: Judge, experience: Experienc
     for line in [*lines, None]:
         if line is not None and line.clean.strip() == "" and not line.runs:
             continue
-        if line is not None and not _holds_bytes(line) and _TOKEN.search(line.clean) is not None:
-            if len(_FIELD.findall(line.clean)) >= _COLUMN:
+        if line is not None and not _is_right(line) and _TOKEN.search(line.clean) is not None:
+            named = not _holds_bytes(line) or _LETTERS.search(line.clean) is not None
+            if named and len(_FIELD.findall(line.clean)) >= _COLUMN:
                 _fields_of(line, _tokens(line), judge)
             if not _holds_bytes(line):
                 group.append(line)
@@ -43,6 +45,10 @@ def settle_columns(lines: Sequence[LogLine], judge: Judge, experience: Experienc
         if group:
             _column_of(group, judge, experience)
         group = []
+
+
+def _is_right(line: LogLine) -> bool:
+    return any(run.taken and (run.checked or run.sure) for run in line.runs)
 
 
 def _holds_bytes(line: LogLine) -> bool:
@@ -56,6 +62,11 @@ class _Token(NamedTuple):
     end: int
     digits: str
     signed: bool
+
+    @property
+    def is_name(self) -> bool:
+        """`FC`: what a function code is called."""
+        return self.digits.upper() == "FC" and not self.signed
 
     @property
     def hexadecimal(self) -> bytes | None:
@@ -84,8 +95,11 @@ def _tokens(line: LogLine) -> list[_Token]:
 
 
 def _fields_of(line: LogLine, tokens: list[_Token], judge: Judge) -> None:
-    """`ID=01 FC=03 ADDR=0000 LEN=000A CRC=C5CD`"""
-    for some in (tokens, tokens[1:]):
+    """`ID=01 FC=03 ADDR=0000 LEN=000A CRC=C5CD`, `ID 01 | FC 03 | 00 00 00 0A | CRC C5 CD`"""
+    if (counted := _counted(tokens)) is not None:
+        tokens = counted
+    plain = [token for token in tokens if not token.is_name]
+    for some in (tokens, tokens[1:], plain, plain[1:]) if len(plain) < len(tokens) else (tokens, tokens[1:]):
         parts = [token.hexadecimal for token in some]
         if None in parts:
             continue
@@ -93,6 +107,14 @@ def _fields_of(line: LogLine, tokens: list[_Token], judge: Judge) -> None:
         if 3 < len(data) <= _FRAME and _exactly(data, judge):
             _take_tokens(line, some, data)
             return
+
+
+def _counted(tokens: list[_Token]) -> list[_Token] | None:
+    """The values of `[0]=01 [1]=03`, `0:0x01 1:0x03`; None of other lines."""
+    for first in (0, 1):
+        if [token.digits for token in tokens[::2]] == [str(i) for i in range(first, first + (len(tokens) + 1) // 2)]:
+            return tokens[1::2]
+    return None
 
 
 def _exactly(data: bytes, judge: Judge) -> bool:

@@ -10,7 +10,6 @@ dump, the midnight that a log of times of day passed.
 
 from __future__ import annotations
 
-import html
 import re
 from dataclasses import dataclass, field, replace
 from datetime import tzinfo
@@ -18,15 +17,18 @@ from typing import Final
 
 from captures.text import stamps
 
+from .candidates import Writing, line_of
 from .choosing import ByteRun, Experience, Judge, label_in, no_judge, runs_in
-from .hexshapes import Writing, halves, line_of
+from .dumps import Dump
+from .halves import halves
 from .othershapes import unescape
+from .plain import plain, quoted
 from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 
 _LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
-_ANSI: Final = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 _COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
 _WORD: Final = re.compile(r"\w")
+_SAYS_MORE: Final = re.compile(r"[^\W\d_]|[/<>←→]")
 _LETTER: Final = re.compile(r"[^\W\d_]")
 _BARE_HEX: Final = re.compile(r"[0-9A-Fa-f\s]+")
 _BARE_LEAST: Final = 4096  # characters of a line that is worth a look whether it is nothing but hex digits
@@ -40,41 +42,6 @@ _SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,15}[0-9a-f]{2})(?:  .*)
 _LABELLED: Final = 56  # characters of a heading that name it
 _REMEMBERED: Final = 2048  # lines
 _FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
-
-# What is typed as something else than the plain characters that it means, or is markup around them.
-_PLAIN: Final = str.maketrans(
-    {0xFF01 + i: chr(0x21 + i) for i in range(94)}
-    | {"\u3000": " ", "\u00a0": " ", "\u2009": " ", "\u202f": " ", "\x00": " ", "\u2018": "'", "\u2019": "'"}
-    | {
-        "\u201c": '"',
-        "\u201d": '"',
-        "\u2013": "-",
-        "\u2212": "-",
-        "、": ",",
-        "【": "[",
-        "】": "]",
-        "│": "|",
-        "┊": " ",
-        "║": "|",
-        "┃": "|",
-        "\u200b": None,
-    }
-    | {"\ufeff": None, "\x00": " "}
-)
-_CELL: Final = re.compile(r"(?:</?(?:td|th|tr|li|p|br|div|dd|dt)\b[^<>]*>\s*)+", re.IGNORECASE)
-_TAG: Final = re.compile(r"</?(?:code|span|pre|b|i|em|strong|font|a|tt|ul|ol|table|tbody)\b[^<>]*>", re.IGNORECASE)
-_ENTITY: Final = re.compile(r"&(?:nbsp|lt|gt|quot|amp|#\d+|rarr|larr);")
-_EMPHASIS: Final = re.compile(
-    r"(?<![0-9A-Za-z*_~])[*_~]{1,4}([0-9A-Fa-f]{2}[0-9A-Fa-f ,:x-]*)[*_~]{1,4}(?![0-9A-Za-z*_~])"
-)
-_ARDUINO: Final = re.compile(r"^(\d\d:\d\d:\d\d\.\d{3}) -> ")  # its serial monitor puts this before every line
-_SIGN_EXTENDED: Final = re.compile(
-    r"(?<![0-9A-Za-z])(0[xX])?[fF]{6}([89A-Fa-f][0-9A-Fa-f])(?![0-9A-Za-z])"
-)  # %02x of a char
-_SMALL_HEX: Final = re.compile(r"(?<![0-9A-Za-z])(?:0[xX])?[0-9A-Fa-f]{1,2}(?![0-9A-Za-z])")
-_SOME: Final = 3  # numbers that make a list
-_ESCAPED_ONCE: Final = re.compile(r"(?<!\\)(?:\\\\)*\\x")
-_CAST: Final = re.compile(r"\(\s*(?:unsigned |signed )?(?:byte|sbyte|char|u?int8(?:_t)?|u8|BYTE)\s*\)\s*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +58,7 @@ class Heading:
     exact: bool = False  # nothing else stands below it before all bytes are there
     rows: int = 0  # that it has had
     width: int = 0  # bytes of the row before
+    columns: tuple[int, ...] = ()  # marks of a table's columns: `request,response`
 
 
 @dataclass(slots=True)
@@ -126,25 +94,46 @@ class LineReader:
     experience: Experience = field(default_factory=Experience)
     zoneless: bool = False  # a date without a zone was met
     _heading: Heading | None = None
-    _dump: tuple[int, int, int | None] | None = None  # bytes of the dump so far, offset of its first line, its time
-    _row: ByteRun | None = None  # the newest of it
+    _dump: Dump = field(default_factory=Dump)
     _days: int = 0
     _newest: int | None = None
     _received: bool = False  # pymodbus reports received bytes by themselves, not only those it processes
     _memory: dict[str, tuple[int, list[LineMark], list[ByteRun]]] = field(default_factory=dict)
+    _empty: dict[str, tuple[int, str, str, str | None]] = field(default_factory=dict)  # lines that hold nothing
     _tools: list[Shape] = field(default_factory=lambda: list(SHAPES))
 
     def read(self, line: str, number: int) -> LogLine:
         """What a line holds. Never raises."""
         if len(line) > _BARE_LEAST and _BARE_HEX.fullmatch(line) and (bare := self._bare(line, number)) is not None:
             return bare
+        if (empty := self._empty.get(line)) is not None and self._says_nothing(empty[0]):
+            self._bare_heading()
+            return LogLine(number, empty[1], empty[2], problem=empty[3])
         text = plain(line)
         if not text.strip(" \t`~"):
             return LogLine(number, line, quiet=True)
         found = self._below_header(text, number) or self._tool_line(text, number)
         if found is None and (sign := _QUOTE.match(text)) is not None:
             found = self._tool_line(text[sign.end() :], number)
-        return found or self._any_line(text, number)
+        if found is None:
+            found = self._any_line(text, number)
+            if not found.runs and found.t_ns is None and not found.quiet and not _SAYS_MORE.search(found.clean):
+                if len(self._empty) >= _REMEMBERED:
+                    self._empty.clear()
+                learnt = len(self.experience.right)
+                self._empty[line] = learnt, found.text, found.clean, found.problem
+        return found
+
+    def _says_nothing(self, learnt: int) -> bool:
+        """Whether a line that held nothing holds nothing here, either: nothing above waits for it."""
+        waits = self._dump.row is not None or (self._heading is not None and self._heading.left is not None)
+        return not waits and learnt == len(self.experience.right)
+
+    def _bare_heading(self) -> None:
+        """After a line that says nothing of rows below: the time of one above may still be theirs."""
+        above = self._heading
+        t_ns, fine = (above.t_ns, above.fine) if above is not None and not above.rows else (None, False)
+        self._heading = Heading(NONE, t_ns, fine, "")
 
     def _bare(self, line: str, number: int) -> LogLine | None:
         """A long line of nothing but hex digits; None for numbers and words of such digits."""
@@ -242,7 +231,7 @@ class LineReader:
             if t_ns is not None:
                 self._heading = Heading(NONE, t_ns, line.fine, "", joins=True)
             return line
-        if self._ends_dump(rest):
+        if self._dump.ends_with(rest):
             line.quiet = True
             return line
         found, line.runs = self._searched(rest)
@@ -281,13 +270,15 @@ class LineReader:
             port, bare = match["label"], True
         announced = _ANNOUNCED.search(rest.rstrip(" :"))
         left = int(next(filter(None, announced.groups()))) if announced else None
-        self._heading = Heading(mark, t_ns, fine, label_in(rest[-_LABELLED:]), port, left, joins=bool(bare))
+        columns = tuple(one.mark for one in found) if len(found) > 1 else ()
+        label = label_in(rest[-_LABELLED:])
+        self._heading = Heading(mark, t_ns, fine, label, port, left, joins=bool(bare), columns=columns)
         line.quiet = bool(bare) and line.t_ns is not None
 
     def _placed(self, line: LogLine, stamp: stamps.Stamp | None, mark: int) -> LogLine:
         """A line with bytes below its heading, and in its dump."""
         first = next((run for run in line.runs if run.level or run.checked), line.runs[0])
-        goes_on = self._goes_on(line, first)
+        goes_on = self._dump.goes_on(first, line.t_ns)
         heading = self._heading
         worded = mark or _LETTER.search(line.clean[: first.start])
         if heading is None or worded:
@@ -295,8 +286,9 @@ class LineReader:
                 self._heading = None
             line.continues = goes_on
             return line
-        for run in line.runs:
-            run.mark = run.mark or heading.mark
+        in_columns = len(line.runs) == len(heading.columns)
+        for i, run in enumerate(line.runs):
+            run.mark = run.mark or (heading.columns[i] if in_columns else heading.mark)
             if not run.label:
                 run.heading = heading.label or " "
         if stamp is not None:
@@ -319,27 +311,6 @@ class LineReader:
             line.t_ns, line.fine = heading.t_ns, heading.fine
         return line
 
-    def _goes_on(self, line: LogLine, first: ByteRun) -> bool:
-        """Whether the offset before the bytes goes on with the dump of the lines before."""
-        so_far = self._dump
-        if first.offset is None:
-            self._dump = None
-            return False
-        goes_on = so_far is not None and so_far[2] == line.t_ns and _is_offset(first.offset, so_far)
-        length, begin = (so_far[0], so_far[1]) if goes_on and so_far else (0, int(first.offset, 16))
-        self._dump, self._row = (length + len(first.data), begin, line.t_ns), first
-        return goes_on
-
-    def _ends_dump(self, rest: str) -> bool:
-        """od and hexdump end with the length."""
-        digits, so_far = rest.strip().rstrip(":"), self._dump
-        if so_far is None:
-            return False
-        if self._row is not None and "words" in self._row.shape and _is_offset(digits, (so_far[0] - 1, *so_far[1:])):
-            self._row.padded = True
-            return True
-        return _is_offset(digits, so_far)
-
     def _time(self, stamp: stamps.Stamp | None) -> int | None:
         """Nanoseconds that go on past midnight."""
         if stamp is None:
@@ -350,27 +321,6 @@ class LineReader:
             self._days += 1
         self._newest = stamp.t_ns
         return stamp.t_ns + self._days * stamps.DAY_NS
-
-
-def plain(line: str) -> str:
-    """A line without colours, markup and typographic signs."""
-    text = line.rstrip("\r\n")
-    if "\x1b" in text:
-        text = _ANSI.sub("", text)
-    if not text.isascii() or "\x00" in text:
-        text = text.translate(_PLAIN)
-    if "<" in text and ">" in text:
-        text = _TAG.sub("", _CELL.sub(" | ", text))
-    if "&" in text and ";" in text and _ENTITY.search(text):
-        text = html.unescape(text).replace("\u00a0", " ")
-    text = _ARDUINO.sub(r"\1    ", text)
-    if "*" in text or "_" in text or "~" in text:
-        text = _EMPHASIS.sub(r"\1", text)
-    if "ffffff" in text.lower() and len(_SIGN_EXTENDED.findall(text)) + len(_SMALL_HEX.findall(text)) > _SOME:
-        text = _SIGN_EXTENDED.sub(r"\1\2", text)
-    if "\\\\x" in text and _ESCAPED_ONCE.search(text) is None:
-        text = text.replace("\\\\", "\\")
-    return _CAST.sub("", text) if "(" in text else text
 
 
 def _with_marks(text: str, runs: list[ByteRun], found: list[LineMark]) -> None:
@@ -401,21 +351,6 @@ def _why_none(text: str, rest: str) -> str:
     return halves(rest) or f"no bytes found in {quoted(text)}"
 
 
-def _is_offset(digits: str, so_far: tuple[int, int, int | None]) -> bool:
-    """Whether these digits are where a dump goes on: in hex, or in octal as od writes it."""
-    length, first, _ = so_far
-    if not re.fullmatch(r"[0-9A-Fa-f]{4,8}", digits):
-        return False
-    octal = set(digits) <= set("01234567") and not first
-    return int(digits, 16) == first + length or (octal and int(digits, 8) == length)
-
-
 def _whole_fraction(time: str) -> str:
     """socat 1.7 writes microseconds as nine digits: `.000394797` is 394797 us."""
     return re.sub(r"(?<=\d{4}/\d\d/\d\d \d\d:\d\d:\d\d\.)000(?=\d{6}$)", "", time)
-
-
-def quoted(text: str) -> str:
-    """A line as a message quotes it."""
-    text = text.strip()
-    return repr(text if len(text) <= 60 else text[:57] + "...")

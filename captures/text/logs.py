@@ -15,11 +15,17 @@ from datetime import tzinfo
 from itertools import islice
 from typing import Final
 
+from .candidates import Writing
 from .choosing import Experience, Judge, no_judge
-from .hexshapes import Writing, halves
-from .loglines import LineReader, LogLine, quoted
+from .halves import halves
+from .loglines import LineReader, LogLine
+from .plain import quoted
 from .settling import only_bytes, settle
 
+LOOKED_FOR: Final = (
+    "pairs of hex digits (11 03 00 6B, 1103006B, 0x11, \\x11, [11][03]), ASCII frames (:1103…) and decimals with a "
+    "right check value"
+)
 _LEARNT_LINES: Final = 800  # of a text's beginning,
 _LEARNT: Final = 1 << 16  # and characters
 # What is taken for bytes unchecked, from the plainest on, as far as a text has nothing plainer.

@@ -11,7 +11,7 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from typing import Final
 
-from .hexshapes import EDGE, END, H, HexWindow, TextLine, Writing
+from .candidates import EDGE, END, H, HexWindow, TextLine, Writing
 
 _LONG: Final = 1 << 16  # characters: these shapes are not looked for in a longer line
 _ESCAPES: Final = re.compile(r"\\(?:x[0-9A-Fa-f]{2}|u00[0-9A-Fa-f]{2}|u\{[0-9A-Fa-f]{1,2}\}|\d{1,3})")
@@ -26,13 +26,14 @@ _DECIMAL_ESCAPE: Final = re.compile(r"()()()\\(\d{1,3})|\\(.)|([^\\])", re.DOTAL
 _SIMPLE_ESCAPES: Final = {"0": 0, "a": 7, "b": 8, "t": 9, "n": 10, "v": 11, "f": 12, "r": 13, "e": 27}
 _WORD: Final = 300  # characters before an escape that may be bytes, too
 _DECIMALS: Final = (
-    re.compile(r"(?<![\w.+-])-?\d{1,3}(?:[ \t]{1,4}-?\d{1,3}){3,}+"),
+    re.compile(r"(?<![\w.+-])-?\d{1,3}(?:[ \t]{1,8}-?\d{1,3}){3,}+"),
     re.compile(
         r"(?<![\w.+-])-?\d{1,3}[ \t]*(?P<sign>[,;|:./]|\][ \t]?\[|>[ \t]?<|\}[ \t]?\{|[\"'],[ \t]?[\"'])[ \t]{0,4}"
         r"-?\d{1,3}(?:[ \t]*(?P=sign)[ \t]{0,4}-?\d{1,3}){2,}+"
     ),
     re.compile(r"(?<![\w.+-])\d{1,3}(?P<dash>-)\d{1,3}(?:-\d{1,3}){2,}+"),
 )
+_LAST_ROW: Final = re.compile(r"^\s*(\d{1,3}(?:\s*,\s*\d{1,3}){0,2})\s*[\])}]")  # of an array
 _GOES_ON: Final = re.compile(r"\w|[.,]\d|-\d")
 _LEAST_DECIMALS: Final = 4
 _NODE_JSON: Final = re.compile(r'"type"\s*:\s*"Buffer"\s*,\s*"data"\s*:\s*\[\s*$')
@@ -40,7 +41,7 @@ _DIGITS: Final = (
     re.compile(rf"{EDGE}{H}{{1,2}}(?:[ \t]{{1,4}}{H}{{1,2}}){{3,}}{END}"),
     re.compile(rf"{EDGE}{H}{{1,2}}(?P<gap>[ \t]?[,:;|-][ \t]?){H}{{1,2}}(?:(?P=gap){H}{{1,2}}){{2,}}{END}"),
 )
-_BINARY: Final = re.compile(r"(?<![\w.])[01]{8}(?:[\s,;|]{1,3}[01]{8}){3,}(?!\w)")
+_BINARY: Final = re.compile(r"(?<![\w.])(?P<sign>(?:0b)?)[01]{8}(?:[\s,;|]{1,3}(?P=sign)[01]{8})*(?!\w)")
 _BASE64: Final = re.compile(r"(?<![\w+/=])(?:[A-Za-z0-9+/]{4})+(?:[A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=)?(?![\w+/=])")
 _PLAIN_WORD: Final = re.compile(r"[A-Za-z]?(?:[a-z]*|[A-Z]*)|[a-z/]+")
 _LEAST_BASE64: Final = 8  # characters
@@ -54,6 +55,7 @@ def other_candidates(line: TextLine) -> Iterator[HexWindow]:
     if "\\" in text:
         yield from _strings(text)
     yield from _decimals(text)
+    yield from _end_of_array(text)
     yield from _digits(text)
     if "000" in text:
         yield from _binary(text)
@@ -159,6 +161,14 @@ def _decimals(text: str) -> Iterator[HexWindow]:
                 yield HexWindow(bytes(value & 0xFF for value in values), match.start(), end, "decimal", level)
 
 
+def _end_of_array(text: str) -> Iterator[HexWindow]:
+    """`194,  25, 164], dtype=uint8`"""
+    if (match := _LAST_ROW.match(text)) is not None:
+        values = [int(word) for word in re.findall(r"\d+", match[1])]
+        if max(values) < 256:
+            yield HexWindow(bytes(values), *match.span(1), "decimal", Writing.NUMBER)
+
+
 def _list_end(text: str, start: int, end: int) -> int:
     """Where a list of numbers ends: its last may be part of a word; of one that goes on with others nothing is left."""
     if _GOES_ON.match(text, end) is None:
@@ -180,9 +190,9 @@ def _digits(text: str) -> Iterator[HexWindow]:
 
 
 def _binary(text: str) -> Iterator[HexWindow]:
-    """`00010001 00000011`"""
+    """`00010001 00000011`, `0b00010001, 0b00000011`"""
     for match in _BINARY.finditer(text):
-        data = bytes(int(word, 2) for word in re.findall(r"\d+", match[0]))
+        data = bytes(int(word, 2) for word in re.findall(r"[01]{8}", match[0]))
         yield HexWindow(data, *match.span(), "binary", Writing.NUMBER)
 
 

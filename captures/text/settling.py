@@ -12,15 +12,17 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
+from .candidates import HexWindow, Writing
 from .choosing import MOST_JUDGED, ByteRun, Experience, Judge
 from .columns import MOST_ROWS, settle_columns
 from .copies import settle_copies
-from .hexshapes import HexWindow, Writing
 from .loglines import LogLine
+from .rows import is_ruler
 
 _TAIL: Final = 260  # bytes without a right check value that a later run may complete
 _TAIL_RUNS: Final = 4
 _TAIL_LINES: Final = 16
+_ADDRESS: Final = 4  # numbers of an IP address
 _SHORT: Final = 3  # bytes: no more where text stands behind them
 
 
@@ -32,7 +34,7 @@ def settle(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> No
     _beside(lines)
     settle_columns(lines, judge, experience)
     _blocks(lines, judge)
-    _rows_of_dumps(lines)
+    _rows_of_dumps(lines, judge)
     _tails(lines, judge, experience)
     settle_copies(lines, experience)
 
@@ -40,6 +42,8 @@ def settle(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> No
 def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> bool:
     if run.sure or run.checked:
         return True
+    if run.level is Writing.NUMBER and is_ruler(line.clean[run.start : run.end].split()):
+        return False
     if run.halved and not experience.other:
         return False
     if run.level >= experience.threshold:
@@ -54,7 +58,8 @@ def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> b
 
 
 def _plainly_decimal(text: str) -> bool:
-    return any(len(word) == 3 for word in re.findall(r"\d+", text))
+    numbers = re.findall(r"\d+", text)
+    return any(len(number) == 3 for number in numbers) and not (len(numbers) == _ADDRESS and text.count(".") == 3)
 
 
 def only_bytes(lines: Sequence[LogLine]) -> bool:
@@ -126,7 +131,7 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: Judge) -> None:
             return
 
 
-def _rows_of_dumps(lines: Sequence[LogLine]) -> None:
+def _rows_of_dumps(lines: Sequence[LogLine], judge: Judge) -> None:
     """The rows of a dump are read as its first one is; of 16-bit words the last may be half filled."""
     for one, other in pairwise(lines):
         if other.continues and one.runs and other.runs and one.runs[-1].taken:
@@ -138,6 +143,21 @@ def _rows_of_dumps(lines: Sequence[LogLine]) -> None:
         for run in line.runs:
             if run.padded and run.shape.startswith("swapped"):
                 run.data, run.padded = run.data[:-1], False
+    dump: list[ByteRun] = []
+    for line in lines:
+        if line.continues and dump and line.runs and line.runs[0].taken:
+            dump.append(line.runs[0])
+            continue
+        _check_dump(dump, judge)
+        dump = [line.runs[-1]] if line.runs and line.runs[-1].taken else []
+    _check_dump(dump, judge)
+
+
+def _check_dump(rows: Sequence[ByteRun], judge: Judge) -> None:
+    """What check values say of all rows together outweighs what the first row alone may look like."""
+    data = b"".join(run.data for run in rows)
+    if len(rows) > 1 and (checked := judge(data[:MOST_JUDGED])):
+        rows[0].checked = checked
 
 
 def _readings(run: ByteRun) -> dict[str, ByteRun | HexWindow]:

@@ -53,6 +53,11 @@ _UNIT = re.compile(rf"{_LEAD}(?:[\w-]+\]\s*)?(\d+)(?:\.(\d{{1,9}}))? ?(ms|us|µs
 _TICKS = re.compile(  # milliseconds since a microcontroller began, as its logs write them
     r"^\s*(?:\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\]\[[EWIDV]\])"
 )
+_LAST = re.compile(r"[\w\"')\]}][ \t](1[2-9]\d{8})(\d{3}|\d{9})\s*$")  # as InfluxDB's lines end
+_KEYED = re.compile(  # epochs in JSON
+    r"[\"'](?:ts|t|time|timestamp|time_?stamp|at|date|when|epoch|t_?ms)[\"'] ?: ?[\"']?(1[2-9]\d{8})(?:\.(\d{1,9})|(\d{3}|\d{6}|\d{9})(?!\d))?",
+    re.IGNORECASE,
+)
 _UNIT_NS: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "µs": 10**3, "μs": 10**3, "ns": 1}
 _EPOCH_DAY: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -86,6 +91,12 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
             stamp = value(match)
             text = _blanked(text, match)
             break
+    if stamp is None and ":" in text and (match := _KEYED.search(text)) is not None:
+        stamp = _of_seconds_and_more(match[1], match[2] or match[3])
+        text = _blanked(text, match)
+    if stamp is None and (match := _LAST.search(text)) is not None:
+        stamp = _of_seconds_and_more(match[1], match[2])
+        text = text[: match.start(1)].ljust(len(text))
     likely = _LIKELY_CLOCK.search(text)
     while likely is not None:
         end = likely.end()
@@ -119,6 +130,10 @@ def _of_seconds(match: re.Match[str]) -> Stamp:
 
 def _of_epoch(match: re.Match[str]) -> Stamp:
     return Stamp(int(int(match[1]) * 10 ** (19 - len(match[1]))), of_day=False, fine=len(match[1]) > len("1700000000"))
+
+
+def _of_seconds_and_more(seconds: str, fraction: str | None) -> Stamp:
+    return Stamp(int(seconds) * 10**9 + _fraction(fraction), of_day=False, fine=fraction is not None)
 
 
 def _of_unit(match: re.Match[str]) -> Stamp:

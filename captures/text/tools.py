@@ -90,6 +90,8 @@ _CANDIDATE: Final = re.compile(
     r"(?P<sign>\s*[:\]>|)](?!\s*(?:0x)?\d+\s*(?:[,;)\]/]|$))|\s+\d+\s*(?:$|[Bb]ytes?\b))?|"
     r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*[<>](?=\s))"
 )
+_PROMPT: Final = re.compile(r"^>>> ?(?=[A-Za-z_][\w.]*(?:\(| ?=|$))")  # of Python: no arrow
+_NAMED: Final = re.compile("地址|编号|号|名称|数量|个数|番号|アドレス|주소|번호")  # a station's, and no message
 _ASCII_WORD: Final = re.compile(r"[a-z]+")
 _ARROW: Final = re.compile(r"->|=>|>>|<-|<=|<<|^\s*[<>]\s")
 _MARKING: Final = frozenset((*_MARK_OF, *_SIGNED))
@@ -110,17 +112,23 @@ def marks(text: str) -> list[LineMark]:
     found: list[LineMark] = []
     if text.isascii() and _MARKING.isdisjoint(_ASCII_WORD.findall(text.lower())) and not _ARROW.search(text):
         return found  # in most lines of most logs
-    for match in _CANDIDATE.finditer(text):
+    prompt = _PROMPT.match(text)
+    for match in _CANDIDATE.finditer(text, prompt.end() if prompt is not None else 0):
         word = match["word"]
         if word is None:
             arrow = match["arrow"].strip()
             kind = _ARROW_OF[arrow[0] if arrow[0] in _ARROW_OF else arrow[-1]]
             found.append(LineMark(match.start(), match.end(), kind, arrow=True))
-        elif kind := _of_word(word, signed=match["sign"] is not None):
+        elif kind := _of_word(word, signed=match["sign"] is not None or _is_method(text, *match.span("word"))):
             end = match.end("word")
             plain = word.lower() not in _SIGNED
             found.append(LineMark(match.start(), end + text.startswith(":", end), kind, plain=plain))
     return found
+
+
+def _is_method(text: str, start: int, end: int) -> bool:
+    """`port.write(`"""
+    return text[start - 1 : start] == "." and text[end : end + 1] == "("
 
 
 def _of_word(word: str, *, signed: bool) -> int:
@@ -130,7 +138,7 @@ def _of_word(word: str, *, signed: bool) -> int:
         return kind
     last, kind = -1, NONE
     for part, mark in _EAST:
-        if (at := word.rfind(part)) > last:
+        if (at := word.rfind(part)) > last and _NAMED.match(word, at + len(part)) is None:
             last, kind = at, mark
     return kind
 
@@ -261,6 +269,14 @@ SHAPES = (
             r"IRP_MJ_(?:READ|WRITE)\b(?!.*\b[0-9A-Fa-f]{2} [0-9A-Fa-f]{2}\b))"
         ),
     ),
-    Shape("sigrok uart", LineRole.BYTES, re.compile(r"^\d+-\d+ uart-\d+: (?P<hex>[0-9A-Fa-f]{2})\s*$")),
-    Shape("sigrok uart", LineRole.NOTHING, re.compile(r"^\d+-\d+ uart-\d+: \D")),
+    Shape(
+        "sigrok uart",
+        LineRole.BYTES,
+        re.compile(
+            r"^\d+-(?P<sample>\d+) (?:uart-\d+|UART(?:-\d+|\[\d+\])?): (?:(?P<mark>[RT]X)(?: data)?: )?"
+            r"(?P<hex>[0-9A-F]{2})\s*$",
+            re.IGNORECASE,
+        ),
+    ),
+    Shape("sigrok uart", LineRole.NOTHING, re.compile(r"^\d+-\d+ (?:uart-\d+|UART(?:-\d+|\[\d+\])?): \D")),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+from ...extras import needs
 from ..output import ExportError, OutputStream
 from ..sink import ExportOptions
 
@@ -28,7 +29,7 @@ class _Groups:
 
             from analyzer.exports import arrow
         except ImportError as error:
-            raise ExportError("parquet needs pyarrow: pip install 'rtuscope[columns]'") from error
+            raise ExportError(needs("parquet", "pyarrow", "columns")) from error
 
         self._options = options
         self._record_batch = arrow.record_batch

@@ -8,7 +8,10 @@ its last stop bit.
 Direction stands in the packet flags (a request is outbound, a response inbound) and in the port tags: port 502 is the
 server's. Wireshark takes a hint from ports only where its preference `mbrtu.tcp.port` is 502; without that it guesses
 direction from lengths, and cannot tell a write's echo from its request. A wrong check value is flagged as a CRC error,
-and what was found about a frame is its packet comment.
+and what was found about a frame is its packet comment: `error: byte-missing: ...`.
+
+The format's address columns hold IP addresses alone, so unit 17 is 0.0.0.17 and the client 0.0.1.0: addresses of no
+network, by which Wireshark tells units apart. Noise has none.
 
 The raw reads are in the file as well, in blocks that other programs step over (`captures.network.blocks`): so this tool
 reads its own file as the capture that it came from. With a filter they are left out.
@@ -19,31 +22,35 @@ Blocks are packed by arrays: all of them are whole 32-bit words, so each field i
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from captures.line import LineSettings
 from captures.network import blocks as ng
 from captures.network.blocks import pcapng_block, pcapng_option
 from captures.network.links import UPPER_PDU
 from captures.network.packets import INBOUND, OUTBOUND
 
 from ...tables.batch import Batch
+from ...tables.findings import Finding
 from ...tables.schema import Kind, Protocol
+from ...usernotes import Notes, marked_rows
 from ...version import __version__
 from ..encoding import explain_json
 from ..output import OutputStream
 from ..sink import ExportOptions
 
 if TYPE_CHECKING:
-    from captures import Block, Capture, LineSettings
+    from captures import Block, Capture
 
     from ...core import Analysed
 
 BINARY: Final = True
 _CRC_ERROR: Final = 1 << 24  # flag
-_DISSECTOR, _PORT_TYPE, _SOURCE, _DESTINATION = 12, 24, 25, 26  # tags
+_DISSECTOR, _FROM, _TO, _PORT_TYPE, _SOURCE, _DESTINATION = 12, 20, 21, 24, 25, 26  # tags; _FROM and _TO are IPv4
 _TCP: Final = 2
 _SERVER, _CLIENT = 502, 1502
 _MOST: Final = 1 << 17  # bytes of a row that are written: longer packets make Wireshark refuse the file
@@ -54,8 +61,12 @@ _Ints = NDArray[np.int64]
 
 
 def _tags(dissector: bytes, source: int, destination: int) -> Words:
-    """What stands before the bytes of a packet; as long for any dissector."""
-    tags = struct.pack(">HH8s", _DISSECTOR, 8, dissector)
+    """What stands before the bytes of a packet; as long for any dissector. Without ports there are no addresses."""
+    if source:
+        client = bytes((0, 0, 1, 0))
+        tags = struct.pack(">HH8sHH4sHH4s", _DISSECTOR, 8, dissector, _FROM, 4, client, _TO, 4, client)
+    else:
+        tags = struct.pack(">HH24s", _DISSECTOR, 24, dissector)
     for tag, value in ((_PORT_TYPE, _TCP), (_SOURCE, source), (_DESTINATION, destination)):
         tags += struct.pack(">HHI", tag, 4, value)
     return np.frombuffer(tags + bytes(4), "<u4")
@@ -69,6 +80,7 @@ _PLAIN: Final = np.stack([_tags(b"data", *_PORTS[kind]) for kind in Kind])
 _WAYS: Final = np.array([0, OUTBOUND, INBOUND], np.uint32)
 _BEFORE: Final = 7  # words of a packet block before its tags
 _TAGGED: Final = _RTU.shape[1]
+_FROM_AT, _TO_AT = 4, 6  # words of the tags that are the addresses
 _AFTER: Final = 4  # words behind the bytes: the flags, the end of the options, the block's size
 
 
@@ -79,10 +91,8 @@ class _PacketWriter:
         self._line = capture.line
         self._interfaces: dict[int, int] = {}  # by port, in order of appearance
         self._reads = options.filter is None
-        about = pcapng_option(ng.COMMENT, _ABOUT.encode()) + pcapng_option(
-            ng.APPLICATION, f"rtuscope {__version__}".encode()
-        )
-        out.write(ng.section(capture.line, timed=capture.timed, reads=self._reads, more=about))
+        self._notes = Notes.of_capture(capture.path)
+        out.write(ng.section(capture.line, timed=capture.timed, reads=self._reads, more=_about()))
         self._interface(0)
 
     def block(self, block: Block) -> None:
@@ -101,7 +111,9 @@ class _PacketWriter:
             self._interface(port)
         interfaces = np.zeros(256, np.uint32)
         interfaces[list(self._interfaces)] = list(self._interfaces.values())
-        self._out.write(_packets(batch, kept, interfaces[ports], _comments(batch, kept, self._options.explain)))
+        marks = marked_rows(self._notes, ports, batch.rows["start"][kept])
+        comments = _comments(batch, kept, self._options.explain, marks)
+        self._out.write(_packets(batch, kept, interfaces[ports], comments))
 
     def batch(self, analysed: Analysed) -> None:
         """Nothing here hangs on a whole batch."""
@@ -113,6 +125,11 @@ class _PacketWriter:
         if port not in self._interfaces:
             self._interfaces[port] = len(self._interfaces)
             self._out.write(_interface(port, self._line))
+
+
+def _about() -> bytes:
+    application = f"rtuscope {__version__}".encode()
+    return pcapng_option(ng.COMMENT, _ABOUT.encode()) + pcapng_option(ng.APPLICATION, application)
 
 
 def _interface(port: int, line: LineSettings) -> bytes:
@@ -147,6 +164,8 @@ def _packets(batch: Batch, kept: NDArray[np.intp], interfaces: Words, comments: 
     for protocol, its in ((Protocol.ASCII, _PLAIN), (Protocol.TCP, _TCP_FRAME)):
         if (mine := rows["protocol"] == protocol).any():
             tags[mine] = its[kinds[mine]]
+    for kind, at in ((Kind.REQUEST, _TO_AT), (Kind.RESPONSE, _FROM_AT)):
+        tags[kinds == kind, at] = rows["unit"][kinds == kind].astype(np.uint32) << 24  # its last byte
     packed[(begins + _BEFORE)[:, None] + np.arange(_TAGGED)] = tags
     _copy(batch.data, rows["at"], packed.view(np.uint8), 4 * (begins + _BEFORE + _TAGGED), lengths)
 
@@ -167,25 +186,73 @@ def _copy(data: NDArray[np.uint8], at: _Ints, out: NDArray[np.uint8], to: _Ints,
     out[np.repeat(to - done, lengths) + steps] = data[np.repeat(at - done, lengths) + steps]
 
 
-def _comments(batch: Batch, kept: NDArray[np.intp], explain: bool) -> dict[int, bytes]:
-    """Packet comments as options, by a row's place in `kept`: findings, and why the boundaries stand where they do."""
+def _comments(batch: Batch, kept: NDArray[np.intp], explain: bool, marks: Mapping[int, str]) -> dict[int, bytes]:
+    """Packet comments as options, by a row's place in `kept`: findings, why the boundaries stand where they do, and the
+    user's own."""
     said: dict[int, list[str]] = {}
     found = batch.findings
     if found is not None and len(found):
         rows = batch.rows[kept]
         marked = np.isin(rows["start"], found["start"])
         for place in np.flatnonzero(marked).tolist():
-            said[place] = [finding.text for finding in batch.findings_of(int(kept[place]))]
+            said[place] = [finding_comment(finding) for finding in batch.findings_of(int(kept[place]))]
     if explain and batch.evidence is not None:
         for place in np.flatnonzero(batch.rows["kind"][kept] != Kind.NOISE).tolist():
             if (why := explain_json(batch.frame(int(kept[place])))) is not None:
                 weights = ", ".join(f"{key} {value}" for key, value in why.items() if key != "runner_up")
                 said.setdefault(place, []).append(f"evidence in bits: {weights}")
-    return {
-        place: b"".join(pcapng_option(ng.COMMENT, text.encode()[:0xFFFF]) for text in texts)
-        for place, texts in said.items()
-        if texts
-    }
+    for place, comment in marks.items():
+        said.setdefault(place, []).append(f"bookmark: {comment}" if comment else "bookmark")
+    return {place: _comment_options(texts) for place, texts in said.items() if texts}
+
+
+def _comment_options(texts: Iterable[str]) -> bytes:
+    return b"".join(pcapng_option(ng.COMMENT, text.encode()[: ng.TEXT]) for text in texts)
+
+
+def finding_comment(finding: Finding) -> str:
+    """A finding as a packet's comment; display filters find its code and its severity."""
+    return f"{finding.severity.name.lower()}: {finding.code}: {finding.text}"
+
+
+class PacketStream:
+    """The same packets one by one, as a bus goes on. What is said of a frame whose packet went out already comes as an
+    empty packet of its own, whose comments tell of which frame."""
+
+    def __init__(self) -> None:
+        self._line = LineSettings()
+        self._interfaces: dict[int, int] = {}  # by port, of the present line
+        self._count = 0
+
+    def begin(self) -> bytes:
+        """What stands before all packets."""
+        return ng.section(self._line, timed=True, reads=False, more=_about())
+
+    def row(self, batch: Batch, row: int, line: LineSettings) -> bytes:
+        """A frame or noise, with what was found by now; `line` is what is known of the line."""
+        kept = np.array([row])
+        new, interface = self._interface(int(batch.rows["port"][row]), line)
+        interfaces = np.array([interface], np.uint32)
+        return new + _packets(batch, kept, interfaces, _comments(batch, kept, explain=False, marks={}))
+
+    def remark(self, t_ns: int, port: int, line: LineSettings, texts: Iterable[str]) -> bytes:
+        """Comments by themselves."""
+        new, interface = self._interface(port, line)
+        tags = _PLAIN[Kind.NOISE].tobytes()
+        t_ns = max(t_ns, 0)
+        head = struct.pack("<5I", interface, t_ns >> 32, t_ns & 0xFFFFFFFF, len(tags), len(tags))
+        return new + pcapng_block(ng.ENHANCED_PACKET, head + tags + _comment_options(texts) + bytes(4))
+
+    def _interface(self, port: int, line: LineSettings) -> tuple[bytes, int]:
+        """The block that declares a port's interface, if that is new, and its number."""
+        if line != self._line:
+            self._line = line
+            self._interfaces = {}
+        if port in self._interfaces:
+            return b"", self._interfaces[port]
+        self._interfaces[port] = self._count
+        self._count += 1
+        return _interface(port, line), self._interfaces[port]
 
 
 def open_sink(out: OutputStream, capture: Capture, options: ExportOptions) -> _PacketWriter:

@@ -56,6 +56,18 @@ class Out(Protocol):
     def flush(self) -> Any: ...
 
 
+class TopicWriter(Protocol):
+    """What takes schemas, channels and messages: an `ArrayWriter`, or a server."""
+
+    def register_schema(self, name: str, encoding: str, data: bytes) -> int: ...
+
+    def register_channel(
+        self, topic: str, message_encoding: str, schema_id: int, metadata: dict[str, str] | None = None
+    ) -> int: ...
+
+    def add(self, messages: Packed) -> None: ...
+
+
 class ArrayWriter:
     """Writes one MCAP file onto `out`, which is not closed. OSError passes."""
 

@@ -16,7 +16,7 @@ import numpy as np
 from captures.formats.mcap import packing
 from captures.formats.mcap.packing import HEAD, Packed, PackedPart
 from captures.formats.mcap.protobuf import ENCODING, Message, MessageField, Type
-from captures.formats.mcap.writer import ArrayWriter
+from captures.formats.mcap.writer import TopicWriter
 from dissectors.maps import RegisterMap
 from dissectors.maps.model import MappedValue
 
@@ -31,7 +31,7 @@ _LETTERS: Final = {"°": "deg", "%": "percent", "³": "3", "²": "2", "/": "_per
 class MappedTopics:
     """The channels of mapped values, made as values are met."""
 
-    def __init__(self, writer: ArrayWriter, charts: Mapping[int, RegisterMap]) -> None:
+    def __init__(self, writer: TopicWriter, charts: Mapping[int, RegisterMap]) -> None:
         self._writer = writer
         self._charts = charts
         self._message = Message(_VALUE, (MessageField("value", Type.DOUBLE),))  # one layout for all units of measure

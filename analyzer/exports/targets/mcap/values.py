@@ -16,7 +16,7 @@ from analyzer.exports.targets.mcap import schemas
 from captures.formats.mcap import packing
 from captures.formats.mcap.packing import HEAD, Packed, PackedPart, Tails
 from captures.formats.mcap.protobuf import ENCODING, plain_items
-from captures.formats.mcap.writer import ArrayWriter
+from captures.formats.mcap.writer import TopicWriter
 from captures.ragged import Bytes, Ints, sums
 
 from ....tables.batch import Batch
@@ -48,7 +48,7 @@ class _UnitArea:
 class UnitAreas:
     """The channels of an MCAP file that hold values, made as units and areas are met."""
 
-    def __init__(self, writer: ArrayWriter) -> None:
+    def __init__(self, writer: TopicWriter) -> None:
         self._writer = writer
         self._topics: dict[int, _UnitArea] = {}
         self.left_out = 0  # messages with an address for which a topic has no field left

@@ -1,0 +1,74 @@
+"""Where a session goes besides the view: --metrics, --mqtt, --foxglove."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Final
+
+from .maps import chosen_charts
+
+if TYPE_CHECKING:
+    from captures.recording.recorder import Recorder
+
+    from ..live.outlets import Outlet
+
+_HERE: Final = "127.0.0.1"  # unless a host is named, nobody else is served
+
+
+def add_outlet_arguments(parser: argparse.ArgumentParser) -> None:
+    """The flags."""
+    group = parser.add_argument_group("out to other programs, which nothing here waits for (rtuscope help outlets)")
+    group.add_argument(
+        "--metrics",
+        metavar="[HOST:]PORT",
+        type=_address,
+        help="OpenMetrics for Prometheus, at http://HOST:PORT/metrics",
+    )
+    group.add_argument(
+        "--mqtt",
+        metavar="URL",
+        help="values by --map, units' health and findings to a broker: mqtt://[USER@]HOST[:PORT][/TOPIC], mqtts://",
+    )
+    group.add_argument(
+        "--foxglove", metavar="[HOST:]PORT", type=_address, help="the topics of an MCAP export, live at ws://HOST:PORT"
+    )
+
+
+def outlets_of(
+    arguments: argparse.Namespace, tell: Callable[[str], None], recorders: Sequence[Recorder] = ()
+) -> list[Outlet]:
+    """Those that were asked for, begun; OutletError. `tell` must not wait for anybody; `recorders` holds the recorder
+    once there is one."""
+    begun: list[Outlet] = []
+    if arguments.metrics is not None:
+        from ..live.outlets.metrics import Metrics
+
+        recorded = lambda: (sum(r.bytes for r in recorders), sum(r.lost for r in recorders))  # noqa: E731
+        host, port = arguments.metrics
+        metrics = Metrics(host, port, recorded if getattr(arguments, "output", None) else None)
+        begun.append(metrics)
+        tell(f"metrics: http://{_shown(host)}:{metrics.port}/metrics")
+    if arguments.foxglove is not None:
+        from ..live.outlets.foxglove import Foxglove
+
+        host, port = arguments.foxglove
+        foxglove = Foxglove(host, port, chosen_charts(arguments))
+        begun.append(foxglove)
+        tell(f"foxglove: ws://{_shown(host)}:{foxglove.port}")
+    if arguments.mqtt is not None:
+        from ..live.outlets.mqtt import Mqtt
+
+        begun.append(Mqtt(arguments.mqtt, chosen_charts(arguments), tell))
+    return begun
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, colon, port = text.rpartition(":")
+    if not port.isdecimal() or int(port) > 65535 or (colon and not host):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a port nor HOST:PORT")
+    return host.strip("[]") or _HERE, int(port)
+
+
+def _shown(host: str) -> str:
+    return f"[{host}]" if ":" in host else host

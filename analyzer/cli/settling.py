@@ -1,0 +1,77 @@
+"""Arguments with the settings of files as their defaults (`analyzer.settings`); the command line wins."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from ..meant import did_you_mean
+from ..settings import SETTINGS, Setting, Settings, SetValue, found_files
+from .app import UsageError
+
+_TAPS: Final = ("sniff", "record", "tap")
+_FILTERS: Final = ("filter", "until", "trigger", "around")  # arguments that are filters
+_FREE: Final = ("config", "help", "completion")  # commands that settings in disorder must not keep from running
+
+
+def settled(parser: argparse.ArgumentParser, command: str, arguments: Sequence[str]) -> argparse.Namespace:
+    """The arguments, parsed; what is not given is as the settings have it. UsageError, SettingsError."""
+    if command in _FREE or not any(True for _ in found_files()):
+        return parser.parse_args(arguments)
+    from ..settings import read_settings
+
+    settings = read_settings()
+    usual = _prepare(parser, command, settings)
+    found = parser.parse_args(arguments)
+    for dest, (default, value) in usual.items():
+        if getattr(found, dest, None) is None:
+            setattr(found, dest, default if value is None else value)
+    presets = {name: str(value.value) for name, value in settings.table("filters").items()}
+    for dest in _FILTERS:
+        text = getattr(found, dest, None)
+        if isinstance(text, str) and text.startswith("@"):
+            setattr(found, dest, _preset(text, presets))
+    return found
+
+
+def _prepare(parser: argparse.ArgumentParser, command: str, settings: Settings) -> dict[str, tuple[Any, Any]]:
+    """Take the defaults away where a setting stands; by argument, the default and what the setting makes of it."""
+    usual: dict[str, tuple[Any, Any]] = {}
+    chosen = [(s, settings.values[s.key]) for s in SETTINGS if s.key in settings.values]
+    for setting, value in chosen:
+        for action in parser._actions:
+            if action.dest in setting.dests and (not setting.taps or command in _TAPS):
+                usual[action.dest] = (action.default, _value(parser, action, setting, value))
+                if not action.option_strings:  # PORT
+                    action.nargs, action.required = "?", False
+                action.default = None
+    maps = [value.value if unit == "all" else f"{value.value}@{unit}" for unit, value in settings.table("maps").items()]
+    for action in parser._actions:
+        if maps and action.dest == "map" and isinstance(action, argparse._AppendAction):
+            usual["map"] = (action.default, maps)
+            action.default = None
+    return usual
+
+
+def _value(parser: argparse.ArgumentParser, action: argparse.Action, setting: Setting, value: SetValue) -> Any:
+    """What an argument holds that is set so, by the argument's own rules."""
+    if setting.key == "theme":
+        return value.value == "light"
+    if isinstance(value.value, list):
+        return value.value
+    try:
+        found = parser._get_value(action, str(value.value))
+        parser._check_value(action, found)
+    except argparse.ArgumentError as error:
+        raise UsageError(f"{value.where}: {setting.key}: {error.message}") from error
+    return found
+
+
+def _preset(text: str, presets: Mapping[str, str]) -> str:
+    name = text[1:]
+    if name not in presets:
+        raise UsageError(
+            f"no filter @{name} in the settings{did_you_mean(name, presets)} (rtuscope config show lists them)"
+        )
+    return presets[name]

@@ -1,0 +1,46 @@
+"""What is installed apart: libraries that only some of the work needs, and how to get one here."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Final
+
+_NAME: Final = "rtuscope"
+
+
+def needs(what: str, library: str, extra: str) -> str:
+    """That something needs a library that is not here, and the line that installs it, as this program was installed."""
+    return f"{what} needs {library}: {install_line(library, extra)}"
+
+
+def install_line(library: str, extra: str) -> str:
+    """The command that adds an extra to this installation."""
+    parts = Path(sys.prefix).parts
+    source = _clone() or _NAME
+    quote = '"' if os.name == "nt" else "'"
+    if "pipx" in parts:
+        return f"pipx inject {_NAME} {library}"
+    if "uv" in parts and "tools" in parts:
+        return f"uv tool install --with {library} {quote}{source}{quote}"
+    return f"{_python()} -m pip install {quote}{source}[{extra}]{quote}"
+
+
+def _python() -> str:
+    """The interpreter of this installation; its short name where that finds it."""
+    return "python" if sys.prefix != sys.base_prefix and "VIRTUAL_ENV" in os.environ else sys.executable
+
+
+def _clone() -> str | None:
+    """The folder that this was installed from, where it was: a package of that name is looked for nowhere else."""
+    import json
+    from importlib.metadata import PackageNotFoundError, distribution
+    from urllib.parse import unquote, urlsplit
+
+    try:
+        text = distribution(_NAME).read_text("direct_url.json")
+    except PackageNotFoundError:
+        return str(Path(__file__).parents[1])
+    url = json.loads(text).get("url", "") if text else ""
+    return unquote(urlsplit(url).path) if url.startswith("file:") else None

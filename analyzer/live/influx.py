@@ -1,0 +1,98 @@
+"""Rows in InfluxDB's line protocol, for telegraf (`execd`) and for whatever else reads it.
+
+    modbus_request,unit=17,function=3 length=8i,crc_ok=true 1763800000000000000
+    modbus_response,unit=17,function=3 length=11i,crc_ok=true,response_time_ns=868000i 1763800000000868000
+    modbus_value,unit=17,area=holding,name=Active\\ power value=12.5 1763800000000868000
+    modbus_finding,code=no-response,severity=warning,unit=17 text="..." 1763800001000000000
+
+Times are ns on the capture's clock: a frame's is that of its last stop bit. What is not known has no field.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+from dissectors.maps.decoding import MappedReading
+from dissectors.maps.model import RegisterMap
+from dissectors.values import harmless
+
+from ..registers.revising import Revision
+from ..tables.findings import Finding
+from ..tables.frame import Frame
+from ..tables.schema import Kind
+from .lines import FrameCache, frame_readings
+from .recent import ShownRow
+
+
+class InfluxLines:
+    """A line a frame, a mapped value, a finding."""
+
+    def __init__(self, *, charts: Mapping[int, RegisterMap] | None = None) -> None:
+        self.use(charts or {})
+
+    def use(self, charts: Mapping[int, RegisterMap]) -> None:
+        """From here on frames have the values of these maps."""
+        self._values = FrameCache(lambda frame: [_value(reading) for reading in frame_readings(frame, charts)])
+
+    def register(self, _revision: Revision) -> str:
+        """Nothing: what a register means is no measurement."""
+        return ""
+
+    def of(self, shown: ShownRow) -> str:
+        """The lines of a row, each with its end."""
+        row = shown.batch.rows[shown.row]
+        noise = row["kind"] == Kind.NOISE
+        lines = []
+        if not (noise or shown.late):
+            lines = self._frame(shown.batch.frame(shown.row))
+        lines += [_finding(found, None if noise else int(row["unit"]), int(row["t_end"])) for found in shown.findings]
+        return "".join(f"{line}\n" for line in lines)
+
+    def bus(self, finding: Finding) -> str:
+        """A finding about the bus as a whole."""
+        return f"{_finding(finding, None, finding.t_ns)}\n"
+
+    def _frame(self, frame: Frame) -> list[str]:
+        tags: dict[str, object] = {"unit": frame.unit, "function": frame.function, "exception": frame.exception}
+        tags["port"] = frame.row.port
+        fields = {"length": f"{frame.row.length}i", "crc_ok": str(bool(frame.row.check)).lower()}
+        if frame.response_time_ns is not None:
+            fields["response_time_ns"] = f"{frame.response_time_ns}i"
+        lines = [_line(f"modbus_{frame.direction}", tags, fields, frame.t_end_ns)]
+        for name, area, field in self._values.of(frame):
+            tags = {"unit": frame.unit, "area": area, "name": name, "port": frame.row.port}
+            lines.append(_line("modbus_value", tags, dict([field]), frame.t_end_ns))
+        return [line for line in lines if line]
+
+
+def _value(reading: MappedReading) -> tuple[str, str, tuple[str, str]]:
+    """Name, area and field of a reading: a number where it is one, else its words."""
+    value = reading.value
+    field = ("text", _quoted(reading.text))
+    if isinstance(value, int | float) and math.isfinite(value):
+        field = ("value", repr(float(value)))
+    return reading.row.name, reading.row.area, field
+
+
+def _finding(finding: Finding, unit: int | None, t_ns: int) -> str:
+    tags = {"code": finding.code, "severity": finding.severity.name.lower(), "unit": unit, "port": finding.port}
+    return _line("modbus_finding", tags, {"text": _quoted(finding.text)}, max(t_ns, finding.t_ns, 0))
+
+
+def _line(measurement: str, tags: Mapping[str, object], fields: Mapping[str, str], t_ns: int) -> str:
+    """A line; tags that are None are left out, and port 0, the only one of most buses."""
+    told = {name: value for name, value in tags.items() if value is not None and (name != "port" or value)}
+    head = "".join(f",{name}={_tag(str(value))}" for name, value in told.items())
+    return f"{measurement}{head} {','.join(f'{name}={text}' for name, text in fields.items())} {t_ns}"
+
+
+def _tag(text: str) -> str:
+    text = " ".join(harmless(text).split()) or "-"  # a tag cannot be empty
+    return re.sub(r"([,= ])", r"\\\1", text.replace("\\", "/"))  # a backslash at its end would escape what follows
+
+
+def _quoted(text: str) -> str:
+    escaped = " ".join(harmless(text).split()).replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'

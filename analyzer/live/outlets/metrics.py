@@ -1,0 +1,123 @@
+"""OpenMetrics for Prometheus and whoever scrapes alike: `rtuscope sniff PORT --metrics 9617`, then `/metrics`.
+
+Counters grow from when listening began. A scrape reads numbers and never waits for the bus, nor the bus for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from ...extras import needs
+from ...tables.findings import evidence, rules
+from ...tables.schema import Kind
+from ..status import LineStatus
+from . import OutletError
+from .traffic import by_unit
+
+if TYPE_CHECKING:
+    from captures.line import LineSettings
+
+    from ..session import SessionStep
+
+_BUCKETS_S: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+_OF_UNIT: Final = {  # counter: its name among those of `traffic`, help
+    "requests": ("requests", "Requests that were settled"),
+    "answers": ("answered", "Requests that got a good answer"),
+    "unanswered": ("unanswered", "Requests that got no answer"),
+    "damaged_answers": ("damaged", "Requests whose answer had a wrong check value"),
+    "broadcasts": ("broadcasts", "Requests that nobody answers"),
+    "retries": ("retries", "Requests repeated after no good answer"),
+    "late_answers": ("late", "Answers after the client had moved on"),
+}
+
+
+class Metrics:
+    """An HTTP server with the counts of a session."""
+
+    def __init__(self, host: str, port: int, recorded: Callable[[], tuple[int, int]] | None = None) -> None:
+        """`recorded` gives bytes of the line that are on the disk, and lost. OutletError where it cannot begin."""
+        try:
+            import prometheus_client as prometheus
+        except ImportError as error:
+            raise OutletError(needs("--metrics", "prometheus-client", "metrics")) from error
+        prometheus.disable_created_metrics()  # type: ignore[no-untyped-call]
+        registry = prometheus.CollectorRegistry()
+
+        def counter(name: str, words: str, *labels: str) -> Any:
+            return prometheus.Counter(f"modbus_{name}", words, labels, registry=registry)
+
+        self._status: LineStatus | None = None
+        self._units = {name: counter(name, words, "unit") for name, (_, words) in _OF_UNIT.items()}
+        self._exceptions = counter("exceptions", "Exceptions by code", "unit", "code")
+        self._findings = counter("findings", "What was found, by kind", "code", "severity", "unit")
+        self._frames = counter("frames", "Frames", "direction")
+        self._damaged = counter("damaged_frames", "Frames with a wrong check value")
+        self._noise = counter("noise_bytes", "Bytes in no frame")
+        self._heard = counter("heard_bytes", "Bytes of the line")
+        self._marked = counter("marked_bytes", "Bytes with a parity or framing error")
+        self._missed = counter("not_analysed_bytes", "Bytes that were not analysed live")
+        self._losses = counter("port_losses", "Times that a port went away")
+        self._times = prometheus.Histogram(
+            "modbus_response_time_seconds",
+            "End of request to start of answer",
+            ("unit",),
+            registry=registry,
+            buckets=_BUCKETS_S,
+        )
+        load = prometheus.Gauge("modbus_line_load_ratio", "Share of the last seconds in which bytes were on the line; "
+                                "NaN where the line's speed is not known", registry=registry)  # fmt: skip
+        load.set_function(lambda: float("nan") if self._status is None or (r := self._status.load) is None else r)
+        if recorded is not None:
+            for place, name in enumerate(("recorded_bytes", "recording_lost_bytes")):
+                gauge = prometheus.Gauge(f"modbus_{name}", "Of the line, on the disk or lost", registry=registry)
+                gauge.set_function(lambda place=place: recorded()[place])  # type: ignore[misc]
+        try:
+            self._server, self._thread = prometheus.start_http_server(port, host, registry)
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise OutletError(f"--metrics {host}:{port}: {reason}") from error
+
+    @property
+    def port(self) -> int:
+        """Where it serves."""
+        return int(self._server.server_port)
+
+    def feed(self, step: SessionStep, line: LineSettings) -> None:
+        """Count a step in."""
+        if self._status is None:
+            self._status = LineStatus(line)
+        self._status.line = line
+        self._status.feed(step)
+        self._heard.inc(step.heard)
+        self._marked.inc(step.marked)
+        self._missed.inc(step.missed)
+        self._losses.inc(sum(event.kind == "lost" for event in step.events))
+        rows = step.batch.rows
+        if len(rows):
+            noise = rows["kind"] == Kind.NOISE
+            self._noise.inc(int(rows["length"][noise].sum()))
+            self._damaged.inc(int(np.count_nonzero(~rows["check"] & ~noise)))
+            for kind in (Kind.REQUEST, Kind.RESPONSE):
+                self._frames.labels(kind.name.lower()).inc(int(np.count_nonzero(rows["kind"] == kind)))
+        for traffic in by_unit(step.analysed.transactions):
+            unit = str(traffic.unit)
+            for name, (source, _) in _OF_UNIT.items():
+                self._units[name].labels(unit).inc(traffic.counts[source])
+            for code, count in traffic.exceptions.items():
+                self._exceptions.labels(unit, str(code)).inc(count)
+            times = self._times.labels(unit)
+            for t_ns in traffic.times_ns:
+                times.observe(t_ns / 1e9)
+        known = rules()
+        for found in step.findings:
+            rule = known[found["rule"]]
+            about = evidence(rule, found["numbers"].tolist()).get("unit")
+            self._findings.labels(rule.code, rule.severity.name.lower(), "" if about is None else f"{about:.0f}").inc()
+
+    def close(self) -> None:
+        """End the server."""
+        self._server.shutdown()
+        self._server.server_close()

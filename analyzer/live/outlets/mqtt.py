@@ -1,0 +1,288 @@
+"""A bus on an MQTT broker: `rtuscope sniff PORT --map MAP@17 --mqtt mqtt://HOST/base`.
+
+    base/status                       online, offline (the broker says that, too, when we are gone)
+    base/unit/17/values/Active_power  12.5, each time that it changes
+    base/unit/17/health               {"requests": 812, "answered": 810, ..., "answers": true}, once a second at most
+    base/findings                     {"code": "no-response", ...}, an event each
+
+All but findings are retained. After a time without the broker it is asked what it still holds, and gets what it lacks:
+nothing is told twice. Messages go at most once each (QoS 0).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import time
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import parse_qs, unquote, urlsplit
+
+import numpy as np
+
+from dissectors.maps.model import RegisterMap
+
+from ...exports.targets.mcap.mapped import topic_name
+from ...extras import needs
+from ...tables.findings import describe
+from ...tables.schema import Kind
+from ..lines import FrameCache, frame_readings
+from . import OutletError, Tell
+from .discovery import health_entity, node_of, value_entity
+from .mailbox import Letter, Mailbox
+from .traffic import by_unit
+
+if TYPE_CHECKING:
+    from captures.line import LineSettings
+
+    from ..session import SessionStep
+
+_PERIOD_NS: Final = 1_000_000_000  # between two words on a unit's health
+_SYNC_S: Final = 2.0  # for the broker to say what it holds
+_GRACE_S: Final = 1.0  # at the end
+_PASSWORD: Final = "RTUSCOPE_MQTT_PASSWORD"
+
+
+@dataclass(frozen=True, slots=True)
+class Broker:
+    """A broker's URL taken apart."""
+
+    host: str
+    port: int
+    tls: bool
+    user: str | None
+    password: str | None
+    base: str
+    discovery: str  # prefix of Home Assistant's topics; empty for none
+
+    @classmethod
+    def of(cls, url: str) -> Broker:
+        """OutletError where it is none."""
+        try:
+            parts = urlsplit(url)
+            port = parts.port
+        except ValueError as error:
+            raise OutletError(f"--mqtt {url}: {error}") from error
+        if parts.scheme not in ("mqtt", "mqtts") or not parts.hostname:
+            raise OutletError(f"--mqtt {url}: is no mqtt://[USER:PASSWORD@]HOST[:PORT][/TOPIC], nor mqtts://")
+        base = unquote(parts.path).strip("/") or "rtuscope"
+        if any(letter in base for letter in "+#\0"):
+            raise OutletError(f"--mqtt {url}: a topic has no + and no #")
+        tls = parts.scheme == "mqtts"
+        user = None if parts.username is None else unquote(parts.username)
+        password = os.environ.get(_PASSWORD) if parts.password is None else unquote(parts.password)
+        prefix = parse_qs(parts.query, keep_blank_values=True).get("discovery", ["homeassistant"])[-1]
+        return cls(parts.hostname, port or (8883 if tls else 1883), tls, user, password, base, prefix.strip("/"))
+
+
+class Mqtt:
+    """The client of one broker."""
+
+    def __init__(self, url: str, charts: Mapping[int, RegisterMap], tell: Tell) -> None:
+        """OutletError where this cannot begin; a broker that is away is no reason."""
+        try:
+            from paho.mqtt.client import Client
+            from paho.mqtt.enums import CallbackAPIVersion
+        except ImportError as error:
+            raise OutletError(needs("--mqtt", "paho-mqtt", "mqtt")) from error
+        self._broker = Broker.of(url)
+        self._base, self._tell = self._broker.base, tell
+        self._mail = Mailbox()
+        self._states: dict[str, str] = {}  # topic: payload, as it should be at the broker
+        self._held: dict[str, str] = {}  # as it is there, while we ask
+        self._topics: dict[tuple[int, str, int], str] = {}  # of a value: unit, area, address
+        self._readings = FrameCache(lambda frame: frame_readings(frame, charts)) if charts else None
+        self._charts = charts
+        self._health: dict[int, Counter[str]] = {}
+        self._alive: dict[int, bool] = {}
+        self._told_at: dict[int, int] = {}  # ns
+        self._stale: set[int] = set()  # units whose health is another by now
+        self._closing = threading.Event()
+        self._ready = threading.Event()  # connected, and what the broker holds is known
+        self._connections = 0
+        self._mark = f"{self._base}/sync/{os.urandom(6).hex()}"
+        self._away = ""  # why the broker is, as it was told
+        client = self._client = Client(CallbackAPIVersion.VERSION2)
+        client.on_connect, client.on_disconnect = self._connected, self._disconnected
+        client.on_connect_fail, client.on_message = self._failed, self._heard
+        client.reconnect_delay_set(1, 15)
+        client.will_set(f"{self._base}/status", "offline", retain=True)
+        if self._broker.user is not None:
+            client.username_pw_set(self._broker.user, self._broker.password)
+        if self._broker.tls:
+            client.tls_set()
+        self._state("status", "online")
+        try:
+            client.connect_async(self._broker.host, self._broker.port)
+        except ValueError as error:
+            raise OutletError(f"--mqtt {url}: {error}") from error
+        client.loop_start()
+        self._thread = threading.Thread(target=self._send, daemon=True)
+        self._thread.start()
+
+    def feed(self, step: SessionStep, line: LineSettings) -> None:  # noqa: ARG002
+        """What of a step goes to the broker."""
+        self._values(step)
+        for traffic in by_unit(step.analysed.transactions):
+            self._health.setdefault(traffic.unit, Counter()).update(traffic.counts)
+            if heard := traffic.counts["answered"] + traffic.counts["exceptions"] + traffic.counts["damaged"]:
+                self._alive[traffic.unit] = True
+            elif traffic.counts["unanswered"]:
+                self._alive[traffic.unit] = False
+            if heard or traffic.counts["requests"]:
+                self._stale.add(traffic.unit)
+        for unit in [unit for unit in self._stale if step.t_ns - self._told_at.get(unit, 0) >= _PERIOD_NS]:
+            self._tell_health(unit, step.t_ns)
+        for row in step.findings:
+            found = describe(row)
+            event = {"t_ns": found.t_ns, "index": found.index, **found.to_json()}
+            self._mail.put(Letter(f"{self._base}/findings", json.dumps(event, ensure_ascii=False), state=False))
+
+    def close(self) -> None:
+        """Tell what is left to be told and that we go; ends soon, whether the broker is there or not."""
+        for unit in list(self._stale):
+            self._tell_health(unit, 0)
+        self._state("status", "offline")
+        until = time.monotonic() + _GRACE_S
+        while self._ready.is_set() and len(self._mail) and time.monotonic() < until:
+            time.sleep(0.01)
+        self._closing.set()
+        self._thread.join(_GRACE_S)
+        left = len(self._mail)
+        if not self._ready.is_set():
+            self._tell(f"mqtt: {self._where}: away at the end, {left:,} messages did not go out{self._loss()}")
+        elif left or (lost := self._loss()):
+            self._tell(f"mqtt: {left:,} messages did not go out{'' if left else lost}")
+        self._client.disconnect()
+        self._client.loop_stop()
+
+    def _values(self, step: SessionStep) -> None:
+        rows = step.batch.rows
+        if self._readings is None or not len(rows):
+            return
+        for row in np.flatnonzero((rows["kind"] == Kind.RESPONSE) & rows["check"]).tolist():
+            frame = step.batch.frame(row)
+            for reading in self._readings.of(frame):
+                value = reading.value
+                number = isinstance(value, int | float) and reading.row.type not in ("enum", "bits", "time")
+                payload = f"{value:.12g}" if number and value is not None else reading.text
+                self._state(self._topic(frame.unit, reading.row), payload)
+
+    def _topic(self, unit: int, row: Any) -> str:
+        """Where a value goes, below the base; with it, at first, what Home Assistant is told of it."""
+        key = (unit, row.area, row.address)
+        if key not in self._topics:
+            topic = f"unit/{unit}/values/{topic_name(row.name)}"
+            if topic in self._topics.values():
+                topic = f"{topic}_{row.address}"
+            self._topics[key] = topic
+            self._discover(*value_entity(self._base, unit, row, topic, self._charts.get(unit)))
+        return self._topics[key]
+
+    def _tell_health(self, unit: int, t_ns: int) -> None:
+        if unit not in self._told_at:
+            self._discover(*health_entity(self._base, unit, self._charts.get(unit)))
+        self._told_at[unit] = t_ns
+        self._stale.discard(unit)
+        counts = {name: count for name, count in self._health[unit].items() if count or name == "requests"}
+        self._state(f"unit/{unit}/health", json.dumps({**counts, "answers": self._alive.get(unit, False)}))
+
+    def _discover(self, topic: str, config: Mapping[str, Any]) -> None:
+        if self._broker.discovery:
+            self._keep(f"{self._broker.discovery}/{topic}", json.dumps(config, ensure_ascii=False))
+
+    def _state(self, topic: str, payload: str) -> None:
+        self._keep(f"{self._base}/{topic}", payload)
+
+    def _keep(self, topic: str, payload: str) -> None:
+        """State at the broker: sent where it is another."""
+        if self._states.get(topic) != payload:
+            self._states[topic] = payload
+            self._mail.put(Letter(topic, payload))
+
+    # The client's thread:
+
+    def _connected(self, client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+        if reason.is_failure:
+            self._gone(str(reason))
+            return
+        self._connections += 1
+        self._held = {}
+        client.subscribe([(f"{self._base}/#", 0), *self._discovery_topics()])
+        client.publish(self._mark, "")
+        threading.Timer(_SYNC_S, self._synced, (self._connections,)).start()  # one that may not subscribe
+
+    def _discovery_topics(self) -> list[tuple[str, int]]:
+        """Home Assistant's topics that are ours."""
+        node = node_of(self._base)
+        kinds = ("sensor", "binary_sensor") if self._broker.discovery else ()
+        return [(f"{self._broker.discovery}/{kind}/{node}/+/config", 0) for kind in kinds]
+
+    def _heard(self, _client: Any, _data: Any, message: Any) -> None:
+        if message.topic == self._mark:
+            self._synced(self._connections)
+        elif message.retain and not self._ready.is_set():
+            self._held[message.topic] = message.payload.decode(errors="replace")
+
+    def _synced(self, connection: int) -> None:
+        """What the broker holds is known, as far as it tells: it gets what it lacks."""
+        if self._ready.is_set() or connection != self._connections or self._closing.is_set():
+            return
+        self._client.unsubscribe([f"{self._base}/#", *(topic for topic, _ in self._discovery_topics())])
+        first = connection == 1
+        lost = self._loss()
+        for topic, payload in list(self._states.items()):
+            if self._held.get(topic) != payload:
+                self._mail.put(Letter(topic, payload))
+        self._mail.dropped()  # a state that waited already waits anew
+        self._ready.set()
+        self._away = ""
+        self._tell(f"mqtt: {self._where}: connected{'' if first else ' again'}{lost}")
+
+    def _disconnected(self, _client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+        self._ready.clear()
+        self._connections += 1
+        if not self._closing.is_set():
+            self._gone(str(reason))
+
+    def _failed(self, *_: Any) -> None:
+        self._gone("cannot be reached")
+
+    def _gone(self, why: str) -> None:
+        if why != self._away and not self._closing.is_set():
+            self._away = why
+            self._tell(f"mqtt: {self._where}: {why.lower()}; states wait, their newest goes out when it is back")
+
+    # The sending thread:
+
+    def _send(self) -> None:
+        while not self._closing.is_set():
+            if not self._ready.wait(0.1):
+                continue
+            if (letter := self._mail.get(0.1)) is not None and not self._sent(letter):
+                self._mail.put_back(letter)
+
+    def _sent(self, letter: Letter) -> bool:
+        """Whether it left this machine."""
+        connection = self._connections
+        if letter.state and self._states.get(letter.topic) != letter.payload:
+            return True  # a newer one waits
+        done = self._client.publish(letter.topic, letter.payload, qos=0, retain=letter.state)
+        if done.rc:
+            return False
+        while not done.is_published():
+            if connection != self._connections or self._closing.is_set():
+                return False
+            time.sleep(0.0005)
+        return True
+
+    def _loss(self) -> str:
+        dropped = self._mail.dropped()
+        return f"; {dropped:,} older messages were dropped" if dropped else ""
+
+    @property
+    def _where(self) -> str:
+        return f"{self._broker.host}:{self._broker.port}"

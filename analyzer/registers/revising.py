@@ -1,0 +1,118 @@
+"""What the registers of a bus mean while it is heard: types are told once there is evidence, and revised as it grows.
+
+    registers = RevisedRegisters(charts, words)
+    for batch in batches:
+        for revision in registers.feed(batch):
+            print(revision.text)
+    registers.charts                # maps of units by which values are named and read
+
+Types are asked for anew when there are half as many readings again, so that it costs little however long one listens.
+The answer is that of the same readings in a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from dissectors.maps.model import RegisterMap
+from dissectors.maps.units import UnitMaps
+
+from ..tables.batch import Batch
+from .drafting import drafted_map
+from .inference import infer
+from .ownwords import Place, with_own_words
+from .pace import is_due
+from .readings import RegisterReadings
+from .values import RegisterValue
+
+_LEAST: Final = 12  # readings of a value
+_SURE: Final = 0.6
+
+
+@dataclass(frozen=True, slots=True)
+class Revision:
+    """A value that is told for the first time (`before` None), or read otherwise than before."""
+
+    before: RegisterValue | None
+    value: RegisterValue
+
+    @property
+    def text(self) -> str:
+        """`unit 1 input 100-101 is f32 ABCD, was u32 ABCD (98%: ...)`."""
+        was = f", was {typed(self.before)}" if self.before is not None else ""
+        role = f", {self.value.role}" if self.value.role else ""
+        return f"{placed(self.value)} is {typed(self.value)}{role}{was} ({self.value.confidence:.0%}: {self.value.why})"
+
+    def to_json(self) -> dict[str, Any]:
+        """A line of kind `register` that holds the value as `rtuscope registers --json` writes it."""
+        return {"kind": "register", "register": self.value.to_json()}
+
+
+class RevisedRegisters:
+    """The values of a live bus. `values` are those of the last time that they were asked for."""
+
+    def __init__(
+        self, charts: Mapping[int, RegisterMap] | None = None, words: Mapping[Place, str] | None = None
+    ) -> None:
+        self._given = charts or {}
+        self._words = dict(words or {})
+        self._readings = RegisterReadings()
+        self._asked_at = 0
+        self._told: dict[Place, RegisterValue] = {}
+        self.values: list[RegisterValue] = []
+        self.charts = UnitMaps()
+
+    def feed(self, batch: Batch) -> list[Revision]:
+        """Take in a batch; what is told for the first time or otherwise now, mostly nothing."""
+        self._readings.feed(batch)
+        return self.revise() if is_due(self._asked_at, self._readings.frames) else []
+
+    def say(self, place: Place, type_words: str) -> list[Revision]:
+        """The user's own word (empty: taken back), which overrules; what else it changes."""
+        if type_words:
+            self._words[place] = type_words
+        else:
+            self._words.pop(place, None)
+        return self.revise()
+
+    def revise(self) -> list[Revision]:
+        """Ask anew, and say what changed."""
+        self._asked_at = self._readings.frames
+        units = sorted({block.unit for block in self._readings})
+        given = self._given.of(units) if isinstance(self._given, UnitMaps) else self._given
+        known = with_own_words(given, self._words)
+        self.values = infer(self._readings, charts=known)
+        fresh = [value for value in self.values if _is_told(value)]
+        self.charts = UnitMaps({**{unit: _readable(fresh, unit) for unit in units if unit not in given}, **given})
+        found = [Revision(self._told.get(_place(value)), value) for value in fresh]
+        found = [one for one in found if one.before is None or typed(one.before) != typed(one.value)]
+        self._told = {_place(value): value for value in fresh}
+        return found
+
+
+def typed(value: RegisterValue) -> str:
+    """`f32 CDAB`."""
+    return f"{value.type} {value.order}" if value.order else value.type
+
+
+def placed(value: RegisterValue) -> str:
+    """`unit 1 input 100-101`."""
+    last = f"-{value.address + value.words - 1}" if value.words > 1 else ""
+    return f"unit {value.unit} {value.area} {value.address}{last}"
+
+
+def _place(value: RegisterValue) -> Place:
+    return value.unit, value.area, value.address
+
+
+def _is_told(value: RegisterValue) -> bool:
+    """Whether enough is known of a value: that it moved, and how it is read; or somebody said so."""
+    if value.area in ("coil", "discrete") or value.confidence < _SURE:
+        return False
+    return value.kind == "text" or value.confidence == 1.0 or (value.changes > 0 and value.readings >= _LEAST)
+
+
+def _readable(values: Sequence[RegisterValue], unit: int) -> RegisterMap:
+    return drafted_map([value for value in values if value.unit == unit], f"unit {unit}", "told live")

@@ -1,0 +1,197 @@
+"""Settings that stay: the user's `config.toml` and a project's `rtuscope.toml`, each value with where it stands.
+
+A setting is a default of the command line, which wins; a project's wins over the user's. A project's file is found in
+the working folder or above it. It cannot name functions: those are code, and a folder is not trusted by being entered.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from .meant import did_you_mean
+
+PROJECT: Final = "rtuscope.toml"
+USER: Final = "config.toml"
+OVERRIDE: Final = "RTUSCOPE_CONFIG"  # another file in place of the user's; empty: no settings at all
+
+
+class SettingsError(Exception):
+    """A settings file that cannot be used: which, what line, what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What may be set: `kind` is what the file holds there, `dests` the arguments that it is a default of."""
+
+    key: str
+    kind: type | tuple[type, ...]
+    dests: tuple[str, ...]
+    words: str
+    taps: bool = False  # only of commands that listen: elsewhere the capture says it itself
+    personal: bool = False  # not a project's to say
+
+
+@dataclass(frozen=True, slots=True)
+class SetValue:
+    """A value of a file."""
+
+    key: str
+    value: Any
+    file: str
+    line: int | None
+
+    @property
+    def where(self) -> str:
+        return self.file if self.line is None else f"{self.file}, line {self.line}"
+
+
+_NUMBER: Final = (int, float)
+SETTINGS: Final = (
+    Setting("port", str, ("port",), "the port that sniff, record and tap listen to", taps=True),
+    Setting("tz", str, ("tz",), "zone of times without one"),
+    Setting("theme", str, ("light",), "light or dark"),
+    Setting("functions", list, ("functions",), "files that declare vendor functions", personal=True),
+    Setting("line.baud", (int, str), ("baud",), "bit/s of a tap, or auto", taps=True),
+    Setting("line.parity", str, ("parity",), "of a tap: N, E, O or auto", taps=True),
+    Setting("line.stop_bits", _NUMBER, ("stop_bits",), "of a tap", taps=True),
+    Setting("line.data_bits", int, ("data_bits",), "of a tap", taps=True),
+    Setting("timing.t15_ms", _NUMBER, ("t15_ms",), "longest silence inside a frame"),
+    Setting("timing.t35_ms", _NUMBER, ("t35_ms",), "least silence between frames"),
+    Setting("timing.turnaround_ms", _NUMBER, ("turnaround_ms",), "least pause after a broadcast"),
+    Setting("timing.idle_ms", _NUMBER, ("idle_ms",), "silence after which the line counts as quiet"),
+)
+TABLES: Final = {  # whose keys are the user's own
+    "maps": 'register maps by unit, or for `all` others: 17 = "meter.csv"',
+    "filters": "filters by name, used as --filter @NAME",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What the files say, the stronger over the weaker."""
+
+    values: Mapping[str, SetValue]
+    files: tuple[str, ...] = ()
+
+    def table(self, name: str) -> dict[str, SetValue]:
+        """The entries of one of TABLES."""
+        begin = f"{name}."
+        return {key.removeprefix(begin): value for key, value in self.values.items() if key.startswith(begin)}
+
+
+def found_files() -> Iterator[str]:
+    """The settings files that there are, the weaker first. Cheap where there is none."""
+    own = os.environ.get(OVERRIDE)
+    if own == "":
+        return
+    path = user_file() if own is None else own
+    if own is not None or os.path.isfile(path):  # noqa: PTH113 - pathlib takes 4 ms to import
+        yield path
+    folder = os.getcwd()  # noqa: PTH109
+    while True:
+        path = os.path.join(folder, PROJECT)  # noqa: PTH118
+        if os.path.isfile(path):  # noqa: PTH113
+            yield path
+            return
+        above = os.path.dirname(folder)  # noqa: PTH120
+        if above == folder:
+            return
+        folder = above
+
+
+def user_file() -> str:
+    """The user's file, there or not."""
+    return os.path.join(user_folder(), USER)  # noqa: PTH118
+
+
+def user_folder() -> str:
+    """Where this user's own files are, there or not."""
+    if sys.platform.startswith("linux"):  # as platformdirs has it, without the 5 ms of its import
+        base = os.environ.get("XDG_CONFIG_HOME", "").strip() or os.path.expanduser("~/.config")  # noqa: PTH111
+        return os.path.join(base, "rtuscope")  # noqa: PTH118
+    import platformdirs
+
+    return str(platformdirs.user_config_path("rtuscope", appauthor=False))
+
+
+def read_settings() -> Settings:
+    """What all files say; SettingsError."""
+    values: dict[str, SetValue] = {}
+    files = tuple(found_files())
+    for file in files:
+        for value in _read(file, project=os.path.basename(file) == PROJECT):  # noqa: PTH119
+            values[value.key] = value
+    return Settings(values, files)
+
+
+def _read(file: str, *, project: bool) -> Iterator[SetValue]:
+    import tomllib
+
+    try:
+        with open(file, encoding="utf-8-sig") as stream:  # noqa: PTH123
+            text = stream.read()
+        content = tomllib.loads(text)
+    except OSError as error:
+        raise SettingsError(f"{file}: {(error.strerror or str(error)).lower()}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{file}: {error}") from error
+    known = {setting.key: setting for setting in SETTINGS}
+    for key, value in _flat(content):
+        at = SetValue(key, value, file, _line_of(text, key))
+        table = key.partition(".")[0]
+        if table in TABLES and "." in key:
+            if not isinstance(value, str):
+                raise SettingsError(f"{at.where}: {key} is no text")
+            yield SetValue(key, _resolved(file, value) if table == "maps" else value, file, at.line)
+            continue
+        setting = known.get(key)
+        if setting is None:
+            raise SettingsError(
+                f"{at.where}: no setting {key!r}{did_you_mean(key, [*known, *TABLES])} (rtuscope help settings)"
+            )
+        if project and setting.personal:
+            raise SettingsError(f"{at.where}: {key} are code, which a project's file cannot name: put them into "
+                                f"{user_file()}, or give --{key}")  # fmt: skip
+        if not isinstance(value, setting.kind) or isinstance(value, bool):
+            raise SettingsError(f"{at.where}: {key} is {value!r}: {setting.words}")
+        if setting.key == "theme" and value not in ("light", "dark"):
+            raise SettingsError(f"{at.where}: theme is {value!r}: light or dark")
+        if isinstance(value, list):
+            value = [_resolved(file, str(item)) for item in value]
+        yield SetValue(key, value, file, at.line)
+
+
+def _flat(content: Mapping[str, Any], begin: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in content.items():
+        if isinstance(value, dict) and (value or key not in TABLES):
+            yield from _flat(value, f"{begin}{key}.") if value else iter([(f"{begin}{key}", value)])
+        elif not isinstance(value, dict):
+            yield f"{begin}{key}", value
+
+
+def _line_of(text: str, key: str) -> int | None:
+    """The line on which a key stands, as files are usually written."""
+    table = ""
+    for number, line in enumerate(text.splitlines(), 1):
+        if head := re.match(r"\s*\[+\s*([^\]]+?)\s*\]", line):
+            table = head[1].replace('"', "")
+            if table == key:
+                return number
+            continue
+        name = re.match(r"\s*([^=#]+?)\s*=", line)
+        if name and ".".join(filter(None, (table, re.sub(r"[\"'\s]", "", name[1])))) == key:
+            return number
+    return None
+
+
+def _resolved(file: str, name: str) -> str:
+    """A file named in settings, from the folder that they stand in; other names as they are."""
+    from pathlib import Path
+
+    path = Path(file).absolute().parent / Path(name).expanduser()
+    return str(path) if path.exists() else name

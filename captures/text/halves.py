@@ -1,0 +1,38 @@
+"""Digits that are meant as bytes and do not come in pairs: what is wrong with them, in words."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from .candidates import H
+
+
+class HexError(ValueError):
+    """Text that should be hex bytes and is not; `str()` is one line with the position."""
+
+
+_ODD: Final = "an odd number of hex digits in {!r} at column {}: write each byte with two digits"
+_HALVED: Final = (
+    (
+        re.compile(r'"Buffer"\s*,\s*"data"\s*:\s*\[[\d,\s]*?\b(\d{4,}|2(?:5[6-9]|[6-9]\d)|[3-9]\d\d)\b'),
+        "{} is not a byte, in the Buffer at column {}",
+    ),
+    (re.compile(rf"(?:^|[\s,;:])0[xX]((?:{H}{{2}})+{H})\b"), "an odd number of hex digits in 0x{} at column {}"),
+    (re.compile(rf"\b{H}{{2}}[ \t,:-]{{1,2}}({H}|{H}{{3}})(?![0-9A-Za-z_.])"), _ODD),
+    (re.compile(rf"(?:^|[\s,;:])(?=[a-fA-F]*\d)({H}{{5,}})\s*$"), _ODD),
+    (re.compile(r"(\\x)(?![0-9A-Fa-f]{2})"), "{} without two hex digits at column {}"),
+)
+
+
+def halves(text: str) -> str | None:
+    """What is wrong with digits of this text that are meant as bytes and do not come in pairs; None for others."""
+    for pattern, words in _HALVED:
+        if (match := pattern.search(text)) is not None and not (words is _ODD and len(match[1]) % 2 == 0):
+            return words.format(shortened(match[1]), match.start(1) + 1)
+    return None
+
+
+def shortened(word: str) -> str:
+    """A word as a message quotes it."""
+    return word if len(word) <= 24 else word[:21] + "..."

@@ -1,0 +1,70 @@
+"""A line without colours, markup and typographic signs, and as a message quotes it."""
+
+from __future__ import annotations
+
+import html
+import re
+from typing import Final
+
+_ANSI: Final = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+# What is typed as something else than the plain characters that it means, or is markup around them.
+_PLAIN: Final = str.maketrans(
+    {0xFF01 + i: chr(0x21 + i) for i in range(94)}
+    | {"\u3000": " ", "\u00a0": " ", "\u2009": " ", "\u202f": " ", "\x00": " ", "\u2018": "'", "\u2019": "'"}
+    | {
+        "\u201c": '"',
+        "\u201d": '"',
+        "\u2013": "-",
+        "\u2212": "-",
+        "、": ",",
+        "【": "[",
+        "】": "]",
+        "│": "|",
+        "┊": " ",
+        "║": "|",
+        "┃": "|",
+        "\u200b": None,
+    }
+    | {"\ufeff": None, "\x00": " "}
+)
+_CELL: Final = re.compile(r"(?:</?(?:td|th|tr|li|p|br|div|dd|dt)\b[^<>]*>\s*)+", re.IGNORECASE)
+_TAG: Final = re.compile(r"</?(?:code|span|pre|b|i|em|strong|font|a|tt|ul|ol|table|tbody)\b[^<>]*>", re.IGNORECASE)
+_ENTITY: Final = re.compile(r"&(?:nbsp|lt|gt|quot|amp|#\d+|rarr|larr);")
+_EMPHASIS: Final = re.compile(
+    r"(?<![0-9A-Za-z*_~])[*_~]{1,4}([0-9A-Fa-f]{2}[0-9A-Fa-f ,:x-]*)[*_~]{1,4}(?![0-9A-Za-z*_~])"
+)
+_ARDUINO: Final = re.compile(r"^(\d\d:\d\d:\d\d\.\d{3}) -> ")  # its serial monitor puts this before every line
+_SIGN_EXTENDED: Final = re.compile(
+    r"(?<![0-9A-Za-z])(0[xX])?[fF]{6}([89A-Fa-f][0-9A-Fa-f])(?![0-9A-Za-z])"
+)  # %02x of a char
+_SMALL_HEX: Final = re.compile(r"(?<![0-9A-Za-z])(?:0[xX])?[0-9A-Fa-f]{1,2}(?![0-9A-Za-z])")
+_SOME: Final = 3  # numbers that make a list
+_ESCAPED_ONCE: Final = re.compile(r"(?<!\\)(?:\\\\)*\\x")
+_CAST: Final = re.compile(r"\(\s*(?:unsigned |signed )?(?:byte|sbyte|char|u?int8(?:_t)?|u8|BYTE)\s*\)\s*")
+
+
+def plain(line: str) -> str:
+    """A line without colours, markup and typographic signs."""
+    text = line.rstrip("\r\n")
+    if "\x1b" in text:
+        text = _ANSI.sub("", text)
+    if not text.isascii() or "\x00" in text:
+        text = text.translate(_PLAIN)
+    if "<" in text and ">" in text:
+        text = _TAG.sub("", _CELL.sub(" | ", text))
+    if "&" in text and ";" in text and _ENTITY.search(text):
+        text = html.unescape(text).replace("\u00a0", " ")
+    text = _ARDUINO.sub(r"\1    ", text)
+    if "*" in text or "_" in text or "~" in text:
+        text = _EMPHASIS.sub(r"\1", text)
+    if "ffffff" in text.lower() and len(_SIGN_EXTENDED.findall(text)) + len(_SMALL_HEX.findall(text)) > _SOME:
+        text = _SIGN_EXTENDED.sub(r"\1\2", text)
+    if "\\\\x" in text and _ESCAPED_ONCE.search(text) is None:
+        text = text.replace("\\\\", "\\")
+    return _CAST.sub("", text) if "(" in text else text
+
+
+def quoted(text: str) -> str:
+    """A line as a message quotes it."""
+    text = text.strip()
+    return repr(text if len(text) <= 60 else text[:57] + "...")

@@ -1,0 +1,82 @@
+"""`map check` on simulated devices: what a wrong map contradicts is found where it stands, a right one left alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from random import Random
+
+import numpy as np
+import pytest
+
+from analyzer.registers.checking import check_map
+from analyzer.registers.readings import RegisterReadings
+from analyzer.simulation.mapped.client import MappedClient
+from dissectors.maps import RegisterMap, shipped_map
+from dissectors.maps.model import MappedValue
+
+NAMES = ("eastron-sdm630", "abb-b23", "huawei-sun2000", "janitza-umg96rm", "siemens-pac3200", "carlo-gavazzi-em340")
+OTHER = {"ABCD": "CDAB", "CDAB": "ABCD"}
+
+
+@cache
+def readings_of(name: str, polls: int = 60) -> RegisterReadings:
+    """A device of this map, whose values are as their names say."""
+    client = MappedClient(Random(f"check {name}"), [(1, shipped_map(name))], 0.0)
+    rows: dict[tuple, list[list[int]]] = {(p.area, p.address, p.quantity): [] for p in client.polls}
+    for _ in range(polls):
+        client.devices[0].step()
+        for block, read in rows.items():
+            read.append(client.devices[0].read(*block))
+    readings = RegisterReadings()
+    for (area, address, _), read in rows.items():
+        readings.put(1, area, address, np.array(read, np.uint16))
+    return readings
+
+
+def words_of(row: MappedValue, readings: RegisterReadings) -> np.ndarray | None:
+    for block in readings:
+        if block.area == row.area and block.address <= row.address and row.end <= block.address + block.quantity:
+            return block.series[0][:, row.address - block.address : row.end - block.address]
+    return None
+
+
+def plants(name: str) -> Iterator[tuple[str, MappedValue, MappedValue]]:
+    """A row of the map and what a wrong map would have of it: of each kind the first that the readings can show."""
+    readings, kinds = readings_of(name), set()
+    for row in shipped_map(name).rows:
+        words = words_of(row, readings)
+        if words is None or row.area not in ("input", "holding") or row.type in ("text", "enum", "bits", "time"):
+            continue
+        lively = (words[1:] != words[:-1]).all(axis=1).mean() > 0.5
+        wrong: dict[str, MappedValue] = {}
+        if row.length == 2 and lively:
+            wrong["order"] = replace(row, order=OTHER[row.order])
+            wrong["type"] = replace(row, type="s32" if row.is_float else "f32")
+        if row.length == 1 and len(np.unique(words)) > 3:
+            wrong["states"] = replace(row, type="enum", values={1: "a", 40000: "b"})
+            wrong["limit"] = replace(
+                row, minimum=None, maximum=(int(words.max()) + 5e4) * -abs(row.scale) - abs(row.offset)
+            )
+        for kind, value in wrong.items():
+            if kind not in kinds:
+                kinds.add(kind)
+                yield kind, row, value
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_right_map_is_not_contradicted(name: str) -> None:
+    remarks = check_map(readings_of(name), {1: shipped_map(name)})
+    assert not [remark for remark in remarks if remark.kind == "contradiction"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_planted_contradictions_are_found_where_they_stand(name: str) -> None:
+    chart, readings = shipped_map(name), readings_of(name)
+    found = list(plants(name))
+    assert found
+    for kind, row, wrong in found:
+        spoilt: RegisterMap = replace(chart, rows=tuple(wrong if one is row else one for one in chart.rows))
+        told = [r for r in check_map(readings, {1: spoilt}) if r.kind == "contradiction"]
+        assert {(r.area, r.address) for r in told} == {(row.area, row.address)}, (kind, row.name, told)

@@ -1,0 +1,398 @@
+"""What leaves a session for other programs is what its own views say; who takes it slowly or never costs nothing."""
+
+import asyncio
+import contextlib
+import json
+import os
+import shutil
+import socket
+import subprocess
+import time
+import urllib.request
+
+import pytest
+from buses import adu
+from livebus import Running, eventually, pty
+from running import ran, refused, spawned
+
+import analyzer
+import captures
+from analyzer.live.outlets.mailbox import Letter, Mailbox
+from captures import samples
+
+needs_pty = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
+needs_mosquitto = pytest.mark.skipif(
+    shutil.which("mosquitto", path=f"{os.environ['PATH']}:/usr/sbin") is None, reason="mosquitto is not installed"
+)
+TROUBLED = samples.path("troubled.jsonl")
+ASKED, ANSWER = adu("1103006b0001"), "110302"
+MAP = "area,address,name,type,unit\nholding,107,Active power,u16,W\n"
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def scraped(port, *, openmetrics=False):
+    """What a scraper gets, parsed by the library's own parser."""
+    accept = "application/openmetrics-text; version=1.0.0" if openmetrics else "text/plain"
+    request = urllib.request.Request(f"http://127.0.0.1:{port}/metrics", headers={"Accept": accept})
+    with urllib.request.urlopen(request, timeout=10) as answer:
+        text = answer.read().decode()
+    parser = pytest.importorskip(f"prometheus_client.{'openmetrics.' if openmetrics else ''}parser")
+    samples = [sample for family in parser.text_string_to_metric_families(text) for sample in family.samples]
+    return text, {(sample.name, *sorted(sample.labels.items())): sample.value for sample in samples}
+
+
+@contextlib.contextmanager
+def replayed(*arguments):
+    """A session over the bundled capture, played at once and then held by what follows it: (session, outlets)."""
+    from analyzer.live import Replay, Session
+
+    outlet = arguments[0]()
+    session = Session(Replay(captures.open(TROUBLED), None), outlets=[outlet])
+    with session:
+        for _ in session.steps():
+            pass
+        yield outlet
+
+
+def test_metrics_say_what_the_report_says(capsys):
+    metrics = pytest.importorskip("analyzer.live.outlets.metrics")
+    pytest.importorskip("prometheus_client")
+    report = json.loads(ran(capsys, "report", TROUBLED, "--json").out)
+    with replayed(lambda: metrics.Metrics("127.0.0.1", 0)) as served:
+        for openmetrics in (False, True):
+            _, values = scraped(served.port, openmetrics=openmetrics)
+        plain = scraped(served.port)[0]
+    for unit in report["units"]:
+        of_unit = ("unit", str(unit["unit"]))
+        counts = unit["counts"]
+        for name, key in (("requests", "requests"), ("answers", "answered"), ("unanswered", "unanswered"),
+                          ("retries", "retries"), ("damaged_answers", "damaged")):  # fmt: skip
+            assert values[f"modbus_{name}_total", of_unit] == counts[key], (unit, name)
+        assert values.get(("modbus_response_time_seconds_count", of_unit), 0) == unit["times"]["count"]
+    assert values["modbus_heard_bytes_total",] == report["bytes"]
+    found = {}
+    for (name, *labels), value in values.items():
+        if name == "modbus_findings_total":
+            code = dict(labels)["code"]
+            found[code] = found.get(code, 0) + value
+    codes = {}
+    for group in report["findings"]:
+        codes[group["code"]] = codes.get(group["code"], 0) + group["count"]
+    assert found == codes
+    if (promtool := shutil.which("promtool")) is not None:
+        done = subprocess.run([promtool, "check", "metrics"], input=plain, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+@needs_pty
+@pytest.mark.skipif(shutil.which("prometheus") is None, reason="prometheus is not installed")
+def test_prometheus_scrapes_a_recorder(tmp_path):
+    pytest.importorskip("prometheus_client")
+    at, its = free_port(), free_port()
+    master, port = pty()
+    settings = tmp_path / "prometheus.yml"
+    settings.write_text(
+        f"scrape_configs: [{{job_name: bus, scrape_interval: 1s, static_configs: [{{targets: ['127.0.0.1:{at}']}}]}}]"
+    )
+    record = Running("record", port, "-o", tmp_path / "bus.mcap", "--metrics", str(at))
+    scraper = subprocess.Popen(
+        ["prometheus", f"--config.file={settings}", f"--storage.tsdb.path={tmp_path / 'db'}",
+         f"--web.listen-address=127.0.0.1:{its}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
+
+    def counted():
+        with contextlib.suppress(OSError):
+            url = f"http://127.0.0.1:{its}/api/v1/query?query=modbus_requests_total"
+            with urllib.request.urlopen(url, timeout=5) as answer:
+                result = json.load(answer)["data"]["result"]
+            return [(found["metric"]["unit"], found["value"][1]) for found in result]
+        return []
+
+    try:
+        for value in range(10):
+            os.write(master, ASKED)
+            time.sleep(0.02)
+            os.write(master, adu(f"{ANSWER}{value:04x}"))
+            time.sleep(0.02)
+        os.write(master, ASKED)
+        assert eventually(lambda: counted() == [("17", "10")], 40), counted()
+    finally:
+        scraper.kill()
+        scraper.wait()
+        status, _, said = record.ended()
+    assert status == 0, said
+    assert len(list(analyzer.open(tmp_path / "bus.mcap").frames())) == 21
+
+
+class Broker:
+    """mosquitto, without persistence unless told otherwise, and a subscriber's log."""
+
+    def __init__(self, folder):
+        self.port = free_port()
+        self._settings = folder / "mosquitto.conf"
+        self._settings.write_text(
+            f"listener {self.port} 127.0.0.1\nallow_anonymous true\npersistence true\npersistence_location {folder}/\n"
+            "user root\nautosave_interval 1\nautosave_on_changes true\n"
+        )
+        self.start()
+
+    def start(self):
+        program = shutil.which("mosquitto", path=f"{os.environ['PATH']}:/usr/sbin")
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        self._process = subprocess.Popen([program, "-c", self._settings], **quiet)
+        assert eventually(self._answers, 20)
+
+    def _answers(self):
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self.port), 1):
+            return True
+        return False
+
+    def stop(self):
+        self._process.terminate()
+        self._process.wait(20)
+
+
+class Subscriber:
+    """All messages of a broker: (topic, payload, retained)."""
+
+    def __init__(self, port):
+        mqtt = pytest.importorskip("paho.mqtt.client")
+        enums = pytest.importorskip("paho.mqtt.enums")
+        self.messages = []
+        self.client = mqtt.Client(enums.CallbackAPIVersion.VERSION2, client_id="the-test", clean_session=False)
+        self.client.on_connect = lambda client, *_: client.subscribe([("rtuscope/#", 1), ("homeassistant/#", 1)])
+        self.client.on_message = lambda _c, _d, m: self.messages.append((m.topic, m.payload.decode(), m.retain))
+        self.client.reconnect_delay_set(1, 1)
+        self.client.connect("127.0.0.1", port)
+        self.client.loop_start()
+
+    def of(self, topic):
+        return [payload for name, payload, _ in self.messages if name == topic]
+
+    def live(self, topic):
+        """Those that are not what the broker held when it was asked."""
+        return [payload for name, payload, retained in self.messages if name == topic and not retained]
+
+    def close(self):
+        self.client.disconnect()
+        self.client.loop_stop()
+
+
+def answered(master, value):
+    os.write(master, ASKED)
+    time.sleep(0.02)
+    os.write(master, adu(f"{ANSWER}{value:04x}"))
+    time.sleep(0.05)
+
+
+@needs_pty
+@needs_mosquitto
+def test_values_and_health_reach_a_broker_that_is_away_for_a_while(tmp_path):
+    pytest.importorskip("paho.mqtt.client")
+    (tmp_path / "meter.csv").write_text(MAP)
+    broker = Broker(tmp_path)
+    heard = Subscriber(broker.port)
+    master, port = pty()
+    url = f"mqtt://127.0.0.1:{broker.port}"
+    record = Running(
+        "record", port, "-o", tmp_path / "bus.mcap", "--map", f"{tmp_path / 'meter.csv'}@17", "--mqtt", url
+    )
+    power = "rtuscope/unit/17/values/Active_power"
+    try:
+        assert eventually(lambda: "online" in heard.of("rtuscope/status"))
+        for value in (100, 100, 101, 102):
+            answered(master, value)
+        assert eventually(lambda: heard.live(power) == ["100", "101", "102"]), heard.messages
+        broker.stop()
+        for value in (103, 104, 105):
+            answered(master, value)
+        time.sleep(1)
+        broker.start()
+        assert eventually(lambda: "105" in heard.of(power), 30), heard.messages
+        answered(master, 106)
+        assert eventually(lambda: "106" in heard.of(power)), heard.messages
+    finally:
+        status, _, said = record.ended()
+        gone = eventually(lambda: heard.of("rtuscope/status")[-1:] == ["offline"])
+        heard.close()
+        broker.stop()
+    assert status == 0, said
+    assert gone
+    assert "connected again" in said, said
+    live = heard.live(power)
+    assert len(live) == len(set(live)), live  # nothing twice
+    assert live[:3] == ["100", "101", "102"]
+    assert live[-2:] == ["105", "106"]
+    health = json.loads(heard.of("rtuscope/unit/17/health")[-1])
+    assert health["requests"] == 8
+    assert health["answered"] == 8
+    assert health["answers"] is True
+    (config,) = [
+        json.loads(text) for text in heard.live("homeassistant/sensor/rtuscope/unit_17_values_Active_power/config")
+    ]
+    assert config["state_topic"] == power
+    assert config["unit_of_measurement"] == "W"
+    assert config["device_class"] == "power"
+    assert config["availability_topic"] == "rtuscope/status"
+    assert len(list(analyzer.open(tmp_path / "bus.mcap").frames())) == 16  # the recording has all
+
+
+@needs_pty
+@needs_mosquitto
+def test_a_broker_says_that_a_killed_session_is_gone(tmp_path):
+    pytest.importorskip("paho.mqtt.client")
+    broker = Broker(tmp_path)
+    heard = Subscriber(broker.port)
+    sniff = Running("sniff", pty()[1], "--mqtt", f"mqtt://127.0.0.1:{broker.port}")
+    try:
+        assert eventually(lambda: heard.of("rtuscope/status") == ["online"]), heard.messages
+        sniff.process.kill()
+        sniff.process.communicate()
+        assert eventually(lambda: heard.of("rtuscope/status") == ["online", "offline"]), heard.messages
+    finally:
+        heard.close()
+        broker.stop()
+
+
+@needs_pty
+def test_no_broker_at_all_changes_nothing_of_the_recording(tmp_path):
+    pytest.importorskip("paho.mqtt.client")
+    master, port = pty()
+    record = Running("record", port, "-o", tmp_path / "bus.mcap", "--mqtt", f"mqtt://127.0.0.1:{free_port()}/my/bus")
+    for value in range(5):
+        answered(master, value)
+    status, _, said = record.ended()
+    assert status == 0
+    assert "cannot be reached" in said
+    assert "away at the end" in said
+    assert len(list(analyzer.open(tmp_path / "bus.mcap").frames())) == 10
+
+
+def test_a_mailbox_keeps_the_newest_state_and_counts_what_it_drops():
+    mail = Mailbox(most=3)
+    for number in range(5):
+        mail.put(Letter("state", str(number)))
+    assert mail.dropped() == 4
+    for number in range(4):
+        mail.put(Letter("event", str(number), state=False))
+    assert mail.dropped() == 2  # the state and the first event
+    first = mail.get(0)
+    assert first == Letter("event", "1", state=False)
+    mail.put_back(first)
+    assert [mail.get(0).payload for _ in range(3)] == ["1", "2", "3"]
+    assert mail.get(0) is None
+
+
+def test_a_newer_state_is_not_undone_by_one_that_did_not_go_out():
+    mail = Mailbox()
+    mail.put(Letter("state", "new"))
+    mail.put_back(Letter("state", "old"))
+    assert mail.get(0) == Letter("state", "new")
+    assert mail.get(0) is None
+
+
+def test_foxglove_gets_the_topics_of_the_file_live(capsys, tmp_path):
+    outlet = pytest.importorskip("analyzer.live.outlets.foxglove")
+    pytest.importorskip("foxglove")
+    aiohttp = pytest.importorskip("aiohttp")
+    from mcap.reader import make_reader
+
+    bus = tmp_path / "bus.mcap"
+    assert ran(capsys, "export", TROUBLED, "-o", bus, "--noise").status == 0
+    with bus.open("rb") as file:
+        written = {}
+        for _, channel, message in make_reader(file).iter_messages():
+            written.setdefault(channel.topic, []).append((message.log_time, message.data))
+    written.pop("/chunks", None)
+
+    async def watch(port, play):
+        topics, seen = {}, {}
+        async with (
+            aiohttp.ClientSession() as client,
+            client.ws_connect(f"ws://127.0.0.1:{port}", protocols=("foxglove.sdk.v1", "foxglove.websocket.v1")) as ws,
+        ):
+            playing = None
+            ends = asyncio.get_running_loop().time() + 15
+            while asyncio.get_running_loop().time() < ends:
+                try:
+                    message = await ws.receive(timeout=2)
+                except TimeoutError:
+                    break
+                if message.type == aiohttp.WSMsgType.TEXT:
+                    said = json.loads(message.data)
+                    channels = said.get("channels", []) if said["op"] == "advertise" else []
+                    for channel in channels:
+                        topics[channel["id"]] = channel["topic"]
+                    if channels:
+                        subscriptions = [{"id": channel["id"], "channelId": channel["id"]} for channel in channels]
+                        await ws.send_json({"op": "subscribe", "subscriptions": subscriptions})
+                    if playing is None:
+                        await asyncio.sleep(0.3)
+                        playing = asyncio.create_task(asyncio.to_thread(play))
+                elif message.type == aiohttp.WSMsgType.BINARY and message.data[0] == 1:
+                    number, t_ns = (int.from_bytes(message.data[i:j], "little") for i, j in ((1, 5), (5, 13)))
+                    seen.setdefault(topics[number], []).append((t_ns, message.data[13:]))
+            await playing
+        return topics, seen
+
+    from analyzer.live import Replay, Session
+
+    served = outlet.Foxglove("127.0.0.1", 0)
+    capture = captures.open(TROUBLED)
+    session = Session(Replay(capture, None), outlets=[served])
+
+    def play():
+        with session:
+            for _ in session.steps():
+                time.sleep(0.01)
+            time.sleep(2)  # until all is sent
+
+    topics, seen = asyncio.run(watch(served.port, play))
+    assert {"/frames", "/transactions", "/findings", "/noise"} <= set(topics.values())
+    assert [t_ns for t_ns, _ in seen["/frames"]] == [t_ns for t_ns, _ in written["/frames"]]
+    assert [data for _, data in seen["/noise"]] == [data for _, data in written["/noise"]]
+    of = [sorted(data[:9] for _, data in part["/transactions"]) for part in (seen, written)]  # their requests
+    assert of[0] == of[1]
+
+
+def test_influx_lines_hold_the_frames_of_the_capture(capsys):
+    lines = [json.loads(line) for line in ran(capsys, "export", TROUBLED).out.splitlines()]
+    out = spawned("replay", TROUBLED, "--speed", "max", "--influx").out.splitlines()
+    frames = [line for line in out if line.startswith(("modbus_request,", "modbus_response,"))]
+    assert len(frames) == len(lines)
+    for text, line in zip(frames, lines, strict=True):
+        head, fields, t_ns = text.split(" ")
+        assert int(t_ns) == line["t_end_ns"]
+        assert head.startswith(f"modbus_{line['direction']},unit={line['unit']},function={line['function']}")
+        assert f"length={line['length']}i,crc_ok={str(line['crc_ok']).lower()}" in fields
+        took = line["response_time_ns"]
+        assert ("response_time_ns=" in fields) == (took is not None)
+
+
+def test_influx_escapes_names_and_texts(tmp_path):
+    (tmp_path / "meter.csv").write_text('area,address,name,type,unit\nholding,107,"Power, L1=a",u16,W\n')
+    bus = tmp_path / "bus.jsonl"
+    from buses import LINE, spaced
+
+    captures.write(bus, spaced([ASKED, adu(f"{ANSWER}0064")]), line=LINE)
+    done = spawned("replay", bus, "--speed", "max", "--influx", "--map", f"{tmp_path / 'meter.csv'}@17")
+    values = [line for line in done.out.splitlines() if line.startswith("modbus_value")]
+    assert values[0].startswith(r"modbus_value,unit=17,area=holding,name=Power\,\ L1\=a value=100.0 ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--metrics", "here"), "neither a port nor HOST:PORT"),
+        (("--mqtt", "http://host"), "is no mqtt://"),
+        (("--mqtt", "mqtt://host/a+b"), "a topic has no +"),
+        (("--metrics", "203.0.113.1:9617"), "--metrics 203.0.113.1:9617: "),
+    ],
+)
+def test_mistakes_get_one_line(capsys, arguments, said):
+    pytest.importorskip("paho.mqtt.client")
+    assert said in refused(capsys, "replay", TROUBLED, *arguments)

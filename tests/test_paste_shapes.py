@@ -1,0 +1,84 @@
+"""Pastes in every shape that tools and people write: each frame once, in its role, and nothing else."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+from paste_shapes import SHAPES
+from pastes import STYLES, Message, Style, cluttered, messages
+
+import captures
+from analyzer.paste import PasteError, judge, read
+from captures import CaptureError
+from captures.text.halves import HexError
+
+ALL = {**STYLES, **SHAPES}
+TIMED = ["JSON with epoch", "InfluxDB", "count before", "wrapped at 40", "Docklight", "pymodbus 3"]
+
+
+def made(name: str, style: Style, seed: int) -> tuple[list[Message], str, random.Random]:
+    rng = random.Random(f"{name} {seed}")
+    log = messages(rng, 2 + seed)
+    text = style(log, rng)
+    if name.startswith("manual"):  # which explains reads and writes of one value
+        log = [message for message in log if message.sent and len(message.data) == 8]
+    return log, text, rng
+
+
+def frames_of(text: str) -> list[tuple[str, str]]:
+    try:
+        paste = read(text)
+    except (HexError, PasteError) as error:
+        return [("error", str(error))]
+    return [(frame.role.name.lower(), frame.adu.data.hex()) for frame in paste.frames() if frame.check_ok]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_frames_are_read_in_every_shape(name: str) -> None:
+    for seed in range(2):
+        log, text, _ = made(name, ALL[name], seed)
+        if not log:
+            continue
+        assert frames_of(text) == [(message.role, message.data.hex()) for message in log], text
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_what_stands_around_is_no_byte(name: str) -> None:
+    log, text, _ = made(name, SHAPES[name], 3)
+    assert b"".join(piece.adu.data if hasattr(piece, "adu") else piece.data for piece in read(text).pieces) == b"".join(
+        message.data for message in log
+    ), text
+
+
+def test_other_lines_between_change_little() -> None:
+    """What a board prints between its frames costs not one shape in thirty."""
+    wrong = []
+    for name in ALL:
+        log, text, rng = made(name, ALL[name], 1)
+        if not log:
+            continue
+        mixed = cluttered(text, rng, 0.3, len(log))
+        if frames_of(mixed) != [(message.role, message.data.hex()) for message in log]:
+            wrong.append(name)
+    assert 30 * len(wrong) <= len(ALL), wrong
+
+
+@pytest.mark.parametrize("name", TIMED)
+def test_times_of_a_log_are_used(name: str, tmp_path: Path) -> None:
+    log, text, _ = made(name, ALL[name], 3)
+    path = tmp_path / "log.txt"
+    path.write_text(text, encoding="utf-8")
+    times = {chunk.t_ns for chunk in captures.open(path, judge=judge).chunks()}
+    assert len(times) == len(log)
+
+
+@pytest.mark.parametrize("text", ["hello", "refused by 192.168.1.105:502", "temperature 3.14", "{'a': 1}"])
+def test_where_no_bytes_are_it_is_said_what_was_looked_for(text: str, tmp_path: Path) -> None:
+    with pytest.raises(HexError, match=r"looked for pairs of hex digits .* paste the bytes of a frame"):
+        read(text)
+    path = tmp_path / "log.txt"
+    path.write_text(f"{text}\n", encoding="utf-8")
+    with pytest.raises(CaptureError, match=r"no hex bytes found.*looked for"):
+        captures.open(path)
