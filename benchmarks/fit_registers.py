@@ -13,7 +13,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -55,7 +55,7 @@ def example(run: Run, device: MadeDevice, number: int) -> Example | None:
     return None
 
 
-def entries_of(codes: Sequence, longest: int) -> list[NDArray[np.int64]]:
+def entries_of(codes: Sequence[Mapping[str, NDArray[np.int64]]], longest: int) -> list[NDArray[np.int64]]:
     found = []
     for by_table in codes:
         columns = []

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import numpy as np
 import pytest
@@ -178,10 +179,11 @@ def test_a_register_is_found_by_its_value_and_by_a_table() -> None:
     lines = "\n".join(f"{n + 3},{volts[n]}" for n in range(5, 55))
     times, shown = read_panel(f"time,value\n{lines}\n", "panel.csv")
     best = matches_of_series(readings, times, shown, values)[0]
-    assert (best.address, best.scale, best.lag_s) == (41, 0.1, pytest.approx(-3, abs=1))
+    assert (best.address, best.scale) == (41, 0.1)
+    assert best.lag_s == pytest.approx(-3, abs=1)
 
 
-CONTRADICTIONS = {
+CONTRADICTIONS: dict[str, tuple[str, int, dict[str, Any]]] = {
     "order": ("input", 102, {"order": "CDAB"}),
     "type": ("input", 104, {"type": "u32"}),
     "sign": ("input", 110, {"type": "u16"}),
