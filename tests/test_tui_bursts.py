@@ -30,7 +30,7 @@ def capture(tmp_path: Path) -> Path:
 def seen(capture: Path) -> Iterator[Watched]:
     with Watched("open", str(capture), columns=100, rows=30, cwd=capture.parent) as terminal:
         terminal.until("things explain").settle(1.0)
-        terminal.press("2").until("registers from 107").settle(0.5)
+        terminal.press("2\x1b[H").until("registers from 107").settle(0.5)
         yield terminal
 
 

@@ -70,7 +70,7 @@ class KeyQueue:
             self._task = None
 
 
-async def handled(app: App[None], target: DOMNode) -> None:
+async def handled(app: App[Any], target: DOMNode) -> None:
     """Return once a key that `target` was handed has had its effect."""
     with suppress(TimeoutError):
         async with asyncio.timeout(_LONGEST_S):
@@ -87,14 +87,14 @@ async def _told(target: DOMNode) -> None:
             await done.wait()
 
 
-async def _asked(app: App[None]) -> None:
+async def _asked(app: App[Any]) -> None:
     """A question that is on its way is there and has the keys; one that was answered is done with."""
     until = time.monotonic() + _LONGEST_S
     while time.monotonic() < until and _coming(app):
         await asyncio.sleep(0.001)
 
 
-def _coming(app: App[None]) -> bool:
+def _coming(app: App[Any]) -> bool:
     top = app.screen
     if isinstance(top, ModalScreen):
         return not top.is_running or (top.focused is None and top.AUTO_FOCUS != "")

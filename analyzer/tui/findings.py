@@ -154,7 +154,10 @@ class FindingList(Lines):
         for block in self._blocks:
             here = np.flatnonzero(rows(block.numbers) == row) if block.code else np.zeros(0, np.intp)
             if len(here):
-                return line + (1 + int(here[0]) if block.opened else 0)
+                if not block.opened:  # what one comes for is in sight, not its group alone
+                    self._opened.add((block.cause, block.code))
+                    self._lay_out()
+                return line + 1 + int(here[0])
             line += block.lines
         return 0
 
