@@ -25,7 +25,6 @@ from analyzer.core import Analysed
 from analyzer.exports import export
 from analyzer.model import goto, search
 from analyzer.model.bus import Bus
-from analyzer.model.notes import Notes, NotesError
 from analyzer.model.polls import changed
 from analyzer.model.registers import RegisterSeries
 from analyzer.model.selection import Everything, Selection, frames_only, transactions, within
@@ -37,6 +36,7 @@ from analyzer.tables.findings import Severity
 from analyzer.tables.frame import Frame
 from analyzer.tables.schema import NO_GAP, Kind
 from analyzer.tui.saving import save
+from analyzer.usernotes import Notes, NotesError
 from analyzer.words import seconds, short
 from captures import samples
 from captures.chunks import Capture

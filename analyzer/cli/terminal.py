@@ -6,6 +6,7 @@ Nothing of the latter shows on a pipe. Colour follows the terminal and NO_COLOR.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import time
@@ -16,9 +17,11 @@ from typing import IO, BinaryIO
 
 from dissectors.values import harmless
 
-from ..terminal_text import ERASE_LINE, terminal_text
+from ..terminal_text import ERASE_LINE, painted, terminal_text
 
 _PERIOD_S = 0.2
+_LEAST_SHARE = 0.01  # and seconds, before which nobody can tell how long it takes
+_LEAST_S = 1.0
 
 
 class Progress:
@@ -27,22 +30,37 @@ class Progress:
     def __init__(self, label: str) -> None:
         self._label = label
         self._shown = False
-        self._next = time.monotonic() + 2 * _PERIOD_S if places(sys.stderr) else float("inf")
+        self._begun = time.monotonic()
+        self._next = self._begun + 2 * _PERIOD_S if places(sys.stderr) else float("inf")
 
     def __call__(self, frames: int, octets: int) -> None:
         """Say it, if the last time is long enough ago."""
         now = time.monotonic()
         if now < self._next:
             return
+        from captures.files import share_read
+
         self._next = now + _PERIOD_S
         self._shown = True
-        say_in_place(f"{self._label}: {frames:,} frames, {octets / 1e6:,.1f} MB of the line")
+        say_in_place(f"{self._label}: {progress_words(share_read(), frames, octets, now - self._begun)}")
 
     def clear(self) -> None:
         """Take the line away."""
         if self._shown:
             say_in_place("")
             self._shown = False
+
+
+def progress_words(share: float | None, frames: int, octets: int, elapsed_s: float) -> str:
+    """How far it is, how fast, and about how long it still takes; a share of nothing or of all says neither."""
+    known = share is not None and _LEAST_SHARE <= share < 1
+    parts = [f"{share:.0%}"] if share is not None and known else []
+    parts += [f"{frames:,} frames", f"{octets / 1e6:,.1f} MB of the line", f"{frames / elapsed_s:,.0f} frames/s"]
+    if share is not None and known and elapsed_s >= _LEAST_S:
+        left = elapsed_s * (1 - share) / share
+        minutes, seconds = divmod(round(left), 60)
+        parts.append(f"{minutes}:{seconds:02d} left")
+    return ", ".join(parts)
 
 
 class Stop:
@@ -94,6 +112,26 @@ def put_json(value: object, *, indent: int | None = None) -> None:
 
     text = json.dumps(value, indent=indent, separators=None if indent else (",", ":"))
     print(text.replace("\x7f", "\\u007f"))  # the one control character that JSON does not escape
+
+
+_PAGE_STYLES = (  # of a line of a report page, by how it begins: its graphic rendition
+    (re.compile(r"\d+\. "), "1;31"),
+    (re.compile(r"(new|worse|новое|хуже): "), "31"),
+    (re.compile(r"(gone|better|ушло|лучше): "), "32"),
+    (re.compile(r"(unit  |function  |poll  |hour  |finding  )"), "4"),
+    (re.compile(r"   (seen|rests on|explained by|видно|основание|объясняет): "), "2"),
+    (re.compile(r"\w[^\d.:]*$"), "1"),  # a heading
+)
+
+
+def put_page(text: str) -> None:
+    """Write a report page to standard output: in colour on a terminal, plain on a pipe."""
+    if not coloured(sys.stdout):
+        sys.stdout.write(text)
+        return
+    for line in text.splitlines():
+        style = next((graphics for pattern, graphics in _PAGE_STYLES if pattern.match(line)), "")
+        print(painted(line, style))
 
 
 def put(text: str) -> None:

@@ -227,7 +227,7 @@ def _rules_file(data: bytes, _: Random) -> None:
 
 
 def _beside(data: bytes, _: Random) -> None:
-    from analyzer.model.notes import Notes
+    from analyzer.usernotes import Notes
 
     path = folder() / "bus.mcap"
     path.with_name("bus.mcap.rtuscope.json").write_bytes(data)
@@ -286,8 +286,8 @@ def targets() -> dict[str, Target]:
     from analyzer.checks.rulesfile import RulesFileError
     from analyzer.exports import ExportError
     from analyzer.filters import FilterError
-    from analyzer.model.notes import NotesError
     from analyzer.paste import PasteError
+    from analyzer.usernotes import NotesError
     from attack.mapfiles import map_targets
 
     readers = [

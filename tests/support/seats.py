@@ -64,7 +64,7 @@ class Seat:
         await self.pilot.pause()
 
     async def until(self, wanted: Callable[[], bool]) -> None:
-        for _ in range(500):
+        for _ in range(3000):
             if wanted():
                 return
             await asyncio.sleep(0.01)
