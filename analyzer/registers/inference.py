@@ -154,15 +154,14 @@ def _settle_mapped(run: Run, chart: RegisterMap) -> None:
 def _settle_clocks(run: Run) -> None:
     """Two registers that count seconds since 1970 as fast as time passes are that, and nothing else."""
     for (words, _), block in zip(run.series, run.blocks, strict=True):
-        seconds = (block.last_ns - block.first_ns) / 1e9
-        if seconds < _CLOCK_S or block.quantity < 2:
+        if block.last_ns - block.first_ns < _CLOCK_S * 1e9 or block.quantity < 2:
             continue
         for number in _PAIRS:
             order: Order = HYPOTHESES[number].order or "ABCD"
             ends = np.stack((words[0], block.last))
             pairs = patterns(np.stack((ends[:, :-1], ends[:, 1:]), axis=-1), order)
             for at in np.flatnonzero((pairs[0] >= roles.EPOCH[0]) & (pairs[1] > pairs[0])).tolist():
-                if roles.is_clock(pairs[:, at], seconds):
+                if roles.is_clock(pairs[:, at], block.first_ns, block.last_ns):
                     _settle(run, block.address - run.address + at, number)
 
 
@@ -233,7 +232,7 @@ def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None) -> Re
     signed = hypothesis.is_float or (row.is_signed if row is not None else roles.is_signed(series, hypothesis.words))
     floats = numbers(mine, device_order, is_float=hypothesis.is_float, signed=signed)
     ends = np.array([series[0], patterns(block.last[columns][None], device_order)[0]])
-    clock = hypothesis.family == "i32" and roles.is_clock(ends, (block.last_ns - block.first_ns) / 1e9)
+    clock = hypothesis.family == "i32" and roles.is_clock(ends, block.first_ns, block.last_ns)
     kind = _kind(hypothesis.is_float, series[:beginning], hypothesis.words, moved, clock, row)
     written = any(b.written and b.address <= run.address + cut.at < b.address + b.quantity for b in run.blocks)
     role = roles.role_of(kind, floats[:beginning], moved=moved, written=written or (row is not None and row.writable))

@@ -11,7 +11,9 @@ Floats = NDArray[np.float64]
 _ENOUGH: Final = 20  # readings, before states are told from numbers
 _STATES: Final = 8
 EPOCH: Final = (1.0e9, 4.2e9)  # seconds since 1970 that a clock may say
-_RATE: Final = (0.9, 1.1)
+_YEAR_S: Final = 366 * 86_400.0
+_UNDATED_S: Final = 120.0
+_RATE: Final = (0.99, 1.01)
 
 
 def is_signed(series: NDArray[np.uint64], words: int) -> bool:
@@ -61,10 +63,18 @@ def is_bcd(series: NDArray[np.uint64], words: int) -> bool:
     return bool(crossed.sum() >= 3 and jumps.sum() > 1.25 * smooth.sum())
 
 
-def is_clock(series: NDArray[np.uint64], seconds: float) -> bool:
-    """Whether it counts seconds since 1970, as fast as the time passes."""
+def is_clock(series: NDArray[np.uint64], begin_ns: int, end_ns: int) -> bool:
+    """Whether it counts seconds since 1970, as fast as the time passes from `begin_ns` to `end_ns`.
+
+    Many a counter grows by about one a second for a while: where the capture knows the date itself, a clock is within
+    a year of it; where it does not, some minutes tell.
+    """
     first, last = float(series[0]), float(series[-1])
+    seconds = (end_ns - begin_ns) / 1e9
     if not (EPOCH[0] <= first <= EPOCH[1] and seconds > 0):
+        return False
+    dated = begin_ns / 1e9 >= EPOCH[0]
+    if (dated and abs(first - begin_ns / 1e9) > _YEAR_S) or (not dated and seconds < _UNDATED_S):
         return False
     return _RATE[0] * seconds - 2 <= last - first <= _RATE[1] * seconds + 2
 
