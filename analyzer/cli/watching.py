@@ -150,7 +150,7 @@ class Watch:
             self._write(out)
             if self._arguments.duration and self.status.elapsed_ns >= self._arguments.duration * 1e9:
                 self._end()
-        if self._tell_cause is not None:
+        if self._tell_cause is not None and not self._over:  # who ends it by a condition has what he waited for
             self._write([*map(self._tell_cause, self._story.close())])
         self._clear()
         if self._status_shown:
