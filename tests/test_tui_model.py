@@ -150,10 +150,10 @@ def test_registers_are_the_newest_values_that_frames_carry(each: int) -> None:
     }
     for register in found[:: max(1, len(found) // 10)]:
         name = f"{'b' if register.area < 2 else 'r'}{register.address}"
-        values = expected[register.unit, areas[register.area], name]
+        past = expected[register.unit, areas[register.area], name]
         series = RegisterSeries(register.unit, register.area, register.address).extend(bus)
-        assert series.readings()[2][:, 0].tolist() == values
-        assert register.before == (values[-2] if len(values) > 1 else None)
+        assert series.readings()[2][:, 0].tolist() == past
+        assert register.before == (past[-2] if len(past) > 1 else None)
 
 
 def test_selections_hold_the_rows_that_pass_whenever_they_are_asked(troubled: Bus) -> None:

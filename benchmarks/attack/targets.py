@@ -11,7 +11,7 @@ from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
 from random import Random
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -131,12 +131,13 @@ TEXTS: Final = (
 
 def _parse(data: bytes, chance: Random) -> None:
     from analyzer.paste import read, tree
+    from analyzer.paste.mixing import Envelope
     from captures.text import encodings
 
     if encodings.is_binary(data):
         return
-    envelope = chance.choice(("auto", "auto", "rtu", "ascii", "tcp"))
-    role = chance.choice(("auto", "auto", "request", "response"))
+    envelope: Envelope = chance.choice(("auto", "auto", "rtu", "ascii", "tcp"))
+    role: Literal["auto", "request", "response"] = chance.choice(("auto", "auto", "request", "response"))
     paste = read(encodings.decoded(data), envelope, role)
     if chance.random() < 0.5:
         tree(paste, colour=chance.random() < 0.5, values=chance.random() < 0.5)
