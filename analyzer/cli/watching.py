@@ -143,7 +143,7 @@ class Watch:
                 if self._over:
                     break
             out += [self._lines.bus(finding) for finding in of_the_bus(step)]
-            if self._tell_cause is not None:
+            if self._tell_cause is not None and not self._over:
                 told = self._story.feed(step.batch, step.analysed.transactions, self._session.line)
                 out += map(self._tell_cause, told)
             out += self._revised(step)
