@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Final
 
 from .errors import CaptureError, os_reason
 
@@ -79,6 +79,18 @@ def other_kind(head: bytes) -> str | None:
     return None
 
 
+_READ: Final[list[BinaryIO]] = []  # files being read, for `share_read`
+
+
+def share_read() -> float | None:
+    """How much of the largest file that is being read was read, 0 to 1; None where none is."""
+    sizes = [(os.fstat(file.fileno()).st_size, file) for file in _READ if not file.closed]
+    if not sizes:
+        return None
+    size, file = max(sizes, key=lambda each: each[0])
+    return min(file.tell() / size, 1.0) if size else None
+
+
 @contextmanager
 def opened(path: Path) -> Iterator[BinaryIO]:
     """A regular file open for reading; failures to open or to read it raise CaptureError."""
@@ -89,7 +101,11 @@ def opened(path: Path) -> Iterator[BinaryIO]:
         if not stat.S_ISREG(mode):  # opening a device could wait, or read, for ever (for pipes: `captures.packed`)
             raise CaptureError(f"{path}: not a file but a device: save what it gives to a file first")
         with path.open("rb") as file:
-            yield file
+            _READ.append(file)
+            try:
+                yield file
+            finally:
+                _READ.remove(file)
     except FileNotFoundError as error:
         raise CaptureError(f"{path}: no such file") from error
     except PermissionError as error:

@@ -2,6 +2,7 @@
 
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,11 +10,16 @@ import time
 from pathlib import Path
 
 import pytest
+import yaml
 from running import ROOT, START, environment, ran, refused, spawned
 
+from analyzer.cli.app import Parser
 from analyzer.cli.commands import COMMANDS, load
+from analyzer.cli.manpage import man_page
+from analyzer.cli.terminal import progress_words
 from analyzer.version import __version__
 from captures import samples
+from captures.files import opened, share_read
 
 
 def test_the_version(capsys):
@@ -84,7 +90,16 @@ def test_completion_scripts(capsys, shell):
 @pytest.mark.skipif(os.name == "nt", reason="completion hands over by a descriptor")
 @pytest.mark.parametrize(
     ("line", "offered"),
-    [("rtuscope ex", {"export"}), ("rtuscope parse --as r", {"rtu"}), ("rtuscope export --fo", {"--format"})],
+    [
+        ("rtuscope ex", {"export"}),
+        ("rtuscope parse --as r", {"rtu"}),
+        ("rtuscope export --fo", {"--format"}),
+        ("rtuscope sniff rfc", {"rfc2217://"}),
+        ("rtuscope export bus.jsonl --filter respon", {"response", "response_time"}),
+        ("rtuscope report --map eastron-sdm6", {"eastron-sdm630"}),
+        ("rtuscope help glo", {"glossary"}),
+        ("rtuscope map sh", {"show"}),
+    ],
 )
 def test_completion_completes(tmp_path, line, offered):
     answers = tmp_path / "answers"
@@ -213,3 +228,54 @@ def test_a_broken_plug_in_is_named_and_left_out_and_the_others_are_not(tmp_path:
     done = spawned("export", tmp_path / "what.xyz", PYTHONPATH=paths)
     assert done.status == 2 and len(done.err.splitlines()) == 3, done
     assert "plug-in broken_format (broken_format:OFFERED) is left out: SystemExit: no license found" in done.err
+
+
+def test_the_manual_page_is_the_parser_s():
+    page = (ROOT / "docs" / "rtuscope.1").read_text(encoding="utf-8")
+    assert page == man_page(), "python -m analyzer.cli.manpage > docs/rtuscope.1"
+    assert all(f".SS rtuscope {name}" in page for name in COMMANDS)
+
+
+@pytest.mark.skipif(shutil.which("man") is None, reason="man is not installed")
+def test_the_manual_page_has_no_mistakes():
+    done = subprocess.run(["man", "-l", "--warnings", ROOT / "docs" / "rtuscope.1"], capture_output=True, text=True)
+    assert done.stderr == ""
+    assert "rtuscope export" in done.stdout
+
+
+def test_flags_that_other_tools_use(capsys, tmp_path):
+    bus, out = samples.path("troubled.jsonl"), tmp_path / "out.csv"
+    assert ran(capsys, "export", "-r", bus, "-Y", "exception", "-w", out).status == 0
+    assert out.read_text() == ran(capsys, "export", bus, "--filter", "exception", "--format", "csv").out
+    assert "-b 1 is not a rate" in refused(capsys, "sniff", "/dev/nowhere", "-b", "1", "-P", "E").replace(
+        "--baud", "-b"
+    )
+
+
+def test_the_recorder_s_sample_and_the_workflows_are_what_they_should_be():
+    compose = yaml.safe_load((ROOT / "packaging" / "compose.yaml").read_text())
+    words = compose["services"]["recorder"]["command"].split()
+    parser = Parser()
+    load(words[0]).configure(parser)
+    assert parser.parse_args(words[1:]).metrics == ("0.0.0.0", 9617)
+    tests = yaml.safe_load((ROOT / ".github" / "workflows" / "tests.yml").read_text())
+    assert tests["jobs"]["tests"]["strategy"]["matrix"]["python"] == ["3.11", "3.12", "3.13", "3.14"]
+    assert yaml.safe_load((ROOT / ".github" / "workflows" / "release.yml").read_text())
+
+
+def test_progress_tells_share_rate_and_time_left():
+    assert progress_words(0.25, 1000, 3_000_000, 5.0) == (
+        "25%, 1,000 frames, 3.0 MB of the line, 200 frames/s, 0:15 left"
+    )
+    assert "left" not in progress_words(0.25, 10, 1000, 0.5)
+    assert progress_words(None, 10, 1000, 1.0) == "10 frames, 0.0 MB of the line, 10 frames/s"
+
+
+def test_the_share_is_that_of_the_file(tmp_path):
+    path = tmp_path / "bus.bin"
+    path.write_bytes(bytes(1000))
+    assert share_read() is None
+    with opened(path) as file:
+        file.read(250)
+        assert share_read() == 0.25
+    assert share_read() is None

@@ -8,7 +8,7 @@ from buses import LINE, adu, spaced
 from running import ran, refused, spawned
 
 import captures
-from analyzer import settings
+from analyzer import settingfiles
 from captures import samples
 
 TROUBLED = samples.path("troubled.jsonl")
@@ -121,7 +121,9 @@ def test_the_users_file_is_where_platformdirs_has_it(monkeypatch):
     platformdirs = pytest.importorskip("platformdirs")
     for base in ("", "/somewhere"):
         monkeypatch.setenv("XDG_CONFIG_HOME", base)
-        assert settings.user_file() == str(platformdirs.user_config_path("rtuscope", appauthor=False) / "config.toml")
+        assert settingfiles.user_file() == str(
+            platformdirs.user_config_path("rtuscope", appauthor=False) / "config.toml"
+        )
 
 
 def test_words_that_are_nearly_right(capsys):

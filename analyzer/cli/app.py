@@ -17,6 +17,7 @@ from contextlib import suppress
 from typing import IO, Any, Final, NoReturn
 
 from ..meant import did_you_mean, meant
+from ..settingfiles import found_files
 from ..terminal_text import gated_streams
 from ..version import __version__
 from .commands import COMMANDS, Command, load
@@ -44,7 +45,10 @@ class Parser(argparse.ArgumentParser):
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """argparse's, but an option that is not known is told with the one that was meant."""
-        found, left = self.parse_known_args(args, namespace)
+        given = list(sys.argv[1:] if args is None else args)
+        if "-r" in given and any(action.dest == "capture" for action in self._get_positional_actions()):
+            given.remove("-r")  # as tshark names the file to read
+        found, left = self.parse_known_args(given, namespace)
         if left:
             near = did_you_mean(left[0].partition("=")[0], self._option_string_actions)
             self.error(f"unrecognized arguments: {' '.join(left)}{near}")
@@ -95,26 +99,38 @@ def _told(arguments: list[str]) -> int:
     return status
 
 
+def _with_settings(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
+    """What was typed, over what settings files say, where there are some; and the language in use from here on."""
+    if next(found_files(), None) is None:
+        given = parser.parse_args(arguments[1:])
+    else:
+        from .settling import settled
+
+        given = settled(parser, arguments[0], arguments[1:])
+    if getattr(given, "lang", None):
+        from ..languages import use
+
+        use(given.lang)
+    return given
+
+
 def _run(arguments: list[str]) -> int:
     if "_ARGCOMPLETE" in os.environ:
         import argcomplete
 
-        argcomplete.autocomplete(_parser(COMMANDS))
-    if arguments and arguments[0] in COMMANDS:  # the usual way: nothing of other commands is built
-        from .settling import settled
+        from .completing import complete_arguments
 
+        parser = command_line(COMMANDS)
+        complete_arguments(parser)
+        argcomplete.autocomplete(parser)
+    if arguments and arguments[0] in COMMANDS:  # the usual way: nothing of other commands is built
         command = load(arguments[0])
         parser = Parser(prog=f"rtuscope {arguments[0]}", **_look(arguments[0], command))
         command.configure(parser)
-        given = settled(parser, arguments[0], arguments[1:])
-        if getattr(given, "lang", None):
-            from ..languages import use
-
-            use(given.lang)
-        return command.run(given)
+        return command.run(_with_settings(parser, arguments))
     if arguments and not arguments[0].startswith("-"):
         raise UsageError(_unknown(arguments[0]))
-    parser = _parser(())
+    parser = command_line(())
     parser.parse_args(arguments)
     parser.print_help()
     return DONE
@@ -131,7 +147,7 @@ def _unknown(word: str) -> str:
     return f"no command {word!r}: {why} (see rtuscope --help)"
 
 
-def _parser(filled: Iterable[str]) -> Parser:
+def command_line(filled: Iterable[str]) -> Parser:
     """All commands by name; those in `filled` with their arguments too."""
     parser = Parser(
         prog="rtuscope",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any, Final
 
-from ..settings import SETTINGS, TABLES, SetValue, read_settings, user_file
+from ..settingfiles import user_file
+from ..settings import SETTINGS, TABLES, SetValue, read_settings
 from .app import DONE
 from .terminal import put_json
 

@@ -38,7 +38,9 @@ rtuscope convert bus.jsonl bus.mcap -o both.jsonl --port plc --port meter --shif
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("captures", nargs="+", metavar="IN", help=f"{CAPTURE_HELP}; several are merged by time")
-    parser.add_argument("-o", "--output", metavar="OUT", required=True, help="file to write; - is standard output")
+    parser.add_argument(
+        "-o", "-w", "--output", metavar="OUT", required=True, help="file to write; - is standard output"
+    )
     add_overwrite_argument(parser, "OUT")
     parser.add_argument(
         "--to-format", metavar="F", help="serial-chunks, mcap, pcapng, bin or text; by default OUT's suffix tells"

@@ -32,7 +32,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_capture_arguments(parser, format_flag=False)
     parser.add_argument(
-        "-o", "--output", metavar="OUT", default="-", help="file to write; - is standard output (default)"
+        "-o", "-w", "--output", metavar="OUT", default="-", help="file to write; - is standard output (default)"
     )
     add_overwrite_argument(parser, "OUT")
     parser.add_argument(

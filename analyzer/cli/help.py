@@ -33,24 +33,25 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print a page, or the list of them."""
-    pages = _pages()
+    found = pages()
     if arguments.topic is None:
-        for name, listed in sorted(pages.items()):
+        for name, listed in sorted(found.items()):
             print(f"{name:14}{_title(listed)}")
         print("\nrtuscope COMMAND --help tells of a command")
         return DONE
     if arguments.topic in COMMANDS:
         return main([arguments.topic, "--help"])
     topic = arguments.topic.lower().removesuffix(".md").removeprefix("docs/")
-    page = pages.get(topic) or pages.get(_ALIASES.get(topic, ""))
+    page = found.get(topic) or found.get(_ALIASES.get(topic, ""))
     if page is None:
-        near = did_you_mean(topic, [*pages, *_ALIASES, *COMMANDS])
+        near = did_you_mean(topic, [*found, *_ALIASES, *COMMANDS])
         raise UsageError(f"no page {arguments.topic!r}{near} (rtuscope help lists them)")
     print(page.read_text(encoding="utf-8"), end="")
     return DONE
 
 
-def _pages() -> dict[str, Path]:
+def pages() -> dict[str, Path]:
+    """The pages, by name."""
     folder = _INSTALLED if _INSTALLED.is_dir() else _HERE
     return {page.stem: page for page in folder.glob("*.md")}
 

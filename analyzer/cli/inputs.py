@@ -30,7 +30,8 @@ _LIMITS: Final = (  # flag, option, least and most in ms, help
     ("--idle-ms", "idle_ns", 5.0, 5000.0, "silence after which the line counts as quiet, 50 if not given"),
 )
 CAPTURE_HELP: Final = (
-    "a capture: .jsonl, .mcap, .pcapng, .sr, .vcd, .csv, .txt, .bin ... (rtuscope help formats); - is standard input"
+    "a capture: .jsonl, .mcap, .pcapng, .sr, .vcd, .csv, .txt, .bin ... (rtuscope help formats); - is standard input; "
+    "-r CAPTURE as well"
 )
 _READING: Final = (
     "baud",
@@ -64,8 +65,8 @@ def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
     group.add_argument(
         *flags, dest="input_format", metavar="NAME", help="its format: text, bin, pcap ... (rtuscope help formats)"
     )
-    group.add_argument("--baud", type=int, metavar="N", help="bit/s of the line")
-    group.add_argument("--parity", choices=("N", "E", "O", "M", "S"), help="none, even, odd, mark, space")
+    group.add_argument("-b", "--baud", type=int, metavar="N", help="bit/s of the line")
+    group.add_argument("-P", "--parity", choices=("N", "E", "O", "M", "S"), help="none, even, odd, mark, space")
     group.add_argument("--bits", type=int, choices=(7, 8), help="data bits of a character")
     group.add_argument("--stop", type=float, choices=(1, 1.5, 2), help="stop bits of a character")
     group.add_argument("--polarity", choices=POLARITIES, help="of a logic analyser's edges: inverted is low when idle")
@@ -94,7 +95,10 @@ def add_functions_argument(parser: argparse.ArgumentParser) -> None:
 def add_filter_argument(parser: argparse.ArgumentParser) -> None:
     """--filter."""
     parser.add_argument(
-        "--filter", metavar="EXPR", help="only what passes, such as 'unit == 17 and exception' (rtuscope help filters)"
+        "-Y",
+        "--filter",
+        metavar="EXPR",
+        help="only what passes, such as 'unit == 17 and exception' (rtuscope help filters)",
     )
 
 

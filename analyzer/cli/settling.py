@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from ..meant import did_you_mean
-from ..settings import SETTINGS, Setting, Settings, SetValue, found_files
+from ..settings import SETTINGS, Setting, Settings, SetValue, read_settings
 from .app import UsageError
 
 _TAPS: Final = ("sniff", "record", "tap")
@@ -17,10 +17,8 @@ _FREE: Final = ("config", "help", "completion")  # commands that settings in dis
 
 def settled(parser: argparse.ArgumentParser, command: str, arguments: Sequence[str]) -> argparse.Namespace:
     """The arguments, parsed; what is not given is as the settings have it. UsageError, SettingsError."""
-    if command in _FREE or not any(True for _ in found_files()):
+    if command in _FREE:
         return parser.parse_args(arguments)
-    from ..settings import read_settings
-
     settings = read_settings()
     usual = _prepare(parser, command, settings)
     found = parser.parse_args(arguments)

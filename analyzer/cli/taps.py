@@ -24,9 +24,9 @@ def add_tap_arguments(parser: argparse.ArgumentParser) -> None:
         "port", metavar="PORT", help="a serial port, or socket://HOST:PORT, rfc2217://HOST:PORT; never sent to"
     )
     taps = parser.add_argument_group("the tap")
-    taps.add_argument("--baud", default="auto", metavar="N", help="bit/s; auto finds it by listening (default)")
+    taps.add_argument("-b", "--baud", default="auto", metavar="N", help="bit/s; auto finds it by listening (default)")
     taps.add_argument(
-        "--parity", choices=("auto", "N", "E", "O"), default="auto", help="auto finds it with --baud auto, else N"
+        "-P", "--parity", choices=("auto", "N", "E", "O"), default="auto", help="auto finds it with --baud auto, else N"
     )
     taps.add_argument("--stop-bits", type=float, choices=(1, 1.5, 2), help="of the line's characters (1)")
     taps.add_argument("--data-bits", type=int, choices=(7, 8), help="7 on some lines in ASCII mode (8)")
@@ -47,6 +47,7 @@ def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) ->
     recording = parser.add_argument_group("the recording")
     recording.add_argument(
         "-o",
+        "-w",
         "--output",
         metavar="FILE",
         required=needed,

@@ -20,6 +20,8 @@ from dissectors.values import harmless
 from ..terminal_text import ERASE_LINE, painted, terminal_text
 
 _PERIOD_S = 0.2
+_LEAST_SHARE = 0.01  # and seconds, before which nobody can tell how long it takes
+_LEAST_S = 1.0
 
 
 class Progress:
@@ -28,22 +30,37 @@ class Progress:
     def __init__(self, label: str) -> None:
         self._label = label
         self._shown = False
-        self._next = time.monotonic() + 2 * _PERIOD_S if places(sys.stderr) else float("inf")
+        self._begun = time.monotonic()
+        self._next = self._begun + 2 * _PERIOD_S if places(sys.stderr) else float("inf")
 
     def __call__(self, frames: int, octets: int) -> None:
         """Say it, if the last time is long enough ago."""
         now = time.monotonic()
         if now < self._next:
             return
+        from captures.files import share_read
+
         self._next = now + _PERIOD_S
         self._shown = True
-        say_in_place(f"{self._label}: {frames:,} frames, {octets / 1e6:,.1f} MB of the line")
+        say_in_place(f"{self._label}: {progress_words(share_read(), frames, octets, now - self._begun)}")
 
     def clear(self) -> None:
         """Take the line away."""
         if self._shown:
             say_in_place("")
             self._shown = False
+
+
+def progress_words(share: float | None, frames: int, octets: int, elapsed_s: float) -> str:
+    """How far it is, how fast, and about how long it still takes; a share of nothing or of all says neither."""
+    known = share is not None and _LEAST_SHARE <= share < 1
+    parts = [f"{share:.0%}"] if share is not None and known else []
+    parts += [f"{frames:,} frames", f"{octets / 1e6:,.1f} MB of the line", f"{frames / elapsed_s:,.0f} frames/s"]
+    if share is not None and known and elapsed_s >= _LEAST_S:
+        left = elapsed_s * (1 - share) / share
+        minutes, seconds = divmod(round(left), 60)
+        parts.append(f"{minutes}:{seconds:02d} left")
+    return ", ".join(parts)
 
 
 class Stop:

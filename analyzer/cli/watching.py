@@ -55,7 +55,7 @@ def add_view_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = F
         "--influx", dest="view_format", action="store_const", const="influx", help="InfluxDB's line protocol"
     )
     view.add_argument("--noise", action="store_true", help="with --json and pcapng: the bytes in no frame, too")
-    view.add_argument("--filter", metavar="FILTER", help="show only frames that pass, such as 'unit == 17'")
+    view.add_argument("-Y", "--filter", metavar="FILTER", help="show only frames that pass, such as 'unit == 17'")
     view.add_argument("--count", type=int, metavar="N", help="stop after N frames shown")
     view.add_argument("--duration", type=seconds, metavar="TIME", help="stop after this time: 90s, 15min, 12h")
     view.add_argument("--until", metavar="FILTER", help="stop after a frame that passes: 'finding == \"no-response\"'")

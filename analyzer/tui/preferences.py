@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import captures
 
-from ..settings import user_folder
+from ..settingfiles import user_folder
 
 COLOURS: Final = ("red", "yellow", "green", "blue", "violet")
 _VERSION: Final = 1

@@ -286,8 +286,8 @@ def targets() -> dict[str, Target]:
     from analyzer.checks.rulesfile import RulesFileError
     from analyzer.exports import ExportError
     from analyzer.filters import FilterError
-    from analyzer.usernotes import NotesError
     from analyzer.paste import PasteError
+    from analyzer.usernotes import NotesError
     from attack.mapfiles import map_targets
 
     readers = [

@@ -1,0 +1,78 @@
+"""The manual page, made from the parser: `python -m analyzer.cli.manpage > docs/rtuscope.1`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+
+from .app import command_line
+from .commands import COMMANDS, load
+
+_EXITS = (
+    ("0", "done"),
+    ("1", "the input holds no frame, an assertion fails, or a recording lost bytes"),
+    ("2", "unusable arguments or input, with one line that says why"),
+    ("130", "ended by Ctrl-C; what was done is kept"),
+)
+_FILES = (
+    ("~/.config/rtuscope/config.toml", "your settings; `rtuscope config path` prints where they are elsewhere"),
+    ("rtuscope.toml", "a project's, in the working folder or above it"),
+)
+_ENVIRONMENT = (
+    ("NO_COLOR", "no colours"),
+    ("RTUSCOPE_CONFIG", "a settings file in place of yours; empty: none is read"),
+    ("RTUSCOPE_MQTT_PASSWORD", "of the broker of --mqtt"),
+    ("RTUSCOPE_DEBUG", "1: where an error came from"),
+)
+
+
+def man_page() -> str:
+    """The page, in roff."""
+    parser = command_line(COMMANDS)
+    lines = ['.TH RTUSCOPE 1 "" "rtuscope" "User Commands"', ".SH NAME", _text(f"rtuscope - {parser.description}")]
+    lines += [".SH SYNOPSIS", ".B rtuscope", r"\fICOMMAND\fR [\fIOPTION\fR ...]", ".SH COMMANDS"]
+    commands = next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+    for name, words in COMMANDS.items():
+        lines += [".SS " + _text(f"rtuscope {name}"), _text(f"{words[0].upper()}{words[1:]}.")]
+        lines += _arguments(commands.choices[name])
+        lines += [".P", "Example:", ".nf"]
+        lines += [rf"\&    {_text(line)}" for line in load(name).EXAMPLE.splitlines()]
+        lines += [".fi"]
+    for title, entries in (("EXIT STATUS", _EXITS), ("FILES", _FILES), ("ENVIRONMENT", _ENVIRONMENT)):
+        lines.append(f".SH {title}")
+        for term, words in entries:
+            lines += [".TP", f".B {_text(term)}", _text(words)]
+    lines += [
+        ".SH SEE ALSO",
+        "rtuscope help, which prints the documentation: formats, filters, checks, findings, causes",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _arguments(parser: argparse.ArgumentParser, begin: str = "") -> Iterator[str]:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            helps = {choice.dest: choice.help or "" for choice in action._choices_actions}
+            for name, inner in action.choices.items():
+                yield from (".TP", rf".B {_text(f'{begin}{name}')}", _text(helps.get(name, "")))
+                yield from (".RS", *_arguments(inner), ".RE")
+        elif action.help not in (None, argparse.SUPPRESS) and action.dest != "help":
+            yield from (".TP", _term(action), _text((action.help or "").replace("%%", "%")))
+
+
+def _term(action: argparse.Action) -> str:
+    name = action.metavar or (f"{{{','.join(map(str, action.choices))}}}" if action.choices else action.dest.upper())
+    value = "" if action.nargs == 0 else rf" \fI{_text(name if isinstance(name, str) else ' '.join(name))}\fR"
+    if not action.option_strings:
+        return value.strip()
+    return ", ".join(rf"\fB{_text(flag)}\fR" for flag in action.option_strings) + value
+
+
+def _text(text: str) -> str:
+    """A line of text as roff takes it."""
+    escaped = text.replace("\\", r"\e").replace("-", r"\-").replace("\n", " ")
+    return rf"\&{escaped}" if escaped[:1] in (".", "'") else escaped
+
+
+if __name__ == "__main__":
+    print(man_page(), end="")
