@@ -143,14 +143,14 @@ class Watch:
                 if self._over:
                     break
             out += [self._lines.bus(finding) for finding in of_the_bus(step)]
-            if self._tell_cause is not None:
+            if self._tell_cause is not None and not self._over:
                 told = self._story.feed(step.batch, step.analysed.transactions, self._session.line)
                 out += map(self._tell_cause, told)
             out += self._revised(step)
             self._write(out)
             if self._arguments.duration and self.status.elapsed_ns >= self._arguments.duration * 1e9:
                 self._end()
-        if self._tell_cause is not None:
+        if self._tell_cause is not None and not self._over:  # who ends it by a condition has what he waited for
             self._write([*map(self._tell_cause, self._story.close())])
         self._clear()
         if self._status_shown:

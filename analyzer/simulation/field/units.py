@@ -20,6 +20,7 @@ from .wire import Burst, FieldWire
 
 MS = 1e6
 _READS = (1, 2, 3, 4)
+_MOST_BITS, _MOST_WORDS = 2000, 125  # of one read
 _AGAIN_NS = 300 * MS
 Tamper = Callable[[bytes, bytes, float], bytes | None]  # request PDU, answer PDU, time: what is answered instead
 Shape = Callable[[Burst, Random], None]
@@ -128,6 +129,8 @@ class FieldUnit:
         function = pdu[0]
         if function in _READS and len(pdu) >= 5:
             address, quantity = struct.unpack(">HH", pdu[1:5])
+            if not 0 < quantity <= (_MOST_BITS if function <= 2 else _MOST_WORDS):
+                return bytes((function | 0x80, 3))
             if function <= 2:
                 bits = [word & 1 for word in self.bits.read(address, quantity, t)]
                 packed = bytes(sum(bit << i for i, bit in enumerate(bits[k : k + 8])) for k in range(0, len(bits), 8))
