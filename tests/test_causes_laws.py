@@ -82,7 +82,10 @@ def test_the_same_story_however_it_was_read(name: str) -> None:
     assert [(c.cause, c.units, c.lost_answers) for c in pieces] == [(c.cause, c.units, c.lost_answers) for c in whole]
 
 
-def test_without_times_no_time_is_said() -> None:
-    made = field_cases()["dead-unit"].capture("untimed", 4)
-    for cause in causes_in(capture_of(made)):
+@pytest.mark.parametrize("name", ["absent-units", "bias", "driver-enabled-late"])
+def test_without_times_no_time_is_said(name: str) -> None:
+    made = field_cases()[name].capture("untimed", 4)
+    causes = causes_in(capture_of(made))
+    assert causes
+    for cause in causes:
         assert (cause.since_ns, cause.until_ns, cause.period_s, cause.lost_ms) == (None,) * 4

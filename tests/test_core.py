@@ -245,7 +245,10 @@ def said_by(parts, name):
 
 def test_findings_settle_with_the_rows_that_they_stand_on():
     for sample in ("troubled.jsonl", "mbpoll.mcap"):
+        placed_in_all = 0
         for part in analyse(captures.open(samples.path(sample))):
             assert isinstance(part, Analysed)
             placed = part.findings[part.findings["start"] >= 0]
             assert len(placed) == int((part.batch.finding_rows >= 0).sum())
+            placed_in_all += len(placed)
+        assert placed_in_all

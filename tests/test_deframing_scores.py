@@ -12,7 +12,14 @@ from analyzer.simulation import Scenario, write
 
 bench = script("score_corpus")
 
-# wire: (F1, direction, pairing) that a capture must reach
+# (F1, direction, pairing) that is reached, of the shared captures that are not read perfectly: no digit may be lost
+REACHED = {
+    "brutal-gateway": (1.0, 0.99834, 0.99593),
+    "brutal-irq": (1.0, 0.99681, 0.99245),
+    "brutal-precise": (1.0, 0.99835, 0.99595),
+    "brutal-untimed": (0.99916, 1.0, 1.0),
+}
+# wire: the same that a capture of a fresh seed must reach
 FLOORS = {
     "clean": (1.0, 1.0, 1.0),
     "hard": (1.0, 0.999, 0.999),
@@ -27,8 +34,8 @@ _corpus = sorted(p.stem for p in SHARED.glob("corpus/simulated/*.jsonl") if ".tr
 _real = sorted(p.stem for p in SHARED.glob("corpus/real/*.jsonl") if ".truth" not in p.suffixes)
 
 
-def check(path: Path) -> None:
-    f1, direction, pairing = FLOORS[path.stem.split("-")[0]]
+def check(path: Path, floors: tuple[float, float, float]) -> None:
+    f1, direction, pairing = floors
     result = bench.score(bench.load(path.with_suffix(".truth.jsonl")), bench.predictions(path))
     assert result.f1 >= f1, result
     assert result.direction >= direction, result
@@ -37,7 +44,7 @@ def check(path: Path) -> None:
 
 @pytest.mark.parametrize("name", _corpus or ["clean-precise"])
 def test_the_shared_simulated_captures(name: str) -> None:
-    check(shared(f"corpus/simulated/{name}.jsonl"))
+    check(shared(f"corpus/simulated/{name}.jsonl"), REACHED.get(name, (1.0, 1.0, 1.0)))
 
 
 @pytest.mark.parametrize("name", _real or ["pymodbus_rtu"])
@@ -60,4 +67,4 @@ def test_the_shared_real_captures_every_frame_and_nothing_false(name: str) -> No
 def test_captures_that_nobody_tuned_for(wire: str, tap: str, seed: int, tmp_path: Path) -> None:
     path = tmp_path / f"{wire}-{tap}.jsonl"
     write(Scenario(wire, tap, transactions=250, seed=seed), path)
-    check(path)
+    check(path, FLOORS[wire.split("-")[0]])

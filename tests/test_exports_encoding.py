@@ -103,7 +103,9 @@ def test_unknown_functions_and_scraps_read_as_annotated(frames: list[tuple[int, 
 @pytest.mark.parametrize("rows", [0, 1, 7])
 def test_samples_with_noise_and_reasons(name: str, rows: int) -> None:
     encoder = FrameJsonLines(explain=True, noise=True)
-    for batch in deframe(analyzer.open(path(name)).capture, Options(explain=True)):
+    batches = list(deframe(analyzer.open(path(name)).capture, Options(explain=True)))
+    assert batches
+    for batch in batches:
         assert written(batch, encoder, rows) == due(batch, noise=True, explain=True)
 
 

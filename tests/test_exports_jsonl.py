@@ -63,7 +63,9 @@ def test_noise_lines_make_them_tile(capsys, bus):
 
 
 def test_explain_tells_evidence_and_the_runner_up(capsys, bus):
-    for frame in lines(ran(capsys, "export", bus, "--explain").out):
+    explained = lines(ran(capsys, "export", bus, "--explain").out)
+    assert explained
+    for frame in explained:
         why = frame["explain"]
         assert list(why) == ["length", "crc", "silence", "conversation", "margin", "runner_up"]
         assert set(why["runner_up"]) == {"start", "length", "kind"}

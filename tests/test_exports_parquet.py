@@ -86,6 +86,7 @@ def test_any_bytes(tmp_path: Path, chunks: Any) -> None:
 
 def test_reasons_are_columns(tmp_path: Path) -> None:
     rows, lines = both(lambda: captures.open(path("troubled.jsonl")), tmp_path, noise=True, explain=True)
+    assert any(row["kind"] == "frame" for row in rows)
     for row, line in zip(rows, lines, strict=True):
         if row["kind"] == "frame":
             why = line["explain"]

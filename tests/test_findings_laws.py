@@ -84,6 +84,7 @@ def test_the_same_where_a_damaged_frame_and_the_noise_behind_it_are_one(defect: 
 def test_a_finding_stands_on_a_row_of_its_batch_or_on_the_bus(tap: str) -> None:
     made = simulate(Scenario("brutal", tap, transactions=300, seed=3))
     analysed = held(made.chunks, made.line)
+    assert sum(len(part.findings) for part in analysed) > 20
     for part in analysed:
         rows = part.batch.rows
         starts = dict(zip(rows["start"].tolist(), rows["index"].tolist(), strict=True))

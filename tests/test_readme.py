@@ -41,5 +41,7 @@ def test_the_vendor_function(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 
 def test_every_file_that_is_named_exists() -> None:
-    for name in re.findall(r"\]\(([^)#:]+)\)", README):
+    names = re.findall(r"\]\(([^)#:]+)\)", README)
+    assert names
+    for name in names:
         assert (ROOT / name).exists(), name

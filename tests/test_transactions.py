@@ -153,5 +153,6 @@ def test_an_answer_beyond_three_waits_of_the_master_shifts_nothing() -> None:
     chunks = spaced([READ, asked, values, other], gap_ns=200_000_000)
     late = [replace(c, t_ns=c.t_ns + 60_000_000_000) for c in spaced([other, ANSWER, its_answer])]
     found = transactions(chunks + late)
-    assert found["response"].tolist()[1] == 2
+    assert found["status"].tolist()[:2] == [Status.UNANSWERED, Status.ANSWERED]
+    assert found["response"][1] == 2
     assert not found["late"][1]

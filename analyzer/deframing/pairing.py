@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dissectors.answers import expectation
 
 from ..tables.schema import Kind, Rows
+from ..tables.transactions import LATE_NS, LATE_WAITS
 from .conversation import responses_fit
 from .rules import Bytes, Index
 from .wireorder import Across
@@ -35,6 +36,13 @@ class _OpenRow:
     read: int
     place: int  # bytes before it on the bus, all ports together
     adu: bytes
+    t_next: int | None = None  # start of the next request on its port
+
+    def expects_by(self, t_ns: int) -> bool:
+        """Whether an answer may come then: soon enough after the master went on, if it did."""
+        if self.t_next is None:
+            return True
+        return t_ns - self.t_end <= max(LATE_NS, LATE_WAITS * (self.t_next - self.t_end))
 
 
 class _PairingColumns(NamedTuple):
@@ -97,6 +105,7 @@ class Pairer:
         settled = np.zeros(len(frames), np.bool_)
         settled[follows] = settled[follows - 1] = True
         loose = (~settled).nonzero()[0]
+        requests = frames.compress(kind == _REQUEST)
         for i in _still_open(loose, kind).tolist() if len(loose) else ():
             row = int(frames[i])
             begin = int(rows["at"][row])
@@ -104,9 +113,11 @@ class Pairer:
             if kind[i] == _REQUEST:
                 self._ask(rows, row, adu, int(tail[row]), int(place[row]))
             else:
+                self._went_on(columns, requests[: requests.searchsorted(row)], rows)
                 other = across is not None and bool(across.answers[row])
                 asking = across.requests if across is not None and other else int(rows["port"][row])
                 self._answer(rows, row, adu, int(head[row]), int(place[row]), asking, earlier)
+        self._went_on(columns, requests, rows)
         if across is not None:
             told = rows["response_ns"]
             told[across.answers & (told <= across.unsure_ns)] = -1
@@ -120,6 +131,13 @@ class Pairer:
         )
         self._open = [*self._open[-_OPEN:], opened]  # one too many, for an answer right behind it closes it at once
 
+    def _went_on(self, columns: _PairingColumns, requests: Index, rows: Rows) -> None:
+        """These requests came so far: each open one learns when the next one on its port began."""
+        for opened in self._open:
+            if opened.t_next is None:
+                behind = requests[(columns.port[requests] == opened.port) & (rows["index"][requests] > opened.index)]
+                opened.t_next = int(columns.t_start[behind[0]]) if len(behind) else None
+
     def _answer(
         self, rows: Rows, row: int, adu: bytes, read: int, place: int, port: int, earlier: dict[int, bytes]
     ) -> None:
@@ -129,7 +147,9 @@ class Pairer:
         if not any(o.index == before and o.port == port and expectation(o.adu).fits(adu) for o in newest):
             self._open = self._open[-_OPEN:]
         self._open = [o for o in self._open if place - o.place <= _REACH]
-        found = next((o for o in reversed(self._open) if o.port == port and expectation(o.adu).fits(adu)), None)
+        now = int(rows["t_start"][row])
+        fitting = (o for o in reversed(self._open) if o.port == port and expectation(o.adu).fits(adu))
+        found = next((o for o in fitting if o.expects_by(now)), None)
         if found is None:
             return
         self._open.remove(found)

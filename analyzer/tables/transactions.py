@@ -26,6 +26,8 @@ from .frame import adu_of
 from .schema import Kind, Protocol, Rows
 
 ECHOED: Final = np.isin(np.arange(256), (5, 6, 22))  # functions whose answer is their request once more
+LATE_WAITS: Final = 3  # so many of the master's waits after a request, beyond which an answer is not late but another's
+LATE_NS: Final = 3_000_000_000  # and so long at least: not every tap tells how long the master waits
 NEVER: Final = -(1 << 62)  # a time that is none
 _PATIENCE: Final = 16  # frames after a request, beyond which no answer is waited for
 _PIPELINED: Final = 1024  # the same over Modbus TCP, where many connections and transactions are open at once
@@ -33,8 +35,6 @@ _REACH: Final = 1 << 16  # and bytes, noise included
 _GLITCHES: Final = (0x00, 0xFE, 0xFF)  # noise bytes that say nothing
 _MIN_ADU: Final = 4
 _TRANSACTION_ID: Final = 2  # bytes, anew in each request over Modbus TCP
-_LATE_WAITS: Final = 3  # so many of the master's waits after a request, beyond which an answer is not late but lost
-_LATE_NS: Final = 1_000_000_000  # and so long at least: not every tap tells how long the master waits
 _ALIKE: Final = 2  # bytes in which a damaged request may differ from its repetition
 
 
@@ -223,7 +223,7 @@ class Transactions:
         answers = [*chain[1:], place]  # of each, where that stood which it had
         told = opened[answers]
         waited = told["t_response"] - opened["t_request"][chain]
-        patience = max(_LATE_NS, _LATE_WAITS * (int(opened["t_next"][place]) - int(opened["t_request"][place])))
+        patience = max(LATE_NS, LATE_WAITS * (int(opened["t_next"][place]) - int(opened["t_request"][place])))
         if len(chain) < 2 or (np.diff(told["response"]) < 0).any() or waited.max() > patience:
             return
         mistaken = told["mistaken"] | ~told["late"]  # what was in time for the newest request fits that

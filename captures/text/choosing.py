@@ -21,6 +21,7 @@ from .rows import ROWS, shows
 
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value
+_PAIR_AND_BLANK: Final = 3  # characters
 _ENOUGH: Final = 0.5  # of a number's bytes that a check value must cover
 _AROUND: Final = " \t|<>"  # signs around the characters of a row
 _MARKED: Final = "\0marked"  # in place of the label, for all runs behind direction marks
@@ -77,6 +78,7 @@ class ByteRun:
     checked: Sequence[Checked] = ()
     taken: bool = False
     why: str | None = None  # it was not taken
+    arrow: bool = False  # its mark is no word: `->` may join who asks to who answers
     others: Sequence[HexWindow] = ()  # the same characters read otherwise
     rivals: Sequence[str] = ()
 
@@ -84,7 +86,8 @@ class ByteRun:
         """The same before it was decided on."""
         return ByteRun(
             self.data, self.start, self.end, self.shape, self.level, self.label, self.mark, self.direct, "", self.ascii,
-            self.cut, self.offset, self.halved, checked=self.checked, others=self.others, rivals=self.rivals,
+            self.cut, self.offset, self.halved, checked=self.checked, arrow=self.arrow, others=self.others,
+            rivals=self.rivals,
         )  # fmt: skip
 
     def take(self, candidate: HexWindow | ByteRun) -> None:
@@ -135,6 +138,10 @@ def runs_in(line: TextLine, judge: Judge, experience: Experience) -> list[ByteRu
         ranked += [_ranked(candidate, line, judge, experience) for candidate in other_candidates(line)]
     if not ranked:
         return []
+    rows = {(entry.candidate.start, entry.candidate.shape) for entry in ranked if entry.candidate.offset is not None}
+    ranked = [  # of a row of a dump the first byte is no word before the others
+        entry for entry in ranked if (entry.candidate.start - _PAIR_AND_BLANK, entry.candidate.shape) not in rows
+    ]
     offsets = {entry.candidate.lead for entry in ranked if entry.candidate.offset is not None}
     ranked.sort(key=lambda entry: (entry.candidate.start not in offsets, *entry.rank), reverse=True)
     places: list[tuple[int, int, ByteRun]] = []  # of the runs chosen, in order

@@ -337,7 +337,7 @@ def _with_marks(text: str, runs: list[ByteRun], found: list[LineMark]) -> None:
             if not (mark.arrow and ((newest is not None and newest.plain) or runs[0].end <= mark.start)):
                 newest = mark
         if newest is not None:
-            run.mark = newest.mark
+            run.mark, run.arrow = newest.mark, newest.arrow
             run.direct = not _WORD.search(text, newest.end, run.start)
     if len(runs) == 1 and not runs[0].mark:
         behind = [mark for mark in found if mark.start >= runs[0].end and not mark.arrow]

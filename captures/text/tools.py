@@ -257,6 +257,11 @@ SHAPES = (
         re.compile(r"^\s+(?:STATUS_\w+|IOCTL_\w+ - .*|(?=[A-Za-z]*[g-zG-Z])[A-Za-z]+ - \w+)\s*$"),
     ),
     Shape(
+        "Device Monitoring Studio",
+        LineRole.HEADER,
+        re.compile(r"^\d{6}: (?P<mark>Read|Write) Request \((?:UP|DOWN)\), (?P<time>\d[\d./-]+ \d\d:\d\d:\d\d\.\d+)"),
+    ),
+    Shape(
         "Free Serial Analyzer",
         LineRole.HEADER,
         re.compile(r"^\[(?P<time>\d[^\]]+)\] (?P<mark>Written|Read) data \(\S+\)\s*$"),

@@ -44,5 +44,7 @@ SHAPES: Final[dict[str, Style]] = {
     "station named": lambda log, rng: "波特率9600，8位数据位，1位停止位，无校验，从机地址01\n" + "\n".join(f"{word(m, '上位机发送', '下位机返回')}：{spaced(m.data)}" for m in log),
     "wrapped at 40": lines_of(lambda m: "\n".join(f"[{m.clock}] {word(m, 'TX', 'RX')}: {spaced(m.data)}"[at : at + 40] for at in range(0, len(f"[{m.clock}] TX: {spaced(m.data)}"), 40))),
     "values beneath": lines_of(lambda m: f"{m.clock} {word(m, 'TX', 'RX')}: {ox(m.data)}\n    unit={m.data[0]} fc={m.data[1]} crc={m.data[-2]:02X}{m.data[-1]:02X} OK"),
+    "arrow between names": lines_of(lambda m: f"{word(m, 'PC->Device', 'Device->PC')}: {spaced(m.data)}"),
+    "Device Monitoring Studio": lambda log, rng: "\n".join(f"{i:06d}: {word(m, 'Write Request (DOWN)', 'Read Request (UP)')}, 21.11.2026 {m.clock}0000 +0.0\n\n" + dump(m.data, lambda at, row: f" {row.hex(' ')}   {shown(row)}") + "\n" for i, m in enumerate(log)),
     "hex, then decimal": lines_of(lambda m: f"{word(m, 'TX', 'RX')} HEX: {spaced(m.data)}\n{word(m, 'TX', 'RX')} DEC: {' '.join(map(str, m.data))}"),
 }  # fmt: skip
