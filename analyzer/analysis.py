@@ -118,7 +118,10 @@ class Analysis:
 
     def frames(self) -> Iterator[Frame]:
         """Every frame, in wire order, with its findings."""
-        return (frame for analysed in self.analysed() for frame in analysed.batch.frames())
+        from .exports.encoding import FramesAhead
+
+        told = FramesAhead().of
+        return (frame for analysed in self.analysed() for frame in analysed.batch.frames(told))
 
     def findings(self) -> Iterator[Finding]:
         """What is wrong, in wire order batch by batch; what concerns the bus as a whole comes last."""

@@ -38,13 +38,15 @@ class Analysed:
     Of an `Analyzer`'s results the transactions are those that the batch's requests began, and the findings those on its
     rows and, in the last one, those about the bus as a whole. Of its `latest` both may speak of rows before.
     `batch.findings` are those of `findings` that stand on its rows. `skew` is what is known at the end of the clocks of
-    two taps, in the last one.
+    two taps, in the last one. `off_ns`: by how much response times may be wrong, as far as is known by now; 0 where
+    they are measured, infinite where this tap cannot tell them.
     """
 
     batch: Batch
     transactions: Rows
     findings: Findings
     skew: ClockSkew | None = None
+    off_ns: float = 0.0
 
     @classmethod
     def nothing(cls) -> Analysed:
@@ -135,7 +137,7 @@ class Analyzer:
             join_rows((self._latest.findings, findings)),
         )
         self._unsettled.add_said(transactions, findings)
-        last = settled + list(self._unsettled.rest())
+        last = settled + [replace(analysed, off_ns=self._judge.off_ns) for analysed in self._unsettled.rest()]
         return [*last[:-1], replace(last[-1], skew=self._deframer.skew)] if last else last
 
     def _count(self, octets_by_port: Mapping[int, int]) -> None:
@@ -155,7 +157,8 @@ class Analyzer:
         if self._judge.waits:
             return []
         open_from = self._judge.open_from
-        return list(self._unsettled.settled(None if open_from is None else open_from + self._origin.frames))
+        settled = self._unsettled.settled(None if open_from is None else open_from + self._origin.frames)
+        return [replace(analysed, off_ns=self._judge.off_ns) for analysed in settled]
 
 
 class _Unsettled:

@@ -13,7 +13,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -55,7 +55,7 @@ def example(run: Run, device: MadeDevice, number: int) -> Example | None:
     return None
 
 
-def entries_of(codes: Sequence, longest: int) -> list[NDArray[np.int64]]:
+def entries_of(codes: Sequence[Mapping[str, NDArray[np.int64]]], longest: int) -> list[NDArray[np.int64]]:
     found = []
     for by_table in codes:
         columns = []
@@ -219,8 +219,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--rounds", type=int, default=70)
     parser.add_argument("--strength", type=float, default=1.5)
-    parser.add_argument("--temperature", type=float, default=0.85)
-    parser.add_argument("--lone", type=float, default=0.4, help="nats against 32 bits where one word moved")
+    parser.add_argument("--temperature", type=float, default=0.9)
+    parser.add_argument("--lone", type=float, default=0.35, help="nats against 32 bits where one word moved")
     parser.add_argument("--misses", action="store_true", help="print each miss of a held-out family")
     parser.add_argument("--only-fold", type=int)
     parser.add_argument("-o", default=str(OUT))

@@ -26,6 +26,7 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import pymodbus
@@ -178,8 +179,8 @@ def talk(port: str, rounds: int, *, trouble: bool) -> None:
     for number in range(rounds):
         for unit in UNITS:
             calls: list[Callable[[], object]] = [
-                lambda u=unit: client.read_holding_registers(107, count=3, device_id=u),
-                lambda u=unit: client.read_input_registers(8, count=chance.choice((1, 10)), device_id=u),
+                partial(client.read_holding_registers, 107, count=3, device_id=unit),
+                partial(client.read_input_registers, 8, count=chance.choice((1, 10)), device_id=unit),
             ]
             extra = [
                 lambda u=unit: client.read_coils(19, count=37, device_id=u),
@@ -196,7 +197,7 @@ def talk(port: str, rounds: int, *, trouble: bool) -> None:
             ]
             calls.append(extra[(number * len(UNITS) + UNITS.index(unit)) % len(extra)])
             if trouble and unit == 2:
-                calls.append(lambda u=unit: client.read_holding_registers(195, count=10, device_id=u))
+                calls.append(partial(client.read_holding_registers, 195, count=10, device_id=unit))
             for call in calls:
                 attempt(client, call)
                 time.sleep(0.004)

@@ -109,7 +109,7 @@ def tallied(device: MadeDevice, weights: Weights, tally: Tally) -> None:
             tally.sure.append((cut.confidence, truths.get((area, address), 0) == number))
 
 
-def _kinds(row, mine) -> list[str]:  # type: ignore[no-untyped-def]
+def _kinds(row, mine) -> list[str]:
     kinds = ["all"]
     if row.length == 1:
         kinds.append("16-bit")

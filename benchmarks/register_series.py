@@ -18,7 +18,7 @@ from analyzer.registers.hypotheses import HYPOTHESES
 from analyzer.registers.readings import RegisterReadings
 from analyzer.simulation.mapped.client import MappedClient
 from dissectors.maps import RegisterMap, read_map, shipped_map, shipped_names
-from dissectors.maps.model import MappedValue
+from dissectors.maps.model import MapArea, MappedValue
 
 LAYOUTS = Path(__file__).parent / "layouts"
 OTHER_ORDER = {"ABCD": "CDAB", "CDAB": "ABCD"}
@@ -71,7 +71,9 @@ def made_device(
         chart = moved(chart, random)
     client = MappedClient(random, [(1, chart)], wild)
     device = client.devices[0]
-    blocks = {(poll.area, poll.address, poll.quantity): [] for poll in client.polls}
+    blocks: dict[tuple[MapArea, int, int], list[list[int]]] = {
+        (poll.area, poll.address, poll.quantity): [] for poll in client.polls
+    }
     for _ in range(polls):
         device.step()
         for area, address, quantity in blocks:

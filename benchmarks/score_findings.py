@@ -82,11 +82,11 @@ def agrees(due: TruthFinding, said: Finding) -> bool:
             spans = [(numbers.get(f"{which}first"), numbers.get(f"{which}last")) for which in ("", "second_")]
             return any(a is not None and b is not None and a <= detail["byte"] <= b for a, b in spans)
         case "crc-variant":
-            return VARIANTS[int(numbers["variant"])].name == detail["variant"]
+            return bool(VARIANTS[int(numbers["variant"])].name == detail["variant"])
         case "truncated":
             return "due" not in numbers or numbers["due"] <= detail["due"]
         case "slow-device":
-            return numbers["unit"] == detail["unit"]
+            return bool(numbers["unit"] == detail["unit"])
         case _:
             return True
 

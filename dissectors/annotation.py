@@ -20,7 +20,7 @@ from .length_rules import Role
 from .lengths import layout
 from .parts import AnyConstruct
 from .registry import function as declared
-from .registry import function_class, function_name
+from .registry import function_class, function_code, function_name
 from .tracing import record
 
 __all__ = ["Context", "Field", "annotate", "summary"]
@@ -114,7 +114,7 @@ def function_field(data: bytes, at: int, role: Role) -> Field:
     code = data[at]
     raw = f"{code:02x}"
     kind = function_class(code)
-    text = f"{code & ~EXCEPTION:02X} {function_name(code)}"
+    text = f"{function_code(code)} {function_name(code)}"
     if code & EXCEPTION and role is Role.RESPONSE:
         parts = (
             Field("exception_flag", at, 1, True, raw, "exception", 7, 1),
@@ -123,7 +123,7 @@ def function_field(data: bytes, at: int, role: Role) -> Field:
         return Field("function", at, 1, code, raw, f"exception to {text}", fields=parts)
     problem = None
     if code & EXCEPTION:
-        text, problem = f"{code:02X}", "function codes of requests are 1 to 127"
+        text, problem = f"0x{code:02X}", "function codes of requests are 1 to 127"
     elif kind == "invalid":
         problem = "function codes are 1 to 127"
     return Field("function", at, 1, code, raw, text, problem=problem)

@@ -47,6 +47,7 @@ class _CompiledRules:
         self.relations: dict[int, tuple[Echo | RequestedByteCount, ...]] = {}
 
 
+_ROLES: Final = tuple(Role)
 _cache: list[_CompiledRules] = []
 
 
@@ -114,6 +115,10 @@ def pdu_length(pdu: bytes, role: Role) -> int | None:
     known = rule(pdu[0], role)
     if known is None:
         return -1 if pdu[0] & EXCEPTION or not pdu[0] else None
+    return _length_by(known, pdu)
+
+
+def _length_by(known: LengthRule, pdu: bytes) -> int | None:
     if known.walk is not None:
         return known.walk(pdu)
     for check in known.checks:
@@ -129,12 +134,14 @@ def pdu_length(pdu: bytes, role: Role) -> int | None:
 
 def sound_roles(pdu: bytes) -> tuple[Role, ...]:
     """The roles in which a whole PDU is of a declared function and as long as that predicts."""
-    return tuple(role for role in Role if _sound(pdu, role))
-
-
-def _sound(pdu: bytes, role: Role) -> bool:
-    declared = rule(pdu[0], role) if pdu else None
-    return declared is not None and (declared.variable or pdu_length(pdu, role) == len(pdu))
+    if not pdu:
+        return ()
+    rules, code, size = _all().rules, pdu[0], len(pdu)
+    return tuple(
+        role
+        for role in _ROLES
+        if (known := rules.get((code, role))) is not None and (known.variable or _length_by(known, pdu) == size)
+    )
 
 
 def plausibility(pdu: bytes, role: Role) -> list[str]:

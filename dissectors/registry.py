@@ -43,6 +43,12 @@ def function_name(code: int) -> str:
     return declared.name if declared is not None else f"{class_of(code)} function {code}"
 
 
+def function_code(code: int) -> str:
+    """How people are told a function code, units and addresses being decimal: `FC 16 (0x10)`; exception bit ignored."""
+    code &= ~EXCEPTION
+    return f"FC {code} (0x{code:02X})"
+
+
 def function_class(code: int) -> str:
     """public, user-defined, reserved, unassigned or invalid ([1] 5), whoever has declared it."""
     code &= ~EXCEPTION

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -94,7 +96,7 @@ def test_order_is_kept_across_the_blocks_of_a_source() -> None:
     class Source:
         line, timed = LineSettings(), True
 
-        def blocks(self, max_bytes: int, note: object):  # type: ignore[no-untyped-def]
+        def blocks(self, max_bytes: int, note: object) -> Iterator[Block]:
             del max_bytes, note
             for t in (10, 8, 9, 12):
                 yield Block.from_chunks([Chunk(t, b"a")])
@@ -113,7 +115,7 @@ def test_damage_is_bounded_and_counted() -> None:
     class Source:
         line, timed = LineSettings(), True
 
-        def blocks(self, max_bytes: int, note):  # type: ignore[no-untyped-def]
+        def blocks(self, max_bytes: int, note: Callable[[str, str], object]) -> Iterator[Block]:
             del max_bytes
             for i in range(1000):
                 note(f"line {i}", "bad")

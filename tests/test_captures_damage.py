@@ -202,7 +202,7 @@ def test_messages_that_the_summary_counts_and_nobody_finds_are_told(tmp_path: Pa
             )
         writer.add_message(ids[channel.topic], message.log_time, message.data, message.publish_time)
     writer._Writer__statistics.channel_message_counts[ids[TOPIC]] += 2  # type: ignore[attr-defined]
-    writer.finish()  # type: ignore[no-untyped-call]
+    writer.finish()
     capture = opened(tmp_path, out.getvalue())
     assert parts(capture) == whole_parts()
     assert [damage.what for damage in capture.damage] == [f"2 of 26 messages on {TOPIC} are not there"]

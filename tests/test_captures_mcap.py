@@ -36,7 +36,7 @@ def shared_file(blocks: list[Block], *, chunk_size: int = 1 << 20, metadata: boo
         writer.add_message(other, i, b'{"n": %d}' % i, i)
         if ours is not None:
             ours.write(block)
-    writer.finish()  # type: ignore[no-untyped-call]
+    writer.finish()
     return file.getvalue()
 
 
@@ -56,7 +56,7 @@ def old_file(messages: list[object]) -> bytes:
     channel = writer.register_channel(TOPIC, "json", 0)
     for message in messages:
         writer.add_message(channel, 0, json.dumps(message).encode(), 0)
-    writer.finish()  # type: ignore[no-untyped-call]
+    writer.finish()
     return file.getvalue()
 
 
@@ -141,7 +141,7 @@ def test_settings_survive_the_loss_of_the_metadata_record(tmp_path: Path) -> Non
             encoding = channel.message_encoding
             ids[channel.id] = writer.register_channel(channel.topic, encoding, schema_id, dict(channel.metadata))
         writer.add_message(ids[channel.id], message.log_time, message.data, message.publish_time)
-    writer.finish()  # type: ignore[no-untyped-call]
+    writer.finish()
     capture = opened(tmp_path / "copy.mcap", file.getvalue())
     assert capture.line == LINE
     assert len(list(capture.chunks())) == 50
@@ -204,7 +204,7 @@ def test_a_message_that_is_not_as_its_schema_says_is_left_out(tmp_path: Path, me
         message = kind(**message).SerializeToString()
     writer.add_message(1, 0, message, 0)
     ours.write(Block.from_chunks([Chunk(5, b"a")]))
-    writer.finish()  # type: ignore[no-untyped-call]
+    writer.finish()
     capture = opened(tmp_path / "odd.mcap", file.getvalue())
     assert list(capture.chunks()) == [Chunk(5, b"a")]
     assert capture.damage_count == 1

@@ -24,7 +24,7 @@ def test_a_frame_as_arguments(capsys):
     assert lines[2] == "request   unit 17: read 3 holding registers from 107 (40108)"
     assert lines[3:] == [
         "   0  11     unit              17",
-        "   1  03     function          03 Read Holding Registers",
+        "   1  03     function          FC 3 (0x03) Read Holding Registers",
         "   2  00 6B  starting_address  107 (0x006B, 40108)",
         "   4  00 03  quantity          3",
         "   6  76 87  crc               ok",

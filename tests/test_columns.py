@@ -112,8 +112,8 @@ def test_columns_and_annotation_agree(code: int) -> None:
             frames.append((REQUEST, request_adu(request), -1))
             frames.append((RESPONSE, request_adu(response), len(frames) - 1 if known else -1))
         decoded = decode(batch_of(frames))
-        for i, (role, adu, request) in enumerate(frames):
-            due = said(adu, role, frames[request][1][1:-2] if request >= 0 else None)
+        for i, (role, adu, of) in enumerate(frames):
+            due = said(adu, role, frames[of][1][1:-2] if of >= 0 else None)
             row = 2 * i + 1
             assert decoded.values_of(row).tolist() == due.values
             assert (int(decoded.address[row]), int(decoded.quantity[row])) == (due.address, due.quantity)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tracemalloc
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -168,7 +167,7 @@ def test_how_reads_are_split_does_not_matter_where_times_are_the_same(chunks: li
 def test_a_clock_that_ticks_in_the_pauses_changes_nothing(chunks: list[Chunk]) -> None:
     deframer = RtuDeframer(LINE)
     batches = []
-    for chunk, after in pairwise([*chunks, None]):
+    for chunk, after in zip(chunks, [*chunks[1:], None], strict=False):
         batches.append(deframer.feed(chunk))
         for pause in (CHAR_NS, 50_000_000, 3_000_000_000):
             if after is not None and silence(chunk, after) > pause:
@@ -181,7 +180,7 @@ def test_a_clock_that_ticks_in_the_pauses_changes_nothing(chunks: list[Chunk]) -
 def test_bytes_given_with_the_silence_behind_them_change_nothing(chunks: list[Chunk], data: st.DataObject) -> None:
     deframer = RtuDeframer(LINE)
     batches, held = [], []
-    for chunk, after in pairwise([*chunks, None]):
+    for chunk, after in zip(chunks, [*chunks[1:], None], strict=False):
         held.append(chunk)
         pauses = [p for p in (0, CHAR_NS, 8_000_000, 3_000_000_000) if after is None or p < silence(chunk, after)]
         pause = data.draw(st.sampled_from([None, *pauses]))

@@ -81,5 +81,5 @@ def values_of(fields: dict[str, Field], n: int) -> list[object]:
     block = next((fields[name] for name in ("registers", "coils", "inputs") if name in fields), None)
     if block is None:
         return []
-    values = [child.value for child in block.fields]
+    values: list[object] = [child.value for child in block.fields]
     return values if block.name == "registers" else [int(bool(value)) for value in values[:n]]

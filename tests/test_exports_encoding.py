@@ -86,7 +86,7 @@ def test_vendors_functions_read_as_annotated(tmp_path_factory: pytest.TempPathFa
 @given(st.lists(st.tuples(st.integers(0, 255), st.binary(max_size=12)), min_size=1, max_size=5), st.integers(1, 2))
 @settings(deadline=None)
 def test_unknown_functions_and_scraps_read_as_annotated(frames: list[tuple[int, bytes]], kind: int) -> None:
-    rows, octets = [], b""
+    rows, octets = list[np.ndarray](), b""
     for code, body in frames:
         adu = bytes([9, code]) + body
         adu = (adu + crc_bytes(adu)) if body else adu

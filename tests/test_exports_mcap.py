@@ -2,7 +2,9 @@
 
 import json
 from collections import defaultdict
+from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import pytest
 from buses import LINE, adu, spaced, streams, transactions
@@ -10,7 +12,9 @@ from carried import values_of
 from google.protobuf.json_format import MessageToDict
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
+from mcap.decoder import DecoderFactory as AnyDecoders
 from mcap.reader import NonSeekingReader, make_reader
+from mcap.records import Schema
 from mcap_protobuf.decoder import DecoderFactory
 from running import ran, spawned
 
@@ -42,11 +46,11 @@ def exported(capsys, tmp_path):
     return out
 
 
-class Texts:
+class Texts(AnyDecoders):
     """Messages in JSON, for the library's reader."""
 
-    def decoder_for(self, encoding, schema):
-        return json.loads if encoding == "json" and schema.encoding == "jsonschema" else None
+    def decoder_for(self, message_encoding: str, schema: Schema | None) -> Callable[[bytes], Any] | None:
+        return json.loads if message_encoding == "json" and schema and schema.encoding == "jsonschema" else None
 
 
 def messages(path):
@@ -132,7 +136,7 @@ def test_register_values_by_address(exported):
 
 def told(path):
     """Values by (log_time, unit, area): all numbers by address, whichever topics they are on."""
-    found = defaultdict(dict)
+    found = defaultdict[tuple[int, int, str], dict[str, int]](dict)
     for topic, contents in messages(path).items():
         if topic.startswith("/unit/"):
             _, _, unit, area = topic.split("/")
@@ -268,6 +272,7 @@ def test_schemas_channels_and_metadata(exported):
     with exported.open("rb") as file:
         reader = make_reader(file)
         summary = reader.get_summary()
+        assert summary is not None and summary.statistics is not None
         metadata = {record.name: record.metadata for record in reader.iter_metadata()}
     schemas = {schema.id: schema for schema in summary.schemas.values()}
     topics = {channel.topic: schemas[channel.schema_id] for channel in summary.channels.values()}
@@ -294,6 +299,7 @@ def test_messages_stand_in_time_order_and_every_reader_finds_them(long):
     with long.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         summary = reader.get_summary()
+        assert summary is not None and summary.statistics is not None
         indexed = [(c.topic, m.log_time, bytes(m.data)) for _, c, m in reader.iter_messages()]
         one = [(c.topic, m.log_time, bytes(m.data)) for _, c, m in reader.iter_messages(topics=["/frames"])]
         middle = indexed[len(indexed) // 2][1]

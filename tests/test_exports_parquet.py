@@ -37,10 +37,11 @@ def plain_rows(table: Any) -> list[dict[str, Any]]:
     assert all(str(table.schema.field(name).type) == "timestamp[ns, tz=UTC]" for name in times)
     for name in times:
         table = table.set_column(table.schema.get_field_index(name), name, table[name].cast("int64"))
-    return table.to_pylist()
+    rows: list[dict[str, Any]] = table.to_pylist()
+    return rows
 
 
-def both(capture: Any, folder: Path, **options: bool) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def both(capture: Any, folder: Path, **options: Any) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """The rows of the Parquet file and the JSON lines of a capture."""
     export(capture(), folder / "out.parquet", options=ExportOptions(**options))
     export(capture(), folder / "out.jsonl", options=ExportOptions(**options))

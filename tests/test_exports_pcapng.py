@@ -35,7 +35,7 @@ class Packet:
 
     @property
     def flags(self) -> int:
-        return struct.unpack("<I", self.options[2][0])[0]
+        return int.from_bytes(self.options[2][0], "little")
 
 
 def options_of(body: bytes) -> dict[int, list[bytes]]:
@@ -87,7 +87,7 @@ def packet(body: bytes) -> Packet:
     return Packet(interface, high << 32 | low, name, ports, pdu[at:], whole - at, options_of(rest))
 
 
-def exported(capsys, tmp_path, chunks, *options) -> tuple[list, list[Packet]]:
+def exported(capsys, tmp_path, chunks, *options) -> tuple[list[dict[int, list[bytes]]], list[Packet]]:
     bus, out = tmp_path / "bus.jsonl", tmp_path / "bus.pcapng"
     captures.write(bus, chunks, line=LINE)
     assert ran(capsys, "export", bus, "-o", out, *options).status == 0

@@ -172,9 +172,9 @@ def leaves(draw: st.DrawFn) -> Leaf:
         return Leaf(f"{field} {equal} {str(wanted).lower()}", field, compared(field, equal, wanted))
     if field in ("response_time", "gap", "gap_inside", "time"):
         unit = draw(st.sampled_from(sorted(AMOUNTS) if field != "time" else ["us", "ms", "s"]))
-        number = draw(st.sampled_from(["0.5", "1", "1.5", "3.5", "20", "300"]))
-        ns = float(number) * AMOUNTS[unit]
-        return Leaf(f"{field} {sign} {number}{unit}", field, compared(field, sign, ns))
+        amount = draw(st.sampled_from(["0.5", "1", "1.5", "3.5", "20", "300"]))
+        ns = float(amount) * AMOUNTS[unit]
+        return Leaf(f"{field} {sign} {amount}{unit}", field, compared(field, sign, ns))
     if field in ("hex", "text"):
         return draw(texts(field))
     if field in ("direction", "protocol", "severity", "finding"):
@@ -288,8 +288,10 @@ def flat(inner: Sequence[Tree]) -> list[Tree]:
     """Tests joined on one level: `a and (b and c)` is `a and b and c`, but one that is about one value stays so."""
     found: list[Tree] = []
     for part in inner:
-        grouped = isinstance(part, Leaf) or part[0] != "and" or has_group(part)
-        found += [part] if grouped else flat(part[1:])
+        if isinstance(part, Leaf) or part[0] != "and" or has_group(part):
+            found.append(part)
+        else:
+            found += flat(part[1:])
     return found
 
 

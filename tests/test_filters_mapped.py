@@ -57,6 +57,7 @@ def told(bus: Path, name: str) -> dict[int, float]:
         words = {first + n: int.from_bytes(data[2 * n : 2 * n + 2], "big") for n in range(len(data) // 2)}
         for reading in readings_by_map(chart, area, words):
             if reading.row.name == name:
+                assert isinstance(reading.value, int | float)
                 found[frame.index] = reading.value
     return found
 

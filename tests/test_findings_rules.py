@@ -32,7 +32,7 @@ def test_a_healthy_bus_has_no_findings() -> None:
     assert diagnosed(Wire().polls(60)) == []
 
 
-CONVERSATIONS = {
+CONVERSATIONS: dict[str, tuple[list[bytes | float], list[tuple[str, int]]]] = {
     "no answer": ([20, REQUEST, 200], [("no-response", 0)]),
     "answered at the second try": ([20, REQUEST, 200, REQUEST, 8, ANSWER], [("no-response", 0), ("retry", 8)]),
     "a poll is no retry": ([20, REQUEST, 8, ANSWER, 20, REQUEST, 8, ANSWER], []),
@@ -74,8 +74,10 @@ def test_conversations(name: str) -> None:
 
 
 def test_an_echo_is_one_however_writes_look() -> None:
-    assert bus(*[20, REQUEST, 0.1, REQUEST, 8, ANSWER] * 4) == [("echo", 8 + 27 * i) for i in range(4)]
-    assert bus(*[20, WRITE, 0.1, WRITE, 8, WRITE] * 4, warm_up=12) == [("echo", 8 + 24 * i) for i in range(4)]
+    reads: list[bytes | float] = [20, REQUEST, 0.1, REQUEST, 8, ANSWER]
+    writes: list[bytes | float] = [20, WRITE, 0.1, WRITE, 8, WRITE]
+    assert bus(*reads * 4) == [("echo", 8 + 27 * i) for i in range(4)]
+    assert bus(*writes * 4, warm_up=12) == [("echo", 8 + 24 * i) for i in range(4)]
 
 
 def test_answers_before_the_first_request_belong_to_what_was_before() -> None:

@@ -8,6 +8,7 @@ import stat
 import struct
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -156,6 +157,7 @@ def test_a_port_that_a_program_has_open_is_not_even_opened(monkeypatch):
     uart = Uart(monkeypatch)
     code = "import os, sys, time; os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY); print('', flush=True); time.sleep(60)"
     with subprocess.Popen([sys.executable, "-c", code, uart.name], stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
         other.stdout.readline()
         with pytest.raises(PortError, match=rf"in use by python[\d.]* \({other.pid}\): end that first"):
             DeviceTap(PortSettings(uart.name, 9600))
@@ -224,8 +226,8 @@ def test_what_a_fresh_device_receives_is_not_sent_back():
 def permission_denied(monkeypatch, group, mode):
     """A device that this user may not open, of this group."""
     monkeypatch.setattr(sys, "platform", "linux")
-    monkeypatch.setattr(access.Path, "group", lambda _: group)
-    monkeypatch.setattr(access.Path, "stat", lambda *_, **__: SimpleNamespace(st_mode=stat.S_IFCHR | mode))
+    monkeypatch.setattr(Path, "group", lambda _: group)
+    monkeypatch.setattr(Path, "stat", lambda *_, **__: SimpleNamespace(st_mode=stat.S_IFCHR | mode))
 
 
 @pytest.mark.parametrize("group", ["root", "disk", "sudo", "wheel", "docker", "adm", "tty", "shadow", "kmem"])

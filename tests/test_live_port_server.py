@@ -1,9 +1,10 @@
 """A port server (RFC 2217) is listened to as it is: nothing is set there unasked, and nothing is purged."""
 
+import argparse
 import socket
 import threading
 from itertools import pairwise
-from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -51,7 +52,9 @@ class Server:
         self.line, self._speaks = line, speaks
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.url = f"rfc2217://127.0.0.1:{self._listener.getsockname()[1]}"
-        self.received, self.manager, self.connection = b"", None, None
+        self.received = b""
+        self.manager: rfc2217.PortManager | None = None
+        self.connection: socket.socket | None = None
         self.connected = threading.Event()
         threading.Thread(target=self._serve, daemon=True).start()
 
@@ -64,10 +67,11 @@ class Server:
             self.connection.close()
 
     def write(self, data):
+        assert self.connection is not None
         self.connection.sendall(data)
 
     def say(self, data):
-        self.write(b"".join(self.manager.escape(data)) if self._speaks else data)
+        self.write(data if self.manager is None else b"".join(self.manager.escape(data)))
 
     def _serve(self):
         while True:
@@ -217,7 +221,7 @@ def test_settings_are_sought_there_only_where_that_is_allowed(server):
 def test_seeking_there_is_for_port_servers():
     from analyzer.cli.taps import tap_of
 
-    arguments = SimpleNamespace(
+    arguments = argparse.Namespace(
         port="/dev/ttyX", port2=None, baud="auto", parity="auto", stop_bits=None, data_bits=None, seek_remote=True
     )
     with pytest.raises(UsageError, match="rfc2217"):
@@ -237,7 +241,8 @@ def test_only_what_was_typed_is_set_there(monkeypatch):
         (["--baud", "9600"], ("baud",)),
         (["--baud", "9600", "--parity", "E", "--stop-bits", "2"], ("baud", "parity", "stop_bits")),
     ):
-        (port,) = taps.tap_of(parser.parse_args(["rfc2217://host:4000", *words]))
+        given: Any = taps.tap_of(parser.parse_args(["rfc2217://host:4000", *words]))
+        (port,) = given  # what a tap would have been made of
         assert port.remote_changes == changes
         assert port.data_bits == 8
 

@@ -191,6 +191,7 @@ def test_a_tap_never_writes_a_byte(blocking):
 def test_the_kernel_refuses_a_write_through_a_tap():
     _, name = pty()
     tap = DeviceTap(PortSettings(name, 9600))
+    assert tap.descriptor is not None
     with pytest.raises(OSError, match="Bad file descriptor"):
         os.write(tap.descriptor, b"x")
     tap.close()
@@ -271,7 +272,8 @@ def test_a_port_that_is_none_is_refused_in_one_line(url, words):
 def test_a_port_that_another_program_holds_is_said_to_be_in_use():
     _, name = pty()
     with Listening([PortSettings(name)]) as first:
-        assert next(first.items()).kind == "opened"
+        event = next(first.items())
+        assert isinstance(event, PortEvent) and event.kind == "opened"
         with Listening([PortSettings(name)]) as second, pytest.raises(PortError, match="in use by another program"):
             list(second.items())
 

@@ -57,6 +57,7 @@ def test_a_recording_is_readable_while_it_is_made_and_whole_when_it_is_closed(tm
     assert read(path) == [Note(10**18, "lost", "/dev/ttyUSB0: lost")]
     with path.open("rb") as file:
         summary = make_reader(file, validate_crcs=True).get_summary()
+    assert summary is not None and summary.statistics is not None
     assert summary.statistics.message_count == 6
 
 
@@ -164,7 +165,7 @@ def test_what_a_killed_recorder_left_is_made_whole_by_the_next_one(tmp_path):
     for file in tmp_path.iterdir():
         file.unlink()
     part.write_bytes(copy[:-3])  # and its last write was cut
-    said = []
+    said: list[str] = []
     recorder = Recorder(path, LINE, limits=RingLimits(size=10**6), tell=said.append)
     recorder.close()
     (whole,) = tmp_path.iterdir()
@@ -214,7 +215,7 @@ def filled(folder):
 @posix
 def test_a_full_disk_pauses_the_recording_and_loses_nothing(tmp_path):
     with small_disk(tmp_path / "disk", "400k") as folder:
-        said = []
+        said: list[str] = []
         recorder = Recorder(folder / "bus.mcap", LINE, tell=said.append)
         chance = random.Random(3)
         sent = [chance.randbytes(5000) for _ in range(40)]
@@ -223,6 +224,7 @@ def test_a_full_disk_pauses_the_recording_and_loses_nothing(tmp_path):
             if number == 10:
                 filler = filled(folder)
             if number == 30:
+                assert filler is not None
                 filler.unlink()
             recorder.write(Block.from_chunks([Chunk(10**18 + number * 10**6, data)]))
             recorder.tick()
@@ -238,7 +240,7 @@ def test_a_full_disk_pauses_the_recording_and_loses_nothing(tmp_path):
 @posix
 def test_a_disk_that_stays_full_leaves_a_file_that_opens(tmp_path):
     with small_disk(tmp_path / "disk") as folder:
-        said = []
+        said: list[str] = []
         recorder = Recorder(folder / "bus.mcap", LINE, tell=said.append)
         recorder.write(block(1))
         recorder.tick()
@@ -256,7 +258,7 @@ def test_a_disk_that_stays_full_leaves_a_file_that_opens(tmp_path):
 @posix
 def test_a_full_disk_costs_a_ring_its_oldest_file(tmp_path):
     with small_disk(tmp_path / "disk") as folder:
-        said = []
+        said: list[str] = []
         recorder = Recorder(folder / "bus.mcap", LINE, limits=RingLimits(size=20_000, keep_s=10**6), tell=said.append)
         chance = random.Random(5)
         sent = [chance.randbytes(2000) for _ in range(300)]
@@ -273,7 +275,7 @@ def test_a_full_disk_costs_a_ring_its_oldest_file(tmp_path):
 
 def test_memory_is_bounded_while_the_disk_takes_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(recorder_module, "_MEMORY", 1000)
-    said = []
+    said: list[str] = []
     recorder = Recorder(tmp_path / "bus.mcap", LINE, tell=said.append)
     for number in range(30):
         recorder.write(block(number))  # no tick: nothing is committed

@@ -105,7 +105,7 @@ def test_a_capture_is_played_onto_a_port_with_its_gaps(capsys, tmp_path):
     path = tmp_path / "bus.jsonl"
     frames = [adu("1103006b0003"), bytes.fromhex("110306ae415652434049ad")] * 2
     captures.write(path, spaced(frames, gap_ns=60_000_000), line=LINE)
-    heard = []
+    heard: list[tuple[float, bytes]] = []
 
     def listen():
         while sum(len(data) for _, data in heard) < sum(map(len, frames)):
@@ -167,7 +167,7 @@ def test_a_filter_that_is_none_is_refused_in_one_line(capsys):
 
 
 def test_a_window_keeps_so_much_before_and_after_each_trigger():
-    window, out = TriggerWindow(3, 2), []
+    window, out = TriggerWindow[int](3, 2), list[int]()
     for t in range(20):
         if t in (6, 7, 15):
             out += window.fire(t)

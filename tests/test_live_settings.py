@@ -107,4 +107,4 @@ def test_a_noisy_line_is_taken_at_the_best_settings():
         if search.found:
             break
     assert search.found == line
-    assert done.score < 1
+    assert done is not None and done.score < 1

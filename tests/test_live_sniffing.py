@@ -136,7 +136,7 @@ def test_frames_are_shown_in_a_line_each_while_the_bus_goes_on():
     master, name = pty()
     sniff = Running("sniff", name, "--baud", "9600", "--count", "2")
     os.write(master, REQUEST)
-    line = sniff.process.stdout.readline().decode()
+    line = sniff.stdout.readline().decode()
     assert line.endswith(">  17 03 read 3 holding registers from 107 (40108)\n")
     os.write(master, ANSWER)
     status, out, _ = sniff.ended(None)
@@ -171,12 +171,12 @@ def test_a_pseudo_terminal_that_is_closed_has_ended(tmp_path, command):
 def test_a_pipe_that_closes_ends_it_and_the_recording_is_whole(tmp_path):
     master, name = pty()
     sniff = Running("sniff", name, "-o", tmp_path / "bus.mcap")
-    sniff.process.stdout.close()
+    sniff.stdout.close()
     for _ in range(3):
         os.write(master, REQUEST)
         time.sleep(0.1)
     assert sniff.process.wait(10) == 0
-    sniff.process.stderr.close()
+    sniff.stderr.close()
     assert not captures.open(tmp_path / "bus.mcap").damage
 
 
@@ -202,7 +202,7 @@ def test_a_reader_that_takes_nothing_does_not_hold_up_the_recording(tmp_path):
     sent = flooded(master, 300)  # and nobody reads the lines
     part = tmp_path / "bus.mcap.part"
     assert eventually(lambda: recorded(part) == sent)
-    lines = [sniff.process.stdout.readline() for _ in range(2400)]
+    lines = [sniff.stdout.readline() for _ in range(2400)]
     assert "".join(frame["hex"] for frame in frames(b"".join(lines))) == sent.hex()
     assert sniff.ended()[0] == 0
 
@@ -236,7 +236,7 @@ def test_sigterm_ends_it_soon_where_its_output_is_not_taken(tmp_path):
     assert eventually(lambda: recorded(tmp_path / "bus.mcap.part") == sent)
     assert ended_in(sniff.process) < 2
     assert sniff.process.returncode == 130  # not all was shown
-    words = sniff.process.stderr.read().decode()
+    words = sniff.stderr.read().decode()
     assert "ended before all was shown" in words
     assert f"{len(sent):,} bytes are recorded" in words
     assert recorded(tmp_path / "bus.mcap") == sent
@@ -251,7 +251,7 @@ def test_sigterm_ends_it_soon_where_nothing_that_it_says_is_taken(tmp_path, comm
     with full_pipe() as full, subprocess.Popen(arguments, stdout=full, stderr=full, env=environment()) as process:
         atexit.register(process.kill)
         part = tmp_path / "bus.mcap.part"
-        assert eventually(lambda: programs_using(name))
+        assert eventually(lambda: bool(programs_using(name)))
         time.sleep(0.2)
         sent = flooded(master, 100)
         assert eventually(lambda: recorded(part) == sent)
@@ -292,11 +292,11 @@ def test_an_adapter_unplugged_while_recording_is_a_gap_in_the_record(tmp_path):
     for descriptor in first:
         os.close(descriptor)
     while b"lost" not in record.said[-1]:
-        record.said.append(record.process.stderr.readline())
+        record.said.append(record.stderr.readline())
     second, name = pty()
     link.symlink_to(name)
     while b"is back" not in record.said[-1]:
-        record.said.append(record.process.stderr.readline())
+        record.said.append(record.stderr.readline())
     os.write(second, ANSWER)
     time.sleep(0.2)
     status, _, said = record.ended()

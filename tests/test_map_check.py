@@ -14,7 +14,7 @@ from analyzer.registers.checking import check_map
 from analyzer.registers.readings import RegisterReadings
 from analyzer.simulation.mapped.client import MappedClient
 from dissectors.maps import RegisterMap, shipped_map
-from dissectors.maps.model import MappedValue
+from dissectors.maps.model import MapArea, MappedValue
 
 NAMES = ("eastron-sdm630", "abb-b23", "huawei-sun2000", "janitza-umg96rm", "siemens-pac3200", "carlo-gavazzi-em340")
 OTHER = {"ABCD": "CDAB", "CDAB": "ABCD"}
@@ -24,7 +24,7 @@ OTHER = {"ABCD": "CDAB", "CDAB": "ABCD"}
 def readings_of(name: str, polls: int = 60) -> RegisterReadings:
     """A device of this map, whose values are as their names say."""
     client = MappedClient(Random(f"check {name}"), [(1, shipped_map(name))], 0.0)
-    rows: dict[tuple, list[list[int]]] = {(p.area, p.address, p.quantity): [] for p in client.polls}
+    rows: dict[tuple[MapArea, int, int], list[list[int]]] = {(p.area, p.address, p.quantity): [] for p in client.polls}
     for _ in range(polls):
         client.devices[0].step()
         for block, read in rows.items():

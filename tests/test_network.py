@@ -284,7 +284,9 @@ def test_notes_errors_and_settings_come_back(tmp_path: Path, suffix: str) -> Non
 
     notes = [Note(-9, "lost", "port: gone"), Note(100, "comment", "as a person says: done")]
     file = io.BytesIO()
-    formats()["pcapng"].write(file, line, Capture.of(line, chunks).blocks(), True, notes=notes)
+    write = formats()["pcapng"].write
+    assert write is not None
+    write(file, line, Capture.of(line, chunks).blocks(), True, notes=notes)
     again = opened(tmp_path, file.getvalue(), f"again{suffix}")
     assert again.line == line
     assert list(again.chunks()) == chunks

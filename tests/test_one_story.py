@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 
 import orjson
@@ -66,8 +67,8 @@ def unknown_character() -> Capture:
     return Capture.of(LineSettings(baud=made.line.baud, tap=made.line.tap), made.chunks())
 
 
-CASES = {
-    **{code: (lambda code=code: simulated(code, defects()[code].taps[0])) for code in sorted(defects())},
+CASES: dict[str, Callable[[], Capture]] = {
+    **{code: partial(simulated, code, defects()[code].taps[0]) for code in sorted(defects())},
     "healthy": lambda: simulated(None, "precise"),
     "healthy behind 16 ms": lambda: simulated(None, "ftdi16"),
     "untimed": lambda: simulated(None, "untimed"),

@@ -75,12 +75,12 @@ def test_metrics_say_what_the_report_says(capsys):
             assert values[f"modbus_{name}_total", of_unit] == counts[key], (unit, name)
         assert values.get(("modbus_response_time_seconds_count", of_unit), 0) == unit["times"]["count"]
     assert values["modbus_heard_bytes_total",] == report["bytes"]
-    found = {}
+    found: dict[str, float] = {}
     for (name, *labels), value in values.items():
         if name == "modbus_findings_total":
             code = dict(labels)["code"]
             found[code] = found.get(code, 0) + value
-    codes = {}
+    codes: dict[str, int] = {}
     for group in report["findings"]:
         codes[group["code"]] = codes.get(group["code"], 0) + group["count"]
     assert found == codes
@@ -142,8 +142,10 @@ class Broker:
 
     def start(self):
         program = shutil.which("mosquitto", path=f"{os.environ['PATH']}:/usr/sbin")
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        self._process = subprocess.Popen([program, "-c", self._settings], **quiet)
+        assert program is not None
+        self._process = subprocess.Popen(
+            [program, "-c", self._settings], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         assert eventually(self._answers, 20)
 
     def _answers(self):
@@ -162,7 +164,7 @@ class Subscriber:
     def __init__(self, port):
         mqtt = pytest.importorskip("paho.mqtt.client")
         enums = pytest.importorskip("paho.mqtt.enums")
-        self.messages = []
+        self.messages: list[tuple[str, str, bool]] = []
         self.client = mqtt.Client(enums.CallbackAPIVersion.VERSION2, client_id="the-test", clean_session=False)
         self.client.on_connect = lambda client, *_: client.subscribe([("rtuscope/#", 1), ("homeassistant/#", 1)])
         self.client.on_message = lambda _c, _d, m: self.messages.append((m.topic, m.payload.decode(), m.retain))
@@ -283,7 +285,7 @@ def test_a_mailbox_keeps_the_newest_state_and_counts_what_it_drops():
     first = mail.get(0)
     assert first == Letter("event", "1", state=False)
     mail.put_back(first)
-    assert [mail.get(0).payload for _ in range(3)] == ["1", "2", "3"]
+    assert [letter.payload for _ in range(3) if (letter := mail.get(0))] == ["1", "2", "3"]
     assert mail.get(0) is None
 
 
@@ -304,13 +306,13 @@ def test_foxglove_gets_the_topics_of_the_file_live(capsys, tmp_path):
     bus = tmp_path / "bus.mcap"
     assert ran(capsys, "export", TROUBLED, "-o", bus, "--noise").status == 0
     with bus.open("rb") as file:
-        written = {}
+        written: dict[str, list[tuple[int, bytes]]] = {}
         for _, channel, message in make_reader(file).iter_messages():
             written.setdefault(channel.topic, []).append((message.log_time, message.data))
     written.pop("/chunks", None)
 
     async def watch(port, play):
-        topics, seen = {}, {}
+        topics, seen = dict[int, str](), dict[str, list[tuple[int, bytes]]]()
         async with (
             aiohttp.ClientSession() as client,
             client.ws_connect(f"ws://127.0.0.1:{port}", protocols=("foxglove.sdk.v1", "foxglove.websocket.v1")) as ws,
@@ -336,6 +338,7 @@ def test_foxglove_gets_the_topics_of_the_file_live(capsys, tmp_path):
                 elif message.type == aiohttp.WSMsgType.BINARY and message.data[0] == 1:
                     number, t_ns = (int.from_bytes(message.data[i:j], "little") for i, j in ((1, 5), (5, 13)))
                     seen.setdefault(topics[number], []).append((t_ns, message.data[13:]))
+            assert playing is not None
             await playing
         return topics, seen
 

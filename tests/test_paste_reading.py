@@ -54,7 +54,8 @@ def test_ascii_mode():
     assert paste.protocol == "ascii"
     assert paste.why == "ASCII: 1 frame between colon and line end, LRC right"
     assert [frame.adu.data.hex() for frame in paste.frames()] == ["1103006b00037e"]
-    assert not paste.pieces[0].also
+    first = paste.pieces[0]
+    assert isinstance(first, PastedFrame) and not first.also
 
 
 def test_ascii_mode_with_a_wrong_lrc_says_what_was_computed():
@@ -219,7 +220,7 @@ def test_long_pastes_are_split():
 def test_times_of_a_log_are_kept():
     text = f"[12:00:01.100] TX {REQUEST}\n[12:00:01.120] RX {ANSWER}\n[12:00:01.200] TX 99 98"
     request, answer = list(read(text).frames())[:2]
-    assert request.t_end_ns is not None
+    assert request.t_end_ns is not None and answer.t_end_ns is not None
     assert answer.t_end_ns - request.t_end_ns == 20_000_000
     assert next(read(REQUEST).to_json())["t_end_ns"] is None
 

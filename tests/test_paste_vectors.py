@@ -9,6 +9,7 @@ import pytest
 from buses import shared
 
 from analyzer.paste import read
+from analyzer.paste.mixing import Envelope
 
 DISAGREED = {
     "pymodbus-tcp-badlen-exception": "MBAP says 2 bytes, 3 follow: the length ends the frame",
@@ -18,7 +19,7 @@ DISAGREED = {
     "minimalmodbus-rtu-81": "the second chunk holds a damaged echo, then a whole answer with a right CRC",
     "mbserial-srv-short": "too short for function 10, but its CRC is right: a frame that breaks the specification",
 }
-PROTOCOL = {"request": "rtu", "response": "rtu", "stream": "rtu", "ascii": "ascii", "tcp": "tcp"}
+PROTOCOL: dict[str, Envelope] = {"request": "rtu", "response": "rtu", "stream": "rtu", "ascii": "ascii", "tcp": "tcp"}
 
 
 def vectors():

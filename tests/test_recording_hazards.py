@@ -37,7 +37,7 @@ DAY = 86_400
 def prompt(monkeypatch):
     """Commit at each tick, and wait for no disk."""
     monkeypatch.setattr(recorder_module, "_PERIOD_S", 0.0)
-    monkeypatch.setattr(mcapfile.os, "fsync", lambda _: None)
+    monkeypatch.setattr(os, "fsync", lambda _: None)
 
 
 def block(number, size=100):
@@ -62,7 +62,7 @@ def test_an_unreadable_file_in_the_way_is_set_aside_and_recording_begins(tmp_pat
     name = "bus.mcap.part" if not limits.rotates else "bus-20261121T104500.123Z.mcap.part"
     (tmp_path / name).write_bytes(content)
     for attempt in (1, 2):
-        said = []
+        said: list[str] = []
         recorder = Recorder(tmp_path / "bus.mcap", LINE, limits=limits, overwrite=True, tell=said.append)
         recorder.write(block(attempt))
         recorder.close()
@@ -91,7 +91,7 @@ def test_a_recorder_that_was_killed_before_it_heard_anything_leaves_nothing(tmp_
 def test_a_file_that_is_taken_away_is_followed_by_another(tmp_path, limits, folder_too):
     folder = tmp_path / "recordings"
     folder.mkdir()
-    said = []
+    said: list[str] = []
     recorder = Recorder(folder / "bus.mcap", LINE, limits=limits, tell=said.append)
     recorder.write(block(1))
     recorder.tick()
@@ -116,7 +116,7 @@ def test_a_file_that_is_taken_away_is_followed_by_another(tmp_path, limits, fold
 
 @posix
 def test_a_file_that_is_moved_is_finished_where_it_is(tmp_path):
-    said = []
+    said: list[str] = []
     recorder = Recorder(tmp_path / "bus.mcap", LINE, tell=said.append)
     recorder.write(block(1))
     recorder.tick()
@@ -136,7 +136,7 @@ def test_a_file_that_appears_under_the_final_name_is_never_overwritten(tmp_path,
     path = tmp_path / "bus.mcap"
     if overwrite:
         path.write_bytes(b"yesterday's, to be replaced")
-    said = []
+    said: list[str] = []
     recorder = Recorder(path, LINE, overwrite=overwrite, tell=said.append)
     recorder.write(block(1))
     recorder.tick()
@@ -167,7 +167,7 @@ def test_a_name_is_taken_without_overwriting_on_any_file_system(tmp_path, monkey
 
 @posix
 def test_a_disk_that_fails_costs_a_file_its_index_and_nothing_else(tmp_path, monkeypatch):
-    said = []
+    said: list[str] = []
     recorder = Recorder(tmp_path / "bus.mcap", LINE, tell=said.append)
     recorder.write(block(1))
     recorder.tick()
@@ -179,7 +179,7 @@ def test_a_disk_that_fails_costs_a_file_its_index_and_nothing_else(tmp_path, mon
             raise OSError(errno.EIO, "input/output error")
         return real(descriptor, data)
 
-    monkeypatch.setattr(mcapfile.os, "write", write)
+    monkeypatch.setattr(os, "write", write)
     for number in (2, 3):
         recorder.write(block(number))
         recorder.tick()
@@ -205,7 +205,7 @@ def clocks(monkeypatch):
 def test_a_ring_of_so_many_bytes_gives_up_its_oldest_whatever_the_clock(tmp_path, monkeypatch, step_s, again):
     wall, ticking = clocks(monkeypatch)
     limits = RingLimits(size=4000, keep_bytes=40_000)
-    sent = []
+    sent: list[bytes] = []
 
     def record(recorder, count):
         for _ in range(count):
@@ -355,6 +355,7 @@ def test_bytes_that_a_full_disk_cost_are_told_last_with_a_status(tmp_path):
         env=environment(),
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
     )
+    assert process.stderr is not None
     while "listening" not in process.stderr.readline():
         assert process.poll() is None
     chance = random.Random(1)

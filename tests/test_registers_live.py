@@ -12,12 +12,12 @@ import analyzer
 import captures
 from analyzer.core import Analyzer
 from analyzer.model.meanings import AREA_WORDS
-from analyzer.model.notes import Notes
 from analyzer.registers.inference import infer
 from analyzer.registers.pace import is_due
 from analyzer.registers.readings import RegisterReadings
 from analyzer.registers.revising import RevisedRegisters, Revision
 from analyzer.simulation import Scenario, write
+from analyzer.usernotes import Notes
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ from array import array
 from collections import Counter
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import pytest
 
@@ -27,7 +28,7 @@ def _stream(made: Simulation) -> bytes:
     return b"".join(chunk.data for chunk in made.chunks)
 
 
-def _made(wire: str, tap: str = "precise", **other: int) -> Simulation:
+def _made(wire: str, tap: str = "precise", **other: Any) -> Simulation:
     return simulate(Scenario(wire, tap, **other))
 
 

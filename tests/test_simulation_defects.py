@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -24,7 +25,7 @@ CODES = sorted(rule.code for rule in rules())  # what an analyzer may say, a cap
 OF_NOISE = {rule.code for rule in rules() if rule.about is About.NOISE}
 
 
-def _made(code: str, seed: int = 1, **other: int) -> Simulation:
+def _made(code: str, seed: int = 1, **other: Any) -> Simulation:
     return simulate(Scenario("clean", DEFECTS[code].taps[0], seed=seed, defect=code, **other))
 
 

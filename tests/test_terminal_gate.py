@@ -67,7 +67,7 @@ def plant(folder: Path, **header: str) -> Path:
     path = folder / f"{NAME}.jsonl"
     line = {"format": "serial-chunks", "version": 1, "baud": 19200, "char_bits": 11, **header}
     reads = [{"t_ns": 20_000_000 * (i + 1), "hex": frame.hex()} for i, frame in enumerate(frames)]
-    reads.insert(3, {CANARY: CANARY})  # type: ignore[dict-item]
+    reads.insert(3, {CANARY: CANARY})
     path.write_text("\n".join(json.dumps(row) for row in (line, *reads)) + "\n" + CANARY + "\n", encoding="utf-8")
     return path
 
@@ -225,7 +225,7 @@ def test_a_canary_in_every_cell_of_a_map(
 
 
 def test_a_canary_in_the_name_of_a_port(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    port = PortInfo(CANARY, CANARY, "1234:5678", CANARY, CANARY, CANARY, CANARY, 16, False, [CANARY])
+    port = PortInfo(CANARY, CANARY, "1234:5678", CANARY, CANARY, CANARY, CANARY, 16, False, CANARY)
     monkeypatch.setattr("captures.live.ports.ports", lambda: [port])
     assert clean(ran(capsys, "ports")).out.count("CANARY") == 6
     assert json.loads(clean(ran(capsys, "ports", "--json")).out)[0]["device"] == CANARY

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from dissectors.crc import lrc
 READ, ANSWER = adu("110300000002"), adu("110304000a0014")
 
 
-def transactions(feeds: list[Chunk | Block]) -> np.ndarray:
+def transactions(feeds: Sequence[Chunk | Block]) -> np.ndarray:
     deframer, found = RtuDeframer(LINE), Transactions()
     batches = [*(deframer.feed(feed) for feed in feeds), deframer.close()]
     return np.concatenate([np.zeros(0, TRANSACTION), *(found.feed(b) for b in batches), found.close()])

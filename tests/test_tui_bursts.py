@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from meters import write_meter
 from seats import opened, sample_in
 
 if os.name != "posix":
@@ -122,19 +123,3 @@ def test_a_float_is_listed_and_plotted_as_a_float(tmp_path: Path) -> None:
         assert kept == {"1:3:0": "f32 CDAB"}
         terminal.press("x").until("300 readings")
         assert "types" not in json.loads((tmp_path / "meter.jsonl.rtuscope.json").read_text())
-
-
-def write_meter(path: Path, values: list[float]) -> None:
-    """One unit's holding registers 0 and 1, a float, polled once a second."""
-    import struct
-
-    import captures
-    from captures.chunks import Capture, Chunk
-    from captures.line import LineSettings
-    from dissectors.crc import crc_bytes
-
-    chunks = []
-    for i, value in enumerate(values):
-        for at, frame in ((0, bytes.fromhex("010300000002")), (20, b"\x01\x03\x04" + struct.pack(">f", value))):
-            chunks.append(Chunk(1_780_000_000_000_000_000 + i * 10**9 + at * 10**6, frame + crc_bytes(frame)))
-    captures.write(path, Capture.of(LineSettings(baud=19200, char_bits=10), chunks))

@@ -86,18 +86,19 @@ def test_a_file_is_read_anew_with_its_filter_and_row(capture: Path) -> None:
     left: list[object] = []
 
     async def work(sitting: Seat) -> None:
-        sitting.app.exit = lambda result=None, *_: left.append(result)  # type: ignore[method-assign,assignment]
+        sitting.app.exit = lambda result=None, *_: left.append(result)  # type: ignore[method-assign]
         await sitting.press("equals_sign", "u", "down", "down", "ctrl+r")
         assert left == [NextFile(capture, "frames", "unit == 1", sitting.row)]
 
     using(opened(capture), work)
 
     async def again() -> None:
-        assert isinstance(left[0], NextFile)
-        app = Rtuscope(opened(capture), view=left[0].view, resumed=left[0])
+        come = left[0]
+        assert isinstance(come, NextFile)
+        app = Rtuscope(opened(capture), view=come.view, resumed=come)
         async with app.run_test(size=(100, 30)) as pilot:
             sitting = Seat(app, pilot)
-            await sitting.until(lambda: sitting.bus.whole and sitting.screen.row == left[0].row)  # type: ignore[union-attr]
+            await sitting.until(lambda: sitting.bus.whole and sitting.screen.row == come.row)
             await sitting.until(lambda: 0 < sitting.screen.frames.count() < sitting.bus.count)
 
     asyncio.run(again())

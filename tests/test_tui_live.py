@@ -32,7 +32,7 @@ class Quiet(LiveSource):
         self._notices, self._missed, self._gone = [], 0, set()
         self._status = LineStatus(self.line)
 
-    line = LineSettings(baud=19200, char_bits=10)  # type: ignore[assignment]
+    line = LineSettings(baud=19200, char_bits=10)
 
     def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:
         import time
@@ -43,10 +43,11 @@ class Quiet(LiveSource):
 
 
 def test_a_recording_is_in_sight_and_does_not_end_unasked() -> None:
-    recorder, ended = Recorder(), []
+    recorder, ended = Recorder(), list[bool]()
+    source = Quiet(recorder)
 
     async def work(sitting: Seat) -> None:
-        sitting.app.exit = lambda *_: ended.append(True)  # type: ignore[method-assign,assignment]
+        sitting.app.exit = lambda *_: ended.append(True)  # type: ignore[method-assign]
         await sitting.until(lambda: "REC bus.mcap 1.2 MB" in sitting.shown())
         await sitting.pilot.press("q")
         await sitting.until(lambda: "would end" in sitting.shown())
@@ -58,7 +59,7 @@ def test_a_recording_is_in_sight_and_does_not_end_unasked() -> None:
         await asyncio.sleep(0.1)
         assert not ended
         recorder.lost = 77
-        sitting.app.desk.source._gone.add(0)
+        source._gone.add(0)
         await sitting.until(lambda: "LOST 77 bytes" in sitting.shown() and "UNPLUGGED" in sitting.shown())
         assert "listening" not in sitting.shown()
         await sitting.pilot.press("q")
@@ -66,14 +67,14 @@ def test_a_recording_is_in_sight_and_does_not_end_unasked() -> None:
         await sitting.pilot.press("q")
         await sitting.until(lambda: bool(ended))
 
-    using(Quiet(recorder), work, size=(120, 24))
+    using(source, work, size=(120, 24))
 
 
 def test_without_a_recording_it_is_said_and_left_at_once() -> None:
     ended: list[bool] = []
 
     async def work(sitting: Seat) -> None:
-        sitting.app.exit = lambda *_: ended.append(True)  # type: ignore[method-assign,assignment]
+        sitting.app.exit = lambda *_: ended.append(True)  # type: ignore[method-assign]
         await sitting.until(lambda: "not recorded" in sitting.shown())
         await sitting.pilot.press("й")  # q of the Cyrillic layout
         await sitting.until(lambda: bool(ended))
@@ -97,7 +98,7 @@ def test_a_second_of_a_live_view_costs_little(view: str, tmp_path: Path) -> None
     with Watched("replay", "bus.jsonl", "--tui", cwd=tmp_path) as terminal:
         terminal.until("frames/s")
         terminal.press(view, 0.1) if view != "1" else None
-        rates, moved = [], False
+        rates, moved = list[float](), False
         while len(rates) < 5 and not (moved and 50 < min(rates) < 10_000):  # a machine that lags catches up in bursts
             terminal.settle(5, most=2.5)
             before, terminal.count = terminal.shown(), 0

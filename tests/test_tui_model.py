@@ -25,7 +25,6 @@ from analyzer.core import Analysed
 from analyzer.exports import export
 from analyzer.model import goto, search
 from analyzer.model.bus import Bus
-from analyzer.model.notes import Notes, NotesError
 from analyzer.model.polls import changed
 from analyzer.model.registers import RegisterSeries
 from analyzer.model.selection import Everything, Selection, frames_only, transactions, within
@@ -37,6 +36,7 @@ from analyzer.tables.findings import Severity
 from analyzer.tables.frame import Frame
 from analyzer.tables.schema import NO_GAP, Kind
 from analyzer.tui.saving import save
+from analyzer.usernotes import Notes, NotesError
 from analyzer.words import seconds, short
 from captures import samples
 from captures.chunks import Capture
@@ -150,10 +150,10 @@ def test_registers_are_the_newest_values_that_frames_carry(each: int) -> None:
     }
     for register in found[:: max(1, len(found) // 10)]:
         name = f"{'b' if register.area < 2 else 'r'}{register.address}"
-        values = expected[register.unit, areas[register.area], name]
+        past = expected[register.unit, areas[register.area], name]
         series = RegisterSeries(register.unit, register.area, register.address).extend(bus)
-        assert series.readings()[2][:, 0].tolist() == values
-        assert register.before == (values[-2] if len(values) > 1 else None)
+        assert series.readings()[2][:, 0].tolist() == past
+        assert register.before == (past[-2] if len(past) > 1 else None)
 
 
 def test_selections_hold_the_rows_that_pass_whenever_they_are_asked(troubled: Bus) -> None:

@@ -7,6 +7,7 @@ import struct
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 from running import ran
@@ -25,7 +26,7 @@ DOCS = Path(__file__).parents[1] / "docs" / "mcap.md"
 
 def polls(chart: RegisterMap) -> list[tuple[str, int, int]]:
     """Blocks that hold every value of a map."""
-    blocks: list[list] = []
+    blocks: list[list[Any]] = []
     for row in sorted(chart.rows, key=lambda row: (row.area, row.address)):
         if blocks and blocks[-1][0] == row.area and row.address <= blocks[-1][2] and row.end - blocks[-1][1] <= 20:
             blocks[-1][2] = max(blocks[-1][2], row.end)

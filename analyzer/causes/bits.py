@@ -39,6 +39,9 @@ def clustering_bits(hits: int, trials: int, runs: int) -> float:
     return max(0.0, chained - likelihood_bits(hits, trials, rate)) if stays > rate else 0.0
 
 
+_FREQUENCIES: Final = 1 << 17  # that are tried: over spans that tell more of them apart no frequency keeps its phase
+
+
 def phase_bits(times: NDArray[np.float64], low: float, high: float, span: float) -> tuple[float, float, float]:
     """Whether events keep step with some frequency between two (per unit of time): (bits, frequency, R).
 
@@ -49,6 +52,8 @@ def phase_bits(times: NDArray[np.float64], low: float, high: float, span: float)
     if count < 2 or span <= 0:
         return 0.0, 0.0, 0.0
     step = 1 / (4 * span)
+    if (high - low) / step > _FREQUENCIES:
+        return 0.0, 0.0, 0.0
     frequencies = np.arange(low, high + step, step)
     best, where = 0.0, 0.0
     for part in np.array_split(frequencies, max(1, len(frequencies) // 256)):

@@ -220,7 +220,9 @@ def kind_bits(readings: list[Signature], expected: Mapping[str, float]) -> float
 def overlaid(readings: Sequence[Signature]) -> int:
     """How many are so much longer or shorter than what was due that something else was sent into them: what disturbs a
     line from outside makes a byte or two more or less."""
-    return sum(each.length > 0 and abs(each.length - each.due) > _STRAYED for each in readings)
+    return sum(
+        each.due > 0 and each.length >= _SHORT_CUT and abs(each.length - each.due) > _STRAYED for each in readings
+    )
 
 
 def share_of(readings: list[Signature], *kinds: str) -> float:

@@ -11,6 +11,8 @@ from .bits import likelihood_bits
 from .evidence import Evidence
 from .signatures import Behind
 
+_NEARLY_ALL: Final = 0.9
+_SURE_BITS: Final = 30.0
 _MOST_HIT: Final = 0.98
 _ABOUT: Final = 20.0  # bytes
 
@@ -65,6 +67,18 @@ def evenness_bits(evidence: Evidence) -> float:
         shared = likelihood_bits(hit, unit.asked, 1 - exp(-a_byte * length))
         bits += min(0.0, shared - likelihood_bits(hit, unit.asked, (hit + 0.25) / (unit.asked + 0.5)) + price)
     return bits
+
+
+def is_one_units(evidence: Evidence) -> bool:
+    """Whether nearly all damage is that of one unit, which has no such share of the line's bytes."""
+    units = [unit for unit in evidence.units if unit.asked]
+    hits = [evidence.damaged(unit) for unit in units]
+    if len(units) < 2 or not sum(hits):
+        return False
+    exposed = [unit.asked * _mean_due(evidence, unit.unit) for unit in units]
+    at = hits.index(max(hits))
+    share = exposed[at] / sum(exposed)  # by chance alone so many of the hits would be its
+    return hits[at] >= _NEARLY_ALL * sum(hits) and -sum(hits) * log2(share) >= _SURE_BITS
 
 
 def _mean_due(evidence: Evidence, unit: int) -> float:

@@ -33,12 +33,15 @@ from .valuetable import ValueTable
 if TYPE_CHECKING:
     from ..registers.limits import LimitBreach
 
+ASKED, BAD, DELAY = "asked", "bad", "delay"  # of a unit, in the grid of the time
 _CHAR_NS: Final = 1e6  # where the line's speed is not known
 _NOISE_SAMPLES: Final = 64
 _NOISE_BYTES: Final = 512
 _EXAMPLES: Final = 3
 _BACK: Final = 2  # exchanges
 _STRAY: Final = 3  # bytes that one spike makes
+_EIGHT: Final = 8  # bytes of a request by one of these functions
+_OF_EIGHT: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6))
 _HOLE: Final = 1.5  # characters
 _ECHOES: Final = 5
 _ECHO_NS: Final = 40e6
@@ -155,11 +158,13 @@ class Ledger:
         if len(frames) < len(rows):
             self._count_noise(table, (~framed).nonzero()[0])
         port = rows["port"]
+        misshapen = right & asks & _OF_EIGHT[rows["function"]] & (length != _EIGHT) & (rows["protocol"] == Protocol.RTU)
         for number in np.flatnonzero(np.bincount(port)).tolist():
             here = port == number
             tally = self.ports[number]
             tally["requests"] += int(np.count_nonzero(here & right & asks))
             tally["responses"] += int(np.count_nonzero(here & right & ~asks))
+            tally["misshapen"] += int(np.count_nonzero(here & misshapen))
 
     def _count_noise(self, table: RowColumns, noise: NDArray[np.intp]) -> None:
         length, begins = table.rows["length"][noise], table.rows["t_start"][noise]
@@ -200,7 +205,20 @@ class Ledger:
         for begin, end in zip(begins, [*begins[1:], len(units)], strict=True):
             if units[begin]:
                 unit = self.unit(int(units[begin]))
-                unit.add(ordered.part(begin, end), times[begin:end], timed=self.timed, hole_ns=_HOLE * self.char_ns)
+                mine = ordered.part(begin, end)
+                unit.add(mine, times[begin:end], timed=self.timed, hole_ns=_HOLE * self.char_ns)
+                self._time_unit(unit.unit, mine, times[begin:end])
+
+    def _time_unit(self, unit: int, mine: ColumnTable, times: NDArray[np.int64]) -> None:
+        """When a unit was asked, did not answer well, and how long it took."""
+        outcome, delays = mine["outcome"], mine["delay"]
+        bad = (outcome == _SILENT) | (outcome == _GARBAGE)
+        self.grid.add((ASKED, unit), times)
+        if bad.any():
+            self.grid.add((BAD, unit), times[bad])
+        if self.timed:
+            known = delays >= 0
+            self.grid.add((DELAY, unit), times[known], delays[known])
 
     def _count_bus(self, exchanges: ColumnTable, odd: NDArray[np.bool_], times: NDArray[np.int64]) -> None:
         outcome, t_next = exchanges["outcome"], exchanges["t_next"]

@@ -19,6 +19,7 @@ from dissectors.crc import byte_between, crc16, crc_bytes, flipped_bit, needed, 
 from dissectors.crc_variants import matching
 
 from ..tables.schema import Kind
+from .asciireading import COLON, ascii_due, read_ascii
 from .exchanges import Ending
 from .samples import Sample, SampleRow
 
@@ -93,7 +94,9 @@ def signature(sample: Sample, char_ns: float, requests: frozenset[bytes], *, off
         before = next((i for i, piece in enumerate(sample.pieces) if piece.answers), 0)
         marks = sum(piece.marks for piece in sample.pieces if piece.answers)
         detail = "before" if before else ""
-        kind = Behind.NOISE if before and kind is Behind.NOTHING else kind
+        ahead = b"".join(piece.data for piece in sample.pieces[:before])
+        if before and kind is Behind.NOTHING and (sample.request[:1] != COLON or ahead.strip(b"\r\n")):
+            kind = Behind.NOISE
         length = sum(len(piece.data) for i, piece in enumerate(sample.pieces) if i > before and not piece.answers)
         return Signature(AnswerDamage.NONE, kind, length=length, marks=marks, t_behind=t, detail=detail, due=sample.due)
     burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
@@ -103,13 +106,35 @@ def signature(sample: Sample, char_ns: float, requests: frozenset[bytes], *, off
     data = b"".join(piece.data for piece in burst)
     echoed = data.startswith(sample.request) and len(data) > len(sample.request)
     data = data[len(sample.request) :] if echoed else data
-    found = _read(sample, data, burst, requests)
+    due = sample.due
+    if sample.request[:1] == COLON:
+        due = ascii_due(due)
+        kind_word, count, at = read_ascii(data, due, _header(_rtu_of(sample.request)))
+        found = _SignatureSums(AnswerDamage(kind_word), count, at)
+    else:
+        found = _read(sample, data, burst, requests)
     t = burst[0].t_start + int((max(found.at, 0) + 0.5) * char_ns)
     behind, t_behind = (_kind_of(rest, sample, requests), rest[0].t_start) if rest else (Behind.NOTHING, -1)
     marks = sum(piece.marks for piece in burst)
-    return Signature(found.damage, behind, found.bytes, len(data), sample.due, found.at, found.flips, t, marks,
+    return Signature(found.damage, behind, found.bytes, len(data), due, found.at, found.flips, t, marks,
                      found.detail, t_behind, _headed(sample, data), echoed, burst[0].t_start - sample.t_asked,
                      data, sample.request)  # fmt: skip
+
+
+def known_header(request: bytes) -> bytes:
+    """The first bytes on the line of a right answer to a request, in RTU or in ASCII."""
+    if request[:1] == COLON:
+        return COLON + _header(_rtu_of(request)).hex().upper().encode()
+    return _header(request)
+
+
+def _rtu_of(request: bytes) -> bytes:
+    """A request in ASCII as it would be in RTU; empty where its digits are none."""
+    try:
+        body = bytes.fromhex(request[1:].rstrip(b"\r\n").decode("ascii"))[:-1]
+    except ValueError:
+        return b""
+    return body + crc_bytes(body)
 
 
 def _headed(sample: Sample, data: bytes) -> int:
@@ -119,8 +144,8 @@ def _headed(sample: Sample, data: bytes) -> int:
 
 @lru_cache(maxsize=4096)
 def _header(request: bytes) -> bytes:
-    """The first bytes of a right answer: all of them, where it only echoes."""
-    return expectation(request).header
+    """The first bytes of a right answer: all of them, where it only echoes; none where the request cannot be read."""
+    return expectation(request).header if len(request) >= _LEAST else b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,6 +294,10 @@ def _kind_of(rest: list[SampleRow], sample: Sample, requests: frozenset[bytes]) 
     if all(piece.check for piece in rest):
         return Behind.NOTHING
     data = b"".join(piece.data for piece in rest)
+    if crc16(data) == 0 and len(data) >= _LEAST:
+        return Behind.NOTHING  # whole after all, in pieces
+    if sample.request[:1] == COLON and not data.strip(b"\r\n"):
+        return Behind.NOTHING  # the end of a line, behind a pause of the tap's
     if not any(data) and len(data) <= 2:
         return Behind.ZEROS
     header = _header(sample.request)[:_COUNTED]

@@ -14,7 +14,7 @@ import sys
 import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from typing import IO, Any, Final, NoReturn
+from typing import IO, Any, Final, NoReturn, cast
 
 from ..meant import did_you_mean, meant
 from ..settingfiles import found_files
@@ -112,17 +112,27 @@ def _run(arguments: list[str]) -> int:
         command = load(arguments[0])
         parser = Parser(prog=f"rtuscope {arguments[0]}", **_look(arguments[0], command))
         command.configure(parser)
-        if next(found_files(), None) is None:
-            return command.run(parser.parse_args(arguments[1:]))
-        from .settling import settled
+        given = _given(parser, arguments)
+        if getattr(given, "lang", None):
+            from ..languages import use
 
-        return command.run(settled(parser, arguments[0], arguments[1:]))
+            use(given.lang)
+        return command.run(given)
     if arguments and not arguments[0].startswith("-"):
         raise UsageError(_unknown(arguments[0]))
     parser = command_line(())
     parser.parse_args(arguments)
     parser.print_help()
     return DONE
+
+
+def _given(parser: Parser, arguments: list[str]) -> argparse.Namespace:
+    """What a command was given, by its arguments and by settings files."""
+    if next(found_files(), None) is None:  # the usual way: nothing of settings is imported
+        return cast(argparse.Namespace, parser.parse_args(arguments[1:]))
+    from .settling import settled
+
+    return settled(parser, arguments[0], arguments[1:])
 
 
 def _unknown(word: str) -> str:

@@ -61,6 +61,8 @@ def find_like(arguments: argparse.Namespace, capture: Capture, limits: Options) 
 
 
 def _table_text(name: str) -> str:
+    if not name.strip():
+        raise UsageError("--like: expected a number, or a table of times and values")
     path = Path(name)
     try:
         with path.open("rb") as file:

@@ -216,6 +216,7 @@ def _import(arguments: argparse.Namespace) -> int:
     from dissectors.maps.importers.sunspec import moved
 
     path = Path(arguments.file)
+    _check_suffix(arguments.output)
     to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=path)
     data = map_bytes(path)
     found = import_maps(arguments.file, data, name=arguments.format)
@@ -241,6 +242,7 @@ def _infer(arguments: argparse.Namespace) -> int:
     from analyzer.registers.inference import infer
 
     source = None if arguments.capture == "-" else Path(arguments.capture)
+    _check_suffix(arguments.output)
     to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=source)
     readings, _ = _readings(arguments, arguments.capture)
     units = sorted({block.unit for block in readings})
@@ -267,9 +269,18 @@ def _diff(arguments: argparse.Namespace) -> int:
     from dissectors.maps import read_map
     from dissectors.values import harmless
 
-    for line in map_differences(read_map(arguments.map), read_map(arguments.other)):
+    lines = list(map_differences(read_map(arguments.map), read_map(arguments.other)))
+    for line in lines or ["no differences"]:
         print(harmless(line))
     return DONE
+
+
+def _check_suffix(path: str) -> None:
+    """A map is written as CSV or YAML: what its name says."""
+    from pathlib import PurePath
+
+    if path != "-" and PurePath(path).suffix.lower() not in (".csv", ".yaml", ".yml"):
+        raise UsageError(f"-o {path}: a map is a .csv or a .yaml file")
 
 
 def _write(chart: RegisterMap, path: str) -> None:

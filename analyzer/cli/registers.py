@@ -76,12 +76,19 @@ def run(arguments: argparse.Namespace) -> int:
     progress.clear()
     tell_damage(arguments.capture, capture)
     units = sorted({block.unit for block in readings})
+    if arguments.unit and units and not set(arguments.unit) & set(units):
+        there = ", ".join(map(str, units))
+        raise UsageError(f"--unit: no values of it in {arguments.capture}: units with values: {there}")
     given, words = charts.of(units), _own_words(arguments.capture)
     values = infer(readings, units=arguments.unit, charts=with_own_words(given, words))
     found: list[Recognised] = []
     if len(given) < len(units) and (arguments.recognise or not arguments.json):
         free = values if not given and not words else infer(readings, units=arguments.unit)
-        found = [one for one in recognised(readings, texts, free) if one.unit not in given]
+        found = [
+            one
+            for one in recognised(readings, texts, free)
+            if one.unit not in given and (not arguments.unit or one.unit in arguments.unit)
+        ]
     if arguments.recognise and found:
         known = {**{one.unit: one.chart for one in found}, **given}
         values = infer(readings, units=arguments.unit, charts=with_own_words(known, words))
@@ -98,7 +105,7 @@ def _own_words(capture: str) -> dict[tuple[int, str, int], str]:
     from pathlib import Path
 
     from analyzer.model.meanings import own_words
-    from analyzer.model.notes import Notes, NotesError
+    from analyzer.usernotes import Notes, NotesError
 
     try:
         return own_words(Notes.beside(None if capture == "-" else Path(capture)).types)
@@ -115,9 +122,6 @@ def _status(arguments: argparse.Namespace, readings: RegisterReadings, values: l
         tell(f"{arguments.capture}: no Modbus frame found")
         return NO_FRAME
     if not values:
-        if arguments.unit:
-            units = ", ".join(str(unit) for unit in sorted({block.unit for block in readings})) or "none"
-            raise UsageError(f"--unit: no values of it in {arguments.capture}: units with values: {units}")
         tell(f"{arguments.capture}: no answer carries a register")
         return NO_FRAME
     return DONE

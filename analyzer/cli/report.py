@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import sys
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from .app import DONE, FAILED, INTERRUPTED, NO_FRAME
@@ -16,25 +16,30 @@ from .inputs import (
     chosen_limits,
     load_functions,
     open_capture,
+    opened_capture,
 )
 from .maps import add_map_argument, chosen_charts
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import Progress, interruptible, put_json, tell
+from .terminal import Progress, interruptible, put_json, put_page, tell
 
 if TYPE_CHECKING:
     from captures import Capture
     from dissectors.maps.units import UnitMaps
 
+    from ..core import Analysed
     from ..filters import Filter
     from ..options import Options
     from ..registers.watch import ValueWatch
     from ..reports import Report
+    from ..reports.hours import HourTable
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
 rtuscope report bus.jsonl
 rtuscope report bus.jsonl --filter 'function == 3'
 rtuscope report bus.jsonl --html bus.html
+rtuscope report bus.jsonl --by hour
+rtuscope report bus.jsonl --against bus.jsonl
 rtuscope report bus.jsonl --json"""
 
 
@@ -48,6 +53,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_overwrite_argument(parser, "FILE")
     add_check_argument(parser)
     add_map_argument(parser)
+    parser.add_argument("--against", metavar="CAPTURE", help="say what is new, gone, worse or better than in this one")
+    parser.add_argument("--by", choices=("hour",), help="count by hour of the clock as well")
     parser.add_argument("--values", action="store_true", help="list what registers held, as far as inference is sure")
     add_limit_arguments(parser)
 
@@ -63,13 +70,73 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.html is not None:
         to_be_overwritten(arguments.html, overwrite=arguments.overwrite, source=capture.path)
     values = _values(charts, inferred=arguments.values)
+    more = More(arguments.by == "hour", before=_before(arguments, charts, limits))
     if arguments.html is not None:
         return write_page(
-            capture, source, arguments.html, filter=chosen, options=limits, check=arguments.check, values=values
+            capture,
+            source,
+            arguments.html,
+            filter=chosen,
+            options=limits,
+            check=arguments.check,
+            values=values,
+            more=more,
         )
     return show(
-        capture, source, as_json=arguments.json, filter=chosen, options=limits, check=arguments.check, values=values
+        capture,
+        source,
+        as_json=arguments.json,
+        filter=chosen,
+        options=limits,
+        check=arguments.check,
+        values=values,
+        more=more,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class More:
+    """What a report says besides: hours, and what changed since an earlier one."""
+
+    hours: bool = False
+    before: Report | None = None
+
+    def table(self, capture: Capture) -> HourTable | None:
+        """What counts the hours of a capture, where they are asked for."""
+        from ..reports.hours import HourTable
+
+        return HourTable(capture.line) if self.hours else None
+
+    def added(self, report: Report, hours: HourTable | None) -> Report:
+        """The report with it."""
+        from ..reports.against import differences
+
+        if hours is not None:
+            report = replace(report, hours=hours.rows())
+        if self.before is not None:
+            report = replace(report, before=self.before.source, against=differences(report, self.before))
+        return report
+
+
+def _before(arguments: argparse.Namespace, charts: UnitMaps, limits: Options) -> Report | None:
+    """The report on the capture to compare with, read by the same settings."""
+    if arguments.against is None:
+        return None
+    from ..reports import summarize
+
+    capture = opened_capture(arguments.against, arguments)
+    progress = Progress(f"report {arguments.against}")
+    with interruptible() as stop:
+        report = summarize(
+            capture,
+            source=str(arguments.against),
+            filter=chosen_filter(arguments, capture.line, charts),
+            options=limits,
+            progress=progress,
+            stop=stop,
+        )
+    progress.clear()
+    return report
 
 
 def _values(charts: UnitMaps, *, inferred: bool) -> ValueWatch | None:
@@ -90,12 +157,13 @@ def show(
     options: Options | None = None,
     check: bool = False,
     values: ValueWatch | None = None,
+    more: More = More(),
 ) -> int:
     """Report on an open capture; returns the exit status, with `check` 1 where there are errors."""
     from ..options import Options
     from ..reports import summarize, text
 
-    progress = Progress(f"report {source}")
+    progress, hours = Progress(f"report {source}"), more.table(capture)
     with interruptible() as stop:
         report = summarize(
             capture,
@@ -104,13 +172,15 @@ def show(
             options=options or Options(),
             progress=progress,
             stop=stop,
+            watch=None if hours is None else hours.feed,
             values=values,
         )
     progress.clear()
+    report = more.added(report, hours)
     if as_json:
         put_json(report.to_json(), indent=2)
     else:
-        sys.stdout.write(text(report))
+        put_page(text(report))
     return _status(report, check=check)
 
 
@@ -123,6 +193,7 @@ def write_page(
     options: Options | None = None,
     check: bool = False,
     values: ValueWatch | None = None,
+    more: More = More(),
 ) -> int:
     """Write the report on an open capture as HTML; returns the exit status, as `show` does."""
     from ..exports.output import output
@@ -130,7 +201,13 @@ def write_page(
     from ..reports import summarize
     from ..reports.html import Sights, page
 
-    progress, sights = Progress(f"report {source}"), Sights()
+    progress, sights, hours = Progress(f"report {source}"), Sights(), more.table(capture)
+
+    def watch(analysed: Analysed) -> None:
+        sights.feed(analysed)
+        if hours is not None:
+            hours.feed(analysed)
+
     with output(path, source=capture.path) as file:  # an unusable name is told before the work, not after it
         with interruptible() as stop:
             report = summarize(
@@ -140,10 +217,11 @@ def write_page(
                 options=options or Options(),
                 progress=progress,
                 stop=stop,
-                watch=sights.feed,
+                watch=watch,
                 values=values,
             )
         progress.clear()
+        report = more.added(report, hours)
         file.write(page(report, sights).encode())
     if report.partial:
         tell("stopped by Ctrl-C; the page covers what was read until then")

@@ -6,6 +6,7 @@ Nothing of the latter shows on a pipe. Colour follows the terminal and NO_COLOR.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import time
@@ -16,7 +17,7 @@ from typing import IO, BinaryIO
 
 from dissectors.values import harmless
 
-from ..terminal_text import ERASE_LINE, terminal_text
+from ..terminal_text import ERASE_LINE, painted, terminal_text
 
 _PERIOD_S = 0.2
 _LEAST_SHARE = 0.01  # and seconds, before which nobody can tell how long it takes
@@ -111,6 +112,26 @@ def put_json(value: object, *, indent: int | None = None) -> None:
 
     text = json.dumps(value, indent=indent, separators=None if indent else (",", ":"))
     print(text.replace("\x7f", "\\u007f"))  # the one control character that JSON does not escape
+
+
+_PAGE_STYLES = (  # of a line of a report page, by how it begins: its graphic rendition
+    (re.compile(r"\d+\. "), "1;31"),
+    (re.compile(r"(new|worse|новое|хуже): "), "31"),
+    (re.compile(r"(gone|better|ушло|лучше): "), "32"),
+    (re.compile(r"(unit  |function  |poll  |hour  |finding  )"), "4"),
+    (re.compile(r"   (seen|rests on|explained by|видно|основание|объясняет): "), "2"),
+    (re.compile(r"\w[^\d.:]*$"), "1"),  # a heading
+)
+
+
+def put_page(text: str) -> None:
+    """Write a report page to standard output: in colour on a terminal, plain on a pipe."""
+    if not coloured(sys.stdout):
+        sys.stdout.write(text)
+        return
+    for line in text.splitlines():
+        style = next((graphics for pattern, graphics in _PAGE_STYLES if pattern.match(line)), "")
+        print(painted(line, style))
 
 
 def put(text: str) -> None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dissectors.maps.model import RegisterMap
     from dissectors.maps.units import UnitMaps
 
+    from ..causes.story import CauseRevision
     from ..live.conditions import Condition
     from ..live.recent import ShownRow
     from ..live.session import Session, SessionStep
@@ -94,6 +95,7 @@ class Watch:
     ) -> None:
         """`extra`: more words for the status line; `fire` is told the time of each trigger; `out` takes what is shown
         in place of standard output."""
+        from ..causes.story import RunningStory
         from ..live.recent import Recent
         from ..live.status import LineStatus
         from ..live.window import TriggerWindow
@@ -109,6 +111,8 @@ class Watch:
             self._registers = RevisedRegisters(charts)
         self.status = LineStatus(session.line)
         self._recent = Recent()
+        self._tell_cause: Callable[[CauseRevision], Any] | None = getattr(self._lines, "cause", None)
+        self._story = RunningStory(session.line)
         self._filter, self._until = _condition(arguments.filter, charts), _condition(arguments.until, charts)
         self._trigger = _condition(arguments.trigger, charts)
         self._window: TriggerWindow[Any] = TriggerWindow(int(arguments.before * 1e9), int(arguments.after * 1e9))
@@ -139,10 +143,15 @@ class Watch:
                 if self._over:
                     break
             out += [self._lines.bus(finding) for finding in of_the_bus(step)]
+            if self._tell_cause is not None:
+                told = self._story.feed(step.batch, step.analysed.transactions, self._session.line)
+                out += map(self._tell_cause, told)
             out += self._revised(step)
             self._write(out)
             if self._arguments.duration and self.status.elapsed_ns >= self._arguments.duration * 1e9:
                 self._end()
+        if self._tell_cause is not None:
+            self._write([*map(self._tell_cause, self._story.close())])
         self._clear()
         if self._status_shown:
             print(f"{self.status}{self._extra()}", file=sys.stderr)

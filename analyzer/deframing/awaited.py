@@ -5,6 +5,7 @@ Looked at before a decision: the beginning of a long frame may check by chance, 
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from typing import Final
 
@@ -41,7 +42,7 @@ def answer_may_come(
                 break
             length = predicted_length(data, start, Role.RESPONSE)
             if length is not None and start + length > position:
-                before = next(s for s in steps if s.end > start)
+                before = steps[bisect_right(steps, start, key=_end)]
                 score = before.before.score if before.before is not None else 0.0
                 if start > before.start:
                     score -= lattice.noise_cost + NOISE_BYTE * (start - before.start)
@@ -90,8 +91,14 @@ def frame_may_come(
 
 def _held(frames: Sequence[PathStep], start: int) -> float:
     """What the frames behind a start would tell of one that holds them."""
-    return sum(
-        max(0.0, CRC_BITS + frame.candidate.structure - EMBEDDED)
-        for frame in frames
-        if frame.start > start and frame.candidate
-    )
+    told = 0.0
+    for frame in reversed(frames):
+        if frame.start <= start:
+            break
+        if frame.candidate is not None:
+            told += max(0.0, CRC_BITS + frame.candidate.structure - EMBEDDED)
+    return told
+
+
+def _end(step: PathStep) -> int:
+    return step.end

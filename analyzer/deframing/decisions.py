@@ -109,6 +109,7 @@ class _Region:
     stages: int = 0
     work: int = 0  # bytes that looks at everything have gone over, and as many for what crowds there
     affordable: bool = True  # to look at everything at that position
+    paid: bool = False  # and that is counted
     everything: Lattice | None = None  # of all candidates up to that position
 
     def next_point(self, limit: int) -> DecisionPoint | None:
@@ -120,20 +121,19 @@ class _Region:
         return None
 
     def move(self, point: DecisionPoint) -> range:
-        """Go to a point: the stages that were not looked at. What a look at everything there costs is counted."""
+        """Go to a point: the stages that were not looked at."""
         first = self.stages if point.position == self.position else _GAP
         if first == _GAP:
             size = point.position - self.origin
             self.affordable = point.parted and self.work + size <= _LOOKED * size + _LOOKED_FREELY
-            self.work += size if self.affordable else 0
-            self.everything = None
+            self.everything, self.paid = None, False
         self.position, self.stages = point.position, max(first, point.stages)
         return range(first, point.stages)
 
     def go_on(self, position: int, conversation: Conversation) -> None:
         """All before a position is decided."""
         self.origin = self.position = position
-        self.conversation, self.stages, self.work = conversation, 0, 0
+        self.conversation, self.stages, self.work = conversation, STAGES, 0  # no byte is left to be looked at there
         self.lattice.restart(position, conversation)
 
 
@@ -234,12 +234,14 @@ class Decider:
         """What is certain at a point, stage by stage."""
         overdue = point.position == look.origin + WINDOWS[-1]
         for stage in look.move(point):
+            tiled = False
             if look.first_ends.get(look.origin, _NEVER) <= point.position:  # else there is noise, whatever comes
                 look.lattice.advance(point.position)
                 decision = self._certain(look, look.lattice, point, stage)
                 if decision.only_frames:
                     return decision
-            if look.affordable or stage == _CUT or overdue:
+                tiled = stage == _GAP and not look.lattice.best.noisy and look.lattice.best.end == point.position
+            if (look.affordable and not tiled) or stage == _CUT or overdue:
                 decision = self._of_everything(look, stretch, at, point, stage)
                 if decision.steps:
                     return decision
@@ -253,6 +255,9 @@ class Decider:
         """What is certain at a stage of a point, or at a place before it, by all candidates that there are."""
         if stage == _IDLE:
             look.everything = None  # what stands before the silence now stands between two
+        if look.affordable and not look.paid:
+            look.work += point.position - look.origin
+            look.paid = True
         if look.everything is None:
             lattice = self._everything(look, stretch, at, point, stage)
             points = {p.position: p for p in look.points if p.stages > 1}
@@ -328,22 +333,25 @@ class Decider:
             return False
         return frame_may_come(data, frames, steps, lattice, idle_bits, self._role)
 
-    def segments(self, decision: Decision, stretch: SearchedBytes, at: int) -> DecidedSegments:
-        """A decision's steps, whose offsets are from `at`, in the buffer; what functions they use is remembered."""
+    def segments(self, decisions: Sequence[Decision], stretch: SearchedBytes, at: int) -> DecidedSegments:
+        """Steps of decisions end to end, whose offsets are from `at`, in the buffer; their functions are remembered."""
         origin = stretch.begin + at
-        steps = decision.steps
+        steps = [step for decision in decisions for step in decision.steps]
+        found = [margin for decision in decisions for margin in margins(decision)]
         start = np.array([s.start for s in steps], np.intp)
         end = np.array([s.end for s in steps], np.intp)
         role = np.array([s.candidate.role if s.candidate else NOISE for s in steps], np.uint8)
-        found = margins(decision)
         margin = np.array([min(bits, SURE) for bits, _ in found], np.float32)
         why = evidence_of_steps(steps, found, self._buffer.base + origin) if self._options.explain else None
         for step in steps:
             if step.candidate is not None and not step.candidate.declared:
                 self.heard.add(int(self._buffer.data[origin + step.start + 1]) & 0x7F)
         check = np.array([s.candidate is not None and not s.candidate.damaged for s in steps], np.bool_)
-        first = at + steps[0].start
-        rivals = [s.candidate is None or stretch.rivalled(at + s.start, at + s.end, first) for s in steps]
+        rivals = [
+            s.candidate is None or stretch.rivalled(at + s.start, at + s.end, at + decision.steps[0].start)
+            for decision in decisions
+            for s in decision.steps
+        ]
         return DecidedSegments(start + origin, end + origin, role, check, margin, np.array(rivals, np.bool_), why)
 
 

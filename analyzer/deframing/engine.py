@@ -234,8 +234,7 @@ class Engine:
         if not decisions:
             return at
         last = decisions[-1].steps[-1]
-        for decision in decisions:
-            self._decide(self._decider.segments(decision, stretch, at))
+        self._decide(self._decider.segments(decisions, stretch, at))
         frames = [(s.start, s.candidate.role) for d in decisions for s in d.steps if s.candidate is not None]
         if frames:
             start, role = frames[-1]

@@ -267,9 +267,13 @@ def plain_reach(
             waits = np.append(waiting, waits[1:])
         early = np.flatnonzero(start < REACH)
         if len(early):  # what was asked before may be before these bytes
-            asked = {open_requests.adu[:2] for open_requests in tracker.conversation.open_requests}
+            conversation = tracker.conversation
+            asked = {open_requests.adu[:2] for open_requests in conversation.open_requests}
             late = late.copy()
             late[early] |= [data[s : s + 2].tobytes() in asked for s in start[early].tolist()]
+            for k in early[alone[early]].tolist():  # the request before it once more, behind it
+                behind = number[k] + 1
+                late[k] |= data[runs.start[behind] : runs.end[behind]].tobytes() == conversation.last
         before, behind = silences.take(start), silences.take(runs.end[number])
         first = table[np.where(waits, _AGAIN, _ASKS), before] - table[_ANSWERS, before] + asking
         echo = table[_ANSWERS, behind] - table[_AGAIN, behind]

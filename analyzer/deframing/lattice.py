@@ -126,6 +126,7 @@ class Lattice:
         self._units = statistics.unit_bits
         self._unanswered = statistics.unanswered_bits + HALF
         self._octet_cost = [0]
+        self._scored: dict[tuple[int, int], list[tuple[float, Survivor]]] = {}  # `_at`, by position and landing
         self._waiting: list[Candidate] = []  # by end, the next one last
         self._candidates: list[Candidate] = []  # by end: those that paths have been grown by
         self.restart(position, conversation)
@@ -140,6 +141,7 @@ class Lattice:
         more = data[len(self._data) :].translate(_OCTET_COSTS)
         self._octet_cost += list(accumulate(more, initial=self._octet_cost.pop()))
         self._data, self._silences = data, silences
+        self._scored.clear()
 
     def add(self, candidates: Iterable[Candidate]) -> None:
         """Candidates that end behind the position advanced to."""
@@ -149,8 +151,10 @@ class Lattice:
     def restart(self, position: int, conversation: Conversation) -> None:
         """What is before a position is decided; `conversation` is that up to there."""
         self._before = conversation
+        self._opened: dict[PathStep, tuple[Conversation, tuple[OpenRequest, ...]]] = {}  # `open_after` of frames
         self.position = position
         self._landings = [position]
+        self._scored.clear()
         self._survivors = [[Survivor(0.0, None, position, conversation)]]
 
     def advance(self, position: int) -> None:
@@ -172,7 +176,11 @@ class Lattice:
     def _at(self, position: int) -> list[tuple[float, Survivor]]:
         """Survivors at a position with their scores there."""
         before = bisect_right(self._landings, position) - 1
-        return [(self._score(path, position), path) for path in self._survivors[before]]
+        found = self._scored.get((position, before))
+        if found is None:
+            found = [(self._score(path, position), path) for path in self._survivors[before]]
+            self._scored[position, before] = found
+        return found
 
     def _score(self, path: Survivor, position: int) -> float:
         """The score of a path with the noise behind it."""
@@ -316,16 +324,23 @@ class Lattice:
         return best.losers + tuple((best_score - score, path.tip) for score, path in paths if path is not best)
 
     def open_after(self, frames: Sequence[PathStep]) -> tuple[OpenRequest, ...]:
-        """The requests that no whole frame among these has answered; a damaged answer may turn out to be none."""
-        conversation = self._before
-        again: list[OpenRequest] = []  # a request that seems to come once more may be the beginning of its answer
-        for step in frames:
+        """The requests that no whole frame among these, all of a path, has answered; a damaged answer may be none."""
+        conversation: Conversation = self._before
+        again: tuple[OpenRequest, ...] = ()
+        known = len(frames)
+        while known and frames[known - 1] not in self._opened:
+            known -= 1
+        if known:
+            conversation, again = self._opened[frames[known - 1]]
+        for step in frames[known:]:
             adu = self._data[step.start : step.end]
             if step.candidate is not None and step.candidate.role == Role.REQUEST:
-                again = [p for p in conversation.open_requests if p.adu == adu]
+                # a request that seems to come once more may be the beginning of its answer
+                again = tuple(p for p in conversation.open_requests if p.adu == adu)
                 conversation = conversation.ask(OpenRequest.of(self.offset + step.start, adu))
             elif (which := conversation.answers(adu)) is not None:
                 conversation = conversation.answer(which)
+            self._opened[step] = conversation, again
         return (*conversation.open_requests, *again)
 
     def steps(self) -> list[PathStep]:

@@ -8,6 +8,7 @@ conversation, as in RTU mode.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -82,10 +83,10 @@ class MbapEngine(SelfDelimitedEngine):
             return
         parts: list[tuple[int, int, int]] = []
         at = 0
-        for begin, behind in [*frames, (done, done)]:
+        for begin, behind, roles in [*frames, (done, done, ())]:
             parts += [(*cut, NOISE) for cut in noise_parts(at, begin)]
             if behind > begin:
-                parts.append((begin, behind, self._role_of(data[begin:behind])))
+                parts.append((begin, behind, self._role_of(data[begin:behind], roles)))
             at = behind
         self._astray = parts[-1][2] == NOISE
         start, end, role = (np.array(column, np.intp) for column in zip(*parts, strict=True))
@@ -93,10 +94,9 @@ class MbapEngine(SelfDelimitedEngine):
         heads = self.buffer.data[:done][places]
         self._give(Protocol.TCP, start, end, role.astype(np.uint8), role != NOISE, heads, done)
 
-    def _role_of(self, adu: bytes) -> Role:
-        """The direction of a frame: its length tells, else the port, else the request that is open."""
+    def _role_of(self, adu: bytes, roles: Sequence[Role]) -> Role:
+        """The direction of a frame: its length tells (`roles`), else the port, else the request that is open."""
         transaction, body = adu[:2], adu[MBAP - 1 :]
-        roles = sound_roles(body[1:])
         asked = self._open.get(transaction)
         if len(roles) == 1:
             role = roles[0]
@@ -115,12 +115,14 @@ class MbapEngine(SelfDelimitedEngine):
         return role
 
 
-def frames_in(data: bytes, *, astray: bool = False, last: bool) -> tuple[list[tuple[int, int]], int]:
-    """The frames in bytes of a stream, and how many of them are decided: what is in no frame is noise.
+def frames_in(data: bytes, *, astray: bool = False, last: bool) -> tuple[list[tuple[int, int, tuple[Role, ...]]], int]:
+    """The frames in bytes of a stream with the roles in which each is as long as its function predicts.
+
+    And how many of the bytes are decided: what is in no frame is noise.
 
     `astray`: these bytes begin in noise, else where a frame should; `last`: no more come.
     """
-    frames: list[tuple[int, int]] = []
+    frames: list[tuple[int, int, tuple[Role, ...]]] = []
     at, size = 0, len(data)
     while at < size:
         if astray or not _may_begin(data, at):
@@ -132,14 +134,15 @@ def frames_in(data: bytes, *, astray: bool = False, last: bool) -> tuple[list[tu
         end = at + _BEFORE + data[at + 5] if at + _BEFORE <= size else size + 1
         if end + _BEFORE > size and not last:
             break  # what follows may tell that it was cut
-        if end > size or not (sound_roles(data[at + MBAP : end]) and _may_begin(data, end)):
+        roles = sound_roles(data[at + MBAP : end])
+        if end > size or not (roles and _may_begin(data, end)):
             inner = _next_sound(data, at + 1, size, last=last)
             if inner < min(end, size) and not _is_whole(data, inner):
                 break
             if inner < end:
                 at = inner
                 continue
-        frames.append((at, end))
+        frames.append((at, end, roles))
         at = end
     behind = frames[-1][1] if frames else 0
     return frames, at if at == size else behind + (at - behind) // NOISE_MOST * NOISE_MOST

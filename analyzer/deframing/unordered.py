@@ -78,6 +78,15 @@ class UnorderedRows:
             np.concatenate([p.why for p in parts]),
         )
 
+    def one(self, row: int) -> UnorderedRows:
+        """A copy of one of them."""
+        here = slice(row, row + 1)
+        rows = self.rows[here].copy()
+        data = self.data[int(rows["at"][0]) :][: int(rows["length"][0])].copy()
+        rows["at"] = 0
+        why = self.why[here] if len(self.why) else self.why
+        return UnorderedRows(rows, data, self.head[here].copy(), self.tail[here].copy(), self.heard[here].copy(), why)
+
     def picked(self, which: NDArray[np.intp]) -> UnorderedRows:
         """Those at these places, in this order."""
         rows = take_rows(self.rows, which)

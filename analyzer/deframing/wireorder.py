@@ -120,7 +120,7 @@ class WireOrder:
     def _remember(self, loose: UnorderedRows, which: NDArray[np.intp]) -> None:
         """Keep the newest row that was heard before there was a second port."""
         if len(which):
-            self._newest = loose.picked(which[-1:])
+            self._newest = loose.one(int(which[-1]))
 
     def _settle(self, loose: UnorderedRows, order: NDArray[np.intp], until: int | None) -> None:
         """Settle directions by the first frames, once there are enough of them."""

@@ -49,6 +49,11 @@ class Judge:
         return min((bound for bound in bounds if bound is not None), default=None)
 
     @property
+    def off_ns(self) -> float:
+        """By how much response times may be wrong, as far as is known: 0 before anything is."""
+        return self._diagnosis.off_ns
+
+    @property
     def waits(self) -> bool:
         """Whether rows wait for their judgement."""
         return bool(self._waiting)

@@ -20,7 +20,7 @@ from ..tables.findings import NOTHING, Findings, fresh_looks
 from ..tables.schema import Rows
 from ..tables.transactions import TRANSACTION
 from .damage.triage import Triage
-from .tap_clock import COLUMNS, TapClock
+from .tap_clock import COLUMNS, UNKNOWN, TapClock
 from .view import DiagnosisStep, LookBack
 
 
@@ -42,6 +42,12 @@ class Diagnosis:
         """Index of the first frame of which more may be said by what comes; None if there is none."""
         bounds = [look.open_from for look in self._looks if hasattr(look, "open_from")]
         return min((bound for bound in bounds if bound is not None), default=None)
+
+    @property
+    def off_ns(self) -> float:
+        """By how much response times may be wrong, as far as is known: 0 before the first verdict on the clock."""
+        off = self._clock.off_ns if self._clock.known else 0.0
+        return UNKNOWN if off is None else off
 
     def feed(self, batch: Batch, transactions: Rows) -> Findings:
         """What this batch, and the transactions that it settles, bring to light."""

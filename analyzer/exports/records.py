@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from dissectors.functions import function_name
 
 from ..tables.columns import AreaCode, decode
+from ..tables.delays import delay_bounds
 from ..tables.findings import describe
 from ..tables.transactions import Status
 from ..tables.values import confirmed_values
@@ -50,6 +51,7 @@ def _optional(values: NDArray[Any], absent: NDArray[np.bool_]) -> list[Any]:
 def _transactions(analysed: Analysed) -> Columns:
     rows = analysed.transactions
     answered = rows["response"] >= 0
+    exact, low, high = delay_bounds(np.where(answered, rows["response_ns"], -1), analysed.off_ns)
     return {
         "request": rows["request"].tolist(),
         "request_start": rows["start"].tolist(),
@@ -64,7 +66,9 @@ def _transactions(analysed: Analysed) -> Columns:
         "late": rows["late"].tolist(),
         "response": _optional(rows["response"], ~answered),
         "response_start": _optional(rows["response_start"], ~answered),
-        "response_time_ns": _optional(rows["response_ns"], ~answered | (rows["response_ns"] < 0)),
+        "response_time_ns": _optional(exact, exact < 0),
+        "response_time_low_ns": _optional(low, low < 0),
+        "response_time_high_ns": _optional(high, high < 0),
     }
 
 
@@ -119,7 +123,9 @@ TABLES: Final[Mapping[str, RecordTable]] = {
             "late": "flag",
             "response": "integer",  # index of the answer's frame
             "response_start": "integer",
-            "response_time_ns": "integer",
+            "response_time_ns": "integer",  # where the tap's clock carries it; else it lies between the next two
+            "response_time_low_ns": "integer",
+            "response_time_high_ns": "integer",
         },
         _transactions,
     ),

@@ -13,6 +13,7 @@ from dissectors.maps.decoding import MappedReading
 from dissectors.maps.model import RegisterMap
 from dissectors.values import harmless
 
+from ..causes.story import CauseRevision
 from ..exports.encoding import noise_json
 from ..paste.meaning import mapped_readings
 from ..tables.batch import Batch
@@ -94,6 +95,13 @@ class TextLines:
         """A finding about the bus as a whole."""
         return self._finding(finding)
 
+    def cause(self, revision: CauseRevision) -> TerminalText:
+        """What became of a cause."""
+        cause, mark = revision.cause, _MARKS[Severity[revision.cause.severity.upper()]]
+        head = f"{mark} cause {cause.cause} ({revision.state}, revision {revision.revision} after "
+        text = f"{head}{revision.exchanges:,} requests, {cause.confidence:.0%} sure): {cause.text}"
+        return self._cut(text, _COLOURS[Severity[cause.severity.upper()]])
+
     def _frame(self, frame: Frame) -> TerminalText:
         arrow = ">" if frame.row.kind == Kind.REQUEST else "<"
         took = "" if frame.response_time_ns is None else f"   {duration(frame.response_time_ns)}"
@@ -152,6 +160,10 @@ class LiveJsonLines:
         behind: dict[str, Any] = {key: line.pop(key) for key in _BEHIND_FIELDS if key in line}
         values = {"values": self._values.of(frame)} if self._charts else {}
         return {**line, "fields": self._fields.of(frame), **values, **behind}
+
+    def cause(self, revision: CauseRevision) -> str:
+        """A line of kind `cause`."""
+        return orjson.dumps(revision.to_json(), option=orjson.OPT_APPEND_NEWLINE).decode()
 
     def bus(self, finding: Finding) -> str:
         """A finding by itself: about a frame of before (`index`), a stretch of bytes, or the bus."""

@@ -95,7 +95,7 @@ class PollIndex:
 
 
 class ChangedAnswers:
-    """A test of requests, row after row: the answer is another one than the last to the same poll."""
+    """A test of requests, row after row: the good answer is another one than the last to the same poll."""
 
     def __init__(self) -> None:
         self._newest: dict[int, int] = {}
@@ -106,6 +106,7 @@ class ChangedAnswers:
         passed = np.zeros(high - low, np.bool_)
         kind, partner = (table.column(number, name)[low:high] for name in ("kind", "partner"))
         here = np.flatnonzero((kind == Kind.REQUEST) & (partner >= 0))
+        here = here[table.take("check", partner[here].astype(np.int64))]
         answers: NDArray[Any] = partner[here].astype(np.int64)
         polls, said = hashes(bus, here + number * PIECE + low), hashes(bus, answers)
         newest = self._newest

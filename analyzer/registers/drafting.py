@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
 
-from dissectors.maps.cells import cells_of
+from dissectors.maps.cells import cells_of, signature_text
 from dissectors.maps.model import MappedValue, RegisterMap
 
 from .values import RegisterValue
@@ -43,7 +43,8 @@ def map_differences(one: RegisterMap, other: RegisterMap) -> Iterator[str]:
     """What differs, a line each: header, values that only one has, values that changed."""
     for field in fields(RegisterMap):
         if field.name not in ("rows", *_SKIPPED) and getattr(one, field.name) != getattr(other, field.name):
-            yield f"{field.name}: {getattr(one, field.name)!r} -> {getattr(other, field.name)!r}"
+            was, now = (_header_text(chart, field.name) for chart in (one, other))
+            yield f"{field.name}: {was!r} -> {now!r}"
     left, right = _by_place(one), _by_place(other)
     for key in sorted({*left, *right}):
         before, after = left.get(key), right.get(key)
@@ -59,6 +60,10 @@ def map_differences(one: RegisterMap, other: RegisterMap) -> Iterator[str]:
                 f"{n} {old.get(n, '')!r} -> {new.get(n, '')!r}" for n in names if old.get(n, "") != new.get(n, "")
             ]
             yield f"* {where} {after.name}: {', '.join(changed)}"
+
+
+def _header_text(chart: RegisterMap, name: str) -> str:
+    return signature_text(chart.match) if name == "match" else str(getattr(chart, name))
 
 
 def _by_place(chart: RegisterMap) -> dict[tuple[str, int, int], MappedValue]:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Final
 
+from ..causes.links import cause_of
 from ..causes.model import Cause
+from ..languages import page_words
 from ..words import is_clock, plural, time_of_day
 from .model import FindingGroup, FindingRow
 
@@ -20,15 +23,27 @@ def cause_lines(causes: Sequence[Cause]) -> Iterator[str]:
     """What explains the findings, best first, each with how sure that is; nothing where there are none."""
     if causes:
         yield ""
-        yield "what is wrong"
+        yield page_words("what is wrong")
     for number, cause in enumerate(causes, 1):
-        yield from _wrapped(f"{number}. {cause.cause}, {cause.confidence:.0%} sure: {cause.text}", "   ", first="")
-        if cause.share:
-            yield from _wrapped(f"seen: {cause.share}", "   ")
-        if cause.deciding_test:
-            yield from _wrapped(f"to be sure: {cause.deciding_test}", "   ")
-        if cause.remedy:
-            yield from _wrapped(f"do: {cause.remedy}", "   ")
+        head = page_words("{number}. {cause}, {sure} sure: {text}")
+        sure = f"{cause.confidence:.0%}"
+        yield from _wrapped(head.format(number=number, cause=cause.cause, sure=sure, text=cause.text), "   ", first="")
+        yield from _labelled("seen", cause.share)
+        yield from _labelled("to be sure", cause.deciding_test)
+        yield from _labelled("do", cause.remedy)
+
+
+def explained_row(row: FindingRow, causes: Sequence[Cause]) -> FindingRow:
+    """Findings of one code with the causes that they follow from."""
+    groups = tuple(replace(group, explained_by=_explained_by(row.code, group.unit, causes)) for group in row.groups)
+    units: list[int | None] = [*row.units] or [None]
+    found = dict.fromkeys(_explained_by(row.code, unit, causes) for unit in units)
+    return replace(row, groups=groups, explained_by=tuple(cause for cause in found if cause is not None))
+
+
+def _explained_by(code: str, unit: int | None, causes: Sequence[Cause]) -> str | None:
+    number = cause_of(code, unit, causes)
+    return None if number is None else causes[number].cause
 
 
 def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
@@ -38,12 +53,12 @@ def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
     worst = [row for row in findings if row.severity != "note"][:_WORST]
     if worst:
         yield ""
-        yield "what costs this bus most" if len(worst) > 1 else "what costs this bus something"
+        yield page_words("what costs this bus most" if len(worst) > 1 else "what costs this bus something")
     for number, row in enumerate(worst, 1):
         yield from _wrapped(f"{number}. {row.code}, {cost(row)}", "   ", first="")
         yield from _group_lines(row)
-        if row.clause:
-            yield from _wrapped(f"rests on: {row.clause}", "   ")
+        yield from _labelled("explained by", ", ".join(row.explained_by))
+        yield from _labelled("rests on", row.clause)
     yield ""
     yield f"{'finding':<24}{'severity':<10}{'count':>9}{'answers lost':>14}{'time lost':>12}"
     for row in findings:
@@ -59,7 +74,7 @@ def _group_lines(row: FindingRow) -> Iterator[str]:
         yield from _wrapped(f"{group.text} ({', '.join(where(group, row))})", "   ")
         for label, words in (("likely", group.cause), ("do", group.remedy)):
             if words and words not in said:
-                yield from _wrapped(f"{label}: {words}", "   ")
+                yield from _labelled(label, words)
                 said.add(words)
     if len(row.groups) > _GROUPS:
         more = len(row.groups) - _GROUPS
@@ -103,6 +118,10 @@ def seconds(ms: float) -> str:
     if ms < 1000:
         return f"{ms:.3g} ms"
     return f"{ms / 1000:,.3g} s" if ms < 1e6 else f"{ms / 1000:,.0f} s"
+
+
+def _labelled(label: str, words: str) -> list[str]:
+    return _wrapped(page_words(f"{label}: {{words}}").format(words=words), "   ") if words else []
 
 
 def _wrapped(words: str, indent: str, first: str | None = None) -> list[str]:

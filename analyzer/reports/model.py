@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
+from ..tables.delays import bounds_of
 from ..words import between
 
 if TYPE_CHECKING:
@@ -17,9 +18,7 @@ if TYPE_CHECKING:
     from ..causes.model import Cause
     from ..outages import Deaf
     from ..registers.watch import WatchedValue
-
-
-_EXACT: Final = 0.05  # of a figure: what may be wrong by no more is not worth an interval
+    from .against import Difference
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +40,7 @@ class Times:
     def bounds(self, figure: str) -> tuple[int, int] | None:
         """Between what a figure (`p50`) lies: twice the same where it is measured; None where it is unknown."""
         value: int | None = getattr(self, f"{figure}_ns")
-        if value is None or self.off_ns is None:
-            return None
-        return (value, value) if self.off_ns <= _EXACT * value else (max(value - self.off_ns, 0), value + self.off_ns)
+        return None if value is None else bounds_of(value, self.off_ns)
 
     def worded(self, figure: str) -> str:
         """A figure for people: `12.3 ms`, `9..17 ms`, `?`."""
@@ -87,6 +84,36 @@ class UnitRow:
 
 
 @dataclass(frozen=True, slots=True)
+class UnitChange:
+    """When (ns) something about a unit was otherwise, and how."""
+
+    t_ns: int
+    until_ns: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class UnitCard:
+    """One unit's exchanges by what was heard: silence and garbage are two things.
+
+    `damage`: of the garbage, so many by the place in the frame; `delay_ns`: between what nine in ten of its answers
+    take (the tap's uncertainty included), None where that is unknown; `changes`: times in which it was otherwise.
+    """
+
+    unit: int
+    asked: int
+    answered: int  # without an exception
+    exceptions: int
+    silent: int  # not a byte
+    garbage: int  # bytes, and no answer among them
+    late: int
+    doubles: int  # second answers
+    damage: Mapping[str, int]
+    delay_ns: tuple[int, int] | None
+    changes: tuple[UnitChange, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class FunctionRow:
     """One function's transactions, over all units."""
 
@@ -123,6 +150,7 @@ class FindingGroup:
     start: int
     t_ns: int
     until_ns: int
+    explained_by: str | None = None  # id of the cause that it follows from
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +173,7 @@ class FindingRow:
     t_ns: int  # of the first one
     until_ns: int  # and of the last
     groups: tuple[FindingGroup, ...] = ()  # the commonest first
+    explained_by: tuple[str, ...] = ()  # ids of the causes that these follow from
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +181,9 @@ class PollRow:
     """What is asked for again and again: unit, function, first address and quantity; `ok` of `asked` got a good answer.
 
     `period_ns` is the median from one to the next, `jitter_ns` how far nine in ten stray from it; None without times.
+    `joins` is the first address of a poll of the same unit and function that one request could ask for as well,
+    `saves_bytes` what that would save on the line each round; None where there is none. `wasted`: requests of it that
+    brought nothing.
     """
 
     unit: int
@@ -165,6 +197,37 @@ class PollRow:
     damaged: int
     period_ns: int | None
     jitter_ns: int | None
+    joins: int | None = None
+    saves_bytes: int | None = None
+
+    @property
+    def wasted(self) -> int:
+        return self.asked - self.ok
+
+
+@dataclass(frozen=True, slots=True)
+class BookmarkRow:
+    """A row that the user marked in the interface, and what he says of it (empty: nothing); `index` -1 for noise."""
+
+    index: int
+    port: int
+    start: int
+    t_ns: int
+    unit: int
+    function: int
+    comment: str
+
+
+@dataclass(frozen=True, slots=True)
+class HourRow:
+    """One hour of the clock (of the capture, where its times are none): what became of its requests, and the finding
+    that came most often."""
+
+    name: str
+    t_ns: int
+    counts: Counts
+    load: float | None
+    finding: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +271,12 @@ class Report:
     clock_skew_ns: tuple[int, int] | None = None  # bounds: how far the answers' tap is ahead of the requests'
     filter: str = ""  # what the rest of the report is narrowed to
     causes: tuple[Cause, ...] = ()  # what explains the findings, best first; none on a healthy bus
+    cards: tuple[UnitCard, ...] = ()  # by unit; none where a filter leaves out a part of the bus
     polls: tuple[PollRow, ...] = ()  # those asked most first
+    hours: tuple[HourRow, ...] = ()  # where they were asked for
+    bookmarks: tuple[BookmarkRow, ...] = ()  # the user's, in wire order
+    before: str = ""  # the capture that it is compared with
+    against: tuple[Difference, ...] = ()  # what is otherwise than there
     findings: tuple[FindingRow, ...] = ()  # those that cost the bus most come first
     values: tuple[WatchedValue, ...] = ()  # what registers held, by a map or as far as inference is sure
     notes: tuple[Note, ...] = ()  # of a recording: what happened besides bytes
@@ -224,6 +292,7 @@ class Report:
     def to_json(self) -> dict[str, Any]:
         """The report as plain values, nested as it is here, with `span_ns`."""
         line = {**asdict(self), "span_ns": self.span_ns, "times": self.times.to_json()}
+        line["causes"] = [cause.to_json() for cause in self.causes]
         for name, rows in (("units", self.units), ("functions", self.functions)):
             line[name] = [{**asdict(row), "times": row.times.to_json()} for row in rows]
         return line

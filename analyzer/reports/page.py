@@ -5,33 +5,22 @@ Facts first, trouble marked by its own lines; what this capture cannot tell is s
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from textwrap import wrap
 from typing import Any, Final
 
 from dissectors.values import harmless
 
+from ..languages import page_words
 from ..outages import unheard
-from ..words import compact, duration, is_clock, moment, plural
-from . import findings, values
-from .model import Counts, Report, Times, UnitRow
+from ..words import duration, is_clock, moment, plural
+from . import against, findings, pagetables, values
+from .model import Counts, Report
 
 _WIDTH: Final = 80
 _UNBROKEN: Final[dict[str, Any]] = {"break_long_words": False, "break_on_hyphens": False}  # names, ports
-_ROWS: Final = 24  # units on the page; --json has all
-_EXCEPTIONS: Final = 10
 _LOSSES: Final = 3
-_LONG_NS: Final = 99_950_000_000
 _HAPPENED: Final = 4  # of a recording
-_COLUMNS: Final = (  # head, width, which of Counts
-    ("requests", 9, "requests"),
-    ("ok", 7, "answered"),
-    ("exc", 6, "exceptions"),
-    ("none", 6, "unanswered"),
-    ("bad", 6, "damaged"),
-    ("retry", 6, "retries"),
-    ("late", 6, "late"),
-)
 
 
 def text(report: Report) -> str:
@@ -41,24 +30,20 @@ def text(report: Report) -> str:
 
 def _lines(report: Report) -> Iterator[str]:
     for label, words in facts(report):
-        yield from wrap(harmless(words), _WIDTH, initial_indent=f"{label:<9} ", subsequent_indent=" " * 10, **_UNBROKEN)
+        yield from wrap(
+            harmless(words), _WIDTH, initial_indent=f"{page_words(label):<9} ", subsequent_indent=" " * 10, **_UNBROKEN
+        )
     if not report.frames:
         yield ""
         yield nothing(report)
         return
     yield from findings.cause_lines(report.causes)
-    if report.units:
+    if report.before:
         yield ""
-        yield from _units(report)
+        yield from against.lines(report.against, report.before)
+    for table in pagetables.tables(report):
         yield ""
-        yield from _functions(report)
-        yield ""
-        yield "requests: ok + exc (exceptions) + none (unanswered) + bad (damaged) + broadcasts"
-        if report.transactions.unheard:
-            yield f"{'':10}+ {report.transactions.unheard:,} not heard: nothing was recorded when an answer was due"
-    if report.exceptions:
-        yield ""
-        yield from _exceptions(report)
+        yield from table
     yield from findings.lines(report.findings)
     yield from values.lines(report.values)
 
@@ -97,7 +82,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
 
 def nothing(report: Report) -> str:
     """What to say where there is no frame."""
-    return "No frame passes the filter." if report.filter else "No Modbus frame was found."
+    return page_words("No frame passes the filter." if report.filter else "No Modbus frame was found.")
 
 
 def _line(report: Report) -> str:
@@ -187,67 +172,3 @@ def _response(report: Report) -> str:
     words = ", ".join(f"{figure} {times.worded(figure)}" for figure in ("p50", "p95", "p99", "max"))
     answers = report.transactions.answered + report.transactions.exceptions + report.transactions.damaged
     return words + (f" ({times.count:,} of {answers:,} measured)" if times.count < answers else "")
-
-
-def _units(report: Report) -> Iterator[str]:
-    shown: Sequence[UnitRow] = report.units
-    if len(shown) > _ROWS:
-        shown = sorted(sorted(shown, key=_trouble)[:_ROWS], key=lambda row: row.unit)
-    rows = [(f"{row.unit:>4}", row.counts, _cells(row.times, "p50", "p95", "max")) for row in shown]
-    yield from _table("unit", 10, _COLUMNS, ("p50", "p95", "max"), rows)
-    if len(shown) < len(report.units):
-        yield f"and {len(report.units) - len(shown)} units with less trouble (--json has all)"
-
-
-def _trouble(row: UnitRow) -> tuple[int, int]:
-    counts = row.counts
-    return -(counts.unanswered + counts.exceptions + counts.damaged + counts.late), row.unit
-
-
-def _functions(report: Report) -> Iterator[str]:
-    rows = [(f"{row.function:02d} {row.name}", row.counts, _cells(row.times, "p50", "p95")) for row in report.functions]
-    yield from _table("function", 30, _COLUMNS[:5], ("p50", "p95"), rows)
-
-
-def _table(
-    title: str,
-    width: int,
-    columns: Sequence[tuple[str, int, str]],
-    percentiles: Sequence[str],
-    rows: Sequence[tuple[str, Counts, Sequence[str]]],
-) -> Iterator[str]:
-    cells = [times for _, _, times in rows]
-    yield (
-        f"{title:<{width}}"
-        + "".join(f"{head:>{w}}" for head, w, _ in columns)
-        + "".join(f"{p:>{_width(cells, i)}}" for i, p in enumerate(percentiles))
-    )
-    for name, counts, times in rows:
-        short = name if len(name) <= width else name[: width - 2] + ".."
-        numbers = "".join(
-            f"{compact(getattr(counts, key)) if getattr(counts, key) else '-':>{w}}" for _, w, key in columns
-        )
-        yield f"{short:<{width}}{numbers}" + "".join(f"{t:>{_width(cells, i)}}" for i, t in enumerate(times))
-
-
-def _exceptions(report: Report) -> Iterator[str]:
-    yield "exceptions"
-    for row in report.exceptions[:_EXCEPTIONS]:
-        yield f"{row.count:>9,} x unit {row.unit}, function {row.function:02d}: {row.exception:02X} {row.name}"
-    if len(report.exceptions) > _EXCEPTIONS:
-        yield f"{'':>9}   and {len(report.exceptions) - _EXCEPTIONS} other kinds (--json has all)"
-
-
-def _cells(times: Times, *figures: str) -> list[str]:
-    """Figures as they stand in a table: measured ones in at most seven characters."""
-    return [_cell(times, figure) for figure in figures]
-
-
-def _cell(times: Times, figure: str) -> str:
-    low, high = times.bounds(figure) or (0, 0)
-    return f"{low / 1e9:.3g} s" if low == high >= _LONG_NS else times.worded(figure)
-
-
-def _width(cells: Sequence[Sequence[str]], column: int) -> int:
-    """How wide a column of figures is, the space before it counted: 8, or more where there are intervals."""
-    return max([8, *(len(row[column]) + 2 for row in cells if ".." in row[column])])

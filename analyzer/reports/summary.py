@@ -22,7 +22,8 @@ from ..options import Options
 from ..outages import deaf_times, notes_of
 from ..tables.schema import Kind, Rows
 from ..tables.transactions import Status
-from .model import Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
+from ..usernotes import Notes, marked_rows
+from .model import BookmarkRow, Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
 from .percentiles import Histogram
 from .troubles import Troubles
 
@@ -269,6 +270,8 @@ def summarize(
     from ..causes.ledger import Ledger
     from ..causes.reasoning import causes_of
     from ..core import analyse
+    from .cards import unit_cards
+    from .findings import explained_row
     from .polls import poll_rows
 
     line = capture.line
@@ -279,8 +282,10 @@ def summarize(
         from ..filters.stream import filtered
 
         stream = filtered(summary.hear(stream), filter, line)
+    notes, marks = Notes.of_capture(capture.path), list[BookmarkRow]()
     for analysed in stream:
         summary.feed(analysed)
+        marks += _marks(notes, analysed.batch.rows)
         if ledger is not None:
             ledger.feed(analysed.batch, analysed.transactions)
         if watch is not None:
@@ -290,6 +295,7 @@ def summarize(
         if progress is not None:
             progress(summary.frames, summary.bytes)
     report = summary.report(capture, source=source, partial=stop is not None and stop())
+    report = replace(report, bookmarks=tuple(marks))
     if values is not None:
         report = replace(report, values=values.values())
     if ledger is None:
@@ -297,4 +303,15 @@ def summarize(
     ledger.close()
     if values is not None:
         ledger.breaches = values.breaches()
-    return replace(report, causes=tuple(causes_of(ledger)), polls=poll_rows(ledger))
+    cards, causes = unit_cards(ledger, report.times.off_ns), tuple(causes_of(ledger))
+    explained = tuple(explained_row(row, causes) for row in report.findings)
+    return replace(report, causes=causes, cards=cards, polls=poll_rows(ledger), findings=explained)
+
+
+def _marks(notes: Notes, rows: Rows) -> Iterator[BookmarkRow]:
+    """The rows among these that the user marked."""
+    for row, comment in marked_rows(notes, rows["port"], rows["start"]).items():
+        index, port, start, t_ns, unit, function = (
+            int(rows[name][row]) for name in ("index", "port", "start", "t_end", "unit", "function")
+        )
+        yield BookmarkRow(index, port, start, t_ns, unit, function, comment)

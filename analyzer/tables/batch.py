@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,9 @@ def rows_of_bytes(
     return places
 
 
+FrameTeller = Callable[["Batch", int], dict[str, Any] | None]
+
+
 @dataclass(frozen=True)
 class Batch:
     """Rows in wire order, with their bytes.
@@ -71,17 +74,18 @@ class Batch:
         at = int(self.rows["at"][row])
         return self.data[at : at + int(self.rows["length"][row])].tobytes()
 
-    def frames(self) -> Iterator[Frame]:
-        """A view of each frame, noise left out."""
-        return (self.frame(int(i)) for i in np.flatnonzero(self.rows["kind"] != Kind.NOISE))
+    def frames(self, told: FrameTeller | None = None) -> Iterator[Frame]:
+        """A view of each frame, noise left out; `told` as in `frame`."""
+        return (self.frame(row, told) for row in np.flatnonzero(self.rows["kind"] != Kind.NOISE).tolist())
 
-    def frame(self, row: int) -> Frame:
-        """A view of one row that is a frame."""
+    def frame(self, row: int, told: FrameTeller | None = None) -> Frame:
+        """A view of one row that is a frame; `told` makes its JSON object, or says None."""
         values = Row(*self.rows[row].item())
         captured = self.data[values.at : values.at + values.length].tobytes()
         request = self.request_of(row, values.request) if values.request >= 0 else None
         evidence = None if self.evidence is None else self.evidence[row]
-        return Frame(values, captured, request, evidence, self.findings_of(row))
+        ready = None if told is None else partial(told, self, row)
+        return Frame(values, captured, request, evidence, self.findings_of(row), ready)
 
     def findings_of(self, row: int) -> tuple[Finding, ...]:
         """What the diagnosis said of one row, frame or noise."""

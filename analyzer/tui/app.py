@@ -13,7 +13,7 @@ from textual.binding import BindingType
 from textual.screen import Screen
 
 from ..model.bus import Bus
-from ..model.notes import Notes, NotesError
+from ..usernotes import Notes, NotesError
 from .burst import KeyQueue
 from .desk import ViewState
 from .keptfilters import rules_of
@@ -59,7 +59,8 @@ class Rtuscope(App[NextFile | None]):
         self.register_theme(DARK)
         for theme in (LIGHT, DARK_16, LIGHT_16):
             self.register_theme(theme)
-        self._themes = (DARK_16, LIGHT_16) if self.console.color_system in _FEW_COLOURS else (DARK, LIGHT)
+        self._themes = DARK, LIGHT
+        self._light = light
         self.theme = self._themes[light].name
         self._trouble = ""
         try:
@@ -105,6 +106,9 @@ class Rtuscope(App[NextFile | None]):
             self.desk.wishes.path = None
             self.desk.notes.path = None  # whoever has the page writes no file of this machine
         self.set_keymap(self.desk.wishes.keys)
+        if not self.is_headless and self.console.color_system in _FEW_COLOURS:
+            self._themes = DARK_16, LIGHT_16
+            self.theme = self._themes[self._light].name
         if self._trouble:
             self.notify(self._trouble, severity="error", markup=False)
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.bus import Bus
-from ..model.notes import Notes, Place
 from ..model.scope import Scope, ScopedFigures
 from ..model.table import PIECE
+from ..usernotes import Notes, Place
 from ..words import TimeBase, date_and_time, is_clock, seconds, short, time_of_day
 from .preferences import Preferences
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from dissectors.functions import function_code
+
 from ..model.filtering import compiled
 from ..model.pollvalues import poll_values
 from ..model.search import for_test
@@ -47,7 +49,7 @@ def cells_of_row(screen: BusScreen) -> list[DoorCell]:
         cells.append(DoorCell("v", f"register {place} of unit {frame.unit}", register_text(frame.unit, place)))
     cells += [
         DoorCell("u", f"unit {frame.unit}", f"unit == {frame.unit}"),
-        DoorCell("f", f"function {frame.function:02X} {frame.name}", f"function == {frame.function}"),
+        DoorCell("f", f"{function_code(frame.function)} {frame.name}", f"function == {frame.function}"),
     ]
     partner = bus.partner(row)
     asked = partner if partner is not None and frame.direction == "response" else row

@@ -95,7 +95,7 @@ class FrameList(Lines):
         number, time, answer = self.columns(width)
         answers = f"{'answer':>{answer}} " if answer else ""
         gap = f" {'gap':>6}" if width >= _NARROW else ""
-        return [StyledText(f"  {'#':>{number}} {self.time_title():>{time}}{gap}     unit fn {answers} what")]
+        return [StyledText(f"  {'#':>{number}} {self.time_title():>{time}}{gap}     unit  fn {answers} what")]
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         return self.row_pieces(self.rows.row(line), self.rows.row(line - 1) if line else None, width)
@@ -108,14 +108,14 @@ class FrameList(Lines):
         kind = words.direction(desk, row)
         index = "" if noise else str(table.value("frame", row))
         unit = "" if noise else str(table.value("unit", row))
-        function = "" if noise else f"{table.value('function', row):02X}"
+        function = "" if noise else str(table.value("function", row))
         pieces = [
             words.marks(desk, row),
             StyledText(f"{index:>{number}} ", "dim"),
             StyledText(f"{desk.time(row, before):>{time}} "),
             StyledText(f"{short(desk.bus.gap_ns(row)):>6} " if width >= _NARROW else "", "dim"),
             StyledText(f" {words.joint(desk, row)} ", kind),
-            StyledText(f"{unit:>4} {function:>2} ", kind),
+            StyledText(f"{unit:>4} {function:>3} ", kind),
         ]
         ended = words.ended(desk, row)
         if answer:

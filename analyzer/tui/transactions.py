@@ -107,7 +107,7 @@ class TransactionList(FrameList):
     def head(self, width: int) -> Sequence[StyledText]:
         number, time, _ = self.columns(width)
         title = "" if time == 1 else self.time_title()
-        return [StyledText(f"  {'#':>{number}} {title:>{time}} unit fn register qty      ms  what came of it")]
+        return [StyledText(f"  {'#':>{number}} {title:>{time}} unit  fn register qty      ms  what came of it")]
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         row, below = self._lines.place(line)
@@ -126,7 +126,7 @@ class TransactionList(FrameList):
             StyledText(words.LETTER[grave] + mark.text[1], words.SEVERITY[grave] or mark.kind),
             StyledText(f"{table.value('frame', row):>{number}} ", "dim"),
             StyledText(f"{desk.time(row, self.row_at(line - 1) if line else None):>{time}} "),
-            StyledText(f"{table.value('unit', row):>4} {table.value('function', row):02X} ", "request"),
+            StyledText(f"{table.value('unit', row):>4} {table.value('function', row):>3} ", "request"),
             StyledText(f"{found.register:>8} ", "accent"),
             StyledText(f"{quantity:<5}", "dim"),
             StyledText(f"{pointed_ms(took)}  "),

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]
 
 import attack  # noqa: E402 - from its own folder
 from attack import damage, fuzz, kills, lines, storms  # noqa: E402
+from attack.outcome import Outcome  # noqa: E402
 
 # Name: what runs it, how often in the short campaign, in the long one.
-ATTACKS = {
+ATTACKS: dict[str, tuple[Callable[..., Outcome], int, int]] = {
     "fuzz": (fuzz.attack, 20_000, 10_000_000),
     "kills": (kills.attack, 5, 100),
     "damage": (damage.attack, 300, 100_000),

@@ -63,7 +63,7 @@ def recording(seed: int, count: int = 20, *, index: bool = True) -> Recording:
 
 def attack(seed: int, times: int) -> Outcome:
     """Every cut of a recording once (or `times` of them, if fewer), and as many damages of other kinds."""
-    chance, outcome, lost = Random(f"{seed} damage"), Outcome("damage"), []
+    chance, outcome, lost = Random(f"{seed} damage"), Outcome("damage"), list[float]()
     whole, cut = recording(seed), recording(seed, index=False)
     cuts = range(len(whole.content))
     with tempfile.TemporaryDirectory() as name:

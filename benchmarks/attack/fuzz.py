@@ -48,7 +48,7 @@ def attack(seed: int, inputs: int, *, only: str = "", first: int = 0, patience: 
         target_begun, failures = time.monotonic(), len(outcome.failures)
         while at < first + count:
             done = _run(target.name, (seed, at, first + count - at, patience), outcome)
-            at = done["next"]
+            at = int(done["next"])
             slowest, largest = max(slowest, done["slowest"]), max(largest, done["megabytes"])
         outcome.tried += count
         rate = count / (time.monotonic() - target_begun)
@@ -121,7 +121,8 @@ def _run(name: str, given: tuple[int, int, int, float], outcome: Outcome) -> dic
     outcome.failures += told
     ends = [line for line in lines if "next" in line]
     if ends:
-        return ends[0]
+        end: dict[str, float] = ends[0]
+        return end
     last = process.stderr.strip()[-1500:]
     outcome.failures.append(f"{name} ({again} {reached} --inputs 1): the process died ({process.returncode}): {last}")
     return {"next": reached + 1, "slowest": 0.0, "megabytes": 0.0, "cpu_s": 0.0}

@@ -153,7 +153,13 @@ def workbook(rows: Sequence[Sequence[object]]) -> bytes:
 
 
 def _workbooks() -> Sequence[bytes]:
-    rows = [["List"], [], ["Address", "Name", "Type", "Unit"], [5, "Flow", "float", "m3/h"], ["0x10", "State", "", ""]]
+    rows: list[list[object]] = [
+        ["List"],
+        [],
+        ["Address", "Name", "Type", "Unit"],
+        [5, "Flow", "float", "m3/h"],
+        ["0x10", "State", "", ""],
+    ]
     return [workbook(rows), workbook([["Register", "Description", "R/W"], *([n, f"v{n}", "R"] for n in range(40))])]
 
 

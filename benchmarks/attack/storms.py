@@ -11,11 +11,12 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from random import Random
 from types import SimpleNamespace
 from typing import Final
+from unittest import mock
 
 import captures
 from attack.outcome import Outcome
@@ -61,19 +62,13 @@ class _Disk:
     def used(self) -> Iterator[None]:
         """The recorder's modules see this disk and these clocks."""
         clock = SimpleNamespace(time=lambda: self.wall_s, monotonic=lambda: self.monotonic_s)
-        modules, before = (mcapfile, recorder, ring), mcapfile.os
         mine = SimpleNamespace(**{name: getattr(os, name) for name in dir(os)})
         mine.write, mine.fsync = self.write, lambda _: None
-        old = [module.time for module in modules]
-        try:
-            mcapfile.os = mine  # type: ignore[assignment]
-            for module in modules:
-                module.time = clock  # type: ignore[assignment]
+        with ExitStack() as replaced:
+            replaced.enter_context(mock.patch.object(mcapfile, "os", mine))
+            for module in (mcapfile, recorder, ring):
+                replaced.enter_context(mock.patch.object(module, "time", clock))
             yield
-        finally:
-            mcapfile.os = before
-            for module, time in zip(modules, old, strict=True):
-                module.time = time
 
 
 def attack(seed: int, storms: int) -> Outcome:
@@ -131,6 +126,7 @@ class _Storm:
                 assert self._recorder is not None
                 self._recorder.tick()
             self._recover()
+            assert self._recorder is not None
             self._recorder.tick()
             self._end()
             self.restarts += 1

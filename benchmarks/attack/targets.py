@@ -11,7 +11,7 @@ from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
 from random import Random
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -131,12 +131,13 @@ TEXTS: Final = (
 
 def _parse(data: bytes, chance: Random) -> None:
     from analyzer.paste import read, tree
+    from analyzer.paste.mixing import Envelope
     from captures.text import encodings
 
     if encodings.is_binary(data):
         return
-    envelope = chance.choice(("auto", "auto", "rtu", "ascii", "tcp"))
-    role = chance.choice(("auto", "auto", "request", "response"))
+    envelope: Envelope = chance.choice(("auto", "auto", "rtu", "ascii", "tcp"))
+    role: Literal["auto", "request", "response"] = chance.choice(("auto", "auto", "request", "response"))
     paste = read(encodings.decoded(data), envelope, role)
     if chance.random() < 0.5:
         tree(paste, colour=chance.random() < 0.5, values=chance.random() < 0.5)
@@ -226,7 +227,7 @@ def _rules_file(data: bytes, _: Random) -> None:
 
 
 def _beside(data: bytes, _: Random) -> None:
-    from analyzer.model.notes import Notes
+    from analyzer.usernotes import Notes
 
     path = folder() / "bus.mcap"
     path.with_name("bus.mcap.rtuscope.json").write_bytes(data)
@@ -285,8 +286,8 @@ def targets() -> dict[str, Target]:
     from analyzer.checks.rulesfile import RulesFileError
     from analyzer.exports import ExportError
     from analyzer.filters import FilterError
-    from analyzer.model.notes import NotesError
     from analyzer.paste import PasteError
+    from analyzer.usernotes import NotesError
     from attack.mapfiles import map_targets
 
     readers = [

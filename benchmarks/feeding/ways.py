@@ -106,8 +106,8 @@ def breaches(stream: FedStream, random: Random) -> Iterator[str]:
     bytes_at_once = at_once(by_bytes)
     told = read_by_read(by_bytes)
     yield from (f"byte by byte: {difference}" for difference in _differences(bytes_at_once, told, _BY_BATCH))
-    rows_alone = (Told(each.rows, once.transactions[:0], once.findings[:0]) for each in (once, bytes_at_once))
-    yield from (f"cut in bytes: {d}" for d in _differences(*rows_alone, _BY_BATCH | _BY_READ))
+    whole, parts = (Told(each.rows, once.transactions[:0], once.findings[:0]) for each in (once, bytes_at_once))
+    yield from (f"cut in bytes: {d}" for d in _differences(whole, parts, _BY_BATCH | _BY_READ))
 
 
 def _cut_in_bytes(chunks: Sequence[Chunk], random: Random) -> list[Chunk]:

@@ -39,7 +39,7 @@ def main(corpus: Path, out: Path) -> int:
             for frame, _ in some:
                 writer.add_message(channel, number, frame, number, number)
                 number += 1
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
     return 0
 
 

@@ -11,6 +11,7 @@ from ..declaration import DeclarationError, Function
 from ..registry import (
     function,
     function_class,
+    function_code,
     function_name,
     functions,
     load_entry_points,
@@ -29,6 +30,7 @@ __all__ = [
     "exception_name",
     "function",
     "function_class",
+    "function_code",
     "function_name",
     "functions",
     "load_entry_points",

@@ -109,7 +109,8 @@ class Running:
             env=environment(),
         )
         atexit.register(self.process.kill)  # a test that fails leaves nobody behind who listens
-        assert self.process.stderr is not None
+        assert self.process.stdout is not None and self.process.stderr is not None
+        self.stdout, self.stderr = self.process.stdout, self.process.stderr
         self.out = bytearray()
         self._reader = threading.Thread(target=self._read) if reads else None
         if self._reader is not None:

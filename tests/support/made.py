@@ -38,7 +38,7 @@ def mangled(adu: bytes, data: st.DataObject) -> tuple[bytes, bool]:
 def batches(draw: st.DrawFn, code: int) -> Batch:
     """Requests and responses of a function, answers known or not, requests here or in a batch before."""
     data = draw(st.data())
-    rows, octets, earlier = [], b"", {}
+    rows, octets, earlier = list[np.ndarray](), b"", dict[int, bytes]()
     for _ in range(draw(st.integers(1, 4))):
         unit = bytes([draw(st.integers(0, 255))])
         request, right = mangled(unit + built(code, REQUEST, draw(SMALL[code, REQUEST])), data)
@@ -124,7 +124,7 @@ def declared() -> Iterator[None]:
 @st.composite
 def vendor_batches(draw: st.DrawFn, codes: list[int]) -> Batch:
     """Frames of functions with any data, one after the other, each answer one to the frame before."""
-    rows, octets = [], b""
+    rows, octets = list[np.ndarray](), b""
     for _ in range(draw(st.integers(1, 6))):
         code = draw(st.sampled_from(codes))
         kind = draw(st.sampled_from([Kind.REQUEST, Kind.RESPONSE]))

@@ -114,6 +114,15 @@ def dump(data: bytes, form: Callable[[int, bytes], str]) -> str:
     return "\n".join(form(at, data[at : at + 16]) for at in range(0, len(data), 16))
 
 
+def _esp_row(message: Message, base: int) -> Callable[[int, bytes], str]:
+    head = f"D ({message.ms}) {word(message, 'tx', 'rx')}: "
+    return lambda at, row: f"{head}0x{base + at:x}   {row[:8].hex(' ')}  {row[8:].hex(' '):<23}  |{shown(row)}|"
+
+
+def _timed_row(message: Message, base: int) -> Callable[[int, bytes], str]:
+    return lambda at, row: f"2026-05-01 {message.clock}  {base + at:08x}  {spaced(row):<48} |{shown(row)}|"
+
+
 def _pymodbus_old(log: Sequence[Message], rng: random.Random) -> str:
     out = []
     for message in log:
@@ -522,7 +531,7 @@ STYLES: Final[dict[str, Style]] = {
     "ESPHome modbus": lines_of(lambda m: f"[{m.clock}][V][modbus:{word(m, '258', '199')}]: {word(m, 'Modbus write', 'Modbus recv')}: {spaced(m.data).replace(' ', '.')} ({len(m.data)})"),
     "ESPHome uart": lines_of(lambda m: f"[{m.clock}][D][uart_debug:114]: {word(m, '>>>', '<<<')} {spaced(m.data).replace(' ', ':')}"),
     "ESP-IDF hex": lines_of(lambda m: f"I ({m.ms}) MB_{word(m, 'TX', 'RX')}: {m.data.hex(' ')}"),
-    "ESP-IDF dump": lambda log, rng: "\n".join(dump(m.data, lambda at, row, m=m, base=rng.randrange(0x3FFB0000, 0x3FFBF000): f"D ({m.ms}) {word(m, 'tx', 'rx')}: 0x{base + at:x}   {row[:8].hex(' ')}  {row[8:].hex(' '):<23}  |{shown(row)}|") for m in log),
+    "ESP-IDF dump": lambda log, rng: "\n".join(dump(m.data, _esp_row(m, rng.randrange(0x3FFB0000, 0x3FFBF000))) for m in log),
     "Zephyr": _under(lambda m: f"[00:00:{m.ms // 1000 % 60:02d}.{m.ms % 1000:03d},000] <dbg> modbus_serial: {word(m, 'tx', 'rx')}_frame", lambda data: dump(data, lambda at, row: " " * 35 + f"{row[:8].hex(' ')}  {row[8:].hex(' '):<23} |{shown(row)}")),
     "Serial.print HEX": _arduino(lambda b: f"{b:X}", " ", ("TX: ", "RX: ")),
     "Serial.print HEX commas": _arduino(lambda b: f"{b:x}", ",", ("Request ", "Response ")),
@@ -572,7 +581,7 @@ STYLES: Final[dict[str, Style]] = {
     "hexdump": lines_of(lambda m: _swapped_words(m.data)),
     "od": lines_of(lambda m: dump(m.data, lambda at, row: f"{at:07o} {row.hex(' ')}") + f"\n{len(m.data):07o}"),
     "Wireshark": lines_of(lambda m: dump(m.data, lambda at, row: f"{at:04x}   {row[:8].hex(' ')}  {row[8:].hex(' '):<23}   {shown(row)}")),
-    "dump after time": lambda log, rng: "\n".join(dump(m.data, lambda at, row, m=m, base=rng.randrange(1 << 20): f"2026-05-01 {m.clock}  {base + at:08x}  {spaced(row):<48} |{shown(row)}|") for m in log),
+    "dump after time": lambda log, rng: "\n".join(dump(m.data, _timed_row(m, rng.randrange(1 << 20))) for m in log),
     "words": lines_of(lambda m: _words(m.data)),
     "CSV hex": lines_of(lambda m: f"2026-07-27T{m.clock},CH{1 + m.sent},{word(m, 'TX', 'RX')},{spaced(m.data)}"),
     "CSV semicolons": lambda log, rng: "No;Time;Dir;Len;Data\n" + "\n".join(f"{i};{m.clock};{word(m, 'TX', 'RX')};{len(m.data)};{m.data.hex()}" for i, m in enumerate(log, rng.randrange(50))),

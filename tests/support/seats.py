@@ -15,6 +15,7 @@ import captures
 from analyzer.model.source import CaptureSource, ViewSource
 from analyzer.tui.app import Rtuscope
 from analyzer.tui.help import Help
+from analyzer.tui.openfiles import NextFile
 from analyzer.tui.prompts import Ask, Choose
 from analyzer.tui.screen import BusScreen
 from captures import samples
@@ -23,7 +24,7 @@ from captures import samples
 class Seat:
     """A user at the interface."""
 
-    def __init__(self, app: Rtuscope, pilot: Pilot[None]) -> None:
+    def __init__(self, app: Rtuscope, pilot: Pilot[NextFile | None]) -> None:
         self.app, self.pilot = app, pilot
 
     @property
@@ -63,7 +64,7 @@ class Seat:
         await self.pilot.pause()
 
     async def until(self, wanted: Callable[[], bool]) -> None:
-        for _ in range(500):
+        for _ in range(3000):
             if wanted():
                 return
             await asyncio.sleep(0.01)

@@ -15,6 +15,7 @@ _TICKS_PER_S = 32 * 115_200  # of the wave: fine enough for the fastest line
 
 def wave(talk: list[tuple[float, bytes]], line: PortSettings) -> np.ndarray:
     """Levels on a wire on which bytes are sent at these times (s): one value a tick, idle is 1."""
+    assert line.baud is not None
     bit = 1 / line.baud
     last = max(at + len(data) * line.char_bits * bit for at, data in talk) + 20 * bit
     levels = np.ones(int(last * _TICKS_PER_S) + 1, np.uint8)
@@ -29,11 +30,12 @@ def wave(talk: list[tuple[float, bytes]], line: PortSettings) -> np.ndarray:
 
 def received(levels: np.ndarray, receiver: PortSettings, *, start_ns: int = 0, read: int = 8) -> Block:
     """What a receiver with these settings hears: each bit is sampled in its middle, reads are of `read` bytes."""
+    assert receiver.baud is not None
     bit = _TICKS_PER_S / receiver.baud
     falls = np.flatnonzero((levels[:-1] == 1) & (levels[1:] == 0)) + 1
     size = receiver.data_bits + (receiver.parity != "N")
     chunks: list[Chunk] = []
-    held, errors = bytearray(), []
+    held, errors = bytearray(), list[int]()
     at, t_ns = 0, 0
     while True:
         place = np.searchsorted(falls, at)

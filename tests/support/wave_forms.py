@@ -44,7 +44,7 @@ def edges_of(
 def frames_on_line(
     frames: Iterable[bytes],
     baud: float,
-    char_bits: int,
+    char_bits: float,
     gap_bits: float = 0.0,
     pause_ns: int = 5_000_000,
     begin_ns: int = 0,

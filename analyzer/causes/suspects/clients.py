@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from ...tables.findings import Severity
+from ..asciireading import COLON
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
 from ..exchanges import Ending
@@ -17,6 +18,8 @@ from ..signatures import Behind
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 5
+_MET: Final = 3  # times, that two are seen to send at once or to know nothing of each other
+_SENT_INTO: Final = 0.15  # of damaged answers
 _HASTY: Final = 0.35  # of the timeout: nobody gives up so soon
 _COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.22, "long": 0.07, "other": 0.03,
                     "middle": 0.03, "tail": 0.02, "head": 0.02, "bits": 0.01}  # fmt: skip
@@ -30,8 +33,8 @@ _HURRIED_NS: Final = 3e5
 _MANY_POLLS: Final = 8
 _LONG_ROUND_NS: Final = 0.9e9
 _FEW_POLLS: Final = 3
-_SLOW_ROUND_NS: Final = 1.5e9
-_FULL: Final = 0.85  # of the line's time
+_SLOW_ROUND_NS: Final = 1.0e9
+_FULL: Final = 0.8  # of the line's time
 _SECONDS_NS: Final = 8e9
 _STORM: Final = 30  # broadcasts
 _STORM_NS: Final = 60e6
@@ -66,6 +69,8 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     hits = min(hasty + late + behind + damaged, evidence.ledger.exchanges)
     if crossed < _LEAST or crossed < 0.4 * hits or len(hit) < min(2, len(units)) or not hasty + late + requests:
         return
+    if hasty + late < _MET and overlaid(readings) < max(_MET, _SENT_INTO * len(readings)):
+        return  # damage alone: one transmitter and a bad line do as well
     bits = surplus_bits(hits, evidence.ledger.exchanges, HEALTHY) + kind_bits(readings, _COLLIDED)
     bits += overlaid(readings) + 2 * (hasty + late) + likelihood_bits(damaged + requests, damaged + behind, _ON_FRAMES)
     bits -= likelihood_bits(damaged + requests, damaged + behind, 0.5)
@@ -356,6 +361,7 @@ def overload(evidence: Evidence) -> Iterator[Suspicion]:
         or ledger.span_ns < _SECONDS_NS
         or not _BUSY <= load <= 1.02
         or ledger.exchanges < 30
+        or any(request[:1] == COLON for request in ledger.polls.requests)  # no silence is due in ASCII
     ):
         return
     due = evidence.t35_ns

@@ -11,12 +11,15 @@ from ...tables.findings import Severity
 from ..bits import likelihood_bits, phase_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
 from ..exchanges import Ending
-from ..hits import ALIKE, Hits, end_of_part, evenness_bits, span_of_hits
+from ..hits import ALIKE, Hits, end_of_part, evenness_bits, is_one_units, span_of_hits
 from ..registry import Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 from ..spells import spells_of
 
 _LEAST: Final = 5
+_FEW: Final = 0.1  # requests, for a damaged answer
+_ON_FRAMES: Final = 0.05
+_IDLE_BITS: Final = 20.0
 _OVERLAID: Final = 3.0  # bits for or against, of a damaged answer of quite another length
 _SOME_OVERLAID: Final = 0.12  # of the damaged answers
 _LOAD: Final = 0.4  # where nobody knows it
@@ -45,8 +48,12 @@ def _anywhere(evidence: Evidence) -> tuple[Hits, float]:
     hits = Hits(evidence)
     if hits.frames < _LEAST or hits.all < _LEAST:
         return hits, 0.0
+    if hits.requests < _FEW * hits.damaged and is_one_units(evidence):
+        return hits, 0.0
     bits = surplus_bits(hits.all, max(hits.exchanges, hits.all), HEALTHY) + _place_bits(hits, _load(evidence))
     readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]
+    if hits.frames < _ON_FRAMES * hits.all:  # what hardly meets a frame would be on the idle line alone
+        bits -= _IDLE_BITS
     bits += _OVERLAID * (_SOME_OVERLAID * len(readings) - overlaid(readings))
     return hits, bits + min(kind_bits(readings, ALIKE), 0.0) + evenness_bits(evidence)
 

@@ -9,15 +9,13 @@ from math import log2
 from statistics import median
 from typing import Any, Final
 
-from dissectors.answers import expectation
-
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
 from ..exchanges import Ending
 from ..misreading import beheaded, formats_of
 from ..registry import Suspicion, Symptom, suspect
-from ..signatures import AnswerDamage, Behind, Signature
+from ..signatures import AnswerDamage, Behind, Signature, known_header
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 3
@@ -112,7 +110,7 @@ def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
 def _out_of_step(evidence: Evidence, unit: UnitLedger) -> float:
     """Bits for garbage that begins as a known header does whose first bits are missing, nearly the same number each
     time: its receiver is out of step from there on."""
-    pairs = Counter((expectation(each.request).header, each.heard[:_BEGINNING]) for each in evidence.readings(unit))
+    pairs = Counter((known_header(each.request), each.heard[:_BEGINNING]) for each in evidence.readings(unit))
     best = 0.0
     for receiver in formats_of(evidence.ledger.line):
         for lost in range(2, _LOST_BITS):

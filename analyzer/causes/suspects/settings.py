@@ -7,15 +7,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import log2
 from typing import Any, Final
 
-from dissectors.answers import expectation
-
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
 from ..exchanges import Ending
 from ..misreading import CharacterFormat, formats_of, misread, other_formats, samples
 from ..registry import Suspicion, Symptom, suspect
-from ..signatures import Signature
+from ..signatures import Signature, known_header
 from ..unitledger import UnitLedger
 from .senders import damage_suspicion
 
@@ -54,7 +52,7 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
 def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, str]:
     """The other settings by which the garbage's first bytes are just what was to be sent, and their weight."""
     best, words = 0.0, "another speed or parity, or a clock that is off"
-    pairs = Counter((expectation(r.request).header, r.heard[:_MOST_BYTES]) for r in readings)
+    pairs = Counter((known_header(r.request), r.heard[:_MOST_BYTES]) for r in readings)
     for receiver in formats_of(evidence.ledger.line):
         for sender, drift in other_formats(receiver):
             bits = -_BYTE + max(

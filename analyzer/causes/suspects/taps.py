@@ -109,6 +109,8 @@ def tap_reversed(evidence: Evidence) -> Iterator[Suspicion]:
         other = Role.RESPONSE if role is Role.REQUEST else Role.REQUEST
         right += tally["requests" if role is Role.REQUEST else "responses"]
         found = tally["responses" if role is Role.REQUEST else "requests"]
+        if role is Role.REQUEST:  # what is no request by its length, though said to be one
+            right, found = right - tally["misshapen"], found + tally["misshapen"]
         found += sum(_frames_in(data, other) for _, where, data in ledger.noise if where == port)
         if found > wrong / 2:
             said, read = role.name.lower() + "s", other.name.lower() + "s"

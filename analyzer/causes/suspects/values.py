@@ -72,7 +72,9 @@ def frozen_values(evidence: Evidence) -> Iterator[Suspicion]:
             frozen = lively & (len(changed) - last >= max(_READS // 2, _STILL * len(changed)))
             if np.count_nonzero(frozen) < max(_COLUMNS, 0.5 * np.count_nonzero(lively)):
                 continue
-            if not (_stopped(changed[:, frozen], last[frozen]) or _never(others, frozen)):
+            if not (
+                _stopped(changed[:, frozen], last[frozen]) or (_never(others, frozen) and _of_a_kind(moves[i], others))
+            ):
                 continue
             since = int(last[frozen].max())
             still = len(changed) - since
@@ -104,6 +106,14 @@ def _never(others: NDArray[np.float64], frozen: NDArray[np.bool_]) -> bool:
     """Whether some registers that never moved do so in every one of several sisters."""
     lively = frozen & (others >= _MOVES).all(axis=0)
     return len(others) >= _PAIRS and int(np.count_nonzero(lively)) >= _COLUMNS
+
+
+def _of_a_kind(own: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
+    """Whether units that are asked for the same registers hold the same things in them: the others move alike, and this
+    one moves nowhere where none of them does. Else what stands still in one may be something else there."""
+    move = others >= _MOVES
+    alike = float((move.all(axis=0) | ~move.any(axis=0)).mean())
+    return alike >= _MOST_SISTERS and not ((own >= _MOVES) & ~move.any(axis=0)).any()
 
 
 def _long(poll: PollValues, column: int, *, swapped: bool = False) -> NDArray[np.int64]:

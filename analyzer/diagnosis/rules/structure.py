@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.adu import EXCEPTION, LAST_UNIT, MAX_ADU
-from dissectors.functions import function_class, function_name
+from dissectors.functions import function_class, function_code, function_name
 from dissectors.length_rules import Role
 from dissectors.lengths import RULES, layout, relations
 from dissectors.limits import Bound, Choice, RequestedByteCount, Sized, taken
@@ -96,7 +96,7 @@ RESERVED_FUNCTION: Final = Rule(
     clause="[1] 5",
     numbers=("function",),
     text=lambda numbers: (
-        f"function {int(numbers['function'])} (0x{int(numbers['function']):02X}) is neither defined by the "
+        f"{function_code(int(numbers['function']))} is neither defined by the "
         "specification nor free for users (65-72 and 100-110 are)"
     ),
     cause="a vendor's own function outside the ranges for users",

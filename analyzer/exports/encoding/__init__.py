@@ -7,5 +7,6 @@ annotated whole (`whole`).
 
 from .envelope import explain_json, noise_json
 from .lines import FrameJsonLines
+from .objects import FramesAhead
 
-__all__ = ["FrameJsonLines", "explain_json", "noise_json"]
+__all__ = ["FrameJsonLines", "FramesAhead", "explain_json", "noise_json"]

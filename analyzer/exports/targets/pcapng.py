@@ -22,7 +22,7 @@ Blocks are packed by arrays: all of them are whole 32-bit words, so each field i
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -37,6 +37,7 @@ from captures.network.packets import INBOUND, OUTBOUND
 from ...tables.batch import Batch
 from ...tables.findings import Finding
 from ...tables.schema import Kind, Protocol
+from ...usernotes import Notes, marked_rows
 from ...version import __version__
 from ..encoding import explain_json
 from ..output import OutputStream
@@ -90,6 +91,7 @@ class _PacketWriter:
         self._line = capture.line
         self._interfaces: dict[int, int] = {}  # by port, in order of appearance
         self._reads = options.filter is None
+        self._notes = Notes.of_capture(capture.path)
         out.write(ng.section(capture.line, timed=capture.timed, reads=self._reads, more=_about()))
         self._interface(0)
 
@@ -109,7 +111,9 @@ class _PacketWriter:
             self._interface(port)
         interfaces = np.zeros(256, np.uint32)
         interfaces[list(self._interfaces)] = list(self._interfaces.values())
-        self._out.write(_packets(batch, kept, interfaces[ports], _comments(batch, kept, self._options.explain)))
+        marks = marked_rows(self._notes, ports, batch.rows["start"][kept])
+        comments = _comments(batch, kept, self._options.explain, marks)
+        self._out.write(_packets(batch, kept, interfaces[ports], comments))
 
     def batch(self, analysed: Analysed) -> None:
         """Nothing here hangs on a whole batch."""
@@ -182,8 +186,9 @@ def _copy(data: NDArray[np.uint8], at: _Ints, out: NDArray[np.uint8], to: _Ints,
     out[np.repeat(to - done, lengths) + steps] = data[np.repeat(at - done, lengths) + steps]
 
 
-def _comments(batch: Batch, kept: NDArray[np.intp], explain: bool) -> dict[int, bytes]:
-    """Packet comments as options, by a row's place in `kept`: findings, and why the boundaries stand where they do."""
+def _comments(batch: Batch, kept: NDArray[np.intp], explain: bool, marks: Mapping[int, str]) -> dict[int, bytes]:
+    """Packet comments as options, by a row's place in `kept`: findings, why the boundaries stand where they do, and the
+    user's own."""
     said: dict[int, list[str]] = {}
     found = batch.findings
     if found is not None and len(found):
@@ -196,6 +201,8 @@ def _comments(batch: Batch, kept: NDArray[np.intp], explain: bool) -> dict[int, 
             if (why := explain_json(batch.frame(int(kept[place])))) is not None:
                 weights = ", ".join(f"{key} {value}" for key, value in why.items() if key != "runner_up")
                 said.setdefault(place, []).append(f"evidence in bits: {weights}")
+    for place, comment in marks.items():
+        said.setdefault(place, []).append(f"bookmark: {comment}" if comment else "bookmark")
     return {place: _comment_options(texts) for place, texts in said.items() if texts}
 
 
@@ -226,7 +233,7 @@ class PacketStream:
         kept = np.array([row])
         new, interface = self._interface(int(batch.rows["port"][row]), line)
         interfaces = np.array([interface], np.uint32)
-        return new + _packets(batch, kept, interfaces, _comments(batch, kept, explain=False))
+        return new + _packets(batch, kept, interfaces, _comments(batch, kept, explain=False, marks={}))
 
     def remark(self, t_ns: int, port: int, line: LineSettings, texts: Iterable[str]) -> bytes:
         """Comments by themselves."""

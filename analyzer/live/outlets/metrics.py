@@ -43,7 +43,7 @@ class Metrics:
             import prometheus_client as prometheus
         except ImportError as error:
             raise OutletError(needs("--metrics", "prometheus-client", "metrics")) from error
-        prometheus.disable_created_metrics()  # type: ignore[no-untyped-call]
+        prometheus.disable_created_metrics()
         registry = prometheus.CollectorRegistry()
 
         def counter(name: str, words: str, *labels: str) -> Any:
@@ -73,7 +73,7 @@ class Metrics:
         if recorded is not None:
             for place, name in enumerate(("recorded_bytes", "recording_lost_bytes")):
                 gauge = prometheus.Gauge(f"modbus_{name}", "Of the line, on the disk or lost", registry=registry)
-                gauge.set_function(lambda place=place: recorded()[place])  # type: ignore[misc]
+                gauge.set_function(lambda place=place: recorded()[place])
         try:
             self._server, self._thread = prometheus.start_http_server(port, host, registry)
         except OSError as error:

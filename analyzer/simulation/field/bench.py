@@ -119,6 +119,7 @@ class Bench:
         self.wire.uart = self.master.uart = self.uart
         self.wire.taps = [TapEnd(self.uart)]
         self.master.envelope = ASCII
+        self.master.manners.timeout_ms += 250 * self.uart.char_ns / MS  # two digits a byte
         for unit in self.units.values():
             unit.uart = unit.sends = self.uart
             unit.envelope = ASCII

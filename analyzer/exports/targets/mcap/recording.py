@@ -23,6 +23,7 @@ from ...sink import ExportOptions
 from .findings import Log
 from .frames import frame_messages, noise_messages
 from .mapped import MappedTopics
+from .stories import Stories
 from .transactions import transaction_messages
 from .values import UnitAreas
 
@@ -94,6 +95,7 @@ class Recording:
         self._writer.start(library=f"rtuscope {__version__}")
         self._chunks = ChunkChannel(self._writer, capture.line, timed=capture.timed, about=_about(capture))
         self._topics = Topics(self._writer, explain=options.explain, noise=options.noise, charts=options.charts)
+        self._stories = Stories(self._writer, capture, whole=options.filter is None)
         if notes := notes_of(capture):
             channel = NoteChannel(self._writer)
             for note in notes:
@@ -109,9 +111,11 @@ class Recording:
     def batch(self, analysed: Analysed) -> None:
         """All topics of a batch."""
         self._topics.batch(analysed)
+        self._stories.batch(analysed)
 
     def close(self) -> None:
-        """What is left out, and the index."""
+        """The causes, what is left out, and the index."""
+        self._stories.close()
         if left_out := self._topics.left_out():
             self._writer.add_metadata(LEFT_OUT, left_out)
         self._writer.finish()

@@ -148,6 +148,7 @@ def overload_few_polls(random: Random, tap: str) -> Site:
     bench.master.manners.pause_ms = lambda _: 0.0
     for unit in bench.units.values():
         unit.delay_ms = random.uniform(2, 8)
+    bench.master.manners.timeout_ms += 260 * bench.uart.char_ns / 1e6
     many = random.randint(4, 7)
     bench.master.polls = [
         FieldPoll(random.choice(sorted(bench.units)), read_pdu(3, 100 * k, random.choice((30, 40, 60, 100))))

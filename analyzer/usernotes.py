@@ -9,6 +9,10 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 import captures
 from captures.files import opened
@@ -60,6 +64,14 @@ class Notes:
             return cls(path, comments, None if reference is None else _place(reference), types)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise NotesError(f"{path}: holds no notes of this program: left alone") from error
+
+    @classmethod
+    def of_capture(cls, capture: Path | None) -> Notes:
+        """The same, for who only reads them: none where they cannot be read."""
+        try:
+            return cls.beside(capture)
+        except NotesError:
+            return cls()
 
     def toggle(self, place: Place) -> bool:
         """Set a bookmark or take it away, with its comment; whether it is there now."""
@@ -133,3 +145,12 @@ def _place(note: dict[str, object]) -> Place:
     if not (isinstance(port, int) and isinstance(start, int) and 0 <= port < 256 and 0 <= start < 1 << 63):
         raise ValueError("no row is there")
     return port, start
+
+
+def marked_rows(notes: Notes, ports: NDArray[np.integer[Any]], starts: NDArray[np.integer[Any]]) -> dict[int, str]:
+    """The rows, given by their ports and offsets, that bear a bookmark, with their comments (empty for none)."""
+    if not notes.comments:
+        return {}
+    places = np.isin(starts, [start for _, start in notes.comments]).nonzero()[0].tolist()
+    found = {row: notes.comments.get((int(ports[row]), int(starts[row]))) for row in places}
+    return {row: comment for row, comment in found.items() if comment is not None}

@@ -1,0 +1,89 @@
+"""Causes while evidence grows: looked at again each time there is a fair part more of it, and only changes are told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+from captures.line import LineSettings
+
+from ..options import Options
+from ..tables.batch import Batch
+from ..tables.schema import Rows
+from .ledger import Ledger
+from .model import Cause
+from .reasoning import causes_of
+
+_FIRST: Final = 40  # exchanges before anything is said
+_GROWTH: Final = 1.3  # of what was looked at last
+_MOST: Final = 5000  # exchanges from one look to the next
+_SURER: Final = 0.1  # of confidence, that is worth telling
+
+State = Literal["new", "revised", "withdrawn"]
+
+
+@dataclass(frozen=True, slots=True)
+class CauseRevision:
+    """What became of one cause: `revision` counts the looks that changed anything, from 1; `exchanges` is what it rests
+    on."""
+
+    revision: int
+    state: State
+    exchanges: int
+    cause: Cause
+
+    def to_json(self) -> dict[str, Any]:
+        """As a line of `sniff --json`."""
+        return {
+            "kind": "cause",
+            "revision": self.revision,
+            "state": self.state,
+            "exchanges": self.exchanges,
+            **self.cause.to_json(),
+        }
+
+
+class RunningStory:
+    """Rows as they come in; revisions of causes out. `causes` are those of the newest look."""
+
+    def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
+        self._options = options
+        self._begin(line)
+        self.revision = 0
+        self.causes: list[Cause] = []
+
+    def _begin(self, line: LineSettings) -> None:
+        self._ledger, self._next = Ledger(line, self._options), _FIRST
+
+    def feed(self, batch: Batch, transactions: Rows, line: LineSettings) -> list[CauseRevision]:
+        """The next rows, of a line of these settings; where those are others than before, all begins anew."""
+        if line != self._ledger.line:
+            self._begin(line)
+        self._ledger.feed(batch, transactions)
+        if self._ledger.exchanges < self._next:
+            return []
+        self._next = self._ledger.exchanges + min(int((_GROWTH - 1) * self._ledger.exchanges), _MOST)
+        return self._look()
+
+    def close(self) -> list[CauseRevision]:
+        """No more comes."""
+        self._ledger.close()
+        return self._look()
+
+    def _look(self) -> list[CauseRevision]:
+        old = {_key(cause): cause for cause in self.causes}
+        self.causes = causes_of(self._ledger)
+        new = {_key(cause): cause for cause in self.causes}
+        changed: list[tuple[State, Cause]] = [("withdrawn", old[key]) for key in old if key not in new]
+        for key, cause in new.items():
+            before = old.get(key)
+            if before is None:
+                changed.append(("new", cause))
+            elif abs(cause.confidence - before.confidence) >= _SURER or cause.units != before.units:
+                changed.append(("revised", cause))
+        self.revision += bool(changed)
+        return [CauseRevision(self.revision, state, self._ledger.exchanges, cause) for state, cause in changed]
+
+
+def _key(cause: Cause) -> tuple[str, tuple[int, ...]]:
+    return cause.cause, cause.units[:1]

@@ -1,0 +1,75 @@
+"""What people say of a whole capture, as log messages: the causes of its trouble, and the user's own bookmarks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+import orjson
+
+from captures.formats.mcap.log_messages import LOG_NAME, log_message, log_schema
+from captures.formats.mcap.protobuf import ENCODING
+from captures.formats.mcap.records import METADATA
+from captures.formats.mcap.writer import ArrayWriter
+
+from ....causes.ledger import Ledger
+from ....causes.model import Cause
+from ....causes.reasoning import causes_of
+from ....tables.findings import Severity
+from ....usernotes import Notes, marked_rows
+from .schemas import LEVELS
+
+if TYPE_CHECKING:
+    from captures import Capture
+
+    from ....core import Analysed
+
+CAUSES: Final = f"{METADATA}/causes"  # name of the metadata record with what explains the findings
+
+
+class Stories:
+    """Batches as they come; topics `/bookmarks` and, at the end, `/causes`."""
+
+    def __init__(self, writer: ArrayWriter, capture: Capture, *, whole: bool) -> None:
+        """`whole`: nothing of the bus is left out by a filter; a part of it tells no story."""
+        self._writer = writer
+        self._ledger = Ledger(capture.line) if whole else None
+        self._notes, self._marked = Notes.of_capture(capture.path), -1  # and their channel, once there is one
+
+    def batch(self, analysed: Analysed) -> None:
+        """The next rows."""
+        rows = analysed.batch.rows
+        for row, comment in marked_rows(self._notes, rows["port"], rows["start"]).items():
+            self._mark(int(rows["t_end"][row]), int(rows["index"][row]), comment)
+        if self._ledger is not None:
+            self._ledger.feed(analysed.batch, analysed.transactions)
+
+    def close(self) -> None:
+        """The causes, best first: as messages at the end of the capture, and whole as JSON in a metadata record."""
+        if self._ledger is None:
+            return
+        self._ledger.close()
+        if causes := causes_of(self._ledger):
+            self._tell(causes, self._ledger.end)
+
+    def _tell(self, causes: Sequence[Cause], end_ns: int) -> None:
+        channel = self._channel("/causes")
+        for cause in causes:
+            text = f"{cause.text} ({cause.confidence:.0%} sure; to be sure: {cause.deciding_test}; do: {cause.remedy})"
+            message = log_message(end_ns, LEVELS[Severity[cause.severity.upper()]], text, cause.cause)
+            self._writer.add_message(channel, end_ns, message, end_ns)
+        lines = [orjson.dumps(cause.to_json()).decode() for cause in causes]
+        names = [f"{place:02d} {cause.cause}" for place, cause in enumerate(causes, 1)]
+        self._writer.add_metadata(CAUSES, dict(zip(names, lines, strict=True)))
+
+    def _mark(self, t_ns: int, index: int, comment: str) -> None:
+        if self._marked < 0:
+            self._marked = self._channel("/bookmarks")
+        message = log_message(
+            t_ns, LEVELS[Severity.NOTE], comment or "bookmark", f"frame {index}" if index >= 0 else "noise"
+        )
+        self._writer.add_message(self._marked, t_ns, message, t_ns)
+
+    def _channel(self, topic: str) -> int:
+        schema = self._writer.register_schema(LOG_NAME, ENCODING, log_schema())
+        return self._writer.register_channel(topic, ENCODING, schema)

@@ -1,0 +1,213 @@
+"""The tables of the text report, each of at most 80 columns: what does not fit is in the JSON."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+from dissectors.values import harmless
+
+from ..languages import page_words
+from ..words import between, compact, duration, is_clock, time_of_day
+from .model import BookmarkRow, Counts, HourRow, PollRow, Report, Times, UnitCard, UnitRow
+
+_WIDTH: Final = 80
+_ROWS: Final = 24  # units on the page; --json has all
+_CARDS: Final = 6
+_POLLS: Final = 12
+_HOURS: Final = 72
+_EXCEPTIONS: Final = 10
+_BOOKMARKS: Final = 50
+_LONG_NS: Final = 99_950_000_000
+_UNIT_COLUMNS: Final = (  # head, width, which of Counts
+    ("requests", 9, "requests"),
+    ("ok", 7, "answered"),
+    ("exc", 6, "exceptions"),
+    ("silent", 7, "unanswered"),
+    ("garbage", 8, "damaged"),
+    ("retry", 6, "retries"),
+    ("late", 6, "late"),
+)
+_FUNCTION_COLUMNS: Final = (
+    ("requests", 9, "requests"),
+    ("ok", 7, "answered"),
+    ("exc", 6, "exceptions"),
+    ("none", 6, "unanswered"),
+    ("bad", 6, "damaged"),
+)
+_FIGURES: Final = ("p50", "p95", "max")  # as they stand in a row
+
+
+def tables(report: Report) -> Iterator[Iterator[str]]:
+    """Those that this report fills, in their order."""
+    if report.units:
+        yield _units(report)
+        yield _functions(report)
+        yield _legend(report)
+    if troubled := [card for card in report.cards if card.silent + card.garbage + card.late + card.doubles]:
+        yield _cards(troubled)
+    if any(row.period_ns is not None for row in report.polls):
+        yield _polls(report.polls)
+    if report.hours:
+        yield _hours(report.hours)
+    if report.exceptions:
+        yield _exceptions(report)
+    if report.bookmarks:
+        yield _bookmarks(report.bookmarks)
+
+
+def _legend(report: Report) -> Iterator[str]:
+    yield "requests: ok + exc (exceptions) + silent (not a byte) + garbage + broadcasts;"
+    yield "of functions none (no answer) + bad (a damaged one)"
+    if report.transactions.unheard:
+        yield f"{'':10}+ {report.transactions.unheard:,} not heard: nothing was recorded when an answer was due"
+
+
+def _heard(row: UnitRow, cards: Mapping[int, UnitCard]) -> Counts:
+    """Its counts, with what stayed without an answer told apart by what was heard."""
+    card, lost = cards.get(row.unit), row.counts.unanswered + row.counts.damaged
+    if card is None:
+        return row.counts
+    silent = min(card.silent, lost)
+    return replace(row.counts, unanswered=silent, damaged=lost - silent)
+
+
+def _units(report: Report) -> Iterator[str]:
+    shown: Sequence[UnitRow] = report.units
+    if len(shown) > _ROWS:
+        shown = sorted(sorted(shown, key=_trouble)[:_ROWS], key=lambda row: row.unit)
+    cards = {card.unit: card for card in report.cards}
+    rows = [(f"{row.unit:>4}", _heard(row, cards), row.times) for row in shown]
+    yield from _table("unit", 6, _UNIT_COLUMNS, ("p50", "max", "p95"), rows)
+    if len(shown) < len(report.units):
+        yield f"and {len(report.units) - len(shown)} units with less trouble (--json has all)"
+
+
+def _trouble(row: UnitRow) -> tuple[int, int]:
+    counts = row.counts
+    return -(counts.unanswered + counts.exceptions + counts.damaged + counts.late), row.unit
+
+
+def _functions(report: Report) -> Iterator[str]:
+    rows = [(f"{row.function:02d} {row.name}", row.counts, row.times) for row in report.functions]
+    yield from _table("function", 30, _FUNCTION_COLUMNS, ("p50", "p95"), rows)
+
+
+def _table(
+    title: str,
+    width: int,
+    columns: Sequence[tuple[str, int, str]],
+    figures: Sequence[str],
+    rows: Sequence[tuple[str, Counts, Times]],
+) -> Iterator[str]:
+    """Counts, and of the figures of response times as many as there is room for, those named first before others."""
+    cells = {figure: [_cell(times, figure) for _, _, times in rows] for figure in figures}
+    widths = {figure: _width(cells[figure]) for figure in figures}
+    room, shown = _WIDTH - width - sum(w for _, w, _ in columns), []
+    for figure in figures:
+        if widths[figure] <= room:
+            shown.append(figure)
+            room -= widths[figure]
+    shown.sort(key=_FIGURES.index)
+    heads = "".join(f"{head:>{w}}" for head, w, _ in columns)
+    yield f"{title:<{width}}{heads}" + "".join(f"{figure:>{widths[figure]}}" for figure in shown)
+    for i, (name, counts, _) in enumerate(rows):
+        short = name if len(name) <= width else name[: width - 2] + ".."
+        numbers = "".join(
+            f"{compact(getattr(counts, key)) if getattr(counts, key) else '-':>{w}}" for _, w, key in columns
+        )
+        yield f"{short:<{width}}{numbers}" + "".join(f"{cells[figure][i]:>{widths[figure]}}" for figure in shown)
+
+
+def _exceptions(report: Report) -> Iterator[str]:
+    yield page_words("exceptions")
+    for row in report.exceptions[:_EXCEPTIONS]:
+        yield f"{row.count:>9,} x unit {row.unit}, function {row.function:02d}: {row.exception:02X} {row.name}"
+    if len(report.exceptions) > _EXCEPTIONS:
+        yield f"{'':>9}   and {len(report.exceptions) - _EXCEPTIONS} other kinds (--json has all)"
+
+
+def _cell(times: Times, figure: str) -> str:
+    low, high = times.bounds(figure) or (0, 0)
+    return f"{low / 1e9:.3g} s" if low == high >= _LONG_NS else times.worded(figure)
+
+
+def _width(cells: Sequence[str]) -> int:
+    """How wide a column of figures is, the space before it counted: 8, or more where there are intervals."""
+    return max([8, *(len(cell) + 2 for cell in cells if ".." in cell)])
+
+
+def _cards(cards: Sequence[UnitCard]) -> Iterator[str]:
+    yield page_words("units that did not answer well")
+    worst = sorted(cards, key=lambda card: -(card.silent + card.garbage + card.late + card.doubles))[:_CARDS]
+    for card in sorted(worst, key=lambda card: card.unit):
+        yield from textwrap.wrap(
+            f"unit {card.unit}: {', '.join(_told(card))}", _WIDTH, subsequent_indent="   ", break_on_hyphens=False
+        )
+        for change in card.changes:
+            when = f"{_clock(change.t_ns)} to {_clock(change.until_ns)}" if is_clock(change.t_ns) else "for a while"
+            yield from textwrap.wrap(f"   {when}: {change.text}", _WIDTH, subsequent_indent="   ")
+    if len(cards) > len(worst):
+        yield f"and {len(cards) - len(worst)} more (--json has all)"
+
+
+def _told(card: UnitCard) -> Iterator[str]:
+    yield f"{card.asked:,} asked"
+    for number, words in ((card.answered, "answered"), (card.exceptions, "by exception"), (card.silent, "silent")):
+        if number:
+            yield f"{number:,} {words}"
+    if card.garbage:
+        places = ", ".join(f"{place} {count:,}" for place, count in card.damage.items() if count)
+        yield f"{card.garbage:,} garbage" + (f" (damaged: {places})" if places else "")
+    for number, words in ((card.late, "late"), (card.doubles, "answered twice")):
+        if number:
+            yield f"{number:,} {words}"
+    if card.delay_ns is not None:
+        yield f"answers after {between(*card.delay_ns)}"
+
+
+def _clock(t_ns: int) -> str:
+    return time_of_day(t_ns)[:8]
+
+
+def _polls(polls: Sequence[PollRow]) -> Iterator[str]:
+    yield f"{'poll':<24}{'asked':>7}{'ok':>7}{'wasted':>8}{'period':>9}{'jitter':>9}  joins with"
+    for row in polls[:_POLLS]:
+        name = f"unit {row.unit} {row.function:02d} {row.address}..{row.address + row.quantity - 1}"
+        if row.function in (5, 6, 22) or row.quantity <= 1:
+            name = f"unit {row.unit} {row.function:02d} {row.address}"
+        period = "?" if row.period_ns is None else duration(row.period_ns)
+        jitter = "?" if row.jitter_ns is None else duration(row.jitter_ns)
+        joined = "" if row.joins is None else f"{row.joins}, -{row.saves_bytes} B"
+        cells = f"{compact(row.asked):>7}{row.ok / row.asked:>7.0%}{compact(row.wasted) if row.wasted else '-':>8}"
+        yield f"{name[:24]:<24}{cells}{period:>9}{jitter:>9}  {joined}".rstrip()[:_WIDTH]
+    if len(polls) > _POLLS:
+        yield f"and {len(polls) - _POLLS} polls that come less often (--json has all)"
+
+
+def _hours(hours: Sequence[HourRow]) -> Iterator[str]:
+    yield f"{'hour':<18}{'requests':>9}{'ok':>8}{'exc':>7}{'none':>7}{'bad':>7}{'late':>6}{'load':>7}  most often"
+    for row in hours[:_HOURS]:
+        counts = row.counts
+        numbers = "".join(
+            f"{compact(number) if number else '-':>{width}}"
+            for number, width in ((counts.requests, 9), (counts.answered, 8), (counts.exceptions, 7),
+                                  (counts.unanswered, 7), (counts.damaged, 7), (counts.late, 6))
+        )  # fmt: skip
+        load = "?" if row.load is None else f"{row.load:.1%}"
+        yield f"{row.name:<18}{numbers}{load:>7}  {row.finding}".rstrip()[:_WIDTH]
+    if len(hours) > _HOURS:
+        yield f"and {len(hours) - _HOURS} more hours (--json has all)"
+
+
+def _bookmarks(rows: Sequence[BookmarkRow]) -> Iterator[str]:
+    yield page_words("bookmarks")
+    for row in rows[:_BOOKMARKS]:
+        what = f"frame {row.index:,}, unit {row.unit}, function {row.function:02d}" if row.index >= 0 else "noise"
+        when = f"{_clock(row.t_ns)}, " if is_clock(row.t_ns) else ""
+        words = f"{when}byte {row.start:,}, {what}" + (f": {harmless(row.comment)}" if row.comment else "")
+        yield from textwrap.wrap(words, _WIDTH, initial_indent="   ", subsequent_indent="      ")
+    if len(rows) > _BOOKMARKS:
+        yield f"   and {len(rows) - _BOOKMARKS} more (--json has all)"

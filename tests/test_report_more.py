@@ -1,0 +1,182 @@
+"""What a report says besides: cards, polls, hours, what changed, bookmarks, another language; and that it all fits."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from string import Formatter
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import captures
+from analyzer import languages
+from analyzer.causes.registry import suspects
+from analyzer.causes.story import RunningStory
+from analyzer.cli import main
+from analyzer.core import Analyzer
+from analyzer.reports import summarize, text
+from analyzer.reports.against import differences
+from analyzer.reports.model import Report
+from analyzer.simulation.field.cases.registry import field_cases
+from analyzer.tables.delays import bounds_of, delay_bounds
+from captures.chunks import Capture
+
+SAMPLES = Path(captures.__file__).parent / "samples"
+
+
+@pytest.fixture(autouse=True)
+def _english() -> Iterator[None]:
+    yield
+    languages.use("en")
+
+
+def report_of(name: str) -> Report:
+    return summarize(captures.open(SAMPLES / f"{name}.jsonl"), source=name)
+
+
+def field_report(name: str, tap: str, seed: int) -> Report:
+    made = field_cases()[name].capture(tap, seed)
+    return summarize(Capture.of(made.line, made.chunks, timed=tap != "untimed"))
+
+
+@pytest.mark.parametrize("tap", ["precise", "irq", "gateway"])
+def test_no_line_is_longer_than_a_page(tap: str) -> None:
+    report = field_report("dead-beside-driver", tap, 2)
+    long = [line for line in text(report).splitlines() if len(line) > 80]
+    assert long == []
+
+
+def test_silence_and_garbage_are_two_things() -> None:
+    made = field_cases()["dead-beside-driver"].capture("precise", 3)
+    report = summarize(Capture.of(made.line, made.chunks))
+    dead, late = made.expected.units[0], made.expected.beside.units[0] if made.expected.beside else -1
+    cards = {card.unit: card for card in report.cards}
+    assert cards[dead].silent == cards[dead].asked > 0 == cards[dead].garbage
+    assert cards[late].garbage > 0 == cards[late].silent
+    assert max(cards[late].damage, key=lambda place: cards[late].damage[place]) == "head"
+    for card in report.cards:
+        assert card.answered + card.exceptions + card.silent + card.garbage == card.asked
+
+
+def test_a_unit_that_dies_has_a_change() -> None:
+    made = field_cases()["end-dead-unit"].capture("precise", 1)
+    report = summarize(Capture.of(made.line, made.chunks))
+    card = next(card for card in report.cards if card.unit == made.expected.units[0])
+    assert card.changes
+    assert card.changes[0].t_ns == pytest.approx(made.begin_ns + 0.9 * (made.end_ns - made.begin_ns), rel=0.05)
+
+
+def test_one_report_against_itself_says_nothing() -> None:
+    report = report_of("troubled")
+    assert differences(report, report) == ()
+
+
+def test_what_is_new_there_is_gone_the_other_way_round() -> None:
+    ill, well = report_of("troubled"), report_of("healthy")
+    there, back = differences(ill, well), differences(well, ill)
+    new = {(each.about, each.name) for each in there if each.change == "new"}
+    assert {(each.about, each.name) for each in back if each.change == "gone"} <= new
+    assert ("cause", "unit-restarts") in new
+    assert any(each.about == "unit" and each.change == "worse" for each in there)
+
+
+def test_the_command_tells_hours_and_what_changed(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [str(SAMPLES / "troubled.jsonl"), "--by", "hour", "--against", str(SAMPLES / "healthy.jsonl")]
+    assert main(["report", *arguments]) == 0
+    page = capsys.readouterr().out
+    assert "\nagainst " in page
+    assert "2026-11-21 08:00" in page
+    assert main(["report", *arguments, "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert sum(row["counts"]["requests"] for row in report["hours"]) == report["transactions"]["requests"]
+    assert report["against"]
+    assert report["causes"]
+
+
+def test_bookmarks_stand_in_every_way_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "bus.jsonl"
+    path.write_bytes((SAMPLES / "troubled.jsonl").read_bytes())
+    notes = {"version": 1, "bookmarks": [{"port": 0, "start": 8, "comment": "look \x1b here"}]}
+    path.with_name("bus.jsonl.rtuscope.json").write_text(json.dumps(notes))
+    assert main(["report", str(path)]) == 0
+    page = capsys.readouterr().out
+    assert "look" in page
+    assert "\x1b" not in page
+    assert main(["report", str(path), "--html", str(tmp_path / "bus.html")]) == 0
+    assert "<h2>Bookmarks</h2>" in (tmp_path / "bus.html").read_text()
+    for name in ("bus.mcap", "bus.pcapng"):
+        assert main(["export", str(path), "-o", str(tmp_path / name)]) == 0
+    assert b"bookmark: look" in (tmp_path / "bus.pcapng").read_bytes()
+    from mcap.reader import make_reader
+
+    with (tmp_path / "bus.mcap").open("rb") as file:
+        reader = make_reader(file)
+        topics = {channel.topic for _, channel, _ in reader.iter_messages(topics=["/bookmarks", "/causes"])}
+        assert topics == {"/bookmarks", "/causes"}
+        assert any(record.name == "rtuscope/causes" for record in reader.iter_metadata())
+
+
+def _places(template: str) -> set[tuple[str, str]]:
+    return {(name, spec or "") for _, name, spec, _ in Formatter().parse(template) if name is not None}
+
+
+@pytest.mark.parametrize("language", [each for each in languages.LANGUAGES if each != "en"])
+def test_a_catalogue_has_every_cause_with_its_numbers(language: str) -> None:
+    known = languages.catalogue(language)["causes"]
+    assert set(known) == {suspect.cause for suspect in suspects()}
+    for suspect in suspects():
+        parts = {"text": suspect.text, "share": suspect.share, "test": suspect.deciding_test, "remedy": suspect.remedy}
+        for part, english in parts.items():
+            assert _places(known[suspect.cause].get(part, "")) <= _places(english), (suspect.cause, part)
+            assert bool(known[suspect.cause].get(part)) == bool(english), (suspect.cause, part)
+
+
+def test_the_report_speaks_russian(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["report", str(SAMPLES / "troubled.jsonl"), "--lang", "ru"]) == 0
+    page = capsys.readouterr().out
+    assert "что не так" in page
+    assert "Устройство 2" in page
+
+
+def test_a_live_story_ends_as_the_whole_one() -> None:
+    made = field_cases()["dead-beside-driver"].capture("precise", 4)
+    capture = Capture.of(made.line, made.chunks)
+    story, told = RunningStory(capture.line), []
+    analyzer = Analyzer(capture.line)
+    for block in capture.blocks(2000):
+        analyzer.feed(block)
+        told += story.feed(analyzer.latest.batch, analyzer.latest.transactions, capture.line)
+    analyzer.close()
+    told += story.feed(analyzer.latest.batch, analyzer.latest.transactions, capture.line)
+    told += story.close()
+    whole = summarize(Capture.of(made.line, made.chunks)).causes
+    assert [(c.cause, c.units) for c in story.causes] == [(c.cause, c.units) for c in whole]
+    assert told[0].state == "new"
+    assert [each.revision for each in told] == sorted(each.revision for each in told)
+
+
+@given(st.lists(st.integers(-1, 10**10), min_size=1), st.floats(0, 1e9))
+def test_an_interval_holds_what_was_measured(delays: list[int], off_ns: float) -> None:
+    import numpy as np
+
+    exact, low, high = delay_bounds(np.array(delays, np.int64), off_ns)
+    for delay, one, least, most in zip(delays, exact.tolist(), low.tolist(), high.tolist(), strict=True):
+        if delay < 0:
+            assert (one, least, most) == (-1, -1, -1)
+            continue
+        assert 0 <= least <= delay <= most
+        assert one in (-1, delay)
+        assert bounds_of(delay, off_ns) == (least, most)
+
+
+def test_a_transaction_s_time_is_an_interval_where_the_tap_is_coarse(tmp_path: Path) -> None:
+    out = tmp_path / "t.csv"
+    assert main(["export", str(SAMPLES / "troubled.jsonl"), "--table", "transactions", "-o", str(out)]) == 0
+    head, *rows = [line.split(",") for line in out.read_text().splitlines()]
+    times = [dict(zip(head, row, strict=True)) for row in rows]
+    bounded = [row for row in times if row["response_time_low_ns"] and not row["response_time_ns"]]
+    assert bounded
+    assert all(int(row["response_time_low_ns"]) < int(row["response_time_high_ns"]) for row in bounded)
