@@ -19,12 +19,12 @@ from register_series import MadeDevice, layouts, made_device
 from analyzer.registers.inference import infer
 from analyzer.registers.values import RegisterValue
 from dissectors.maps import RegisterMap
-from dissectors.maps.model import MappedValue
+from dissectors.maps.model import MapArea, MappedValue
 
 RELATIONS = ("the sum of", "goes as")
 
 
-def right_values(values: list[RegisterValue], rows: list[tuple[str, MappedValue]]) -> list[bool]:
+def right_values(values: list[RegisterValue], rows: list[tuple[MapArea, MappedValue]]) -> list[bool]:
     """Of each row whether it was read right: registers, integer or float, word order."""
     answers = {(value.area, value.address): value for value in values}
     return [(area, row.address) in answers and _same(answers[area, row.address], row) for area, row in rows]
@@ -35,7 +35,7 @@ def _same(value: RegisterValue, row: MappedValue) -> bool:
     return shape and (row.length == 1 or value.order == row.order)
 
 
-def moved_rows(device: MadeDevice) -> list[tuple[str, MappedValue]]:
+def moved_rows(device: MadeDevice) -> list[tuple[MapArea, MappedValue]]:
     found = {}
     for area, address, quantity, rows in device.truth:
         block = next(b for b in device.readings if (b.area, b.address, b.quantity) == (area, address, quantity))

@@ -14,7 +14,7 @@ import sys
 import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from typing import IO, Any, Final, NoReturn, cast
+from typing import IO, Any, Final, NoReturn
 
 from ..meant import did_you_mean, meant
 from ..settingfiles import found_files
@@ -99,6 +99,21 @@ def _told(arguments: list[str]) -> int:
     return status
 
 
+def _with_settings(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
+    """What was typed, over what settings files say, where there are some; and the language in use from here on."""
+    if next(found_files(), None) is None:
+        given = parser.parse_args(arguments[1:])
+    else:
+        from .settling import settled
+
+        given = settled(parser, arguments[0], arguments[1:])
+    if getattr(given, "lang", None):
+        from ..languages import use
+
+        use(given.lang)
+    return given
+
+
 def _run(arguments: list[str]) -> int:
     if "_ARGCOMPLETE" in os.environ:
         import argcomplete
@@ -112,27 +127,13 @@ def _run(arguments: list[str]) -> int:
         command = load(arguments[0])
         parser = Parser(prog=f"rtuscope {arguments[0]}", **_look(arguments[0], command))
         command.configure(parser)
-        given = _given(parser, arguments)
-        if getattr(given, "lang", None):
-            from ..languages import use
-
-            use(given.lang)
-        return command.run(given)
+        return command.run(_with_settings(parser, arguments))
     if arguments and not arguments[0].startswith("-"):
         raise UsageError(_unknown(arguments[0]))
     parser = command_line(())
     parser.parse_args(arguments)
     parser.print_help()
     return DONE
-
-
-def _given(parser: Parser, arguments: list[str]) -> argparse.Namespace:
-    """What a command was given, by its arguments and by settings files."""
-    if next(found_files(), None) is None:  # the usual way: nothing of settings is imported
-        return cast(argparse.Namespace, parser.parse_args(arguments[1:]))
-    from .settling import settled
-
-    return settled(parser, arguments[0], arguments[1:])
 
 
 def _unknown(word: str) -> str:

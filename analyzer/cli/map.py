@@ -216,8 +216,8 @@ def _import(arguments: argparse.Namespace) -> int:
     from dissectors.maps.importers.sunspec import moved
 
     path = Path(arguments.file)
-    _check_suffix(arguments.output)
     to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=path)
+    _check_suffix(arguments.output)
     data = map_bytes(path)
     found = import_maps(arguments.file, data, name=arguments.format)
     names = [one.chart.device for one in found]
@@ -242,8 +242,8 @@ def _infer(arguments: argparse.Namespace) -> int:
     from analyzer.registers.inference import infer
 
     source = None if arguments.capture == "-" else Path(arguments.capture)
-    _check_suffix(arguments.output)
     to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=source)
+    _check_suffix(arguments.output)
     readings, _ = _readings(arguments, arguments.capture)
     units = sorted({block.unit for block in readings})
     if not units:
