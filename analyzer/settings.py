@@ -50,6 +50,7 @@ _NUMBER: Final = (int, float)
 SETTINGS: Final = (
     Setting("port", str, ("port",), "the port that sniff, record and tap listen to", taps=True),
     Setting("tz", str, ("tz",), "zone of times without one"),
+    Setting("lang", str, ("lang",), "language of what is said: en or ru"),
     Setting("theme", str, ("light",), "light or dark"),
     Setting("functions", list, ("functions",), "files that declare vendor functions", personal=True),
     Setting("line.baud", (int, str), ("baud",), "bit/s of a tap, or auto", taps=True),
