@@ -43,7 +43,7 @@ class MadeDevice:
     family: str
     order: str
     readings: RegisterReadings
-    truth: tuple[tuple[str, int, int, tuple[MappedValue, ...]], ...]  # area, address, quantity
+    truth: tuple[tuple[MapArea, int, int, tuple[MappedValue, ...]], ...]  # area, address, quantity
 
 
 def made_device(

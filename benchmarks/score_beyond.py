@@ -35,7 +35,7 @@ def _same(value: RegisterValue, row: MappedValue) -> bool:
     return shape and (row.length == 1 or value.order == row.order)
 
 
-def moved_rows(device: MadeDevice) -> list[tuple[str, MappedValue]]:
+def moved_rows(device: MadeDevice) -> list[tuple[MapArea, MappedValue]]:
     found = {}
     for area, address, quantity, rows in device.truth:
         block = next(b for b in device.readings if (b.area, b.address, b.quantity) == (area, address, quantity))
