@@ -16,6 +16,7 @@ from analyzer.registers.cutting import Cut, cut_of
 from analyzer.registers.hypotheses import HYPOTHESES
 from analyzer.registers.runs import run_posteriors, runs_of
 from analyzer.registers.weights import Weights
+from dissectors.maps.model import MapArea
 
 COLUMNS = ("all", "16-bit", "float", "both words", "one word", "64-bit")
 
@@ -69,11 +70,11 @@ class Tally:
 def tallied(device: MadeDevice, weights: Weights, tally: Tally) -> None:
     """Enter one device."""
     runs = runs_of(device.readings)
-    answers: dict[tuple[str, int], tuple[int, Cut]] = {}
+    answers: dict[tuple[MapArea, int], tuple[int, Cut]] = {}
     for run, posterior in zip(runs, run_posteriors(runs, weights), strict=True):
         for cut in cut_of(run, posterior):
             answers[run.area, run.address + cut.at] = (cut.number, cut)
-    truths: dict[tuple[str, int], int] = {}
+    truths: dict[tuple[MapArea, int], int] = {}
     for area, address, quantity, rows in device.truth:
         block = next(b for b in device.readings if (b.area, b.address, b.quantity) == (area, address, quantity))
         words = block.series[0]

@@ -36,7 +36,7 @@ def _same(value: RegisterValue, row: MappedValue) -> bool:
 
 
 def moved_rows(device: MadeDevice) -> list[tuple[MapArea, MappedValue]]:
-    found: dict[tuple[MapArea, int], tuple[MapArea, MappedValue]] = {}
+    found = {}
     for area, address, quantity, rows in device.truth:
         block = next(b for b in device.readings if (b.area, b.address, b.quantity) == (area, address, quantity))
         words = block.series[0]
