@@ -92,8 +92,7 @@ class Analyzer:
     def latest(self) -> Analysed:
         """What the newest call made certain: rows, and what is said of these or of earlier ones."""
         batch, findings = self._latest.batch, self._latest.findings
-        if len(batch):
-            batch = replace(batch, findings=findings[rows_of_findings(batch.rows, findings) >= 0])
+        batch = replace(batch, findings=findings[rows_of_findings(batch.rows, findings) >= 0])
         return replace(self._latest, batch=batch)
 
     def feed(self, block: Block, now_ns: int | None = None) -> list[Analysed]:

@@ -223,7 +223,7 @@ def test_a_broken_plug_in_is_named_and_left_out_and_the_others_are_not(tmp_path:
         )
         assert all("plug-in broken_format (broken_format:OFFERED) is left out: " in line for line in formats)
         assert bool(formats) == (arguments[0] == "report")  # formats of others are asked before our own
-    assert "65 Good" in spawned("parse", "11 65 0B 1B", PYTHONPATH=paths).out
+    assert "FC 101 (0x65) Good" in spawned("parse", "11 65 0B 1B", PYTHONPATH=paths).out
     (tmp_path / "what.xyz").write_bytes(b"\x00\x01")
     done = spawned("export", tmp_path / "what.xyz", PYTHONPATH=paths)
     assert done.status == 2 and len(done.err.splitlines()) == 3, done

@@ -22,7 +22,7 @@ _ROOT = Path(__file__).parents[1]
 def test_a_capture_opens_on_a_terminal_and_q_leaves(tmp_path: Path) -> None:
     shutil.copy(samples.path("troubled.jsonl"), tmp_path / "bus.jsonl")
     terminal = Terminal("open", str(tmp_path / "bus.jsonl"))
-    terminal.until(b"holding registers")
+    terminal.until(b"Transactions")
     os.write(terminal.fd, b"q")
     assert terminal.status() == 0
     assert [file.name for file in tmp_path.iterdir()] == ["bus.jsonl"]

@@ -16,7 +16,10 @@ from livebus import eventually, pty
 from running import START, environment, ran, refused
 
 import captures
+from analyzer.core import Analyzer
+from analyzer.live.recent import Recent
 from analyzer.live.replaying import Replay
+from analyzer.live.session import SessionStep
 from analyzer.live.window import TriggerWindow
 from captures import samples
 from captures.chunks import Block, Capture, Chunk
@@ -40,6 +43,33 @@ def test_a_replay_shows_the_frames_of_an_export(capsys):
     late = [line for line in shown if line.get("kind") == "finding" and line["index"] is not None]
     said |= {(line["code"], line["start"]) for line in late}
     assert said == {(f["code"], line["start"]) for line in exported for f in line["findings"]}
+
+
+def test_what_a_silence_brings_to_light_is_said_of_the_row_that_it_concerns(capsys):
+    """A step may bring findings and no row; each is told, whatever comes when."""
+    capture = captures.open(TROUBLED)
+    analyzer, recent = Analyzer(capture.line), Recent()
+    told: set[tuple[str, int]] = set()
+    alone = 0
+
+    def tell(t_ns: int) -> None:
+        nonlocal alone
+        step = SessionStep(t_ns, analyzer.latest)
+        alone += not len(step.batch) and len(step.findings) > 0
+        for shown in recent.feed(step):
+            start = int(shown.batch.rows["start"][shown.row])
+            told.update((finding.code, start) for finding in shown.findings)
+
+    for chunk in capture.chunks():
+        analyzer.feed(Block.from_chunks([chunk]))
+        tell(chunk.t_ns)
+        analyzer.tick(chunk.t_ns + 1_000_000)
+        tell(chunk.t_ns)
+    analyzer.close()
+    tell(0)
+    exported = [json.loads(line) for line in ran(capsys, "export", TROUBLED, "--noise").out.splitlines()]
+    assert alone > 0
+    assert told == {(f["code"], line["start"]) for line in exported for f in line["findings"]}
 
 
 def test_a_line_a_frame_with_what_was_found_below_it(capsys):

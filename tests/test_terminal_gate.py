@@ -39,7 +39,7 @@ CANARY = (
     "\nFORGED\t[red]x[/red][@click=app.quit]y[/]"
 )
 NAME = CANARY.replace("/", "")
-OURS = re.compile(r"\x1b\[(?:0|1|2|31|32|33)m|\r\x1b\[K")  # what the program itself sends
+OURS = re.compile(r"\x1b\[(?:0|1|2|4|31|32|33|36|1;31)m|\r\x1b\[K")  # what the program itself sends
 
 
 def foreign(text: str) -> set[str]:
@@ -251,7 +251,7 @@ def test_a_terminal_gets_our_own_sequences_and_no_others(capture: Path, tmp_path
         text = terminal.seen.decode().replace("\r\n", "\n")
         assert not foreign(text), (arguments, text)
         painted_ones += "\x1b[0m" in text
-    assert painted_ones == 3
+    assert painted_ones == 4
     assert "no text to show on a terminal" in Terminal("export", str(capture), "--format", "mcap").whole()
 
 

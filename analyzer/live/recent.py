@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from ..tables.batch import Batch
+from ..tables.batch import Batch, rows_of_findings
 from ..tables.findings import Finding, describe
 from .session import SessionStep
 
@@ -39,11 +39,11 @@ class Recent:
 
     def feed(self, step: SessionStep) -> Iterator[ShownRow]:
         """What is to be said after this step: of earlier rows first, then the new rows."""
-        here = step.batch.findings
-        if here is not None and len(step.findings) > len(here):
-            yield from self._late(step)
         batch = step.batch
-        silent = here is None or not len(here)
+        own = batch.findings  # None where the step brought no row: all that it says is of earlier ones
+        if len(step.findings) > (0 if own is None else len(own)):
+            yield from self._late(step)
+        silent = own is None or not len(own)
         for row in range(len(batch)):
             yield ShownRow(batch, row, () if silent else batch.findings_of(row), late=False)
         if len(batch):
@@ -54,15 +54,13 @@ class Recent:
 
     def _late(self, step: SessionStep) -> Iterator[ShownRow]:
         """Rows of earlier batches of which something is said now."""
-        for finding in step.findings:
-            start, port = int(finding["start"]), int(finding["port"])
-            if start < 0:
-                continue
+        on_new_rows = rows_of_findings(step.batch.rows, step.findings) >= 0
+        for finding in step.findings[~on_new_rows & (step.findings["start"] >= 0)]:
+            one = np.array([finding])
             for batch in self._batches:
-                place = np.flatnonzero((batch.rows["start"] == start) & (batch.rows["port"] == port))
-                if len(place):
-                    one = np.array([finding])
-                    yield ShownRow(replace(batch, findings=one), int(place[0]), (describe(finding),), late=True)
+                row = int(rows_of_findings(batch.rows, one)[0])
+                if row >= 0:
+                    yield ShownRow(replace(batch, findings=one), row, (describe(finding),), late=True)
                     break
 
 
