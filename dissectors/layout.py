@@ -57,14 +57,14 @@ class Slot:
         `brief` gives it as it is for a summary.
         """
         at = 1 + self.offset
-        seen = _recorder(bytes(at) + value.to_bytes(self.part.width, "big"), self.looks, looks)
-        seen.brief = brief
-        field = self.part.describe(self.name, at - _BODY, self.part.width, value, seen)
+        tracer = _recorder(bytes(at) + value.to_bytes(self.part.width, "big"), self.looks, looks)
+        tracer.brief = brief
+        field = self.part.describe(self.name, at - _BODY, self.part.width, value, tracer)
         if self.echo is None or asked < 0:
             return field
-        seen.request = {self.name: asked}
-        seen.echoes = (self.name,)
-        return echoed(field, self.part, value, seen)
+        tracer.request = {self.name: asked}
+        tracer.echoes = (self.name,)
+        return echoed(field, self.part, value, tracer)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,17 +96,17 @@ class Slots:
     @property
     def asks(self) -> bool:
         """Whether anything is looked up in the request."""
-        looks = [look for slot in self.numbers for look in (*slot.looks, slot.echo)]
+        looks = [ref for slot in self.numbers for ref in (*slot.looks, slot.echo)]
         if self.block is not None:
             looks += [self.block.start, self.block.quantity]
-        return any(look is not None and look.asked for look in looks)
+        return any(ref is not None and ref.asked for ref in looks)
 
 
 def slots(function: Function, role: Role) -> Slots | None:
     """The slots of one side of a function, if it is of that form."""
-    asked = layout(function.code, Role.REQUEST) if role is Role.RESPONSE else {}
+    requested = layout(function.code, Role.REQUEST) if role is Role.RESPONSE else {}
     echoes = function.echoes if role is Role.RESPONSE else ()
-    return _slots(function.request if role is Role.REQUEST else function.response, asked, echoes)
+    return _slots(function.request if role is Role.REQUEST else function.response, requested, echoes)
 
 
 def exception_slots() -> Slots | None:
@@ -114,7 +114,7 @@ def exception_slots() -> Slots | None:
     return _slots(EXCEPTION_RESPONSE, {}, ())
 
 
-def _slots(declaration: AnyConstruct, asked: Mapping[str, tuple[int, int]], echoes: tuple[str, ...]) -> Slots | None:
+def _slots(declaration: AnyConstruct, request: Mapping[str, tuple[int, int]], echoes: tuple[str, ...]) -> Slots | None:
     if type(declaration) is not construct.Struct:
         return None
     numbers: dict[str, Slot] = {}
@@ -124,16 +124,16 @@ def _slots(declaration: AnyConstruct, asked: Mapping[str, tuple[int, int]], echo
         if name is None or name in numbers:
             return None
         if isinstance(part, Counted):
-            block = _block(name, part, at, numbers, asked) if i == len(declaration.subcons) - 1 else None
+            block = _block(name, part, at, numbers, request) if i == len(declaration.subcons) - 1 else None
             return None if block is None or name in echoes else Slots(tuple(numbers.values()), block, at)
         if not isinstance(part, Number) or type(part)._parse is not Number._parse or part.width not in _WIDTHS:
             return None
-        looked = dependencies(part)
-        looks = None if looked is None else [_look(other, numbers, asked) for other in looked]
+        needed = dependencies(part)
+        looks = None if needed is None else [_field_ref(need, numbers, request) for need in needed]
         if looks is None or len(looks) > 1:
             return None
-        echo = FieldRef(name, *asked[name], asked=True) if name in echoes and name in asked else None
-        numbers[name] = Slot(name, part, at, tuple(look for look in looks if look is not None), echo)
+        echo = FieldRef(name, *request[name], asked=True) if name in echoes and name in request else None
+        numbers[name] = Slot(name, part, at, tuple(ref for ref in looks if ref is not None), echo)
         at += part.width
     return Slots(tuple(numbers.values()), None, at)
 
@@ -146,31 +146,31 @@ def _named(con: AnyConstruct) -> tuple[str | None, AnyConstruct]:
 
 
 def _block(
-    name: str, part: Counted, at: int, numbers: Mapping[str, Slot], asked: Mapping[str, tuple[int, int]]
+    name: str, part: Counted, at: int, numbers: Mapping[str, Slot], requested: Mapping[str, tuple[int, int]]
 ) -> CountedBlock | None:
     if type(part) not in (Registers, Bits) or part.count not in numbers:
         return None
     assert isinstance(part, Registers | Bits)
-    start = None if part.start is None else _look(part.start, numbers, asked)
-    quantity = _look(part.quantity, numbers, asked) if isinstance(part, Bits) else None
+    start = None if part.start is None else _field_ref(part.start, numbers, requested)
+    quantity = _field_ref(part.quantity, numbers, requested) if isinstance(part, Bits) else None
     return CountedBlock(name, part, at, numbers[part.count], start, quantity)
 
 
-def _look(name: str, numbers: Mapping[str, Slot], asked: Mapping[str, tuple[int, int]]) -> FieldRef | None:
+def _field_ref(name: str, numbers: Mapping[str, Slot], requested: Mapping[str, tuple[int, int]]) -> FieldRef | None:
     """Where a number is found, as `Recorder.number` would: in this PDU, else in the request's; None for nowhere."""
     if name in numbers:
         return FieldRef(name, numbers[name].offset, numbers[name].part.width, asked=False)
-    return FieldRef(name, *asked[name], asked=True) if name in asked else None
+    return FieldRef(name, *requested[name], asked=True) if name in requested else None
 
 
 def _recorder(data: bytes, looks: Sequence[FieldRef] = (), values: Sequence[int] = ()) -> FieldTracer:
-    known = [(look, value) for look, value in zip(looks, values, strict=True) if value >= 0]
+    present = [(ref, value) for ref, value in zip(looks, values, strict=True) if value >= 0]
     return FieldTracer(
         data,
         _BODY,
         len(data),
-        request={look.name: value for look, value in known if look.asked},
-        values={look.name: value for look, value in known if not look.asked},
+        request={ref.name: value for ref, value in present if ref.asked},
+        values={ref.name: value for ref, value in present if not ref.asked},
     )
 
 
@@ -224,12 +224,14 @@ class Contents:
 def contents() -> dict[tuple[int, Role], Contents]:
     """The contents of all declared functions, by function code and role; exceptions apart."""
     if not _cache or _cache[0][0] != revision():
-        made = {}
+        sides = {}
         for function in functions().values():
-            asked = shape(function.request)
-            made[function.code, Role.REQUEST] = _contents(function, function.request, asked, _NOTHING)
-            made[function.code, Role.RESPONSE] = _contents(function, function.response, shape(function.response), asked)
-        _cache[:] = [(revision(), made)]
+            request = shape(function.request)
+            sides[function.code, Role.REQUEST] = _contents(function, function.request, request, _NOTHING)
+            sides[function.code, Role.RESPONSE] = _contents(
+                function, function.response, shape(function.response), request
+            )
+        _cache[:] = [(revision(), sides)]
     return _cache[0][1]
 
 
@@ -245,40 +247,42 @@ def values_listed(fields: Iterable[Field], names: frozenset[str]) -> Iterator[in
 
 
 def _contents(
-    function: Function, declaration: AnyConstruct, own: DeclarationShape, asked: DeclarationShape
+    function: Function, declaration: AnyConstruct, own: DeclarationShape, request: DeclarationShape
 ) -> Contents:
-    held = _value_block(own, asked) or _single(own)
+    run = _value_block(own, request) or _single(own)
     return Contents(
         function.area,
-        _first(own, Address) or _first(asked, Address, asked=True),
+        _first(own, Address) or _first(request, Address, asked=True),
         _first(own, Quantity),
-        held,
-        frozenset() if held else _names(declaration),
+        run,
+        frozenset() if run else _names(declaration),
     )
 
 
-def _first(found: DeclarationShape, kind: type[Number], *, asked: bool = False) -> NumberRef | None:
-    for name, number in found.numbers.items():
+def _first(declared: DeclarationShape, kind: type[Number], *, asked: bool = False) -> NumberRef | None:
+    for name, number in declared.numbers.items():
         if isinstance(number, kind):
-            return NumberRef(found.layout[name][0], asked)
+            return NumberRef(declared.layout[name][0], asked)
     return None
 
 
-def _number_ref(name: str | None, own: DeclarationShape, asked: DeclarationShape) -> NumberRef | None:
-    for found in (own, asked):
-        if name is not None and found.layout.get(name, (0, 0))[1] == 2:
-            return NumberRef(found.layout[name][0], found is asked)
+def _number_ref(name: str | None, own: DeclarationShape, request: DeclarationShape) -> NumberRef | None:
+    for declared in (own, request):
+        if name is not None and declared.layout.get(name, (0, 0))[1] == 2:
+            return NumberRef(declared.layout[name][0], declared is request)
     return None
 
 
-def _value_block(own: DeclarationShape, asked: DeclarationShape) -> ValueRun | None:
+def _value_block(own: DeclarationShape, request: DeclarationShape) -> ValueRun | None:
     for at, block in own.blocks:
-        place = own.layout.get(block.count)
-        if place is None or not isinstance(block, Registers | Bits):
+        counter = own.layout.get(block.count)
+        if counter is None or not isinstance(block, Registers | Bits):
             continue
-        count = Count(*place, block.scale)
-        quantity = _number_ref(block.quantity, own, asked) if isinstance(block, Bits) else None
-        return ValueRun(at, isinstance(block, Bits), count, block.less, _number_ref(block.start, own, asked), quantity)
+        count = Count(*counter, block.scale)
+        quantity = _number_ref(block.quantity, own, request) if isinstance(block, Bits) else None
+        return ValueRun(
+            at, isinstance(block, Bits), count, block.less, _number_ref(block.start, own, request), quantity
+        )
     return None
 
 
@@ -294,11 +298,11 @@ def _single(own: DeclarationShape) -> ValueRun | None:
 
 def _names(declaration: AnyConstruct) -> frozenset[str]:
     """What the values of a declaration are called, wherever in it they are."""
-    found: set[str] = set()
+    names: set[str] = set()
 
-    def look(con: AnyConstruct) -> None:
+    def note(con: AnyConstruct) -> None:
         if isinstance(con, Registers | Bits):
-            found.add(con.each)
+            names.add(con.each)
 
-    rebuilt(declaration, look)
-    return frozenset(found)
+    rebuilt(declaration, note)
+    return frozenset(names)

@@ -57,20 +57,20 @@ def _all() -> _CompiledRules:
     from .functions.exceptions import RESPONSE
 
     declared = functions()
-    made = _CompiledRules(revision())
+    current = _CompiledRules(revision())
     for function in declared.values():
         for role in Role:
-            made.rules[function.code, role], made.shapes[function.code, role] = compiled(function, role)
-        made.relations[function.code] = relations_of(
-            function, made.shapes[function.code, Role.REQUEST], made.shapes[function.code, Role.RESPONSE]
+            current.rules[function.code, role], current.shapes[function.code, role] = compiled(function, role)
+        current.relations[function.code] = relations_of(
+            function, current.shapes[function.code, Role.REQUEST], current.shapes[function.code, Role.RESPONSE]
         )
     exception = shape(RESPONSE)
     for code in range(EXCEPTION, 0x100):  # with 80 itself: real servers answer function 0 so
-        made.rules[code, Role.RESPONSE] = LengthRule(
+        current.rules[code, Role.RESPONSE] = LengthRule(
             code, Role.RESPONSE, "Exception", exception.size, None, tuple(exception.checks), None, False
         )
-    _cache[:] = [made]
-    return made
+    _cache[:] = [current]
+    return current
 
 
 class _Rules(Mapping[tuple[int, Role], LengthRule]):
@@ -101,8 +101,8 @@ def relations(function: int) -> tuple[Echo | RequestedByteCount, ...]:
 
 def layout(function: int, role: Role) -> Mapping[str, tuple[int, int]]:
     """Offset in the PDU and width of the numbers whose place is fixed, by name."""
-    found = _all().shapes.get((function, role))
-    return {} if found is None else found.layout
+    declared = _all().shapes.get((function, role))
+    return {} if declared is None else declared.layout
 
 
 def pdu_length(pdu: bytes, role: Role) -> int | None:
@@ -112,24 +112,24 @@ def pdu_length(pdu: bytes, role: Role) -> int | None:
     """
     if not pdu:
         return None
-    known = rule(pdu[0], role)
-    if known is None:
+    length_rule = rule(pdu[0], role)
+    if length_rule is None:
         return -1 if pdu[0] & EXCEPTION or not pdu[0] else None
-    return _length_by(known, pdu)
+    return _length_by(length_rule, pdu)
 
 
-def _length_by(known: LengthRule, pdu: bytes) -> int | None:
-    if known.walk is not None:
-        return known.walk(pdu)
-    for check in known.checks:
+def _length_by(length_rule: LengthRule, pdu: bytes) -> int | None:
+    if length_rule.walk is not None:
+        return length_rule.walk(pdu)
+    for check in length_rule.checks:
         if not check.soft and broken_value(check, pdu):
             return -1
-    if known.base is None or known.count is None:
-        return known.base
-    end = known.count.offset + known.count.width
+    if length_rule.base is None or length_rule.count is None:
+        return length_rule.base
+    end = length_rule.count.offset + length_rule.count.width
     if len(pdu) < end:
         return None
-    return known.base + known.count.scale * int.from_bytes(pdu[known.count.offset : end], "big")
+    return length_rule.base + length_rule.count.scale * int.from_bytes(pdu[length_rule.count.offset : end], "big")
 
 
 def sound_roles(pdu: bytes) -> tuple[Role, ...]:
@@ -140,20 +140,21 @@ def sound_roles(pdu: bytes) -> tuple[Role, ...]:
     return tuple(
         role
         for role in _ROLES
-        if (known := rules.get((code, role))) is not None and (known.variable or _length_by(known, pdu) == size)
+        if (length_rule := rules.get((code, role))) is not None
+        and (length_rule.variable or _length_by(length_rule, pdu) == size)
     )
 
 
 def plausibility(pdu: bytes, role: Role) -> list[str]:
     """The checks that a PDU breaks, in words; checks of fields that it does not reach are left out."""
-    known = rule(pdu[0], role) if pdu else None
-    if known is None:
+    length_rule = rule(pdu[0], role) if pdu else None
+    if length_rule is None:
         return []
-    places = {place: name for name, (place, _) in layout(pdu[0], role).items()}
+    names = {offset: name for name, (offset, _) in layout(pdu[0], role).items()}
     broken = []
-    for check in known.checks:
+    for check in length_rule.checks:
         words = broken_value(check, pdu)
         if words:
-            place = check.count_offset if isinstance(check, Sized) else check.offset
-            broken.append(f"{places.get(place, f'byte {place}')}: {words}")
+            offset = check.count_offset if isinstance(check, Sized) else check.offset
+            broken.append(f"{names.get(offset, f'byte {offset}')}: {words}")
     return broken

@@ -48,82 +48,82 @@ class DeclarationShape:
 
 def shape(declaration: AnyConstruct) -> DeclarationShape:
     """The shape of a PDU: function code, then what the declaration says."""
-    found = DeclarationShape()
-    _walk(declaration, None, found, 1)
-    return found
+    declared = DeclarationShape()
+    _walk(declaration, None, declared, 1)
+    return declared
 
 
-def _walk(con: AnyConstruct, name: str | None, found: DeclarationShape, at: int | None) -> int | None:
+def _walk(con: AnyConstruct, name: str | None, declared: DeclarationShape, at: int | None) -> int | None:
     """Adds a construct at PDU offset `at` (None: not fixed) and returns the offset behind it."""
     while isinstance(con, construct.Renamed):
         name, con = con.name, con.subcon
     if isinstance(con, Number):
-        _number(con, name, found, at)
-        return _fixed(con.width, found, at)
+        _number(con, name, declared, at)
+        return _fixed(con.width, declared, at)
     if isinstance(con, construct.Struct | construct.Sequence):
         for part in con.subcons:
-            at = _walk(part, None, found, at)
+            at = _walk(part, None, declared, at)
         return at
     if isinstance(con, Counted):
         if at is not None:
-            found.blocks.append((at, con))
-        found.size -= con.less
-        place = found.layout.get(con.count)
-        if con.less and place is not None:  # fewer than what it counts besides cannot be
-            found.checks.append(Bound(*place, con.less, 0x100 ** place[1] - 1, soft=False))
-        _counted(con.count, con.scale, found)
+            declared.blocks.append((at, con))
+        declared.size -= con.less
+        counter = declared.layout.get(con.count)
+        if con.less and counter is not None:  # fewer than what it counts besides cannot be
+            declared.checks.append(Bound(*counter, con.less, 0x100 ** counter[1] - 1, soft=False))
+        _counted(con.count, con.scale, declared)
         return None
     if isinstance(con, Items):
-        _items(con, found, at)
+        _items(con, declared, at)
         return None
     if isinstance(con, Rest):
-        found.open_ended = True
-        found.bare = found.bare or not con.usual
-        found.size += con.usual
+        declared.open_ended = True
+        declared.bare = declared.bare or not con.usual
+        declared.size += con.usual
         return None
     if isinstance(con, _GREEDY):
-        found.open_ended = found.bare = True
+        declared.open_ended = declared.bare = True
         return None
     if isinstance(con, construct.Switch):
-        return _switch(con, found, at)
-    return _foreign(con, name, found, at)
+        return _switch(con, declared, at)
+    return _foreign(con, name, declared, at)
 
 
-def _fixed(size: int, found: DeclarationShape, at: int | None) -> int | None:
-    found.size += size
+def _fixed(size: int, declared: DeclarationShape, at: int | None) -> int | None:
+    declared.size += size
     return None if at is None else at + size
 
 
-def _counted(name: object, scale: int, found: DeclarationShape) -> None:
+def _counted(name: object, scale: int, declared: DeclarationShape) -> None:
     """Bytes that the number `name` counts."""
-    place = found.layout.get(name) if isinstance(name, str) else None
-    if place is None or found.count is not None:
-        found.stepped = True
+    counter = declared.layout.get(name) if isinstance(name, str) else None
+    if counter is None or declared.count is not None:
+        declared.stepped = True
     else:
-        found.count = Count(*place, scale)
+        declared.count = Count(*counter, scale)
 
 
-def _number(con: Number, name: str | None, found: DeclarationShape, at: int | None) -> None:
+def _number(con: Number, name: str | None, declared: DeclarationShape, at: int | None) -> None:
     if at is None:
         return
-    found.checks += [replace(check, offset=at) for check in con.checks]
+    declared.checks += [replace(check, offset=at) for check in con.checks]
     if isinstance(con, ByteCount) and con.of is not None and con.width == 1:
-        quantity = found.layout.get(con.of)
+        quantity = declared.layout.get(con.of)
         if quantity is None:
-            found.asks.append((at, con.of, con.bits))
+            declared.asks.append((at, con.of, con.bits))
         else:
-            found.checks.append(Sized(at, quantity[0], con.bits))
+            declared.checks.append(Sized(at, quantity[0], con.bits))
     if name is not None:
-        found.layout[name] = (at, con.width)
-        found.numbers[name] = con
+        declared.layout[name] = (at, con.width)
+        declared.numbers[name] = con
 
 
-def _items(con: Items, found: DeclarationShape, at: int | None) -> None:
+def _items(con: Items, declared: DeclarationShape, at: int | None) -> None:
     """Elements; of the first, whose place is known, the leading number is held to its checks."""
     if con.octets is None:
-        found.stepped = True
+        declared.stepped = True
         return
-    _counted(con.octets, 1, found)
+    _counted(con.octets, 1, declared)
     element = con.subcon
     while isinstance(element, construct.Renamed):
         element = element.subcon
@@ -132,10 +132,10 @@ def _items(con: Items, found: DeclarationShape, at: int | None) -> None:
         while isinstance(first, construct.Renamed):
             first = first.subcon
         if isinstance(first, Number):
-            found.checks += [replace(check, offset=at) for check in first.checks]
+            declared.checks += [replace(check, offset=at) for check in first.checks]
 
 
-def _switch(con: Any, found: DeclarationShape, at: int | None) -> int | None:
+def _switch(con: Any, declared: DeclarationShape, at: int | None) -> int | None:
     """Alternatives: of one size they have it, else only the bytes tell."""
     shapes = []
     for case in (*con.cases.values(), con.default):
@@ -144,38 +144,38 @@ def _switch(con: Any, found: DeclarationShape, at: int | None) -> int | None:
         inner = DeclarationShape(size=0)
         _walk(case, None, inner, None)
         shapes.append(inner)
-    found.open_ended = found.open_ended or any(s.open_ended for s in shapes)
+    declared.open_ended = declared.open_ended or any(s.open_ended for s in shapes)
     if shapes and len({s.size for s in shapes}) == 1 and not any(s.count or s.stepped or s.bare for s in shapes):
-        return _fixed(shapes[0].size, found, at)
-    found.stepped = True
+        return _fixed(shapes[0].size, declared, at)
+    declared.stepped = True
     return None
 
 
-def _foreign(con: Any, name: str | None, found: DeclarationShape, at: int | None) -> int | None:
+def _foreign(con: Any, name: str | None, declared: DeclarationShape, at: int | None) -> int | None:
     """A construct from elsewhere: of fixed size, counted in one of the common ways, or read to know."""
     size = _size(con)
     if size is not None:
         if at is not None and name is not None and size in (1, 2) and _is_big_endian(con):
-            found.layout[name] = (at, size)
-        return _fixed(size, found, at)
+            declared.layout[name] = (at, size)
+        return _fixed(size, declared, at)
     if isinstance(con, construct.Bytes):
-        _counted(_path_name(con.length), 1, found)
+        _counted(_path_name(con.length), 1, declared)
         return None
     if isinstance(con, construct.Array):
         each = _size(con.subcon)
         if each is not None:
-            _counted(_path_name(con.count), each, found)
+            _counted(_path_name(con.count), each, declared)
             return None
     if isinstance(con, construct.Prefixed) and not con.includelength and at is not None:
         width = _size(con.lengthfield)
-        if width in (1, 2) and found.count is None and _is_big_endian(con.lengthfield):
-            found.count = Count(at, width, 1)
-            found.size += width
+        if width in (1, 2) and declared.count is None and _is_big_endian(con.lengthfield):
+            declared.count = Count(at, width, 1)
+            declared.size += width
             return None
-    found.stepped = True
+    declared.stepped = True
     inner = getattr(con, "subcon", None)
     if isinstance(inner, construct.Construct) and not isinstance(con, _BOUNDED):
-        found.open_ended = found.open_ended or _greedy_inside(inner)
+        declared.open_ended = declared.open_ended or _greedy_inside(inner)
     return None
 
 
@@ -218,18 +218,18 @@ def rebuilt(con: AnyConstruct, hook: Callable[[AnyConstruct], AnyConstruct | Non
     if isinstance(con, _RECODED):
         return con
     changed: dict[str, Any] = {}
-    held = vars(con)
+    attributes = vars(con)
     for name in _INNER:
-        inner = held.get(name)
+        inner = attributes.get(name)
         if isinstance(inner, construct.Construct):
-            other = rebuilt(inner, hook)
-            if other is not inner:
-                changed[name] = other
-    if isinstance(parts := held.get("subcons"), list):
+            copied = rebuilt(inner, hook)
+            if copied is not inner:
+                changed[name] = copied
+    if isinstance(parts := attributes.get("subcons"), list):
         others = [rebuilt(part, hook) for part in parts]
-        if any(other is not part for other, part in zip(others, parts, strict=True)):
+        if any(copied is not part for copied, part in zip(others, parts, strict=True)):
             changed["subcons"] = others
-    if isinstance(cases := held.get("cases"), dict):
+    if isinstance(cases := attributes.get("cases"), dict):
         chosen = {key: rebuilt(case, hook) for key, case in cases.items()}
         if any(chosen[key] is not cases[key] for key in cases):
             changed["cases"] = chosen
@@ -265,7 +265,7 @@ class _OpenShape(AnyConstruct):
         raise Unknowable("no end in sight")
 
 
-class _HeldShape(AnySubconstruct):
+class _CheckedShape(AnySubconstruct):
     def __init__(self, number: Number) -> None:
         super().__init__(number)
         self.checks = tuple(check for check in number.checks if not check.soft)
@@ -286,7 +286,7 @@ def measuring(declaration: AnyConstruct) -> AnyConstruct:
         if isinstance(con, (Rest, *_GREEDY)):
             return _OpenShape()
         if isinstance(con, Number) and any(not check.soft for check in con.checks):
-            return _HeldShape(con)
+            return _CheckedShape(con)
         return None
 
     return rebuilt(declaration, hook)

@@ -60,8 +60,8 @@ def _named(name: str, inner: AnyConstruct) -> AnyConstruct:
     if isinstance(inner, construct.Switch | construct.IfThenElse):
         chosen = rebuilt(inner, lambda con: None if con is inner else _hook_case(name, con))
         return construct.Renamed(chosen, name)
-    told = rebuilt(inner, _hook)
-    return _Leaf(name, inner) if told is inner else _Level(name, told)
+    traced = rebuilt(inner, _hook)
+    return _Leaf(name, inner) if traced is inner else _Level(name, traced)
 
 
 def _hook_case(name: str, case: AnyConstruct) -> AnyConstruct:
@@ -74,8 +74,8 @@ def _tried(con: Any) -> AnyConstruct:
 
 
 def _trial(part: AnyConstruct) -> AnyConstruct:
-    told = rebuilt(part, _hook)
-    return part if told is part else _Trial(told)
+    traced = rebuilt(part, _hook)
+    return part if traced is part else _Trial(traced)
 
 
 class _Trial(AnySubconstruct):
@@ -98,47 +98,47 @@ class _Leaf(AnySubconstruct):
         self.part = subcon if isinstance(subcon, Part) else None
 
     def _parse(self, stream: Any, context: Any, path: str) -> Any:
-        seen: FieldTracer = context["_params"][_RECORDER]
+        tracer: FieldTracer = context["_params"][_RECORDER]
         start = stream.tell()
         try:
             value = self.subcon._parsereport(stream, context, path)
         except construct.StopFieldError:
             raise
         except Exception as error:
-            self._broken(start, error, seen)
+            self._broken(start, error, tracer)
             raise
         name = self.label
         length = stream.tell() - start
         if self.part is not None:
-            field = self.part.describe(name, start, length, value, seen)
+            field = self.part.describe(name, start, length, value, tracer)
         else:
-            field = foreign(self.subcon, name, start, length, value, seen)
-        seen.values[name] = value
-        field = echoed(field, self.subcon, value, seen)
-        seen.fields.append(field)
+            field = foreign(self.subcon, name, start, length, value, tracer)
+        tracer.values[name] = value
+        field = echoed(field, self.subcon, value, tracer)
+        tracer.fields.append(field)
         return value
 
-    def _broken(self, start: int, error: Exception, seen: FieldTracer) -> None:
+    def _broken(self, start: int, error: Exception, tracer: FieldTracer) -> None:
         """What there is of a part that failed."""
-        data = seen.data[seen.offset + start : seen.end]
+        data = tracer.data[tracer.offset + start : tracer.end]
         if not data:
             return
         problem = _message(error)
         if isinstance(error, Short) and error.value is not None and self.part is not None:
-            field = self.part.describe(self.label, start, len(data), error.value, seen)
-            seen.fields.append(replace(field, problem=problem))
+            field = self.part.describe(self.label, start, len(data), error.value, tracer)
+            tracer.fields.append(replace(field, problem=problem))
         else:
-            seen.fields.append(opaque(self.label, start, len(data), data, seen, problem))
+            tracer.fields.append(opaque(self.label, start, len(data), data, tracer, problem))
 
 
-def echoed(field: Field, part: AnyConstruct, value: Any, seen: FieldTracer) -> Field:
+def echoed(field: Field, part: AnyConstruct, value: Any, tracer: FieldTracer) -> Field:
     """A field of that value, held to what the request has in its place."""
-    if field.name not in seen.echoes or field.problem is not None:
+    if field.name not in tracer.echoes or field.problem is not None:
         return field
-    asked = seen.request.get(field.name)
-    if asked is None or asked == value:
+    requested = tracer.request.get(field.name)
+    if requested is None or requested == value:
         return field
-    return replace(field, problem=f"the request has {part.text(asked) if isinstance(part, Number) else asked}")
+    return replace(field, problem=f"the request has {part.text(requested) if isinstance(part, Number) else requested}")
 
 
 class _Level(AnySubconstruct):
@@ -149,19 +149,19 @@ class _Level(AnySubconstruct):
         self.name = self.label = name
 
     def _parse(self, stream: Any, context: Any, path: str) -> Any:
-        seen: FieldTracer = context["_params"][_RECORDER]
+        tracer: FieldTracer = context["_params"][_RECORDER]
         start = stream.tell()
-        outer = seen.fields
-        seen.fields = []
+        outer = tracer.fields
+        tracer.fields = []
         value = None
         failed = True
         try:
             value = self.subcon._parsereport(stream, context, path)
             failed = False
         finally:
-            inner = tuple(seen.fields)
-            seen.fields = outer
-            end = max((child.start + child.length - seen.offset for child in inner), default=start)
+            inner = tuple(tracer.fields)
+            tracer.fields = outer
+            end = max((child.start + child.length - tracer.offset for child in inner), default=start)
             if not failed:
                 end = max(end, stream.tell())
             if not failed or inner:
@@ -170,37 +170,39 @@ class _Level(AnySubconstruct):
                 if failed:
                     problem = "incomplete"
                 elif isinstance(self.subcon, Part):
-                    problem = self.subcon.problem(value, end - start, seen)
-                seen.fields.append(seen.make(self.label, start, end - start, None, words, inner, problem))
+                    problem = self.subcon.problem(value, end - start, tracer)
+                tracer.fields.append(tracer.make(self.label, start, end - start, None, words, inner, problem))
         return value
 
 
-def foreign(con: Any, name: str, start: int, length: int, value: Any, seen: FieldTracer) -> Field:
+def foreign(con: Any, name: str, start: int, length: int, value: Any, tracer: FieldTracer) -> Field:
     """The field of a construct from elsewhere: its value as it is, lists by element, bit structures by bits."""
-    raw = seen.data[seen.offset + start : seen.offset + start + length]
+    raw = tracer.data[tracer.offset + start : tracer.offset + start + length]
     element = getattr(con, "subcon", None)
     if isinstance(value, list) and value and isinstance(element, construct.Construct) and length % len(value) == 0:
         each = length // len(value)
         children = [
-            foreign(element, f"{name}[{i}]", start + i * each, each, item, seen) for i, item in enumerate(value)
+            foreign(element, f"{name}[{i}]", start + i * each, each, item, tracer) for i, item in enumerate(value)
         ]
-        return seen.make(name, start, length, None, " ".join(c.text for c in children), tuple(children))
+        return tracer.make(name, start, length, None, " ".join(c.text for c in children), tuple(children))
     if isinstance(value, dict):
-        children = list(_bit_fields(con, value, name, start, length, seen))
+        children = list(_bit_fields(con, value, name, start, length, tracer))
         text = ", ".join(f"{key} {_shown(item)[1]}" for key, item in value.items() if not str(key).startswith("_"))
-        return seen.make(name, start, length, None, text, tuple(children))
+        return tracer.make(name, start, length, None, text, tuple(children))
     if isinstance(value, bytes):
-        return opaque(name, start, length, raw, seen)
+        return opaque(name, start, length, raw, tracer)
     plain, text = _shown(value)
-    return seen.make(name, start, length, plain, text)
+    return tracer.make(name, start, length, plain, text)
 
 
-def _bit_fields(con: Any, value: dict[str, Any], name: str, start: int, length: int, seen: FieldTracer) -> list[Field]:
+def _bit_fields(
+    con: Any, value: dict[str, Any], name: str, start: int, length: int, tracer: FieldTracer
+) -> list[Field]:
     """The fields of a BitStruct, whose places are bits from the most significant on."""
     inner = getattr(con, "subcon", None)
     if not isinstance(con, construct.Transformed) or not isinstance(inner, construct.Struct):
         return []
-    found = []
+    fields = []
     left = 8 * length
     for part in inner.subcons:
         try:
@@ -210,9 +212,9 @@ def _bit_fields(con: Any, value: dict[str, Any], name: str, start: int, length: 
         left -= width
         if part.name and part.name in value:
             plain, text = _shown(value[part.name])
-            whole = seen.make(name, start, length, plain, text)
-            found.append(Field(part.name, whole.start, length, plain, whole.raw, text, left, width))
-    return found
+            field = tracer.make(name, start, length, plain, text)
+            fields.append(Field(part.name, field.start, length, plain, field.raw, text, left, width))
+    return fields
 
 
 def _shown(value: Any) -> tuple[Value, str]:

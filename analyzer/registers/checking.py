@@ -27,7 +27,7 @@ _SURE: Final = 0.985  # confidence of another reading that contradicts a map, of
 _LIKELY: Final = 0.7  # of one value, which is then asked for again in the light of all other rows of the map
 _SURE_OF_ONE: Final = 0.95  # and then
 _SEVERAL: Final = 3
-_MOST_ASKED: Final = 32  # values that are asked for again
+_MOST_REPEATED: Final = 32  # values that are asked for again
 _STEPS: Final = 4  # different readings, before their steps are judged
 _ENOUGH: Final = 8  # changes, before a type is judged
 
@@ -51,30 +51,34 @@ class MapRemark:
 
 def overlaps(chart: RegisterMap) -> list[str]:
     """Values of a map that share registers without being the same ones, in words."""
-    found = []
+    lines = []
     rows = sorted((row for row in chart.rows), key=lambda row: (row.area, row.address, row.length))
-    for one, other in pairwise(rows):
-        if one.area == other.area and other.address < one.end and (one.address, one.end) != (other.address, other.end):
-            found.append(
-                f"{one.area} {other.address}: {other.name!r} lies within {one.name!r} ({one.address} to {one.end - 1})"
+    for first, second in pairwise(rows):
+        if (
+            first.area == second.area
+            and second.address < first.end
+            and (first.address, first.end) != (second.address, second.end)
+        ):
+            lines.append(
+                f"{first.area} {second.address}: {second.name!r} lies within {first.name!r} ({first.address} to {first.end - 1})"
             )
-    return found
+    return lines
 
 
 def check_map(readings: RegisterReadings, charts: Mapping[int, RegisterMap]) -> list[MapRemark]:
     """Remarks on the maps of these units, contradictions first."""
-    found: list[MapRemark] = []
+    remarks: list[MapRemark] = []
     for unit, chart in charts.items():
         blocks = [block for block in readings if block.unit == unit]
         if not blocks:
             continue
         for row in chart.rows:
-            found += _contradictions(unit, row, blocks)
-        found += _wrong_types(readings, unit, chart, blocks)
-        found += _cuts(unit, chart, blocks)
-        found += _coverage(unit, chart, blocks)
+            remarks += _contradictions(unit, row, blocks)
+        remarks += _wrong_types(readings, unit, chart, blocks)
+        remarks += _cuts(unit, chart, blocks)
+        remarks += _coverage(unit, chart, blocks)
     order = ("contradiction", "partial", "unmapped", "unpolled")
-    return sorted(found, key=lambda remark: (order.index(remark.kind), remark.unit, remark.area, remark.address))
+    return sorted(remarks, key=lambda remark: (order.index(remark.kind), remark.unit, remark.area, remark.address))
 
 
 def _contradictions(unit: int, row: MappedValue, blocks: Sequence[BlockReadings]) -> Iterator[MapRemark]:
@@ -109,8 +113,8 @@ def _wrong(row: MappedValue, mine: Words) -> Iterator[str]:
         return
     if row.type == "enum":
         if row.values:
-            seen = {int(state) for state in np.unique(patterns(mine, order))}
-            if strange_states := sorted(seen - set(row.values))[:4]:
+            states = {int(state) for state in np.unique(patterns(mine, order))}
+            if strange_states := sorted(states - set(row.values))[:4]:
                 yield f"states without a name: {', '.join(map(str, strange_states))}"
         return
     if row.type.startswith("bcd"):
@@ -190,26 +194,26 @@ def _wrong_types(
             continue
         if int((mine[1:] != mine[:-1]).any(axis=1).sum()) < _ENOUGH or any(_absurd(row, mine)):
             continue
-        if (other := _other_reading(row, free)) is not None and other.confidence >= _LIKELY:
-            doubtful.append((row, other))
+        if (rival := _rival_reading(row, free)) is not None and rival.confidence >= _LIKELY:
+            doubtful.append((row, rival))
     sure = [pair for pair in doubtful if pair[1].confidence >= _SURE]
-    for row, other in doubtful[:_MOST_ASKED] if len(sure) < _SEVERAL else sure:
+    for row, rival in doubtful[:_MOST_REPEATED] if len(sure) < _SEVERAL else sure:
         if len(sure) < _SEVERAL:
             rest = [
                 one for one in chart.rows if one.area != row.area or one.end <= row.address or one.address >= row.end
             ]
             again = infer(readings, units=[unit], charts={unit: replace(chart, rows=tuple(rest))})
-            found = _other_reading(row, again)
-            if found is None or found.confidence < _SURE_OF_ONE:
+            confirmed = _rival_reading(row, again)
+            if confirmed is None or confirmed.confidence < _SURE_OF_ONE:
                 continue
-            other = found
+            rival = confirmed
         mapped = f"{row.type} {row.order}" if row.length > 1 else row.type
-        read = f"{other.type} {other.order}" if other.order else other.type
-        text = f"{mapped}, but the readings are those of a {read} at {other.address} ({other.confidence:.1%})"
+        read = f"{rival.type} {rival.order}" if rival.order else rival.type
+        text = f"{mapped}, but the readings are those of a {read} at {rival.address} ({rival.confidence:.1%})"
         yield MapRemark("contradiction", unit, row.area, row.address, row.length, row.name, text)
 
 
-def _other_reading(row: MappedValue, values: Sequence[RegisterValue]) -> RegisterValue | None:
+def _rival_reading(row: MappedValue, values: Sequence[RegisterValue]) -> RegisterValue | None:
     """The first value that shares a register with a mapped one and is not read as the map has it."""
     for value in values:
         if value.area != row.area or value.address >= row.end or value.address + value.words <= row.address:
@@ -232,8 +236,8 @@ def _cuts(unit: int, chart: RegisterMap, blocks: Sequence[BlockReadings]) -> Ite
         ]
         if touching and not any(b.address <= row.address and row.end <= b.address + b.quantity for b in touching):
             b = touching[0]
-            asked = f"{b.address} to {b.address + b.quantity - 1}"
-            text = f"takes {row.length} registers, but it is asked for in part only ({asked})"
+            requested = f"{b.address} to {b.address + b.quantity - 1}"
+            text = f"takes {row.length} registers, but it is asked for in part only ({requested})"
             yield MapRemark("partial", unit, row.area, row.address, row.length, row.name, text)
 
 
@@ -249,15 +253,15 @@ def _coverage(unit: int, chart: RegisterMap, blocks: Sequence[BlockReadings]) ->
             yield MapRemark("unpolled", unit, row.area, row.address, row.length, row.name, text)
 
 
-def _stretches(places: set[tuple[Any, int]]) -> Iterator[tuple[str, int, int]]:
+def _stretches(registers: set[tuple[Any, int]]) -> Iterator[tuple[str, int, int]]:
     """Neighbouring addresses as (area, first, last)."""
     begin: tuple[str, int] | None = None
     before: tuple[str, int] | None = None
-    for place in sorted(places):
-        if before is None or begin is None or place != (before[0], before[1] + 1):
+    for register in sorted(registers):
+        if before is None or begin is None or register != (before[0], before[1] + 1):
             if begin is not None and before is not None:
                 yield begin[0], begin[1], before[1]
-            begin = place
-        before = place
+            begin = register
+        before = register
     if begin is not None and before is not None:
         yield begin[0], begin[1], before[1]

@@ -54,19 +54,19 @@ def infer(
     weights = weights or shipped_weights()
     charts = charts or {}
     blocks = [block for block in readings if units is None or block.unit in units]
-    found, runs = _as_they_stand(blocks, charts, weights, ())
-    turned = _turned(blocks, found, charts, weights)
+    values, runs = _as_they_stand(blocks, charts, weights, ())
+    turned = _turned(blocks, values, charts, weights)
     if turned:
-        found, runs = _as_they_stand(blocks, charts, weights, turned)
-        places = {(v.unit, v.area, v.address + n) for v in turned for n in range(v.words)}
-        found = [value for value in found if (value.unit, value.area, value.address) not in places] + turned
-    found.sort(key=lambda value: (value.unit, value.area, value.address))
-    return with_relations(found, _moved_series(runs, found))
+        values, runs = _as_they_stand(blocks, charts, weights, turned)
+        replaced = {(v.unit, v.area, v.address + n) for v in turned for n in range(v.words)}
+        values = [value for value in values if (value.unit, value.area, value.address) not in replaced] + turned
+    values.sort(key=lambda value: (value.unit, value.area, value.address))
+    return with_relations(values, _moved_series(runs, values))
 
 
 def _turned(
     blocks: Sequence[BlockReadings],
-    found: Sequence[RegisterValue],
+    values: Sequence[RegisterValue],
     charts: Mapping[int, RegisterMap],
     weights: Weights,
 ) -> list[RegisterValue]:
@@ -75,7 +75,7 @@ def _turned(
     for unit in {block.unit for block in blocks} - set(charts):
         turned += swapped_floats(
             [block for block in blocks if block.unit == unit],
-            [value for value in found if value.unit == unit],
+            [value for value in values if value.unit == unit],
             lambda swapped: _as_they_stand(swapped, {}, weights, ())[0],
         )
     return turned
@@ -100,28 +100,28 @@ def _as_they_stand(
     cuts: dict[int, list[tuple[Run, list[Cut]]]] = {}
     for run, posterior in zip(runs, run_posteriors(runs, weights), strict=True):
         cuts.setdefault(run.unit, []).append((run, cut_of(run, posterior)))
-    found: list[RegisterValue] = []
+    values: list[RegisterValue] = []
     for unit in sorted({block.unit for block in blocks}):
         chart = charts.get(unit)
         order = _device_order([cut for _, cut_list in cuts.get(unit, []) for cut in cut_list])
         for run, cut_list in cuts.get(unit, []):
-            found += _values(run, cut_list, chart, order)
-        found += bit_values([block for block in blocks if block.unit == unit], chart)
-    return found, runs
+            values += _values(run, cut_list, chart, order)
+        values += bit_values([block for block in blocks if block.unit == unit], chart)
+    return values, runs
 
 
 def _moved_series(
     runs: Sequence[Run], values: Sequence[RegisterValue]
 ) -> dict[SeriesKey, tuple[int, NDArray[np.float64]]]:
     """The readings of numbers that moved, each with the number of its block, of the first blocks that have several."""
-    places: dict[tuple[int, str], list[Run]] = {}
+    by_area: dict[tuple[int, str], list[Run]] = {}
     for run in runs:
-        places.setdefault((run.unit, run.area), []).append(run)
-    found: dict[int, dict[SeriesKey, NDArray[np.float64]]] = {}
+        by_area.setdefault((run.unit, run.area), []).append(run)
+    moved: dict[int, dict[SeriesKey, NDArray[np.float64]]] = {}
     for value in values:
         if not value.changes or value.kind not in ("int", "float") or value.words not in (1, 2, 4):
             continue
-        inside = (r for r in places.get((value.unit, value.area), ()) if 0 <= value.address - r.address < r.length)
+        inside = (r for r in by_area.get((value.unit, value.area), ()) if 0 <= value.address - r.address < r.length)
         owner = next(inside, None)
         if owner is None:
             continue
@@ -132,14 +132,14 @@ def _moved_series(
             if (h.words, h.is_float, h.order) == (value.words, value.kind == "float", plain)
         )  # fmt: skip
         block, columns = owner.source_of(value.address - owner.address, value.words, number)
-        if id(block) not in found and len(found) >= _RELATED_BLOCKS:
+        if id(block) not in moved and len(moved) >= _RELATED_BLOCKS:
             continue
-        words = next(series for other, series in zip(owner.blocks, owner.series, strict=True) if other is block)[0]
+        words = next(series for source, series in zip(owner.blocks, owner.series, strict=True) if source is block)[0]
         mine = words[:, columns[0] : columns[0] + value.words]
         floats = numbers(mine, order, is_float=value.kind == "float", signed=value.signed)
-        found.setdefault(id(block), {})[value.unit, value.area, value.address] = floats
+        moved.setdefault(id(block), {})[value.unit, value.area, value.address] = floats
     return {
-        key: (number, floats) for number, by_key in found.items() if len(by_key) > 2 for key, floats in by_key.items()
+        key: (number, floats) for number, by_key in moved.items() if len(by_key) > 2 for key, floats in by_key.items()
     }
 
 
@@ -168,8 +168,8 @@ def _settle_clocks(run: Run) -> None:
 def _settle(run: Run, begin: int, number: int) -> None:
     """Only this hypothesis stands for its registers."""
     end = begin + HYPOTHESES[number].words
-    for other, hypothesis in enumerate(HYPOTHESES):
-        run.fits[max(0, begin - hypothesis.words + 1) : end, other] = False
+    for rival, hypothesis in enumerate(HYPOTHESES):
+        run.fits[max(0, begin - hypothesis.words + 1) : end, rival] = False
     run.fits[begin, number] = True
 
 
@@ -190,8 +190,8 @@ def _device_order(cuts: list[Cut]) -> str | None:
         order = HYPOTHESES[cut.number].order
         if cut.moved and order:
             sums[order] += cut.confidence
-    best, other = sorted(sums, key=lambda order: -sums[order])
-    return best if sums[best] > 1.5 and sums[best] > 5 * sums[other] else None
+    best, second = sorted(sums, key=lambda order: -sums[order])
+    return best if sums[best] > 1.5 and sums[best] > 5 * sums[second] else None
 
 
 def _values(run: Run, cuts: list[Cut], chart: RegisterMap | None, order: str | None) -> Iterator[RegisterValue]:
@@ -224,7 +224,7 @@ def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None) -> Re
     if row is not None and (row.address != run.address + cut.at or row.length != hypothesis.words):
         row = None
     block, columns = run.source_of(cut.at, hypothesis.words, cut.number)
-    words, beginning = next(series for other, series in zip(run.blocks, run.series, strict=True) if other is block)
+    words, beginning = next(series for source, series in zip(run.blocks, run.series, strict=True) if source is block)
     mine = words[:, columns[0] : columns[0] + hypothesis.words]
     device_order: Order = cast(Order, row.order) if row is not None else hypothesis.order or "ABCD"
     series = patterns(mine, device_order)
@@ -245,7 +245,7 @@ def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None) -> Re
         why = reasons(cut, [mine[0].tolist(), mine[-1].tolist()], shared=shared)
     else:
         why = _constant_words(run, cut, int(mine[0, 0]))
-    second = None if row is not None else _other(run, cut)
+    second = None if row is not None else _runner_up(run, cut)
     return RegisterValue(
         unit=run.unit,
         area=run.area,
@@ -324,9 +324,9 @@ def _last(words: Words, order: Order, *, is_float: bool, signed: bool) -> Number
     number = numbers(words[None], order, is_float=is_float, signed=signed)[0]
     if is_float:
         return _shown(np.float32(number)) if len(words) == 2 else _shown(number)
-    whole = int(patterns(words[None], order)[0])
+    pattern = int(patterns(words[None], order)[0])
     width = 16 * len(words)
-    return whole - (1 << width) if signed and whole >> (width - 1) else whole
+    return pattern - (1 << width) if signed and pattern >> (width - 1) else pattern
 
 
 def _changes(block: BlockReadings, words: Words) -> int:
@@ -336,7 +336,7 @@ def _changes(block: BlockReadings, words: Words) -> int:
     return int(block.changes.max(initial=0, where=np.ones(len(block.changes), np.bool_)))
 
 
-def _other(run: Run, cut: Cut) -> OtherReading | None:
+def _runner_up(run: Run, cut: Cut) -> OtherReading | None:
     if cut.second is None or cut.second[2] < 0.005:
         return None
     at, number, share = cut.second
@@ -345,17 +345,17 @@ def _other(run: Run, cut: Cut) -> OtherReading | None:
     return OtherReading(run.address + at, hypothesis.words, kind, hypothesis.order, round(share, 4))
 
 
-def _odds(confidence: float, other: float) -> float:
-    return max(math.log2(max(confidence, 1e-6) / max(other, 1e-4)), 0.0)
+def _odds(confidence: float, rival: float) -> float:
+    return max(math.log2(max(confidence, 1e-6) / max(rival, 1e-4)), 0.0)
 
 
 def _constant_words(run: Run, cut: Cut, word: int) -> str:
-    said = f"has been {word} ({word:04X}) all the time"
+    text = f"has been {word} ({word:04X}) all the time"
     if cut.second and cut.second[1]:
         at, number, _ = cut.second
         hypothesis = HYPOTHESES[number]
         block, columns = run.source_of(at, hypothesis.words, number)
         value = _last(block.last[columns], hypothesis.order or "ABCD", is_float=hypothesis.is_float, signed=False)
         if hypothesis.is_float and isinstance(value, float) and value and 1e-6 < abs(value) < 1e9:
-            said += f"; with its neighbour a float {hypothesis.order} of {value:g}, perhaps"
-    return said
+            text += f"; with its neighbour a float {hypothesis.order} of {value:g}, perhaps"
+    return text

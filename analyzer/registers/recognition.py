@@ -32,7 +32,7 @@ _TELLING: Final = {17: "server_id", 43: "identification"}
 _NONE: Final = 7.0  # bits for a device that no map is of
 _LEAST: Final = 0.8  # confidence below which nothing is said
 _UNSAID: Final = 0.9  # the most where the device does not say what it is
-_MOST_PLACES: Final = 12.0  # bits that addresses alone can say
+_MOST_ADDRESSES: Final = 12.0  # bits that addresses alone can say
 _MOST_TYPES: Final = 8.0  # and what was inferred of its values
 _SURE: Final = 0.9
 _CHAIN: Final = 0.99  # of a chain of SunSpec models that was walked
@@ -66,14 +66,14 @@ class UnitTexts:
     def feed(self, batch: Batch) -> None:
         """Take in a batch."""
         rows = batch.rows
-        told = np.isin(rows["function"], list(_TELLING)) & (rows["kind"] == Kind.RESPONSE)
-        for row in np.flatnonzero(told & rows["check"] & (rows["exception"] == 0)).tolist():
+        answers = np.isin(rows["function"], list(_TELLING)) & (rows["kind"] == Kind.RESPONSE)
+        for row in np.flatnonzero(answers & rows["check"] & (rows["exception"] == 0)).tolist():
             key = (int(rows["unit"][row]), _TELLING[int(rows["function"][row])])
             if len(self.texts) < 1024 or key in self.texts:
-                said = self.texts.get(key, b"")
+                before = self.texts.get(key, b"")
                 new = batch.bytes_of(row)
-                if new not in said and len(said) < 4096:
-                    self.texts[key] = said + new
+                if new not in before and len(before) < 4096:
+                    self.texts[key] = before + new
 
 
 def recognised(
@@ -88,17 +88,17 @@ def recognised(
     blocks: dict[int, list[BlockReadings]] = {}
     for block in readings:
         blocks.setdefault(block.unit, []).append(block)
-    found = []
+    likeliest = []
     for unit in sorted({*blocks, *(unit for unit, _ in texts.texts)}):
         mine = blocks.get(unit, [])
-        said = {which: text for (number, which), text in texts.texts.items() if number == unit}
+        answers = {which: text for (number, which), text in texts.texts.items() if number == unit}
         chain = sunspec_chain(mine)
         if chain and not at_home(chain) and (placed := sunspec_map(chain)) is not None:
             where = ", ".join(f"model {model.number} at {model.address}" for model in chain)
-            found.append(Recognised(unit, "", placed, _CHAIN, f"SunS at holding {chain[0].address - 2}: {where}"))
+            likeliest.append(Recognised(unit, "", placed, _CHAIN, f"SunS at holding {chain[0].address - 2}: {where}"))
             continue
         inferred = [value for value in values if value.unit == unit]
-        scores = {name: chart_bits(chart, mine, said, inferred) for name, chart in charts.items()}
+        scores = {name: chart_bits(chart, mine, answers, inferred) for name, chart in charts.items()}
         best = max(scores, key=lambda name: scores[name][0])
         bits = np.array([_NONE, *(score for score, _ in scores.values())])
         share = 2.0 ** np.minimum(bits - bits.max(), 0)
@@ -106,8 +106,8 @@ def recognised(
         if not any(word in scores[best][1] for word in ("calls itself", " holds ")):
             confidence = min(confidence, _UNSAID)  # a sister that no map is of may look the same
         if confidence >= _LEAST:
-            found.append(Recognised(unit, best, charts[best], round(confidence, 3), scores[best][1]))
-    return found
+            likeliest.append(Recognised(unit, best, charts[best], round(confidence, 3), scores[best][1]))
+    return likeliest
 
 
 def chart_bits(
@@ -118,7 +118,7 @@ def chart_bits(
 ) -> tuple[float, str]:
     """Evidence for a map, and its main reasons."""
     reasons: list[str] = []
-    bits = _places_bits(chart, blocks) + _types_bits(chart, values)
+    bits = _addresses_bits(chart, blocks) + _types_bits(chart, values)
     for which, wanted in (("server_id", chart.match.server_id), ("identification", chart.match.identification)):
         for text in wanted:
             if text.encode() in said.get(which, b""):
@@ -152,7 +152,7 @@ def chart_bits(
     return bits + fit, "; ".join(reasons)
 
 
-def _places_bits(chart: RegisterMap, blocks: Sequence[BlockReadings]) -> float:
+def _addresses_bits(chart: RegisterMap, blocks: Sequence[BlockReadings]) -> float:
     """How well the requests fit the map's addresses: the farther from zero, the less by chance."""
     begins = {(row.area, row.address) for row in chart.rows}
     ends = {(row.area, row.end) for row in chart.rows}
@@ -164,7 +164,7 @@ def _places_bits(chart: RegisterMap, blocks: Sequence[BlockReadings]) -> float:
             continue
         bits += rarity * ((block.area, block.address) in begins)
         bits += rarity / 2 * ((block.area, block.address + block.quantity) in ends)
-    return min(bits, _MOST_PLACES)
+    return min(bits, _MOST_ADDRESSES)
 
 
 def _types_bits(chart: RegisterMap, values: Sequence[RegisterValue]) -> float:
@@ -214,8 +214,8 @@ def _row_bits(row: MappedValue, block: BlockReadings) -> float:
     at = row.address - block.address
     words = block.series[0][:, at : at + row.length]
     if row.type == "enum" and row.values:
-        seen = np.unique(words[:, 0])
-        return 0.4 if all(int(state) in row.values for state in seen) else -2.0
+        states = np.unique(words[:, 0])
+        return 0.4 if all(int(state) in row.values for state in states) else -2.0
     if row.type in ("text", "enum", "bits", "time") or row.writable or is_absent(words):
         return 0.0
     values = numbers(words, _order(row), is_float=row.is_float, signed=row.is_signed)

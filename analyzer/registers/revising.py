@@ -56,18 +56,18 @@ class RevisedRegisters:
     def __init__(
         self, charts: Mapping[int, RegisterMap] | None = None, words: Mapping[Place, str] | None = None
     ) -> None:
-        self._given = charts or {}
+        self._declared = charts or {}
         self._words = dict(words or {})
         self._readings = RegisterReadings()
-        self._asked_at = 0
-        self._told: dict[Place, RegisterValue] = {}
+        self._revised_at = 0
+        self._reported: dict[Place, RegisterValue] = {}
         self.values: list[RegisterValue] = []
         self.charts = UnitMaps()
 
     def feed(self, batch: Batch) -> list[Revision]:
         """Take in a batch; what is told for the first time or otherwise now, mostly nothing."""
         self._readings.feed(batch)
-        return self.revise() if is_due(self._asked_at, self._readings.frames) else []
+        return self.revise() if is_due(self._revised_at, self._readings.frames) else []
 
     def say(self, place: Place, type_words: str) -> list[Revision]:
         """The user's own word (empty: taken back), which overrules; what else it changes."""
@@ -79,17 +79,17 @@ class RevisedRegisters:
 
     def revise(self) -> list[Revision]:
         """Ask anew, and say what changed."""
-        self._asked_at = self._readings.frames
+        self._revised_at = self._readings.frames
         units = sorted({block.unit for block in self._readings})
-        given = self._given.of(units) if isinstance(self._given, UnitMaps) else self._given
-        known = with_own_words(given, self._words)
-        self.values = infer(self._readings, charts=known)
-        fresh = [value for value in self.values if _is_told(value)]
-        self.charts = UnitMaps({**{unit: _readable(fresh, unit) for unit in units if unit not in given}, **given})
-        found = [Revision(self._told.get(_place(value)), value) for value in fresh]
-        found = [one for one in found if one.before is None or typed(one.before) != typed(one.value)]
-        self._told = {_place(value): value for value in fresh}
-        return found
+        declared = self._declared.of(units) if isinstance(self._declared, UnitMaps) else self._declared
+        settled = with_own_words(declared, self._words)
+        self.values = infer(self._readings, charts=settled)
+        fresh = [value for value in self.values if _is_sure(value)]
+        self.charts = UnitMaps({**{unit: _readable(fresh, unit) for unit in units if unit not in declared}, **declared})
+        revisions = [Revision(self._reported.get(_place(value)), value) for value in fresh]
+        revisions = [one for one in revisions if one.before is None or typed(one.before) != typed(one.value)]
+        self._reported = {_place(value): value for value in fresh}
+        return revisions
 
 
 def typed(value: RegisterValue) -> str:
@@ -107,7 +107,7 @@ def _place(value: RegisterValue) -> Place:
     return value.unit, value.area, value.address
 
 
-def _is_told(value: RegisterValue) -> bool:
+def _is_sure(value: RegisterValue) -> bool:
     """Whether enough is known of a value: that it moved, and how it is read; or somebody said so."""
     if value.area in ("coil", "discrete") or value.confidence < _SURE:
         return False

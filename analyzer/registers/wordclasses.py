@@ -18,18 +18,18 @@ def word_classes(words: NDArray[np.uint16]) -> Ints:
     """What a word holds: 0; 1; 2 to 9; to 127; to 999; to 9999; to 7FFE; over; FFFF; 8000; 7FFF; the head of a float
     (two classes); two letters; FF80 to FFFE; 256 times something."""
     value = words.astype(np.int64)
-    found = np.digitize(value, (1, 2, 10, 128, 1000, 10000, 0x8000))
+    classes = np.digitize(value, (1, 2, 10, 128, 1000, 10000, 0x8000))
     letters = ((value >> 8) >= 0x20) & ((value >> 8) < 0x7F) & ((value & 0xFF) >= 0x20) & ((value & 0xFF) < 0x7F)
     magnitude = value & 0x7FFF
     head = (magnitude >= 0x3C00) & (magnitude < 0x4A00)
-    found = np.where(letters, 13, found)
-    found = np.where((value & 0xFF == 0) & (value > 0xFF), 15, found)
-    found = np.where(head & (value < 0x8000), 11, found)
-    found = np.where(head & (value >= 0x8000), 12, found)
-    found = np.where((value >= 0xFF80) & (value < 0xFFFF), 14, found)
+    classes = np.where(letters, 13, classes)
+    classes = np.where((value & 0xFF == 0) & (value > 0xFF), 15, classes)
+    classes = np.where(head & (value < 0x8000), 11, classes)
+    classes = np.where(head & (value >= 0x8000), 12, classes)
+    classes = np.where((value >= 0xFF80) & (value < 0xFFFF), 14, classes)
     for special, number in ((0xFFFF, 8), (0x8000, 9), (0x7FFF, 10)):
-        found = np.where(value == special, number, found)
-    return found
+        classes = np.where(value == special, number, classes)
+    return classes
 
 
 def is_absent(words: NDArray[np.uint16]) -> bool:

@@ -60,10 +60,10 @@ def settings_of(
         for baud in _rates(edges, level ^ inverted) if given.baud is None else (float(given.baud),):
             plain = UartSettings(baud, given.bits or 8, given.parity or "N", given.stop or 1, inverted)
             settings = plain if given.parity is not None else _with_parity(decoded, plain, given)
-            found = decoded(settings)
+            characters = decoded(settings)
             settings = replace(settings, baud=usual_rate(baud))
-            score = _right(found)
-            if not _is_clock(found) and (best is None or score > best[1]):
+            score = _right(characters)
+            if not _is_clock(characters) and (best is None or score > best[1]):
                 best = settings, score
         if best is not None and best[1] >= _RIGHT:
             return best
@@ -85,15 +85,15 @@ def bit_ns(low: Times, high: Times) -> float | None:
         return None
     bit = float(np.quantile(low, 0.2))
     for most in (1.5, 3.5, 5.5, 10.5):
-        parts = [(_whole(low, bit, most)), (_whole(high, bit, most))]
+        parts = [(_near_multiples(low, bit, most)), (_near_multiples(high, bit, most))]
         if bit <= 0 or not sum(count.sum() for _, count in parts):
             return None
         bit = float(sum(width.sum() for width, _ in parts) / sum(count.sum() for _, count in parts))
-    share = len(_whole(low, bit, 10.5)[0]) / len(low)
+    share = len(_near_multiples(low, bit, 10.5)[0]) / len(low)
     return bit if share >= _WHOLE and 1e9 / bit >= _SLOWEST else None
 
 
-def _whole(widths: Times, bit: float, most: float) -> tuple[Times, Times]:
+def _near_multiples(widths: Times, bit: float, most: float) -> tuple[Times, Times]:
     """Those pulses that are near to a whole number of bits, up to so many, and these numbers."""
     widths = widths[widths < most * bit]
     count = np.rint(widths / bit).astype(np.int64)
@@ -149,20 +149,20 @@ def _seventh(value: NDArray[np.uint8]) -> str | None:
     return None
 
 
-def _two_stop_bits(found: Characters, settings: UartSettings) -> bool:
+def _two_stop_bits(characters: Characters, settings: UartSettings) -> bool:
     """Whether characters that follow each other closely are one bit longer than one stop bit makes them."""
-    steps = np.diff(found.start_ns) / settings.bit_ns
+    steps = np.diff(characters.start_ns) / settings.bit_ns
     close = steps[steps < settings.char_bits + 1.5]
     return len(close) >= _FEW / 2 and bool((np.abs(close - settings.char_bits - 1) < _NEAR).mean() >= _RIGHT)
 
 
-def _framed(found: Characters) -> float:
-    return 1.0 - float(found.framing.mean()) if len(found.framing) else 0.0
+def _framed(characters: Characters) -> float:
+    return 1.0 - float(characters.framing.mean()) if len(characters.framing) else 0.0
 
 
-def _right(found: Characters) -> float:
-    return 1.0 - float((found.framing | found.parity).mean()) if len(found.framing) else 0.0
+def _right(characters: Characters) -> float:
+    return 1.0 - float((characters.framing | characters.parity).mean()) if len(characters.framing) else 0.0
 
 
-def _is_clock(found: Characters) -> bool:
-    return len(found.value) > _CLOCK and len(np.unique(found.value)) == 1
+def _is_clock(characters: Characters) -> bool:
+    return len(characters.value) > _CLOCK and len(np.unique(characters.value)) == 1

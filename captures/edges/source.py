@@ -24,7 +24,7 @@ from .uart import Characters, Times, Uart, UartSettings
 
 TAP: Final = "logic"  # the line's `tap`
 _PORTS: Final = 256
-_LOOK: Final = 64  # pieces of a file by which its channels are judged, at most
+_JUDGED: Final = 64  # pieces of a file by which its channels are judged, at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,32 +61,35 @@ class _Channel:
 def edge_source(path: Path, file: EdgeFile, given: GivenSettings) -> EdgeSource:
     """The capture in a file of edges; CaptureError where no channel carries characters."""
     heads = _heads(file)
-    found: list[tuple[int, UartSettings, Times]] = []
+    serial: list[tuple[int, UartSettings, Times]] = []
     twins: list[str] = []
     for number, edges in enumerate(heads):
         judged = settings_of(edges, file.levels[number], given, file.begin_ns)
         if judged is None:
             continue
         starts = Uart(judged[0], file.levels[number], file.begin_ns).feed(edges, None).start_ns
-        twin = next((file.names[other] for other, one, of_other in found if _twins(starts, of_other, one)), None)
+        twin = next(
+            (file.names[earlier] for earlier, one, before in serial if _twins(starts, before, one)),
+            None,
+        )
         if twin is not None:
             twins.append(f"{file.names[number]} carries the same as {twin}: left out")
-        elif len(found) < _PORTS:
-            found.append((number, judged[0], starts))
-    if not found:
+        elif len(serial) < _PORTS:
+            serial.append((number, judged[0], starts))
+    if not serial:
         busy = [name for name, edges in zip(file.names, heads, strict=True) if len(edges)]
-        what = f"{', '.join(busy[:8])} change, but not like a UART's line" if busy else "none of them ever changes"
+        reason = f"{', '.join(busy[:8])} change, but not like a UART's line" if busy else "none of them ever changes"
         raise CaptureError(
-            f"{path}: no serial line among {len(heads)} channels: {what} (a rate can be given with --baud)"
+            f"{path}: no serial line among {len(heads)} channels: {reason} (a rate can be given with --baud)"
         )
-    channels = [_Channel(number, port, file.levels[number], one) for port, (number, one, _) in enumerate(found)]
+    channels = [_Channel(number, port, file.levels[number], one) for port, (number, one, _) in enumerate(serial)]
     return EdgeSource(file, channels, _line(file, channels, given), tuple(twins))
 
 
 def _heads(file: EdgeFile) -> list[Times]:
     """The first edges of each channel, enough to judge it."""
     parts: list[list[Times]] = [[] for _ in file.names]
-    for piece in islice(file.pieces(lambda *_: None), _LOOK):
+    for piece in islice(file.pieces(lambda *_: None), _JUDGED):
         for part, edges in zip(parts, piece.edges, strict=True):
             part.append(edges)
         counts = [sum(map(len, part)) for part in parts]

@@ -33,7 +33,7 @@ from . import Format
 _MARK_WORDS = ("", "TX", "RX")
 _JOIN_BYTES = 1 << 16  # a dump of any length comes in chunks of this size
 _BLOCK_CHUNKS = 1 << 14
-_LOOK = 1 << 14  # bytes by which a text is known
+_SNIFFED = 1 << 14  # bytes by which a text is known
 _BATCH = 1 << 16  # bytes of text read at once
 
 
@@ -60,31 +60,31 @@ class _TextReader:
 
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:
         with opened(self.path) as file:
-            chunks = self._chunks(joined(self._pieces(file, note), _JOIN_BYTES), note)
-            while held := list(_up_to(chunks, max_bytes)):
-                yield Block.from_chunks(held, timed=self.timed)
+            chunks = self._chunks(joined(self._reads(file, note), _JOIN_BYTES), note)
+            while batch := list(_up_to(chunks, max_bytes)):
+                yield Block.from_chunks(batch, timed=self.timed)
 
-    def _pieces(self, file: BinaryIO, note: Note) -> Iterator[Piece | UnreadLine]:
+    def _reads(self, file: BinaryIO, note: Note) -> Iterator[Piece | UnreadLine]:
         reader = LogReader(self.judge, self.zone, self.sample_rate, self.learnt.experience)
         yield from reader.feed(enumerate(_text_of(file, note), 1))
         yield from reader.close()
 
-    def _chunks(self, pieces: Iterable[Piece | UnreadLine], note: Note) -> Iterator[Chunk]:
+    def _chunks(self, reads: Iterable[Piece | UnreadLine], note: Note) -> Iterator[Chunk]:
         ports = dict(self.ports)
         envelope = next((envelope for _, envelope in ports), "")
         t_ns = self.first_ns
-        for piece in pieces:
-            if isinstance(piece, UnreadLine):
-                note(f"line {piece.line}", piece.why)
+        for read in reads:
+            if isinstance(read, UnreadLine):
+                note(f"line {read.line}", read.why)
                 continue
-            if piece.t_ns is not None:
-                t_ns = piece.t_ns
+            if read.t_ns is not None:
+                t_ns = read.t_ns
             elif self.timed:
-                note(f"line {piece.line}", "has no time: its bytes are given the time before")
-            envelope = piece.envelope or envelope
-            who = (piece.port, envelope if self.mixed else "")
+                note(f"line {read.line}", "has no time: its bytes are given the time before")
+            envelope = read.envelope or envelope
+            who = (read.port, envelope if self.mixed else "")
             port = ports.setdefault(who, min(len(ports), 255)) if any(who) else 0
-            yield Chunk(t_ns, piece.data, port, Mark(piece.mark))
+            yield Chunk(t_ns, read.data, port, Mark(read.mark))
 
 
 def _up_to(chunks: Iterator[Chunk], max_bytes: int) -> Iterator[Chunk]:
@@ -96,7 +96,7 @@ def _up_to(chunks: Iterator[Chunk], max_bytes: int) -> Iterator[Chunk]:
             return
 
 
-def _silent(where: str, what: str) -> None:
+def _silent(where: str, trouble: str) -> None:
     """For a first look, whose troubles are told when the file is read."""
 
 
@@ -114,9 +114,9 @@ def _text_of(file: BinaryIO, note: Note) -> Iterator[str]:
 def _sniff(head: bytes) -> float:
     if encodings.is_binary(head):
         return 0.0
-    given = LogReader().learn(encodings.decoded(head[:_LOOK]).split("\n"))
-    with_bytes = {piece.line for piece in given if isinstance(piece, Piece)}
-    without = {piece.line for piece in given if isinstance(piece, UnreadLine)} - with_bytes
+    learnt = LogReader().learn(encodings.decoded(head[:_SNIFFED]).split("\n"))
+    with_bytes = {read.line for read in learnt if isinstance(read, Piece)}
+    without = {read.line for read in learnt if isinstance(read, UnreadLine)} - with_bytes
     share = len(with_bytes) / len(with_bytes | without) if with_bytes else 0.0
     return 0.4 + 0.4 * share if share >= 0.2 else 0.0
 
@@ -128,29 +128,29 @@ def _read(
         raise CaptureError(f"{path}: not text: name it .bin if it is the raw bytes of a line")
     reader = LogReader(judge, tz, sample_rate)
     with opened(path) as file:
-        given = reader.learn(_text_of(file, _silent))
-    pieces = [piece for piece in given if isinstance(piece, Piece)]
-    if not pieces:
-        _refuse(path, [piece for piece in given if isinstance(piece, UnreadLine)])
-    times = [piece.t_ns for piece in pieces if piece.t_ns is not None]
-    timed = _TIMED * len(times) >= len(pieces)
+        learnt = reader.learn(_text_of(file, _silent))
+    reads = [read for read in learnt if isinstance(read, Piece)]
+    if not reads:
+        _refuse(path, [read for read in learnt if isinstance(read, UnreadLine)])
+    times = [read.t_ns for read in reads if read.t_ns is not None]
+    timed = _TIMED * len(times) >= len(reads)
     notices = (f"times without a zone are read as {_zone_name(tz)}",) if timed and reader.zoneless else ()
-    ports = _ports(pieces)
+    ports = _ports(reads)
     spoken = {number: envelope for (_, envelope), number in ports.items()}
     if not any(spoken.values()):
-        spoken = dict.fromkeys(spoken, next((piece.envelope for piece in pieces if piece.envelope), ""))
+        spoken = dict.fromkeys(spoken, next((read.envelope for read in reads if read.envelope), ""))
     line = LineSettings(notes={PROTOCOLS_NOTE: ",".join(spoken.values())} if any(spoken.values()) else {})
     return _TextReader(path, line, timed, times[0] if timed else 0, notices, ports, judge, tz, sample_rate, reader)
 
 
-def _ports(pieces: Sequence[Piece]) -> dict[tuple[str, str], int]:
+def _ports(reads: Sequence[Piece]) -> dict[tuple[str, str], int]:
     """A port for each who speaks, and for each protocol of theirs where there are several."""
-    mixed = len({piece.envelope for piece in pieces} - {""}) > 1
-    envelope = next((piece.envelope for piece in pieces if piece.envelope), "")
+    mixed = len({read.envelope for read in reads} - {""}) > 1
+    envelope = next((read.envelope for read in reads if read.envelope), "")
     ports: dict[tuple[str, str], int] = {}
-    for piece in pieces:
-        envelope = piece.envelope or envelope
-        who = (piece.port, envelope if mixed else "")
+    for read in reads:
+        envelope = read.envelope or envelope
+        who = (read.port, envelope if mixed else "")
         ports.setdefault(who, min(len(ports), 255) if any(who) else 0)
     return ports
 
@@ -169,10 +169,10 @@ def _zone_name(zone: tzinfo | None) -> str:
 def _write(file: BinaryIO, line: LineSettings, blocks: Iterable[Block], timed: bool) -> None:  # noqa: ARG001 - no room
     """A read a line: time in UTC, direction mark, bytes."""
     for block in blocks:
-        whole = np.datetime_as_string(block.t_ns.astype("datetime64[ns]"), unit="ns").tolist() if timed else None
+        times = np.datetime_as_string(block.t_ns.astype("datetime64[ns]"), unit="ns").tolist() if timed else None
         lines = []
         for i in range(len(block)):
-            words = [f"{whole[i]}Z"] if whole is not None else []
+            words = [f"{times[i]}Z"] if times is not None else []
             words += [_MARK_WORDS[block.mark[i]]] if block.mark[i] else []
             lines.append(
                 " ".join([*words, block.data[block.offsets[i] : block.offsets[i + 1]].tobytes().hex(" ")]) + "\n"

@@ -118,7 +118,7 @@ def _header(head: bytes) -> tuple[dict[str, tuple[int, ...]], str] | None:
             names = [cell.strip().lower() for cell in _cells(first, delimiter)]
         except ValueError:
             continue
-        columns = {key: tuple(i for i, name in enumerate(names) if name in known) for key, known in _NAMES.items()}
+        columns = {key: tuple(i for i, name in enumerate(names) if name in titles) for key, titles in _NAMES.items()}
         if columns["time"] and columns["data"] and not _ANOTHER.search(first.decode("utf-8", "replace")):
             return columns, delimiter
     return None
@@ -145,10 +145,10 @@ def _byte(text: str, *, characters: bool) -> int:
     bare = text.strip()
     if len(bare) > 2 and bare[0] == bare[-1] == "'":
         bare = bare[1:-1]
-    if found := _HEX.search(bare):
-        value = int(found[1], 16)
-    elif found := _BINARY.fullmatch(bare):
-        value = int(found[1].replace(" ", "") or "0", 2)
+    if match := _HEX.search(bare):
+        value = int(match[1], 16)
+    elif match := _BINARY.fullmatch(bare):
+        value = int(match[1].replace(" ", "") or "0", 2)
     elif characters:
         value = _character(bare if bare else " ")
     else:
@@ -166,8 +166,8 @@ def _character(text: str) -> int:
         return ord(text)
     if (value := _ESCAPES.get(text.lower())) is not None:
         return value
-    if (found := _ESCAPED.fullmatch(text)) is not None:
-        return int(found[1], 16)
+    if (match := _ESCAPED.fullmatch(text)) is not None:
+        return int(match[1], 16)
     if text.isdecimal() and len(text) <= 3:  # a character that cannot be shown, by its number
         return int(text)
     raise ValueError(f"{text[:40]!r} is not a character: export the table with hexadecimal values")
@@ -193,10 +193,10 @@ def _read(
     stop: float | None = None,
 ) -> _SaleaeReader:
     head = read_head(path)
-    found = _header(head)
-    if found is None:
+    header = _header(head)
+    if header is None:
         raise CaptureError(f"{path}: line 1: no columns for time and data: expected those of a Saleae export")
-    columns, delimiter = found
+    columns, delimiter = header
     rows = []
     for line in head.split(b"\n")[1 : -1 if len(head) >= HEAD_BYTES else None]:
         try:
@@ -220,19 +220,19 @@ def _inferred(line: LineSettings, rows: Sequence[Mapping[str, Sequence[str]]]) -
         except ValueError:
             continue
     durations = [duration for row in rows if (duration := _duration(row["duration"]))]
-    found, how = _by_duration(float(np.median(durations)) if durations else 0.0, line.char_bits), "durations"
-    if found is None:
+    fit, how = _by_duration(float(np.median(durations)) if durations else 0.0, line.char_bits), "durations"
+    if fit is None:
         none = [np.zeros(0, np.int64)]
         times = [
             np.array([min(max(t, -TIME_LIMIT), TIME_LIMIT) for t in of_one], np.int64) for of_one in starts.values()
         ]
         steps = np.concatenate([*none, *map(np.diff, times)])
-        found, how = fitting(character_ns(steps), line.char_bits), "spacing"
-    if found is None:
+        fit, how = fitting(character_ns(steps), line.char_bits), "spacing"
+    if fit is None:
         return line
-    baud, bits = found
-    said = f"{baud} bit/s and {bits} bits a character are inferred from the {how} of bytes (--baud says otherwise)"
-    return replace(line, baud=baud, char_bits=line.char_bits or bits, notes={INFERRED: said})
+    baud, bits = fit
+    note = f"{baud} bit/s and {bits} bits a character are inferred from the {how} of bytes (--baud says otherwise)"
+    return replace(line, baud=baud, char_bits=line.char_bits or bits, notes={INFERRED: note})
 
 
 def _by_duration(duration: float, char_bits: int | None) -> tuple[int, int] | None:
@@ -246,7 +246,7 @@ def _by_duration(duration: float, char_bits: int | None) -> tuple[int, int] | No
     best = min(near)[0]
     if best > _OFF:
         return None
-    _, rate, bits = next(found for found in near if found[0] < best + _OFF / 4)
+    _, rate, bits = next(candidate for candidate in near if candidate[0] < best + _OFF / 4)
     return rate, bits
 
 

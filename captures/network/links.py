@@ -68,10 +68,10 @@ def serial_reads(packets: Packets, chosen: Ints, link: int) -> SerialReads:
         lost = int(np.isin(event, _RTAC_LOST).sum())
     elif link == UPPER_PDU:
         head = _tags(packets.data, at, size)
-    kept = (size > head) & (head >= 0)
-    other = int((head < 0).sum())
-    begin = (at + head)[kept]
-    return SerialReads(chosen[kept], begin, (size - head)[kept], mark[kept], wrong[kept], lost, other)
+    sound = (size > head) & (head >= 0)
+    foreign = int((head < 0).sum())
+    begin = (at + head)[sound]
+    return SerialReads(chosen[sound], begin, (size - head)[sound], mark[sound], wrong[sound], lost, foreign)
 
 
 def _tags(data: Bytes, at: Ints, size: Ints) -> Ints:
@@ -131,10 +131,10 @@ def segments(packets: Packets, chosen: Ints, link: int) -> Segments:
         begins = ip[four]
         header = (take(data, begins) & 15) * 4
         total = take_number(data, begins + 2, 2)
-        whole = (take(data, begins + 9) == _TCP) & (take_number(data, begins + 6, 2) & 0x3FFF == 0) & (header >= 20)
+        intact = (take(data, begins + 9) == _TCP) & (take_number(data, begins + 6, 2) & 0x3FFF == 0) & (header >= 20)
         # a length of 0: the network card was to cut the segment
         length = np.where(total == 0, end[four] - begins, total)
-        parts.append(_tcp(data, four[whole], begins[whole], begins + header, begins + length, whole, range(12, 20)))
+        parts.append(_tcp(data, four[intact], begins[intact], begins + header, begins + length, intact, range(12, 20)))
     six = np.flatnonzero((version == 6) & (ip + 40 <= end))
     if len(six):
         begins = ip[six]
@@ -143,9 +143,9 @@ def segments(packets: Packets, chosen: Ints, link: int) -> Segments:
             extended = np.isin(following, _V6_EXTENSIONS) & (tcp < end[six])
             following = np.where(extended, take(data, tcp), following)
             tcp = np.where(extended, tcp + 8 * (take(data, tcp + 1) + 1), tcp)
-        whole = following == _TCP
+        intact = following == _TCP
         length = 40 + take_number(data, begins + 4, 2)
-        parts.append(_tcp(data, six[whole], begins[whole], tcp, begins + length, whole, range(8, 40)))
+        parts.append(_tcp(data, six[intact], begins[intact], tcp, begins + length, intact, range(8, 40)))
     return _joined(packets, chosen, end, parts)
 
 
@@ -175,14 +175,14 @@ class _VersionSegments:
 
 
 def _tcp(
-    data: Bytes, which: Ints, ip: Ints, tcp: Ints, end: Ints, whole: NDArray[np.bool_], addresses: range
+    data: Bytes, which: Ints, ip: Ints, tcp: Ints, end: Ints, intact: NDArray[np.bool_], addresses: range
 ) -> _VersionSegments:
-    tcp, end = tcp[whole], end[whole]
+    tcp, end = tcp[intact], end[intact]
     keys = np.zeros((len(tcp), KEY), np.uint8)
     width = len(addresses) // 2
     for side in (0, 1):
-        places = ip[:, None] + np.array(addresses[side * width : (side + 1) * width])
-        keys[:, 16 * side + 16 - width : 16 * side + 16] = data.take(places, mode="clip")
+        indices = ip[:, None] + np.array(addresses[side * width : (side + 1) * width])
+        keys[:, 16 * side + 16 - width : 16 * side + 16] = data.take(indices, mode="clip")
         if width < 16:
             keys[:, 16 * side + 10 : 16 * side + 12] = 0xFF
     keys[:, 32:] = data.take(tcp[:, None] + np.arange(4), mode="clip")
@@ -200,11 +200,13 @@ def _joined(packets: Packets, chosen: Ints, captured: Ints, parts: list[_Version
         order = np.argsort(which, kind="stable")
         which, tcp, end, keys = which[order], tcp[order], end[order], keys[order]
     begin = tcp + (take(data, tcp + 12) >> 4) * 4
-    there = captured[which]
-    kept = (tcp + 20 <= there) & (begin >= tcp + 20) & (begin <= end)
-    if not kept.all():
-        which, tcp, end, begin, there, keys = (column[kept] for column in (which, tcp, end, begin, there, keys))
-    stop = np.minimum(end, there)
+    captured_to = captured[which]
+    sound = (tcp + 20 <= captured_to) & (begin >= tcp + 20) & (begin <= end)
+    if not sound.all():
+        which, tcp, end, begin, captured_to, keys = (
+            column[sound] for column in (which, tcp, end, begin, captured_to, keys)
+        )
+    stop = np.minimum(end, captured_to)
     begin = np.minimum(begin, stop)
     return Segments(
         packet=chosen[which],

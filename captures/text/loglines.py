@@ -112,17 +112,17 @@ class LineReader:
         text = plain(line)
         if not text.strip(" \t`~"):
             return LogLine(number, line, quiet=True)
-        found = self._below_header(text, number) or self._tool_line(text, number)
-        if found is None and (sign := _QUOTE.match(text)) is not None:
-            found = self._tool_line(text[sign.end() :], number)
-        if found is None:
-            found = self._any_line(text, number)
-            if not found.runs and found.t_ns is None and not found.quiet and not _SAYS_MORE.search(found.clean):
+        parsed = self._below_header(text, number) or self._tool_line(text, number)
+        if parsed is None and (sign := _QUOTE.match(text)) is not None:
+            parsed = self._tool_line(text[sign.end() :], number)
+        if parsed is None:
+            parsed = self._any_line(text, number)
+            if not parsed.runs and parsed.t_ns is None and not parsed.quiet and not _SAYS_MORE.search(parsed.clean):
                 if len(self._empty) >= _REMEMBERED:
                     self._empty.clear()
                 learnt = len(self.experience.right)
-                self._empty[line] = learnt, found.text, found.clean, found.problem
-        return found
+                self._empty[line] = learnt, parsed.text, parsed.clean, parsed.problem
+        return parsed
 
     def _says_nothing(self, learnt: int) -> bool:
         """Whether a line that held nothing holds nothing here, either: nothing above waits for it."""
@@ -158,9 +158,9 @@ class LineReader:
             self._heading = replace(heading, left=left) if left else None
             return LogLine(number, text, text, [run], heading.t_ns, heading.fine, heading.port)
         self._heading = None
-        found = self._tool_line(text, number) or self._any_line(text, number)
-        found.problem = found.problem or f"{heading.left} bytes that the line above announces are missing here"
-        return found
+        parsed = self._tool_line(text, number) or self._any_line(text, number)
+        parsed.problem = parsed.problem or f"{heading.left} bytes that the line above announces are missing here"
+        return parsed
 
     def _tool_line(self, text: str, number: int) -> LogLine | None:
         for i, shape in enumerate(self._tools if len(text) >= _LEAST_SHAPED else ()):
@@ -180,7 +180,7 @@ class LineReader:
                 self._heading = heading
             return line
         mark = MARK_WORDS.get((groups.get("mark") or "").lower(), shape.mark)
-        stamp = stamps.find(_whole_fraction(groups.get("time") or ""), self.zone)[0]
+        stamp = stamps.find(_short_fraction(groups.get("time") or ""), self.zone)[0]
         t_ns, fine = self._time(stamp), stamp is not None and stamp.fine
         if groups.get("sample") and self.sample_rate:
             t_ns, fine = round(int(groups["sample"]) / self.sample_rate * 1e9), True
@@ -196,18 +196,18 @@ class LineReader:
             self._received = self._received or match["mark"].lower() == "recv"
             if self._received and match["mark"].lower() == "processing":
                 return line
-        found = self._payload(groups["hex"], shape)
+        run = self._payload(groups["hex"], shape)
         self._heading = None
-        if found is None:
+        if run is None:
             return line if not _WORD.search(groups["hex"]) else None
-        if groups.get("cut") or found.cut:
-            shown = f"{len(found.data)} of {length} bytes" if length else f"the first {len(found.data)} bytes"
+        if groups.get("cut") or run.cut:
+            shown = f"{len(run.data)} of {length} bytes" if length else f"the first {len(run.data)} bytes"
             line.problem = f"the log shows {shown} only"
         if length is not None:
-            found.data = found.data[: max(length, 0)]
-        if found.data:
-            found.mark, found.sure, found.label = mark, True, f"{shape.tool} {groups.get('mark') or ''}".lower()
-            line.runs, line.quiet = [found], False
+            run.data = run.data[: max(length, 0)]
+        if run.data:
+            run.mark, run.sure, run.label = mark, True, f"{shape.tool} {groups.get('mark') or ''}".lower()
+            line.runs, line.quiet = [run], False
         return line
 
     def _payload(self, text: str, shape: Shape) -> ByteRun | None:
@@ -234,43 +234,43 @@ class LineReader:
         if self._dump.ends_with(rest):
             line.quiet = True
             return line
-        found, line.runs = self._searched(rest)
+        line_marks, line.runs = self._searched(rest)
         if not any(run.level or run.checked for run in line.runs):
-            self._as_heading(line, rest, found)
+            self._as_heading(line, rest, line_marks)
         if not line.runs:
             line.quiet = line.quiet or _COMMENT.match(text) is not None
             line.problem = None if line.quiet else _why_none(text, rest)
             return line
-        return self._placed(line, stamp, found[0].mark if found else NONE)
+        return self._placed(line, stamp, line_marks[0].mark if line_marks else NONE)
 
     def _searched(self, text: str) -> tuple[list[LineMark], list[ByteRun]]:
         """Marks and runs of a text without its times; logs repeat themselves, so what was met is remembered."""
         learnt = len(self.experience.right)
-        known = self._memory.get(text)
-        if known is None or known[0] != learnt:
-            found = marks(text)
-            runs = runs_in(line_of(text, (mark.end for mark in found)), self.judge, self.experience)
-            _with_marks(text, runs, found)
+        remembered = self._memory.get(text)
+        if remembered is None or remembered[0] != learnt:
+            line_marks = marks(text)
+            runs = runs_in(line_of(text, (mark.end for mark in line_marks)), self.judge, self.experience)
+            _with_marks(text, runs, line_marks)
             if len(text) > _BARE_LEAST:
-                return found, runs
+                return line_marks, runs
             if len(self._memory) >= _REMEMBERED:
                 self._memory.clear()
-            known = self._memory[text] = learnt, found, runs
-        return known[1], [run.anew() for run in known[2]]
+            remembered = self._memory[text] = learnt, line_marks, runs
+        return remembered[1], [run.anew() for run in remembered[2]]
 
-    def _as_heading(self, line: LogLine, rest: str, found: list[LineMark]) -> None:
+    def _as_heading(self, line: LogLine, rest: str, line_marks: list[LineMark]) -> None:
         """A line of words: what it says of rows below."""
-        mark = found[-1].mark if found else NONE
+        mark = line_marks[-1].mark if line_marks else NONE
         above, t_ns, fine = self._heading, line.t_ns, line.fine
         if t_ns is None and above is not None and not above.rows:
             t_ns, fine = above.t_ns, above.fine
         port = ""
-        bare = found and not _WORD.search(rest[found[-1].end :])
+        bare = line_marks and not _WORD.search(rest[line_marks[-1].end :])
         if (match := _JPNEVULATOR.match(line.text)) is not None:
             port, bare = match["label"], True
         announced = _ANNOUNCED.search(rest.rstrip(" :"))
         left = int(next(filter(None, announced.groups()))) if announced else None
-        columns = tuple(one.mark for one in found) if len(found) > 1 else ()
+        columns = tuple(one.mark for one in line_marks) if len(line_marks) > 1 else ()
         label = label_in(rest[-_LABELLED:])
         self._heading = Heading(mark, t_ns, fine, label, port, left, joins=bool(bare), columns=columns)
         line.quiet = bool(bare) and line.t_ns is not None
@@ -295,9 +295,9 @@ class LineReader:
             line.continues = goes_on
             return line
         if heading.left is not None and len(first.data) != heading.left:
-            for other in first.others:
-                if len(other.data) == heading.left and other.shape == first.shape:
-                    first.take(other)
+            for candidate in first.others:
+                if len(candidate.data) == heading.left and candidate.shape == first.shape:
+                    first.take(candidate)
                     break
         size = len(first.data)
         if heading.rows:
@@ -323,14 +323,14 @@ class LineReader:
         return stamp.t_ns + self._days * stamps.DAY_NS
 
 
-def _with_marks(text: str, runs: list[ByteRun], found: list[LineMark]) -> None:
+def _with_marks(text: str, runs: list[ByteRun], line_marks: list[LineMark]) -> None:
     """Each run with the mark before it; of one run alone, the one behind it where there is none before.
 
     An arrow says nothing behind a plain word, nor behind the first run: there it points from one frame to the next.
     """
     ahead, newest = 0, None
     for run in runs:
-        for mark in found[ahead:]:
+        for mark in line_marks[ahead:]:
             if mark.end > run.start:
                 break
             ahead += 1
@@ -340,7 +340,7 @@ def _with_marks(text: str, runs: list[ByteRun], found: list[LineMark]) -> None:
             run.mark, run.arrow = newest.mark, newest.arrow
             run.direct = not _WORD.search(text, newest.end, run.start)
     if len(runs) == 1 and not runs[0].mark:
-        behind = [mark for mark in found if mark.start >= runs[0].end and not mark.arrow]
+        behind = [mark for mark in line_marks if mark.start >= runs[0].end and not mark.arrow]
         if len(behind) == 1:
             runs[0].mark = behind[0].mark
 
@@ -351,6 +351,6 @@ def _why_none(text: str, rest: str) -> str:
     return halves(rest) or f"no bytes found in {quoted(text)}"
 
 
-def _whole_fraction(time: str) -> str:
+def _short_fraction(time: str) -> str:
     """socat 1.7 writes microseconds as nine digits: `.000394797` is 394797 us."""
     return re.sub(r"(?<=\d{4}/\d\d/\d\d \d\d:\d\d:\d\d\.)000(?=\d{6}$)", "", time)

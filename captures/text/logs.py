@@ -84,7 +84,7 @@ class LogReader:
         self._judge, self._zone, self._sample_rate = judge, zone, sample_rate
         self._experience = Experience() if experience is None else experience
         self._lines = self._line_reader()
-        self._held: list[LogLine] = []
+        self._waiting: list[LogLine] = []
 
     @property
     def experience(self) -> Experience:
@@ -112,30 +112,30 @@ class LogReader:
             experience.threshold, experience.decimals = _STANDARDS[0]
         self._lines = self._line_reader()
         self._lines.zoneless = reader.zoneless
-        return [given for line in read for given in _given(line)]
+        return [content for line in read for content in _contents(line)]
 
     def feed(self, lines: Iterable[tuple[int, str]]) -> Iterator[Piece | UnreadLine]:
         """Lines with their numbers; gives what has been settled."""
         for number, line in lines:
             for part in _read(self._lines, line, number):
-                self._held.append(part)
+                self._waiting.append(part)
                 for run in part.runs:
                     self._experience.note(run)
-            if len(self._held) >= _STRETCH:
-                yield from self._settled(_safe_cut(self._held))
+            if len(self._waiting) >= _STRETCH:
+                yield from self._settled(_safe_cut(self._waiting))
 
     def close(self) -> Iterator[Piece | UnreadLine]:
         """No more lines come; gives the rest."""
-        yield from self._settled(len(self._held))
+        yield from self._settled(len(self._waiting))
 
     def _line_reader(self) -> LineReader:
         return LineReader(self._judge, self._zone, self._sample_rate, self._experience)
 
     def _settled(self, count: int) -> Iterator[Piece | UnreadLine]:
-        lines, self._held = self._held[:count], self._held[count:]
+        lines, self._waiting = self._waiting[:count], self._waiting[count:]
         settle(lines, self._judge, self._experience)
         for line in lines:
-            yield from _given(line)
+            yield from _contents(line)
 
 
 def read_lines(
@@ -177,29 +177,29 @@ def _safe_cut(lines: Sequence[LogLine]) -> int:
     )
 
 
-def _given(line: LogLine) -> Iterator[Piece | UnreadLine]:
-    taken = [run for run in line.runs if run.taken]
+def _contents(line: LogLine) -> Iterator[Piece | UnreadLine]:
+    chosen = [run for run in line.runs if run.taken]
     text = line.text if len(line.text) <= 200 else line.text[:197] + "..."
-    for i, run in enumerate(taken):
+    for i, run in enumerate(chosen):
         continues = line.continues and not i
         envelope = run.checked[0].envelope if run.checked else ""
         yield Piece(run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues, envelope)
     if line.problem is not None:
         yield UnreadLine(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))
-    for run in taken:
+    for run in chosen:
         if run.cut and line.problem is None:
             yield UnreadLine(line.number, text, f"the text shows the first {len(run.data)} bytes only")
-    if any(run.halved and not run.checked for run in taken):
+    if any(run.halved and not run.checked for run in chosen):
         yield UnreadLine(line.number, text, halves(line.clean) or "half a byte")
-    if not taken and line.problem is None and line.runs and not line.quiet:
+    if not chosen and line.problem is None and line.runs and not line.quiet:
         yield UnreadLine(line.number, text, *_why(line))
 
 
 def _why(line: LogLine) -> tuple[str, bool]:
     """Why nothing of a line was read, and whether it does not look like bytes at all."""
-    said = next((run.why for run in line.runs if run.why), None)
-    if said is not None:
-        return said, False
+    reason = next((run.why for run in line.runs if run.why), None)
+    if reason is not None:
+        return reason, False
     if (half := halves(line.clean)) is not None:
         return half, False
     run = max(line.runs, key=lambda run: (run.level, len(run.data)))
@@ -209,21 +209,21 @@ def _why(line: LogLine) -> tuple[str, bool]:
     return f"{quoted(shown)} may be anything: no check value says that these are bytes", False
 
 
-def joined(pieces: Iterable[Piece | UnreadLine], limit: int | None = None) -> Iterator[Piece | UnreadLine]:
+def joined(reads: Iterable[Piece | UnreadLine], limit: int | None = None) -> Iterator[Piece | UnreadLine]:
     """The same with pieces that continue one put together, up to about `limit` bytes each."""
-    held: Piece | None = None
+    first: Piece | None = None
     parts: list[bytes] = []
     size = 0
-    for piece in pieces:
-        if isinstance(piece, UnreadLine):
-            yield piece
+    for read in reads:
+        if isinstance(read, UnreadLine):
+            yield read
             continue
-        if held is not None and piece.continues and (limit is None or size < limit):
-            parts.append(piece.data)
-            size += len(piece.data)
+        if first is not None and read.continues and (limit is None or size < limit):
+            parts.append(read.data)
+            size += len(read.data)
             continue
-        if held is not None:
-            yield held if len(parts) == 1 else replace(held, data=b"".join(parts))
-        held, parts, size = piece, [piece.data], len(piece.data)
-    if held is not None:
-        yield held if len(parts) == 1 else replace(held, data=b"".join(parts))
+        if first is not None:
+            yield first if len(parts) == 1 else replace(first, data=b"".join(parts))
+        first, parts, size = read, [read.data], len(read.data)
+    if first is not None:
+        yield first if len(parts) == 1 else replace(first, data=b"".join(parts))

@@ -64,29 +64,29 @@ class MappedDevice:
             if (row.area, row.address) in powers:
                 self.words[row.area, row.address] = self.random.choice((0, 0, -1, -1, -2, -3, 1)) & 0xFFFF
             elif row.type == "text" or self.random.random() < _ABSENT:
-                for place, word in enumerate(self._still(row), row.address):
-                    self.words[row.area, place] = word
+                for register, word in enumerate(self._still(row), row.address):
+                    self.words[row.area, register] = word
             else:
                 self._motions.append((row, plant.motion_of(row)))
-        for area, address, held in self.chart.match.registers:
-            for place, word in enumerate(held, address):
-                self.words[area, place] = word
-        self._motions = [(row, motion) for row, motion in self._motions if not self._is_told(row)]
+        for area, address, stored in self.chart.match.registers:
+            for register, word in enumerate(stored, address):
+                self.words[area, register] = word
+        self._motions = [(row, motion) for row, motion in self._motions if not self._identifies(row)]
         self.step()
 
-    def _is_told(self, row: MappedValue) -> bool:
+    def _identifies(self, row: MappedValue) -> bool:
         """Whether a value is one by which the device is recognised."""
         return any(
-            row.area == area and row.address < address + len(held) and address < row.end
-            for area, address, held in self.chart.match.registers
+            row.area == area and row.address < address + len(words) and address < row.end
+            for area, address, words in self.chart.match.registers
         )
 
     def step(self) -> None:
         """One poll cycle later."""
         for row, motion in self._motions:
             words = encoded(self._in_powers(row), next(motion))
-            for place, word in enumerate(words):
-                self.words[row.area, row.address + place] = word
+            for offset, word in enumerate(words):
+                self.words[row.area, row.address + offset] = word
         for key, motion in self._unlisted:
             self.words[key] = int(next(motion)) & 0xFFFF
 
@@ -99,17 +99,17 @@ class MappedDevice:
 
     def read(self, area: MapArea, address: int, quantity: int) -> list[int]:
         """The words of a block."""
-        return [self._word(area, place) for place in range(address, address + quantity)]
+        return [self._word(area, register) for register in range(address, address + quantity)]
 
     def write(self, area: MapArea, address: int, words: list[int]) -> None:
         """A master's values stay."""
-        for place, word in enumerate(words, address):
-            self.words[area, place] = word
+        for register, word in enumerate(words, address):
+            self.words[area, register] = word
         end = address + len(words)
         for at, (row, _) in enumerate(self._motions):
             if row.area == area and address <= row.address and row.end <= end:
-                held = decoded(row, [self.words[area, place] for place in range(row.address, row.end)])
-                self._motions[at] = (row, series.constant(held))
+                value = decoded(row, [self.words[area, register] for register in range(row.address, row.end)])
+                self._motions[at] = (row, series.constant(value))
 
     def _still(self, row: MappedValue) -> list[int]:
         """The words of a text, or of a value that this device does not have."""
