@@ -100,6 +100,7 @@ class Transactions:
         self._frames = 0
         self._octets = 0  # on the bus so far, all ports together
         self._places = np.zeros(0, np.int64)  # of the open requests: octets on the bus up to their ends
+        self._repeats = np.zeros(0, np.bool_)  # of the open requests over TCP: whether the one before asked the same
 
     def feed(self, batch: Batch) -> NDArray[np.void]:
         """Transactions that are settled after this batch, in the order of their requests."""
@@ -120,6 +121,7 @@ class Transactions:
         _begin(opened[known:], rows, requests)
         ends = self._octets + np.cumsum(rows["length"])
         self._places = np.concatenate((self._places, ends[requests]))
+        self._repeats = np.concatenate((self._repeats, np.zeros(len(requests), np.bool_)))
         self._octets = int(ends[-1])
         patience = np.where(self._open["protocol"] == Protocol.TCP, _PIPELINED, _PATIENCE) + self._open["request"]
         horizon = np.minimum(
@@ -150,11 +152,14 @@ class Transactions:
     def _settle(self, count: int) -> NDArray[np.void]:
         settled, self._open = self._open[:count], self._open[count:].copy()
         if count:
-            self._failed = bool(_failed(settled[-1:])[0])
+            failed = np.append(self._failed, _failed(settled))
+            settled["retry"] |= self._repeats[:count] & failed[:-1]  # several may be open: only now it shows
+            settled["again"] &= ~settled["retry"]
+            self._failed = bool(failed[-1])
         silent = settled["status"] == Status.UNANSWERED
         settled["garbage"][~silent] = 0
         settled["t_next"][~silent & (settled["status"] != Status.DAMAGED) & ~settled["late"]] = NEVER
-        self._places = self._places[count:].copy()
+        self._places, self._repeats = self._places[count:].copy(), self._repeats[count:].copy()
         return settled
 
     def _count_garbage(self, batch: Batch, requests: NDArray[np.intp], known: int, horizon: NDArray[np.intp]) -> None:
@@ -255,7 +260,10 @@ class Transactions:
                 row, protocol = int(requests[i]), int(opened["protocol"][known + i])
                 if asked is not None and len(asked) == batch.rows["length"][row]:
                     same = _same_request(asked, batch.bytes_of(row), protocol)
-                    opened["retry"][known + i] = same and (protocol == Protocol.TCP or bool(opened["unit"][known + i]))
+                    if protocol == Protocol.TCP:
+                        self._repeats[known + i] = same
+                    else:
+                        opened["retry"][known + i] = same and bool(opened["unit"][known + i])
             self._mark_second_tries(batch, requests, known)
             self._mark_again(batch, requests, known)
             self._last_request = batch.bytes_of(int(requests[-1]))
