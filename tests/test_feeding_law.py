@@ -24,6 +24,13 @@ def test_a_run_ends_only_where_the_lattice_would_decide_too(kind: str, seed: int
     assert list(package("feeding.ways").breaches(stream, Random(seed))) == []
 
 
+@pytest.mark.parametrize("seed", [40039, 40116, 40136])
+def test_what_modbus_tcp_leaves_open_is_told_when_it_is_settled(seed: int) -> None:
+    """Streams of the campaign: the answer to a request that another overtook, and directions of two ports."""
+    stream = package("feeding.streams").stream("tcp", seed)
+    assert list(package("feeding.ways").breaches(stream, Random(seed))) == []
+
+
 def test_a_breach_is_seen() -> None:
     """The comparison itself: a row that is another is told."""
     ways = package("feeding.ways")

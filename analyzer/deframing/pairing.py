@@ -6,6 +6,7 @@ back over the requests that are still open, the newest that fits first.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -16,6 +17,7 @@ from dissectors.answers import expectation
 
 from ..tables.schema import Kind, Rows
 from ..tables.transactions import LATE_NS, LATE_WAITS
+from .buffer import Times
 from .conversation import responses_fit
 from .rules import Bytes, Index
 from .wireorder import Across
@@ -105,7 +107,11 @@ class Pairer:
         settled = np.zeros(len(frames), np.bool_)
         settled[follows] = settled[follows - 1] = True
         loose = (~settled).nonzero()[0]
-        requests = frames.compress(kind == _REQUEST)
+        asking_rows = frames.compress(kind == _REQUEST)
+        begins: dict[int, tuple[Index, Times]] = {}  # of the requests of a port: their indices and times
+        for each in {opened.port for opened in self._open} | set(port[loose].tolist()):
+            mine = asking_rows.compress(columns.port.take(asking_rows) == each)
+            begins[each] = rows["index"][mine], columns.t_start.take(mine)
         for i in _still_open(loose, kind).tolist() if len(loose) else ():
             row = int(frames[i])
             begin = int(rows["at"][row])
@@ -113,11 +119,11 @@ class Pairer:
             if kind[i] == _REQUEST:
                 self._ask(rows, row, adu, int(tail[row]), int(place[row]))
             else:
-                self._went_on(columns, requests[: requests.searchsorted(row)], rows)
+                self._went_on(begins, int(rows["index"][row]))
                 other = across is not None and bool(across.answers[row])
                 asking = across.requests if across is not None and other else int(rows["port"][row])
                 self._answer(rows, row, adu, int(head[row]), int(place[row]), asking, earlier)
-        self._went_on(columns, requests, rows)
+        self._went_on(begins, int(rows["index"][frames[-1]]) + 1)
         if across is not None:
             told = rows["response_ns"]
             told[across.answers & (told <= across.unsure_ns)] = -1
@@ -131,12 +137,14 @@ class Pairer:
         )
         self._open = [*self._open[-_OPEN:], opened]  # one too many, for an answer right behind it closes it at once
 
-    def _went_on(self, columns: _PairingColumns, requests: Index, rows: Rows) -> None:
-        """These requests came so far: each open one learns when the next one on its port began."""
+    def _went_on(self, begins: Mapping[int, tuple[Index, Times]], until: int) -> None:
+        """Each open request learns when the next one on its port began, if that is a frame before `until`."""
         for opened in self._open:
             if opened.t_next is None:
-                behind = requests[(columns.port[requests] == opened.port) & (rows["index"][requests] > opened.index)]
-                opened.t_next = int(columns.t_start[behind[0]]) if len(behind) else None
+                indices, times = begins[opened.port]
+                behind = int(indices.searchsorted(opened.index, "right"))
+                if behind < len(indices) and indices[behind] < until:
+                    opened.t_next = int(times[behind])
 
     def _answer(
         self, rows: Rows, row: int, adu: bytes, read: int, place: int, port: int, earlier: dict[int, bytes]

@@ -89,8 +89,6 @@ class WireOrder:
             self._remember(loose, np.arange(len(loose.rows)))
             return loose, None
         loose = UnorderedRows.joined([self._held, *parts])
-        if self._directions is not None and (loose.rows["protocol"] == Protocol.TCP).any():
-            self._directions = None  # its transactions are numbered, and several may be open
         heard = loose.heard
         order = np.lexsort((loose.rows["port"], heard))
         known = len(order) if until is None else int(np.searchsorted(heard[order], until))
@@ -102,20 +100,29 @@ class WireOrder:
             count = known if self._settled else early
             self._held = loose.picked(order[count:])
             return loose.picked(order[:count]), None
-        self._turn(loose, order[early:])
         if self._newest is not None:
             self._merge.begin(self._newest, self._directions[0])
             self._newest = None
+        numbered = np.flatnonzero(loose.rows["protocol"][order[early:known]] == Protocol.TCP)
+        if len(numbered):
+            until = int(heard[order[early + numbered[0]]])
         placed, unsure = self._merge.order(loose, order[early:], self._directions, until)
+        self._turn(loose, placed)
         left = np.ones(len(order), np.bool_)
         left[order[:early]] = left[placed] = False
-        self._held = loose.picked(order[left[order]])
-        placed = np.concatenate((order[:early], placed))
-        found = loose.picked(placed)
         asks, answers = self._directions
-        across = found.rows["port"] == answers
-        across[:early] = False
-        return found, Across(across, asks, np.concatenate((np.zeros(early, np.int64), unsure)))
+        across = np.zeros(early + len(placed), np.bool_)
+        across[early:] = loose.rows["port"][placed] == answers
+        placed = np.concatenate((order[:early], placed))
+        unsure = np.concatenate((np.zeros(early, np.int64), unsure))
+        if len(numbered):
+            self._directions = None  # transactions are numbered from here on, and several may be open
+            rest = order[:known][left[order[:known]]]
+            left[rest] = False
+            placed = np.concatenate((placed, rest))
+            across, unsure = np.pad(across, (0, len(rest))), np.pad(unsure, (0, len(rest)))
+        self._held = loose.picked(order[left[order]])
+        return loose.picked(placed), Across(across, asks, unsure)
 
     def _remember(self, loose: UnorderedRows, which: NDArray[np.intp]) -> None:
         """Keep the newest row that was heard before there was a second port."""
@@ -130,7 +137,9 @@ class WireOrder:
             return
         first, second = self._ports[:2]
         self._settled = True
-        self._directions = settled_directions(loose.rows[frames[:_SETTLE_FRAMES]], loose.data, (first, second))
+        rows = loose.rows[frames[:_SETTLE_FRAMES]]
+        if not (rows["protocol"] == Protocol.TCP).any():
+            self._directions = settled_directions(rows, loose.data, (first, second))
 
     def _turn(self, loose: UnorderedRows, which: NDArray[np.intp]) -> None:
         """What reads alike in both directions goes the way of its port."""

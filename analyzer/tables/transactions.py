@@ -100,6 +100,7 @@ class Transactions:
         self._frames = 0
         self._octets = 0  # on the bus so far, all ports together
         self._places = np.zeros(0, np.int64)  # of the open requests: octets on the bus up to their ends
+        self._repeats = np.zeros(0, np.bool_)  # of the open requests over TCP: whether the one before asked the same
 
     def feed(self, batch: Batch) -> NDArray[np.void]:
         """Transactions that are settled after this batch, in the order of their requests."""
@@ -120,6 +121,7 @@ class Transactions:
         _begin(opened[known:], rows, requests)
         ends = self._octets + np.cumsum(rows["length"])
         self._places = np.concatenate((self._places, ends[requests]))
+        self._repeats = np.concatenate((self._repeats, np.zeros(len(requests), np.bool_)))
         self._octets = int(ends[-1])
         patience = np.where(self._open["protocol"] == Protocol.TCP, _PIPELINED, _PATIENCE) + self._open["request"]
         horizon = np.minimum(
@@ -127,10 +129,12 @@ class Transactions:
             np.searchsorted(ends - rows["length"], self._places + _REACH, side="right"),
         )
         self._count_garbage(batch, requests, known, horizon)
-        late = self._answer(batch, responses, horizon)
+        late = self._answer(batch, requests, responses, horizon)
         self._mark_retries(batch, requests, known)
-        for place in late:
-            self._put_in_order(place)
+        if late:
+            asked = np.ascontiguousarray(self._open["request"])
+            for place in late:
+                self._put_in_order(place, asked)
         status = self._open["status"]
         waiting = (status == Status.UNANSWERED) | (status == Status.BROADCAST)
         waiting |= (status == Status.DAMAGED) & (self._open["t_next"] == NEVER)  # what it costs shows the next request
@@ -150,11 +154,14 @@ class Transactions:
     def _settle(self, count: int) -> NDArray[np.void]:
         settled, self._open = self._open[:count], self._open[count:].copy()
         if count:
-            self._failed = bool(_failed(settled[-1:])[0])
+            failed = np.append(self._failed, _failed(settled))
+            settled["retry"] |= self._repeats[:count] & failed[:-1]  # several may be open: only now it shows
+            settled["again"] &= ~settled["retry"]
+            self._failed = bool(failed[-1])
         silent = settled["status"] == Status.UNANSWERED
         settled["garbage"][~silent] = 0
         settled["t_next"][~silent & (settled["status"] != Status.DAMAGED) & ~settled["late"]] = NEVER
-        self._places = self._places[count:].copy()
+        self._places, self._repeats = self._places[count:].copy(), self._repeats[count:].copy()
         return settled
 
     def _count_garbage(self, batch: Batch, requests: NDArray[np.intp], known: int, horizon: NDArray[np.intp]) -> None:
@@ -175,7 +182,9 @@ class Transactions:
         heard = bounds[:-1] < horizon[:-1]
         self._open["t_next"][first:-1][heard] = _at(rows, "t_start", bounds[:-1][heard])
 
-    def _answer(self, batch: Batch, responses: NDArray[np.intp], horizon: NDArray[np.intp]) -> list[int]:
+    def _answer(
+        self, batch: Batch, requests: NDArray[np.intp], responses: NDArray[np.intp], horizon: NDArray[np.intp]
+    ) -> list[int]:
         """Join answers to their requests; the places of those that came late, in the order of the answers."""
         rows = batch.rows
         asked = np.ascontiguousarray(self._open["request"])
@@ -193,32 +202,33 @@ class Transactions:
         late = following[place] < _at(rows, "index", responses)
         late &= self._open["protocol"][place] != Protocol.TCP  # whose answers say what they answer
         self._open["late"][place] = late
-        for at, row in zip(place[late].tolist(), responses[late].tolist(), strict=True):
-            self._open["mistaken"][at] = self._mistaken(batch, row)
+        newest = np.append(-1, requests)[np.searchsorted(requests, responses[late])]
+        for at, row, before in zip(place[late].tolist(), responses[late].tolist(), newest.tolist(), strict=True):
+            self._open["mistaken"][at] = self._mistaken(batch, row, before)
         after: list[int] = place[late].tolist()
         return after
 
-    def _mistaken(self, batch: Batch, row: int) -> bool:
-        """Whether a late answer would do for the newest request before it, which then takes it for its own."""
-        kinds = batch.rows["kind"][:row]
-        before = np.flatnonzero((kinds == Kind.REQUEST) & batch.rows["check"][:row])
-        newest = batch.bytes_of(int(before[-1])) if len(before) else self._last_request
+    def _mistaken(self, batch: Batch, row: int, before: int) -> bool:
+        """Whether a late answer would do for the newest request before it, which then takes it for its own.
+
+        `before`: the row of that request, -1 where it stands in an earlier batch.
+        """
+        newest = batch.bytes_of(before) if before >= 0 else self._last_request
         if newest is None:
             return False
         protocol = int(batch.rows["protocol"][row])
         asked, answer = adu_of(newest, protocol).data, adu_of(batch.bytes_of(row), protocol).data
         return expectation(asked).fits(answer) if min(len(asked), len(answer)) >= _MIN_ADU else False
 
-    def _put_in_order(self, place: int) -> None:
+    def _put_in_order(self, place: int, asked: NDArray[np.int64]) -> None:
         """Answers to requests of one shape, the last of which came late: the first request had the first of them.
 
         A master that takes a late answer for that to its next request takes every later one for the next, too, until
         one comes that nobody asked for: only then it shows whose they were.
         """
         opened, own = self._open, self._open["response"][place]
-        later = (
-            place + 1 + np.flatnonzero((opened["response"][place + 1 :] >= 0) & (opened["response"][place + 1 :] < own))
-        )
+        responses = opened["response"][place + 1 : int(np.searchsorted(asked, own))]
+        later = place + 1 + np.flatnonzero((responses >= 0) & (responses < own))
         chain = [place, *(at for at in later.tolist() if self._alike(place, at))]
         answers = [*chain[1:], place]  # of each, where that stood which it had
         told = opened[answers]
@@ -229,7 +239,7 @@ class Transactions:
         mistaken = told["mistaken"] | ~told["late"]  # what was in time for the newest request fits that
         for name in (*OF_ANSWER, "status"):
             opened[name][chain] = told[name]
-        newest = np.searchsorted(opened["request"], told["response"]) - 1
+        newest = np.searchsorted(asked, told["response"]) - 1
         opened["late"][chain] = late = newest != chain
         opened["mistaken"][chain] = mistaken & late
         opened["response_ns"][chain] = np.where(told["response_ns"] >= 0, np.maximum(waited, 0), -1)
@@ -255,7 +265,10 @@ class Transactions:
                 row, protocol = int(requests[i]), int(opened["protocol"][known + i])
                 if asked is not None and len(asked) == batch.rows["length"][row]:
                     same = _same_request(asked, batch.bytes_of(row), protocol)
-                    opened["retry"][known + i] = same and (protocol == Protocol.TCP or bool(opened["unit"][known + i]))
+                    if protocol == Protocol.TCP:
+                        self._repeats[known + i] = same
+                    else:
+                        opened["retry"][known + i] = same and bool(opened["unit"][known + i])
             self._mark_second_tries(batch, requests, known)
             self._mark_again(batch, requests, known)
             self._last_request = batch.bytes_of(int(requests[-1]))
