@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from serial import rfc2217
 
-from analyzer.cli.app import UsageError
+from analyzer.cli.exits import UsageError
 from analyzer.live.tapsource import TapSource
 from captures.chunks import Block
 from captures.live.rfc2217 import PortServerTap, TelnetReceiver

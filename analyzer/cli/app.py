@@ -1,7 +1,5 @@
 """From arguments to an exit status, with every trouble told in one line.
 
-0: done. 1: the input holds no frame, what was asserted of it does not hold, or a recording lost bytes. 2: unusable
-arguments or input. 130: ended by Ctrl-C, or by a signal before all was shown; what was done is kept.
 Exceptions of this project's own packages carry a message for the user; those of the operating system get one here.
 Any other is a defect: it is told in one line as well, and RTUSCOPE_DEBUG=1 shows where it came from.
 """
@@ -21,19 +19,10 @@ from ..settingfiles import found_files
 from ..terminal_text import gated_streams
 from ..version import __version__
 from .commands import COMMANDS, Command, load
+from .exits import DONE, INTERRUPTED, UNUSABLE, UsageError
 from .terminal import tell
 
-DONE: Final = 0
-NO_FRAME: Final = 1
-FAILED: Final = 1
-UNUSABLE: Final = 2
-INTERRUPTED: Final = 130
-
 _OURS: Final = frozenset({"analyzer", "captures", "dissectors"})
-
-
-class UsageError(Exception):
-    """Arguments that cannot be used; the message says which and what to do."""
 
 
 class Parser(argparse.ArgumentParser):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from dissectors.values import harmless
 
 from ..terminal_text import painted, terminal_text
-from .app import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
+from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
 from .maps import add_map_argument, chosen_charts
 from .outputs import add_overwrite_argument, to_be_overwritten

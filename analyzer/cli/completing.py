@@ -52,7 +52,7 @@ def _maps(prefix: str) -> Iterable[str]:
 
 
 def _pages(_: str) -> Iterable[str]:
-    from .help import pages
+    from .pages import pages
 
     return pages()
 

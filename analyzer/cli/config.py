@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from ..settingfiles import user_file
 from ..settings import SETTINGS, TABLES, SetValue, read_settings
-from .app import DONE
+from .exits import DONE
 from .terminal import put_json
 
 EXAMPLE = """\

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from dissectors.values import harmless
 
-from .app import DONE, INTERRUPTED, NO_FRAME, UsageError
+from .exits import DONE, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     CAPTURE_HELP,
     add_functions_argument,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from .app import DONE
+from .exits import DONE
 from .report import show
 from .terminal import full_screen
 

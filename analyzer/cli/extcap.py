@@ -17,7 +17,8 @@ from captures.network.links import UPPER_PDU
 
 from ..version import __version__
 from . import sniff
-from .app import DONE, Parser, UsageError
+from .app import Parser
+from .exits import DONE, UsageError
 
 _ANY: Final = "rtuscope"
 _OF_PORT: Final = "rtuscope:"  # before the port

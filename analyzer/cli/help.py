@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Final
 
 from ..meant import did_you_mean
-from .app import DONE, UsageError, main
+from .app import main
 from .commands import COMMANDS
+from .exits import DONE, UsageError
+from .pages import pages
 
 EXAMPLE = """\
 rtuscope help
@@ -22,8 +24,6 @@ _ALIASES: Final = {
     "metrics": "outlets",
     "mqtt": "outlets",
 }  # words by which pages are asked for
-_INSTALLED: Final = Path(__file__).parents[1] / "pages"
-_HERE: Final = Path(__file__).parents[2] / "docs"  # of a clone
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -48,12 +48,6 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"no page {arguments.topic!r}{near} (rtuscope help lists them)")
     print(page.read_text(encoding="utf-8"), end="")
     return DONE
-
-
-def pages() -> dict[str, Path]:
-    """The pages, by name."""
-    folder = _INSTALLED if _INSTALLED.is_dir() else _HERE
-    return {page.stem: page for page in folder.glob("*.md")}
 
 
 def _title(page: Path) -> str:

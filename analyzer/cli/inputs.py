@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from captures.line import POLARITIES
 
-from .app import UsageError
+from .exits import UsageError
 from .terminal import tell
 
 if TYPE_CHECKING:

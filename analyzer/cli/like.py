@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from .app import DONE, FAILED, UsageError
+from .exits import DONE, FAILED, UsageError
 from .inputs import tell_damage
 from .terminal import Progress, interruptible
 

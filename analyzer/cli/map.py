@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from .app import DONE, FAILED, NO_FRAME, UsageError
+from .exits import DONE, FAILED, NO_FRAME, UsageError
 from .inputs import load_functions, tell_damage
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .terminal import Progress, interruptible, tell

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta, tzinfo
 from typing import Final
 
 from ..words import is_clock
-from .app import UsageError
+from .exits import UsageError
 
 _UNITS: Final = {
     "ns": 1, "us": 1_000, "ms": 1_000_000, "": 1_000_000_000, "s": 1_000_000_000, "min": 60_000_000_000,

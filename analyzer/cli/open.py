@@ -9,7 +9,7 @@ from datetime import UTC
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .app import DONE, UsageError
+from .exits import DONE, UsageError
 from .inputs import (
     CAPTURE_HELP,
     add_functions_argument,

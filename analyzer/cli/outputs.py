@@ -10,7 +10,7 @@ from typing import Final
 from dissectors.values import harmless
 
 from ..terminal_text import terminal_text
-from .app import UsageError
+from .exits import UsageError
 
 _YES: Final = ("y", "yes", "д", "да")
 

@@ -7,7 +7,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from .app import DONE, FAILED, NO_FRAME, UsageError
+from .exits import DONE, FAILED, NO_FRAME, UsageError
 from .inputs import add_check_argument, add_functions_argument, add_zone_argument, load_functions
 from .maps import add_map_argument, chosen_charts
 from .terminal import coloured, put_json, tell

@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from .app import DONE, FAILED
+from .exits import DONE, FAILED
 from .inputs import add_functions_argument, add_limit_arguments, load_functions
 from .maps import add_map_argument
 from .outlets import add_outlet_arguments, outlets_of

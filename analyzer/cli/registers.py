@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Final
 
-from .app import DONE, INTERRUPTED, NO_FRAME, UsageError
+from .exits import DONE, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_capture_arguments,
     add_limit_arguments,

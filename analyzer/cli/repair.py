@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dissectors.values import harmless
 
-from .app import DONE, NO_FRAME
+from .exits import DONE, NO_FRAME
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .terminal import tell
 

@@ -6,7 +6,7 @@ import argparse
 from argparse import ArgumentTypeError
 from typing import TYPE_CHECKING
 
-from .app import DONE, NO_FRAME, UsageError
+from .exits import DONE, NO_FRAME, UsageError
 from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
 from .keys import keys
 from .outlets import add_outlet_arguments, outlets_of

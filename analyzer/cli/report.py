@@ -6,7 +6,7 @@ import argparse
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from .app import DONE, FAILED, INTERRUPTED, NO_FRAME
+from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME
 from .inputs import (
     add_capture_arguments,
     add_check_argument,

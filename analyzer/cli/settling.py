@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from ..meant import did_you_mean
 from ..settings import SETTINGS, Setting, Settings, SetValue, read_settings
-from .app import UsageError
+from .exits import UsageError
 
 _TAPS: Final = ("sniff", "record", "tap")
 _FILTERS: Final = ("filter", "until", "trigger", "around")  # arguments that are filters

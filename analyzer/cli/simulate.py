@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from .app import DONE, UsageError
+from .exits import DONE, UsageError
 from .outputs import add_overwrite_argument, to_be_overwritten
 
 EXAMPLE = """\

@@ -7,7 +7,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, BinaryIO, Final
 
-from .app import FAILED, INTERRUPTED, UsageError
+from .exits import FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_language_argument, add_limit_arguments, chosen_limits, load_functions
 from .outlets import add_outlet_arguments, outlets_of
 from .taps import add_recording_arguments, add_tap_arguments, recorder_of, tap_of

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..version import __version__
-from .app import UsageError
+from .exits import UsageError
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .quantities import octets, seconds, time_or_size
 

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
 from ..terminal_text import terminal_text
-from .app import DONE, NO_FRAME
+from .exits import DONE, NO_FRAME
 from .maps import add_map_argument, chosen_charts
 from .quantities import seconds
 from .terminal import coloured, hung_up, places, put, put_bytes, say_in_place, tell

@@ -23,7 +23,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from ..extras import needs
-from .app import UsageError
+from .exits import UsageError
 from .terminal import tell
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from .app import DONE, UsageError
+from .exits import DONE, UsageError
 from .extcap import answer
 
 EXAMPLE = """\

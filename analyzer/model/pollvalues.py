@@ -20,7 +20,7 @@ _AREAS: Final = tuple(AREAS)  # by AreaCode, from 1 on
 
 
 @dataclass(frozen=True, slots=True)
-class PollValues:
+class TransactionValues:
     """One transaction: `row` begins it, `answer` is -1 for none.
 
     `register` is the logical number of the first that it speaks of, empty for none; `values` are those read, or else
@@ -59,7 +59,7 @@ class _Rows:
         return tuple(decoded.values_of(i).tolist())
 
 
-def poll_values(bus: Bus, rows: Sequence[int]) -> list[PollValues]:
+def poll_values(bus: Bus, rows: Sequence[int]) -> list[TransactionValues]:
     """What the transactions that these rows begin carry."""
     partners = bus.table.take("partner", np.array(rows, np.int64))
     partners = np.where(partners < bus.count, partners, -1).tolist()  # live: the answer's row may not be whole yet
@@ -71,7 +71,7 @@ def poll_values(bus: Bus, rows: Sequence[int]) -> list[PollValues]:
         values, old = known.values(answer) or known.values(row), known.values(last)
         changed = {i for i, value in enumerate(values) if len(old) == len(values) and old[i] != value}
         register = logical(address, _AREAS[area - 1]) if area and address >= 0 else ""
-        found.append(PollValues(row, answer, register, quantity, values, frozenset(changed)))
+        found.append(TransactionValues(row, answer, register, quantity, values, frozenset(changed)))
     return found
 
 

@@ -19,7 +19,7 @@ Reading = Callable[[Sequence[PastePart], Envelope], Paste]
 _REASONS: Final = 3  # of the readings of stretches that are told
 
 
-class _Stretch(NamedTuple):
+class _EnvelopeStretch(NamedTuple):
     """Parts of one envelope that follow one another: where they begin in their envelope's stream, and in the paste."""
 
     parts: Sequence[PastePart]
@@ -60,17 +60,17 @@ def mixed(parts: Sequence[PastePart], kinds: Sequence[Envelope], read: Reading) 
     return Paste(protocol, "; ".join(why), tuple(sorted(pieces, key=lambda piece: piece.start)))
 
 
-def _stretches(parts: Sequence[PastePart], kinds: Sequence[Envelope], kind: Envelope) -> Iterator[_Stretch]:
+def _stretches(parts: Sequence[PastePart], kinds: Sequence[Envelope], kind: Envelope) -> Iterator[_EnvelopeStretch]:
     starts = [0, *accumulate(len(part.data) for part in parts)]
     begin = 0
     for own, group in groupby(range(len(parts)), lambda i: kinds[i] == kind):
         if own:
             mine = list(group)
-            yield _Stretch([parts[i] for i in mine], begin, starts[mine[0]])
+            yield _EnvelopeStretch([parts[i] for i in mine], begin, starts[mine[0]])
             begin += starts[mine[-1] + 1] - starts[mine[0]]
 
 
-def _whole(pieces: Sequence[Piece], stretches: Sequence[_Stretch]) -> bool:
+def _whole(pieces: Sequence[Piece], stretches: Sequence[_EnvelopeStretch]) -> bool:
     """Whether each frame lies in one stretch."""
     begins = [stretch.begin for stretch in stretches]
     return all(
@@ -80,7 +80,7 @@ def _whole(pieces: Sequence[Piece], stretches: Sequence[_Stretch]) -> bool:
     )
 
 
-def _placed(pieces: Sequence[Piece], stretches: Sequence[_Stretch]) -> Iterator[Piece]:
+def _placed(pieces: Sequence[Piece], stretches: Sequence[_EnvelopeStretch]) -> Iterator[Piece]:
     """Pieces of an envelope's stream in the bytes of all; noise is divided where bytes of others lie between."""
     begins = [stretch.begin for stretch in stretches]
 

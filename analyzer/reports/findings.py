@@ -78,7 +78,7 @@ def _group_lines(row: FindingRow) -> Iterator[str]:
                 said.add(words)
     if len(row.groups) > _GROUPS:
         more = len(row.groups) - _GROUPS
-        yield f"   and {more} more {plural(more, 'kind or unit', 'kinds or units')} (--json has all)"
+        yield f"   and {plural(more, 'more kind or unit', 'more kinds or units')} (--json has all)"
 
 
 def where(group: FindingGroup, row: FindingRow) -> Iterator[str]:

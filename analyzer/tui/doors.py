@@ -2,68 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from dissectors.functions import function_code
-
 from ..model.filtering import compiled
-from ..model.pollvalues import poll_values
 from ..model.search import for_test
+from .doorcells import DoorCell
 from .filterbar import FilterBar
 from .prompts import Choose
+from .views import BY_NAME
 
 if TYPE_CHECKING:
     from .screen import BusScreen
 
-_BIT_AREAS: Final = "01"
 _ASKS: Final = {"=": "Filter to", "!": "Filter out", "&": "Add with and", "|": "Add with or", ".": "Go to the next of"}
-
-
-@dataclass(frozen=True, slots=True)
-class DoorCell:
-    """Something that stands on a line: a key to choose it by, its words, and the filter that means it."""
-
-    key: str
-    words: str
-    text: str
-
-
-def register_text(unit: int, logical: str) -> str:
-    """The filter for a register or a bit of a unit."""
-    return f"unit == {unit} and {'bit' if logical[0] in _BIT_AREAS else 'register'} == {logical}"
-
-
-def cells_of_row(screen: BusScreen) -> list[DoorCell]:
-    """What the row under the cursor speaks of, the field under the cursor below first."""
-    row, bus = screen.jumps.here, screen.desk.bus
-    if row < 0 or not bus.count:
-        return []
-    if bus.is_noise(row):
-        return [DoorCell("n", "noise", "noise")]
-    frame = bus.frame(row)
-    cells = []
-    item = screen.detail.fields.item
-    place = "" if item is None else item.text.partition(":")[0]
-    if screen.detail.fields.has_focus and item is not None and item.length and place.isdecimal() and len(place) > 4:
-        cells.append(DoorCell("v", f"register {place} of unit {frame.unit}", register_text(frame.unit, place)))
-    cells += [
-        DoorCell("u", f"unit {frame.unit}", f"unit == {frame.unit}"),
-        DoorCell("f", f"{function_code(frame.function)} {frame.name}", f"function == {frame.function}"),
-    ]
-    partner = bus.partner(row)
-    asked = partner if partner is not None and frame.direction == "response" else row
-    poll = poll_values(bus, [asked])[0]
-    if poll.register:
-        register = register_text(frame.unit, poll.register)
-        cells.append(DoorCell("r", f"register {poll.register} of unit {frame.unit}", register))
-        whole = f"{register} and function == {frame.function} and quantity == {poll.quantity}"
-        cells.append(DoorCell("p", f"this poll: {poll.register} ×{poll.quantity} of unit {frame.unit}", whole))
-    if frame.exception:
-        cells.append(DoorCell("x", f"exception {frame.exception}", f"exception == {frame.exception}"))
-    codes = dict.fromkeys(finding.code for each in {row, asked, partner} - {None} for finding in bus.findings(each))  # type: ignore[arg-type]
-    cells += [DoorCell("cdeghij"[i], code, f'finding == "{code}"') for i, code in enumerate(list(codes)[:7])]
-    return cells
 
 
 class Doors:
@@ -74,8 +25,6 @@ class Doors:
 
     async def go(self, way: str) -> None:
         """Ask for a cell of the line where there are several, and go through it."""
-        from .views import BY_NAME
-
         screen = self._screen
         cells = BY_NAME[screen.view].cells(screen)
         if not cells:

@@ -34,7 +34,7 @@ _AGAIN_S: Final = 2.0  # between two reckonings of causes while rows come
 _PAUSE_S: Final = 0.3  # between two countings while rows come
 
 
-class _Block(NamedTuple):
+class _LineBlock(NamedTuple):
     """A stretch of lines: a heading over what a cause explains, or findings of one code under a line that counts them.
 
     `cause` is its number, None for findings that none explains.
@@ -72,7 +72,7 @@ class FindingList(Lines):
         self.causes: Sequence[Cause] = ()
         self._by_cause = True  # the user's wish
         self._numbers = np.zeros(0, np.int64)
-        self._blocks: list[_Block] = []
+        self._blocks: list[_LineBlock] = []
         self._opened: set[tuple[int | None, str]] = set()
         self.scope: Selection | None = None  # rows that findings are shown of; None: all, and the bus as a whole
         self._tested = 0
@@ -88,7 +88,7 @@ class FindingList(Lines):
         """Whether they stand by cause: from the start where there are causes, until one code is asked for."""
         return bool(self.causes) and self.code is None and self._by_cause
 
-    def _at(self, line: int) -> tuple[_Block | None, int]:
+    def _at(self, line: int) -> tuple[_LineBlock | None, int]:
         """The block that a line stands in, and the number of its finding; -1 on the line that counts them."""
         if not self.grouped:
             return None, int(self._numbers[line]) if line < len(self._numbers) else -1
@@ -190,10 +190,10 @@ class FindingList(Lines):
             by_code = {code: np.sort(np.concatenate(parts)) for code, parts in groups.get(which, {}).items()}
             if which is None and not by_code:
                 continue
-            self._blocks.append(_Block(which, "", np.zeros(0, np.int64), False))
+            self._blocks.append(_LineBlock(which, "", np.zeros(0, np.int64), False))
             for code, numbers in sorted(by_code.items(), key=lambda each: -len(each[1])):
                 order = np.argsort(log.rows_of(numbers), kind="stable")
-                self._blocks.append(_Block(which, code, numbers[order], (which, code) in self._opened))
+                self._blocks.append(_LineBlock(which, code, numbers[order], (which, code) in self._opened))
 
     def count(self) -> int:
         return sum(block.lines for block in self._blocks) if self.grouped else len(self._numbers)
@@ -217,7 +217,7 @@ class FindingList(Lines):
             return fitted(self._heading(block) if not block.code else self._counted(block), width)
         return fitted(self._finding_line(number), width)
 
-    def _heading(self, block: _Block) -> list[StyledText]:
+    def _heading(self, block: _LineBlock) -> list[StyledText]:
         total = sum(len(each.numbers) for each in self._blocks if each.cause == block.cause)
         said = f"{plural(total, 'finding', 'findings')}"
         if block.cause is None:
@@ -227,7 +227,7 @@ class FindingList(Lines):
         kind = cause.severity
         return [StyledText(f"{letter} ", kind), StyledText(f"{said}: ", "dim"), StyledText(cause.text, "strong")]
 
-    def _counted(self, block: _Block) -> list[StyledText]:
+    def _counted(self, block: _LineBlock) -> list[StyledText]:
         log = self.desk.bus.found
         finding = log.finding(int(block.numbers[0]))
         sign = "-" if block.opened else "+"

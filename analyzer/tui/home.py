@@ -11,7 +11,7 @@ import numpy as np
 
 from ..words import compact, duration, short
 from .causeitems import of_cause, whose
-from .doors import DoorCell
+from .doorcells import DoorCell
 from .filterbar import FilterBar
 from .items import FrameDetail, Item
 from .lines import Lines

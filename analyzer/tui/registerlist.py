@@ -18,7 +18,7 @@ from ..model.registers import RegisterSeries, WatchedRegister
 from ..registers.pace import is_due
 from ..words import short
 from .burst import ASKING
-from .doors import DoorCell, register_text
+from .doorcells import DoorCell, register_text
 from .lines import Lines
 from .paint import StyledText, fitted
 from .plot import Plot, Series

@@ -9,7 +9,7 @@ from rich.cells import cell_len
 from textual.binding import Binding, BindingType
 from textual.cache import LRUCache
 
-from ..model.pollvalues import PollValues, poll_values
+from ..model.pollvalues import TransactionValues, poll_values
 from ..model.selection import ListRows, Selection, Unfolded, transactions
 from ..tables.schema import Kind
 from ..words import pointed_ms
@@ -44,7 +44,7 @@ class TransactionList(FrameList):
         self.rows = Selection(desk.bus, transactions)
         self._lines = Unfolded(desk.bus, self.rows)
         self._meant = -1  # a request that is meant itself, not its answer
-        self._read: LRUCache[int, PollValues] = LRUCache(_KEPT)
+        self._read: LRUCache[int, TransactionValues] = LRUCache(_KEPT)
 
     def use(self, rows: ListRows) -> None:
         row = self._lines.place(self.cursor)[0] if self.cursor < self._lines.count else None
@@ -134,7 +134,7 @@ class TransactionList(FrameList):
         room = max(0, width - sum(cell_len(piece.text) for piece in pieces))
         return [*pieces, *self._outcome(found, ended, room)]
 
-    def _outcome(self, found: PollValues, ended: StyledText, room: int) -> Sequence[StyledText]:
+    def _outcome(self, found: TransactionValues, ended: StyledText, room: int) -> Sequence[StyledText]:
         """What came of it: values in columns, or words where there are none."""
         desk, row, answer = self.desk, found.row, found.answer
         table = desk.bus.table
@@ -157,7 +157,7 @@ class TransactionList(FrameList):
             said = [*words.words(desk, row)[0], *([StyledText(" → ", "response")] if said else []), *said]
         return words.shared(said, about, room)
 
-    def _values(self, line: int, row: int) -> PollValues:
+    def _values(self, line: int, row: int) -> TransactionValues:
         """What a line carries; a block of lines is read at once."""
         table, read = self.desk.bus.table, self._read
         known = read.get(row)
@@ -170,7 +170,7 @@ class TransactionList(FrameList):
         return read[row]
 
 
-def _columns(found: PollValues) -> list[StyledText]:
+def _columns(found: TransactionValues) -> list[StyledText]:
     """Values, registers below each other; one that is another than last time has a star, and stands out."""
     width = 1 if found.register[:1] in _BIT_AREAS and len(found.register) > 1 else _WORD
     out = []

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from textual.containers import Vertical
 
 from ..words import compact, short
-from .doors import DoorCell
+from .doorcells import DoorCell
 from .filterbar import FilterBar
 from .history import History
 from .lines import Lines

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from .doors import DoorCell, cells_of_row
+from .doorcells import DoorCell, cells_of_row
 from .paint import Painted
 
 if TYPE_CHECKING:

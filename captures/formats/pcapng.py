@@ -40,7 +40,7 @@ _HEAD: Final = 28  # bytes of a packet block before the packet
 
 
 @dataclass(frozen=True, slots=True)
-class _Clock:
+class _InterfaceClock:
     """How an interface counts time: units in a second, and seconds to add."""
 
     units: int = 1_000_000
@@ -60,7 +60,7 @@ class _PcapngFile:
     path: Path
     interfaces: list[Interface] = field(default_factory=list)
     header: dict[str, object] = field(default_factory=dict)
-    _clocks: list[_Clock] = field(default_factory=list)
+    _clocks: list[_InterfaceClock] = field(default_factory=list)
     _order: str = "<"
     _base: int = 0  # the first interface of this section
 
@@ -155,7 +155,7 @@ class _PcapngFile:
         name = _text(found[ng.NAME]) if ng.NAME in found else None
         serial = link == UPPER_PDU and 0 < baud < 10**8  # an Ethernet card's speed is no baud rate
         self.interfaces.append(Interface(link, name, baud if serial else None))
-        self._clocks.append(_Clock(units, seconds))
+        self._clocks.append(_InterfaceClock(units, seconds))
 
     def _columns(self, data: bytes, batch: list[tuple[int, int]], note: Note) -> Iterator[Packets]:
         if not batch:

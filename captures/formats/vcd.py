@@ -49,7 +49,7 @@ class _Changes:
 
 
 @dataclass(frozen=True, slots=True)
-class _Dump:
+class _WaveDump:
     path: Path
     names: list[str]
     levels: list[int]
@@ -158,7 +158,7 @@ def _sniff(head: bytes) -> float:
     return 1.0 if head.lstrip().startswith(b"$") else 0.0
 
 
-def _load(path: Path) -> _Dump:
+def _load(path: Path) -> _WaveDump:
     with opened(path) as file:
         head = file.read(_HEADER)
     end = _END.search(head)
@@ -170,14 +170,14 @@ def _load(path: Path) -> _Dump:
     if not codes:
         raise CaptureError(f"{path}: no variable of one bit in this dump: nothing here is a serial line")
     names = [found[code].decode("utf-8", "replace") for code in codes]
-    dump = _Dump(path, names, [0] * len(codes), codes, end.end(), int(scale[1]) * _FEMTOSECONDS[scale[2]])
+    dump = _WaveDump(path, names, [0] * len(codes), codes, end.end(), int(scale[1]) * _FEMTOSECONDS[scale[2]])
     levels = [0] * len(codes)
     for data, changes in dump._changes(lambda *_: None):
         for channel, code in enumerate(codes):
             mine = _named(data, changes, code)
             levels[channel] = int(changes.value[mine[0]]) if len(mine) else 0
         first = int(dump._nanoseconds(changes.time[:1])[0]) if len(changes.time) else 0
-        return _Dump(path, names, levels, codes, dump.begin, dump.scale, first)
+        return _WaveDump(path, names, levels, codes, dump.begin, dump.scale, first)
     return dump
 
 
