@@ -89,3 +89,10 @@ def test_without_times_no_time_is_said(name: str) -> None:
     assert causes
     for cause in causes:
         assert (cause.since_ns, cause.until_ns, cause.period_s, cause.lost_ms) == (None,) * 4
+
+
+def test_answers_that_run_into_what_is_sent_next_are_late_and_no_second_master() -> None:
+    made = field_cases()["timeout-too-short"].capture("precise", 3601)
+    found = causes_in(capture_of(made))
+    assert [(cause.cause, cause.units[:1]) for cause in found[:1]] == [("timeout-too-short", made.expected.units)]
+    assert "two-masters" not in [cause.cause for cause in found]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from math import log2
-from typing import Final
+from math import log, log2
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,31 +39,76 @@ def clustering_bits(hits: int, trials: int, runs: int) -> float:
     return max(0.0, chained - likelihood_bits(hits, trials, rate)) if stays > rate else 0.0
 
 
-_FREQUENCIES: Final = 1 << 17  # that are tried: over spans that tell more of them apart no frequency keeps its phase
+_COHERENT: Final = (16.0, 128.0, 1024.0)  # s; a mains wanders, so that what keeps step in short may not in long
+_SHARPNESS: Final = (1.0, 3.0, 10.0, 30.0)  # of phases about one of them: kappa of von Mises' distribution
+_LARGE: Final = 30.0
+_AT_ONCE: Final = 1 << 18  # phases
 
 
-def phase_bits(times: NDArray[np.float64], low: float, high: float, span: float) -> tuple[float, float, float]:
-    """Whether events keep step with some frequency between two (per unit of time): (bits, frequency, R).
+class Phases(NamedTuple):
+    """How well events keep step: bits, the frequency, and how much alike their phases are (0..1)."""
 
-    Rayleigh's test at each frequency that the span tells from its neighbours; the bits pay for having looked at all.
-    R is the length of the mean vector, 1 where all events have one phase.
+    bits: float
+    frequency: float
+    alike: float
+
+
+def phase_bits(times: NDArray[np.float64], low: float, high: float) -> Phases:
+    """Whether events (s) keep step with some frequency between two (Hz), within stretches of the time.
+
+    How much likelier the phases of each stretch are about one phase, whichever, than any; the bits of stretches add up,
+    and pay for the frequencies, lengths and sharpnesses looked at. What it costs hangs on the count of events alone, not
+    on the time between the first and the last.
     """
-    count = len(times)
-    if count < 2 or span <= 0:
-        return 0.0, 0.0, 0.0
-    step = 1 / (4 * span)
-    if (high - low) / step > _FREQUENCIES:
-        return 0.0, 0.0, 0.0
-    frequencies = np.arange(low, high + step, step)
-    best, where = 0.0, 0.0
-    for part in np.array_split(frequencies, max(1, len(frequencies) // 256)):
-        turns = np.exp(2j * np.pi * np.outer(part, times))
-        lengths = np.abs(turns.mean(axis=1))
-        i = int(np.argmax(lengths))
-        if lengths[i] > best:
-            best, where = float(lengths[i]), float(part[i])
-    bits = count * best**2 / np.log(2) - log2(max(len(frequencies) / 4, 1))
-    return float(bits), where, best
+    best = Phases(0.0, 0.0, 0.0)
+    if len(times) < 2:
+        return best
+    times = np.sort(times) - times.min()
+    lengths = sorted({min(length, float(times[-1])) for length in _COHERENT} - {0.0})
+    for length in lengths:
+        frequencies = low + np.arange(int((high - low) * 4 * length) + 1) / (4 * length)
+        places = np.floor(times / length)
+        _, at, counts = np.unique(places, return_inverse=True, return_counts=True)
+        pairs = float((counts * (counts - 1)).sum())
+        if not pairs:
+            continue
+        met = counts[at] > 1  # a phase alone is like any
+        tried = (times - places * length)[met]
+        starts = np.flatnonzero(np.diff(at[met], prepend=-1))
+        counts = counts[counts > 1]
+        powers = _powers(tried, starts, frequencies)
+        surplus = (powers - counts).sum(axis=1)
+        i = int(np.argmax(surplus))
+        sums = np.sqrt(powers[i])
+        found = max(
+            float((_log_bessel(sharp * sums) - counts * _log_bessel(np.array(sharp))).sum()) for sharp in _SHARPNESS
+        )
+        bits = found / log(2) - log2(len(frequencies) * len(_SHARPNESS) * len(lengths))
+        if bits > best.bits:
+            best = Phases(bits, float(frequencies[i]), float(np.sqrt(max(surplus[i], 0.0) / pairs)))
+    return best
+
+
+def _powers(
+    times: NDArray[np.float64], starts: NDArray[np.int64], frequencies: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The squared length of the sum of the phases of each stretch, a row a frequency."""
+    rows = max(1, _AT_ONCE // len(times))
+    return np.concatenate(
+        [
+            np.abs(np.add.reduceat(np.exp(2j * np.pi * np.outer(frequencies[i : i + rows], times)), starts, axis=1))
+            ** 2
+            for i in range(0, len(frequencies), rows)
+        ]
+    )
+
+
+def _log_bessel(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The logarithm of the modified Bessel function of order 0, which itself overflows."""
+    large = np.maximum(x, _LARGE)
+    return np.where(
+        x < _LARGE, np.log(np.i0(np.minimum(x, _LARGE))), large - 0.5 * np.log(2 * np.pi * large) + 1 / (8 * large)
+    )
 
 
 def spread_bits(hits: NDArray[np.int64], trials: NDArray[np.int64]) -> float:

@@ -21,6 +21,7 @@ from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol, Rows, take_rows
 from ..tables.transactions import NEVER, Status
 from .columntable import ColumnTable
+from .crowdedtimes import CrowdedTimes
 from .exchanges import ANSWERED, Ending, ExchangeBuilder, RowColumns, Stretch, Unowned
 from .polls import PollTable
 from .samples import sampled
@@ -79,7 +80,7 @@ class Ledger:
         self.repeat_waits = Thinned()  # ns, from a request without an answer to the same one again
         self.repeats_answered = 0  # requests that came twice and were answered then
         self.noise: list[tuple[int, int, bytes]] = []  # a few stretches in no frame: time, port, bytes
-        self.stray_times = Thinned()  # ns, of short stretches in no frame
+        self.stray_times = CrowdedTimes()  # ns, of short stretches in no frame
         self.marked_bytes = 0  # by the UART
         self.ports: dict[int, Counter[str]] = defaultdict(Counter)
         self.begin: int | None = None

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, phase_bits, surplus_bits
+from ..crowdedtimes import CrowdedTimes
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
 from ..exchanges import Ending
 from ..hits import ALIKE, Hits, end_of_part, evenness_bits, is_one_units, span_of_hits
@@ -112,23 +113,24 @@ def emi_mains(evidence: Evidence) -> Iterator[Suspicion]:
     times = _times_of_hits(evidence)
     if len(times) < _LEAST:
         return
-    span = evidence.ledger.span_ns / 1e9
     for mains, strays in _MAINS:
         for per_wave in (1, 2):
-            found, frequency, length = phase_bits(times, per_wave * (mains - strays), per_wave * (mains + strays), span)
-            if found >= _SURE_BITS:
-                numbers = {"frequency": frequency / per_wave, "alike": length}
-                yield _suspicion(evidence, hits, bits + found, numbers, period_s=round(1 / frequency, 6))
+            found = phase_bits(times, per_wave * (mains - strays), per_wave * (mains + strays))
+            if found.bits >= _SURE_BITS:
+                numbers = {"frequency": found.frequency / per_wave, "alike": found.alike}
+                yield _suspicion(evidence, hits, bits + found.bits, numbers, period_s=round(1 / found.frequency, 6))
 
 
 def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """When damage struck, s, as far as its place is known."""
+    """When damage struck, s, as far as its place is known; of a long capture where most of it is close together."""
     times: list[int] = []
     for unit in evidence.units:
         for reading in evidence.readings(unit):
             if reading.damage is AnswerDamage.BITS and reading.t_ns >= 0:
                 times.append(reading.t_ns)
-    return np.concatenate((np.array(times, np.float64), evidence.ledger.stray_times.numbers)) / 1e9
+    most = CrowdedTimes()
+    most.add(np.sort(np.concatenate((np.array(times, np.float64), evidence.ledger.stray_times.numbers))))
+    return most.numbers / 1e9
 
 
 @suspect(

@@ -21,6 +21,7 @@ _LEAST: Final = 3
 _BACKGROUND: Final = 0.003
 _MOSTLY: Final = 0.6  # of all late answers
 _SURE_BITS: Final = 16.0
+_RUN_INTO_BITS: Final = 30.0
 _SOONER: Final = 0.85
 _SILENT: Final = 0.02
 _OTHERS: Final = 2
@@ -61,13 +62,11 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
                 late[sender] += 1
     for unit in evidence.units:
         others = [other for other in evidence.units if other.unit != unit.unit]
-        mine, rest = late[unit.unit], sum(late[other.unit] for other in others)
+        behind, run_into = _run_into(evidence, unit)
+        mine, rest = max(late[unit.unit], run_into), sum(late[other.unit] for other in others)
         if mine < _LEAST or mine < _MOSTLY * (mine + rest):
             continue
         background = max(_BACKGROUND, (rest + 0.5) / (sum(other.asked for other in others) + 100))
-        asked, hits = evidence.ledger.next_asked, evidence.ledger.next_hit
-        elsewhere = (hits.sum() - hits[unit.unit] + 0.5) / (asked.sum() - asked[unit.unit] + 50)
-        behind = surplus_bits(int(hits[unit.unit]), int(asked[unit.unit]), max(HEALTHY, float(elsewhere)))
         silent = surplus_bits(evidence.silent(unit), unit.asked, _SILENT) / 2
         garbled = max(kind_bits(evidence.readings(unit), _KINDS), 0.0)
         explains = {(Symptom.LATENESS, unit.unit), (Symptom.SILENCE, unit.unit), (Symptom.DOUBLES, unit.unit),
@@ -97,6 +96,17 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
             lost_ms=lost_ms,
             frames=tuple(unit.examples.get(Ending.SILENT, [])),
         )
+
+
+def _run_into(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
+    """How much likelier the damage right behind a unit's exchanges is its doing (bits), and how many of its answers ran
+    into what was sent next: no more than it left requests silent, and none where that is not sure."""
+    asked, hits = evidence.ledger.next_asked, evidence.ledger.next_hit
+    mine, trials = int(hits[unit.unit]), int(asked[unit.unit])
+    elsewhere = max(HEALTHY, float((hits.sum() - mine + 0.5) / (asked.sum() - trials + 50)))
+    bits = surplus_bits(mine, trials, elsewhere)
+    sure = bits >= _RUN_INTO_BITS and mine <= evidence.silent(unit) and evidence.is_open(Symptom.LATENESS, unit.unit)
+    return bits, round(mine - elsewhere * trials) if sure else 0
 
 
 def _late(evidence: Evidence, unit: UnitLedger) -> int:
