@@ -87,10 +87,10 @@ class Block:
     @classmethod
     def from_chunks(cls, chunks: Iterable[Chunk], *, timed: bool = True) -> Block:
         """Columns of these chunks, empty ones left out; ValueError for a value out of its range."""
-        kept = [chunk for chunk in chunks if chunk.data]
-        offsets = np.cumsum([0, *(len(chunk.data) for chunk in kept)], dtype=np.int64)
+        filled = [chunk for chunk in chunks if chunk.data]
+        offsets = np.cumsum([0, *(len(chunk.data) for chunk in filled)], dtype=np.int64)
         errors: list[int] = []
-        for start, chunk in zip(offsets.tolist(), kept, strict=False):
+        for start, chunk in zip(offsets.tolist(), filled, strict=False):
             if not -TIME_LIMIT < chunk.t_ns < TIME_LIMIT:
                 raise ValueError(f"time {chunk.t_ns} ns is out of range")
             if not 0 <= chunk.port <= 255:
@@ -99,11 +99,11 @@ class Block:
                 raise ValueError(f"errors {list(chunk.errors)} are not all inside a chunk of {len(chunk.data)} bytes")
             errors.extend(start + error for error in sorted(set(chunk.errors)))
         return cls(
-            data=np.frombuffer(b"".join(chunk.data for chunk in kept), dtype=np.uint8),
+            data=np.frombuffer(b"".join(chunk.data for chunk in filled), dtype=np.uint8),
             offsets=offsets,
-            t_ns=np.array([chunk.t_ns if timed else 0 for chunk in kept], dtype=np.int64),
-            port=np.array([chunk.port for chunk in kept], dtype=np.uint8),
-            mark=np.array([chunk.mark for chunk in kept], dtype=np.uint8),
+            t_ns=np.array([chunk.t_ns if timed else 0 for chunk in filled], dtype=np.int64),
+            port=np.array([chunk.port for chunk in filled], dtype=np.uint8),
+            mark=np.array([chunk.mark for chunk in filled], dtype=np.uint8),
             errors=np.array(errors, dtype=np.int64),
             timed=timed,
         )

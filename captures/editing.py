@@ -152,20 +152,20 @@ class _CutToSpans:
         return [note for note in self.capture.notes() if times[0][0] <= note.t_ns <= times[-1][1]]
 
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:  # noqa: ARG002
-        done: dict[int, int] = {}
+        counts: dict[int, int] = {}
         for block in self.capture.blocks(max_bytes):
             sizes = np.diff(block.offsets)
-            kept = np.zeros(len(block.data), np.bool_)
+            inside_spans = np.zeros(len(block.data), np.bool_)
             for port in np.flatnonzero(np.bincount(block.port)).tolist():
                 mine = np.repeat(block.port == port, sizes)
-                first = done.get(port, 0)
+                first = counts.get(port, 0)
                 count = int(np.count_nonzero(mine))
-                done[port] = first + count
+                counts[port] = first + count
                 inside = np.zeros(count, np.bool_)
                 for begin, end in self.spans.get(port, ()):
                     inside[max(begin - first, 0) : max(end - first, 0)] = True
-                kept[mine] = inside
-            yield block if kept.all() else _of_bytes(block, kept)
+                inside_spans[mine] = inside
+            yield block if inside_spans.all() else _of_bytes(block, inside_spans)
 
 
 def _unheard(_where: str, _what: str) -> None:
@@ -184,23 +184,23 @@ class _Merged:
 
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:  # noqa: ARG002
         streams = [iter(capture.blocks(max_bytes)) for capture in self.captures]
-        held: list[Block | None] = [None] * len(streams)
+        heads: list[Block | None] = [None] * len(streams)
         while True:
             for i, stream in enumerate(streams):
-                if held[i] is None and (block := next(stream, None)) is not None:
-                    held[i] = replace(block, port=block.port + np.uint8(self.firsts[i]))
-            waiting = [block for block in held if block is not None]
+                if heads[i] is None and (block := next(stream, None)) is not None:
+                    heads[i] = replace(block, port=block.port + np.uint8(self.firsts[i]))
+            waiting = [block for block in heads if block is not None]
             if not waiting:
                 return
             horizon = min(int(block.t_ns.max()) for block in waiting)
             parts: list[Block] = []
-            for i, block in enumerate(held):
+            for i, block in enumerate(heads):
                 if block is None:
                     continue
                 turn = np.maximum.accumulate(block.t_ns)
                 count = int(np.searchsorted(turn, horizon, side="right"))
                 parts.append(block.slice(0, count))
-                held[i] = block.slice(count, len(block)) if count < len(block) else None
+                heads[i] = block.slice(count, len(block)) if count < len(block) else None
             joined = Block.joined(parts)
             turns = np.concatenate([np.maximum.accumulate(part.t_ns) for part in parts])
             yield taken(joined, np.argsort(turns, kind="stable"))

@@ -65,9 +65,9 @@ def first_line(path: Path, head: bytes) -> bytes:
 
 def other_kind(head: bytes) -> str | None:
     """What a file that begins like this is, when it is a well-known kind that holds no capture."""
-    for magic, what in _OTHER_KINDS:
+    for magic, kind in _OTHER_KINDS:
         if head.startswith(magic):
-            return what
+            return kind
     if head[_TAR[0] :].startswith(_TAR[1]):
         return "a tar archive: unpack it first"
     first = head.partition(b"\n")[0].decode("utf-8", "replace").lstrip("\ufeff")
@@ -134,8 +134,8 @@ def lines_of(text: bytes) -> list[bytes]:
 def text_batches(file: BinaryIO, note: Callable[[str, str], None], size: int) -> Iterator[tuple[int, bytes]]:
     """The same lines as `line_batches` gives, each batch as one text; only the file's last line may lack its end."""
     number, rest, skipping = 1, bytearray(), False
-    while piece := file.read(max(size, _PIECE)):
-        rest += piece
+    while octets := file.read(max(size, _PIECE)):
+        rest += octets
         cut = rest.rfind(b"\n") + 1
         if cut == 0:
             if len(rest) > LINE_LIMIT:

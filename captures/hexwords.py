@@ -66,20 +66,20 @@ def read_paste(text: str, judge: Judge = no_judge, zone: tzinfo | None = None) -
     `judge` says which bytes have right check values, by which bytes are told from other numbers; `zone` is that of
     dates without one (None: this machine's). Raises HexError, one line for a person, where no bytes are found.
     """
-    found = _read(text, judge, zone)
-    if not found.words:
-        raise HexError(_nothing(text, found.unread))
-    return found
+    paste = _read(text, judge, zone)
+    if not paste.words:
+        raise HexError(_nothing(text, paste.unread))
+    return paste
 
 
 def _read(text: str, judge: Judge, zone: tzinfo | None) -> TextBytes:
-    given = list(joined(read_lines(text.splitlines(), judge, zone)))
+    reads = list(joined(read_lines(text.splitlines(), judge, zone)))
     words = tuple(
-        Words(piece.data, piece.mark, piece.t_ns, piece.line, piece.text, piece.ascii)
-        for piece in given
-        if isinstance(piece, Piece)
+        Words(read.data, read.mark, read.t_ns, read.line, read.text, read.ascii)
+        for read in reads
+        if isinstance(read, Piece)
     )
-    return TextBytes(words, tuple(piece for piece in given if isinstance(piece, UnreadLine)))
+    return TextBytes(words, tuple(read for read in reads if isinstance(read, UnreadLine)))
 
 
 def _nothing(text: str, unread: tuple[UnreadLine, ...]) -> str:

@@ -83,8 +83,8 @@ class LineSettings:
         `bits` are the data bits, 5 to 8. What they leave open of a character is as it was, else 8 data bits, no parity,
         one stop bit. ValueError for a setting that no line can have.
         """
-        given = {"baud": baud, "parity": parity, "stop_bits": stop}
-        for name, value in given.items():
+        settings = {"baud": baud, "parity": parity, "stop_bits": stop}
+        for name, value in settings.items():
             if value is not None and not _RULES[name](value):
                 raise ValueError(f"{name.partition('_')[0]} {value!r} is a setting that no line can have")
         if bits is not None and not _whole(bits, 5, 8):

@@ -53,16 +53,16 @@ def copy_spilling(out: Bytes, at: Ints, data: Bytes, begins: Ints, sizes: Ints) 
     room = np.minimum(len(out) - at, len(data) - begins) // _STEP
     steps[(room < steps) | (sizes >= _WIDE)] = 0
     for count in np.flatnonzero(np.bincount(steps)).tolist():
-        here = np.flatnonzero(steps == count)
+        selected = np.flatnonzero(steps == count)
         if count:
             width = count * _STEP
-            windows(out, width)[at[here]] = windows(data, width)[begins[here]]
+            windows(out, width)[at[selected]] = windows(data, width)[begins[selected]]
         else:
-            copy_pieces(out, at[here], data, begins[here], sizes[here])
+            copy_pieces(out, at[selected], data, begins[selected], sizes[selected])
 
 
 def sums(counts: Ints) -> Ints:
     """What comes before each of these, and all of it at the end."""
-    found = np.zeros(len(counts) + 1, np.int64)
-    np.cumsum(counts, out=found[1:])
-    return found
+    ends = np.zeros(len(counts) + 1, np.int64)
+    np.cumsum(counts, out=ends[1:])
+    return ends

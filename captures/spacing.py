@@ -35,9 +35,9 @@ def inferred(capture: Capture) -> LineSettings:
     """The line's settings with baud rate and bits of a character, where bytes tell them, and a note that says so."""
     line = capture.line
     block = next(iter(capture.blocks(_LOOK)), None)
-    if block is None or (found := fitting(character_ns(steps_between_bytes([block])), line.char_bits)) is None:
+    if block is None or (fit := fitting(character_ns(steps_between_bytes([block])), line.char_bits)) is None:
         return line
-    baud, bits = found
+    baud, bits = fit
     how = f"{baud} bit/s and {bits} bits a character are inferred from the spacing of bytes (--baud says otherwise)"
     return replace(line, baud=baud, char_bits=line.char_bits or bits, notes={**line.notes, INFERRED: how})
 
@@ -77,5 +77,5 @@ def fitting(character: float | None, char_bits: int | None = None) -> tuple[int,
     if not near:
         return None
     best = min(off for off, *_ in near)
-    _, rate, n = next(found for found in near if found[0] <= best + _OFF / 2)
+    _, rate, n = next(candidate for candidate in near if candidate[0] <= best + _OFF / 2)
     return rate, n

@@ -27,10 +27,10 @@ class _Disorder:
     back_ns: int = 0
 
     def add(self, where: NDArray[np.bool_], chunk: NDArray[np.int64], change: NDArray[np.int64]) -> None:
-        found = np.flatnonzero(where)
-        if len(found) and not self.count:
-            self.chunk, self.back_ns = int(chunk[found[0]]), -int(change[found[0]])
-        self.count += len(found)
+        rows = np.flatnonzero(where)
+        if len(rows) and not self.count:
+            self.chunk, self.back_ns = int(chunk[rows[0]]), -int(change[rows[0]])
+        self.count += len(rows)
 
     @property
     def times(self) -> str:
@@ -59,12 +59,12 @@ class TimeOrder:
             raw = t_ns[at]
             before = self._raw.get(number, int(raw[0]))
             change = np.diff(raw, prepend=before)
-            given = raw
+            ordered = raw
             if self._shift.get(number) or change.min() < 0 or raw[0] < self._given.get(number, before):
-                given = self._in_order(number, raw, change, first + at)
+                ordered = self._in_order(number, raw, change, first + at)
                 mended = mended.copy() if mended is t_ns else mended
-                mended[at] = given
-            self._raw[number], self._given[number] = int(raw[-1]), int(given[-1])
+                mended[at] = ordered
+            self._raw[number], self._given[number] = int(raw[-1]), int(ordered[-1])
         return mended
 
     def complaints(self) -> Iterator[tuple[str, str]]:
@@ -85,12 +85,12 @@ class TimeOrder:
         shift = _sums(np.where(step, -change, 0), self._shift.get(port, 0))
         self._shift[port] = int(shift[-1])
         beyond = raw > TIME_LIMIT - 1 - shift
-        given = np.where(beyond, TIME_LIMIT - 1, raw + shift)
+        shifted = np.where(beyond, TIME_LIMIT - 1, raw + shift)
         self._late.add((change < 0) & ~step, chunk, change)
         self._steps.add(step, chunk, change)
         self._beyond.add(beyond, chunk, change)
         floor = self._given.get(port, -TIME_LIMIT)
-        return np.maximum.accumulate(np.maximum(given, floor))
+        return np.maximum.accumulate(np.maximum(shifted, floor))
 
 
 def _sums(steps: NDArray[np.int64], before: int) -> NDArray[np.int64]:

@@ -66,9 +66,9 @@ def summary(adu: Adu, role: Role, context: Context = Context()) -> str:
     declaration = function.request if role is Role.REQUEST else function.response
     _, problem = record(declaration, data[at + 1 : end], recorder)
     for template in function.words(role.name.lower()):
-        said = filled(template, recorder.fields)
-        if said is not None:
-            return said
+        text = filled(template, recorder.fields)
+        if text is not None:
+            return text
     return f"{name} {role.name.lower()}{': ' + problem if problem else ''}"
 
 
@@ -77,26 +77,24 @@ def header_fields(adu: Adu) -> tuple[Field, ...]:
     data = adu.data
     if adu.protocol != "tcp":
         return (_unit(data, 0, serial=True),) if data else ()
-    found: list[Field] = []
+    fields: list[Field] = []
     for name, at, end in (("transaction", 0, 2), ("protocol_id", 2, 4), ("length", 4, 6)):
-        piece = data[at:end]
-        if not piece:
-            return tuple(found)
-        if len(piece) < 2:
-            found.append(
-                Field(name, at, 1, piece.hex(), piece.hex(), piece.hex(), problem="2 bytes are due, 1 is there")
-            )
-            return tuple(found)
-        value = int.from_bytes(piece, "big")
+        part = data[at:end]
+        if not part:
+            return tuple(fields)
+        if len(part) < 2:
+            fields.append(Field(name, at, 1, part.hex(), part.hex(), part.hex(), problem="2 bytes are due, 1 is there"))
+            return tuple(fields)
+        value = int.from_bytes(part, "big")
         problem = None
         if name == "protocol_id" and value:
             problem = "0 is Modbus, anything else is not"
         elif name == "length" and value != len(data) - end:
             problem = f"{_plural(value, 'byte')} should follow, {len(data) - end} do"
-        found.append(Field(name, at, 2, value, piece.hex(), str(value), problem=problem))
+        fields.append(Field(name, at, 2, value, part.hex(), str(value), problem=problem))
     if len(data) >= MBAP:
-        found.append(_unit(data, MBAP - 1, serial=False))
-    return tuple(found)
+        fields.append(_unit(data, MBAP - 1, serial=False))
+    return tuple(fields)
 
 
 def _unit(data: bytes, at: int, *, serial: bool) -> Field:
@@ -145,11 +143,11 @@ def _pdu(data: bytes, at: int, end: int, role: Role, context: Context) -> tuple[
     else:
         declaration = function.request if role is Role.REQUEST else function.response
     reached, problem = record(declaration, data[begin:end], recorder)
-    found = [head, *_tiled(recorder, begin, begin + reached if problem is None else end, end)]
-    if problem is not None and not any(field.problem for field in found):
+    fields = [head, *_tiled(recorder, begin, begin + reached if problem is None else end, end)]
+    if problem is not None and not any(field.problem for field in fields):
         # Nothing of the part that failed is there to carry the problem: the last field that is there does.
-        found[-1] = replace(found[-1], problem=f"after this, {problem}")
-    return tuple(found)
+        fields[-1] = replace(fields[-1], problem=f"after this, {problem}")
+    return tuple(fields)
 
 
 def _recorder(data: bytes, at: int, end: int, role: Role, context: Context, *, brief: bool = False) -> FieldTracer:
@@ -202,8 +200,8 @@ def check_fields(adu: Adu, at: int) -> tuple[Field, ...]:
     if adu.check_ok:
         return (Field(name, at, width, adu.check_received, raw, "ok"),)
     due = adu.check_computed.to_bytes(width, "little").hex(" ").upper()
-    said = f"wrong: {due} is right, {adu.data[at:].hex(' ').upper()} is there"
-    return (Field(name, at, width, adu.check_received, raw, said, problem=f"{due} is right"),)
+    text = f"wrong: {due} is right, {adu.data[at:].hex(' ').upper()} is there"
+    return (Field(name, at, width, adu.check_received, raw, text, problem=f"{due} is right"),)
 
 
 def _plural(n: int, noun: str) -> str:

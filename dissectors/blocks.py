@@ -103,18 +103,18 @@ class Registers(Counted):
 
     def child(self, at: int, register: int, raw: str, address: int | None) -> Field:
         """The field of one register, at `at` in the ADU."""
-        said = self.words(register)
+        text = self.words(register)
         if address is not None:
-            said = f"{logical(address, self.area) if self.area else address}: {said}"
-        return Field(self.each, at, 2, register, raw, said, None, None, (), None, address)
+            text = f"{logical(address, self.area) if self.area else address}: {text}"
+        return Field(self.each, at, 2, register, raw, text, None, None, (), None, address)
 
-    def describe(self, name: str, start: int, length: int, value: Sequence[int], seen: FieldTracer) -> Field:
+    def describe(self, name: str, start: int, length: int, value: Sequence[int], tracer: FieldTracer) -> Field:
         text = self.text(value)
-        if seen.brief:
-            return seen.make(name, start, length, len(value), text)
-        first = seen.number(self.start)
-        at = seen.offset + start
-        raw = seen.data[at : at + length].hex()
+        if tracer.brief:
+            return tracer.make(name, start, length, len(value), text)
+        first = tracer.number(self.start)
+        at = tracer.offset + start
+        raw = tracer.data[at : at + length].hex()
         children = [
             self.child(at + 2 * i, register, raw[4 * i : 4 * i + 4], _address(first, i))
             for i, register in enumerate(value)
@@ -122,7 +122,7 @@ class Registers(Counted):
         problem = None
         if length % 2:
             problem = "an odd number of bytes: the last is half a register"
-            children.append(seen.make("rest", start + length - 1, 1, raw[-2:], raw[-2:], problem=problem))
+            children.append(tracer.make("rest", start + length - 1, 1, raw[-2:], raw[-2:], problem=problem))
         return Field(name, at, length, None, raw, text, None, None, tuple(children), problem)
 
 
@@ -157,20 +157,20 @@ class Bits(Counted):
 
     def child(self, at: int, on: bool, raw: str, bit: int, address: int | None) -> Field:
         """The field of one coil or input, in the byte at `at` in the ADU."""
-        said = "on" if on else "off"
+        text = "on" if on else "off"
         if address is not None:
-            said = f"{logical(address, self.area)}: {said}"
-        return Field(self.each, at, 1, on, raw, said, bit, 1, (), None, address)
+            text = f"{logical(address, self.area)}: {text}"
+        return Field(self.each, at, 1, on, raw, text, bit, 1, (), None, address)
 
-    def describe(self, name: str, start: int, length: int, value: Sequence[bool], seen: FieldTracer) -> Field:
-        quantity = seen.number(self.quantity)
+    def describe(self, name: str, start: int, length: int, value: Sequence[bool], tracer: FieldTracer) -> Field:
+        quantity = tracer.number(self.quantity)
         n = len(value) if quantity is None else min(quantity, len(value))
         text = self.text(value[:n])
-        if seen.brief:
-            return seen.make(name, start, length, n, text)
-        first = seen.number(self.start)
-        at = seen.offset + start
-        raw = seen.data[at : at + length].hex()
+        if tracer.brief:
+            return tracer.make(name, start, length, n, text)
+        first = tracer.number(self.start)
+        at = tracer.offset + start
+        raw = tracer.data[at : at + length].hex()
         children = [
             self.child(at + (i >> 3), value[i], raw[i >> 3 << 1 : (i >> 3 << 1) + 2], i & 7, _address(first, i))
             for i in range(n)
@@ -208,16 +208,16 @@ class Bits(Counted):
 class Octets(Counted):
     """Bytes whose meaning the declaration does not know; printable ones are shown as text too."""
 
-    def describe(self, name: str, start: int, length: int, value: bytes, seen: FieldTracer) -> Field:
-        return opaque(name, start, length, value, seen)
+    def describe(self, name: str, start: int, length: int, value: bytes, tracer: FieldTracer) -> Field:
+        return opaque(name, start, length, value, tracer)
 
 
 class Text(Counted):
     """A string of the device's own."""
 
-    def describe(self, name: str, start: int, length: int, value: bytes, seen: FieldTracer) -> Field:
+    def describe(self, name: str, start: int, length: int, value: bytes, tracer: FieldTracer) -> Field:
         text = device_text(value)
-        return seen.make(name, start, length, text, text)
+        return tracer.make(name, start, length, text, text)
 
 
 class Split(Counted):
@@ -232,17 +232,17 @@ class Split(Counted):
         super().__init__(count, less=less)
         self.pieces = pieces
 
-    def describe(self, name: str, start: int, length: int, value: bytes, seen: FieldTracer) -> Field:
+    def describe(self, name: str, start: int, length: int, value: bytes, tracer: FieldTracer) -> Field:
         children = []
         at = start
-        for piece, size, said, text in self.pieces(value):
-            shown = value[at - start : at - start + size].hex() if said is None else said
-            children.append(seen.make(piece, at, size, shown, text))
+        for label, size, plain, text in self.pieces(value):
+            shown = value[at - start : at - start + size].hex() if plain is None else plain
+            children.append(tracer.make(label, at, size, shown, text))
             at += size
         text = ", ".join(child.text for child in children[:_SHOWN_PIECES])
         if len(children) > _SHOWN_PIECES:
             text += f" … {len(children)} in all"
-        return seen.make(name, start, length, None, text, tuple(children))
+        return tracer.make(name, start, length, None, text, tuple(children))
 
 
 class Rest(Part):
@@ -262,8 +262,8 @@ class Rest(Part):
         stream.write(obj)
         return obj
 
-    def describe(self, name: str, start: int, length: int, value: bytes, seen: FieldTracer) -> Field:
-        return opaque(name, start, length, value, seen)
+    def describe(self, name: str, start: int, length: int, value: bytes, tracer: FieldTracer) -> Field:
+        return opaque(name, start, length, value, tracer)
 
 
 class Items(Part):
@@ -276,25 +276,25 @@ class Items(Part):
         self.number = number
 
     def _parse(self, stream: Any, context: Any, path: str) -> list[Any]:
-        found: list[Any] = []
+        items: list[Any] = []
         if self.number is not None:
             for _ in range(context[self.number]):
-                found.append(self.subcon._parsereport(stream, context, path))
+                items.append(self.subcon._parsereport(stream, context, path))
         elif self.octets is not None:
             end = stream.tell() + context[self.octets]
             while (at := stream.tell()) < end:
-                found.append(self.subcon._parsereport(stream, context, path))
+                items.append(self.subcon._parsereport(stream, context, path))
                 if stream.tell() == at:  # an element of no bytes would go on for ever
                     break
-        return found
+        return items
 
     def _build(self, obj: Any, stream: Any, context: Any, path: str) -> Any:
         for item in obj:
             self.subcon._build(item, stream, context, path)
         return obj
 
-    def problem(self, value: Any, length: int, seen: FieldTracer) -> str | None:  # noqa: ARG002
-        counted = seen.number(self.octets)
+    def problem(self, value: Any, length: int, tracer: FieldTracer) -> str | None:  # noqa: ARG002
+        counted = tracer.number(self.octets)
         if counted is not None and counted != length:
             return f"the byte count says {counted}, what is in it takes {length}"
         return None
@@ -317,9 +317,9 @@ def _address(first: int | None, i: int) -> int | None:
     return None if first is None or first + i > 0xFFFF else first + i
 
 
-def opaque(name: str, start: int, length: int, data: bytes, seen: FieldTracer, problem: str | None = None) -> Field:
+def opaque(name: str, start: int, length: int, data: bytes, tracer: FieldTracer, problem: str | None = None) -> Field:
     """Bytes that mean nothing known."""
     text = data.hex(" ")
     if is_text(data) and length > 1:
         text = f"{text} ({device_text(data)})"
-    return seen.make(name, start, length, data.hex(), text, problem=problem)
+    return tracer.make(name, start, length, data.hex(), text, problem=problem)

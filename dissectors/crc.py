@@ -97,23 +97,23 @@ def _grow(length: int) -> None:
 
 def registers(data: bytes, init: int = INIT) -> list[int]:
     """The register before each byte, and after the last (one more than there are bytes)."""
-    found = [init]
+    states = [init]
     for byte in data:
         init = init >> 8 ^ CRC_TABLE[(init ^ byte) & 0xFF]
-        found.append(init)
-    return found
+        states.append(init)
+    return states
 
 
 def needed(data: bytes) -> list[int]:
     """The register that would have to stand before each byte, and after the last, for the whole to end in 0."""
     register = 0
-    found = [register]
+    states = [register]
     for byte in reversed(data):
         index = _BYTE_OF[register >> 8]
         register = (register ^ CRC_TABLE[index]) << 8 & 0xFF00 | index ^ byte
-        found.append(register)
-    found.reverse()
-    return found
+        states.append(register)
+    states.reverse()
+    return states
 
 
 def stepped(register: int, byte: int) -> int:

@@ -110,10 +110,10 @@ def matching(frame: bytes) -> Iterator[CrcVariant]:
     if len(frame) < 4:
         return
     body, sent = frame[:-2], frame[-2:]
-    made = {(algorithm, 0): algorithm(body) for algorithm in (_MODBUS, *ALGORITHMS)}
-    made[_MODBUS, 1] = _MODBUS(body[1:])
+    check_values = {(algorithm, 0): algorithm(body) for algorithm in (_MODBUS, *ALGORITHMS)}
+    check_values[_MODBUS, 1] = _MODBUS(body[1:])
     for variant in VARIANTS:
-        if made[variant.algorithm, variant.skipped] == int.from_bytes(sent, variant.order):
+        if check_values[variant.algorithm, variant.skipped] == int.from_bytes(sent, variant.order):
             yield variant
 
 

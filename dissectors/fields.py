@@ -81,10 +81,10 @@ class FieldTracer:
         """A number by name: of this PDU, else of the request."""
         if name is None:
             return None
-        found = self.values.get(name)
-        if found is None:
-            found = self.request.get(name)
-        return found if isinstance(found, int) else None
+        value = self.values.get(name)
+        if value is None:
+            value = self.request.get(name)
+        return value if isinstance(value, int) else None
 
     def make(
         self,

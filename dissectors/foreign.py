@@ -79,22 +79,22 @@ def _mbus(data: bytes) -> Iterator[ForeignFrame]:
 
 
 def _ascii(data: bytes) -> Iterator[ForeignFrame]:
-    for found in _ASCII_FRAME.finditer(data):
-        frame = bytes.fromhex(found[1].decode())
+    for match in _ASCII_FRAME.finditer(data):
+        frame = bytes.fromhex(match[1].decode())
         if lrc(frame[:-1]) == frame[-1]:
-            yield ForeignFrame(*found.span())
+            yield ForeignFrame(*match.span())
 
 
 def _meter_readout(data: bytes) -> Iterator[ForeignFrame]:
     for pattern in (_IDENTIFICATION, _SIGN_ON):
-        for found in pattern.finditer(data):
-            yield ForeignFrame(*found.span())
-    for found in _READOUT.finditer(data):
+        for match in pattern.finditer(data):
+            yield ForeignFrame(*match.span())
+    for match in _READOUT.finditer(data):
         check = 0
-        for byte in found[0][1:-1]:
+        for byte in match[0][1:-1]:
             check ^= byte
-        if check == found[0][-1]:
-            yield ForeignFrame(*found.span())
+        if check == match[0][-1]:
+            yield ForeignFrame(*match.span())
 
 
 def _places(data: bytes, mark: bytes, length: int) -> Iterator[int]:
@@ -172,8 +172,8 @@ class MeterTalk:
             return PULSAR
         if size >= _FRAME_200:
             due = _ANSWERS_200.get(adu[4])
-            asked = size == _FRAME_200 and due is not None and undeclared and adu[0] <= _SERIAL_200
-            if asked or (before[:5] == adu[:5] and len(before) == _FRAME_200 and size - _FRAME_200 == due):
+            requested = size == _FRAME_200 and due is not None and undeclared and adu[0] <= _SERIAL_200
+            if requested or (before[:5] == adu[:5] and len(before) == _FRAME_200 and size - _FRAME_200 == due):
                 self._known[head] = MERCURY_200
             if self._known.get(head) == MERCURY_200:
                 return MERCURY_200
@@ -185,11 +185,11 @@ class MeterTalk:
         """Frames of known addresses end to end, which nobody took for RTU: whose they are, and how many bytes."""
         name, at = "", 0
         while at < min(len(data), _MOST):
-            known = self._known.get(data[at : at + 4]) or self._known.get(data[at : at + 1], "")
-            size = _checked(data, at) if known and name in ("", known) else 0
+            protocol = self._known.get(data[at : at + 4]) or self._known.get(data[at : at + 1], "")
+            size = _checked(data, at) if protocol and name in ("", protocol) else 0
             if not size:
                 break
-            name, at = known, at + size
+            name, at = protocol, at + size
         return name, at
 
 

@@ -74,12 +74,12 @@ class _Walk:
 def compiled(function: Function, role: Role) -> tuple[LengthRule, DeclarationShape]:
     """The rule of one side of a declaration, and the shape behind it."""
     declaration = function.request if role is Role.REQUEST else function.response
-    found = shape(declaration)
-    checks = tuple(found.checks)
-    base, count, walk = None if found.bare else found.size, found.count, None
-    if found.stepped:
+    declared = shape(declaration)
+    checks = tuple(declared.checks)
+    base, count, walk = None if declared.bare else declared.size, declared.count, None
+    if declared.stepped:
         base, count, walk = None, None, _Walk(measuring(declaration), checks)
-    return LengthRule(function.code, role, function.name, base, count, checks, walk, found.open_ended), found
+    return LengthRule(function.code, role, function.name, base, count, checks, walk, declared.open_ended), declared
 
 
 def relations_of(
@@ -87,9 +87,9 @@ def relations_of(
 ) -> tuple[Echo | RequestedByteCount, ...]:
     echoes: list[Echo | RequestedByteCount] = []
     for name in function.echoes:
-        asked, answered = request.layout.get(name), response.layout.get(name)
-        if asked is not None and answered is not None and asked[1] == answered[1]:
-            echoes.append(Echo(asked[0], answered[0], asked[1]))
+        requested, answered = request.layout.get(name), response.layout.get(name)
+        if requested is not None and answered is not None and requested[1] == answered[1]:
+            echoes.append(Echo(requested[0], answered[0], requested[1]))
     for at, quantity, bits in response.asks:
         if quantity in request.layout:
             echoes.append(RequestedByteCount(at, request.layout[quantity][0], bits))

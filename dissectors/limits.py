@@ -57,8 +57,8 @@ class Choice:
         digits = 2 * self.width
         if len(self.values) > _LISTED:
             return f"{value:0{digits}X} is not defined"
-        known = " or ".join(f"{v:0{digits}X}" for v in self.values)
-        return f"{value:0{digits}X} should be {known}"
+        choices = " or ".join(f"{v:0{digits}X}" for v in self.values)
+        return f"{value:0{digits}X} should be {choices}"
 
 
 @dataclass(frozen=True, slots=True)

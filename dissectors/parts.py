@@ -47,11 +47,11 @@ class Part(AnyConstruct):
         """
         return None
 
-    def describe(self, name: str, start: int, length: int, value: Any, seen: FieldTracer) -> Field:
+    def describe(self, name: str, start: int, length: int, value: Any, tracer: FieldTracer) -> Field:
         """The field of a value that was read from `length` bytes at `start` of the declared part."""
-        return seen.make(name, start, length, value, str(value))
+        return tracer.make(name, start, length, value, str(value))
 
-    def problem(self, value: Any, length: int, seen: FieldTracer) -> str | None:  # noqa: ARG002
+    def problem(self, value: Any, length: int, tracer: FieldTracer) -> str | None:  # noqa: ARG002
         """What breaks the specification here, or None."""
         return None
 
@@ -85,13 +85,13 @@ class Number(Part):
     def _sizeof(self, context: Any, path: str) -> int:  # noqa: ARG002
         return self.width
 
-    def describe(self, name: str, start: int, length: int, value: int, seen: FieldTracer) -> Field:
-        at = seen.offset + start
-        raw = seen.data[at : at + length].hex()
-        text = self.brief(value) if seen.brief else self.text(value)
-        return Field(name, at, length, value, raw, text, None, None, (), self.problem(value, length, seen))
+    def describe(self, name: str, start: int, length: int, value: int, tracer: FieldTracer) -> Field:
+        at = tracer.offset + start
+        raw = tracer.data[at : at + length].hex()
+        text = self.brief(value) if tracer.brief else self.text(value)
+        return Field(name, at, length, value, raw, text, None, None, (), self.problem(value, length, tracer))
 
-    def problem(self, value: int, length: int, seen: FieldTracer) -> str | None:  # noqa: ARG002
+    def problem(self, value: int, length: int, tracer: FieldTracer) -> str | None:  # noqa: ARG002
         for check in self.checks:
             if (broken := check.broken(value)) is not None:
                 return broken
@@ -151,12 +151,12 @@ class ByteCount(Number):
     def looks_at(self) -> tuple[str, ...]:
         return () if self.of is None else (self.of,)
 
-    def problem(self, value: int, length: int, seen: FieldTracer) -> str | None:
-        quantity = seen.number(self.of)
+    def problem(self, value: int, length: int, tracer: FieldTracer) -> str | None:
+        quantity = tracer.number(self.of)
         if quantity is not None and value != taken(quantity, self.bits):
-            where = "" if self.of in seen.values else " of the request"
+            where = "" if self.of in tracer.values else " of the request"
             return f"the quantity{where}, {quantity}, takes {taken(quantity, self.bits)} bytes, not {value}"
-        return super().problem(value, length, seen)
+        return super().problem(value, length, tracer)
 
 
 class Register(Number):
@@ -229,9 +229,9 @@ class Flags(Number):
     def looks_at(self) -> tuple[str, ...]:
         return ()
 
-    def describe(self, name: str, start: int, length: int, value: int, seen: FieldTracer) -> Field:
-        field = super().describe(name, start, length, value, seen)
-        return field if seen.brief else replace(field, fields=flag_fields(field, value, self.names))
+    def describe(self, name: str, start: int, length: int, value: int, tracer: FieldTracer) -> Field:
+        field = super().describe(name, start, length, value, tracer)
+        return field if tracer.brief else replace(field, fields=flag_fields(field, value, self.names))
 
     def text(self, value: int) -> str:
         return f"0x{value:02X} ({value:08b})"
@@ -240,21 +240,21 @@ class Flags(Number):
 def dependencies(part: Part) -> tuple[str, ...] | None:
     """What a part looks at; None where it describes in a way of its own and does not say."""
     for kind in type(part).__mro__:
-        held = vars(kind)
-        if "looks_at" in held:
+        members = vars(kind)
+        if "looks_at" in members:
             return part.looks_at
-        if "describe" in held or "problem" in held:
+        if "describe" in members or "problem" in members:
             return None
     return None
 
 
 def flag_fields(parent: Field, value: int, names: Mapping[int, str]) -> tuple[Field, ...]:
     """A field for each named bit of a byte."""
-    found = []
+    fields = []
     for bit, name in names.items():
         on = bool(value >> bit & 1)
-        found.append(Field(name, parent.start, 1, on, parent.raw, "yes" if on else "no", bit, 1))
-    return tuple(found)
+        fields.append(Field(name, parent.start, 1, on, parent.raw, "yes" if on else "no", bit, 1))
+    return tuple(fields)
 
 
 def register_text(value: int) -> str:

@@ -94,14 +94,14 @@ def load_file(path: str | os.PathLike[str]) -> list[Function]:
         where = f"{name}:{line}" if line else name
         raise DeclarationError(f"{where}: {_words(error)}") from error
     try:
-        found = list(_functions_in(space.values()))
-        for function in found:
+        declarations = list(_functions_in(space.values()))
+        for function in declarations:
             register(function)
     except Exception as error:
         raise DeclarationError(f"{name}: {_words(error)}") from error
-    if not found:
+    if not declarations:
         raise DeclarationError(f"{name}: defines no Function")
-    return found
+    return declarations
 
 
 def load_entry_points(tell: Callable[[str], object] = warnings.warn) -> list[Function]:
@@ -126,14 +126,14 @@ def load_entry_points(tell: Callable[[str], object] = warnings.warn) -> list[Fun
 def _offered(thing: object) -> list[Function]:
     """Registers what an entry point names."""
     own = hasattr(thing, "__dict__") and not isinstance(thing, Function)
-    found = list(_functions_in(vars(thing).values() if own else [thing]))
-    if not found:
+    offered = list(_functions_in(vars(thing).values() if own else [thing]))
+    if not offered:
         raise DeclarationError("holds no Function")
-    for function in found:
+    for function in offered:
         _check(function)
-    for function in found:
+    for function in offered:
         register(function)
-    return found
+    return offered
 
 
 def _load() -> None:
@@ -142,17 +142,17 @@ def _load() -> None:
     _state["loaded"] = 1
     package = import_module("dissectors.functions")
     for module in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
-        for found in _functions_in(vars(import_module(f"dissectors.functions.{module}")).values()):
-            _declared[found.code] = found
+        for function in _functions_in(vars(import_module(f"dissectors.functions.{module}")).values()):
+            _declared[function.code] = function
 
 
 def _functions_in(values: Iterable[object]) -> Iterator[Function]:
     """The functions among some values, and in the lists and tuples among them, each once."""
-    seen: set[int] = set()
+    listed: set[int] = set()
     for value in values:
         for item in value if isinstance(value, list | tuple | set | frozenset) else (value,):
-            if isinstance(item, Function) and id(item) not in seen:
-                seen.add(id(item))
+            if isinstance(item, Function) and id(item) not in listed:
+                listed.add(id(item))
                 yield item
 
 

@@ -104,24 +104,24 @@ class Reading:
 
 def readings(registers: Sequence[int]) -> tuple[Reading, ...]:
     """Every way to read these registers as one value: one, two or four give numbers; any count gives text."""
-    found: list[Reading] = []
+    views: list[Reading] = []
     if len(registers) == 1:
         register = registers[0]
-        found.append(Reading("u16", None, register, str(register)))
-        found.append(Reading("s16", None, signed(register), str(signed(register))))
-        found.append(Reading("hex", None, hexadecimal(register), hexadecimal(register)))
-        found.append(Reading("bits", None, bits(register), bits(register)))
+        views.append(Reading("u16", None, register, str(register)))
+        views.append(Reading("s16", None, signed(register), str(signed(register))))
+        views.append(Reading("hex", None, hexadecimal(register), hexadecimal(register)))
+        views.append(Reading("bits", None, bits(register), bits(register)))
     elif len(registers) in (2, 4):
         width = 16 * len(registers)
         for order in ORDERS:
             unsigned_value = integer(registers, order)
             signed_value = integer(registers, order, signed=True)
             float_value = floating(registers, order)
-            found.append(Reading(f"u{width}", order, unsigned_value, str(unsigned_value)))
-            found.append(Reading(f"s{width}", order, signed_value, str(signed_value)))
-            found.append(Reading(f"f{width}", order, float_value, f"{float_value:.{7 if width == 32 else 16}g}"))
-    found.append(Reading("text", None, characters(registers), characters(registers)))
-    return tuple(found)
+            views.append(Reading(f"u{width}", order, unsigned_value, str(unsigned_value)))
+            views.append(Reading(f"s{width}", order, signed_value, str(signed_value)))
+            views.append(Reading(f"f{width}", order, float_value, f"{float_value:.{7 if width == 32 else 16}g}"))
+    views.append(Reading("text", None, characters(registers), characters(registers)))
+    return tuple(views)
 
 
 def logical(address: int, area: Area, digits: int | None = None) -> str:

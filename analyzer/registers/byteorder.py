@@ -34,12 +34,12 @@ def swapped_floats(
     registers = [block for block in blocks if block.area in ("input", "holding") and block.quantity > 1]
     if sum(map(_candidates, registers)) < max(_LEAST, _MORE * plain):
         return []
-    found = [
+    floats = [
         replace(value, order=_ORDERS[value.order or "ABCD"], why=f"{value.why}; the bytes of its words are swapped")
         for value in inferred([_swapped(block) for block in registers])
         if value.kind == "float" and value.words == 2 and value.changes and value.confidence >= _LIKELY
     ]
-    return found if len(found) >= max(_LEAST, _MORE * plain) else []
+    return floats if len(floats) >= max(_LEAST, _MORE * plain) else []
 
 
 def exclude(run: Run, address: int, words: int) -> None:
@@ -69,10 +69,10 @@ def _candidates(block: BlockReadings) -> int:
 def _plausible(high: Words, low: Words) -> NDArray[np.bool_]:
     value = (high.astype(np.uint32) << 16 | low).view(np.float32)
     size = np.abs(np.nan_to_num(value, nan=np.inf))
-    found: NDArray[np.bool_] = (((size >= _USUAL[0]) & (size <= _USUAL[1])) | (size == 0)).all(axis=0) & (
+    plausible: NDArray[np.bool_] = (((size >= _USUAL[0]) & (size <= _USUAL[1])) | (size == 0)).all(axis=0) & (
         size != 0
     ).any(axis=0)
-    return found
+    return plausible
 
 
 def _swapped(block: BlockReadings) -> BlockReadings:

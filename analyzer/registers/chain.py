@@ -87,12 +87,12 @@ def best_cut(gains: Floats) -> list[tuple[int, int]]:
 
 def _log_sum(values: Floats) -> Floats:
     top = values.max(axis=-1)
-    found: Floats = top + np.log(np.exp(values - top[..., None]).sum(axis=-1))
-    return found
+    log_sums: Floats = top + np.log(np.exp(values - top[..., None]).sum(axis=-1))
+    return log_sums
 
 
 def _log_product(values: Floats, odds: Floats) -> Floats:
     """The logarithm of exp(values) @ odds."""
     top = values.max(axis=-1, keepdims=True)
-    found: Floats = top + np.log(np.exp(values - top) @ odds + 1e-300)
-    return found
+    log_products: Floats = top + np.log(np.exp(values - top) @ odds + 1e-300)
+    return log_products

@@ -53,14 +53,10 @@ def overlaps(chart: RegisterMap) -> list[str]:
     """Values of a map that share registers without being the same ones, in words."""
     lines = []
     rows = sorted((row for row in chart.rows), key=lambda row: (row.area, row.address, row.length))
-    for first, second in pairwise(rows):
-        if (
-            first.area == second.area
-            and second.address < first.end
-            and (first.address, first.end) != (second.address, second.end)
-        ):
+    for low, after in pairwise(rows):
+        if low.area == after.area and after.address < low.end and (low.address, low.end) != (after.address, after.end):
             lines.append(
-                f"{first.area} {second.address}: {second.name!r} lies within {first.name!r} ({first.address} to {first.end - 1})"
+                f"{low.area} {after.address}: {after.name!r} lies within {low.name!r} ({low.address} to {low.end - 1})"
             )
     return lines
 

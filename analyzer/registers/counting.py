@@ -143,8 +143,8 @@ class Counting:
         """Where a value of so many registers stands in its block."""
         at = np.arange(self.words.shape[1] - words + 1)
         first, last = self._first[: len(at)], self._last[: len(at)]
-        found: Ints = (self._block_size[: len(at)] * 2 + (at == first)) * 2 + (at == last - words + 1)
-        return found
+        edges: Ints = (self._block_size[: len(at)] * 2 + (at == first)) * 2 + (at == last - words + 1)
+        return edges
 
     def _sign(self) -> Ints:
         """0 never over 7FFF, 1 on both sides of zero as a signed number, 2 over 7FFF."""
@@ -213,13 +213,13 @@ class Counting:
         over, moved = (wraps != 0).sum(axis=0), (steps != 0).sum(axis=0)
         matched = ((wraps != 0) & (steps == wraps)).sum(axis=0)
         most = np.maximum(np.maximum(over, moved), 1)
-        found = np.where(matched >= 0.8 * most, 4, np.where(matched > 0, 5, 6))
-        found = np.where(matched == most, np.digitize(over, (2, 4)) + 1, found)
-        found = np.where(over == 0, 0, found)
+        grades = np.where(matched >= 0.8 * most, 4, np.where(matched > 0, 5, 6))
+        grades = np.where(matched == most, np.digitize(over, (2, 4)) + 1, grades)
+        grades = np.where(over == 0, 0, grades)
         size = np.abs(self._changes[:, low])
         smooth = (size > 0x1000).sum(axis=0) * 8 < np.maximum((size > 0).sum(axis=0), 1)
         still = np.where(over == 0, 7, np.where(smooth, np.where(over == 1, 8, 9), 10))
-        return np.where(moved == 0, still, found)
+        return np.where(moved == 0, still, grades)
 
     def _carries(self, high: Ints, steps: NDArray[np.int64]) -> Ints:
         """How the high word's changes fit a carry: their number, and the share of which the whole moved little."""
@@ -227,8 +227,8 @@ class Counting:
         count = changed.sum(axis=0)
         small = (changed & (np.abs(steps) < 0x8000)).sum(axis=0)
         share = np.digitize(small / np.maximum(count, 1), (0.3, 0.7, 0.95))
-        found: Ints = np.digitize(count, (2, 4, 12)) * 4 + share
-        return found
+        grades: Ints = np.digitize(count, (2, 4, 12)) * 4 + share
+        return grades
 
     def _four(self, hypothesis: Hypothesis, *, reverse: bool) -> Codes:
         width = self.words.shape[1] - 3
@@ -267,13 +267,13 @@ class Counting:
 
     def _in_row(self, columns: Ints, case: Ints) -> Ints:
         """Whether the four registers before or behind look like these: which of them moved, and zeros in the rest."""
-        look = case * 16 + ((self._class[columns] == 0) & ~self.moved[columns]) @ np.array([8, 4, 2, 1])
-        found = np.zeros(len(case), np.int64)
+        shapes = case * 16 + ((self._class[columns] == 0) & ~self.moved[columns]) @ np.array([8, 4, 2, 1])
+        repeats = np.zeros(len(case), np.int64)
         if len(case) > 4:
-            alike = look[4:] == look[:-4]
-            found[4:] |= alike & (self._first[4 : len(case)] == self._first[: len(case) - 4])
-            found[:-4] |= alike & (self._first[4 : len(case)] == self._first[: len(case) - 4])
-        return found
+            alike = shapes[4:] == shapes[:-4]
+            repeats[4:] |= alike & (self._first[4 : len(case)] == self._first[: len(case) - 4])
+            repeats[:-4] |= alike & (self._first[4 : len(case)] == self._first[: len(case) - 4])
+        return repeats
 
     def _as_floats(self, columns: Ints) -> Ints:
         """What both halves of four registers, the high word of each first, look like as floats of 32 bits."""

@@ -60,11 +60,11 @@ def _second(
     """The likeliest other segment that has a register in common with this one; one that moved, if this one did."""
     end = at + HYPOTHESES[number].words
     best: tuple[int, int, float] | None = None
-    for other, hypothesis in enumerate(HYPOTHESES):
+    for rival, hypothesis in enumerate(HYPOTHESES):
         for begin in range(max(0, at - hypothesis.words + 1), min(end, len(posterior))):
-            share = float(posterior[begin, other])
-            if (begin, other) == (at, number) or share <= 0 or (moves[at, number] and not moves[begin, other]):
+            share = float(posterior[begin, rival])
+            if (begin, rival) == (at, number) or share <= 0 or (moves[at, number] and not moves[begin, rival]):
                 continue
             if best is None or share > best[2]:
-                best = (begin, other, share)
+                best = (begin, rival, share)
     return best

@@ -75,6 +75,6 @@ def device_codes(
 
 
 def padded(codes: Ints, length: int) -> Ints:
-    found = np.full(length, NONE, np.int64)
-    found[: len(codes)] = codes
-    return found
+    filled = np.full(length, NONE, np.int64)
+    filled[: len(codes)] = codes
+    return filled

@@ -68,10 +68,10 @@ def _header_text(chart: RegisterMap, name: str) -> str:
 
 def _by_place(chart: RegisterMap) -> dict[tuple[str, int, int], MappedValue]:
     """Rows by area, address and their number at that address."""
-    found: dict[tuple[str, int, int], MappedValue] = {}
+    by_address: dict[tuple[str, int, int], MappedValue] = {}
     for row in chart.rows:
         turn = 0
-        while (row.area, row.address, turn) in found:
+        while (row.area, row.address, turn) in by_address:
             turn += 1
-        found[row.area, row.address, turn] = row
-    return found
+        by_address[row.area, row.address, turn] = row
+    return by_address

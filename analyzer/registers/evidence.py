@@ -39,12 +39,12 @@ def block_evidence(series: Sequence[tuple[Words, int]]) -> list[BlockEvidence]:
     groups: dict[tuple[int, int], list[int]] = {}
     for number, (words, beginning) in enumerate(series):
         groups.setdefault((len(words), beginning), []).append(number)
-    found: dict[int, BlockEvidence] = {}
+    by_number: dict[int, BlockEvidence] = {}
     for (_, beginning), members in groups.items():
         for part in _portions(members, [series[number][0].shape[1] for number in members]):
             counting = Counting([series[number][0] for number in part], beginning)
-            found.update(zip(part, (BlockEvidence(*mine) for mine in counting.blocks()), strict=True))
-    return [found[number] for number in range(len(series))]
+            by_number.update(zip(part, (BlockEvidence(*mine) for mine in counting.blocks()), strict=True))
+    return [by_number[number] for number in range(len(series))]
 
 
 def _portions(members: Sequence[int], sizes: Sequence[int]) -> Iterator[list[int]]:

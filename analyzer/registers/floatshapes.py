@@ -17,8 +17,8 @@ _GREATEST: Final = 1e30
 def float_ordinals(pair: NDArray[np.uint64]) -> NDArray[np.int64]:
     """Floats of 32 bits as their place among all floats: a step is one float further."""
     pattern = pair.astype(np.int64)
-    found: NDArray[np.int64] = np.where(pattern >= 1 << 31, (1 << 31) - pattern, pattern)
-    return found
+    ordinals: NDArray[np.int64] = np.where(pattern >= 1 << 31, (1 << 31) - pattern, pattern)
+    return ordinals
 
 
 def in_last_digits(value: NDArray[np.floating], digits: int) -> Floats:
@@ -41,15 +41,15 @@ def float_classes(value: NDArray[np.floating]) -> Ints:
         usual = zero | ((size >= 0.009) & (size <= 1e5))
         wide = zero | ((size >= 1e-4) & (size <= 1e9))
         absurd = finite & ~zero & ((size < 1e-9) | (size > 1e15))
-    found = np.full(value.shape[1], 3, np.int64)
-    found[wide.all(axis=0)] = 1
-    found[usual.all(axis=0)] = 0
-    found[(usual.mean(axis=0) > 0.9) & (found > 1)] = 2
-    found[~finite.all(axis=0)] = 5
-    found[absurd.any(axis=0)] = 6
-    found[absurd.all(axis=0) | (~finite).all(axis=0)] = 7
-    found[zero.all(axis=0)] = 4
-    return found
+    classes = np.full(value.shape[1], 3, np.int64)
+    classes[wide.all(axis=0)] = 1
+    classes[usual.all(axis=0)] = 0
+    classes[(usual.mean(axis=0) > 0.9) & (classes > 1)] = 2
+    classes[~finite.all(axis=0)] = 5
+    classes[absurd.any(axis=0)] = 6
+    classes[absurd.all(axis=0) | (~finite).all(axis=0)] = 7
+    classes[zero.all(axis=0)] = 4
+    return classes
 
 
 def is_absurd(value: NDArray[np.floating]) -> NDArray[np.bool_]:
@@ -57,8 +57,8 @@ def is_absurd(value: NDArray[np.floating]) -> NDArray[np.bool_]:
     with np.errstate(invalid="ignore"):
         size = np.abs(value.astype(np.float64))
         odd = ~np.isfinite(size) | (size > _GREATEST) | ((size > 0) & (size < _LEAST))
-    found: NDArray[np.bool_] = odd.mean(axis=0) >= 0.5
-    return found
+    absurd: NDArray[np.bool_] = odd.mean(axis=0) >= 0.5
+    return absurd
 
 
 def spreads(value: NDArray[np.floating]) -> Ints:
@@ -83,9 +83,9 @@ def decimals(value: NDArray[np.floating], digits: int = 23) -> Ints:
     with np.errstate(invalid="ignore", over="ignore"):
         exact = np.clip(np.nan_to_num(value.astype(np.float64)), -1e30, 1e30)
         digit = np.abs(exact).max(axis=0) * 2.0**-digits
-        found = np.full(value.shape[1], 4, np.int64)
+        counts = np.full(value.shape[1], 4, np.int64)
         for places in (3, 2, 1, 0):
             rounded = np.round(exact, places).astype(form)
             few = (rounded == exact.astype(form)).mean(axis=0) >= 0.95
-            found[few] = np.where(digit[few] > 0.05 * 10.0**-places, 5, places)
-    return found
+            counts[few] = np.where(digit[few] > 0.05 * 10.0**-places, 5, places)
+    return counts

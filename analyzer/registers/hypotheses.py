@@ -53,9 +53,9 @@ def patterns(words: NDArray[np.uint16], order: Order) -> NDArray[np.uint64]:
     if order in ("CDAB", "DCBA"):
         words = words[..., ::-1]
     total = np.zeros(words.shape[:-1], np.uint64)
-    for place in range(words.shape[-1]):
+    for column in range(words.shape[-1]):
         total <<= np.uint64(16)
-        total |= words[..., place]
+        total |= words[..., column]
     return total
 
 
@@ -74,9 +74,9 @@ def numbers(words: NDArray[np.uint16], order: Order, *, is_float: bool, signed: 
 def moved_registers(moved: NDArray[np.bool_]) -> NDArray[np.float64]:
     """How many registers of each segment of a run moved (T, H)."""
     sums = np.concatenate(([0], np.cumsum(moved)))
-    found = np.zeros((len(moved), len(HYPOTHESES)))
+    counts = np.zeros((len(moved), len(HYPOTHESES)))
     for number, hypothesis in enumerate(HYPOTHESES):
         reach = len(moved) - hypothesis.words + 1
         if reach > 0:
-            found[:reach, number] = sums[hypothesis.words :] - sums[:reach]
-    return found
+            counts[:reach, number] = sums[hypothesis.words :] - sums[:reach]
+    return counts

@@ -17,17 +17,17 @@ def change_lengths(steps: NDArray[np.int64] | Floats, most: int) -> Floats:
 
 def summed_lengths(bits: NDArray[np.float32]) -> Floats:
     count, n = np.count_nonzero(bits, axis=0), max(len(bits), 1)
-    found: Floats = bits.sum(axis=0, dtype=np.float64) + n * _entropy(count / n) + 0.5 * np.log2(n + 1)
-    return found
+    lengths: Floats = bits.sum(axis=0, dtype=np.float64) + n * _entropy(count / n) + 0.5 * np.log2(n + 1)
+    return lengths
 
 
 def change_bits(steps: NDArray[np.int64] | Floats, most: int) -> NDArray[np.float32]:
     """Bits that a change takes: its sign and a number of unknown size (Elias), at most a word's own; 0 for none."""
     amount = np.abs(steps.astype(np.float32))
     size = np.log2(np.maximum(amount, np.float32(1)))
-    found = np.minimum(np.float32(2) + size + np.float32(1.5) * np.log2(size + np.float32(1)), np.float32(most))
-    found[amount == 0] = 0
-    return found
+    bits = np.minimum(np.float32(2) + size + np.float32(1.5) * np.log2(size + np.float32(1)), np.float32(most))
+    bits[amount == 0] = 0
+    return bits
 
 
 def directions(steps: NDArray[np.int64]) -> Ints:
@@ -38,5 +38,5 @@ def directions(steps: NDArray[np.int64]) -> Ints:
 
 def _entropy(share: Floats) -> Floats:
     inside = np.clip(share, 1e-9, 1 - 1e-9)
-    found: Floats = -(inside * np.log2(inside) + (1 - inside) * np.log2(1 - inside))
-    return found
+    entropy: Floats = -(inside * np.log2(inside) + (1 - inside) * np.log2(1 - inside))
+    return entropy

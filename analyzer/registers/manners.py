@@ -27,20 +27,20 @@ def manners(words: Words, changes: Ints) -> Ints:
     flips = words[1:] ^ words[:-1]
     changed = flips != 0
     amount = np.maximum(changes, 1)
-    found = np.zeros(words.shape[1], np.int64)
+    classes = np.zeros(words.shape[1], np.int64)
     low_still = ((flips & 0xFF) == 0).all(axis=0)
     high_still = ((flips & 0xFF00) == 0).all(axis=0) & (words[0] > 0xFF)
     ordered = np.sort(words, axis=0)
     states = 1 + (ordered[1:] != ordered[:-1]).sum(axis=0)
-    found[high_still] = 2
-    found[states <= _FEW] = 5
-    found[(states <= _STATES) & (changes >= _AGAIN * states)] = 4
-    found[_is_clock(words, changed, amount)] = 6
-    found[low_still] = 1
+    classes[high_still] = 2
+    classes[states <= _FEW] = 5
+    classes[(states <= _STATES) & (changes >= _AGAIN * states)] = 4
+    classes[_is_clock(words, changed, amount)] = 6
+    classes[low_still] = 1
     single = changed & ((flips & (flips - np.uint16(1))) == 0)
-    found[(single.sum(axis=0) >= 0.9 * amount) & (flips >= 8).any(axis=0)] = 3
-    found[changes == 0] = 0
-    return found
+    classes[(single.sum(axis=0) >= 0.9 * amount) & (flips >= 8).any(axis=0)] = 3
+    classes[changes == 0] = 0
+    return classes
 
 
 def _is_clock(words: Words, changed: NDArray[np.bool_], amount: Ints) -> NDArray[np.bool_]:
@@ -48,10 +48,10 @@ def _is_clock(words: Words, changed: NDArray[np.bool_], amount: Ints) -> NDArray
     steps = words[1:].astype(np.int32) - words[:-1]
     falls = steps < 0
     deep = falls & (words[:-1] >= 12) & (steps <= -6)
-    found: NDArray[np.bool_] = (
+    clocks: NDArray[np.bool_] = (
         (words < 60).all(axis=0)
         & (falls.sum(axis=0) == deep.sum(axis=0))
         & deep.any(axis=0)
         & ((changed & ~falls).sum(axis=0) >= 0.6 * amount)
     )
-    return found
+    return clocks

@@ -61,11 +61,11 @@ def _block(
 ) -> Iterator[MappedColumn]:
     area = AREA_OF_CODE[AreaCode(int(confirmed.area[part[0]]))]
     address, count = int(confirmed.address[part[0]]), int(confirmed.counts[part[0]])
-    held = [row for row in chart.within(area, address, count) if wanted(row)]
-    if not held:
+    rows = [row for row in chart.within(area, address, count) if wanted(row)]
+    if not rows:
         return
     table = confirmed.values[confirmed.begins[part][:, None] + np.arange(count)]
-    for row in held:
+    for row in rows:
         words = table[:, row.address - address : row.end - address]
         power: NDArray[np.uint16] | None = None
         if row.scale_address is not None and address <= row.scale_address < address + count:
@@ -85,15 +85,15 @@ def mapped_numbers(
     order = cast(Order, row.order)
     if row.type.startswith("bcd"):
         digits = patterns(words, order)[:, None] >> np.arange(0, 16 * row.length, 4, dtype=np.uint64) & np.uint64(15)
-        tens = np.array([10**place for place in range(4 * row.length)], np.float64)
-        found = np.where((digits > 9).any(axis=1), np.nan, digits @ tens)
+        tens = np.array([10**digit for digit in range(4 * row.length)], np.float64)
+        values = np.where((digits > 9).any(axis=1), np.nan, digits @ tens)
     else:
-        found = numbers(words, order, is_float=row.is_float, signed=row.is_signed)
+        values = numbers(words, order, is_float=row.is_float, signed=row.is_signed)
     with np.errstate(all="ignore"):
-        scaled: NDArray[np.float64] = found * row.scale + row.offset
+        scaled: NDArray[np.float64] = values * row.scale + row.offset
         if power is not None:
             exponent = power.view(np.int16).astype(np.float64)
-            scaled = np.where(np.abs(exponent) <= 10, found * row.scale * 10.0**exponent + row.offset, np.nan)
+            scaled = np.where(np.abs(exponent) <= 10, values * row.scale * 10.0**exponent + row.offset, np.nan)
     return scaled
 
 
@@ -102,10 +102,10 @@ def limits_broken(column: MappedColumn) -> NDArray[np.bool_]:
     row = column.row
     edge = max(abs(row.minimum or 0), abs(row.maximum or 0), 1e-6)
     slack = 1e-6 * edge if row.is_float else abs(row.scale) * 0.51
-    found = np.zeros(len(column.values), np.bool_)
+    broken = np.zeros(len(column.values), np.bool_)
     with np.errstate(invalid="ignore"):
         if row.minimum is not None:
-            found |= column.values < row.minimum - slack
+            broken |= column.values < row.minimum - slack
         if row.maximum is not None:
-            found |= column.values > row.maximum + slack
-    return found
+            broken |= column.values > row.maximum + slack
+    return broken

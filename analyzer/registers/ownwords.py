@@ -19,18 +19,18 @@ _AS: Final = {"hex": "u16", "text": "text"}
 
 def with_own_words(charts: Mapping[int, RegisterMap], words: Mapping[Place, str]) -> dict[int, RegisterMap]:
     """The maps of units, those with a word of the user's holding it in place of what they had in its registers."""
-    found = dict(charts)
+    revised = dict(charts)
     for (unit, area, address), text in sorted(words.items()):
         row = _row(area, address, text)
         if row is None:
             continue
-        chart = found.get(unit, RegisterMap("", ()))
+        chart = revised.get(unit, RegisterMap("", ()))
         at = chart.at(row.area, row.address)
         if at is not None and (at.address, at.length) == (row.address, row.length):
             row = replace(row, name=at.name, unit=at.unit, scale=at.scale, offset=at.offset)
-        kept = [one for one in chart.rows if one.area != row.area or one.end <= row.address or one.address >= row.end]
-        found[unit] = replace(chart, rows=(*kept, row))
-    return found
+        rest = [one for one in chart.rows if one.area != row.area or one.end <= row.address or one.address >= row.end]
+        revised[unit] = replace(chart, rows=(*rest, row))
+    return revised
 
 
 def _row(area: str, address: int, text: str) -> MappedValue | None:

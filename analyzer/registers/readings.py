@@ -104,8 +104,8 @@ class BlockReadings:
         """Least and greatest of each register as a signed number, and of each two as numbers of 32 bits."""
         views: dict[str, NDArray[Any]] = {"s16": rows.view(np.int16)}
         if self.quantity > 1:
-            one, other = rows[:, :-1].astype(np.uint32), rows[:, 1:].astype(np.uint32)
-            for order, pair in (("ABCD", one << 16 | other), ("CDAB", other << 16 | one)):
+            first, second = rows[:, :-1].astype(np.uint32), rows[:, 1:].astype(np.uint32)
+            for order, pair in (("ABCD", first << 16 | second), ("CDAB", second << 16 | first)):
                 views |= {f"{kind} {order}": pair.view(form) for kind, form in _PAIR_FORMS}
         for name, numbers in views.items():
             low, high = np.fmin.reduce(numbers), np.fmax.reduce(numbers)

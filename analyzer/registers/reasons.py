@@ -20,22 +20,22 @@ def reasons(cut: Cut, words: list[list[int]], *, shared: str | None) -> str:
     """One line about a value that moved; `words` are the first and the last reading of its registers."""
     hypothesis = HYPOTHESES[cut.number]
     first, last = words
-    found = []
+    lines = []
     if hypothesis.words > 1:
-        quiet = [place for place in range(hypothesis.words) if not cut.run.moved[cut.at + place]]
+        quiet = [offset for offset in range(hypothesis.words) if not cut.run.moved[cut.at + offset]]
         if quiet:
-            names = ", ".join(f"r{cut.run.address + cut.at + place}" for place in quiet)
-            found.append(f"{names} has been {'/'.join(f'{first[place]:04X}' for place in quiet)} all the time")
+            names = ", ".join(f"r{cut.run.address + cut.at + offset}" for offset in quiet)
+            lines.append(f"{names} has been {'/'.join(f'{first[offset]:04X}' for offset in quiet)} all the time")
         elif hypothesis.is_float:
-            found.append("the registers move as one float")
+            lines.append("the registers move as one float")
         else:
-            found.append("the low word runs through, the high word carries")
+            lines.append("the low word runs through, the high word carries")
         if shared:
-            found.append(shared)
+            lines.append(shared)
     elif first != last or cut.moved:
-        found.append("moves by itself")
+        lines.append("moves by itself")
     if cut.second and cut.confidence < _SHOWN:
         at, number, share = cut.second
-        other = f"{type_words(number)} at {cut.run.address + at} ({share:.0%})"
-        found.append(f"{type_words(cut.number)} ({cut.confidence:.0%}) or {other}")
-    return "; ".join(found)
+        rival = f"{type_words(number)} at {cut.run.address + at} ({share:.0%})"
+        lines.append(f"{type_words(cut.number)} ({cut.confidence:.0%}) or {rival}")
+    return "; ".join(lines)

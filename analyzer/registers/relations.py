@@ -36,7 +36,7 @@ def with_relations(
         key = (value.unit, value.area, value.address)
         if key in series and value.kind in ("int", "float"):
             blocks.setdefault(series[key][0], []).append(value)
-    said: dict[SeriesKey, str] = {}
+    texts: dict[SeriesKey, str] = {}
     for members in blocks.values():
         members = members[:_MOST_VALUES]
         table = np.stack([series[v.unit, v.area, v.address][1] for v in members], axis=1)
@@ -45,17 +45,17 @@ def with_relations(
         if len(table) >= _LEAST_READINGS and len(members) > 2:
             related = {**_products(table, members), **_sums(table, members)}
             for at, text in related.items():
-                said[members[at].unit, members[at].area, members[at].address] = text
+                texts[members[at].unit, members[at].area, members[at].address] = text
     found = []
     for value in values:
-        words = said.get((value.unit, value.area, value.address))
+        words = texts.get((value.unit, value.area, value.address))
         found.append(replace(value, why=f"{value.why}; {words}") if words else value)
     return found
 
 
 def _sums(table: Floats, members: Sequence[RegisterValue]) -> dict[int, str]:
     """Values that are the sum of neighbours of one type, but for a power of ten."""
-    found: dict[int, str] = {}
+    sums: dict[int, str] = {}
     variance = table.var(axis=0)
     moving = variance > 0
     for terms in _TERMS:
@@ -71,8 +71,8 @@ def _sums(table: Floats, members: Sequence[RegisterValue]) -> dict[int, str]:
             left = ((table - total[:, None] * power) ** 2).mean(axis=0) / np.where(moving, variance, 1.0)
             left[parts] = 1.0
             for at in np.flatnonzero(moving & (left < _LEFT)).tolist():
-                found[at] = f"the sum of {', '.join(f'r{members[n].address}' for n in parts)}"
-    return found
+                sums[at] = f"the sum of {', '.join(f'r{members[n].address}' for n in parts)}"
+    return sums
 
 
 def _products(table: Floats, members: Sequence[RegisterValue]) -> dict[int, str]:
@@ -84,7 +84,7 @@ def _products(table: Floats, members: Sequence[RegisterValue]) -> dict[int, str]
     lively = np.flatnonzero(moving & (spread > 0.01 * mean)).tolist()
     normal = (size - mean) / np.where(moving, spread, 1.0)
     together = normal.T @ normal / len(table)
-    found: dict[int, str] = {}
+    products: dict[int, str] = {}
     for at in lively:
         for current in lively:
             if current == at or together[at, current] < _TOGETHER:
@@ -94,8 +94,8 @@ def _products(table: Floats, members: Sequence[RegisterValue]) -> dict[int, str]
                 if volts not in (at, current):
                     left = _left_of_ratio(size[:, at], size[:, current] * size[:, volts])
                     if left < _PRODUCT_LEFT and left < _BETTER * alone:
-                        found[at] = f"goes as r{members[volts].address} x r{members[current].address}"
-    return found
+                        products[at] = f"goes as r{members[volts].address} x r{members[current].address}"
+    return products
 
 
 def _left_of_ratio(target: Floats, driver: Floats) -> float:

@@ -57,7 +57,7 @@ def is_bcd(series: NDArray[np.uint64], words: int) -> bool:
     digits = (series[:, None] >> np.arange(0, 16 * words, 4, dtype=np.uint64)) & np.uint64(15)
     if (digits > 9).any() or len(np.unique(series)) < 12 or series.max() < 16:
         return False
-    decimal = (digits * np.array([10**place for place in range(4 * words)], np.uint64)).sum(axis=1)
+    decimal = (digits * np.array([10**digit for digit in range(4 * words)], np.uint64)).sum(axis=1)
     jumps, smooth = np.abs(np.diff(series.astype(np.float64))), np.abs(np.diff(decimal.astype(np.float64)))
     crossed = (digits[1:, 1:] != digits[:-1, 1:]).any(axis=1)
     return bool(crossed.sum() >= 3 and jumps.sum() > 1.25 * smooth.sum())

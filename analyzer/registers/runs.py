@@ -66,19 +66,19 @@ def runs_of(blocks: Iterable[BlockReadings]) -> list[Run]:
     groups: dict[tuple[int, MapArea], list[BlockReadings]] = {}
     for block in words:
         groups.setdefault((block.unit, block.area), []).append(block)
-    found = []
+    runs = []
     for members in groups.values():
         members.sort(key=lambda block: block.address)
         together: list[BlockReadings] = []
         end = -1
         for block in members:
             if together and block.address > end:
-                found.append(_run(together, series, evidence))
+                runs.append(_run(together, series, evidence))
                 together = []
             together.append(block)
             end = max(end, block.address + block.quantity) if len(together) > 1 else block.address + block.quantity
-        found.append(_run(together, series, evidence))
-    return found
+        runs.append(_run(together, series, evidence))
+    return runs
 
 
 def _run(
@@ -99,8 +99,8 @@ def _run(
         words[at : at + block.quantity] = series[id(block)][0][0]
         for hypothesis, by_table in enumerate(mine.codes):
             for name, values in by_table.items():
-                whole = codes[hypothesis].setdefault(name, np.full(length, NONE, np.int64))
-                whole[at : at + len(values)] = values
+                column = codes[hypothesis].setdefault(name, np.full(length, NONE, np.int64))
+                column[at : at + len(values)] = values
                 fits[at : at + len(values), hypothesis] = ~mine.absurd[hypothesis]
                 source[at : at + len(values), hypothesis] = number
     own = [series[id(block)] for block in blocks]
@@ -124,12 +124,12 @@ def second_codes(runs: Sequence[Run], first: Sequence[Floats]) -> list[list[Code
     for run, own, moves in zip(runs, first, moved, strict=True):
         counts[run.unit] = counts.get(run.unit, 0) + device_counts(own, moves)
         zeros[run.unit] = zeros.get(run.unit, 0) + zero_counts(run.words, run.moved)
-    found: list[list[Codes]] = []
+    extended: list[list[Codes]] = []
     for run, own, moves in zip(runs, first, moved, strict=True):
         pairs = [zero_codes(zeros[run.unit], run.words, run.moved, order) for order in DEVICE_ORDERS]
         more = device_codes(counts[run.unit], own, moves, run.fits, pairs)
-        found.append([{**one, **other} for one, other in zip(run.codes, more, strict=True)])
-    return found
+        extended.append([{**one, **second} for one, second in zip(run.codes, more, strict=True)])
+    return extended
 
 
 def run_pass(

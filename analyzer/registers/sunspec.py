@@ -50,11 +50,11 @@ def sunspec_chain(blocks: Iterable[BlockReadings]) -> list[ChainModel]:
 
 
 def _walked(words: Mapping[int, int], at: int) -> list[ChainModel]:
-    found: list[ChainModel] = []
-    while len(found) < _MOST and words.get(at, _END) != _END and 0 < words.get(at + 1, 0) <= _LONGEST:
-        found.append(ChainModel(words[at], at, words[at + 1]))
+    models: list[ChainModel] = []
+    while len(models) < _MOST and words.get(at, _END) != _END and 0 < words.get(at + 1, 0) <= _LONGEST:
+        models.append(ChainModel(words[at], at, words[at + 1]))
         at += 2 + words[at + 1]
-    return found
+    return models
 
 
 def sunspec_map(chain: list[ChainModel]) -> RegisterMap | None:

@@ -24,16 +24,16 @@ def texts_in(run: Run) -> list[tuple[int, int]]:
             letters = all(0x20 <= byte < 0x7F for byte in (high, low))
             ending = 0x20 <= high < 0x7F and low == 0
             still[at] = (high, letters, ending)
-    found, at = [], 0
+    texts, at = [], 0
     while at < run.length:
         end = at
         while end < run.length and still[end][1]:
             end += 1
         if end - at >= _LEAST_TEXT and _wordlike(run, at, end):
             end += end < run.length and still[end][2]
-            found.append((at, end))
+            texts.append((at, end))
         at = max(end, at + 1)
-    return found
+    return texts
 
 
 def _wordlike(run: Run, begin: int, end: int) -> bool:
@@ -78,14 +78,14 @@ def bit_values(blocks: list[BlockReadings], chart: RegisterMap | None) -> Iterat
     best: dict[tuple[str, int], tuple[BlockReadings, int]] = {}
     for block in blocks:
         if block.area in ("coil", "discrete"):
-            for place in range(block.quantity):
-                key = (block.area, block.address + place)
+            for column in range(block.quantity):
+                key = (block.area, block.address + column)
                 if key not in best or block.count > best[key][0].count:
-                    best[key] = (block, place)
+                    best[key] = (block, column)
     written = {(b.area, a) for b in blocks if b.written for a in range(b.address, b.address + b.quantity)}
-    for (area, address), (block, place) in best.items():
+    for (area, address), (block, column) in best.items():
         row = chart.at(area, address) if chart is not None else None
-        moved = bool(block.changes[place])
+        moved = bool(block.changes[column])
         yield RegisterValue(
             unit=block.unit,
             area=block.area,
@@ -99,10 +99,10 @@ def bit_values(blocks: list[BlockReadings], chart: RegisterMap | None) -> Iterat
             bits=10.0,
             why="a bit by its function code",
             readings=block.count,
-            changes=int(block.changes[place]),
-            minimum=int(block.least[place]),
-            maximum=int(block.greatest[place]),
-            last=int(block.last[place]),
+            changes=int(block.changes[column]),
+            minimum=int(block.least[column]),
+            maximum=int(block.greatest[column]),
+            last=int(block.last[column]),
             name=row.name if row is not None else None,
             scale=row.scale if row is not None else None,
             unit_of_measure=row.unit if row is not None else None,

@@ -67,11 +67,11 @@ class ValueWatch:
 
     def values(self) -> tuple[WatchedValue, ...]:
         """What was seen, by unit, area and address."""
-        found = [running.watched(key[0]) for key, running in self._mapped.items()]
+        watched = [running.watched(key[0]) for key, running in self._mapped.items()]
         if self._inferred:
-            taken = {(v.unit, v.area, at) for v in found for at in range(v.address, v.address + v.words)}
-            found += [v for v in self._sure_values() if (v.unit, v.area, v.address) not in taken]
-        return tuple(sorted(found, key=lambda value: (value.unit, value.area, value.address, value.name)))
+            covered = {(v.unit, v.area, at) for v in watched for at in range(v.address, v.address + v.words)}
+            watched += [v for v in self._sure_values() if (v.unit, v.area, v.address) not in covered]
+        return tuple(sorted(watched, key=lambda value: (value.unit, value.area, value.address, value.name)))
 
     def breaches(self) -> list[LimitBreach]:
         """Values that their maps do not allow."""
@@ -123,12 +123,12 @@ class _Running:
             self.greatest = max(self.greatest, float(values.max()))
         self.outside += int(np.count_nonzero(limits_broken(column)))
         times = batch.rows["t_end"][column.answers]
-        place = int(np.argmax(times))
-        if int(times[place]) >= self.newest:
-            self.newest = int(times[place])
-            words = column.words[place].tolist()
+        newest_at = int(np.argmax(times))
+        if int(times[newest_at]) >= self.newest:
+            self.newest = int(times[newest_at])
+            words = column.words[newest_at].tolist()
             reading = read_mapped(self.row, words, None if self.row.scale_address is not None else 0)
-            number = float(column.values[place])
+            number = float(column.values[newest_at])
             scaled = self.row.scale_address is not None and np.isfinite(number)
             self.last = f"{number:.7g} {self.row.unit}".rstrip() if scaled else reading.text
 

@@ -65,12 +65,12 @@ class Weights:
 def neighbour_codes() -> NDArray[np.int64]:
     """The entry of `neighbours` for each pair of hypotheses (H, H)."""
     count = len(HYPOTHESES)
-    found = np.zeros((count, count), np.int64)
+    codes = np.zeros((count, count), np.int64)
     for one, left in enumerate(HYPOTHESES):
-        for other, right in enumerate(HYPOTHESES):
+        for second, right in enumerate(HYPOTHESES):
             orders = 0 if left.order is None or right.order is None else 1 if left.order == right.order else 2
-            found[one, other] = (FAMILY_OF[one] * len(FAMILIES) + FAMILY_OF[other]) * _ORDERS + orders
-    return found
+            codes[one, second] = (FAMILY_OF[one] * len(FAMILIES) + FAMILY_OF[second]) * _ORDERS + orders
+    return codes
 
 
 @lru_cache(maxsize=1)
@@ -78,8 +78,8 @@ def order_codes() -> NDArray[np.int64]:
     """The entry of `value order` for a device of each order and each hypothesis (2, H): of a family, as the device has
     it or (second half) against it."""
     against = [[hypothesis.order not in (None, order) for hypothesis in HYPOTHESES] for order in DEVICE_ORDERS]
-    found: NDArray[np.int64] = FAMILY_OF[None, :] + len(FAMILIES) * np.array(against)
-    return found
+    codes: NDArray[np.int64] = FAMILY_OF[None, :] + len(FAMILIES) * np.array(against)
+    return codes
 
 
 @lru_cache(maxsize=1)

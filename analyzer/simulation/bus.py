@@ -86,14 +86,14 @@ def write(scenario: Scenario, path: str | PathLike[str]) -> None:
     Raises ValueError as `simulate` does, CaptureError where a file can't be written.
     """
     path = Path(path)
-    made = simulate(scenario)
-    captures.write(path, made.chunks, line=made.line)
+    simulated = simulate(scenario)
+    captures.write(path, simulated.chunks, line=simulated.line)
     with captures.replacing(truth_path(path)) as file:
-        lines = [frame.to_json() for frame in made.truth] + [finding.to_json() for finding in made.findings]
+        lines = [frame.to_json() for frame in simulated.truth] + [finding.to_json() for finding in simulated.findings]
         file.writelines(json.dumps(line).encode() + b"\n" for line in lines)
-    if made.registers:
+    if simulated.registers:
         with captures.replacing(path.with_suffix(".registers.jsonl")) as file:
-            file.writelines(json.dumps(register.to_json()).encode() + b"\n" for register in made.registers)
+            file.writelines(json.dumps(register.to_json()).encode() + b"\n" for register in simulated.registers)
 
 
 def truth_path(path: str | PathLike[str]) -> Path:
@@ -119,14 +119,14 @@ def _check(scenario: Scenario) -> None:
 
 
 def _check_defect(scenario: Scenario, code: str) -> None:
-    known = defects()
-    if code not in known:
-        raise ValueError(f"no defect {code!r}: there are {', '.join(known)}")
+    declared = defects()
+    if code not in declared:
+        raise ValueError(f"no defect {code!r}: there are {', '.join(declared)}")
     if scenario.maps:
         raise ValueError("a defect is put on devices of the simulator's own, without --map")
     if scenario.wire != "clean":
         raise ValueError(f"a defect is put on the wire clean, not on {scenario.wire}")
-    if scenario.units is not None and scenario.units < known[code].units:
-        raise ValueError(f"{scenario.units} units: {code} needs at least {known[code].units}")
-    if scenario.tap not in known[code].taps:
-        raise ValueError(f"a tap {scenario.tap} cannot show {code}: one of {', '.join(known[code].taps)} can")
+    if scenario.units is not None and scenario.units < declared[code].units:
+        raise ValueError(f"{scenario.units} units: {code} needs at least {declared[code].units}")
+    if scenario.tap not in declared[code].taps:
+        raise ValueError(f"a tap {scenario.tap} cannot show {code}: one of {', '.join(declared[code].taps)} can")

@@ -76,7 +76,7 @@ class Client:
         else:
             answer = device.answer(random, pdu)
             if function in (3, 4) and random.random() < self._habits.hostile:
-                answer = hostile(random, device.unit, answer, [other.unit for other in self.devices])
+                answer = hostile(random, device.unit, answer, [neighbour.unit for neighbour in self.devices])
         return Exchange(adu(device.unit, pdu), adu(device.unit, answer), device.response_ns)
 
 

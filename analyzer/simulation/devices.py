@@ -42,13 +42,13 @@ class Device:
         """Words from `address` on, drifting as they are read."""
         words = self.words
         out = []
-        for place in range(address, address + quantity):
-            value = words.get(place)
+        for register in range(address, address + quantity):
+            value = words.get(register)
             if value is None:
-                value = _word(random, words.get(place - 1, 0))
+                value = _word(random, words.get(register - 1, 0))
             elif random.random() < _DRIFT:
                 value = (value + random.choice((-1, 1))) & 0xFFFF
-            words[place] = value
+            words[register] = value
             out.append(value)
         return struct.pack(f">{quantity}H", *out)
 

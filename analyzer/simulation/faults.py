@@ -33,8 +33,8 @@ def _truncate(random: Random, sent: bytes) -> Spoilt:
 
 def _collide(random: Random, sent: bytes) -> Spoilt:
     # A bit is 0 where either of the two sends 0.
-    other = random.randbytes(min(len(sent), _COLLISION))
-    return [ours & theirs for ours, theirs in zip(sent, other, strict=False)] + list[int | None](sent[_COLLISION:])
+    noise = random.randbytes(min(len(sent), _COLLISION))
+    return [ours & theirs for ours, theirs in zip(sent, noise, strict=False)] + list[int | None](sent[_COLLISION:])
 
 
 FAULTS: Mapping[str, Callable[[Random, bytes], Spoilt]] = MappingProxyType(

@@ -47,8 +47,8 @@ class UartSettings:
         return self.stop_at + ceil(self.stop_bits)
 
     def __str__(self) -> str:
-        way = ", inverted" if self.inverted else ""
-        return f"{self.baud:.0f} bit/s {self.data_bits}{self.parity}{self.stop_bits:g}{way}"
+        polarity = ", inverted" if self.inverted else ""
+        return f"{self.baud:.0f} bit/s {self.data_bits}{self.parity}{self.stop_bits:g}{polarity}"
 
 
 class Characters(NamedTuple):
@@ -93,10 +93,10 @@ class Uart:
         chosen, behind = _walk(following, first, over)
         chosen = chosen[~glitch[chosen]]
         cut = int(falling[behind]) if behind < len(falling) else len(edges)
-        found = self._characters(edges[:cut], falling[chosen])
+        characters = self._characters(edges[:cut], falling[chosen])
         self._level ^= cut & 1
         self._edges = edges[cut:]
-        return found
+        return characters
 
     def _length_ns(self) -> int:
         return ceil(self.settings.char_bits * self.settings.bit_ns)
@@ -111,8 +111,8 @@ class Uart:
             chosen, _ = _walk(following, first, end)
             chosen = chosen[~glitch[chosen]]
             cut = int(falling[end]) if end < len(falling) else len(edges)
-            found = self._characters(edges[:cut], falling[chosen])
-            cost = first + _WRONG * int((found.framing | found.parity).sum())
+            characters = self._characters(edges[:cut], falling[chosen])
+            cost = first + _WRONG * int((characters.framing | characters.parity).sum())
             if least is None or cost < least:
                 best, least = first, cost
         return best
@@ -126,8 +126,8 @@ class Uart:
             return Characters(none, none, none.astype(np.uint8), none > 0, none > 0, none, none.astype(np.uint8))
         counts = np.diff(begins, append=len(edges))
         inside = edges[begins[0] :] - np.repeat(start, counts)
-        place = np.minimum((inside / bit + 0.5).astype(np.int64), 15)
-        flips = np.left_shift(0xFFFF, place, dtype=np.int64)
+        position = np.minimum((inside / bit + 0.5).astype(np.int64), 15)
+        flips = np.left_shift(0xFFFF, position, dtype=np.int64)
         offsets = begins - begins[0]
         flips[offsets] = 0  # the start edge itself
         word = np.bitwise_xor.reduceat(flips, offsets)
@@ -139,8 +139,8 @@ class Uart:
             wrong = sent != parity_bit(value, settings.parity)
         end = start + ceil((settings.stop_at + settings.stop_bits) * bit)
         falls = (np.arange(len(inside)) - np.repeat(offsets, counts)) % 2 == 0
-        falls &= place <= settings.stop_at
-        number = np.where(falls, place, 0)
+        falls &= position <= settings.stop_at
+        number = np.where(falls, position, 0)
         bits = np.maximum.reduceat(number, offsets)
         span = np.maximum.reduceat(np.where(falls, inside, 0), offsets)
         bits[bits < _MEASURED] = 0

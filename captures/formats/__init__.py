@@ -57,7 +57,7 @@ def foreign_formats() -> dict[str, Format]:
     """The formats that other distributions bring, by name."""
     from importlib.metadata import entry_points  # slow to import, and seldom needed
 
-    found: dict[str, Format] = {}
+    formats_by_name: dict[str, Format] = {}
     for entry in entry_points(group=ENTRY_POINTS):
         try:
             loaded = entry.load()
@@ -68,16 +68,16 @@ def foreign_formats() -> dict[str, Format]:
                 raise
             warnings.warn(f"plug-in {entry.name} ({entry.value}) is left out: {_words(error)}", stacklevel=2)
         else:
-            found[loaded.name] = loaded
-    return found
+            formats_by_name[loaded.name] = loaded
+    return formats_by_name
 
 
 def by_name(name: str) -> Format:
     """The format of this name; CaptureError lists the names there are."""
-    found = formats().get(name) or foreign_formats().get(name)
-    if found is None:
+    named = formats().get(name) or foreign_formats().get(name)
+    if named is None:
         raise CaptureError(f"no capture format named {name!r}: there are {_listed([*formats(), *foreign_formats()])}")
-    return found
+    return named
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +119,11 @@ def claimed(head: bytes, chosen: Format | None) -> bool:
     """Whether this format, or where none is chosen any, knows a file that begins like this for its own."""
     if chosen is not None:
         return _scores({chosen.name: chosen}, head)[chosen] >= LIKELY
-    return any(score >= CERTAIN for known in (foreign_formats(), formats()) for score in _scores(known, head).values())
+    return any(
+        score >= CERTAIN
+        for registered in (foreign_formats(), formats())
+        for score in _scores(registered, head).values()
+    )
 
 
 def likely(name: str, head: bytes) -> bool:
@@ -133,10 +137,10 @@ def likely(name: str, head: bytes) -> bool:
 def for_writing(path: Path) -> Format:
     """The format that this name's suffix asks for; CaptureError lists the suffixes that can be written."""
     for registry in (formats, foreign_formats):
-        for found in registry().values():
-            if path.suffix.lower() in _written(found):
-                return found
-    suffixes = [suffix for found in formats().values() for suffix in _written(found)]
+        for candidate in registry().values():
+            if path.suffix.lower() in _written(candidate):
+                return candidate
+    suffixes = [suffix for candidate in formats().values() for suffix in _written(candidate)]
     raise CaptureError(f"{path}: no format to write with suffix {path.suffix!r}: use {_listed(suffixes)}")
 
 

@@ -55,8 +55,8 @@ class _JsonlReader:
                     number, text, skip = number + 1, text.partition(b"\n")[2], False
                 if not text:
                     continue
-                if (found := reads_in(text)) is not None:
-                    times, sizes, data = found
+                if (reads := reads_in(text)) is not None:
+                    times, sizes, data = reads
                     yield columns(data, sizes, times, timed=self.timed)
                     continue
                 lines = lines_of(text)

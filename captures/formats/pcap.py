@@ -43,8 +43,8 @@ class _PcapFile:
         with opened(self.path) as file:
             file.seek(_HEADER)
             rest, base = b"", _HEADER
-            while piece := file.read(_PIECE):
-                rest += piece
+            while octets := file.read(_PIECE):
+                rest += octets
                 heads, at, longest = [], 0, len(rest) - _RECORD
                 while at <= longest:
                     (size,) = captured(rest, at + 8)

@@ -145,14 +145,18 @@ class _PcapngFile:
         if len(body) < 8:
             body = body.ljust(8, b"\x00")
         (link,) = struct.unpack_from(f"{self._order}H", body)
-        found = dict(reversed(list(ng.options(body[8:], self._order))))
-        speed, resolution, offset = found.get(ng.SPEED, b""), found.get(ng.RESOLUTION, b""), found.get(ng.OFFSET, b"")
+        by_code = dict(reversed(list(ng.options(body[8:], self._order))))
+        speed, resolution, offset = (
+            by_code.get(ng.SPEED, b""),
+            by_code.get(ng.RESOLUTION, b""),
+            by_code.get(ng.OFFSET, b""),
+        )
         baud = struct.unpack(f"{self._order}Q", speed)[0] if len(speed) == 8 else 0
         units = 10**6
         if len(resolution) == 1:
             units = 2 ** (resolution[0] & 0x7F) if resolution[0] & 0x80 else 10 ** min(resolution[0], 30)
         seconds = struct.unpack(f"{self._order}q", offset)[0] if len(offset) == 8 else 0
-        name = _text(found[ng.NAME]) if ng.NAME in found else None
+        name = _text(by_code[ng.NAME]) if ng.NAME in by_code else None
         serial = link == UPPER_PDU and 0 < baud < 10**8  # an Ethernet card's speed is no baud rate
         self.interfaces.append(Interface(link, name, baud if serial else None))
         self._clocks.append(_InterfaceClock(units, seconds))
@@ -163,22 +167,22 @@ class _PcapngFile:
         at, kind = np.array(batch, np.int64).T
         octets = np.frombuffer(data, np.uint8)
         words = octets.take(at[:, None] + np.arange(_HEAD), mode="clip").view(f"{self._order}u4").astype(np.int64)
-        interface, high, low, size, whole = words[:, 2].copy(), words[:, 3], words[:, 4], words[:, 5], words[:, 6]
+        interface, high, low, size, original = words[:, 2].copy(), words[:, 3], words[:, 4], words[:, 5], words[:, 6]
         begin = at + _HEAD
         if (old := kind == ng.OLD_PACKET).any():
             interface[old] = interface[old] & 0xFFFF if self._order == "<" else interface[old] >> 16
         if (simple := kind == ng.SIMPLE_PACKET).any():
-            begin[simple], whole[simple] = at[simple] + 12, words[simple, 2]
+            begin[simple], original[simple] = at[simple] + 12, words[simple, 2]
             size[simple] = np.minimum(words[simple, 2], words[simple, 1] - 16)
             interface[simple] = high[simple] = low[simple] = 0
         interface += self._base
         end = at + words[:, 1] - 4
-        known = (interface < len(self.interfaces)) & (begin + size <= end) & (size >= 0)
-        if not known.all():
-            first = int(np.argmin(known))
-            note(f"packet {first} of {len(at):,}", f"{int((~known).sum()):,} packets are damaged: left out")
-            at, begin, size, whole, end = at[known], begin[known], size[known], whole[known], end[known]
-            interface, high, low, kind = interface[known], high[known], low[known], kind[known]
+        valid = (interface < len(self.interfaces)) & (begin + size <= end) & (size >= 0)
+        if not valid.all():
+            first = int(np.argmin(valid))
+            note(f"packet {first} of {len(at):,}", f"{int((~valid).sum()):,} packets are damaged: left out")
+            at, begin, size, original, end = at[valid], begin[valid], size[valid], original[valid], end[valid]
+            interface, high, low, kind = interface[valid], high[valid], low[valid], kind[valid]
         if not len(at):
             return
         stamps = high.astype(np.uint64) << np.uint64(32) | low.astype(np.uint64)
@@ -187,7 +191,7 @@ class _PcapngFile:
             mine = interface == number
             t_ns[mine] = self._clocks[number].nanoseconds(stamps[mine])
         flags, comments = _remarks(data, begin + (size + 3 & ~3), end, kind != ng.SIMPLE_PACKET, self._order)
-        yield Packets(octets, begin, size, np.maximum(whole - size, 0), t_ns, interface, flags, comments)
+        yield Packets(octets, begin, size, np.maximum(original - size, 0), t_ns, interface, flags, comments)
 
 
 def _remarks(

@@ -51,9 +51,9 @@ class _DigitalExport:
                     usable = np.isfinite(seconds) & (np.abs(seconds) < _LIMIT_S)
                     if not usable.all():
                         note(self.path.name, f"{int((~usable).sum()):,} edges without a time: left out")
-                    found = np.concatenate((edges, np.rint(seconds[usable] * 1e9).astype(np.int64)))
+                    measured = np.concatenate((edges, np.rint(seconds[usable] * 1e9).astype(np.int64)))
                     level ^= int(usable.sum()) & 1
-                    edges = np.maximum.accumulate(np.maximum(found, newest))
+                    edges = np.maximum.accumulate(np.maximum(measured, newest))
                     newest = int(edges[-1]) if len(edges) else newest
                     yield EdgePiece([edges], newest)
                     edges = np.zeros(0, np.int64)

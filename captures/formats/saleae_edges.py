@@ -43,7 +43,7 @@ class _Table:
     begin_ns: int
 
     def pieces(self, note: Note) -> Iterator[EdgePiece]:
-        known = np.array(self.levels, np.bool_)
+        settled = np.array(self.levels, np.bool_)
         newest = -TIME_LIMIT + 1
         with opened(self.path) as file:
             for number, text in text_batches(file, note, _BATCH):
@@ -54,9 +54,9 @@ class _Table:
                     continue
                 times = np.maximum.accumulate(np.maximum(times, newest))
                 newest = int(times[-1])
-                before = np.concatenate((known[None, :], states[:-1]))
+                before = np.concatenate((settled[None, :], states[:-1]))
                 flipped = states != before
-                known = states[-1]
+                settled = states[-1]
                 yield EdgePiece([times[flipped[:, channel]] for channel in range(len(self.names))], newest)
 
     def _rows(self, text: bytes, number: int, note: Note) -> tuple[Times, NDArray[np.bool_]]:

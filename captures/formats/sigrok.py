@@ -48,15 +48,15 @@ class _SigrokSession:
 
     def pieces(self, note: Note) -> Iterator[EdgePiece]:
         before = sum(level << bit for bit, level in enumerate(self.levels))
-        done = 0  # samples
+        passed = 0  # samples
         for data in self._samples(note):
             changed = _changes(data, before)
             now = data[changed]
             flipped = now ^ np.concatenate((np.array([before], data.dtype), now[:-1]))
-            at = _nanoseconds(changed + done, self.rate)
+            at = _nanoseconds(changed + passed, self.rate)
             edges = [at[flipped >> np.asarray(bit, data.dtype) & 1 == 1] for bit in range(len(self.names))]
-            before, done = int(data[-1]), done + len(data)
-            yield EdgePiece(edges, int(_nanoseconds(np.array([done]), self.rate)[0]))
+            before, passed = int(data[-1]), passed + len(data)
+            yield EdgePiece(edges, int(_nanoseconds(np.array([passed]), self.rate)[0]))
 
     def _samples(self, note: Note) -> Iterator[NDArray[np.unsignedinteger]]:
         """All samples in pieces, as numbers."""
@@ -66,8 +66,8 @@ class _SigrokSession:
                 rest = b""
                 try:
                     with archive.open(part) as member:
-                        while piece := member.read(_PIECE):
-                            rest += piece
+                        while octets := member.read(_PIECE):
+                            rest += octets
                             size = len(rest) // self.unit * self.unit
                             if size:
                                 yield _numbers(rest[:size], self.unit, width)
@@ -149,7 +149,7 @@ def _session(path: Path, archive: zipfile.ZipFile) -> _SigrokSession:
     hertz = round(wanted)
     name = device["capturefile"]
     numbers = {member: re.fullmatch(rf"{re.escape(name)}(?:-(\d{{1,9}}))?", member) for member in archive.namelist()}
-    parts = sorted((int(found[1] or 0), member) for member, found in numbers.items() if found)
+    parts = sorted((int(match[1] or 0), member) for member, match in numbers.items() if match)
     count = min(int(probes), 8 * int(unit))
     names = [" ".join(device.get(f"probe{bit + 1}", f"probe {bit + 1}").split()) for bit in range(count)]
     session = _SigrokSession(path, names, [0] * count, [member for _, member in parts], int(unit), hertz)

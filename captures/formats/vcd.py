@@ -59,15 +59,15 @@ class _WaveDump:
     begin_ns: int = 0
 
     def pieces(self, note: Note) -> Iterator[EdgePiece]:
-        known = [level == 1 for level in self.levels]
+        high = [level == 1 for level in self.levels]
         for data, changes in self._changes(note):
             edges = []
             for channel, code in enumerate(self.codes):
                 mine = _named(data, changes, code)
                 value = changes.value[mine]
-                flipped = value != np.concatenate(([known[channel]], value[:-1])) if len(value) else value
+                flipped = value != np.concatenate(([high[channel]], value[:-1])) if len(value) else value
                 edges.append(self._nanoseconds(changes.time[mine][flipped]))
-                known[channel] = bool(value[-1]) if len(value) else known[channel]
+                high[channel] = bool(value[-1]) if len(value) else high[channel]
             yield EdgePiece(edges, int(self._nanoseconds(np.array([changes.last]))[0]))
 
     def _changes(self, note: Note) -> Iterator[tuple[NDArray[np.uint8], _Changes]]:
@@ -76,9 +76,9 @@ class _WaveDump:
             file.seek(self.begin)
             rest, ended = b"", False
             while not ended:
-                piece = file.read(_PIECE)
-                ended = not piece
-                rest += piece
+                octets = file.read(_PIECE)
+                ended = not octets
+                rest += octets
                 cut = len(rest) if ended else max(rest.rfind(b"\n"), rest.rfind(b" ")) + 1
                 text = rest[:cut]
                 if b"$comment" in text:
@@ -136,19 +136,19 @@ def _numbers(
     """Decimal numbers of so many digits that begin there, and which of them are numbers."""
     value = np.zeros(len(at), np.int64)
     right = (size > 0) & (size <= _DIGITS)
-    for place in range(int(min(size.max(initial=0), _DIGITS))):
-        here = np.flatnonzero(right & (size > place))
-        digit = data[at[here] + place].astype(np.int64) - _ZERO
-        value[here] = value[here] * 10 + digit
-        right[here[(digit < 0) | (digit > 9)]] = False
+    for position in range(int(min(size.max(initial=0), _DIGITS))):
+        longer = np.flatnonzero(right & (size > position))
+        digit = data[at[longer] + position].astype(np.int64) - _ZERO
+        value[longer] = value[longer] * 10 + digit
+        right[longer[(digit < 0) | (digit > 9)]] = False
     return value, right
 
 
 def _named(data: NDArray[np.uint8], changes: _Changes, code: bytes) -> NDArray[np.int64]:
     """The changes of the variable with this identifier."""
     mine = np.flatnonzero(changes.size == len(code))
-    for place, octet in enumerate(code):
-        mine = mine[data[changes.at[mine] + place] == octet]
+    for position, octet in enumerate(code):
+        mine = mine[data[changes.at[mine] + position] == octet]
     return mine
 
 
@@ -165,11 +165,11 @@ def _load(path: Path) -> _WaveDump:
     scale = _SCALE.search(head)
     if end is None or scale is None:
         raise CaptureError(f"{path}: no value change dump, or one without $timescale and $enddefinitions")
-    found = dict(reversed([(code, name) for code, name in _VARIABLE.findall(head[: end.start()])]))
-    codes = list(reversed(found))[:_CHANNELS]
+    variables = dict(reversed([(code, name) for code, name in _VARIABLE.findall(head[: end.start()])]))
+    codes = list(reversed(variables))[:_CHANNELS]
     if not codes:
         raise CaptureError(f"{path}: no variable of one bit in this dump: nothing here is a serial line")
-    names = [found[code].decode("utf-8", "replace") for code in codes]
+    names = [variables[code].decode("utf-8", "replace") for code in codes]
     dump = _WaveDump(path, names, [0] * len(codes), codes, end.end(), int(scale[1]) * _FEMTOSECONDS[scale[2]])
     levels = [0] * len(codes)
     for data, changes in dump._changes(lambda *_: None):

@@ -50,9 +50,9 @@ def programs_by_device() -> dict[str, list[str]]:
     for process, device in _open_devices():
         with suppress(OSError):
             who = f"{(process / 'comm').read_text().strip()} ({process.name})"
-            known = users.setdefault(device, [])
-            if who not in known:
-                known.append(who)
+            programs = users.setdefault(device, [])
+            if who not in programs:
+                programs.append(who)
     return users
 
 

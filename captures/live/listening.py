@@ -42,7 +42,7 @@ class Listening:
         """Start the reader, which gathers reads for `hold_ns`. `quiet_ns`, `idle_ns`: silences that it tells.
 
         `wait`: for a port that is not there, too; `blocking`: by pyserial's own read alone."""
-        given = {
+        options = {
             "ports": [port.to_json() for port in ports],
             "hold_ns": hold_ns,
             "quiet_ns": quiet_ns,
@@ -57,7 +57,7 @@ class Listening:
         )
         paths = [path for path in sys.path if path]
         self._process = subprocess.Popen(
-            [sys.executable, "-c", _START, json.dumps(paths), json.dumps(given)],
+            [sys.executable, "-c", _START, json.dumps(paths), json.dumps(options)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -21,8 +21,8 @@ def open_tap(settings: PortSettings, *, blocking: bool = False) -> Tap:
         return DeviceTap(settings, blocking=blocking)
     scheme = settings.url.partition("://")[0].lower()
     if scheme not in _KINDS:
-        known = ", ".join(f"{name}://HOST:PORT" for name in _KINDS)
-        raise PortError(f"{settings.url}: no way to listen by {scheme}://: there are serial devices and {known}")
+        schemes = ", ".join(f"{name}://HOST:PORT" for name in _KINDS)
+        raise PortError(f"{settings.url}: no way to listen by {scheme}://: there are serial devices and {schemes}")
     return _KINDS[scheme](settings, blocking=blocking)
 
 

@@ -98,5 +98,5 @@ def _usb_adapters() -> list[tuple[str, tuple[Any, ...]]]:
     """USB ports by device, with what tells one adapter from another."""
     from serial.tools import list_ports
 
-    found = [port for port in list_ports.comports() if port.vid is not None and port.serial_number]
-    return [(os.path.realpath(p.device), (p.vid, p.pid, p.serial_number, p.interface)) for p in found]
+    adapters = [port for port in list_ports.comports() if port.vid is not None and port.serial_number]
+    return [(os.path.realpath(p.device), (p.vid, p.pid, p.serial_number, p.interface)) for p in adapters]

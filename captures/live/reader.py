@@ -166,16 +166,22 @@ class Ports:
 
 def main(arguments: str) -> None:
     """Read until standard input ends. `arguments`: JSON of ports, hold_ns, quiet_ns, idle_ns, wait, blocking."""
-    given = json.loads(arguments)
+    options = json.loads(arguments)
     _prefer()
     clock = SteadyClock()
     out = Pipe(blocking=os.name != "posix")
-    desk = ReadBatching(clock, out.send, hold_ns=given["hold_ns"], quiet_ns=given["quiet_ns"], idle_ns=given["idle_ns"])
-    settings = [PortSettings.from_json(values) for values in given["ports"]]
+    desk = ReadBatching(
+        clock,
+        out.send,
+        hold_ns=options["hold_ns"],
+        quiet_ns=options["quiet_ns"],
+        idle_ns=options["idle_ns"],
+    )
+    settings = [PortSettings.from_json(values) for values in options["ports"]]
     desk.listen_for(max(each.silence_ns for each in settings))
-    ports = [Port(number, each, desk, given["wait"]) for number, each in enumerate(settings)]
+    ports = [Port(number, each, desk, options["wait"]) for number, each in enumerate(settings)]
     try:
-        if given["blocking"] or os.name != "posix":
+        if options["blocking"] or os.name != "posix":
             _by_threads(ports, desk)
         else:
             _by_waiting(ports, desk, out)
@@ -206,10 +212,10 @@ def _by_waiting(ports: list[Port], desk: ReadBatching, out: Pipe) -> None:
             if descriptor in listening:
                 listening[descriptor].read()
         if 0 in ready:
-            given = commands.take()
-            if given is None:
+            command = commands.take()
+            if command is None:
                 return
-            taps.obey(given)
+            taps.obey(command)
         if over in ready:
             os.read(over, 4096)
             taps.attempted()

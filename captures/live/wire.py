@@ -63,8 +63,8 @@ class Decoder:
             elif kind == TICK:
                 items.append(Tick(t_ns))
             elif kind == EVENT:
-                said = json.loads(data[body:at])
-                items.append(PortEvent(t_ns, port, said.pop("kind"), said.pop("text"), said))
+                event = json.loads(data[body:at])
+                items.append(PortEvent(t_ns, port, event.pop("kind"), event.pop("text"), event))
         self._rest = data[at:]
         return items
 

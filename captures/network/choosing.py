@@ -88,14 +88,14 @@ def looks_foreign(reads: Reads) -> bool:
 
 
 def _looks_rtu(turns: Reads) -> bool:
-    pairs = [(asked, answer) for (one, asked), (two, answer) in pairwise(turns) if (one, two) == (Mark.TX, Mark.RX)]
+    pairs = [(request, answer) for (one, request), (two, answer) in pairwise(turns) if (one, two) == (Mark.TX, Mark.RX)]
     if pairs:
         fitting = sum(
-            min(len(asked), len(answer)) >= _LEAST
-            and asked[0] == answer[0]
-            and asked[1] == answer[1] & 0x7F
-            and len(asked) <= _LONGEST
-            for asked, answer in pairs
+            min(len(request), len(answer)) >= _LEAST
+            and request[0] == answer[0]
+            and request[1] == answer[1] & 0x7F
+            and len(request) <= _LONGEST
+            for request, answer in pairs
         )
         return fitting >= _SHARE * len(pairs)
     likely = sum(

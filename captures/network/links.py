@@ -55,8 +55,8 @@ class SerialReads:
 def serial_reads(packets: Packets, chosen: Ints, link: int) -> SerialReads:
     """The bytes of these packets, whose link type is one of SERIAL."""
     at, size = packets.at[chosen], packets.size[chosen]
-    way = packets.flags[chosen] & 3
-    mark = np.where(way == OUTBOUND, int(Mark.TX), np.where(way == INBOUND, int(Mark.RX), 0))
+    direction = packets.flags[chosen] & 3
+    mark = np.where(direction == OUTBOUND, int(Mark.TX), np.where(direction == INBOUND, int(Mark.RX), 0))
     wrong = np.zeros(len(chosen), np.bool_)
     head = np.zeros(len(chosen), np.int64)
     lost = 0

@@ -29,10 +29,10 @@ def errors_comments(offsets: Sequence[int]) -> list[str]:
 
 def errors_of(comment: str) -> list[int] | None:
     """The offsets that `errors_comments` wrote; None for another comment."""
-    found = _ERRORS.fullmatch(comment)
-    if found is None:
+    match = _ERRORS.fullmatch(comment)
+    if match is None:
         return None
-    bounds = [[int(number) for number in word.split("-")] for word in found[1].split(", ")]
+    bounds = [[int(number) for number in word.split("-")] for word in match[1].split(", ")]
     if sum(bound[-1] - bound[0] for bound in bounds) > LONGEST:
         return None
     return [offset for bound in bounds for offset in range(bound[0], bound[-1] + 1)]
@@ -45,5 +45,5 @@ def note_comment(note: Note) -> str:
 
 def note_of(t_ns: int, comment: str) -> Note:
     """A comment as a note of the capture."""
-    found = _NOTE.fullmatch(comment)
-    return Note(t_ns, "comment", comment) if found is None else Note(t_ns, found[1], found[2])
+    match = _NOTE.fullmatch(comment)
+    return Note(t_ns, "comment", comment) if match is None else Note(t_ns, match[1], match[2])

@@ -75,14 +75,14 @@ def packet_source(path: Path, file: PacketFile) -> _PacketSource:
 
 
 def _nothing(survey: _Survey) -> str:
-    found = [f"{count:,} packets of {name}" for name, count in survey.others.most_common(_NAMED)]
+    others = [f"{count:,} packets of {name}" for name, count in survey.others.most_common(_NAMED)]
     if survey.groups:
         names = [
             f"{one.group.name} ({one.octets:,} bytes)" for one in sorted(survey.groups, key=lambda one: -one.octets)
         ]
         more = f" and {len(names) - _NAMED:,} more" if len(names) > _NAMED else ""
         return f"no Modbus in its {len(names):,} TCP connections: {', '.join(names[:_NAMED])}{more}"
-    return f"no serial line and no TCP data in it: {', '.join(found) or 'no packets'}"
+    return f"no serial line and no TCP data in it: {', '.join(others) or 'no packets'}"
 
 
 class _ConnectionSurvey:
@@ -270,8 +270,8 @@ class _PacketBlocks:
         parts = [*self._parts, *([np.array(self._pieces, np.int64).T] if self._pieces else [])]
         if not parts:
             return columns(b"", [], [], timed=True)
-        pieces = np.concatenate(parts, axis=1)
-        packet, begin, size, port, mark = pieces[:, np.argsort(pieces[0], kind="stable")]
+        segments = np.concatenate(parts, axis=1)
+        packet, begin, size, port, mark = segments[:, np.argsort(segments[0], kind="stable")]
         if self._late:
             data = np.concatenate((data, np.frombuffer(self._late, np.uint8)))
         ends = np.cumsum(size)

@@ -162,9 +162,9 @@ class Reassembly:
             key = rows[n * KEY : (n + 1) * KEY]
             half = halves.get(key)
             if half is None or flags & _SYN:
-                for known in (half, half and half.other):
-                    if known is not None:
-                        self._take_run(known, segments)
+                for side in (half, half and half.other):
+                    if side is not None:
+                        self._take_run(side, segments)
                 half = self._half(key, seq, flags, half)
             if size and not flags & _SYN:
                 if seq == half.following and not half.waiting:
@@ -208,10 +208,10 @@ class Reassembly:
             half.following = seq
         ahead = (seq - half.following) & _MASK
         if ahead >= _HALF:  # begins with bytes that were given already
-            done = _MASK + 1 - ahead
-            if done >= len(octets):
+            skip = _MASK + 1 - ahead
+            if skip >= len(octets):
                 return
-            begin, octets, ahead = begin + done, octets[done:], 0
+            begin, octets, ahead = begin + skip, octets[skip:], 0
         if ahead == 0:
             half.following = (half.following + len(octets)) & _MASK
             self._taker.piece(half, i, begin, len(octets))
@@ -273,9 +273,9 @@ class Reassembly:
         connection = self._opened(self._group(key if from_client else back))
         mine, theirs = (Mark.TX, Mark.RX) if from_client else (Mark.RX, Mark.TX)
         half = Half(connection, mine, following=following)
-        other = Half(connection, theirs, half)
-        half.other = other
-        self._halves[key], self._halves[back] = half, other
+        opposite = Half(connection, theirs, half)
+        half.other = opposite
+        self._halves[key], self._halves[back] = half, opposite
         return half
 
     def _forget(self, half: Half) -> None:

@@ -60,11 +60,11 @@ class CommittedFile:
         """Put all that is held on the disk; OSError where it could not be, which then can be tried again."""
         if not self._held:
             return
-        done = 0
+        written = 0
         view = memoryview(self._held)
         try:
-            while done < len(view):
-                done += os.write(self._descriptor, view[done:])
+            while written < len(view):
+                written += os.write(self._descriptor, view[written:])
             os.fsync(self._descriptor)
         except OSError:
             with suppress(OSError):
@@ -73,7 +73,7 @@ class CommittedFile:
             raise
         finally:
             view.release()
-        self.size += done
+        self.size += written
         self._held.clear()
 
     @property

@@ -113,9 +113,9 @@ class Recorder:
     @property
     def result(self) -> str:
         """What was recorded, and what not, for a last line."""
-        taken = f", {self.taken:,} taken away by someone" if self.taken else ""
+        removed = f", {self.taken:,} taken away by someone" if self.taken else ""
         lost = f", LOST {self.lost:,}" if self.lost else ""
-        return f"recorded {self.bytes:,} bytes of the line{taken}{lost}"
+        return f"recorded {self.bytes:,} bytes of the line{removed}{lost}"
 
     def write(self, block: Block) -> None:
         """Take a block; not while so much waits for a full disk that memory would run out."""
@@ -349,19 +349,19 @@ def _mend_cut(path: Path, limits: RingLimits, tell: Callable[[str], None]) -> No
     for part in ring.cut():
         if is_written(part):
             continue
-        whole = part.with_name(part.name.removesuffix(PART))
+        finished = part.with_name(part.name.removesuffix(PART))
         mending = part.with_name(part.name + _MENDING)
         try:
-            if whole.exists() and whole.samefile(part):  # it was named, and then the power went
+            if finished.exists() and finished.samefile(part):  # it was named, and then the power went
                 part.unlink()
                 continue
-            done = repair(part, mending)
-            if done.chunks or done.notes:
+            repaired = repair(part, mending)
+            if repaired.chunks or repaired.notes:
                 begun_s = part.stat().st_mtime
-                own = () if whole == path else (whole,)  # that name is for what comes now
-                whole = move_to_free_name(mending, chain(own, ring.free_names(begun_s)))
-                damaged = f", {done.damage_count - 1} damaged places noted" if done.damage_count > 1 else ""
-                tell(f"recording: {whole} was cut and is whole again: {done.bytes:,} bytes of the line{damaged}")
+                own = () if finished == path else (finished,)  # that name is for what comes now
+                finished = move_to_free_name(mending, chain(own, ring.free_names(begun_s)))
+                damaged = f", {repaired.damage_count - 1} damaged places noted" if repaired.damage_count > 1 else ""
+                tell(f"recording: {finished} was cut and is whole again: {repaired.bytes:,} bytes of the line{damaged}")
             else:
                 mending.unlink()
             part.unlink()

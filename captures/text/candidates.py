@@ -74,9 +74,9 @@ LONG: Final = 4096  # characters: no line of words
 def line_of(text: str, marks: Iterable[int] = ()) -> TextLine:
     """A text as a line to search; `marks` are the ends of its direction marks."""
     first, begin, behind = set(), len(text), len(text)
-    for place in sorted({0, *marks}, reverse=True):
-        solid = _SOLID.search(text, place, behind)
-        begin, behind = begin if solid is None else solid.start(), place
+    for position in sorted({0, *marks}, reverse=True):
+        solid = _SOLID.search(text, position, behind)
+        begin, behind = begin if solid is None else solid.start(), position
         first.add(begin)
     return TextLine(text, frozenset(first), len(text.rstrip(_WRAPPING)), begin)
 

@@ -144,17 +144,17 @@ def runs_in(line: TextLine, judge: Judge, experience: Experience) -> list[ByteRu
     ]
     offsets = {entry.candidate.lead for entry in ranked if entry.candidate.offset is not None}
     ranked.sort(key=lambda entry: (entry.candidate.start not in offsets, *entry.rank), reverse=True)
-    places: list[tuple[int, int, ByteRun]] = []  # of the runs chosen, in order
+    occupied: list[tuple[int, int, ByteRun]] = []  # of the runs chosen, in order
     for _, candidate, checked, whole in ranked:
-        at = bisect_left(places, (candidate.lead,))
-        clash = next((places[i][2] for i in (at - 1, at) if _overlaps(places, i, candidate)), None)
+        at = bisect_left(occupied, (candidate.lead,))
+        clash = next((occupied[i][2] for i in (at - 1, at) if _overlaps(occupied, i, candidate)), None)
         if clash is None:
-            places.insert(at, (candidate.lead, candidate.end, _run(candidate, line, checked)))
+            occupied.insert(at, (candidate.lead, candidate.end, _run(candidate, line, checked)))
         elif candidate.start == clash.start:
             clash.others = (*clash.others, candidate)
             if whole and clash.checked:
                 clash.rivals = (*clash.rivals, candidate.shape)
-    runs = [run for _, _, run in places]
+    runs = [run for _, _, run in occupied]
     behind = 0  # the newest run that may be bytes
     for i, run in enumerate(runs):
         if behind:

@@ -97,15 +97,15 @@ def _unquoted(text: str, start: int, end: int, first: int | None) -> Iterator[He
 
 def _quoted(text: str) -> Iterator[tuple[int, int]]:
     """Where the insides of quoted strings begin and end."""
-    places: dict[str, list[int]] = {"'": [], '"': []}
+    starts: dict[str, list[int]] = {"'": [], '"': []}
     for match in _QUOTE.finditer(text):
         if match[1]:
-            places[match[1]].append(match.start())
+            starts[match[1]].append(match.start())
     at = 0
-    for start, sign in sorted((place, sign) for sign, of_sign in places.items() for place in of_sign):
-        following = bisect_left(places[sign], start + 1)
-        if start >= at and following < len(places[sign]):
-            at = places[sign][following] + 1
+    for start, sign in sorted((position, sign) for sign, of_sign in starts.items() for position in of_sign):
+        following = bisect_left(starts[sign], start + 1)
+        if start >= at and following < len(starts[sign]):
+            at = starts[sign][following] + 1
             yield start + 1, at - 1
 
 

@@ -60,8 +60,8 @@ def reads_in(text: bytes) -> tuple[Ints, Ints, bytes] | None:
 
 
 def _all_are(data: Bytes, at: Ints, words: bytes) -> bool:
-    found = windows(data, len(words))[at]
-    return bool((found == np.frombuffer(words, f"V{len(words)}")).all())
+    heads = windows(data, len(words))[at]
+    return bool((heads == np.frombuffer(words, f"V{len(words)}")).all())
 
 
 def _numbers(data: Bytes, at: Ints, widths: Ints) -> Ints | None:
@@ -78,9 +78,9 @@ def _numbers(data: Bytes, at: Ints, widths: Ints) -> Ints | None:
 
 def _octets(data: Bytes, at: Ints, lengths: Ints) -> bytes | None:
     """The bytes that hex digits stand for, end to end; None where there is anything but digits."""
-    places = sums(lengths)
-    digits = np.empty(int(places[-1]), np.uint8)
-    copy_pieces(digits, places[:-1], data, at, lengths)
+    begins = sums(lengths)
+    digits = np.empty(int(begins[-1]), np.uint8)
+    copy_pieces(digits, begins[:-1], data, at, lengths)
     try:
         octets = bytes.fromhex(digits.tobytes().decode("ascii"))
     except ValueError:

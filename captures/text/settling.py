@@ -76,12 +76,17 @@ def _beside(lines: Sequence[LogLine]) -> None:
     """A short row that is nothing but bytes is as good as the row of bytes next to it: the end of an array."""
     filled = [line for line in lines if line.clean.strip()]
     for near in (filled, filled[::-1]):
-        for one, other in pairwise(near):
-            if len(one.runs) == len(other.runs) == 1 and one.runs[0].taken and not other.runs[0].taken:
-                run = other.runs[0]
-                if run.level is Writing.LIKELY and not run.halved and _is_all(run, other) and _is_all(one.runs[0], one):
+        for one, neighbour in pairwise(near):
+            if len(one.runs) == len(neighbour.runs) == 1 and one.runs[0].taken and not neighbour.runs[0].taken:
+                run = neighbour.runs[0]
+                if (
+                    run.level is Writing.LIKELY
+                    and not run.halved
+                    and _is_all(run, neighbour)
+                    and _is_all(one.runs[0], one)
+                ):
                     run.taken = (
-                        len(run.data) > 1 or not other.clean[run.start : run.end].isdigit() or run.data[0] < 0x10
+                        len(run.data) > 1 or not neighbour.clean[run.start : run.end].isdigit() or run.data[0] < 0x10
                     )
 
 
@@ -133,9 +138,9 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: Judge) -> None:
 
 def _rows_of_dumps(lines: Sequence[LogLine], judge: Judge) -> None:
     """The rows of a dump are read as its first one is; of 16-bit words the last may be half filled."""
-    for one, other in pairwise(lines):
-        if other.continues and one.runs and other.runs and one.runs[-1].taken:
-            first, row = one.runs[-1], other.runs[0]
+    for one, below in pairwise(lines):
+        if below.continues and one.runs and below.runs and one.runs[-1].taken:
+            first, row = one.runs[-1], below.runs[0]
             if row.offset is not None and row.shape != first.shape and first.shape in (readings := _readings(row)):
                 row.take(readings[first.shape])
             row.taken = row.taken or row.offset is not None
@@ -162,9 +167,9 @@ def _check_dump(rows: Sequence[ByteRun], judge: Judge) -> None:
 
 def _readings(run: ByteRun) -> dict[str, ByteRun | HexWindow]:
     readings: dict[str, ByteRun | HexWindow] = {run.shape: run}
-    for other in run.others:
-        if abs(other.end - run.end) < 2:
-            readings.setdefault(other.shape, other)
+    for candidate in run.others:
+        if abs(candidate.end - run.end) < 2:
+            readings.setdefault(candidate.shape, candidate)
     return readings
 
 

@@ -109,21 +109,21 @@ class LineMark(NamedTuple):
 
 def marks(text: str) -> list[LineMark]:
     """The marks of a line, in order."""
-    found: list[LineMark] = []
+    line_marks: list[LineMark] = []
     if text.isascii() and _MARKING.isdisjoint(_ASCII_WORD.findall(text.lower())) and not _ARROW.search(text):
-        return found  # in most lines of most logs
+        return line_marks  # in most lines of most logs
     prompt = _PROMPT.match(text)
     for match in _CANDIDATE.finditer(text, prompt.end() if prompt is not None else 0):
         word = match["word"]
         if word is None:
             arrow = match["arrow"].strip()
             kind = _ARROW_OF[arrow[0] if arrow[0] in _ARROW_OF else arrow[-1]]
-            found.append(LineMark(match.start(), match.end(), kind, arrow=True))
+            line_marks.append(LineMark(match.start(), match.end(), kind, arrow=True))
         elif kind := _of_word(word, signed=match["sign"] is not None or _is_method(text, *match.span("word"))):
             end = match.end("word")
             plain = word.lower() not in _SIGNED
-            found.append(LineMark(match.start(), end + text.startswith(":", end), kind, plain=plain))
-    return found
+            line_marks.append(LineMark(match.start(), end + text.startswith(":", end), kind, plain=plain))
+    return line_marks
 
 
 def _is_method(text: str, start: int, end: int) -> bool:

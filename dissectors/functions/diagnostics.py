@@ -94,8 +94,8 @@ def event(byte: int) -> str:
         kind, names = "sent", _SENT
     else:
         return f"unknown event {byte:02X}"
-    said = [name for bit, name in names.items() if byte >> bit & 1]
-    return f"{kind}: {', '.join(said)}" if said else kind
+    bits = [name for bit, name in names.items() if byte >> bit & 1]
+    return f"{kind}: {', '.join(bits)}" if bits else kind
 
 
 def _events(data: bytes) -> Sequence[tuple[str, int, Value, str]]:

@@ -107,8 +107,8 @@ _RUN: Final = {0x00: "off", 0xFF: "on"}
 
 def _pieces(data: bytes) -> Sequence[tuple[str, int, Value, str]]:
     if len(data) >= 2 and data[1] in _RUN and not is_text(data):
-        found = [("server_id", 1, data[0], f"{data[0]} (0x{data[0]:02X})"), _run(data[1])]
-        return [*found, _data("additional_data", data[2:])] if len(data) > 2 else found
+        parts = [("server_id", 1, data[0], f"{data[0]} (0x{data[0]:02X})"), _run(data[1])]
+        return [*parts, _data("additional_data", data[2:])] if len(data) > 2 else parts
     if len(data) >= 2 and data[-1] in _RUN and is_text(data[:-1]) and not is_text(data):
         return [_data("server_id", data[:-1]), _run(data[-1])]
     if len(data) >= 2 and data[-1] == 0 and is_text(data):

@@ -40,12 +40,12 @@ class MappedReading:
 
 def readings_by_map(chart: RegisterMap, area: str, words: Mapping[int, int]) -> list[MappedReading]:
     """The values of a map that registers (by address) hold whole, by address."""
-    found = []
+    readings = []
     for row in chart.rows:
         if row.area == area and all(address in words for address in range(row.address, row.end)):
             power = words.get(row.scale_address) if row.scale_address is not None else 0
-            found.append(read_mapped(row, [words[address] for address in range(row.address, row.end)], power))
-    return sorted(found, key=lambda reading: reading.row.address)
+            readings.append(read_mapped(row, [words[address] for address in range(row.address, row.end)], power))
+    return sorted(readings, key=lambda reading: reading.row.address)
 
 
 def read_mapped(row: MappedValue, words: Sequence[int], power: int | None = 0) -> MappedReading:

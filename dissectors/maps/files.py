@@ -56,13 +56,13 @@ def map_text(chart: RegisterMap, name: str | os.PathLike[str]) -> str:
 
 def map_for_unit(text: str) -> tuple[RegisterMap, int | None]:
     """`MAP@UNIT` or `MAP`: the map and the unit that it is for, None for any."""
-    found = re.fullmatch(r"(.+)@(\d+)", text)
-    if found is None:
+    match = re.fullmatch(r"(.+)@(\d+)", text)
+    if match is None:
         return read_map(text), None
-    unit = int(found[2])
+    unit = int(match[2])
     if unit > _LAST_UNIT:
         raise MapError(f"{text}: unit {unit}: 0 to {_LAST_UNIT} are possible")
-    return read_map(found[1]), unit
+    return read_map(match[1]), unit
 
 
 def shipped_names() -> list[str]:

@@ -66,8 +66,8 @@ def read_table(text: str, file: str) -> RegisterMap:
     columns = [_bared(name.strip()).lower() for name in names]
     for needed in _NEEDED:
         if needed not in columns:
-            there = one_line(", ".join(filter(None, columns)))[:200]
-            raise MapError(f"{file}: row {begin + 1}: no column {needed!r}: there are {there}")
+            present = one_line(", ".join(filter(None, columns)))[:200]
+            raise MapError(f"{file}: row {begin + 1}: no column {needed!r}: there are {present}")
     return assembled(header, _cells(numbered, columns), file)
 
 
@@ -102,8 +102,8 @@ def _quoted(cell: str) -> str:
 
 def _unquoted(line: str) -> str:
     """A header line as it was before `_quoted`, or a spreadsheet, put it between quotes."""
-    whole = re.fullmatch(r'"((?:[^"]|"")*)"[,;\t]*', line)
-    return (whole[1].replace('""', '"') if whole else line.strip('"')).strip()
+    quoted = re.fullmatch(r'"((?:[^"]|"")*)"[,;\t]*', line)
+    return (quoted[1].replace('""', '"') if quoted else line.strip('"')).strip()
 
 
 def _guarded(cell: str) -> str:

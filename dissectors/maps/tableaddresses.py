@@ -40,20 +40,20 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
     """The form of a column: by its heading, and by what all of its cells are."""
     cells = [cell for cell in map(together, cells) if cell]
     word = heading.lower()
-    said = re.search(r"hex|шестн|16-?ричн", word) is not None and not re.search(r"dec|дес", word)
+    declared = re.search(r"hex|шестн|16-?ричн", word) is not None and not re.search(r"dec|дес", word)
     parts = [part for cell in cells for part in re.split(r"\s*(?:-|–|—|…|\.{2,3}|to)\s*", cell)]
     bare = [part for part in parts if _BARE_HEX.fullmatch(part)]
     letters = any(re.search("[A-Fa-f]", part.rstrip("hH")) and re.search(r"\d", part) for part in bare)
     letters = letters and len(bare) > 0.8 * len(parts)
-    bits = [found for cell in cells if (found := _BIT.fullmatch(cell))]
-    return AddressForm(said or letters, said, any(int(found["bit"]) for found in bits))
+    bits = [match for cell in cells if (match := _BIT.fullmatch(cell))]
+    return AddressForm(declared or letters, declared, any(int(match["bit"]) for match in bits))
 
 
 def address_of(cell: str, form: AddressForm) -> TableAddress | None:
     """The address in a cell; None where there is none."""
     cell, bit = together(cell), None
-    if form.has_bits and (found := _BIT.fullmatch(cell)):
-        cell, bit = found["place"], int(found["bit"])
+    if form.has_bits and (match := _BIT.fullmatch(cell)):
+        cell, bit = match["place"], int(match["bit"])
     cell = re.sub(r"(?<=\d)\.0+$", "", cell)
     if form.is_hex:
         cell = re.sub(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{1,4})[hH]?(?![0-9A-Za-z])", r"0x\1", cell)

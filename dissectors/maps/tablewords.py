@@ -58,7 +58,7 @@ _FUNCTIONS: Final[Mapping[int, MapArea]] = {1: "coil", 5: "coil", 15: "coil", 2:
 
 def headings(row: Sequence[str]) -> dict[str, int]:
     """Columns by what their headings mean, empty where the row is no heading."""
-    found: dict[str, int] = {}
+    columns: dict[str, int] = {}
     used: set[int] = set()
     texts = [" ".join(cell.lower().split()).strip(" :.") for cell in row]
     if "№" in texts and not any(_means(text, "address", exact=False) for text in texts):
@@ -68,12 +68,12 @@ def headings(row: Sequence[str]) -> dict[str, int]:
     for exact in (True, False):
         for column in _HEADINGS:
             for at, text in enumerate(texts):
-                if column not in found and at not in used and _means(text, column, exact=exact):
-                    found[column] = at
+                if column not in columns and at not in used and _means(text, column, exact=exact):
+                    columns[column] = at
                     used.add(at)
-    if "name" not in found and "description" in found:
-        found["name"] = found.pop("description")
-    return found if {"address", "name"} <= set(found) and len(found) >= 2 else {}
+    if "name" not in columns and "description" in columns:
+        columns["name"] = columns.pop("description")
+    return columns if {"address", "name"} <= set(columns) and len(columns) >= 2 else {}
 
 
 def _means(text: str, column: str, *, exact: bool) -> bool:
@@ -81,8 +81,8 @@ def _means(text: str, column: str, *, exact: bool) -> bool:
     if not text or len(text) > _HEADING:
         return False
     pattern = _HEADINGS[column]
-    whole = text == column or re.fullmatch(pattern, text) is not None
-    return whole or (not exact and re.match(rf"(?:{pattern})\b", text) is not None)
+    exactly = text == column or re.fullmatch(pattern, text) is not None
+    return exactly or (not exact and re.match(rf"(?:{pattern})\b", text) is not None)
 
 
 def type_of(text: str, length: int | None) -> tuple[str, int | None]:
@@ -98,8 +98,8 @@ def type_of(text: str, length: int | None) -> tuple[str, int | None]:
     if kind == "bcd16" and length == 2:
         kind = "bcd32"
     if kind == "text" and length is None:
-        found = re.search(r"\d+", word)
-        length = max(1, int(found[0]) // 2) if found else 1
+        digits = re.search(r"\d+", word)
+        length = max(1, int(digits[0]) // 2) if digits else 1
     if kind == "bool":
         kind = "bits"
     return kind or "u16", length
@@ -107,9 +107,9 @@ def type_of(text: str, length: int | None) -> tuple[str, int | None]:
 
 def order_of(text: str) -> str | None:
     word = re.sub(r"\b(ab|cd|ba|dc)[ -](ab|cd|ba|dc)\b", r"\1\2", text.lower())
-    found = re.search(r"\b(abcd|cdab|badc|dcba)\b", word)
-    if found:
-        return found[1].upper()
+    match = re.search(r"\b(abcd|cdab|badc|dcba)\b", word)
+    if match:
+        return match[1].upper()
     digits = re.search(r"\b(1234|3412|2143|4321|3210|1032|0123|2301)\b", word)
     if digits:
         return {"1234": "ABCD", "3412": "CDAB", "2143": "BADC", "4321": "DCBA", "3210": "ABCD", "1032": "CDAB",
@@ -126,14 +126,14 @@ def scale_of(cells: Mapping[str, str]) -> str | None:
     divisor = cells.get("divisor", "")
     if divisor and re.fullmatch(r"\d{1,12}(\.\d{1,12})?", divisor) and float(divisor):
         return f"1/{divisor}"
-    found = re.search(r"(?P<divide>[/÷:]\s*)?(?P<number>\d+(\.\d+)?(e-?\d+)?)(\s*/\s*(?P<below>\d+))?", text)
-    if not found or float(found["number"]) == 0:
+    match = re.search(r"(?P<divide>[/÷:]\s*)?(?P<number>\d+(\.\d+)?(e-?\d+)?)(\s*/\s*(?P<below>\d+))?", text)
+    if not match or float(match["number"]) == 0:
         return None
-    if found["divide"]:
-        return f"1/{found['number']}"
+    if match["divide"]:
+        return f"1/{match['number']}"
     if re.fullmatch(r"10\s*\^\s*-?\d\d?", text.strip()):
         return f"{10.0 ** int(text.partition('^')[2]):g}"
-    return f"{found['number']}/{found['below']}" if found["below"] else found["number"]
+    return f"{match['number']}/{match['below']}" if match["below"] else match["number"]
 
 
 def values_of(text: str) -> str | None:
@@ -207,7 +207,7 @@ def unit_of(cells: Mapping[str, str]) -> tuple[str | None, str | None]:
     """Scale and unit of measure; where no column has a scale it may stand before the unit (`0.1 V`, `x0,01 A`)."""
     measure = cells.get("unit", "")
     if "scale" not in cells and "divisor" not in cells:
-        found = re.fullmatch(r"(?:[x×*]\s*)?(\d+(?:[.,]\d+)?)\s*[x×*]?\s*([^\d\s].*)?", measure)
-        if found and float(found[1].replace(",", ".")):
-            return found[1].replace(",", "."), found[2] or ""
+        match = re.fullmatch(r"(?:[x×*]\s*)?(\d+(?:[.,]\d+)?)\s*[x×*]?\s*([^\d\s].*)?", measure)
+        if match and float(match[1].replace(",", ".")):
+            return match[1].replace(",", "."), match[2] or ""
     return scale_of(cells), measure

@@ -71,9 +71,9 @@ def _size(root: yaml.Node) -> int:
     sizes: dict[int, int] = {}
     ways: list[tuple[yaml.Node, bool]] = [(root, False)]
     while ways:
-        node, done = ways.pop()
+        node, finished = ways.pop()
         parts = _parts(node)
-        if done:
+        if finished:
             sizes[id(node)] = 1 + sum(sizes[id(part)] for part in parts)
         elif id(node) not in sizes:
             sizes[id(node)] = _MOST_NODES + 1  # as long as its parts are not counted: for one that holds itself

@@ -43,12 +43,12 @@ def late_response(stage: Stage) -> None:
     second = stage.next(_READS)
     if second.request == first.request:
         return
-    asked = stage.ask(first.request)
+    request = stage.ask(first.request)
     stage.unanswered()
-    other = stage.ask(second.request)
-    late = stage.answer(_answered(first), asked, stage.random.uniform(*_LATE_MS) * MS)
-    stage.found("late-response", late, answers=asked.start)
-    stage.answer(_answered(second), other, stage.random.uniform(*_OWN_MS) * MS)
+    own = stage.ask(second.request)
+    late = stage.answer(_answered(first), request, stage.random.uniform(*_LATE_MS) * MS)
+    stage.found("late-response", late, answers=request.start)
+    stage.answer(_answered(second), own, stage.random.uniform(*_OWN_MS) * MS)
     stage.pause()
 
 
@@ -82,8 +82,8 @@ def response_mismatch(stage: Stage) -> None:
     unit, pdu = exchange.request[0], exchange.request[1:-2]
     if pdu[0] in (3, 4):
         count = _answered(exchange)[2]
-        other = count + 2 * stage.random.choice((1, 2, 3)) if count < 200 else count - 2
-        answer = bytearray((pdu[0], other)) + stage.random.randbytes(other)
+        wrong = count + 2 * stage.random.choice((1, 2, 3)) if count < 200 else count - 2
+        answer = bytearray((pdu[0], wrong)) + stage.random.randbytes(wrong)
     else:
         answer = bytearray(_answered(exchange)[1:-2])
         answer[stage.random.choice((2, 4))] ^= stage.random.randint(1, 255)
@@ -135,7 +135,7 @@ def reserved_unit(stage: Stage) -> None:
 def crc_collision(stage: Stage) -> None:
     """Registers hold bytes with a right CRC: those of a frame, or with the frame's own beginning."""
     unit = stage.random.choice(stage.client.devices).unit
-    asked = adu(unit, struct.pack(">BHH", 3, stage.random.randrange(100), 20))
+    poll = adu(unit, struct.pack(">BHH", 3, stage.random.randrange(100), 20))
     inner = adu(unit, struct.pack(">BHH", 3, stage.random.randrange(100), 2))
     at = 2 * stage.random.randint(1, 14)
     window = [3 + at, len(inner)]
@@ -143,7 +143,7 @@ def crc_collision(stage: Stage) -> None:
     if stage.random.random() < 0.3:
         begins = adu(unit, b"\x03\x28" + stage.random.randbytes(3))  # as long as a request is
         window, payload = [0, len(begins)], begins[3:] + stage.random.randbytes(43 - len(begins))
-    request = stage.ask(asked)
+    request = stage.ask(poll)
     frame = stage.answer(adu(unit, b"\x03\x28" + payload), request)
     stage.found("crc-collision", frame, window=window)
     stage.pause()

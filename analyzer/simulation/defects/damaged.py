@@ -135,10 +135,10 @@ def crc_error(stage: Stage) -> None:
 @defect("collision")
 def collision(stage: Stage) -> None:
     """Another unit answers while the one that was asked does: where both drive the line, a 0 of either wins."""
-    exchange, other = stage.next(), stage.next()
-    assert exchange.response is not None and other.response is not None
+    exchange, following = stage.next(), stage.next()
+    assert exchange.response is not None and following.response is not None
     request = stage.ask(exchange.request)
-    first, second = exchange.response, other.response
+    first, second = exchange.response, following.response
     late = stage.random.randint(1, max(1, min(len(first) - 2, 6)))
     if late + len(second) < len(first) + 2:
         second += stage.random.randbytes(len(first) + 2 - late - len(second))
@@ -174,18 +174,18 @@ def crc_variant(stage: Stage, exchanges: int) -> None:
     """One unit's firmware makes its check values by another convention."""
     variant = stage.random.choice(VARIANTS)
     unit = stage.polls[0].request[0]
-    asked = stage.polls[0].request  # seldom, for it never answers well
+    polled = stage.polls[0].request  # seldom, for it never answers well
     stage.polls = [poll for poll in stage.polls if poll.request[0] != unit]
     for i in range(exchanges):
         if stage.polls and i % _APART != _APART - 1:
             stage.healthy(1)
             continue
         device = stage.device(unit)
-        body = bytes((unit,)) + device.answer(stage.random, asked[1:-2])
+        body = bytes((unit,)) + device.answer(stage.random, polled[1:-2])
         sent = body + variant.made(body)
         if not crc16(sent):  # right by chance
             continue
-        request = stage.ask(asked)
+        request = stage.ask(polled)
         frame = stage.answer(sent, request, device.response_ns, fault="crc-variant")
         stage.found("crc-variant", frame, variant=variant.name)
         stage.unanswered()
@@ -198,7 +198,7 @@ def flow_control_loss(stage: Stage, exchanges: int) -> None:
         high = stage.random.choice(_FLOW) << 8
         stage.device(poll.request[0]).words[int.from_bytes(poll.request[2:4], "big")] = high | 0x80
     stage.healthy(exchanges)
-    kept = [at for at, byte in enumerate(stage.data) if byte not in _FLOW]
+    remaining = [at for at, byte in enumerate(stage.data) if byte not in _FLOW]
     frames, shift = [], 0
     for frame in stage.frames:
         captured = frame.adu.translate(None, _FLOW)
@@ -207,8 +207,8 @@ def flow_control_loss(stage: Stage, exchanges: int) -> None:
         if len(captured) < len(frame.adu):
             stage.found("flow-control-loss", frames[-1], lost=len(frame.adu) - len(captured))
     stage.frames[:] = frames
-    stage.times = type(stage.times)("d", [stage.times[at] for at in kept])
-    stage.data = bytearray(stage.data[at] for at in kept)
+    stage.times = type(stage.times)("d", [stage.times[at] for at in remaining])
+    stage.data = bytearray(stage.data[at] for at in remaining)
 
 
 def _moved(frame: TruthFrame, start: int, length: int) -> TruthFrame:

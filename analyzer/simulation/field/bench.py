@@ -136,8 +136,8 @@ class Bench:
             errors = [i for i, octet in enumerate(part) if octet.error] if self.marks_errors else []
             character = tap.uart.char_ns
             delivered = TAPS[self.tap_name].deliver(data, times, self.random, character)
-            made = with_errors(delivered, errors)
-            chunks += [captures.Chunk(c.t_ns, c.data, port, c.mark, c.errors) for c in made]
+            damaged = with_errors(delivered, errors)
+            chunks += [captures.Chunk(c.t_ns, c.data, port, c.mark, c.errors) for c in damaged]
         return sorted(chunks, key=lambda chunk: chunk.t_ns)
 
 

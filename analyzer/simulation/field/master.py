@@ -98,11 +98,11 @@ class FieldMaster:
         data = self.envelope.take(bytes(octet.value for octet in self._heard))
         if self.takes_prefix and len(data) > 5 and not data[-1] and crc_ok(data[:-1]):
             data = data[:-1]
-        whole = None if any(octet.error for octet in self._heard) or not crc_ok(data) else data
-        if whole is not None and fits(self._sent, whole):
-            self.requests[-1].result = "exception" if whole[1] & 0x80 else "answered"
+        adu = None if any(octet.error for octet in self._heard) or not crc_ok(data) else data
+        if adu is not None and fits(self._sent, adu):
+            self.requests[-1].result = "exception" if adu[1] & 0x80 else "answered"
             self._done(self._heard[-1].t_ns)
-        elif whole is not None:
+        elif adu is not None:
             self._heard = []
             if self.manners.on_stranger == "again":
                 self._fail(t)

@@ -49,14 +49,14 @@ def float_pair(random: Random) -> tuple[Word, Word]:
     """Two words of a float, most significant first."""
     middle, period = random.choice((50.0, 231.5, 12.25, 0.93, 1450.0)), random.uniform(20e9, 300e9)
     tremble = Random(random.getrandbits(32))
-    held: dict[float, bytes] = {}
+    current: dict[float, bytes] = {}
 
     def packed(t: float) -> bytes:
-        if t not in held:
-            held.clear()
+        if t not in current:
+            current.clear()
             value = middle * (1 + 0.02 * math.sin(6.2832 * t / period) + 0.001 * tremble.random())
-            held[t] = struct.pack(">f", value)
-        return held[t]
+            current[t] = struct.pack(">f", value)
+        return current[t]
 
     return (lambda t: packed(t)[0] << 8 | packed(t)[1]), (lambda t: packed(t)[2] << 8 | packed(t)[3])
 

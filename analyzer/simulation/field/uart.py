@@ -105,13 +105,13 @@ def waveform(uart: LineUart, data: bytes, starts: Sequence[float]) -> tuple[list
 def receive(signal: LineSignal, uart: LineUart, begin: float, end: float) -> list[ReceivedOctet]:
     """What a receiver makes of a signal between two times; a character begun by then is read to its end."""
     bit = uart.bit_ns
-    found: list[ReceivedOctet] = []
+    received: list[ReceivedOctet] = []
     mark = 0 if uart.inverted else 1
     t = begin
     while True:
         start = signal.next_to(1 - mark, t)
         if start is None or start >= end:
-            return found
+            return received
         if signal.at(start + bit / 2) == mark:
             t = start + bit / 2
             continue
@@ -119,10 +119,10 @@ def receive(signal: LineSignal, uart: LineUart, begin: float, end: float) -> lis
         value = sum(level << i for i, level in enumerate(samples[: uart.data_bits]))
         stopped = samples[-1]
         right = stopped and uart.right_parity(value, samples[uart.data_bits])
-        found.append(ReceivedOctet(start + uart.char_ns, value, not right))
+        received.append(ReceivedOctet(start + uart.char_ns, value, not right))
         t = start + (len(samples) + 0.5) * bit
         if not stopped:  # a break, or out of step: the line must rest before anything begins
             again = signal.next_to(mark, t)
             if again is None:
-                return found
+                return received
             t = again

@@ -88,16 +88,16 @@ class FieldUnit:
     def _request(self) -> bytes | None:
         data = bytes(octet.value for octet in self._heard[-260:])
         if self.envelope is ASCII:
-            whole = ASCII.take(data)
-            return whole if whole[:1] in (b"\0", bytes((self.unit,))) else None
+            adu = ASCII.take(data)
+            return adu if adu[:1] in (b"\0", bytes((self.unit,))) else None
         spoilt = [i for i, octet in enumerate(self._heard[-260:]) if octet.error]
         first = spoilt[-1] + 1 if spoilt else 0
         starts = [0] if not self.lenient else range(first, max(first + 1, len(data) - 7))
         for start in starts:
-            whole = data[start:]
-            mine = whole[:1] == bytes((self.unit,)) or (whole[:1] == b"\0" and (self.answers_all or len(whole) > 1))
-            if start >= first and mine and len(whole) >= 4 and whole[1] < 0x80 and crc_ok(whole):
-                return whole if len(whole) == _request_length(whole) else None
+            adu = data[start:]
+            mine = adu[:1] == bytes((self.unit,)) or (adu[:1] == b"\0" and (self.answers_all or len(adu) > 1))
+            if start >= first and mine and len(adu) >= 4 and adu[1] < 0x80 and crc_ok(adu):
+                return adu if len(adu) == _request_length(adu) else None
         return None
 
     def _answer(self, request: bytes, heard: tuple[int, int], now: float) -> None:

@@ -58,7 +58,7 @@ class MappedClient:
         words = poll.device.read(poll.area, poll.address, poll.quantity)
         function = READ_FUNCTIONS[poll.area]
         if poll.area in ("coil", "discrete"):
-            packed = sum(bit << place for place, bit in enumerate(words))
+            packed = sum(bit << position for position, bit in enumerate(words))
             data = packed.to_bytes((len(words) + 7) // 8, "little")
         else:
             data = struct.pack(f">{len(words)}H", *words)
@@ -69,13 +69,13 @@ class MappedClient:
 
     def registers(self) -> list[TruthRegister]:
         """What each value that is polled really is, by unit, area and address."""
-        seen = {(poll.device.unit, poll.area, poll.address, poll.quantity) for poll in self.polls}
-        found = {}
-        for unit, area, address, quantity in seen:
+        polled = {(poll.device.unit, poll.area, poll.address, poll.quantity) for poll in self.polls}
+        truths = {}
+        for unit, area, address, quantity in polled:
             chart = next(device.chart for device in self.devices if device.unit == unit)
             for row in chart.within(area, address, quantity):
-                found[unit, area, row.address, row.length] = TruthRegister.of(unit, row)
-        return [found[key] for key in sorted(found)]
+                truths[unit, area, row.address, row.length] = TruthRegister.of(unit, row)
+        return [truths[key] for key in sorted(truths)]
 
     def _write(self, device: MappedDevice, row: MappedValue) -> Exchange:
         random = self._random
@@ -104,8 +104,8 @@ def _polls(random: Random, device: MappedDevice) -> list[PolledBlock]:
     polls: list[PolledBlock] = []
     for area in READ_FUNCTIONS:
         rows = sorted((row for row in device.chart.rows if row.area == area), key=lambda row: row.address)
-        kept = [row for row in rows if random.random() < share]
-        rows_of_area, rows = rows, kept or rows[:1]
+        chosen = [row for row in rows if random.random() < share]
+        rows_of_area, rows = rows, chosen or rows[:1]
         blocks: list[list[int]] = []
         for row in rows:
             near = blocks and row.address - blocks[-1][1] <= reach

@@ -91,8 +91,8 @@ def _cuts(block: Block) -> list[int]:
     """Where messages begin among the chunks, and where the last ends: each at so many bytes or after so much time."""
     newest = np.maximum.accumulate(block.t_ns)
     written = block.offsets[:-1] + _CHUNK_BYTES * np.arange(len(block))
-    spans, pieces = (newest - newest[0]) // BATCH_NS, written // BATCH_BYTES
-    new = np.flatnonzero((spans[1:] != spans[:-1]) | (pieces[1:] != pieces[:-1])) + 1
+    spans, portions = (newest - newest[0]) // BATCH_NS, written // BATCH_BYTES
+    new = np.flatnonzero((spans[1:] != spans[:-1]) | (portions[1:] != portions[:-1])) + 1
     return [0, *new.tolist(), len(block)]
 
 
@@ -114,9 +114,9 @@ def chunk_messages(block: Block, cuts: Sequence[int]) -> Iterator[bytes]:
     after = memoryview((block.t_ns - np.repeat(starts, counts)).astype("<i8", copy=False).tobytes())
     sizes = memoryview(np.diff(block.offsets).astype("<u4").tobytes())
     data = memoryview(block.data.tobytes())
-    places = block.offsets[np.asarray(cuts, np.intp)]
-    wrong = np.searchsorted(block.errors, places).tolist()
-    bounds = (places - block.offsets[0]).tolist()
+    begins = block.offsets[np.asarray(cuts, np.intp)]
+    wrong = np.searchsorted(block.errors, begins).tolist()
+    bounds = (begins - block.offsets[0]).tolist()
     marked = [
         (name, np.logical_or.reduceat(column != 0, firsts).tolist(), memoryview(column.tobytes()))
         for name, column in (("port", block.port), ("mark", block.mark))
@@ -130,19 +130,19 @@ def chunk_messages(block: Block, cuts: Sequence[int]) -> Iterator[bytes]:
             delimited(_NUMBER["sizes"], sizes[4 * first : 4 * last]),
             delimited(_NUMBER["data"], data[bounds[i] : bounds[i + 1]]),
         ]
-        parts += [delimited(_NUMBER[name], column[first:last]) for name, there, column in marked if there[i]]
+        parts += [delimited(_NUMBER[name], column[first:last]) for name, present, column in marked if present[i]]
         if wrong[i] < wrong[i + 1]:
-            errors = block.errors[wrong[i] : wrong[i + 1]] - places[i]
+            errors = block.errors[wrong[i] : wrong[i + 1]] - begins[i]
             parts.append(delimited(_NUMBER["errors"], errors.astype("<u4").tobytes()))
         yield b"".join(parts)
 
 
 def block_of(payload: bytes | memoryview, encoding: str, timed: bool) -> Block:
     """The chunks of a message; ValueError where it is not one that this module writes, or wrote."""
-    found = _from_json(payload) if encoding == "json" else _from_protobuf(payload)
-    start, after, sizes, data = found["t_ns"], found["after_ns"], found["sizes"], found["data"]
-    extras = {key: found[key] for key in ("port", "mark") if key in found}
-    errors = found.get("errors", np.zeros(0, np.int64))
+    message = _from_json(payload) if encoding == "json" else _from_protobuf(payload)
+    start, after, sizes, data = message["t_ns"], message["after_ns"], message["sizes"], message["data"]
+    extras = {key: message[key] for key in ("port", "mark") if key in message}
+    errors = message.get("errors", np.zeros(0, np.int64))
     if sizes.ndim != 1 or any(column.shape != sizes.shape for column in (after, *extras.values())):
         raise ValueError("its columns do not fit together")
     if (len(sizes) and int(sizes.min()) <= 0) or int(sizes.sum(dtype=np.int64)) != len(data):
@@ -160,7 +160,7 @@ def block_of(payload: bytes | memoryview, encoding: str, timed: bool) -> Block:
 
 
 def _from_protobuf(payload: bytes | memoryview) -> Mapping[str, Any]:
-    found: dict[str, Any] = {"t_ns": 0, "after_ns": _packed(b"", "<i8"), "sizes": _packed(b"", "<u4"), "data": b""}
+    message: dict[str, Any] = {"t_ns": 0, "after_ns": _packed(b"", "<i8"), "sizes": _packed(b"", "<u4"), "data": b""}
     for number, value in fields_in(payload):
         name = _NAMES.get(number)
         if name is None:
@@ -168,16 +168,16 @@ def _from_protobuf(payload: bytes | memoryview) -> Mapping[str, Any]:
         if isinstance(value, int):
             if name != "t_ns":
                 raise ValueError(f"{name} is a number")
-            found[name] = value - (value >= _SIGN) * 2 * _SIGN
+            message[name] = value - (value >= _SIGN) * 2 * _SIGN
         elif name == "data":
-            found[name] = value
+            message[name] = value
         elif number in _COLUMNS:
-            found[name] = _packed(value, _COLUMNS[number])
+            message[name] = _packed(value, _COLUMNS[number])
         elif number in _BYTES:
-            found[name] = np.frombuffer(value, np.uint8)
+            message[name] = np.frombuffer(value, np.uint8)
         else:
             raise ValueError(f"{name} is no number")
-    return found
+    return message
 
 
 def _packed(value: bytes | memoryview, dtype: str) -> NDArray[Any]:
@@ -187,7 +187,7 @@ def _packed(value: bytes | memoryview, dtype: str) -> NDArray[Any]:
 def _from_json(payload: bytes | memoryview) -> Mapping[str, Any]:
     message = orjson.loads(payload)
     try:
-        found: dict[str, Any] = {
+        columns: dict[str, Any] = {
             "t_ns": int(np.int64(int(message["t_ns"]))),
             "after_ns": np.array(message["after_ns"], dtype=np.int64),
             "sizes": np.array(message["sizes"], dtype=np.int64),
@@ -195,8 +195,8 @@ def _from_json(payload: bytes | memoryview) -> Mapping[str, Any]:
         }
         for key in ("port", "mark"):
             if key in message:
-                found[key] = np.array(message[key], dtype=np.uint8)
-        found["errors"] = np.array(message.get("errors", []), dtype=np.int64)
+                columns[key] = np.array(message[key], dtype=np.uint8)
+        columns["errors"] = np.array(message.get("errors", []), dtype=np.int64)
     except (TypeError, KeyError, IndexError, OverflowError, binascii.Error) as error:
         raise ValueError(f"not as its schema says: {one_line(error)}") from error
-    return found
+    return columns

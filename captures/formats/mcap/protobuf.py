@@ -112,7 +112,7 @@ class Message:
 
     def _enum_of(self, field: MessageField) -> MessageField:
         """The first field with the same enum, which gives it its name: a message can't have a value's name twice."""
-        return next(other for other in self.fields if other.names == field.names)
+        return next(sibling for sibling in self.fields if sibling.names == field.names)
 
     def layout(self, head: np.dtype[np.void] | None = None, without: Collection[str] = ()) -> NDArray[np.void]:
         """One row with all tags set and all values 0, behind a field `record` of type `head`; `np.repeat` makes many.
@@ -208,8 +208,8 @@ def fields_in(message: bytes | memoryview) -> Iterable[tuple[int, int | bytes | 
             raise ValueError(f"wire type {wire} is not used")
         if at + size > end:
             raise ValueError("a field reaches past the message's end")
-        piece = view[at : at + size]
-        yield tag >> 3, piece if wire == 2 else int.from_bytes(piece, "little")
+        content = view[at : at + size]
+        yield tag >> 3, content if wire == 2 else int.from_bytes(content, "little")
         at += size
 
 

@@ -77,8 +77,8 @@ def chunk_head(data: bytes) -> ChunkHead | None:
 
 def chunk_limit() -> int:
     """Bytes that one chunk may unpack to."""
-    asked = os.environ.get(_LIMIT_SETTING, "")
-    return (int(asked) if asked.isascii() and asked.isdecimal() and len(asked) < 9 else _LIMIT_MIB) * _MIB
+    setting = os.environ.get(_LIMIT_SETTING, "")
+    return (int(setting) if setting.isascii() and setting.isdecimal() and len(setting) < 9 else _LIMIT_MIB) * _MIB
 
 
 class Unpacker:

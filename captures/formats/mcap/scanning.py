@@ -163,12 +163,12 @@ def _footer(data: FileBytes) -> _Footer | None:
     end = data.read(data.size - tail, tail) if data.size >= tail else b""
     if len(end) < tail or end[FOOTER.size :] != MAGIC:
         return None
-    opcode, length, start, _, told = FOOTER.unpack_from(end)
+    opcode, length, start, _, crc = FOOTER.unpack_from(end)
     if opcode != Opcode.FOOTER or length != FOOTER.size - RECORD.size:
         return None
     size = data.size - tail - start
     content = data.read(start, size) if start > 0 and 0 <= size <= _SUMMARY_LIMIT else b""
-    return _Footer(start, content, zlib.crc32(end[: FOOTER.size - 4], zlib.crc32(content)), told)
+    return _Footer(start, content, zlib.crc32(end[: FOOTER.size - 4], zlib.crc32(content)), crc)
 
 
 def _summary(start: int, content: bytes, topic: str) -> TopicSummary | None:
@@ -350,16 +350,16 @@ def _next_chunk(data: FileBytes, unpacker: Unpacker, start: int, stop: int) -> i
     at = start
     while at < stop:
         block = data.read(at, min(_BLOCK, stop - at) + _LONGEST_MATCH)
-        place = -1
-        while (match := _CHUNK_BEGINS.search(block, place + 1)) is not None:
-            place = match.start()
-            if place >= _BLOCK or at + place >= stop:
+        position = -1
+        while (match := _CHUNK_BEGINS.search(block, position + 1)) is not None:
+            position = match.start()
+            if position >= _BLOCK or at + position >= stop:
                 break
-            head = chunk_head(block[place : place + CHUNK_HEAD])
-            if head is None or at + place + head.length > data.size:
+            head = chunk_head(block[position : position + CHUNK_HEAD])
+            if head is None or at + position + head.length > data.size:
                 continue
-            if isinstance(_chunk(data, unpacker, at + place, head), ScannedRecord):
-                return at + place
+            if isinstance(_chunk(data, unpacker, at + position, head), ScannedRecord):
+                return at + position
         at += _BLOCK
     return None
 

@@ -52,9 +52,9 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
         form = map_format(candidate)
         if form.recognises(source):
             read = form.read(source)
-            found = [one for one in read if one.chart.rows]
-            if found:
-                return found
+            filled = [one for one in read if one.chart.rows]
+            if filled:
+                return filled
             why = next((f": {one.notes[0]}" for one in read if one.notes), "")
             raise MapError(f"{file}: read as {form.NAME}, but no register is in it{why}")
     if name is not None:

@@ -48,11 +48,11 @@ def _heading(source: MapSource) -> list[str]:
 
 
 def _row(builder: MapBuilder, row: dict[str, str], named: str | None, number: int) -> None:
-    place = row.get("_address") or row.get("address") or ""
-    name = row.get("name") or row.get("description") or f"Register {place}"
-    address = whole_in(place)
+    position = row.get("_address") or row.get("address") or ""
+    name = row.get("name") or row.get("description") or f"Register {position}"
+    address = whole_in(position)
     if address is None:
-        builder.note(f"row {number}: address {place!r} is not known")
+        builder.note(f"row {number}: address {position!r} is not known")
         return
     area = named or "holding"
     for base, logical in _BASES:

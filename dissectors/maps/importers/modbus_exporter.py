@@ -25,13 +25,13 @@ def recognises(source: MapSource) -> bool:
 
 def read(source: MapSource) -> list[ImportedMap]:
     """A map a module."""
-    found = []
+    charts = []
     for module in mappings(source.yaml.get("modules")):
         builder = MapBuilder(source.name, device=str(module.get("name") or ""))
         for metric in mappings(module.get("metrics")):
             _metric(builder, metric)
-        found.append(builder.built())
-    return found
+        charts.append(builder.built())
+    return charts
 
 
 def _metric(builder: MapBuilder, metric: Mapping[str, Any]) -> None:

@@ -54,30 +54,30 @@ def read(source: MapSource) -> list[ImportedMap]:
 
 def _field(builder: MapBuilder, field: Mapping[str, Any], group: str) -> None:
     name, expression = field.get("id"), str(field.get("expression") or "")[:_LONGEST]
-    found = _CALL.fullmatch(expression)
-    kind = _TYPES.get(found["function"]) if found else None
-    spot = _spot(found["address"]) if found else None
-    if found is None or kind is None or spot is None:
+    call = _CALL.fullmatch(expression)
+    kind = _TYPES.get(call["function"]) if call else None
+    spot = _spot(call["address"]) if call else None
+    if call is None or kind is None or spot is None:
         builder.note(f"{name}: {expression!r} is computed, or no type of a map")
         return
     area, address = spot
-    length = int(found["count"]) if found["count"] else 1
-    if found["last"]:
-        last = _spot(found["last"])
+    length = int(call["count"]) if call["count"] else 1
+    if call["last"]:
+        last = _spot(call["last"])
         length = last[1] - address + 1 if last is not None else 1
-    factor = float(found["factor"]) if found["factor"] else 1.0
-    scale = 1 / factor if found["operator"] == "/" and factor else factor
+    factor = float(call["factor"]) if call["factor"] else 1.0
+    scale = 1 / factor if call["operator"] == "/" and factor else factor
     builder.add(
         {
             "area": area,
             "address": address,
             "name": name,
             "type": kind,
-            "order": _SWAPS.get(found["swap"] or ""),
+            "order": _SWAPS.get(call["swap"] or ""),
             "length": length if kind in ("text", "enum", "bits") else None,
             "scale": f"{scale:.10g}" if scale not in (0.0, 1.0) else None,
             "unit": field.get("unit"),
-            "values": {int(state): text for state, text in _STATE.findall(found["rest"] or "")},
+            "values": {int(state): text for state, text in _STATE.findall(call["rest"] or "")},
             "description": field.get("description"),
             "group": group,
         },

@@ -51,12 +51,12 @@ def read(source: MapSource) -> list[ImportedMap]:
 def _reference(builder: MapBuilder, cells: list[str], area: str, order: str, number: int) -> None:
     if not cells[2]:  # ref,NAME,UNIT,ADDRESS,TYPE,ACCESS: a unit of measure before the address, once
         cells = [cells[0], cells[1], cells[3], cells[4], cells[5], cells[2], *cells[6:]]
-    name, place, word, access, unit, scale = cells[1], cells[2], cells[3].lower(), cells[4], cells[5], cells[6]
-    address = whole_in(place)
+    name, position, word, access, unit, scale = cells[1], cells[2], cells[3].lower(), cells[4], cells[5], cells[6]
+    address = whole_in(position)
     if address is not None and address >= _FIRST[area] and area != "coil":
         address -= _FIRST[area]
     if address is None:
-        builder.note(f"row {number}: {name}: address {place!r} is not known")
+        builder.note(f"row {number}: {name}: address {position!r} is not known")
         return
     kind = _TYPES.get(word)
     length = None

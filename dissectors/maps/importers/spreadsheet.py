@@ -54,11 +54,11 @@ def read(source: MapSource) -> list[ImportedMap]:
     sheets = (
         _sheets(source) if source.data.startswith(_ZIP) else [("", _rows_of_text(source.text, source.name, _MOST_ROWS))]
     )
-    found = [_sheet(source, name, rows) for name, rows in sheets]
-    kept = [one for one in found if one is not None]
-    if not kept:
+    charts = [_sheet(source, name, rows) for name, rows in sheets]
+    complete = [one for one in charts if one is not None]
+    if not complete:
         raise refused(source, "a table of registers", "a row of headings such as address, name, type, unit")
-    return kept
+    return complete
 
 
 def _sheet(source: MapSource, sheet: str, rows: Sequence[Sequence[str]]) -> ImportedMap | None:
@@ -72,13 +72,13 @@ def _sheet(source: MapSource, sheet: str, rows: Sequence[Sequence[str]]) -> Impo
         cells = [cell for cell in row if cell]
         if all(re.fullmatch("[-=:. ]+", cell) for cell in cells):  # a rule between rows
             continue
-        if found := headings(row):
-            columns, above = found, ""
-            places = [
-                below[found["address"]] for below in _until_heading(rows[number:]) if found["address"] < len(below)
+        if heading := headings(row):
+            columns, above = heading, ""
+            addresses = [
+                below[heading["address"]] for below in _until_heading(rows[number:]) if heading["address"] < len(below)
             ]
-            function = "area" in found and is_function(row[found["area"]])
-            form = address_form(row[found["address"]], places)
+            function = "area" in heading and is_function(row[heading["area"]])
+            form = address_form(row[heading["address"]], addresses)
             if form.is_hex and not form.is_said:
                 builder.note("addresses were taken for hexadecimal, as some of them have letters")
             continue
@@ -106,26 +106,26 @@ def _until_heading(rows: Sequence[Sequence[str]]) -> Iterator[Sequence[str]]:
 def _row(
     builder: MapBuilder, cells: dict[str, str], form: AddressForm, area: MapArea | None, group: str, number: int
 ) -> None:
-    place = address_of(cells.get("address", ""), form)
-    if place is None:
+    position = address_of(cells.get("address", ""), form)
+    if position is None:
         builder.note(f"row {number}: {cells.get('address', '')[:30]!r} is no address")
         return
     named = area
-    address: object = place.first
-    if place.prefixed or (re.fullmatch(r"[34]\d{4,5}", place.text) and _logical(named, place.first)):
-        address, named = place.text, None
+    address: object = position.first
+    if position.prefixed or (re.fullmatch(r"[34]\d{4,5}", position.text) and _logical(named, position.first)):
+        address, named = position.text, None
     elif named is None:
         named = "holding"
     end = address_of(cells.get("end", ""), form)
-    last = end.first if end is not None and place.last is None else place.last
-    span = last - place.first + 1 if last is not None and last >= place.first else None
+    last = end.first if end is not None and position.last is None else position.last
+    span = last - position.first + 1 if last is not None and last >= position.first else None
     kind, length = type_of(cells.get("type", ""), whole_in(cells.get("length")) or span)
     name = cells.get("name") or cells.get("description") or f"Register {cells.get('address', '')}"
     if not cells.get("name") and not cells.get("description"):
         builder.note(f"row {number}: no name")
-    if place.bit is not None:
+    if position.bit is not None:
         where, at = area_and_address(named, address)
-        builder.add_bits(where, at, place.bit, 1, " ".join(name.split()))
+        builder.add_bits(where, at, position.bit, 1, " ".join(name.split()))
         return
     order = order_of(cells.get("order", "") + " " + cells.get("type", ""))
     if order is None and cells.get("order") and VALUE_TYPES.get(kind, 0) > 1:

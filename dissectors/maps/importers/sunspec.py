@@ -60,16 +60,16 @@ def moved(chart: ImportedMap, base: int) -> ImportedMap:
 
 def _group(builder: MapBuilder, group: Mapping[str, Any], at: int, prefix: str) -> int:
     """The rows of a group from an address on; the address behind it."""
-    places: dict[str, int] = {}
+    addresses: dict[str, int] = {}
     points = []
     for point in mappings(group.get("points")):
         size = point.get("size")
         size = size if isinstance(size, int) and size > 0 else 1
-        places[str(point.get("name"))] = at
+        addresses[str(point.get("name"))] = at
         points.append((point, at, size))
         at += size
     for point, address, size in points:
-        _point(builder, point, address, size, places, prefix)
+        _point(builder, point, address, size, addresses, prefix)
     for inner in mappings(group.get("groups")):
         if at > _LAST or len(prefix) > _DEEPEST:
             break

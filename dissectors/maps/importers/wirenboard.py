@@ -66,11 +66,11 @@ def read(source: MapSource) -> list[ImportedMap]:
 
 def _channel(builder: MapBuilder, item: Mapping[str, Any], group: str) -> None:
     name, area = item.get("name"), _AREAS.get(str(item.get("reg_type") or "holding"))
-    place = str(item.get("address") if item.get("address") is not None else item.get("write_address") or "")
-    first, *bits = place.split(":")
+    position = str(item.get("address") if item.get("address") is not None else item.get("write_address") or "")
+    first, *bits = position.split(":")
     address = whole_in(first)
     if address is None or area is None:
-        builder.note(f"{name}: {item.get('reg_type')} {place!r} is not known")
+        builder.note(f"{name}: {item.get('reg_type')} {position!r} is not known")
         return
     if len(bits) == 2 and all(bit.isdigit() for bit in bits) and area in ("input", "holding"):
         builder.add_bits(area, address, int(bits[0]), int(bits[1]), str(name))

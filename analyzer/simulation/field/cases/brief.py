@@ -105,10 +105,10 @@ def end_driver_released_early(random: Random, tap: str) -> Site:
 def end_unit_line_settings(random: Random, tap: str) -> Site:
     """Somebody sets a unit to another speed or parity in the last tenth of a capture."""
     bench = site(random, tap, units=(2, 6), seconds=(120, 400))
-    unit, other = bench.unit(), another_format(random, bench.uart)
+    unit, wrong = bench.unit(), another_format(random, bench.uart)
 
     def change(_: float) -> None:
-        unit.sends = other
+        unit.sends = wrong
 
     bench.schedule.at(_nearly_over(bench), change)
     return bench, Expected("unit-line-settings", (unit.unit,))

@@ -60,8 +60,8 @@ def _within(begin: int, end: int) -> Tamper:
 
 def _own_polls(unit: FieldUnit, polls: list[FieldPoll], pdus: list[Callable[[float], bytes]]) -> list[FieldPoll]:
     """The list with the polls of one unit replaced by these."""
-    kept = [poll for poll in polls if poll.unit != unit.unit]
-    return kept + [FieldPoll(unit.unit, pdu) for pdu in pdus]
+    remaining = [poll for poll in polls if poll.unit != unit.unit]
+    return remaining + [FieldPoll(unit.unit, pdu) for pdu in pdus]
 
 
 @field_case("off-by-one")

@@ -48,17 +48,17 @@ def tap_line_settings(random: Random, tap: str) -> Site:
     bench = site(random, tap, seconds=(30, 200))
     kind = random.random()
     if kind < 0.3:
-        other = replace(bench.uart, inverted=True)
+        wrong = replace(bench.uart, inverted=True)
     elif kind < 0.75:
-        other = replace(bench.uart, baud=_other_baud(random, bench.uart))
+        wrong = replace(bench.uart, baud=_other_baud(random, bench.uart))
     else:
-        other = another_format(random, bench.uart)
-        while other.parity == "N" and bench.uart.parity == "N":
-            other = another_format(random, bench.uart)
-    bench.wire.taps = [TapEnd(other)]
-    bench.header["baud"], bench.header["char_bits"] = int(other.baud), other.char_bits
+        wrong = another_format(random, bench.uart)
+        while wrong.parity == "N" and bench.uart.parity == "N":
+            wrong = another_format(random, bench.uart)
+    bench.wire.taps = [TapEnd(wrong)]
+    bench.header["baud"], bench.header["char_bits"] = int(wrong.baud), wrong.char_bits
     if "parity" in bench.header:
-        bench.header["parity"], bench.header["stop_bits"] = other.parity, other.stop_bits
+        bench.header["parity"], bench.header["stop_bits"] = wrong.parity, wrong.stop_bits
     return bench, Expected("tap-line-settings")
 
 

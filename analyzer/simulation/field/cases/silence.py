@@ -109,11 +109,14 @@ def timeout_too_short_shifted(random: Random, tap: str) -> Site:
     others = max((one.delay_ms for one in bench.units.values() if one is not unit), default=0.0)
     manners.timeout_ms = max(50.0, manners.timeout_ms / 3, 1.6 * others + 75 * bench.uart.char_ns / MS)
     manners.retries = random.choice((0, 0, 1))
-    asked = 8 * bench.uart.char_ns / MS
+    request_ms = 8 * bench.uart.char_ns / MS
     late = manners.timeout_ms * random.uniform(1.08, 1.4)
     if random.random() < 0.7:  # just behind the next request
         late = (
-            manners.timeout_ms + max(manners.pause_ms(0), 4 * bench.uart.char_ns / MS) + asked + random.uniform(3, 40)
+            manners.timeout_ms
+            + max(manners.pause_ms(0), 4 * bench.uart.char_ns / MS)
+            + request_ms
+            + random.uniform(3, 40)
         )
     unit.delay = lambda _pdu, _t: late * MS * random.uniform(0.99, 1.01)
     return bench, Expected("timeout-too-short", (unit.unit,))

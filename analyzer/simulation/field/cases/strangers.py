@@ -22,8 +22,8 @@ def _mstp(random: Random) -> list[bytes]:
     to, source = random.sample(range(12), 2)
     if random.random() < 0.7:
         return [_mstp_frame(random.choice((0, 0, 0, 1)), to, source, b"")]
-    asked = bytes.fromhex("0104") + random.randbytes(random.randint(6, 40))
-    return [_mstp_frame(5, to, source, asked), _mstp_frame(6, source, to, random.randbytes(random.randint(8, 60)))]
+    request = bytes.fromhex("0104") + random.randbytes(random.randint(6, 40))
+    return [_mstp_frame(5, to, source, request), _mstp_frame(6, source, to, random.randbytes(random.randint(8, 60)))]
 
 
 def _mstp_frame(kind: int, to: int, source: int, data: bytes) -> bytes:
@@ -47,10 +47,10 @@ def _hdlc(random: Random) -> list[bytes]:
         inner = head + _X25(head).to_bytes(2, "little") + body
         return b"\x7e" + inner + _X25(inner).to_bytes(2, "little") + b"\x7e"
 
-    there, back = bytes((unit << 1 | 1, 0x41)), bytes((0x41, unit << 1 | 1))
-    asked = bytes.fromhex("e6e600c001c1000301") + random.randbytes(6) + b"\x02\x00"
+    forth, back = bytes((unit << 1 | 1, 0x41)), bytes((0x41, unit << 1 | 1))
+    request = bytes.fromhex("e6e600c001c1000301") + random.randbytes(6) + b"\x02\x00"
     return [
-        frame(there, asked),
+        frame(forth, request),
         frame(back, bytes.fromhex("e6e700c401c10006") + random.randbytes(random.randint(4, 60))),
     ]
 
@@ -66,16 +66,16 @@ def _mbus(random: Random) -> list[bytes]:
 def _ascii(random: Random) -> list[bytes]:
     """Modbus ASCII."""
     unit = random.randrange(1, 20)
-    asked = bytes((unit, 3)) + struct.pack(">HH", random.randrange(200), 2)
+    request = bytes((unit, 3)) + struct.pack(">HH", random.randrange(200), 2)
     answer = bytes((unit, 3, 4)) + random.randbytes(4)
-    return [b":" + (each + bytes((lrc(each),))).hex().upper().encode() + b"\r\n" for each in (asked, answer)]
+    return [b":" + (each + bytes((lrc(each),))).hex().upper().encode() + b"\r\n" for each in (request, answer)]
 
 
 def _meter(random: Random) -> list[bytes]:
     """An electricity meter with commands of its own and the CRC of Modbus, its address four bytes long."""
     serial = struct.pack(">I", random.choice((48_120_733, 48_120_734, 50_001_200)))
-    asked, answer = serial + b"\x63", serial + b"\x63" + random.randbytes(7)
-    return [adu_of(asked), adu_of(answer)]
+    request, answer = serial + b"\x63", serial + b"\x63" + random.randbytes(7)
+    return [adu_of(request), adu_of(answer)]
 
 
 def adu_of(body: bytes) -> bytes:
@@ -93,7 +93,7 @@ def other_protocol(random: Random, tap: str) -> Site:
     """Another protocol speaks on the pair, between the polls or in their place."""
     bench = site(random, tap, seconds=(20, 120), bauds=(9600, 19200, 38400))
     kind = random.choice(sorted(KINDS))
-    make, alone = KINDS[kind], kind != "ascii" and random.random() < 0.4  # that alone is a bus of its own kind
+    maker, alone = KINDS[kind], kind != "ascii" and random.random() < 0.4  # that alone is a bus of its own kind
     bench.master.manners.pause_ms = lambda _: 40.0
     period = random.uniform(0.1, 1.0) * SECOND
     if alone:
@@ -103,7 +103,7 @@ def other_protocol(random: Random, tap: str) -> Site:
         if bench.wire.busy(t) or (not alone and bench.master.waits):
             bench.schedule.at(t + 5 * MS, speak)
             return
-        _say(bench, make(random), t, random)
+        _say(bench, maker(random), t, random)
         bench.schedule.at(t + period * random.uniform(0.8, 1.2), speak)
 
     bench.schedule.at(0.2 * SECOND, speak)
