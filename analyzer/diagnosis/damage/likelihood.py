@@ -109,15 +109,15 @@ def _structure(pdu: bytes, role: Role, *, told: bool) -> float:
 
 def counted(function: int, role: Role) -> bool:
     """Whether a frame's length hangs on what it holds."""
-    known = rule(function, role)
-    return known is not None and (known.count is not None or known.walk is not None)
+    declared = rule(function, role)
+    return declared is not None and (declared.count is not None or declared.walk is not None)
 
 
 @lru_cache(maxsize=1024)
 def _checked(function: int, role: Role, _revision: int) -> float:
     """Bits of keeping all limits of a PDU."""
-    known = rule(function, role)
-    return sum(map(_worth, known.checks)) if known is not None else 0.0
+    declared = rule(function, role)
+    return sum(map(_worth, declared.checks)) if declared is not None else 0.0
 
 
 def _worth(check: Bound | Choice | Multiple | Sized) -> float:
