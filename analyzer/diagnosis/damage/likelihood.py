@@ -54,16 +54,18 @@ def _of_role(frame: bytes, role: Role, case: DamagedFrame) -> float:
     if length is not None and length != len(pdu):
         return -inf
     if case.expected is not None and role is Role.RESPONSE and case.expected.fits(frame):
-        return _answering(frame, case, told=length is not None) + (OTHER_ROLE if case.role is Role.REQUEST else 0.0)
-    return opening(frame, role, case) + _structure(pdu, role, told=length is not None)
+        return _answering(frame, case, predicted=length is not None) + (
+            OTHER_ROLE if case.role is Role.REQUEST else 0.0
+        )
+    return opening(frame, role, case) + _structure(pdu, role, predicted=length is not None)
 
 
-def _answering(frame: bytes, case: DamagedFrame, *, told: bool) -> float:
+def _answering(frame: bytes, case: DamagedFrame, *, predicted: bool) -> float:
     assert case.expected is not None
     if frame[1] & EXCEPTION:
         return 2 * BYTE + REFUSED + (4.0 if frame[2] in EXCEPTIONS else -4.0)
     marked = sum(len(mark) for _, mark in case.expected.marks)
-    return _FITS + BYTE * (2 + marked) + (LENGTH_TOLD if told and case.due is None else 0.0)
+    return _FITS + BYTE * (2 + marked) + (LENGTH_TOLD if predicted and case.due is None else 0.0)
 
 
 def opening(data: bytes, role: Role, case: DamagedFrame) -> float:
@@ -101,10 +103,10 @@ def _unit(unit: int, case: DamagedFrame) -> float:
     return BYTE - log2(len(case.units)) if unit in case.units else _UNIT_STRANGE
 
 
-def _structure(pdu: bytes, role: Role, *, told: bool) -> float:
+def _structure(pdu: bytes, role: Role, *, predicted: bool) -> float:
     if broken := plausibility(pdu, role):
         return _BROKEN * len(broken)
-    return _checked(pdu[0], role, revision()) + (LENGTH_TOLD if told and counted(pdu[0], role) else 0.0)
+    return _checked(pdu[0], role, revision()) + (LENGTH_TOLD if predicted and counted(pdu[0], role) else 0.0)
 
 
 def counted(function: int, role: Role) -> bool:

@@ -29,7 +29,7 @@ _TWICE: Final = 2  # bytes
 VAGUE: Final = ("collision", "crc-error", "truncated")  # what frames that ran together are easily taken for
 _LEAST: Final = 4  # bytes of noise that may be a damaged frame
 _MOST: Final = 400
-_KEPT: Final = 4096  # requests
+_MOST_EXPLAINED: Final = 4096  # requests
 _NEAR: Final = 2.0  # bits by which an explanation may lose to "nothing explains it"
 _CUT_NEAR: Final = 6.0  # the same for that the frame is cut short: its length alone says so
 _SURE: Final = 0.5  # certainty from which noise is explained
@@ -155,7 +155,7 @@ class Triage:
         """The verdict on what is, or was, the answer to a request."""
         if pending is not None:
             self.explained[pending.row.index] = None
-            if len(self.explained) > _KEPT:
+            if len(self.explained) > _MOST_EXPLAINED:
                 del self.explained[next(iter(self.explained))]
         return verdict
 
