@@ -27,8 +27,8 @@ def xml(results: Results) -> bytes:
         else:
             ElementTree.SubElement(case, "system-out").text = _words(outcome)
     ElementTree.indent(root)
-    made: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
-    return made + b"\n"
+    document: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return document + b"\n"
 
 
 def write(results: Results, path: str | Path, *, source: Path | None = None) -> None:
@@ -45,5 +45,5 @@ def _message(outcome: Outcome) -> str:
 
 
 def _words(outcome: Outcome) -> str:
-    lines = [f"{outcome.word} {_message(outcome)}", *(place.words for place in outcome.places)]
+    lines = [f"{outcome.word} {_message(outcome)}", *(breach.words for breach in outcome.places)]
     return "\n".join(lines)

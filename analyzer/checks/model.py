@@ -60,8 +60,8 @@ class CheckedBatch:
         values = self.batch.rows[row]
         if not text:
             noise = values["kind"] == Kind.NOISE
-            said = self.batch.findings_of(row) if noise else ()
-            text = f"bytes in no frame{''.join(f'; {each.text}' for each in said[:1])}" if noise else ""
+            findings = self.batch.findings_of(row) if noise else ()
+            text = f"bytes in no frame{''.join(f'; {each.text}' for each in findings[:1])}" if noise else ""
             text = text or self.batch.frame(row).summary()
         index = int(values["index"])
         return Breach(
@@ -81,10 +81,10 @@ class Breaches:
         self.count = 0
         self.first: list[Breach] = []
 
-    def add(self, which: NDArray[np.intp], place: Callable[[int], Breach]) -> None:
-        """Those of these numbers; `place` makes one of a number."""
+    def add(self, which: NDArray[np.intp], breach_of: Callable[[int], Breach]) -> None:
+        """Those of these numbers; `breach_of` makes one of a number."""
         self.count += len(which)
-        self.first += [place(number) for number in which[: SHOWN - len(self.first)].tolist()]
+        self.first += [breach_of(number) for number in which[: SHOWN - len(self.first)].tolist()]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ class RuleResult:
 class Measure(Protocol):
     """A rule at work on one capture."""
 
-    def feed(self, seen: CheckedBatch) -> None:
+    def feed(self, checked: CheckedBatch) -> None:
         """Look at the next part."""
 
     def verdict(self, report: Report) -> RuleResult:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from dissectors.maps.units import UnitMaps
 
 LONGEST: Final = 4096  # characters
-_FOUND: Final = re.compile(r"[\w-]{1,30}|\S")
+_WORD: Final = re.compile(r"[\w-]{1,30}|\S")
 
 
 def compile_check(
@@ -40,7 +40,7 @@ def compile_check(
     except UnexpectedInput as error:
         raise _explained(text, error) from None
     form = forms()[int(str(tree.data).removeprefix("form_"))]
-    known = CHARTS.set(charts)
+    token = CHARTS.set(charts)
     try:
         start = form.make(line or LineSettings(), *map(_plain, tree.children))
     except CheckError:
@@ -48,7 +48,7 @@ def compile_check(
     except FilterError as error:  # of the parts that the display filter reads
         raise CheckError(error.message, error.column) from None
     finally:
-        CHARTS.reset(known)
+        CHARTS.reset(token)
     return Check(text.strip(), start, name, severity)
 
 
@@ -73,14 +73,14 @@ def _explained(text: str, error: UnexpectedInput) -> CheckError:
     """A syntax error in the words of the language."""
     awaited: Iterable[str]
     if isinstance(error, UnexpectedCharacters):
-        place, awaited = error.pos_in_stream or 0, error.allowed or ()
+        position, awaited = error.pos_in_stream or 0, error.allowed or ()
     else:
         assert isinstance(error, UnexpectedToken)
-        place = len(text.rstrip()) if error.token.type == "$END" else at(error.token)
+        position = len(text.rstrip()) if error.token.type == "$END" else at(error.token)
         awaited = error.accepts or error.expected
     literal = {terminal.name: terminal.pattern for terminal in _grammar().terminals}
     names = ("$END" if name == "<END-OF-FILE>" else name for name in awaited if name != "WS")
     listed = sorted(dict.fromkeys(SHOWN.get(name) or f"'{literal[name].value}'" for name in names))
     expected = " or ".join([*filter(None, [", ".join(listed[:-1])]), *listed[-1:]])
-    found = _FOUND.match(text, place)
-    return CheckError(f"expected {expected}, not {found[0]!r}" if found else f"expected {expected}", place)
+    word = _WORD.match(text, position)
+    return CheckError(f"expected {expected}, not {word[0]!r}" if word else f"expected {expected}", position)

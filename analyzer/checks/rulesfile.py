@@ -29,11 +29,11 @@ def load_rules(path: str | Path, line: LineSettings | None = None, charts: UnitM
     Raises RulesFileError and OSError.
     """
     try:
-        found = tomllib.loads(Path(path).read_bytes().decode())
+        document = tomllib.loads(Path(path).read_bytes().decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RulesFileError(f"{path}: is no TOML: {error}") from error
-    rules = found.get("rule")
-    if set(found) != {"rule"} or not isinstance(rules, list) or not all(isinstance(rule, dict) for rule in rules):
+    rules = document.get("rule")
+    if set(document) != {"rule"} or not isinstance(rules, list) or not all(isinstance(rule, dict) for rule in rules):
         raise RulesFileError(f'{path}: holds [[rule]] tables alone, each with check = "no crc errors"')
     return [_rule(f"{path}: rule {number}", rule, line, charts) for number, rule in enumerate(rules, 1)]
 

@@ -43,12 +43,12 @@ def run(
         rows = analysed.batch.rows
         if origin_ns is None and len(rows):
             origin_ns = int(rows["t_start"][0])
-        known = np.concatenate((waiting, analysed.transactions))
-        table = BatchTable(analysed.batch, capture.line, transactions=known, origin_ns=origin_ns)
-        seen = CheckedBatch(analysed.batch, analysed.transactions, analysed.findings, table)
+        joined = np.concatenate((waiting, analysed.transactions))
+        table = BatchTable(analysed.batch, capture.line, transactions=joined, origin_ns=origin_ns)
+        checked = CheckedBatch(analysed.batch, analysed.transactions, analysed.findings, table)
         for measure in measures:
-            measure.feed(seen)
-        waiting = known[known["response"] > rows["index"].max(initial=-1)]
+            measure.feed(checked)
+        waiting = joined[joined["response"] > rows["index"].max(initial=-1)]
         summary.feed(analysed)
         if ledger is not None:
             ledger.feed(analysed.batch, analysed.transactions)
@@ -62,7 +62,7 @@ def run(
     outcomes = []
     for check, measure in zip(checks, measures, strict=True):
         verdict = measure.verdict(report)
-        places = () if verdict.passed else verdict.places
+        breaches = () if verdict.passed else verdict.places
         name = check.name or check.text
-        outcomes.append(Outcome(name, check.text, check.severity, verdict.passed, verdict.measured, places))
+        outcomes.append(Outcome(name, check.text, check.severity, verdict.passed, verdict.measured, breaches))
     return Results(source, report.frames, partial, tuple(outcomes))

@@ -54,17 +54,17 @@ class Diagnosis:
         self._timed = self._timed or bool(batch.rows["t_end"].any())
         view = self._view(batch, transactions)
         self._clock.feed([_of(view.column(name), view.frames) for name in COLUMNS])
-        found = _ordered(found for look in self._looks for found in look(view))
+        findings = _ordered(part for look in self._looks for part in look(view))
         self._trail.go_on(batch)
-        return found
+        return findings
 
     def close(self, transactions: Rows | None = None) -> Findings:
         """What the end brings to light: the last transactions, and what concerns the bus as a whole."""
         settled = np.zeros(0, TRANSACTION) if transactions is None else transactions
         self._clock.close()
         view = self._view(Batch.empty(), settled)
-        last = [found for look in self._looks for found in look(view)]
-        last += [found for look in self._looks if hasattr(look, "close") for found in look.close(view)]
+        last = [part for look in self._looks for part in look(view)]
+        last += [part for look in self._looks if hasattr(look, "close") for part in look.close(view)]
         return _ordered(last)
 
     def _view(self, batch: Batch, transactions: Rows) -> DiagnosisStep:
@@ -91,8 +91,8 @@ def _of(column: NDArray[Any], rows: NDArray[np.intp]) -> NDArray[Any]:
 
 def _ordered(parts: Iterable[Findings]) -> Findings:
     """Findings in wire order, those about the whole bus last."""
-    found = list(parts)
-    if not found:
+    tables = list(parts)
+    if not tables:
         return NOTHING
-    every = np.concatenate(found)
+    every = np.concatenate(tables)
     return every[np.lexsort((every["rule"], every["start"], every["t"], every["start"] < 0))]

@@ -28,8 +28,8 @@ class Spread:
     @staticmethod
     def bins(values: NDArray[Any]) -> NDArray[np.intp]:
         """Where values are counted; negative ones as 0."""
-        places = np.log2(np.maximum(values, 0).astype(np.float64) + 1.0) * _STEPS
-        bins: NDArray[np.intp] = np.minimum(places, _BINS - 1).astype(np.intp)
+        steps = np.log2(np.maximum(values, 0).astype(np.float64) + 1.0) * _STEPS
+        bins: NDArray[np.intp] = np.minimum(steps, _BINS - 1).astype(np.intp)
         return bins
 
     def add(self, values: NDArray[Any]) -> None:
@@ -49,8 +49,8 @@ class Spread:
         total = self.weight
         if not total:
             return None
-        place = int(np.searchsorted(np.cumsum(self._counts), share * total))
-        return float(2 ** ((min(place, _BINS - 1) + 1) / _STEPS) - 1)
+        edge = int(np.searchsorted(np.cumsum(self._counts), share * total))
+        return float(2 ** ((min(edge, _BINS - 1) + 1) / _STEPS) - 1)
 
 
 # Columns that wait until there are enough of them for one pass, for what learns but need not speak yet.

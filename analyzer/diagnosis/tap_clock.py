@@ -35,7 +35,7 @@ _BYTE_BY_BYTE: Final = 0.9  # reads a byte
 _QUANTILE: Final = 0.995
 _MARGIN: Final = 1.2
 COLUMNS: Final = ("protocol", "reads", "length", "gap_before", "gap_most", "gap_least")
-_KEPT: Final = 512  # verdicts
+_MOST_VERDICTS: Final = 512  # verdicts
 _USUAL_NS: Final = 5_000_000  # a read from user space, where nothing tells more
 _FAST_BAUD: Final = 19200  # [2] 2.5.1.1: above it, both times are fixed
 _T15_FIXED_NS, _T35_FIXED_NS = 750_000, 1_750_000
@@ -71,7 +71,7 @@ class TapClock:
     """Learns from frames as they pass; `verdict` says what was known at a frame."""
 
     def __init__(self, line: LineSettings) -> None:
-        self._known_speed = bool(line.baud)
+        self._speed_declared = bool(line.baud)
         self._frames = 0
         self._next = FIRST
         self._reads = self._octets = self._shared = self._counted = 0.0
@@ -131,7 +131,7 @@ class TapClock:
         self._since.append(self._frames if self._verdicts else 0)
         self._verdicts.append(self._now())
         self._best = max(self._best, self._verdicts[-1], key=lambda verdict: (verdict.fine, -verdict.wait_ns))
-        if len(self._verdicts) > _KEPT:
+        if len(self._verdicts) > _MOST_VERDICTS:
             del self._since[0], self._verdicts[0]
         if self._counted > _MEMORY:
             for name in ("_reads", "_octets", "_shared", "_counted"):
@@ -174,10 +174,10 @@ class TapClock:
             return TimeTrust()
         each = self._octets / max(self._reads, 1.0)
         jitter = self._late.quantile(_QUANTILE)
-        fine = self._known_speed and self._reads >= _BYTE_BY_BYTE * self._octets and jitter is not None
+        fine = self._speed_declared and self._reads >= _BYTE_BY_BYTE * self._octets and jitter is not None
         if fine and jitter is not None:
             return TimeTrust(True, jitter, jitter, each)
-        astray = self._astray.quantile(_QUANTILE) if self._known_speed else None
+        astray = self._astray.quantile(_QUANTILE) if self._speed_declared else None
         if astray is not None and self._astray.weight >= 0.05 * self._counted:
             return TimeTrust(False, UNKNOWN, astray * _MARGIN, each)
         alone = self._shared <= 1 + 0.01 * self._counted  # each frame came in a read of its own

@@ -28,8 +28,8 @@ _NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPO
 
 def where(mask: NDArray[Any]) -> NDArray[np.intp]:
     """Places where a column is true or not 0: `np.flatnonzero` without its detours, which small batches feel."""
-    places: NDArray[np.intp] = mask.nonzero()[0]
-    return places
+    indices: NDArray[np.intp] = mask.nonzero()[0]
+    return indices
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,7 +147,7 @@ class DiagnosisStep:
     @cached_property
     def requested(self) -> NDArray[np.uint8]:
         """The function codes of the requests as they were sent."""
-        return self.data.take(self._asked_at)
+        return self.data.take(self._request_begins)
 
     @cached_property
     def asked_functions(self) -> list[int]:
@@ -156,27 +156,27 @@ class DiagnosisStep:
         return codes
 
     @cached_property
-    def _asked_at(self) -> NDArray[np.intp]:
+    def _request_begins(self) -> NDArray[np.intp]:
         return self.pdu(self.requests)
 
     @cached_property
-    def _asked_length(self) -> NDArray[np.int64]:
+    def _request_lengths(self) -> NDArray[np.int64]:
         length: NDArray[np.int64] = self.plain.length[self.requests] - 3
         return length
 
     def numbers(self, offset: int, width: int) -> NDArray[np.int64]:
         """The number of 1 or 2 bytes at a PDU offset of each of the `requests`; -1 where one does not reach so far."""
         if (offset, width) not in self._numbers:
-            at, short = self._asked_at + offset, where(self._asked_length < offset + width)
+            at, short = self._request_begins + offset, where(self._request_lengths < offset + width)
             at[short] = 0
-            self._numbers[offset, width] = found = number_at(self.data, at, width)
-            found[short] = -1
+            self._numbers[offset, width] = values = number_at(self.data, at, width)
+            values[short] = -1
         return self._numbers[offset, width]
 
-    def right(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
+    def right(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         """Those of these rows whose check value is right."""
-        found: NDArray[np.intp] = places[self.column("check")[places]] if len(places) else places
-        return found
+        sound: NDArray[np.intp] = rows[self.column("check")[rows]] if len(rows) else rows
+        return sound
 
     def bytes_of(self, row: int) -> bytes:
         """The captured bytes of a row."""
@@ -184,8 +184,8 @@ class DiagnosisStep:
 
     def pdu(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         """Where the PDUs of these rows begin in `data`."""
-        places: NDArray[np.intp] = self.plain.at[rows] + 1
-        return places
+        begins: NDArray[np.intp] = self.plain.at[rows] + 1
+        return begins
 
     def function_bytes(self, rows: NDArray[np.intp]) -> NDArray[np.uint8]:
         """Function codes as they were sent, the exception bit with them."""
@@ -193,8 +193,8 @@ class DiagnosisStep:
 
     def last_byte(self, rows: NDArray[np.intp]) -> NDArray[np.int64]:
         """Where the last byte of the PDU of these rows stands in `data`."""
-        places: NDArray[np.int64] = self.plain.at[rows] + self.plain.length[rows] - 3
-        return places
+        positions: NDArray[np.int64] = self.plain.at[rows] + self.plain.length[rows] - 3
+        return positions
 
     def reaches(self, rows: NDArray[np.intp], octets: int) -> NDArray[np.bool_]:
         """Whether the PDUs of these rows have that many bytes at least."""
@@ -203,31 +203,31 @@ class DiagnosisStep:
 
     def asked(self, answers: NDArray[np.intp], offset: int) -> NDArray[np.int64]:
         """The two-byte number at a PDU offset of the requests that these rows answer; -1 where it is not known."""
-        asked = np.full(len(answers), -1, np.int64)
-        places = self.request_rows(answers)
-        here = where(places >= 0)
-        here = here[self.reaches(places[here], offset + 2)]
-        asked[here] = number_at(self.data, self.pdu(places[here]) + offset, 2)
-        for i in where(places < 0).tolist():
+        values = np.full(len(answers), -1, np.int64)
+        requests = self.request_rows(answers)
+        inside = where(requests >= 0)
+        inside = inside[self.reaches(requests[inside], offset + 2)]
+        values[inside] = number_at(self.data, self.pdu(requests[inside]) + offset, 2)
+        for i in where(requests < 0).tolist():
             captured = self.batch.request_of(int(answers[i]), int(self.column("request")[answers[i]]))
             pdu = b"" if captured is None else adu_of(captured, int(self.column("protocol")[answers[i]])).pdu
             if len(pdu) >= offset + 2:
-                asked[i] = int.from_bytes(pdu[offset : offset + 2], "big")
-        return asked
+                values[i] = int.from_bytes(pdu[offset : offset + 2], "big")
+        return values
 
     def request_rows(self, answers: NDArray[np.intp]) -> NDArray[np.intp]:
         """The rows of this batch that these rows answer; -1 where the request lies in an earlier batch."""
         frames, requests = self.frames, self.column("request")[answers]
         first = int(self.column("index")[frames[0]]) if len(frames) else 0
         inside = requests >= first  # and so not -1
-        places: NDArray[np.intp] = np.where(inside, frames.take(np.where(inside, requests - first, 0)), -1)
-        return places
+        rows: NDArray[np.intp] = np.where(inside, frames.take(np.where(inside, requests - first, 0)), -1)
+        return rows
 
 
 # The rows before a row, across batches: what a rule looks back on when something is odd.
 
 
-_KEPT: Final = 64  # rows
+_REACH: Final = 64  # rows
 
 
 class EarlierRow(NamedTuple):
@@ -237,9 +237,9 @@ class EarlierRow(NamedTuple):
     captured: bytes
 
     @classmethod
-    def of(cls, batch: Batch, place: int) -> EarlierRow:
+    def of(cls, batch: Batch, number: int) -> EarlierRow:
         """A row of a batch."""
-        return cls(Row(*batch.rows[place].item()), batch.bytes_of(place))
+        return cls(Row(*batch.rows[number].item()), batch.bytes_of(number))
 
     @property
     def is_frame(self) -> bool:
@@ -253,11 +253,11 @@ class LookBack:
         self._earlier: deque[Batch] = deque()  # their last rows, enough of them together
         self._rows = 0
 
-    def back(self, batch: Batch, place: int) -> Iterator[EarlierRow]:
-        """The last rows before row number `place`, the nearest first."""
-        for before in range(place - 1, max(place - 1 - _KEPT, -1), -1):
+    def back(self, batch: Batch, number: int) -> Iterator[EarlierRow]:
+        """The last rows before row number `number`, the nearest first."""
+        for before in range(number - 1, max(number - 1 - _REACH, -1), -1):
             yield EarlierRow.of(batch, before)
-        left = _KEPT - place
+        left = _REACH - number
         for earlier in reversed(self._earlier):
             for before in range(len(earlier) - 1, max(len(earlier) - 1 - left, -1), -1):
                 yield EarlierRow.of(earlier, before)
@@ -274,15 +274,15 @@ class LookBack:
         """This batch is done."""
         if not len(batch):
             return
-        self._earlier.append(batch if len(batch) <= _KEPT else _end(batch))
-        self._rows += min(len(batch), _KEPT)
-        while self._rows - len(self._earlier[0]) >= _KEPT:
+        self._earlier.append(batch if len(batch) <= _REACH else _end(batch))
+        self._rows += min(len(batch), _REACH)
+        while self._rows - len(self._earlier[0]) >= _REACH:
             self._rows -= len(self._earlier.popleft())
 
 
 def _end(batch: Batch) -> Batch:
     """The last rows of a batch and their bytes, which hold on to no more than themselves."""
-    rows = batch.rows[-_KEPT:].copy()
+    rows = batch.rows[-_REACH:].copy()
     first = int(rows["at"][0])
     rows["at"] -= first
     return Batch(rows, batch.data[first:].copy())

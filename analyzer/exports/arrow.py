@@ -91,14 +91,14 @@ def record_batch(batch: Batch, *, noise: bool = False, explain: bool = False) ->
     """A batch as an Arrow RecordBatch, without `noise` of its frames alone."""
     rows = batch.rows
     frames = rows["kind"] != Kind.NOISE
-    columns = _place(rows, frames) | _envelope(rows, frames) | _contents(decode(batch))
+    columns = _positions(rows, frames) | _envelope(rows, frames) | _contents(decode(batch))
     columns["bytes"] = _octets(batch)
     columns["findings"] = _findings(batch)
     if explain:
         columns |= _evidence(batch, frames)
     wanted = schema(explain=explain)
-    made = pa.record_batch([columns[field.name] for field in wanted], schema=wanted)
-    return made if noise or frames.all() else made.filter(_array(frames))
+    complete = pa.record_batch([columns[field.name] for field in wanted], schema=wanted)
+    return complete if noise or frames.all() else complete.filter(_array(frames))
 
 
 def table(batches: Iterable[Batch], *, noise: bool = False, explain: bool = False) -> Any:
@@ -107,7 +107,7 @@ def table(batches: Iterable[Batch], *, noise: bool = False, explain: bool = Fals
     return pa.Table.from_batches(parts, schema(explain=explain))
 
 
-def _place(rows: Rows, frames: NDArray[np.bool_]) -> dict[str, Any]:
+def _positions(rows: Rows, frames: NDArray[np.bool_]) -> dict[str, Any]:
     return {
         "kind": _coded(frames.astype(np.int8), ("noise", "frame")),
         "index": _array(rows["index"], ~frames),
@@ -170,14 +170,14 @@ def _octets(batch: Batch) -> Any:
 
 def _findings(batch: Batch) -> Any:
     """The codes of what was found about each row."""
-    found = batch.findings
+    findings = batch.findings
     names: tuple[str, ...] = ()
     counts = np.zeros(len(batch), np.int64)
     rules = np.zeros(0, np.int16)
-    if found is not None and len(found) and len(batch):
+    if findings is not None and len(findings) and len(batch):
         names = codes()
         rows = batch.finding_rows
-        rules = found["rule"][np.argsort(rows, kind="stable")][np.count_nonzero(rows < 0) :]
+        rules = findings["rule"][np.argsort(rows, kind="stable")][np.count_nonzero(rows < 0) :]
         counts = batch.finding_counts
     offsets = np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
     values = pa.DictionaryArray.from_arrays(_array(rules), _words(names))
@@ -206,14 +206,14 @@ def _array(values: NDArray[Any], null: NDArray[np.bool_] | None = None, kind: An
     return pa.Array.from_buffers(kind, len(values), [valid, pa.py_buffer(data)])
 
 
-def _ragged(kind: Any, pieces: Sequence[bytes]) -> Any:
+def _ragged(kind: Any, values: Sequence[bytes]) -> Any:
     """Texts or bytes."""
-    offsets = np.cumsum([0, *map(len, pieces)], dtype=np.int32)
-    return pa.Array.from_buffers(kind, len(pieces), [None, pa.py_buffer(offsets), pa.py_buffer(b"".join(pieces))])
+    offsets = np.cumsum([0, *map(len, values)], dtype=np.int32)
+    return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(offsets), pa.py_buffer(b"".join(values))])
 
 
-def _coded(places: NDArray[Any], words: Iterable[str], null: NDArray[np.bool_] | None = None) -> Any:
-    codes = np.ascontiguousarray(places).astype(np.int8)
+def _coded(numbers: NDArray[Any], words: Iterable[str], null: NDArray[np.bool_] | None = None) -> Any:
+    codes = np.ascontiguousarray(numbers).astype(np.int8)
     if null is not None:
         codes[null] = 0
     return pa.DictionaryArray.from_arrays(_array(codes, null), _words(tuple(words)))

@@ -33,12 +33,12 @@ def mapped_table(charts: Mapping[int, RegisterMap]) -> RecordTable:
 def _columns(analysed: Analysed, charts: Mapping[int, RegisterMap]) -> Columns:
     batch = analysed.batch
     decoded = decode(batch)
-    found: list[tuple[Any, ...]] = []
-    taken: set[tuple[int, str, int]] = set()
+    records: list[tuple[Any, ...]] = []
+    mapped: set[tuple[int, str, int]] = set()
     for column in mapped_columns(batch, decoded, charts):
-        found += _records(batch, column)
-        for held in range(column.row.address, column.row.end):
-            taken.update((answer, column.row.area, held) for answer in column.answers.tolist())
+        records += _records(batch, column)
+        for register in range(column.row.address, column.row.end):
+            mapped.update((answer, column.row.area, register) for answer in column.answers.tolist())
     confirmed = confirmed_values(batch, decoded)
     rows, address, values = confirmed.spread()
     areas = np.repeat(confirmed.area, confirmed.counts)
@@ -48,29 +48,31 @@ def _columns(analysed: Analysed, charts: Mapping[int, RegisterMap]) -> Columns:
         rows.tolist(), areas.tolist(), address.tolist(), values.tolist(), times, ports, units, numbered, strict=True
     ):
         name = AREA_NAMES[AreaCode(area)]
-        if (row, name, at) not in taken:
-            found.append((row, t, port, unit, name, at, raw, 1, None, None, None, None, index))
-    found.sort(key=lambda record: (record[0], record[4], record[5]))
+        if (row, name, at) not in mapped:
+            records.append((row, t, port, unit, name, at, raw, 1, None, None, None, None, index))
+    records.sort(key=lambda record: (record[0], record[4], record[5]))
     table = mapped_table(charts)
-    columns = list(zip(*found, strict=True))[1:] if found else [()] * len(table.kinds)
+    columns = list(zip(*records, strict=True))[1:] if records else [()] * len(table.kinds)
     return {name: list(column) for name, column in zip(table.kinds, columns, strict=True)}
 
 
 def _records(batch: Batch, column: MappedColumn) -> list[tuple[Any, ...]]:
     row = column.row
-    found = []
+    records = []
     for answer, words, value in zip(
         column.answers.tolist(), column.words.tolist(), column.values.tolist(), strict=True
     ):
         reading = read_mapped(row, words, None if row.scale_address is not None else 0)
         about = batch.rows[answer]
         raw = (
-            sum(word << 16 * (len(words) - 1 - place) for place, word in enumerate(words)) if len(words) <= 4 else None
+            sum(word << 16 * (len(words) - 1 - position) for position, word in enumerate(words))
+            if len(words) <= 4
+            else None
         )
         number = None if np.isnan(value) else value
         text = reading.text if row.type in ("enum", "bits", "text", "time") else None
-        found.append(
+        records.append(
             (answer, int(about["t_end"]), int(about["port"]), column.unit, row.area, row.address, raw, len(words),
              row.name, number, row.unit or None, text, int(about["index"]))
         )  # fmt: skip
-    return found
+    return records

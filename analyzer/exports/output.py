@@ -88,8 +88,8 @@ class _Screen(io.RawIOBase):
         sys.stdout.flush()
 
 
-def _same(one: Path, other: Path) -> bool:
+def _same(one: Path, second: Path) -> bool:
     try:
-        return one.samefile(other)
+        return one.samefile(second)
     except (OSError, ValueError):
         return False

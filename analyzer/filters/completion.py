@@ -56,8 +56,8 @@ def complete(text: str, cursor: int) -> list[Completion]:
                 field = by_name().get(token.lower())
     except UnexpectedInput:
         return []
-    found = _offered(parser.accepts(), field)  # type: ignore[no-untyped-call]
-    return [Completion(each.text, each.help, start) for each in found if _fits(each.text, begun)]
+    offers = _offered(parser.accepts(), field)  # type: ignore[no-untyped-call]
+    return [Completion(each.text, each.help, start) for each in offers if _fits(each.text, begun)]
 
 
 def _begun(before: str) -> tuple[int, str]:

@@ -16,6 +16,6 @@ class FilterError(ValueError):
         self.column = column
 
 
-def meant(word: str, known: Iterable[str]) -> str:
+def meant(word: str, words: Iterable[str]) -> str:
     """`; did you mean unit?` where a known word is near, else nothing."""
-    return did_you_mean(word, known).replace(":", ";", 1)
+    return did_you_mean(word, words).replace(":", ";", 1)

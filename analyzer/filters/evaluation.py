@@ -31,11 +31,11 @@ _FURTHEST: Final = 1 << 62
 def passing(node: Node, table: FilterTable) -> Mask:
     """Which rows of a table pass. Raises FilterError where a test cannot be made of it."""
     node = resolved(node, table.line, table.origin_ns)
-    found = np.empty(len(table), np.bool_)
+    passed = np.empty(len(table), np.bool_)
     for first in range(0, len(table), _SLICE):
         last = min(first + _SLICE, len(table))
-        found[first:last] = _passing(node, TableSlice(table, first, last), None)
-    return found
+        passed[first:last] = _passing(node, TableSlice(table, first, last), None)
+    return passed
 
 
 def resolved(node: Node, line: LineSettings, origin_ns: int) -> Node:
@@ -62,60 +62,62 @@ def _number(bound: Bound | None, line: LineSettings, origin_ns: int) -> int | fl
     return max(-_FURTHEST, min(number, _FURTHEST)) if isinstance(number, int) else number
 
 
-def _passing(node: Node, piece: TableSlice, asked: Mask | None) -> Mask:
+def _passing(node: Node, section: TableSlice, requested: Mask | None) -> Mask:
     """Which rows pass, of those that are asked for (None: all); what is said of others means nothing."""
     if isinstance(node, Not):
-        return ~_passing(node.part, piece, asked)
+        return ~_passing(node.part, section, requested)
     if isinstance(node, And):
         for part in node.parts:
-            if asked is not None and not asked.any():
+            if requested is not None and not requested.any():
                 break
-            found = _passing(part, piece, asked)
-            asked = found if asked is None else asked & found
-        assert asked is not None
-        return asked
+            mask = _passing(part, section, requested)
+            requested = mask if requested is None else requested & mask
+        assert requested is not None
+        return requested
     if isinstance(node, Or):
-        passed = np.zeros(len(piece), np.bool_)
+        passed = np.zeros(len(section), np.bool_)
         for part in node.parts:
             dear = cost(part) >= Cost.BYTES
-            passed |= _passing(part, piece, (~passed if asked is None else asked & ~passed) if dear else asked)
+            passed |= _passing(
+                part, section, (~passed if requested is None else requested & ~passed) if dear else requested
+            )
         return passed
-    if cost(node) >= Cost.BYTES and len(piece) > BLOCK:
-        return _by_blocks(node, piece, asked)
+    if cost(node) >= Cost.BYTES and len(section) > BLOCK:
+        return _by_blocks(node, section, requested)
     if isinstance(node, Same):
-        each = piece.each
-        found = np.zeros(len(piece), np.bool_)
-        found[each.rows[_of_values(node.part, each)]] = True
-        return found
-    held = node.field.get(piece, asked)
+        each = section.each
+        mask = np.zeros(len(section), np.bool_)
+        mask[each.rows[_of_values(node.part, each)]] = True
+        return mask
+    values = node.field.get(section, requested)
     if node.wanted is None:
-        return held.known()
-    good = held.passing(node.wanted)
-    return held.known() & ~good if node.negated else good
+        return values.known()
+    good = values.passing(node.wanted)
+    return values.known() & ~good if node.negated else good
 
 
-def _by_blocks(node: Test | Same, piece: TableSlice, asked: Mask | None) -> Mask:
-    found = np.zeros(len(piece), np.bool_)
-    for first in range(0, len(piece), BLOCK):
-        here = None if asked is None else asked[first : first + BLOCK]
-        if here is None or here.any():
-            found[first : first + BLOCK] = _passing(node, piece.block(first // BLOCK), here)
-    return found
+def _by_blocks(node: Test | Same, section: TableSlice, requested: Mask | None) -> Mask:
+    mask = np.zeros(len(section), np.bool_)
+    for first in range(0, len(section), BLOCK):
+        selected = None if requested is None else requested[first : first + BLOCK]
+        if selected is None or selected.any():
+            mask[first : first + BLOCK] = _passing(node, section.block(first // BLOCK), selected)
+    return mask
 
 
 def _of_values(node: Node, each: Each) -> Mask:
     """Which single values pass."""
     if isinstance(node, Test):
         assert node.field.each is not None
-        held = node.field.each(each)
+        values = node.field.each(each)
         if node.wanted is None:
-            return held.known()
-        good = held.passing(node.wanted)
-        return held.known() & ~good if node.negated else good
-    found = [_of_values(part, each) for part in parts(node)]
+            return values.known()
+        good = values.passing(node.wanted)
+        return values.known() & ~good if node.negated else good
+    masks = [_of_values(part, each) for part in parts(node)]
     if isinstance(node, Not):
-        return ~found[0]
-    joined: Mask = (np.logical_and if isinstance(node, And) else np.logical_or).reduce(found)
+        return ~masks[0]
+    joined: Mask = (np.logical_and if isinstance(node, And) else np.logical_or).reduce(masks)
     return joined
 
 

@@ -69,48 +69,48 @@ class FilterField:
 
 def _column(name: str, *, all_rows: bool = False) -> Callable[[TableSlice, Mask | None], FieldSlice]:
     """A column that frames have, or all rows."""
-    return lambda piece, _: ValueSlice(piece.column(name), None if all_rows else piece.frames)
+    return lambda section, _: ValueSlice(section.column(name), None if all_rows else section.frames)
 
 
 def _where(name: str, has: Callable[[ValueSlice], Mask]) -> Callable[[TableSlice, Mask | None], FieldSlice]:
     """A column with a value that says that there is none."""
 
-    def get(piece: TableSlice, _: Mask | None) -> FieldSlice:
-        values = ValueSlice(piece.column(name))
+    def get(section: TableSlice, _: Mask | None) -> FieldSlice:
+        values = ValueSlice(section.column(name))
         return ValueSlice(values.values, has(values))
 
     return get
 
 
 def _flag(
-    told: Callable[[TableSlice], Mask], *, all_rows: bool = True
+    mask_of: Callable[[TableSlice], Mask], *, all_rows: bool = True
 ) -> Callable[[TableSlice, Mask | None], FieldSlice]:
-    return lambda piece, _: ValueSlice(told(piece), None if all_rows else piece.frames)
+    return lambda section, _: ValueSlice(mask_of(section), None if all_rows else section.frames)
 
 
-def _findings(piece: TableSlice, _: Mask | None) -> FieldSlice:
-    rows, rules = piece.found()
-    return Several(ValueSlice(rules), rows, len(piece))
+def _findings(section: TableSlice, _: Mask | None) -> FieldSlice:
+    rows, rules = section.found()
+    return Several(ValueSlice(rules), rows, len(section))
 
 
-def _severities(piece: TableSlice, _: Mask | None) -> FieldSlice:
+def _severities(section: TableSlice, _: Mask | None) -> FieldSlice:
     from ..tables.findings import rules as declared
 
-    rows, rules = piece.found()
+    rows, rules = section.found()
     grave = np.array([rule.severity for rule in declared()], np.uint8)
-    return Several(ValueSlice(grave[rules]), rows, len(piece))
+    return Several(ValueSlice(grave[rules]), rows, len(section))
 
 
-def _quantity(piece: TableSlice, _: Mask | None) -> FieldSlice:
-    quantity = piece.decoded.quantity
+def _quantity(section: TableSlice, _: Mask | None) -> FieldSlice:
+    quantity = section.decoded.quantity
     return ValueSlice(quantity, quantity >= 0)
 
 
 def _spoken(areas: tuple[AreaCode, ...] | None) -> Callable[[TableSlice, Mask | None], FieldSlice]:
     """The addresses that a frame speaks of, in some areas (None: in any, or in none)."""
 
-    def get(piece: TableSlice, _: Mask | None) -> FieldSlice:
-        decoded: Decoded = piece.decoded
+    def get(section: TableSlice, _: Mask | None) -> FieldSlice:
+        decoded: Decoded = section.decoded
         first = decoded.address.astype(np.int64)
         has = first >= 0
         if areas is not None:
@@ -138,9 +138,9 @@ def _signed(each: Each) -> ValueSlice:
     return ValueSlice(each.value.view(np.int16), np.isin(each.area, REGISTERS) | (each.area == AreaCode.NONE))
 
 
-def _unmapped(piece: TableSlice, _: Mask | None) -> FieldSlice:
+def _unmapped(section: TableSlice, _: Mask | None) -> FieldSlice:
     """What no map says of: `mapped.field_of_names` puts the maps in."""
-    return TextSlice((), np.zeros(0, np.intp), len(piece))
+    return TextSlice((), np.zeros(0, np.intp), len(section))
 
 
 def _functions() -> Mapping[int, str]:
@@ -189,16 +189,16 @@ FIELDS: Final = (
         _column("kind"),
     ),
     FilterField(
-        "request", Flag(), "a request", "request", _flag(lambda piece: piece.column("kind") == RowKind.REQUEST)
+        "request", Flag(), "a request", "request", _flag(lambda section: section.column("kind") == RowKind.REQUEST)
     ),
     FilterField(
         "response", Flag(), "a response, an exception too", "response and not exception",
-        _flag(lambda piece: piece.column("kind") == RowKind.RESPONSE),
+        _flag(lambda section: section.column("kind") == RowKind.RESPONSE),
     ),
-    FilterField("noise", Flag(), "bytes in no frame", "not noise", _flag(lambda piece: ~piece.frames)),
+    FilterField("noise", Flag(), "bytes in no frame", "not noise", _flag(lambda section: ~section.frames)),
     FilterField(
         "broadcast", Flag(), "a request to all units", "broadcast",
-        _flag(lambda piece: (piece.column("unit") == 0) & (piece.column("kind") == RowKind.REQUEST)),
+        _flag(lambda section: (section.column("unit") == 0) & (section.column("kind") == RowKind.REQUEST)),
     ),
     FilterField(
         "exception", Named("exception", _exceptions, (*EQUAL, *ORDER, "contains", "matches"), numeric=True, least=1),
@@ -207,7 +207,7 @@ FIELDS: Final = (
     ),
     FilterField(
         "crc_ok", Flag(), "the check value (CRC, or LRC in ASCII mode) is right", "crc_ok == false",
-        _flag(lambda piece: piece.column("check"), all_rows=False), aliases=("crc", "check"),
+        _flag(lambda section: section.column("check"), all_rows=False), aliases=("crc", "check"),
     ),
     FilterField(
         "finding", Named("finding", _codes, (*EQUAL, "contains", "matches")), "code of a finding about the row",
@@ -219,15 +219,15 @@ FIELDS: Final = (
     ),
     FilterField(
         "retry", Flag(), "a request that repeats one without a good answer", "retry",
-        _flag(lambda piece: piece.column("retry")), settled=True,
+        _flag(lambda section: section.column("retry")), settled=True,
     ),
     FilterField(
         "late", Flag(), "an answer that came after the client had gone on", "late",
-        _flag(lambda piece: piece.column("late")), settled=True,
+        _flag(lambda section: section.column("late")), settled=True,
     ),
     FilterField(
         "unanswered", Flag(), "a request that nobody answered", "unanswered and unit == 9",
-        _flag(lambda piece: piece.column("unanswered")), settled=True,
+        _flag(lambda section: section.column("unanswered")), settled=True,
     ),
     FilterField(
         "response_time", Duration(), "end of a request to start of its answer, of an answer; where the tap can tell",
@@ -260,11 +260,11 @@ FIELDS: Final = (
     ),
     FilterField(
         "value", NumberKind(0, 0xFFFF), "register values, unsigned, and bits (0 or 1) in the frame", "value > 1000",
-        lambda piece, _: piece.each.several(_value(piece.each)), Cost.CONTENTS, (), _value,
+        lambda section, _: section.each.several(_value(section.each)), Cost.CONTENTS, (), _value,
     ),
     FilterField(
         "signed_value", NumberKind(-0x8000, 0x7FFF), "register values in the frame, as 16-bit signed numbers",
-        "register == 40001 and signed_value < 0", lambda piece, _: piece.each.several(_signed(piece.each)),
+        "register == 40001 and signed_value < 0", lambda section, _: section.each.several(_signed(section.each)),
         Cost.CONTENTS, (), _signed,
     ),
     FilterField(
@@ -273,7 +273,7 @@ FIELDS: Final = (
     ),
     FilterField(
         "hex", Hex(), "bytes of the row, check value included", 'hex contains "03 02"',
-        lambda piece, _: Bytes(piece.batch), Cost.BYTES,
+        lambda section, _: Bytes(section.batch), Cost.BYTES,
     ),
     FilterField(
         "text", Prose(), "the frame in words, as lists show it; slow on its own",

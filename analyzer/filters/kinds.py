@@ -171,8 +171,8 @@ class Named(Ordered):
 
     @property
     def values(self) -> str:
-        known = list(self.names().values())
-        listed = ", ".join(known) if len(known) <= 4 else "a name"
+        names = list(self.names().values())
+        listed = ", ".join(names) if len(names) <= 4 else "a name"
         return f"number, or {listed}" if self.numeric else listed
 
     def choices(self) -> Iterable[Suggestion]:
@@ -214,10 +214,10 @@ class Flag(Ordered):
         return (Suggestion("true", ""), Suggestion("false", ""))
 
     def bound(self, literal: Literal, *, exact: bool = True) -> Bound:  # noqa: ARG002 - there are two
-        known = {"true": 1, "false": 0}
-        if literal.text.lower() not in known or literal.form != "word":
+        truths = {"true": 1, "false": 0}
+        if literal.text.lower() not in truths or literal.form != "word":
             raise FilterError(f"true or false is needed, not {literal.shown}", literal.column)
-        return known[literal.text.lower()]
+        return truths[literal.text.lower()]
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ class Addresses(Ordered):
         if not self.areas or not (digits or literal.form == "address"):
             if literal.form == "address":
                 raise FilterError("a physical address is needed; logical ones go with register and bit", literal.column)
-            return None, _whole(literal, 0xFFFF)
+            return None, _integer(literal, 0xFFFF)
         try:
             area, address = physical(literal.text)
         except ValueFormError as error:
@@ -285,10 +285,10 @@ class Prose:
         return TextWanted(tuple(a_text(alone(item)).casefold() for item in items), part)
 
 
-def plain_number(literal: Literal, what: str) -> Decimal:
+def plain_number(literal: Literal, noun: str) -> Decimal:
     """A number without a unit."""
     if literal.form != "number":
-        raise FilterError(f"{what} is needed, not {literal.shown!r}", literal.column)
+        raise FilterError(f"{noun} is needed, not {literal.shown!r}", literal.column)
     if literal.unit:
         raise FilterError(f"a number without a unit is needed, not {literal.shown}", literal.column)
     digits = literal.text.lower().lstrip("-")
@@ -340,7 +340,7 @@ def quoted(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) else f'"{name}"'
 
 
-def _whole(literal: Literal, most: int) -> int:
+def _integer(literal: Literal, most: int) -> int:
     return int(NumberKind(0, most).bound(literal))  # type: ignore[arg-type]
 
 
@@ -373,5 +373,5 @@ def _plain(bound: Bound) -> float:
 
 
 def _all(named: Iterable[str]) -> str:
-    known = list(named)
-    return f"; there are {', '.join(known)}" if len(known) <= 8 else ""
+    names = list(named)
+    return f"; there are {', '.join(names)}" if len(names) <= 8 else ""

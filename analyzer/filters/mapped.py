@@ -34,15 +34,15 @@ def named_value(name: str, column: int, charts: UnitMaps | None) -> FilterField:
         raise FilterError(f"which register is {name!r}? a map says so: --map MAP[@UNIT]", column)
     rows = [row for chart in charts.all for row in chart.rows if _is_called(row, name)]
     if not rows:
-        known = {row.name.casefold(): None for chart in charts.all for row in chart.rows}
-        raise FilterError(f"no map has a value {name!r}{meant(name.casefold(), known) or ''}", column)
+        names = {row.name.casefold(): None for chart in charts.all for row in chart.rows}
+        raise FilterError(f"no map has a value {name!r}{meant(name.casefold(), names) or ''}", column)
     numbers = [row for row in rows if row.type != "text"]
     if not numbers:
         raise FilterError(f"{name!r} is a text: name == {name!r} tells which rows have it", column)
 
-    def get(piece: TableSlice, _: Mask | None) -> FieldSlice:
-        found = mapped_columns(piece.batch, piece.decoded, charts, lambda row: _is_called(row, name))
-        return _MeasuredSlice([one for one in found if one.row.type != "text"], len(piece))
+    def get(section: TableSlice, _: Mask | None) -> FieldSlice:
+        columns = mapped_columns(section.batch, section.decoded, charts, lambda row: _is_called(row, name))
+        return _MeasuredSlice([one for one in columns if one.row.type != "text"], len(section))
 
     return FilterField(
         f'value("{name}")', MeasureKind(tuple(numbers)), f"the value {name} of a register map", "", get, Cost.CONTENTS
@@ -54,8 +54,8 @@ def field_of_names(charts: UnitMaps | None, column: int) -> FilterField:
     if not charts:
         raise FilterError("names come from a register map: --map MAP[@UNIT]", column)
 
-    def get(piece: TableSlice, _: Mask | None) -> FieldSlice:
-        return _NameSlice(list(mapped_columns(piece.batch, piece.decoded, charts)), len(piece))
+    def get(section: TableSlice, _: Mask | None) -> FieldSlice:
+        return _NameSlice(list(mapped_columns(section.batch, section.decoded, charts)), len(section))
 
     return replace(by_name()["name"], get=get)
 
@@ -125,10 +125,10 @@ class _MeasuredSlice:
         return self._rows(lambda one: _within(one, wanted.spans))
 
     def _rows(self, good: Callable[[MappedColumn], Mask]) -> Mask:
-        found = np.zeros(self.count, np.bool_)
+        mask = np.zeros(self.count, np.bool_)
         for one in self.columns:
-            found[one.answers[good(one)]] = True
-        return found
+            mask[one.answers[good(one)]] = True
+        return mask
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,16 +146,16 @@ class _NameSlice:
         return self._of(one for one in self.columns if says(one.row.name, wanted))
 
     def _of(self, columns: Iterable[MappedColumn]) -> Mask:
-        found = np.zeros(self.count, np.bool_)
+        mask = np.zeros(self.count, np.bool_)
         for one in columns:
-            found[one.answers] = True
-        return found
+            mask[one.answers] = True
+        return mask
 
 
 def _within(column: MappedColumn, spans: Sequence[MeasuredSpan]) -> Mask:
     """Which readings lie in any of the spans, brought to the value's own unit."""
     values: Any = column.values
-    found = np.zeros(len(values), np.bool_)
+    inside = np.zeros(len(values), np.bool_)
     slack = _EXACT_FLOAT if column.row.type == "f32" else _EXACT
     for span in spans:
         factor = factor_between(span.unit, column.row.unit) if span.unit else 1.0
@@ -168,8 +168,8 @@ def _within(column: MappedColumn, spans: Sequence[MeasuredSpan]) -> Mask:
         if span.high is not None:
             high = span.high * factor
             good &= values < high - slack * abs(high) if span.strict else values <= high + slack * abs(high)
-        found |= good
-    return found
+        inside |= good
+    return inside
 
 
 def _is_called(row: MappedValue, name: str) -> bool:

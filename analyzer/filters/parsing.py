@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 LONGEST: Final = 4096  # characters
 _DEEPEST: Final = 50  # parentheses
 _NESTING: Final = re.compile(r"\"[^\"]*\"|'[^']*'|[()]")
-_FOUND: Final = re.compile(r"\w{1,30}|\S")
+_WORD: Final = re.compile(r"\w{1,30}|\S")
 
 # What can stand somewhere, in the order in which it is told.
 _EXPECTED: Final = {
@@ -85,8 +85,8 @@ def field_named(name: str, column: int) -> FilterField:
 def _as_value(name: str) -> str:
     """`; write finding == retry` where a name is one of a field's values."""
     for field in FIELDS:
-        known = field.kind.names().values() if isinstance(field.kind, Named) else ()
-        if spelled(name) in map(spelled, known):
+        names = field.kind.names().values() if isinstance(field.kind, Named) else ()
+        if spelled(name) in map(spelled, names):
             return f"; write {field.name} == {name}"
     return ""
 
@@ -98,14 +98,14 @@ class _Builder(Transformer_NonRecursive[Token, Node]):
         super().__init__()
         self._charts = charts
 
-    def start(self, found: list[Node]) -> Node:
-        return found[0]
+    def start(self, parts: list[Node]) -> Node:
+        return parts[0]
 
-    def any(self, found: list[Any]) -> Node:
-        return _joined(Or, found)
+    def any(self, parts: list[Any]) -> Node:
+        return _joined(Or, parts)
 
-    def all(self, found: list[Any]) -> Node:
-        node = _joined(And, found)
+    def all(self, parts: list[Any]) -> Node:
+        node = _joined(And, parts)
         return _together(node) if isinstance(node, And) else node
 
     @v_args(inline=True)
@@ -165,14 +165,14 @@ class _Builder(Transformer_NonRecursive[Token, Node]):
             return field_of_names(self._charts, _at(name))
         return field
 
-    def items(self, found: list[Item | None]) -> list[Item]:
-        return [item for item in found if item is not None]
+    def items(self, parts: list[Item | None]) -> list[Item]:
+        return [item for item in parts if item is not None]
 
-    def item(self, found: list[Any]) -> Item:
-        return found[0], found[2] if len(found) > 2 else None
+    def item(self, parts: list[Any]) -> Item:
+        return parts[0], parts[2] if len(parts) > 2 else None
 
-    def literal(self, found: list[Token | None]) -> Literal:
-        value, unit = found[0], found[1] if len(found) > 1 else None
+    def literal(self, parts: list[Token | None]) -> Literal:
+        value, unit = parts[0], parts[1] if len(parts) > 1 else None
         assert value is not None
         text = str(value)[1:-1] if value.type == "STRING" else str(value)
         return Literal(value.type.lower(), text, _at(value), str(unit or ""))
@@ -190,10 +190,10 @@ def _test(field: FilterField, operator: str, column: int, items: list[Item]) -> 
     return Test(field, field.kind.wanted("==" if operator == "!=" else operator, items), operator == "!=")
 
 
-def _joined(join: type[And] | type[Or], found: Iterable[Node | Token]) -> Node:
+def _joined(join: type[And] | type[Or], parts: Iterable[Node | Token]) -> Node:
     """Parts under one node, those that cost less first; parts that are joined alike become parts of it."""
     flat: list[Node] = []
-    for part in found:
+    for part in parts:
         if not isinstance(part, Token):
             flat += part.parts if isinstance(part, join) else (part,)
     return flat[0] if len(flat) == 1 else join(tuple(sorted(flat, key=cost)))
@@ -207,8 +207,8 @@ def cost(node: Node) -> Cost:
 def _together(node: And) -> Node:
     """Tests of addresses and of values that are joined by `and` speak of the same value."""
     mine = [part for part in node.parts if _of_values(part)]
-    told = {isinstance(test.field.kind, Addresses) for part in mine for test in tests(part)}
-    if len(told) < 2:
+    kinds = {isinstance(test.field.kind, Addresses) for part in mine for test in tests(part)}
+    if len(kinds) < 2:
         return node
     return _joined(And, [*(part for part in node.parts if not _of_values(part)), Same(And(tuple(mine)))])
 
@@ -242,5 +242,5 @@ def _explained(text: str, error: UnexpectedInput) -> FilterError:
         at, awaited = (len(text.rstrip()) if error.token.type == "$END" else _at(error.token)), error.accepts
     listed = list(dict.fromkeys(words for name, words in _EXPECTED.items() if name in (awaited or ())))
     expected = " or ".join([*filter(None, [", ".join(listed[:-1])]), *listed[-1:]])
-    found = _FOUND.match(text, at)
-    return FilterError(f"expected {expected}, not {found[0]!r}" if found else f"expected {expected}", at)
+    word = _WORD.match(text, at)
+    return FilterError(f"expected {expected}, not {word[0]!r}" if word else f"expected {expected}", at)

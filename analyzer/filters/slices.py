@@ -102,9 +102,9 @@ class Several:
         return self._of(self.each.passing(wanted))
 
     def _of(self, good: Mask) -> Mask:
-        found = np.zeros(self.count, np.bool_)
-        found[self.rows[good]] = True
-        return found
+        mask = np.zeros(self.count, np.bool_)
+        mask[self.rows[good]] = True
+        return mask
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,15 +118,15 @@ class Bytes:
 
     def passing(self, wanted: Wanted) -> Mask:
         assert isinstance(wanted, BytesWanted)
-        found = np.zeros(len(self.batch), np.bool_)
+        mask = np.zeros(len(self.batch), np.bool_)
         plain = self.batch.rows["protocol"] != Envelope.ASCII
         for needle in wanted.needles:
-            found |= self._with(needle, wanted.whole) & plain
+            mask |= self._with(needle, wanted.whole) & plain
         for row in np.flatnonzero(~plain).tolist():
             is_frame = self.batch.rows["kind"][row] > 0
             data = self.batch.frame(row).adu.data if is_frame else self.batch.bytes_of(row)
-            found[row] = any(data == each if wanted.whole else each in data for each in wanted.needles)
-        return found
+            mask[row] = any(data == each if wanted.whole else each in data for each in wanted.needles)
+        return mask
 
     def _with(self, needle: bytes, whole: bool) -> Mask:
         begins, lengths = self.batch.rows["at"], self.batch.rows["length"]
@@ -134,16 +134,16 @@ class Bytes:
         if size > len(data):
             return np.zeros(len(begins), np.bool_)
         starts = len(data) - size + 1
-        here = data[:starts] == needle[0]
+        matching = data[:starts] == needle[0]
         for i, octet in enumerate(needle[1:], 1):
-            here &= data[i : starts + i] == octet
-        places = np.flatnonzero(here)
-        from_here = np.searchsorted(places, begins)
+            matching &= data[i : starts + i] == octet
+        offsets = np.flatnonzero(matching)
+        before = np.searchsorted(offsets, begins)
         behind = np.searchsorted(
-            places, begins + 1 if whole else begins + lengths - size, side="left" if whole else "right"
+            offsets, begins + 1 if whole else begins + lengths - size, side="left" if whole else "right"
         )
-        found: Mask = behind > from_here
-        return found & (lengths == size) if whole else found
+        hits: Mask = behind > before
+        return hits & (lengths == size) if whole else hits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,15 +155,15 @@ class TextSlice:
     count: int
 
     def known(self) -> Mask:
-        found = np.zeros(self.count, np.bool_)
-        found[self.rows] = True
-        return found
+        mask = np.zeros(self.count, np.bool_)
+        mask[self.rows] = True
+        return mask
 
     def passing(self, wanted: Wanted) -> Mask:
         assert isinstance(wanted, TextWanted)
-        found = np.zeros(self.count, np.bool_)
-        found[self.rows] = [says(text, wanted) for text in self.texts]
-        return found
+        mask = np.zeros(self.count, np.bool_)
+        mask[self.rows] = [says(text, wanted) for text in self.texts]
+        return mask
 
 
 def says(text: str, wanted: TextWanted) -> bool:
@@ -201,8 +201,8 @@ class TableSlice:
     @cached_property
     def frames(self) -> Mask:
         """Which rows are frames."""
-        found: Mask = self.column("kind") != Kind.NOISE
-        return found
+        mask: Mask = self.column("kind") != Kind.NOISE
+        return mask
 
     def found(self) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]:
         """Rows with findings, and the rule of each."""
@@ -237,18 +237,18 @@ class TableSlice:
         address = np.where(first < 0, -1, first + np.arange(len(rows)) - decoded.offsets[rows])
         return Each(rows, len(counts), address, decoded.area[rows], decoded.values)
 
-    def summaries(self, asked: Mask | None) -> TextSlice:
+    def summaries(self, requested: Mask | None) -> TextSlice:
         """The words of those frames that are asked for."""
-        wanted = self.frames if asked is None else self.frames & asked
+        wanted = self.frames if requested is None else self.frames & requested
         rows = np.flatnonzero(wanted)
-        known: dict[tuple[int, bytes, bytes | None], str] = {}  # polls say the same again and again
+        by_key: dict[tuple[int, bytes, bytes | None], str] = {}  # polls say the same again and again
         texts = []
         for row in rows.tolist():
             frame = self.batch.frame(row)
             key = (frame.row.kind, frame.captured, frame.request_bytes)
-            if key not in known:
-                known[key] = frame.summary()
-            texts.append(known[key])
+            if key not in by_key:
+                by_key[key] = frame.summary()
+            texts.append(by_key[key])
         return TextSlice(texts, rows, len(self))
 
 

@@ -39,7 +39,7 @@ class _FilteredPairs:
         self._line = line
         self._origin_ns: int | None = None
         self._open: Rows = np.zeros(0, TRANSACTION)
-        self._asked = np.zeros(0, np.bool_)  # of those: whether the request passed
+        self._request_passed = np.zeros(0, np.bool_)  # of those: whether the request passed
         self._behind = 0
 
     def of(self, analysed: Analysed) -> Analysed:
@@ -47,18 +47,18 @@ class _FilteredPairs:
         if self._origin_ns is None and len(rows):
             self._origin_ns = int(rows["t_start"][0])
         self._behind = max(self._behind, int(rows["index"].max(initial=-1)) + 1)
-        known = np.concatenate((self._open, analysed.transactions))
-        mask = self._wanted.mask(BatchTable(batch, self._line, transactions=known, origin_ns=self._origin_ns))
+        pairs = np.concatenate((self._open, analysed.transactions))
+        mask = self._wanted.mask(BatchTable(batch, self._line, transactions=pairs, origin_ns=self._origin_ns))
         part = narrowed(batch, mask)
-        passed = np.concatenate((self._asked, np.zeros(len(analysed.transactions), np.bool_)))
-        passed |= _among(known["request"], part.rows) | _among(known["response"], part.rows)
-        done = known["response"] < self._behind
-        self._open, self._asked = known[~done], passed[~done]
+        passed = np.concatenate((self._request_passed, np.zeros(len(analysed.transactions), np.bool_)))
+        passed |= _among(pairs["request"], part.rows) | _among(pairs["response"], part.rows)
+        settled = pairs["response"] < self._behind
+        self._open, self._request_passed = pairs[~settled], passed[~settled]
         findings = analysed.findings if part.findings is None else part.findings
-        return replace(analysed, batch=part, transactions=known[done & passed], findings=findings)
+        return replace(analysed, batch=part, transactions=pairs[settled & passed], findings=findings)
 
 
 def _among(indices: NDArray[np.int64], rows: Rows) -> NDArray[np.bool_]:
     """Which frames, by index, are among rows."""
-    found: NDArray[np.bool_] = (indices >= 0) & np.isin(indices, rows["index"])
-    return found
+    among: NDArray[np.bool_] = (indices >= 0) & np.isin(indices, rows["index"])
+    return among

@@ -79,17 +79,17 @@ class BatchTable:
 
     @cached_property
     def _outcomes(self) -> Mapping[str, NDArray[np.bool_]]:
-        known = self._transactions
+        transactions = self._transactions
         marks = {name: np.zeros(len(self), np.bool_) for name in OUTCOMES}
         for name, of, which in (
-            ("retry", "request", known["retry"]),
-            ("unanswered", "request", known["status"] == Status.UNANSWERED),
-            ("late", "response", known["late"]),
+            ("retry", "request", transactions["retry"]),
+            ("unanswered", "request", transactions["status"] == Status.UNANSWERED),
+            ("late", "response", transactions["late"]),
         ):
-            marks[name][self._places(known[of][which])] = True
+            marks[name][self._rows_of(transactions[of][which])] = True
         return marks
 
-    def _places(self, indices: NDArray[np.int64]) -> NDArray[np.intp]:
+    def _rows_of(self, indices: NDArray[np.int64]) -> NDArray[np.intp]:
         """The rows of frames by their indices, those that are here."""
         frames = np.flatnonzero(self.whole.rows["index"] >= 0)
         numbers = self.whole.rows["index"][frames]
@@ -98,15 +98,15 @@ class BatchTable:
 
     def findings(self) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]:
         """See `Table`."""
-        return self._found
+        return self._finding_pairs
 
     @cached_property
-    def _found(self) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]:
-        found = NOTHING if self.whole.findings is None else self.whole.findings
-        places = self.whole.finding_rows
-        order = np.argsort(places, kind="stable")
-        order = order[places[order] >= 0]  # the others speak of the bus as a whole
-        return places[order], found["rule"][order]
+    def _finding_pairs(self) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]:
+        findings = NOTHING if self.whole.findings is None else self.whole.findings
+        rows = self.whole.finding_rows
+        order = np.argsort(rows, kind="stable")
+        order = order[rows[order] >= 0]  # the others speak of the bus as a whole
+        return rows[order], findings["rule"][order]
 
     def batch(self, first: int, last: int) -> Batch:
         """See `Table`."""
@@ -124,15 +124,15 @@ class BatchTable:
 def requests_of(batch: Batch, chosen: NDArray[np.intp]) -> Mapping[int, bytes]:
     """The bytes of the requests that some rows of a batch answer and that are not among those rows, by index."""
     rows = batch.rows
-    asked = rows["request"][chosen]
-    outside = np.flatnonzero((asked >= 0) & ~np.isin(asked, rows["index"][chosen]))
-    found = {}
-    for place in outside.tolist():
-        index = int(asked[place])
-        captured = batch.request_of(int(chosen[place]), index)
+    requests = rows["request"][chosen]
+    outside = np.flatnonzero((requests >= 0) & ~np.isin(requests, rows["index"][chosen]))
+    by_index = {}
+    for position in outside.tolist():
+        index = int(requests[position])
+        captured = batch.request_of(int(chosen[position]), index)
         if captured is not None:
-            found[index] = captured
-    return found
+            by_index[index] = captured
+    return by_index
 
 
 def narrowed(batch: Batch, passed: NDArray[np.bool_]) -> Batch:

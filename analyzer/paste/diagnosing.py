@@ -18,7 +18,7 @@ from ..tables.schema import NO_GAP, ROW, Kind, Protocol, Rows
 from ..tables.transactions import Transactions
 from .model import PastedFrame
 
-_SAID: Final = 10_000  # findings: a paste is read by people
+_MOST_FINDINGS: Final = 10_000  # findings: a paste is read by people
 
 
 def findings(frames: Sequence[PastedFrame]) -> list[tuple[Finding, ...]]:
@@ -28,13 +28,13 @@ def findings(frames: Sequence[PastedFrame]) -> list[tuple[Finding, ...]]:
     sent = [_as_captured(frame) for frame in chosen]
     batch = Batch(_rows(chosen, sent), np.frombuffer(b"".join(sent), np.uint8))
     transactions, diagnosis = Transactions(), Diagnosis(LineSettings(), Options())
-    told = list(diagnosis.feed(batch, transactions.feed(batch)))
-    told += list(diagnosis.close(transactions.close()))
-    found: list[list[Finding]] = [[] for _ in frames]
-    for row in told[:_SAID]:
+    reported = list(diagnosis.feed(batch, transactions.feed(batch)))
+    reported += list(diagnosis.close(transactions.close()))
+    by_frame: list[list[Finding]] = [[] for _ in frames]
+    for row in reported[:_MOST_FINDINGS]:
         if row["index"] >= 0:
-            found[examined[int(row["index"])]].append(describe(row))
-    return [tuple(each) for each in found]
+            by_frame[examined[int(row["index"])]].append(describe(row))
+    return [tuple(each) for each in by_frame]
 
 
 def _as_captured(frame: PastedFrame) -> bytes:

@@ -19,7 +19,7 @@ from dissectors.lengths import Role, pdu_length, rule, sound_roles
 
 from .tiling import predicted
 
-_LOOK: Final = 20  # places, behind the last right frame, at which another may begin
+_REACH: Final = 20  # places, behind the last right frame, at which another may begin
 _LAST_EXCEPTION: Final = 0x0B
 
 
@@ -46,8 +46,8 @@ def _rtu(data: bytes) -> Iterator[Checked]:
     if len(data) <= MAX_ADU and crc_ok(data) and predicted_roles(data):
         yield Checked(0, len(data), _repeats(data), "rtu")
         return
-    at, looked, right = 0, 0, False
-    while at <= len(data) - MIN_ADU and looked < _LOOK:
+    at, tried, right = 0, 0, False
+    while at <= len(data) - MIN_ADU and tried < _REACH:
         length = 0
         head = data[at : at + MAX_ADU] if _may_begin(data, at) else b""
         for role in Role if head else ():
@@ -57,8 +57,8 @@ def _rtu(data: bytes) -> Iterator[Checked]:
                 break
         if length:
             yield Checked(at, at + length, _repeats(head[:length]), "rtu")
-            right, looked = True, 0
-        looked += 1
+            right, tried = True, 0
+        tried += 1
         at += length or 1
     if not right and len(data) <= MAX_ADU and crc_ok(data) and data[1] not in (0, EXCEPTION):
         yield Checked(0, len(data), envelope="rtu")

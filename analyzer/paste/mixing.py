@@ -31,12 +31,12 @@ def kinds_of(parts: Sequence[PastePart]) -> list[Envelope]:
     """The envelope of each part by its own check values; a part that has none is of that before it, or behind."""
     from .evidence import envelope_of
 
-    found = [envelope_of(part.data) for part in parts]
-    known: Envelope = next((kind for kind in found if kind is not None), "auto")
+    own = [envelope_of(part.data) for part in parts]
+    latest: Envelope = next((kind for kind in own if kind is not None), "auto")
     kinds: list[Envelope] = []
-    for kind in found:
-        known = kind or known
-        kinds.append(known)
+    for kind in own:
+        latest = kind or latest
+        kinds.append(latest)
     return kinds
 
 
@@ -47,7 +47,7 @@ def mixed(parts: Sequence[PastePart], kinds: Sequence[Envelope], read: Reading) 
     for kind in dict.fromkeys(kinds):
         stretches = list(_stretches(parts, kinds, kind))
         paste = read([part for stretch in stretches for part in stretch.parts], kind)
-        if _whole(paste.pieces, stretches):
+        if _undivided(paste.pieces, stretches):
             why.append(paste.why)
             pieces += _placed(paste.pieces, stretches)
             continue
@@ -70,7 +70,7 @@ def _stretches(parts: Sequence[PastePart], kinds: Sequence[Envelope], kind: Enve
             begin += starts[mine[-1] + 1] - starts[mine[0]]
 
 
-def _whole(pieces: Sequence[Piece], stretches: Sequence[_EnvelopeStretch]) -> bool:
+def _undivided(pieces: Sequence[Piece], stretches: Sequence[_EnvelopeStretch]) -> bool:
     """Whether each frame lies in one stretch."""
     begins = [stretch.begin for stretch in stretches]
     return all(
@@ -91,8 +91,8 @@ def _placed(pieces: Sequence[Piece], stretches: Sequence[_EnvelopeStretch]) -> I
     for piece in pieces:
         start = moved(piece.start)
         if isinstance(piece, PastedFrame):
-            asked = None if piece.request_start is None else moved(piece.request_start)
-            yield replace(piece, start=start, adu=replace(piece.adu, start=start), request_start=asked)
+            request_at = None if piece.request_start is None else moved(piece.request_start)
+            yield replace(piece, start=start, adu=replace(piece.adu, start=start), request_start=request_at)
             continue
         end = piece.start + piece.length
         inner = begins[bisect_right(begins, piece.start) : bisect_left(begins, end)]

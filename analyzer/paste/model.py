@@ -104,8 +104,8 @@ class PastedFrame:
         if self.missing:
             line["missing"] = self.missing
         if self.also is not None:
-            other = [field.to_json() for field in self.fields(self.also)]
-            line["also"] = {"direction": self.also.name.lower(), "fields": other}
+            fields = [field.to_json() for field in self.fields(self.also)]
+            line["also"] = {"direction": self.also.name.lower(), "fields": fields}
         return line
 
 

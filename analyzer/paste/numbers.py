@@ -23,13 +23,13 @@ def likely_floats(fields: Sequence[Field]) -> dict[int, str]:
     if not fields or any(field.name != _REGISTER or not isinstance(field.value, int) for field in fields):
         return {}
     values = [int(field.value or 0) for field in fields]
-    found = {}
+    texts = {}
     for i in range(0, len(values) - 1, 2):
         pair = values[i : i + 2]
         hints = [f"{order} {floating(pair, order):.7g}" for order in _USUAL if _everyday(floating(pair, order))]
         if hints and all(pair):
-            found[i] = f"with the next as float: {' or '.join(hints)}"
-    return found
+            texts[i] = f"with the next as float: {' or '.join(hints)}"
+    return texts
 
 
 def _everyday(number: float) -> bool:

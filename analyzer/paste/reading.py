@@ -81,9 +81,9 @@ def _parts(text: str, zone: tzinfo | None) -> tuple[list[PastePart], tuple[Unrea
 
     from .evidence import judge
 
-    found = read_paste(text, judge, zone)
-    parts = [PastePart(item.data, item.mark, item.t_ns, item.ascii) for item in found.words]
-    return parts, tuple(Unread(one.line, one.text, one.why, one.empty) for one in found.unread)
+    parsed = read_paste(text, judge, zone)
+    parts = [PastePart(item.data, item.mark, item.t_ns, item.ascii) for item in parsed.words]
+    return parts, tuple(Unread(one.line, one.text, one.why, one.empty) for one in parsed.unread)
 
 
 def read_parts(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> Paste:
@@ -99,21 +99,21 @@ def _alike(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]
     """Parts of one envelope."""
     data = b"".join(part.data for part in parts)
     if envelope == "ascii":
-        return Paste("ascii", _why_ascii(found := _ascii(data, roles)), _tiled(data, found))
+        return Paste("ascii", _why_ascii(frames := _ascii(data, roles)), _tiled(data, frames))
     if envelope == "tcp":
         return Paste("tcp", "TCP: MBAP headers (protocol 0, a length)", _tcp(data, parts, roles))
     if envelope == "auto":
-        found = _ascii(data, roles)
-        if found and (any(part.ascii for part in parts) or any(frame.check_ok for frame in found)):
-            return Paste("ascii", _why_ascii(found), _tiled(data, found))
-    whole = rtu.exact(data, parts, roles)
-    if whole is not None:
+        frames = _ascii(data, roles)
+        if frames and (any(part.ascii for part in parts) or any(frame.check_ok for frame in frames)):
+            return Paste("ascii", _why_ascii(frames), _tiled(data, frames))
+    exact = rtu.exact(data, parts, roles)
+    if exact is not None:
         length = (
             "at the predicted length"
-            if all(map(_sound, whole))
+            if all(map(_sound, exact))
             else "though not at the length that its function predicts"
         )
-        return Paste("rtu", f"RTU: right CRC {length}, {_frames(len(whole))} over all {len(data)} bytes", tuple(whole))
+        return Paste("rtu", f"RTU: right CRC {length}, {_frames(len(exact))} over all {len(data)} bytes", tuple(exact))
     if envelope == "auto":
         mbap = _tcp(data, parts, roles)
         if all(isinstance(piece, PastedFrame) and not piece.missing and _sound(piece) for piece in mbap):
@@ -139,8 +139,8 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
         return Paste("rtu", "RTU: a right CRC, though not at the length that its function predicts", tuple(alone))
     if envelope == "auto" and len(data) >= _LENGTH_END:
         mbap = _tcp(data, parts, roles)
-        first, other = mbap[0], rtu.lone(parts[0].data, parts[:1], roles) or alone
-        if isinstance(first, PastedFrame) and _speaks_for_tcp(first) > max(map(_speaks_for_rtu, other)):
+        first, rival = mbap[0], rtu.lone(parts[0].data, parts[:1], roles) or alone
+        if isinstance(first, PastedFrame) and _speaks_for_tcp(first) > max(map(_speaks_for_rtu, rival)):
             return Paste("tcp", "TCP: begins with an MBAP header (protocol 0, a length); no CRC is right", mbap)
     if any(isinstance(piece, PastedFrame) for piece in alone):
         return Paste(
@@ -190,7 +190,7 @@ def _tcp(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> tupl
     """MBAP frames one after another; where no header stands, or one cannot be whole, it begins anew with a part."""
     edges = [*accumulate(len(part.data) for part in parts)] or [len(data)]
     marks = {end - len(part.data): part.mark for end, part in zip(edges, parts, strict=False)}
-    found: list[Turn] = []
+    frames: list[Turn] = []
     at = 0
     while at < len(data):
         edge = edges[bisect_right(edges, at)]
@@ -201,12 +201,12 @@ def _tcp(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> tupl
             at + MBAP - 1 + int.from_bytes(data[at + 4 : at + 6], "big") if len(data) - at >= _LENGTH_END else len(data)
         )
         adu = tcp(data[at : min(end, len(data))], at)
-        whole = any(pdu_length(adu.pdu, role) == len(adu.pdu) for role in BOTH)
-        if end > edge and edge < len(data) and not whole:  # a line's end in it
+        complete = any(pdu_length(adu.pdu, role) == len(adu.pdu) for role in BOTH)
+        if end > edge and edge < len(data) and not complete:  # a line's end in it
             adu = tcp(data[at:edge], at)
-        found.append(Turn(adu, at, possible(adu.pdu, roles), _cut(adu), marks.get(at, 0)))
+        frames.append(Turn(adu, at, possible(adu.pdu, roles), _cut(adu), marks.get(at, 0)))
         at += len(adu.data)
-    return _tiled(data, turns(found))
+    return _tiled(data, turns(frames))
 
 
 def _begins_mbap(data: bytes) -> bool:

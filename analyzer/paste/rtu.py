@@ -74,41 +74,43 @@ def mended(pieces: Sequence[Piece], parts: Sequence[PastePart], roles: Sequence[
     A rest that begins like a frame is one that was cut.
     """
     edges = _edges(parts)
-    done: list[Piece] = []
+    repaired: list[Piece] = []
     for piece in pieces:
-        done.extend(_mended(piece, edges) if isinstance(piece, PastedNoise) else [piece])
+        repaired.extend(_mended(piece, edges) if isinstance(piece, PastedNoise) else [piece])
     marks = dict(zip(edges, (part.mark for part in parts), strict=False))
-    frames = iter(by_marks([piece for piece in done if isinstance(piece, PastedFrame)], marks))
-    done = _answering([next(frames) if isinstance(piece, PastedFrame) else piece for piece in done])
-    if done and isinstance(done[-1], PastedNoise) and done[-1].length >= _BEGINNING:
-        last = done[-1]
+    frames = iter(by_marks([piece for piece in repaired if isinstance(piece, PastedFrame)], marks))
+    repaired = _answering([next(frames) if isinstance(piece, PastedFrame) else piece for piece in repaired])
+    if repaired and isinstance(repaired[-1], PastedNoise) and repaired[-1].length >= _BEGINNING:
+        last = repaired[-1]
         for role in roles:
             missing = (predicted(last.data, role) or 0) - last.length
             if missing > 0 and not plausibility(last.data[1:], role) and function(last.data[1]) is not None:
-                return [*done[:-1], _frame(last.data, last.start, role, missing)]
-    return done
+                return [*repaired[:-1], _frame(last.data, last.start, role, missing)]
+    return repaired
 
 
 def _answering(pieces: Sequence[Piece]) -> list[Piece]:
     """The pieces, those of either direction as answers where they follow the request of their unit and function."""
-    done: list[Piece] = []
-    asked: PastedFrame | None = None
+    directed: list[Piece] = []
+    pending: PastedFrame | None = None
     for piece in pieces:
         if isinstance(piece, PastedFrame):
-            if piece.also is not None and asked is not None and _same(asked, piece) and len(piece.adu.pdu) > 1:
-                piece = replace(piece, role=Role.RESPONSE, also=None, request=asked.adu.pdu, request_start=asked.start)
-            asked = piece if piece.role is Role.REQUEST else None
-        done.append(piece)
-    return done
+            if piece.also is not None and pending is not None and _same(pending, piece) and len(piece.adu.pdu) > 1:
+                piece = replace(
+                    piece, role=Role.RESPONSE, also=None, request=pending.adu.pdu, request_start=pending.start
+                )
+            pending = piece if piece.role is Role.REQUEST else None
+        directed.append(piece)
+    return directed
 
 
-def _same(asked: PastedFrame, piece: PastedFrame) -> bool:
-    return (asked.adu.unit, asked.function) == (piece.adu.unit, piece.function)
+def _same(request: PastedFrame, piece: PastedFrame) -> bool:
+    return (request.adu.unit, request.function) == (piece.adu.unit, piece.function)
 
 
 def _mended(noise: PastedNoise, edges: Sequence[int]) -> list[Piece]:
     data, at = noise.data, 0
-    found: list[Piece] = []
+    split: list[Piece] = []
     inner = [edge - noise.start for edge in edges if 0 < edge - noise.start < noise.length]
     while len(data) - at >= MIN_ADU:
         right = crc_ends(data, at, MAX_ADU)
@@ -121,24 +123,24 @@ def _mended(noise: PastedNoise, edges: Sequence[int]) -> list[Piece]:
             if ahead == len(inner):
                 break
             following = inner[ahead]
-            found.append(PastedNoise(noise.start + at, data[at:following]))
+            split.append(PastedNoise(noise.start + at, data[at:following]))
             at = following
             continue
         adu = data[at:end]
         role = Role.RESPONSE if adu[1] & EXCEPTION else Role.REQUEST
-        found.append(
+        split.append(
             replace(_frame(adu, noise.start + at, role, 0), also=None if adu[1] & EXCEPTION else Role.RESPONSE)
         )
         at = end
-    return [*found, PastedNoise(noise.start + at, data[at:])] if at < len(data) else found
+    return [*split, PastedNoise(noise.start + at, data[at:])] if at < len(data) else split
 
 
 def _frame(data: bytes, start: int, role: Role, missing: int) -> PastedFrame:
     adu = _placed(data, start)
     if missing:  # its last two bytes are no check value yet
         adu = replace(adu, pdu=data[1:], check_ok=False, check_received=None, check_computed=None)
-    known = predicted(data, role) is not None
-    return PastedFrame(adu, role, start, len(data), missing=missing, length_known=known, confidence=0.5)
+    predictable = predicted(data, role) is not None
+    return PastedFrame(adu, role, start, len(data), missing=missing, length_known=predictable, confidence=0.5)
 
 
 def _edges(parts: Sequence[PastePart]) -> list[int]:

@@ -20,9 +20,9 @@ def with_findings(paste: Paste) -> Paste:
         return paste
     from .diagnosing import findings
 
-    told = iter(findings(frames))
+    diagnosed = iter(findings(frames))
     pieces = tuple(
-        replace(piece, findings=next(told)) if isinstance(piece, PastedFrame) else piece for piece in paste.pieces
+        replace(piece, findings=next(diagnosed)) if isinstance(piece, PastedFrame) else piece for piece in paste.pieces
     )
     return replace(paste, pieces=pieces)
 

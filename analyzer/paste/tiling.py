@@ -40,22 +40,22 @@ def predicted(data: bytes, role: Role) -> int | None:
 
 def windows(data: bytes, cuts: Iterable[int], roles: Sequence[Role]) -> list[Window]:
     """All windows that can be frames; `cuts` are the offsets at which the paste itself is divided."""
-    found: dict[tuple[int, int], list[Role]] = {}
+    candidates: dict[tuple[int, int], list[Role]] = {}
     for start in range(len(data) - MIN_ADU + 1):
         head = data[start : start + MAX_ADU]
         for role in roles:
             length = predicted(head, role)
             if length is not None and MIN_ADU <= length <= len(data) - start and crc_ok(data[start : start + length]):
-                found.setdefault((start, start + length), []).append(role)
+                candidates.setdefault((start, start + length), []).append(role)
     edges = sorted({0, len(data), *cuts})
     for start, end in pairwise(edges):
         if (
             MIN_ADU <= end - start <= MAX_ADU
             and crc_ok(data[start:end])
-            and not any(start <= w[0] and w[1] <= end for w in found)
+            and not any(start <= w[0] and w[1] <= end for w in candidates)
         ):
-            found[start, end] = [role for role in roles if role is Role.RESPONSE or data[start + 1] < EXCEPTION]
-    return [Window(start, end, tuple(roles)) for (start, end), roles in sorted(found.items()) if roles]
+            candidates[start, end] = [role for role in roles if role is Role.RESPONSE or data[start + 1] < EXCEPTION]
+    return [Window(start, end, tuple(roles)) for (start, end), roles in sorted(candidates.items()) if roles]
 
 
 def tiling(windows: Sequence[Window], length: int) -> list[Window] | None:

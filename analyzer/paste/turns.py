@@ -38,11 +38,11 @@ class Turn:
 def turns(frames: Sequence[Turn]) -> list[PastedFrame]:
     """The frames with directions, answers tied to their requests."""
     sent = _senders(frames)
-    found: list[PastedFrame] = []
+    directed: list[PastedFrame] = []
     waiting: list[PastedFrame] = []
     for frame in frames:
         adu, roles = frame.adu, frame.roles
-        request = next((asked for asked in reversed(waiting) if _answers(asked.adu, adu)), None)
+        request = next((earlier for earlier in reversed(waiting) if _answers(earlier.adu, adu)), None)
         marked = sent.get(frame.mark)
         also = None
         if len(roles) == 1:
@@ -57,7 +57,7 @@ def turns(frames: Sequence[Turn]) -> list[PastedFrame]:
         if role is Role.REQUEST:
             request = None
         sure = _EITHER if also is not None else _SURE
-        found.append(
+        directed.append(
             PastedFrame(
                 adu,
                 role,
@@ -72,12 +72,12 @@ def turns(frames: Sequence[Turn]) -> list[PastedFrame]:
             )
         )
         if role is Role.REQUEST:
-            waiting = [*waiting, found[-1]] if adu.protocol == "tcp" else [found[-1]]
+            waiting = [*waiting, directed[-1]] if adu.protocol == "tcp" else [directed[-1]]
         elif request is not None:
             waiting.remove(request)
-            asked = found.index(request)
-            found[asked] = replace(request, also=None, confidence=found[-1].confidence)  # its answer settles it
-    return found
+            slot = directed.index(request)
+            directed[slot] = replace(request, also=None, confidence=directed[-1].confidence)  # its answer settles it
+    return directed
 
 
 def by_marks(frames: Sequence[PastedFrame], marks: Mapping[int, int]) -> list[PastedFrame]:
@@ -96,11 +96,11 @@ def by_marks(frames: Sequence[PastedFrame], marks: Mapping[int, int]) -> list[Pa
         for frame, can_be in zip(frames, roles, strict=True)
     ]
     sent = _senders(turns)
-    done = []
+    directed = []
     for frame, turn in zip(frames, turns, strict=True):
         role = sent.get(turn.mark, frame.role) if len(turn.roles) > 1 else frame.role
-        done.append(frame if role is frame.role else replace(frame, role=role, also=None))
-    return done
+        directed.append(frame if role is frame.role else replace(frame, role=role, also=None))
+    return directed
 
 
 def possible(pdu: bytes, roles: Sequence[Role]) -> Sequence[Role]:

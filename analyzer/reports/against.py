@@ -40,9 +40,9 @@ class Difference:
 
 def differences(now: Report, before: Report) -> tuple[Difference, ...]:
     """What changed from one report to another, the new and worse first."""
-    found = [*_causes(now, before), *_units(now, before), *_answers(now, before), *_times(now, before),
+    changes = [*_causes(now, before), *_units(now, before), *_answers(now, before), *_times(now, before),
              *_findings(now, before), *_polls(now, before), *_load(now, before)]  # fmt: skip
-    return tuple(sorted(found, key=lambda each: _ORDER.index(each.change)))
+    return tuple(sorted(changes, key=lambda each: _ORDER.index(each.change)))
 
 
 def _causes(now: Report, before: Report) -> Iterator[Difference]:
@@ -74,19 +74,19 @@ def _answers(now: Report, before: Report) -> Iterator[Difference]:
     for row in now.units:
         if row.unit not in old:
             continue
-        (bad, asked), (bad_then, asked_then) = _bad(row.counts), _bad(old[row.unit])
-        change = _changed(bad, asked, bad_then, asked_then)
+        (bad, requests), (bad_then, requests_then) = _bad(row.counts), _bad(old[row.unit])
+        change = _changed(bad, requests, bad_then, requests_then)
         if change is not None:
             text = (
-                f"unit {row.unit}: {bad:,} of {asked:,} requests without a good answer, before {bad_then:,} of "
-                f"{asked_then:,}"
+                f"unit {row.unit}: {bad:,} of {requests:,} requests without a good answer, before {bad_then:,} of "
+                f"{requests_then:,}"
             )
             yield Difference(change, "unit", str(row.unit), (row.unit,), text)
 
 
 def _bad(counts: Counts) -> tuple[int, int]:
-    asked = counts.requests - counts.broadcasts - counts.unheard
-    return counts.unanswered + counts.damaged + counts.exceptions, asked
+    requests = counts.requests - counts.broadcasts - counts.unheard
+    return counts.unanswered + counts.damaged + counts.exceptions, requests
 
 
 def _changed(hits: int, trials: int, hits_then: int, trials_then: int) -> Change | None:
@@ -128,12 +128,12 @@ def _slower(now: Times, before: Times, figure: str) -> Change | None:
 
 def _findings(now: Report, before: Report) -> Iterator[Difference]:
     old, new = ({row.code: row for row in report.findings if row.severity != "note"} for report in (before, now))
-    asked, asked_then = max(now.transactions.requests, 1), max(before.transactions.requests, 1)
+    requests, requests_then = max(now.transactions.requests, 1), max(before.transactions.requests, 1)
     for code in sorted(new.keys() | old.keys()):
         count, then = (rows[code].count if code in rows else 0 for rows in (new, old))
         units = tuple((new if code in new else old)[code].units)
-        text = f"{code}: {count:,} in {asked:,} requests, before {then:,} in {asked_then:,}"
-        change = _changed(min(count, asked), asked, min(then, asked_then), asked_then)
+        text = f"{code}: {count:,} in {requests:,} requests, before {then:,} in {requests_then:,}"
+        change = _changed(min(count, requests), requests, min(then, requests_then), requests_then)
         if not then and count >= _FEW:
             yield Difference("new", "finding", code, units, text)
         elif not count and then >= _FEW and change == "better":
@@ -150,11 +150,11 @@ def _polls(now: Report, before: Report) -> Iterator[Difference]:
         ("new", new, old, "is polled now and was not before"),
         ("gone", old, new, "was polled before and is not now"),
     )
-    for change, here, there, words in lists:
-        for key in sorted(here.keys() - there.keys()):
+    for change, present, absent, words in lists:
+        for key in sorted(present.keys() - absent.keys()):
             unit, function, address, quantity = key
             name = f"unit {unit}, function {function:02d}, {address}..{address + quantity - 1}"
-            yield Difference(change, "poll", name, (unit,), f"{name} {words} ({here[key]:,} requests)")
+            yield Difference(change, "poll", name, (unit,), f"{name} {words} ({present[key]:,} requests)")
 
 
 def _lists(report: Report) -> dict[tuple[int, ...], int]:
@@ -171,13 +171,13 @@ def _load(now: Report, before: Report) -> Iterator[Difference]:
         yield Difference(change, "load", "load", (), text)
 
 
-def lines(found: tuple[Difference, ...], before: str) -> Iterator[str]:
+def lines(changes: tuple[Difference, ...], before: str) -> Iterator[str]:
     """For the text page."""
     yield from textwrap.wrap(page_words("against {name}").format(name=before), _WIDTH)
-    if not found:
+    if not changes:
         yield page_words("nothing that chance would not explain is new, gone, worse or better")
     for change in _ORDER:
-        mine = [each for each in found if each.change == change]
+        mine = [each for each in changes if each.change == change]
         for each in mine[:_SHOWN]:
             words = (
                 f"{page_words(change)}: {each.name}: {each.text}"

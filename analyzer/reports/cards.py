@@ -23,7 +23,7 @@ _SLOWER: Final = 1.5  # times: that a change of delays must be
 _PARTS: Final = 4  # of the time on either side of it, at the least
 _ANSWERS: Final = 20
 _CHANGES: Final = 4
-_PLACES: Final = {
+_REGIONS: Final = {
     AnswerDamage.HEAD: "head", AnswerDamage.TAIL: "tail", AnswerDamage.CUT: "cut short",
     AnswerDamage.LONG: "too long", AnswerDamage.CONVENTION: "check value", AnswerDamage.COUNT: "byte count",
     AnswerDamage.CROSSED: "next request inside", AnswerDamage.OTHER: "another answer", AnswerDamage.WHOLE: "all of it",
@@ -38,8 +38,8 @@ def unit_cards(ledger: Ledger, off_ns: float | None) -> tuple[UnitCard, ...]:
 
 def _card(evidence: Evidence, unit: UnitLedger, off_ns: float | None) -> UnitCard:
     garbage = unit.count(Ending.GARBAGE)
-    places = Counter(map(_place, evidence.readings(unit)))
-    read = sum(places.values())
+    regions = Counter(map(_region, evidence.readings(unit)))
+    read = sum(regions.values())
     low, high = unit.delays.quantile(0.05), unit.delays.quantile(0.95)
     bounds = None
     if evidence.ledger.timed and low is not None and high is not None:
@@ -54,40 +54,40 @@ def _card(evidence: Evidence, unit: UnitLedger, off_ns: float | None) -> UnitCar
         garbage,
         unit.late + unit.strays,
         unit.doubles,
-        {place: round(garbage * count / read) for place, count in places.most_common()},
+        {region: round(garbage * count / read) for region, count in regions.most_common()},
         bounds,
         tuple(_changes(evidence.ledger, unit))[:_CHANGES],
     )
 
 
-def _place(reading: Signature) -> str:
+def _region(reading: Signature) -> str:
     if reading.damage in (AnswerDamage.BITS, AnswerDamage.MIDDLE) and reading.due > 0 and reading.at >= 0:
         thirds = ("head", "middle", "tail")
         return thirds[min(3 * reading.at // reading.due, 2)]
-    return _PLACES.get(reading.damage, "middle")
+    return _REGIONS.get(reading.damage, "middle")
 
 
 def _changes(ledger: Ledger, unit: UnitLedger) -> list[UnitChange]:
     grid = ledger.grid
     if not ledger.timed or grid.begin_ns is None:
         return []
-    asked, bad = grid.counts((ASKED, unit.unit)), grid.counts((BAD, unit.unit))
-    bits, inside = spells_of(bad, asked)
-    found = []
+    requests, bad = grid.counts((ASKED, unit.unit)), grid.counts((BAD, unit.unit))
+    bits, inside = spells_of(bad, requests)
+    changes = []
     if bits >= _SURE_BITS:
         rest = ~inside
-        usual = f"{int(bad[rest].sum())} of {int(asked[rest].sum())} otherwise"
+        usual = f"{int(bad[rest].sum())} of {int(requests[rest].sum())} otherwise"
         edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
         for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-            hits = f"{int(bad[begin:end].sum())} of {int(asked[begin:end].sum())} requests without a good answer"
+            hits = f"{int(bad[begin:end].sum())} of {int(requests[begin:end].sum())} requests without a good answer"
             until = min(grid.begin_ns + end * grid.width_ns, ledger.end)
-            found.append(UnitChange(grid.begin_ns + begin * grid.width_ns, until, f"{hits}, {usual}"))
-    slower = _slower(asked - bad, grid.counts((DELAY, unit.unit)))
+            changes.append(UnitChange(grid.begin_ns + begin * grid.width_ns, until, f"{hits}, {usual}"))
+    slower = _slower(requests - bad, grid.counts((DELAY, unit.unit)))
     if slower is not None:
         at, before, after = slower
         words = f"answers after {between(before, before)} before, {between(after, after)} from then on (mean)"
-        found.append(UnitChange(grid.begin_ns + at * grid.width_ns, ledger.end, words))
-    return found
+        changes.append(UnitChange(grid.begin_ns + at * grid.width_ns, ledger.end, words))
+    return changes
 
 
 def _slower(answers: NDArray[np.int64], delays: NDArray[np.int64]) -> tuple[int, int, int] | None:

@@ -37,8 +37,8 @@ def explained_row(row: FindingRow, causes: Sequence[Cause]) -> FindingRow:
     """Findings of one code with the causes that they follow from."""
     groups = tuple(replace(group, explained_by=_explained_by(row.code, group.unit, causes)) for group in row.groups)
     units: list[int | None] = [*row.units] or [None]
-    found = dict.fromkeys(_explained_by(row.code, unit, causes) for unit in units)
-    return replace(row, groups=groups, explained_by=tuple(cause for cause in found if cause is not None))
+    explaining = dict.fromkeys(_explained_by(row.code, unit, causes) for unit in units)
+    return replace(row, groups=groups, explained_by=tuple(cause for cause in explaining if cause is not None))
 
 
 def _explained_by(code: str, unit: int | None, causes: Sequence[Cause]) -> str | None:
@@ -69,13 +69,13 @@ def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
 
 def _group_lines(row: FindingRow) -> Iterator[str]:
     """The groups of a finding, the commonest first: what was seen, of how many, when; cause and remedy once each."""
-    said: set[str] = set()
+    printed: set[str] = set()
     for group in row.groups[:_GROUPS]:
         yield from _wrapped(f"{group.text} ({', '.join(where(group, row))})", "   ")
         for label, words in (("likely", group.cause), ("do", group.remedy)):
-            if words and words not in said:
+            if words and words not in printed:
                 yield from _labelled(label, words)
-                said.add(words)
+                printed.add(words)
     if len(row.groups) > _GROUPS:
         more = len(row.groups) - _GROUPS
         yield f"   and {plural(more, 'more kind or unit', 'more kinds or units')} (--json has all)"

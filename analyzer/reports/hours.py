@@ -67,16 +67,16 @@ class HourTable:
 
     def rows(self) -> tuple[HourRow, ...]:
         """The hours, in order."""
-        made = []
+        hours = []
         for hour in sorted(set(self._bytes) | set(self._counts)):
             begin = max(hour * _HOUR_NS, self._begin or 0)
             span = min((hour + 1) * _HOUR_NS, self._end) - begin
             load = self._bytes[hour] * self._character_ns / span if self._character_ns and span > 0 else None
-            said = self._findings[hour].most_common(1)
-            finding = f"{said[0][0]} x {said[0][1]:,}" if said else ""
+            commonest = self._findings[hour].most_common(1)
+            finding = f"{commonest[0][0]} x {commonest[0][1]:,}" if commonest else ""
             counts = Counts(**dict(self._counts[hour]))
-            made.append(HourRow(self._name(hour), begin, counts, None if load is None else min(load, 1.0), finding))
-        return tuple(made)
+            hours.append(HourRow(self._name(hour), begin, counts, None if load is None else min(load, 1.0), finding))
+        return tuple(hours)
 
     def _name(self, hour: int) -> str:
         if is_clock(hour * _HOUR_NS):

@@ -44,18 +44,18 @@ class Times:
 
     def worded(self, figure: str) -> str:
         """A figure for people: `12.3 ms`, `9..17 ms`, `?`."""
-        found = self.bounds(figure)
-        return "?" if found is None else between(*found)
+        bounds = self.bounds(figure)
+        return "?" if bounds is None else between(*bounds)
 
     def to_json(self) -> dict[str, int | None]:
         """As plain values; a figure that is but bounded is null, and its bounds stand beside it."""
         line: dict[str, int | None] = {"count": self.count}
         for figure in ("min", "p50", "p95", "p99", "max", "mean"):
-            found = self.bounds(figure)
-            exact = found is not None and found[0] == found[1]
-            line[f"{figure}_ns"] = found[0] if exact and found else None
-            if found is not None and not exact:
-                line[f"{figure}_low_ns"], line[f"{figure}_high_ns"] = found
+            bounds = self.bounds(figure)
+            exact = bounds is not None and bounds[0] == bounds[1]
+            line[f"{figure}_ns"] = bounds[0] if exact and bounds else None
+            if bounds is not None and not exact:
+                line[f"{figure}_low_ns"], line[f"{figure}_high_ns"] = bounds
         return line
 
 

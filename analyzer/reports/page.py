@@ -108,14 +108,14 @@ def _span(report: Report) -> str:
 
 def _recording(report: Report) -> Iterator[tuple[str, str]]:
     """When the recorder heard nothing, and when its clock was set."""
-    said = [(time.from_ns, unheard(time)) for time in report.deaf]
-    said += [(note.t_ns, f"at {moment(note.t_ns)}: {note.text}") for note in report.notes if note.kind == "clock"]
+    events = [(time.from_ns, unheard(time)) for time in report.deaf]
+    events += [(note.t_ns, f"at {moment(note.t_ns)}: {note.text}") for note in report.notes if note.kind == "clock"]
     label = "recorded"
-    for _, words in sorted(said)[:_HAPPENED]:
+    for _, words in sorted(events)[:_HAPPENED]:
         yield label, words
         label = ""
-    if len(said) > _HAPPENED:
-        yield "", f"and {plural(len(said) - _HAPPENED, 'more such time', 'more such times')} (--json has all)"
+    if len(events) > _HAPPENED:
+        yield "", f"and {plural(len(events) - _HAPPENED, 'more such time', 'more such times')} (--json has all)"
     if report.deaf:
         yield "", "no unit is blamed for an answer that was missed then"
 
@@ -133,8 +133,8 @@ def _bytes(report: Report) -> str:
 
 def _clocks(skew: tuple[int, int]) -> str:
     least, most = sorted(map(abs, skew))
-    way = "ahead of" if skew[0] > 0 else "behind"
-    return f"the tap of the answers is {duration(least)} to {duration(most)} {way} that of the requests"
+    side = "ahead of" if skew[0] > 0 else "behind"
+    return f"the tap of the answers is {duration(least)} to {duration(most)} {side} that of the requests"
 
 
 def _transactions(counts: Counts) -> Iterator[tuple[str, str]]:

@@ -144,7 +144,10 @@ def _cards(cards: Sequence[UnitCard]) -> Iterator[str]:
     worst = sorted(cards, key=lambda card: -(card.silent + card.garbage + card.late + card.doubles))[:_CARDS]
     for card in sorted(worst, key=lambda card: card.unit):
         yield from textwrap.wrap(
-            f"unit {card.unit}: {', '.join(_told(card))}", _WIDTH, subsequent_indent="   ", break_on_hyphens=False
+            f"unit {card.unit}: {', '.join(_outcome_words(card))}",
+            _WIDTH,
+            subsequent_indent="   ",
+            break_on_hyphens=False,
         )
         for change in card.changes:
             when = f"{_clock(change.t_ns)} to {_clock(change.until_ns)}" if is_clock(change.t_ns) else "for a while"
@@ -153,14 +156,14 @@ def _cards(cards: Sequence[UnitCard]) -> Iterator[str]:
         yield f"and {len(cards) - len(worst)} more (--json has all)"
 
 
-def _told(card: UnitCard) -> Iterator[str]:
+def _outcome_words(card: UnitCard) -> Iterator[str]:
     yield f"{card.asked:,} asked"
     for number, words in ((card.answered, "answered"), (card.exceptions, "by exception"), (card.silent, "silent")):
         if number:
             yield f"{number:,} {words}"
     if card.garbage:
-        places = ", ".join(f"{place} {count:,}" for place, count in card.damage.items() if count)
-        yield f"{card.garbage:,} garbage" + (f" (damaged: {places})" if places else "")
+        regions = ", ".join(f"{region} {count:,}" for region, count in card.damage.items() if count)
+        yield f"{card.garbage:,} garbage" + (f" (damaged: {regions})" if regions else "")
     for number, words in ((card.late, "late"), (card.doubles, "answered twice")):
         if number:
             yield f"{number:,} {words}"
@@ -205,9 +208,9 @@ def _hours(hours: Sequence[HourRow]) -> Iterator[str]:
 def _bookmarks(rows: Sequence[BookmarkRow]) -> Iterator[str]:
     yield page_words("bookmarks")
     for row in rows[:_BOOKMARKS]:
-        what = f"frame {row.index:,}, unit {row.unit}, function {row.function:02d}" if row.index >= 0 else "noise"
+        subject = f"frame {row.index:,}, unit {row.unit}, function {row.function:02d}" if row.index >= 0 else "noise"
         when = f"{_clock(row.t_ns)}, " if is_clock(row.t_ns) else ""
-        words = f"{when}byte {row.start:,}, {what}" + (f": {harmless(row.comment)}" if row.comment else "")
+        words = f"{when}byte {row.start:,}, {subject}" + (f": {harmless(row.comment)}" if row.comment else "")
         yield from textwrap.wrap(words, _WIDTH, initial_indent="   ", subsequent_indent="      ")
     if len(rows) > _BOOKMARKS:
         yield f"   and {len(rows) - _BOOKMARKS} more (--json has all)"

@@ -45,8 +45,8 @@ class Histogram:
             return Times()
 
         def at(share: float) -> int:
-            place = int(np.searchsorted(below, math.ceil(share * count)))
-            middle = round(_LOW_NS * math.exp((place + 0.5) * _STEP))
+            index = int(np.searchsorted(below, math.ceil(share * count)))
+            middle = round(_LOW_NS * math.exp((index + 0.5) * _STEP))
             return min(max(middle, self._min), self._max)
 
         return Times(count, self._min, at(0.50), at(0.95), at(0.99), self._max, self._sum // count)

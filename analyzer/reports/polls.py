@@ -22,7 +22,7 @@ _ALIKE: Final = 0.1
 
 def poll_rows(ledger: Ledger) -> tuple[PollRow, ...]:
     """What is asked for again and again, what is asked most first."""
-    made = []
+    rows = []
     for poll in ledger.polls.polls():
         if poll.asked < _RECURS:
             continue
@@ -30,7 +30,7 @@ def poll_rows(ledger: Ledger) -> tuple[PollRow, ...]:
         if ledger.timed and len(poll.intervals):
             period = int(np.median(poll.intervals))
             jitter = int(np.quantile(np.abs(poll.intervals - period), 0.9))
-        made.append(
+        rows.append(
             PollRow(
                 poll.unit,
                 poll.function,
@@ -45,15 +45,15 @@ def poll_rows(ledger: Ledger) -> tuple[PollRow, ...]:
                 jitter,
             )
         )
-    made = _joined(made)
-    made.sort(key=lambda row: (-row.asked, row.unit, row.function, row.address))
-    return tuple(made[:_MOST])
+    rows = _joined(rows)
+    rows.sort(key=lambda row: (-row.asked, row.unit, row.function, row.address))
+    return tuple(rows[:_MOST])
 
 
 def _joined(rows: list[PollRow]) -> list[PollRow]:
     """The same, with what one request could ask for as two do now: of one unit and function, side by side, as often."""
     ordered = sorted(rows, key=lambda row: (row.unit, row.function, row.address, row.quantity))
-    made = list(ordered)
+    joined = list(ordered)
     for i, (one, two) in enumerate(pairwise(ordered)):
         most = _MOST_JOINED.get(one.function)
         if most is None or (one.unit, one.function) != (two.unit, two.function) or not (one.ok and two.ok):
@@ -62,8 +62,8 @@ def _joined(rows: list[PollRow]) -> list[PollRow]:
         if gap > _GAP[one.function] or end - one.address > most or not _as_often(one, two):
             continue
         saved = _AROUND - max(gap, 0) * 2 if one.function in (3, 4) else _AROUND - max(gap, 0) // 8
-        made[i] = replace(one, joins=two.address, saves_bytes=saved)
-    return made
+        joined[i] = replace(one, joins=two.address, saves_bytes=saved)
+    return joined
 
 
 def _as_often(one: PollRow, two: PollRow) -> bool:

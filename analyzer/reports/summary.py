@@ -192,12 +192,12 @@ class Summary:
     def _settle(self, settled: Rows) -> None:
         if not len(settled):
             return
-        place = (settled["unit"], settled["function"])
-        np.add.at(self._counts["requests"], place, 1)
-        np.add.at(self._counts["retries"], place, settled["retry"])
-        np.add.at(self._counts["late"], place, settled["late"])
+        cell = (settled["unit"], settled["function"])
+        np.add.at(self._counts["requests"], cell, 1)
+        np.add.at(self._counts["retries"], cell, settled["retry"])
+        np.add.at(self._counts["late"], cell, settled["late"])
         for status, name in BY_STATUS.items():
-            np.add.at(self._counts[name], place, settled["status"] == status)
+            np.add.at(self._counts[name], cell, settled["status"] == status)
         measured = settled[settled["response_ns"] >= 0]
         if len(measured):
             self._all.add(measured["response_ns"])
@@ -232,7 +232,7 @@ class _Busiest:
 
     def __init__(self) -> None:
         self._second: int | None = None
-        self._in_it = 0
+        self._current_octets = 0
         self._most = 0
 
     def add(self, t_end: NDArray[np.int64], lengths: NDArray[np.int64]) -> None:
@@ -240,9 +240,9 @@ class _Busiest:
         sums = np.bincount(where, weights=lengths)
         for second, octets in ((int(seconds[0]), int(sums[0])), (int(seconds[-1]), int(sums[-1]))):
             if second != self._second:
-                self._second, self._in_it = second, 0
-            self._in_it += octets
-            self._most = max(self._most, self._in_it)
+                self._second, self._current_octets = second, 0
+            self._current_octets += octets
+            self._most = max(self._most, self._current_octets)
             if len(seconds) == 1:
                 return
         self._most = max(self._most, int(sums.max()))

@@ -53,7 +53,7 @@ class Troubles:
         self._kinds: dict[int, _RuleTally] = {}
         self._waited: dict[int, float] = {}  # damaged answers, by index: ns that the client waited
         self._damaged: dict[int, int] = {}  # the same answers: which rule speaks of them
-        self._asked = np.zeros(_NOBODY + 1, np.int64)  # requests, by unit
+        self._requests = np.zeros(_NOBODY + 1, np.int64)  # requests, by unit
 
     def add(self, findings: Findings, rows: Rows, settled: Rows) -> None:
         """Count findings on these rows, and take in transactions."""
@@ -63,37 +63,37 @@ class Troubles:
             return
         units = _units(findings, rows)
         for number in np.flatnonzero(np.bincount(findings["rule"])).tolist():
-            here = findings["rule"] == number
-            self._count(number, findings[here], units[here])
+            own = findings["rule"] == number
+            self._count(number, findings[own], units[own])
 
     def _settle(self, settled: Rows) -> None:
-        self._asked += np.bincount(settled["unit"], minlength=_NOBODY + 1)
+        self._requests += np.bincount(settled["unit"], minlength=_NOBODY + 1)
         damaged = settled[(settled["status"] == Status.DAMAGED) & (settled["t_next"] != NEVER)]
         for one in damaged:
             if one["t_request"] > 0:
-                self._keep(self._waited, int(one["response"]), float(one["t_next"] - one["t_request"]))
+                self._remember(self._waited, int(one["response"]), float(one["t_next"] - one["t_request"]))
 
-    def _keep(self, kept: dict[int, Any], index: int, value: float) -> None:
-        kept[index] = value
-        if len(kept) > _PENDING:
-            del kept[next(iter(kept))]
+    def _remember(self, remembered: dict[int, Any], index: int, value: float) -> None:
+        remembered[index] = value
+        if len(remembered) > _PENDING:
+            del remembered[next(iter(remembered))]
         if index in self._waited and index in self._damaged:
             waited, number = self._waited.pop(index), self._damaged.pop(index)
             self._kinds[number].waits.add(np.array([waited]))
 
-    def _count(self, number: int, found: Findings, units: NDArray[np.intp]) -> None:
+    def _count(self, number: int, findings: Findings, units: NDArray[np.intp]) -> None:
         rule, kind = rules()[number], self._kinds.get(number)
         if kind is None:
-            kind = self._kinds[number] = _RuleTally(found[:1].copy()[0], np.zeros(_NOBODY + 1, np.int64))
+            kind = self._kinds[number] = _RuleTally(findings[:1].copy()[0], np.zeros(_NOBODY + 1, np.int64))
         kind.units += np.bincount(units, minlength=_NOBODY + 1)
         if rule.wastes in rule.numbers:
-            wasted = found["numbers"][:, rule.numbers.index(rule.wastes)] * 1e6
+            wasted = findings["numbers"][:, rule.numbers.index(rule.wastes)] * 1e6
             kind.waits.add(wasted[~np.isnan(wasted)])
         elif rule.loses:
-            for index in found["index"][found["index"] >= 0].tolist():
-                self._keep(self._damaged, index, number)
-        variants = _numbers(rule, found, rule.varies)
-        certain = np.nan_to_num(_numbers(rule, found, "certainty"))
+            for index in findings["index"][findings["index"] >= 0].tolist():
+                self._remember(self._damaged, index, number)
+        variants = _numbers(rule, findings, rule.varies)
+        certain = np.nan_to_num(_numbers(rule, findings, "certainty"))
         for variant in np.unique(variants).tolist():
             for unit in np.unique(units[variants == variant]).tolist():
                 mine = np.flatnonzero((variants == variant) & (units == unit))
@@ -101,19 +101,19 @@ class Troubles:
                 if group is None:
                     if len(kind.groups) >= _GROUPS:
                         continue
-                    group = kind.groups[unit, variant] = _GroupTally(found[mine[:1]].copy()[0])
+                    group = kind.groups[unit, variant] = _GroupTally(findings[mine[:1]].copy()[0])
                 group.count += len(mine)
-                group.until = max(group.until, int(found["t"][mine].max()))
+                group.until = max(group.until, int(findings["t"][mine].max()))
                 group.certain += float(certain[mine].sum())
 
     def rows(self) -> tuple[FindingRow, ...]:
         """A row a rule, those that cost most first."""
         waits = [k.waits.numbers for n, k in self._kinds.items() if rules()[n].code == "no-response" and len(k.waits)]
         timeout = densest(np.concatenate(waits)) or None if waits else None
-        made = [self._row(rules()[number], kind, timeout) for number, kind in self._kinds.items()]
+        table = [self._row(rules()[number], kind, timeout) for number, kind in self._kinds.items()]
         rank = {"error": 0, "warning": 1, "note": 2}
-        made.sort(key=lambda row: (-(row.lost_ms or 0), -row.lost_answers, rank[row.severity], -row.count, row.code))
-        return tuple(made)
+        table.sort(key=lambda row: (-(row.lost_ms or 0), -row.lost_answers, rank[row.severity], -row.count, row.code))
+        return tuple(table)
 
     def _row(self, rule: Rule, kind: _RuleTally, timeout: float | None) -> FindingRow:
         count = int(kind.units.sum())
@@ -141,19 +141,19 @@ class Troubles:
         )
 
     def _group(self, rule: Rule, unit: int, group: _GroupTally) -> FindingGroup:
-        told = describe(group.first)
-        known = unit < _NOBODY
+        finding = describe(group.first)
+        has_unit = unit < _NOBODY
         return FindingGroup(
-            unit=unit if known else None,
+            unit=unit if has_unit else None,
             count=group.count,
-            of=max(int(self._asked[unit]), group.count) if known and rule.about is not rule.about.BUS else None,
-            text=told.text,
-            cause=told.cause,
-            remedy=told.remedy,
+            of=max(int(self._requests[unit]), group.count) if has_unit and rule.about is not rule.about.BUS else None,
+            text=finding.text,
+            cause=finding.cause,
+            remedy=finding.remedy,
             certainty=round(group.certain / group.count, 3) if "certainty" in rule.numbers and group.certain else None,
-            index=told.index,
-            start=told.start,
-            t_ns=told.t_ns,
+            index=finding.index,
+            start=finding.start,
+            t_ns=finding.t_ns,
             until_ns=group.until,
         )
 
@@ -166,11 +166,11 @@ def _lost_ms(waits: Thinned, timeout: float | None) -> float | None:
     return round(float(np.clip(waits.numbers, 0, most).mean()) * len(waits) / 1e6, 3)
 
 
-def _numbers(rule: Rule, found: Findings, name: str) -> NDArray[np.float64]:
+def _numbers(rule: Rule, findings: Findings, name: str) -> NDArray[np.float64]:
     """One figure of the evidence of each finding; -1 where the rule has none of that name."""
     if name not in rule.numbers:
-        return np.full(len(found), -1.0)
-    figures: NDArray[np.float64] = np.nan_to_num(found["numbers"][:, rule.numbers.index(name)], nan=-1.0)
+        return np.full(len(findings), -1.0)
+    figures: NDArray[np.float64] = np.nan_to_num(findings["numbers"][:, rule.numbers.index(name)], nan=-1.0)
     return figures
 
 
@@ -179,13 +179,15 @@ def _units(findings: Findings, rows: Rows) -> NDArray[np.intp]:
     units = np.full(len(findings), _NOBODY, np.intp)
     frames = np.flatnonzero(rows["index"] >= 0)
     first = int(rows["index"][frames[0]]) if len(frames) else 0
-    place = findings["index"] - first
-    known = (findings["index"] >= 0) & (place >= 0) & (place < len(frames))
-    known[known] = rows["check"][frames[place[known]]]  # of a damaged frame the unit may be what is wrong
-    units[known] = rows["unit"][frames[place[known]]]
+    position = findings["index"] - first
+    identified = (findings["index"] >= 0) & (position >= 0) & (position < len(frames))
+    identified[identified] = rows["check"][
+        frames[position[identified]]
+    ]  # of a damaged frame the unit may be what is wrong
+    units[identified] = rows["unit"][frames[position[identified]]]
     for number in np.flatnonzero(np.bincount(findings["rule"])).tolist():
         if "unit" in rules()[number].numbers:
-            here = (findings["rule"] == number) & ~known
-            said = findings["numbers"][here, rules()[number].numbers.index("unit")]
-            units[here] = np.where(np.isnan(said), _NOBODY, np.nan_to_num(said)).astype(np.intp)
+            selected = (findings["rule"] == number) & ~identified
+            named = findings["numbers"][selected, rules()[number].numbers.index("unit")]
+            units[selected] = np.where(np.isnan(named), _NOBODY, np.nan_to_num(named)).astype(np.intp)
     return units

@@ -29,7 +29,7 @@ def rows_of_bytes(
     rows: Rows | Mapping[str, NDArray[Any]], ports: NDArray[np.uint8], starts: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """The row (of the columns `port`, `start`, `length`) that holds each byte of a port's stream; -1 for none."""
-    places = np.full(len(ports), -1, np.int64)
+    holders = np.full(len(ports), -1, np.int64)
     for port in np.flatnonzero(np.bincount(ports)).tolist() if len(rows["port"]) else ():
         own = np.flatnonzero(rows["port"] == port)
         if not len(own):
@@ -40,8 +40,8 @@ def rows_of_bytes(
         first = starts[meant]
         holder = np.searchsorted(begins, first, side="right") - 1
         inside = (holder >= 0) & (first < begins[holder] + rows["length"][order[holder]])
-        places[meant[inside]] = order[holder[inside]]
-    return places
+        holders[meant[inside]] = order[holder[inside]]
+    return holders
 
 
 FrameTeller = Callable[["Batch", int], dict[str, Any] | None]
@@ -118,8 +118,8 @@ class Batch:
         for before in range(row - 1, max(row - _NEAR, 0) - 1, -1):
             if indices[before] == index:
                 return self.bytes_of(before)
-        here = np.flatnonzero(indices[:row] == index)
-        return self.bytes_of(int(here[0])) if len(here) else None
+        matches = np.flatnonzero(indices[:row] == index)
+        return self.bytes_of(int(matches[0])) if len(matches) else None
 
 
 def join_batches(batches: Sequence[Batch]) -> Batch:

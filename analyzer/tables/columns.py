@@ -101,69 +101,69 @@ class _Decoding:
 
     def decoded(self) -> Decoded:
         """The columns."""
-        rows, known = self.batch.rows, contents()
+        rows, declared = self.batch.rows, contents()
         kind = rows["kind"].astype(np.uint16)
         keys = kind << 8 | rows["function"]
         keys[(rows["exception"] > 0) & (kind == Kind.RESPONSE)] |= EXCEPTION
         for key in np.flatnonzero(np.bincount(keys)).tolist():
             code, role = key & 0xFF, _ROLES[key >> 8]
-            found = None if role is None else known.get((code & ~EXCEPTION, role))
-            if role is None or found is None:
+            content = None if role is None else declared.get((code & ~EXCEPTION, role))
+            if role is None or content is None:
                 continue
-            here = np.flatnonzero(keys == key)
-            self.area[here] = AREA_CODES[found.area]
+            selected = np.flatnonzero(keys == key)
+            self.area[selected] = AREA_CODES[content.area]
             if code & EXCEPTION:
-                self._exceptions(known[code & ~EXCEPTION, Role.REQUEST], here)
+                self._exceptions(declared[code & ~EXCEPTION, Role.REQUEST], selected)
             else:
-                self._frames(found, here)
+                self._frames(content, selected)
         offsets = np.concatenate(([0], np.cumsum(self.counts)))
         return Decoded(self.address, self.quantity, self.area, self.value_address, offsets, self._joined(offsets))
 
-    def _exceptions(self, request: Contents, here: _Ints) -> None:
+    def _exceptions(self, request: Contents, rows: _Ints) -> None:
         """What their requests spoke of."""
-        for place, column in ((request.address, self.address), (request.quantity, self.quantity)):
-            if place is not None:
-                column[here] = self._number(NumberRef(place.offset, asked=True), here)
+        for reference, column in ((request.address, self.address), (request.quantity, self.quantity)):
+            if reference is not None:
+                column[rows] = self._number(NumberRef(reference.offset, asked=True), rows)
 
-    def _frames(self, found: Contents, here: _Ints) -> None:
-        if found.address is not None:
-            self.address[here] = self._number(found.address, here)
-        if found.held is not None:
-            self._values(found.held, here)
-        elif found.listed:
-            self._annotated(found.listed, here)
-        if found.quantity is not None:
-            self.quantity[here] = self._number(found.quantity, here)
-        elif found.held is not None or found.listed:
-            self.quantity[here] = self.counts[here]
+    def _frames(self, content: Contents, rows: _Ints) -> None:
+        if content.address is not None:
+            self.address[rows] = self._number(content.address, rows)
+        if content.held is not None:
+            self._values(content.held, rows)
+        elif content.listed:
+            self._annotated(content.listed, rows)
+        if content.quantity is not None:
+            self.quantity[rows] = self._number(content.quantity, rows)
+        elif content.held is not None or content.listed:
+            self.quantity[rows] = self.counts[rows]
 
-    def _values(self, held: ValueRun, here: _Ints) -> None:
-        begins = self.pdus.begins[here] + held.offset
-        room = np.maximum(self.pdus.ends[here] - begins, 0)
-        if held.count is None:
-            counts, read = (room >= _WORD).astype(np.int64), _outputs if held.bits else None
+    def _values(self, run: ValueRun, rows: _Ints) -> None:
+        begins = self.pdus.begins[rows] + run.offset
+        room = np.maximum(self.pdus.ends[rows] - begins, 0)
+        if run.count is None:
+            counts, read = (room >= _WORD).astype(np.int64), _outputs if run.bits else None
         else:
-            taken = self._number(NumberRef(held.count.offset), here, held.count.width) * held.count.scale - held.less
-            octets = np.minimum(np.maximum(taken, 0), room)
-            counts, read = (octets * 8, _bits) if held.bits else (octets // _WORD, None)
-        if held.quantity is not None:
-            wanted = self._number(held.quantity, here)
+            stated = self._number(NumberRef(run.count.offset), rows, run.count.width) * run.count.scale - run.less
+            octets = np.minimum(np.maximum(stated, 0), room)
+            counts, read = (octets * 8, _bits) if run.bits else (octets // _WORD, None)
+        if run.quantity is not None:
+            wanted = self._number(run.quantity, rows)
             counts = np.where(wanted >= 0, np.minimum(counts, wanted), counts)
-        self.counts[here] = counts
-        self.blocks.append(_ValueSpans(here, begins, counts, read))
-        if held.start is not None:
-            self.value_address[here] = self._number(held.start, here)
+        self.counts[rows] = counts
+        self.blocks.append(_ValueSpans(rows, begins, counts, read))
+        if run.start is not None:
+            self.value_address[rows] = self._number(run.start, rows)
 
-    def _annotated(self, names: frozenset[str], here: _Ints) -> None:
+    def _annotated(self, names: frozenset[str], rows: _Ints) -> None:
         """Values that have no fixed place, frame by frame: functions that do this are rare on a bus."""
-        found = [list(values_listed(self.batch.frame(row).fields(), names)) for row in here.tolist()]
-        counts = np.array([len(values) for values in found], np.int64)
-        flat = np.array([value for values in found for value in values], np.uint16)
-        self.counts[here] = counts
-        self.blocks.append(_ValueSpans(here, np.cumsum(counts) - counts, counts, lambda _, begins, i: flat[begins + i]))
+        listings = [list(values_listed(self.batch.frame(row).fields(), names)) for row in rows.tolist()]
+        counts = np.array([len(values) for values in listings], np.int64)
+        flat = np.array([value for values in listings for value in values], np.uint16)
+        self.counts[rows] = counts
+        self.blocks.append(_ValueSpans(rows, np.cumsum(counts) - counts, counts, lambda _, begins, i: flat[begins + i]))
 
-    def _number(self, place: NumberRef, here: _Ints, width: int = _WORD) -> _Ints:
-        return self.pdus.number(place.offset, width, here, asked=place.asked)
+    def _number(self, reference: NumberRef, rows: _Ints, width: int = _WORD) -> _Ints:
+        return self.pdus.number(reference.offset, width, rows, asked=reference.asked)
 
     def _joined(self, offsets: _Ints) -> NDArray[np.uint16]:
         values = np.empty(int(offsets[-1]), ">u2")
@@ -184,8 +184,8 @@ class _Decoding:
 
 def _bits(decoding: _Decoding, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
     begins += i >> 3
-    found: NDArray[np.uint16] = (decoding.pdus.data.take(begins) >> (i & 7).astype(np.uint8) & 1).astype(np.uint16)
-    return found
+    bits: NDArray[np.uint16] = (decoding.pdus.data.take(begins) >> (i & 7).astype(np.uint8) & 1).astype(np.uint16)
+    return bits
 
 
 def _outputs(decoding: _Decoding, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:

@@ -31,7 +31,7 @@ def delay_bounds(delays: NDArray[np.int64], off_ns: float) -> DelayBounds:
     if not np.isfinite(off_ns):
         return DelayBounds(none, none, none)
     measured = (delays >= 0) & (off_ns <= EXACT * delays)
-    known = delays >= 0
-    low = np.where(known, np.where(measured, delays, np.maximum(delays - round(off_ns), 0)), -1)
-    high = np.where(known, np.where(measured, delays, delays + round(off_ns)), -1)
+    present = delays >= 0
+    low = np.where(present, np.where(measured, delays, np.maximum(delays - round(off_ns), 0)), -1)
+    high = np.where(present, np.where(measured, delays, delays + round(off_ns)), -1)
     return DelayBounds(np.where(measured, delays, -1), low, high)

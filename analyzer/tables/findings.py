@@ -164,26 +164,26 @@ class Rule:
 
     def at(self, index: Any, start: Any, length: Any, port: Any, t_ns: Any, *numbers: Any) -> Findings:
         """The same by the columns of FINDING."""
-        found = np.zeros(len(start), FINDING)
+        findings = np.zeros(len(start), FINDING)
         for name, column in (("index", index), ("start", start), ("length", length), ("port", port), ("t", t_ns)):
-            found[name] = column
-        return self._filled(found, numbers)
+            findings[name] = column
+        return self._filled(findings, numbers)
 
     def of_bus(self, t_ns: int, *numbers: float) -> Findings:
         """A finding about the bus as a whole."""
-        found = np.zeros(1, FINDING)
-        found["index"] = found["start"] = -1
-        found["t"] = t_ns
-        return self._filled(found, numbers)
+        findings = np.zeros(1, FINDING)
+        findings["index"] = findings["start"] = -1
+        findings["t"] = t_ns
+        return self._filled(findings, numbers)
 
-    def _filled(self, found: Findings, numbers: tuple[Any, ...]) -> Findings:
+    def _filled(self, findings: Findings, numbers: tuple[Any, ...]) -> Findings:
         if len(numbers) != len(self.numbers) or len(numbers) > NUMBERS:
             raise TypeError(f"{self.code}: {len(numbers)} figures for {len(self.numbers)} names")
-        found["rule"] = codes().index(self.code)
-        found["numbers"] = np.nan
+        findings["rule"] = codes().index(self.code)
+        findings["numbers"] = np.nan
         for i, figure in enumerate(numbers):
-            found["numbers"][:, i] = figure
-        return found
+            findings["numbers"][:, i] = figure
+        return findings
 
     @staticmethod
     def words(words: Words, numbers: Mapping[str, float]) -> str:
@@ -196,11 +196,11 @@ _looks: list[Callable[..., Any]] = []
 _RULES: Final = Registry[Rule]("analyzer.diagnosis.rules", "rule")
 
 
-def looks_for(*found: Rule) -> Callable[[_L], _L]:
+def looks_for(*declared: Rule) -> Callable[[_L], _L]:
     """Registers a look (a function, or a class that remembers) for these rules."""
 
     def enter(look: _L) -> _L:
-        for rule in found:
+        for rule in declared:
             _RULES.enter(rule.code, rule)
         _looks.append(look)
         return look

@@ -155,5 +155,5 @@ def adu_of(captured: bytes, protocol: int) -> Adu:
     """The ADU that these captured bytes are; of ASCII mode, what their digits stand for."""
     if protocol != Protocol.ASCII:
         return rtu(captured) if protocol == Protocol.RTU else tcp(captured)
-    found = ascii_frames(captured)
-    return found[0] if found else ascii_adu(b"")
+    frames = ascii_frames(captured)
+    return frames[0] if frames else ascii_adu(b"")

@@ -56,5 +56,5 @@ class StreamOrigin:
         before = np.zeros(256, np.int64)
         for port, start in self.starts.items():
             before[port] = start
-        found: NDArray[np.int64] = before[rows["port"]]
-        return found
+        offsets: NDArray[np.int64] = before[rows["port"]]
+        return offsets

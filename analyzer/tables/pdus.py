@@ -54,12 +54,12 @@ class Pdus:
         words[: max(len(self.data) - 1, 0)] |= self.data[1:]
         return words
 
-    def number(self, offset: int, width: int, here: _Ints, *, asked: bool = False) -> _Ints:
+    def number(self, offset: int, width: int, rows: _Ints, *, asked: bool = False) -> _Ints:
         """A number of 1 or 2 bytes at this offset of some rows' PDUs, or of their requests'; -1 where there is none."""
         begins, ends = (self.asked_begins, self.asked_ends) if asked else (self.begins, self.ends)
-        at = begins[here]
+        at = begins[rows]
         at += offset
-        short = at + width > ends[here]
+        short = at + width > ends[rows]
         at[short] = 0
         value: _Ints = (self.data if width == 1 else self.words).take(at).astype(np.int64)
         value[short] = -1
@@ -69,26 +69,26 @@ class Pdus:
         """Where the PDU of each row's request begins and ends in the bytes; -1 and -1 for none."""
         rows = self.batch.rows
         begins, ends = np.full(len(rows), -1, np.int64), np.full(len(rows), -1, np.int64)
-        asked = rows["request"].copy()
-        answers = np.flatnonzero(asked >= 0)
+        requested = rows["request"].copy()
+        answers = np.flatnonzero(requested >= 0)
         if not len(answers):
             return begins, ends
         index = rows["index"].copy()
         frames = np.flatnonzero(index >= 0)
-        asked = asked[answers]
+        requested = requested[answers]
         numbers = index[frames]
         if numbers[-1] - numbers[0] == len(frames) - 1:  # one after the other, as long as nobody took some away
-            at = asked - numbers[0]
-            here = (at >= 0) & (at < len(frames))
+            at = requested - numbers[0]
+            inside = (at >= 0) & (at < len(frames))
         else:
-            at = np.searchsorted(numbers, asked)
-            here = numbers[np.minimum(at, len(frames) - 1)] == asked
-        request = frames[np.where(here, at, 0)]
-        if not here.all():
-            begins[answers[here]], ends[answers[here]] = self.begins[request[here]], self.ends[request[here]]
+            at = np.searchsorted(numbers, requested)
+            inside = numbers[np.minimum(at, len(frames) - 1)] == requested
+        request = frames[np.where(inside, at, 0)]
+        if not inside.all():
+            begins[answers[inside]], ends[answers[inside]] = self.begins[request[inside]], self.ends[request[inside]]
         else:
             begins[answers], ends[answers] = self.begins[request], self.ends[request]
-        for row, index in zip(answers[~here].tolist(), asked[~here].tolist(), strict=True):
+        for row, index in zip(answers[~inside].tolist(), requested[~inside].tolist(), strict=True):
             if (captured := self.batch.earlier.get(index)) is not None:
                 adu = adu_of(captured, int(rows["protocol"][row]))
                 begins[row], ends[row] = self._put(adu.pdu)

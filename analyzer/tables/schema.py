@@ -133,8 +133,8 @@ def join_rows(parts: Sequence[Records]) -> Records:
 
 def take_rows(rows: Records, which: NDArray[Any]) -> Records:
     """`rows[which]`, by places or by a mask: a copy."""
-    found: Records = _opaque_rows(rows)[which].view(rows.dtype)
-    return found
+    chosen: Records = _opaque_rows(rows)[which].view(rows.dtype)
+    return chosen
 
 
 def _opaque_rows(rows: Records) -> Records:

@@ -72,15 +72,15 @@ def confirmed_values(batch: Batch, decoded: Decoded) -> ConfirmedValues:
     own = np.flatnonzero(good & has)
     writes = np.flatnonzero(has & (rows["kind"] == Kind.REQUEST))
     indices, answers = rows["index"][writes], np.flatnonzero(good)
-    asked = request[answers]
-    place = np.searchsorted(indices, asked)
-    here = place < len(writes)
-    here[here] = indices[place[here]] == asked[here]
-    confirmed = [_of(decoded, answers[here], writes[place[here]])]
+    requested = request[answers]
+    position = np.searchsorted(indices, requested)
+    inside = position < len(writes)
+    inside[inside] = indices[position[inside]] == requested[inside]
+    confirmed = [_of(decoded, answers[inside], writes[position[inside]])]
     if batch.earlier:
-        confirmed += _earlier(batch, answers[np.isin(asked, list(batch.earlier))])
+        confirmed += _earlier(batch, answers[np.isin(requested, list(batch.earlier))])
     return ConfirmedValues.joined(
-        [_of(decoded, own, own), *(told.taken(~_echoed(decoded, told)) for told in confirmed)]
+        [_of(decoded, own, own), *(values.taken(~_echoed(decoded, values)) for values in confirmed)]
     )
 
 
@@ -109,8 +109,8 @@ def _earlier(batch: Batch, answers: Ints) -> list[ConfirmedValues]:
     return [_of(decoded, answers, np.arange(len(answers)))]
 
 
-def _echoed(decoded: Decoded, told: ConfirmedValues) -> NDArray[np.bool_]:
+def _echoed(decoded: Decoded, confirmed: ConfirmedValues) -> NDArray[np.bool_]:
     """Whether a row's own values are at the same addresses: the answer to a single write repeats it."""
-    own = decoded.offsets[told.rows + 1] - decoded.offsets[told.rows]
-    same: NDArray[np.bool_] = (decoded.value_address[told.rows] == told.address) & (own == told.counts)
+    own = decoded.offsets[confirmed.rows + 1] - decoded.offsets[confirmed.rows]
+    same: NDArray[np.bool_] = (decoded.value_address[confirmed.rows] == confirmed.address) & (own == confirmed.counts)
     return same

@@ -33,31 +33,31 @@ class _Answered:
     unit: int | None
 
     def __post_init__(self) -> None:
-        self._places = Breaches()
+        self._breaches = Breaches()
         self._polls = self._unheard = 0
         self._silent: int | None = None  # the newest request without an answer
         self._last = -1
 
-    def feed(self, seen: CheckedBatch) -> None:
-        polls = _of_unit(seen.transactions, self.unit)
+    def feed(self, checked: CheckedBatch) -> None:
+        polls = _of_unit(checked.transactions, self.unit)
         polls = polls[polls["status"] != Status.BROADCAST]
         unheard = polls["status"] == Status.UNHEARD
         self._unheard += int(np.count_nonzero(unheard))
         polls = polls[~unheard]
         self._polls += len(polls)
-        self._last = max(self._last, int(seen.batch.rows["index"].max(initial=-1)))
+        self._last = max(self._last, int(checked.batch.rows["index"].max(initial=-1)))
         bad = np.flatnonzero((polls["status"] == Status.UNANSWERED) | (polls["status"] == Status.DAMAGED))
         if len(bad):
             newest = polls[bad[-1]]
             self._silent = int(newest["request"]) if newest["status"] == Status.UNANSWERED else None
-        self._places.add(bad, lambda number: _place(polls[number], _FATE[Status(int(polls[number]["status"]))]))
+        self._breaches.add(bad, lambda number: _breach(polls[number], _FATE[Status(int(polls[number]["status"]))]))
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
-        count, first, polls = self._places.count, self._places.first, self._polls
+        count, first, polls = self._breaches.count, self._breaches.first, self._polls
         tail = ""
         if self._silent is not None and self._silent == self._last:
             count, polls, tail = count - 1, polls - 1, "; the last one was still open when the capture ended"
-            first = [place for place in first if place.index != self._silent]
+            first = [breach for breach in first if breach.index != self._silent]
         if self._unheard:
             tail += f"; {self._unheard:,} more while nothing was heard"
         words = f"{polls - count:,} of {polls:,} polls answered{tail}" if polls else "no polls seen"
@@ -86,15 +86,15 @@ class _Soon:
     bound: str
 
     def __post_init__(self) -> None:
-        self._places = Breaches()
+        self._breaches = Breaches()
 
-    def feed(self, seen: CheckedBatch) -> None:
-        known = _of_unit(seen.transactions, self.unit)
+    def feed(self, checked: CheckedBatch) -> None:
+        polls = _of_unit(checked.transactions, self.unit)
         if self.compared in ("<", "<="):
-            over = (known["response_ns"] >= 0) & ~COMPARE[self.compared](known["response_ns"], self.bound_ns)
-            self._places.add(
+            over = (polls["response_ns"] >= 0) & ~COMPARE[self.compared](polls["response_ns"], self.bound_ns)
+            self._breaches.add(
                 np.flatnonzero(over),
-                lambda number: _place(known[number], f"answered after {worded(int(known[number]['response_ns']))}"),
+                lambda number: _breach(polls[number], f"answered after {worded(int(polls[number]['response_ns']))}"),
             )
 
     def verdict(self, report: Report) -> RuleResult:
@@ -103,17 +103,17 @@ class _Soon:
             times = next((row.times for row in report.units if row.unit == self.unit), Times())
         if not times.count:
             return RuleResult(False, "unknown: no response time could be measured")
-        found = times.bounds(self.share)
-        if found is None:
+        bounds = times.bounds(self.share)
+        if bounds is None:
             return RuleResult(False, "cannot be told: this tap's times do not show response times")
         words = f"{self.share} {times.worded(self.share)}, {times.count:,} measured"
-        verdicts = {bool(COMPARE[self.compared](figure, self.bound_ns)) for figure in found}
+        verdicts = {bool(COMPARE[self.compared](figure, self.bound_ns)) for figure in bounds}
         if len(verdicts) > 1:
             return RuleResult(False, f"cannot be told: {words}")
         if verdicts == {True}:
             return RuleResult(True, words)
-        beyond = f", {self._places.count:,} not {self.compared} {self.bound}" if self._places.count else ""
-        return RuleResult(False, words + beyond, tuple(self._places.first))
+        beyond = f", {self._breaches.count:,} not {self.compared} {self.bound}" if self._breaches.count else ""
+        return RuleResult(False, words + beyond, tuple(self._breaches.first))
 
 
 @form("response-time", 'SHARE "response_time"i ["of"i "unit"i NUMBER] COMPARED NUMBER [UNIT]',
@@ -134,11 +134,11 @@ def response_time(
     return lambda: _Soon(share.lower(), which, str(compared), bound, f"{number} {suffix or 'ms'}")
 
 
-def _of_unit(known: Rows, unit: int | None) -> Rows:
-    return known if unit is None else known[known["unit"] == unit]
+def _of_unit(transactions: Rows, unit: int | None) -> Rows:
+    return transactions if unit is None else transactions[transactions["unit"] == unit]
 
 
-def _place(row: np.void, text: str) -> Breach:
+def _breach(row: np.void, text: str) -> Breach:
     """A request as a place."""
     text = f"unit {row['unit']}, function {row['function']:02d}: {text}"
     return Breach(

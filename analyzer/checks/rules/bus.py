@@ -26,7 +26,7 @@ class _Summed:
 
     verdict: Callable[[Report], RuleResult]
 
-    def feed(self, seen: CheckedBatch) -> None:
+    def feed(self, checked: CheckedBatch) -> None:
         pass
 
 
@@ -59,27 +59,27 @@ class _UnitsOnBus:
     all_of_them: bool
 
     def __post_init__(self) -> None:
-        self._places = Breaches()
-        self._seen: set[int] = set()
+        self._breaches = Breaches()
+        self._heard: set[int] = set()
         self._answered: set[int] = set()
 
-    def feed(self, seen: CheckedBatch) -> None:
-        rows = seen.batch.rows
-        whole_ones = (rows["kind"] != Kind.NOISE) & rows["check"] & (rows["unit"] > 0)
-        units, where = np.unique(rows["unit"][whole_ones], return_index=True)
-        new = ~np.isin(units, list(self.allowed | self._seen))
-        strange = np.sort(np.flatnonzero(whole_ones)[where[new]])  # the first frame of each
-        self._seen.update(units.tolist())
-        self._answered.update(np.unique(rows["unit"][whole_ones & (rows["kind"] == Kind.RESPONSE)]).tolist())
-        self._places.add(strange, lambda row: seen.place(row, f"unit {rows['unit'][row]}"))
+    def feed(self, checked: CheckedBatch) -> None:
+        rows = checked.batch.rows
+        sound = (rows["kind"] != Kind.NOISE) & rows["check"] & (rows["unit"] > 0)
+        units, where = np.unique(rows["unit"][sound], return_index=True)
+        new = ~np.isin(units, list(self.allowed | self._heard))
+        strange = np.sort(np.flatnonzero(sound)[where[new]])  # the first frame of each
+        self._heard.update(units.tolist())
+        self._answered.update(np.unique(rows["unit"][sound & (rows["kind"] == Kind.RESPONSE)]).tolist())
+        self._breaches.add(strange, lambda row: checked.place(row, f"unit {rows['unit'][row]}"))
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
-        strangers = self._seen - self.allowed
+        strangers = self._heard - self.allowed
         absent = self.allowed - self._answered if self.all_of_them else set()
-        parts = [f"units {joined(self._seen)}" if self._seen else "no units"]
+        parts = [f"units {joined(self._heard)}" if self._heard else "no units"]
         parts += [f"not expected: {joined(strangers)}"] if strangers else []
         parts += [f"never answered: {joined(absent)}"] if absent else []
-        return RuleResult(not strangers and not absent, "; ".join(parts), tuple(self._places.first))
+        return RuleResult(not strangers and not absent, "; ".join(parts), tuple(self._breaches.first))
 
 
 @form("units-are", '"units"i "are"i numbers', "these units answer, and no other is asked or answers",

@@ -22,15 +22,15 @@ class _Causes:
     needs_causes: ClassVar[bool] = True
     unit: int | None
 
-    def feed(self, seen: CheckedBatch) -> None:
+    def feed(self, checked: CheckedBatch) -> None:
         pass
 
     def verdict(self, report: Report) -> RuleResult:
-        found = [cause for cause in report.causes if cause.severity != "note"]
+        causes = [cause for cause in report.causes if cause.severity != "note"]
         if self.unit is not None:
-            found = [cause for cause in found if self.unit in cause.units]
-        said = "; ".join(f"{cause.cause} ({cause.confidence:.0%} sure): {cause.text}" for cause in found)
-        return RuleResult(not found, said or "none")
+            causes = [cause for cause in causes if self.unit in cause.units]
+        listed = "; ".join(f"{cause.cause} ({cause.confidence:.0%} sure): {cause.text}" for cause in causes)
+        return RuleResult(not causes, listed or "none")
 
 
 @form("no-causes", '"no"i ("cause"i | "causes"i) ["of"i "unit"i NUMBER]',

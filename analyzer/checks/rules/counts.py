@@ -41,19 +41,19 @@ class _Findings:
     most: int
 
     def __post_init__(self) -> None:
-        self._places = Breaches()
+        self._breaches = Breaches()
 
-    def feed(self, seen: CheckedBatch) -> None:
-        found = seen.findings
-        self._places.add(np.flatnonzero(self.wanted[found["rule"]]), lambda number: _told(found, number))
+    def feed(self, checked: CheckedBatch) -> None:
+        findings = checked.findings
+        self._breaches.add(np.flatnonzero(self.wanted[findings["rule"]]), lambda number: _breach_of(findings, number))
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
-        count = self._places.count
-        return RuleResult(count <= self.most, plural(count, "finding", "findings"), tuple(self._places.first))
+        count = self._breaches.count
+        return RuleResult(count <= self.most, plural(count, "finding", "findings"), tuple(self._breaches.first))
 
 
-def _told(found: Findings, number: int) -> Breach:
-    finding = describe(found[number])
+def _breach_of(findings: Findings, number: int) -> Breach:
+    finding = describe(findings[number])
     text = harmless(f"{finding.code}: {finding.text}")
     return Breach(text, finding.index, finding.start, finding.length, finding.port, finding.t_ns)
 
@@ -67,18 +67,18 @@ class PassingCount:
     due: Filter | None = None
 
     def __post_init__(self) -> None:
-        self._places = Breaches()
+        self._breaches = Breaches()
         self._chosen = 0
 
-    def feed(self, seen: CheckedBatch) -> None:
-        mask = self.chosen.mask(seen.table)
+    def feed(self, checked: CheckedBatch) -> None:
+        mask = self.chosen.mask(checked.table)
         self._chosen += int(mask.sum())
         if self.due is not None:
-            mask &= ~self.due.mask(seen.table)
-        self._places.add(np.flatnonzero(mask), seen.place)
+            mask &= ~self.due.mask(checked.table)
+        self._breaches.add(np.flatnonzero(mask), checked.place)
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
-        count, first = self._places.count, tuple(self._places.first)
+        count, first = self._breaches.count, tuple(self._breaches.first)
         if self.due is None:
             return RuleResult(count <= (self.most or 0), f"{count:,} found", first)
         words = f"{self._chosen - count:,} of {self._chosen:,} are so"
@@ -87,16 +87,16 @@ class PassingCount:
         )
 
 
-def _counted(thing: list[Token], most: int, line: LineSettings) -> Start:
+def _counted(words: list[Token], most: int, line: LineSettings) -> Start:
     """At most so many of what these words name."""
-    name = spelled(" ".join(thing))
+    name = spelled(" ".join(words))
     if name in WORDS:
         wanted = compile_filter(WORDS[name], line)
         return lambda: PassingCount(wanted, most)
     if name not in codes():
         near = meant(name, [*WORDS, *codes()]).replace("crc-errors", "crc errors")
         raise CheckError(
-            f"nothing is called {' '.join(thing)!r}{near or '; rtuscope help findings has all codes'}", at(thing[0])
+            f"nothing is called {' '.join(words)!r}{near or '; rtuscope help findings has all codes'}", at(words[0])
         )
     mask = np.array([code == name for code in codes()])
     return lambda: _Findings(mask, most)

@@ -23,26 +23,26 @@ class _Limits:
 
     def __init__(self, charts: UnitMaps | None) -> None:
         self._charts = charts
-        self._places = Breaches()
-        self._looked = 0
+        self._breaches = Breaches()
+        self._examined = 0
 
-    def feed(self, seen: CheckedBatch) -> None:
-        for column in mapped_columns(seen.batch, seen.decoded, self._charts or {}):
+    def feed(self, checked: CheckedBatch) -> None:
+        for column in mapped_columns(checked.batch, checked.decoded, self._charts or {}):
             row = column.row
             if row.minimum is None and row.maximum is None:
                 continue
-            self._looked += len(column.answers)
+            self._examined += len(column.answers)
             for number in np.flatnonzero(limits_broken(column)).tolist():
                 text = f"{row.name} is {column.values[number]:g} {row.unit}".rstrip()
-                self._places.add(column.answers[number : number + 1], partial(seen.place, text=text))
+                self._breaches.add(column.answers[number : number + 1], partial(checked.place, text=text))
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         if not self._charts:
             return RuleResult(False, "unknown: it needs a register map (--map)")
-        if not self._looked:
+        if not self._examined:
             return RuleResult(False, "unknown: no value that has limits was read")
-        count = self._places.count
-        return RuleResult(not count, f"{plural(count, 'reading', 'readings')} outside", tuple(self._places.first))
+        count = self._breaches.count
+        return RuleResult(not count, f"{plural(count, 'reading', 'readings')} outside", tuple(self._breaches.first))
 
 
 @form("values-in-limits", '"values"i "in"i "their"i "limits"i',

@@ -49,34 +49,34 @@ class _Writes:
     outside: bool
 
     def __post_init__(self) -> None:
-        self._places = Breaches()
+        self._breaches = Breaches()
         self._writes = 0
 
-    def feed(self, seen: CheckedBatch) -> None:
-        rows = seen.batch.rows
+    def feed(self, checked: CheckedBatch) -> None:
+        rows = checked.batch.rows
         requests = (rows["kind"] == Kind.REQUEST) & rows["check"]
         writing = np.flatnonzero(requests & np.isin(rows["function"], _writing()))
         self._writes += len(writing)
         if self.ranges:
-            writing = writing[self._broken(seen, writing)]
-        self._places.add(writing, seen.place)
+            writing = writing[self._broken(checked, writing)]
+        self._breaches.add(writing, checked.place)
 
-    def _broken(self, seen: CheckedBatch, writing: NDArray[np.intp]) -> NDArray[np.bool_]:
-        decoded = seen.decoded
+    def _broken(self, checked: CheckedBatch, writing: NDArray[np.intp]) -> NDArray[np.bool_]:
+        decoded = checked.decoded
         low = np.where(decoded.value_address >= 0, decoded.value_address, decoded.address)[writing].astype(np.int64)
         high = low + np.maximum(np.diff(decoded.offsets)[writing], 1) - 1
-        areas, known = decoded.area[writing], low >= 0
+        areas, addressed = decoded.area[writing], low >= 0
         touched = np.zeros(len(writing), np.bool_)
         covered = np.zeros(len(writing), np.int64)  # how many of its addresses lie in the ranges, which are disjoint
         for each in self.ranges:
             common = np.minimum(high, each.high) - np.maximum(low, each.low) + 1
-            common = np.where(known & (areas == AREA_CODES[each.area]), np.maximum(common, 0), 0)
+            common = np.where(addressed & (areas == AREA_CODES[each.area]), np.maximum(common, 0), 0)
             touched |= common > 0
             covered += common
         return (covered < high - low + 1) if self.outside else touched
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
-        count, first = self._places.count, tuple(self._places.first)
+        count, first = self._breaches.count, tuple(self._breaches.first)
         words = plural(self._writes, "write", "writes")
         if self.ranges:
             where = ", ".join(f"{each.area} addresses {each.low} to {each.high}" for each in self.ranges)
@@ -106,25 +106,25 @@ def no_writes_inside(line: LineSettings, ranges: list[Token]) -> Start:  # noqa:
 
 def _writing() -> list[int]:
     """Codes of the functions whose requests carry values or masks."""
-    found = []
-    for (code, role), held in contents().items():
+    codes = []
+    for (code, role), content in contents().items():
         declared = function(code)
         if role is Role.REQUEST and declared is not None:
             masks = any(isinstance(number, Mask) for number in shape(declared.request).numbers.values())
-            if held.held is not None or held.listed or masks:
-                found.append(code)
-    return found
+            if content.held is not None or content.listed or masks:
+                codes.append(code)
+    return codes
 
 
 def _disjoint(tokens: list[Token]) -> tuple[_AddressRange, ...]:
     """Ranges in order; those that touch are one."""
-    found: list[_AddressRange] = []
+    joined: list[_AddressRange] = []
     for each in sorted(map(_range, tokens), key=lambda one: (one.area, one.low)):
-        if found and found[-1].area == each.area and each.low <= found[-1].high + 1:
-            found[-1] = _AddressRange(each.area, found[-1].low, max(found[-1].high, each.high))
+        if joined and joined[-1].area == each.area and each.low <= joined[-1].high + 1:
+            joined[-1] = _AddressRange(each.area, joined[-1].low, max(joined[-1].high, each.high))
         else:
-            found.append(each)
-    return tuple(found)
+            joined.append(each)
+    return tuple(joined)
 
 
 def _range(token: Token) -> _AddressRange:
@@ -140,8 +140,8 @@ def _range(token: Token) -> _AddressRange:
         else:
             area, low = physical(ends[0])
             short = "x" in ends[0].lower() and "x" not in ends[-1].lower()
-            other, high = physical(f"{area}{ends[-1]}" if short else ends[-1])
-            if other != area:
+            last_area, high = physical(f"{area}{ends[-1]}" if short else ends[-1])
+            if last_area != area:
                 raise ValueFormError("both ends of a range must be of one area")
     except ValueFormError as error:
         raise CheckError(str(error), at(token)) from error

@@ -37,7 +37,7 @@ def gathered(code: str, fits: Sequence[tuple[float, ByteRepair, bytes]]) -> Iter
     best, _, frame = ranked[0]
     near = [fit for fit in ranked if fit[0] >= best - _EQUAL]
     bits = best + log2(sum(2.0 ** (fit[0] - best) for fit in near))
-    yield Explanation(code, bits, repaired=frame, places=tuple(place for _, place, _ in near))
+    yield Explanation(code, bits, repaired=frame, places=tuple(repair for _, repair, _ in near))
 
 
 # bit-flip: one bit, named by the CRC's syndrome, was not received as sent; it may be one of the CRC's own.
@@ -49,9 +49,9 @@ _MARKED = 6.0  # bits: the UART complained of that very byte
 def flipped(case: DamagedFrame) -> Iterator[Explanation]:
     """The one bit that makes the CRC right, if there is one and the frame could have been sent."""
     data = case.data
-    if len(data) > MAX_ADU or (found := flipped_bit(case.before[-1], len(data))) is None:
+    if len(data) > MAX_ADU or (flip := flipped_bit(case.before[-1], len(data))) is None:
         return
-    byte, bit = found
+    byte, bit = flip
     sent = bytearray(data)
     sent[byte] ^= 1 << bit
     frame = bytes(sent)
@@ -125,8 +125,8 @@ def repeated(case: DamagedFrame) -> Iterator[Explanation]:
     if len(data) > 2 * MAX_ADU:
         return
     ends: defaultdict[int, list[int]] = defaultdict(list)
-    for place, register in enumerate(case.needed):
-        ends[register].append(place)
+    for offset, register in enumerate(case.needed):
+        ends[register].append(offset)
     best: Explanation | None = None
     for start, register in enumerate(case.before):
         for end in ends.get(register, ()):
@@ -174,9 +174,9 @@ def truncated(case: DamagedFrame) -> Iterator[Explanation]:
     data = case.data
     if len(data) < _LEAST:
         return
-    found = [(bits, length) for bits, length in _beginnings(case) if len(data) < length.length <= MAX_ADU]
-    if found:
-        bits, length = max(found)
+    candidates = [(bits, length) for bits, length in _beginnings(case) if len(data) < length.length <= MAX_ADU]
+    if candidates:
+        bits, length = max(candidates)
         bits += _PRIOR_TRUNCATED - log2(length.length) + (_ONE_SHORT if length.length == len(data) + 1 else 0.0)
         yield Explanation("truncated", bits, length=length.length, at_least=length.least)
 
@@ -301,14 +301,14 @@ def joined(case: DamagedFrame, before: bytes = b"", after: bytes = b"") -> Joine
 
     Offsets in the verdict count from the first byte that it speaks of.
     """
-    found = []
+    candidates = []
     for head in dict.fromkeys((b"", before)):
         for tail in dict.fromkeys((b"", after)):
             errors = tuple(at + len(head) for at in case.errors)
             verdict = autopsy(replace(case, data=head + case.data + tail, errors=errors))
             left = (head != before) + (tail != after)
-            found.append((verdict.bits + left * _LEFT_OVER, -left, Joined(verdict, len(head), len(tail))))
-    return max(found, key=lambda one: one[:2])[2]
+            candidates.append((verdict.bits + left * _LEFT_OVER, -left, Joined(verdict, len(head), len(tail))))
+    return max(candidates, key=lambda one: one[:2])[2]
 
 
 _EXPLANATIONS: Final[tuple[Callable[[DamagedFrame], Iterator[Explanation]], ...]] = (
@@ -332,10 +332,10 @@ def autopsy(case: DamagedFrame) -> Explanation:
     """
     if not case.data or not case.before[-1]:
         return Explanation("crc-error", -inf)
-    found = [verdict for explain in _EXPLANATIONS for verdict in explain(case) if verdict.bits > -inf]
-    found.sort(key=lambda verdict: -verdict.bits)
-    best = found[0]
-    weights = [2.0 ** (verdict.bits - best.bits) for verdict in found]
+    verdicts = [verdict for explain in _EXPLANATIONS for verdict in explain(case) if verdict.bits > -inf]
+    verdicts.sort(key=lambda verdict: -verdict.bits)
+    best = verdicts[0]
+    weights = [2.0 ** (verdict.bits - best.bits) for verdict in verdicts]
     total = sum(weights)
-    told = [replace(verdict, certainty=weight / total) for verdict, weight in zip(found, weights, strict=True)]
-    return replace(told[0], rivals=tuple(verdict for verdict in told[1:] if verdict.bits >= best.bits - _NEAR))
+    weighed = [replace(verdict, certainty=weight / total) for verdict, weight in zip(verdicts, weights, strict=True)]
+    return replace(weighed[0], rivals=tuple(verdict for verdict in weighed[1:] if verdict.bits >= best.bits - _NEAR))

@@ -22,7 +22,7 @@ from .likelihood import BYTE, likelihood
 
 XON_XOFF: Final = frozenset((0x11, 0x13))
 _PRIOR: Final = -4.0
-_SEEN: Final = -16.0  # bits: this port does let them through
+_LET_THROUGH: Final = -16.0  # bits: this port does let them through
 _NONE_YET: Final = 1.5  # bits: it has not let one through so far
 _A_BYTE: Final = 0.0085  # bits that each byte says which is neither: one in 170 should be
 _MOST: Final = 10.0  # bits that their absence is worth
@@ -40,7 +40,7 @@ def swallowed(case: DamagedFrame) -> Iterator[Explanation]:
         return
     prior = _PRIOR
     if case.flow_free is not None:
-        prior += min(_NONE_YET + _A_BYTE * case.flow_free, _MOST) if case.flow_free else _SEEN
+        prior += min(_NONE_YET + _A_BYTE * case.flow_free, _MOST) if case.flow_free else _LET_THROUGH
     fits = [fit for lost, reach in _REACH.items() if len(case.data) <= reach for fit in _solved(case, lost)]
     if fits:
         best = max(fits)
@@ -52,17 +52,17 @@ def swallowed(case: DamagedFrame) -> Iterator[Explanation]:
 
 def _solved(case: DamagedFrame, lost: int) -> Iterator[Fit]:
     """All ways to put in `lost` bytes that make a frame which could have been sent."""
-    for places in _insertions(case, 0, case.before[0], lost):
+    for repairs in _insertions(case, 0, case.before[0], lost):
         frame = bytearray(case.data)
-        for place in places:
-            frame.insert(place.first, place.value)
+        for repair in repairs:
+            frame.insert(repair.first, repair.value)
         bits = 16.0 - BYTE * lost + likelihood(bytes(frame), case)
         if bits > -inf:
-            yield bits, places, bytes(frame)
+            yield bits, repairs, bytes(frame)
 
 
 def _insertions(
-    case: DamagedFrame, start: int, register: int, lost: int, done: int = 0
+    case: DamagedFrame, start: int, register: int, lost: int, inserted: int = 0
 ) -> Iterator[tuple[ByteRepair, ...]]:
     """Ways to put in `lost` more bytes from `start` on, where the CRC has come to `register`, so that it ends in 0."""
     data, needed = case.data, case.needed
@@ -70,11 +70,11 @@ def _insertions(
         if lost == 1:
             value = byte_between(register, needed[at])
             if value in XON_XOFF and value is not None:
-                yield (ByteRepair(at + done, at + done, value),)
+                yield (ByteRepair(at + inserted, at + inserted, value),)
         else:
             for value in XON_XOFF:
-                for rest in _insertions(case, at, stepped(register, value), lost - 1, done + 1):
-                    yield (ByteRepair(at + done, at + done, value), *rest)
+                for rest in _insertions(case, at, stepped(register, value), lost - 1, inserted + 1):
+                    yield (ByteRepair(at + inserted, at + inserted, value), *rest)
         if at < len(data):
             register = stepped(register, data[at])
 
@@ -127,21 +127,23 @@ def divided(case: DamagedFrame) -> list[DividedFrame]:
     at, pending = 0, case.request
     while at < len(case.data):
         rest = replace(case, data=case.data[at:], role=None, request=pending, errors=())
-        found = [
+        candidates = [
             DividedFrame(at, length, verdict)
             for length in _lengths(rest)
             for verdict in swallowed(replace(rest, data=rest.data[:length]))
             if verdict.repaired is not None and verdict.bits >= FRAME
         ]
-        if not found:
+        if not candidates:
             return []
-        best = max(found, key=lambda part: part.verdict.bits)
+        best = max(candidates, key=lambda part: part.verdict.bits)
         parts.append(best)
         at += best.length
         repaired = best.verdict.repaired or b""
-        asked = told(repaired, Role.REQUEST)
+        request_length = told(repaired, Role.REQUEST)
         answers = rest.expected is not None and rest.expected.fits(repaired)
-        pending = repaired if not answers and asked is not None and asked.length == len(repaired) else None
+        pending = (
+            repaired if not answers and request_length is not None and request_length.length == len(repaired) else None
+        )
     return parts if len(parts) > 1 else []
 
 

@@ -54,16 +54,18 @@ def _of_role(frame: bytes, role: Role, case: DamagedFrame) -> float:
     if length is not None and length != len(pdu):
         return -inf
     if case.expected is not None and role is Role.RESPONSE and case.expected.fits(frame):
-        return _answering(frame, case, told=length is not None) + (OTHER_ROLE if case.role is Role.REQUEST else 0.0)
-    return opening(frame, role, case) + _structure(pdu, role, told=length is not None)
+        return _answering(frame, case, predicted=length is not None) + (
+            OTHER_ROLE if case.role is Role.REQUEST else 0.0
+        )
+    return opening(frame, role, case) + _structure(pdu, role, predicted=length is not None)
 
 
-def _answering(frame: bytes, case: DamagedFrame, *, told: bool) -> float:
+def _answering(frame: bytes, case: DamagedFrame, *, predicted: bool) -> float:
     assert case.expected is not None
     if frame[1] & EXCEPTION:
         return 2 * BYTE + REFUSED + (4.0 if frame[2] in EXCEPTIONS else -4.0)
     marked = sum(len(mark) for _, mark in case.expected.marks)
-    return _FITS + BYTE * (2 + marked) + (LENGTH_TOLD if told and case.due is None else 0.0)
+    return _FITS + BYTE * (2 + marked) + (LENGTH_TOLD if predicted and case.due is None else 0.0)
 
 
 def opening(data: bytes, role: Role, case: DamagedFrame) -> float:
@@ -101,23 +103,23 @@ def _unit(unit: int, case: DamagedFrame) -> float:
     return BYTE - log2(len(case.units)) if unit in case.units else _UNIT_STRANGE
 
 
-def _structure(pdu: bytes, role: Role, *, told: bool) -> float:
+def _structure(pdu: bytes, role: Role, *, predicted: bool) -> float:
     if broken := plausibility(pdu, role):
         return _BROKEN * len(broken)
-    return _checked(pdu[0], role, revision()) + (LENGTH_TOLD if told and counted(pdu[0], role) else 0.0)
+    return _checked(pdu[0], role, revision()) + (LENGTH_TOLD if predicted and counted(pdu[0], role) else 0.0)
 
 
 def counted(function: int, role: Role) -> bool:
     """Whether a frame's length hangs on what it holds."""
-    known = rule(function, role)
-    return known is not None and (known.count is not None or known.walk is not None)
+    declared = rule(function, role)
+    return declared is not None and (declared.count is not None or declared.walk is not None)
 
 
 @lru_cache(maxsize=1024)
 def _checked(function: int, role: Role, _revision: int) -> float:
     """Bits of keeping all limits of a PDU."""
-    known = rule(function, role)
-    return sum(map(_worth, known.checks)) if known is not None else 0.0
+    declared = rule(function, role)
+    return sum(map(_worth, declared.checks)) if declared is not None else 0.0
 
 
 def _worth(check: Bound | Choice | Multiple | Sized) -> float:

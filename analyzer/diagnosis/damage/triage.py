@@ -29,7 +29,7 @@ _TWICE: Final = 2  # bytes
 VAGUE: Final = ("collision", "crc-error", "truncated")  # what frames that ran together are easily taken for
 _LEAST: Final = 4  # bytes of noise that may be a damaged frame
 _MOST: Final = 400
-_KEPT: Final = 4096  # requests
+_MOST_EXPLAINED: Final = 4096  # requests
 _NEAR: Final = 2.0  # bits by which an explanation may lose to "nothing explains it"
 _CUT_NEAR: Final = 6.0  # the same for that the frame is cut short: its length alone says so
 _SURE: Final = 0.5  # certainty from which noise is explained
@@ -52,21 +52,21 @@ class Triage:
         for port in view.ports:
             if port not in self._flow_at:
                 self._watch_flow(view, port)
-        found: dict[int, Sequence[DividedFrame]] = {}
-        for place in _suspects(view):
-            row = EarlierRow.of(batch, place)
-            if whole := self._joined(batch, place, row):
-                found.pop(place - 1, None)
-                found[place], self._vague = whole, None
+        explained: dict[int, Sequence[DividedFrame]] = {}
+        for number in _suspects(view):
+            row = EarlierRow.of(batch, number)
+            if rejoined := self._joined(batch, number, row):
+                explained.pop(number - 1, None)
+                explained[number], self._vague = rejoined, None
                 continue
-            verdict = self._verdict(batch, place, row)
-            parts = self._divided(batch, place, row) if verdict is None or verdict.code in VAGUE else []
+            verdict = self._verdict(batch, number, row)
+            parts = self._divided(batch, number, row) if verdict is None or verdict.code in VAGUE else []
             if verdict is not None or parts:
-                found[place] = parts or [DividedFrame(0, row.row.length, verdict or Explanation("crc-error", 0.0))]
+                explained[number] = parts or [DividedFrame(0, row.row.length, verdict or Explanation("crc-error", 0.0))]
             self._vague = None
             if row.is_frame and verdict is not None and verdict.code in VAGUE:
                 self._vague = row.row.port, row.row.start + row.row.length, verdict.code
-        return found
+        return explained
 
     def _watch_flow(self, view: DiagnosisStep, port: int) -> None:
         for hit in where(_IS_FLOW.take(view.batch.data)).tolist():
@@ -75,70 +75,70 @@ class Triage:
                 self._flow_at[port] = int(view.column("start")[row] + hit - view.column("at")[row])
                 return
 
-    def _joined(self, batch: Batch, place: int, row: EarlierRow) -> list[DividedFrame]:
+    def _joined(self, batch: Batch, number: int, row: EarlierRow) -> list[DividedFrame]:
         """That noise is the rest of the damaged frame before it, which explains both better than either by itself."""
         if row.is_frame or row.row.errors or self._vague is None or (row.row.port, row.row.start) != self._vague[:2]:
             return []
-        before = next(self._trail.back(batch, place))
+        before = next(self._trail.back(batch, number))
         if before.row.errors or row.row.gap_before > HASTE_NS or before.row.start + before.row.length != row.row.start:
             return []
-        pending, known, units = self._said_before(batch, place)
+        pending, requests, units = self._recent_traffic(batch, number)
         request = None if pending is None else pending.captured
         role = None if pending else Role.REQUEST if before.row.kind == Kind.REQUEST else Role.RESPONSE
-        case = DamagedFrame(before.captured, role, request, known, units, flow_free=self._flow_free(before.row))
-        found = joined(case, after=row.captured)
-        verdict, size = _told(found.verdict), len(before.captured)
+        case = DamagedFrame(before.captured, role, request, requests, units, flow_free=self._flow_free(before.row))
+        best = joined(case, after=row.captured)
+        verdict, size = _nearest(best.verdict), len(before.captured)
         more = len(row.captured) >= _LEAST or self._vague[2] == "collision"  # a byte or two alone show no second sender
         collided = verdict.code == "collision" and more and not _GLITCHES.issuperset(row.captured)
-        if found.after and (verdict.repaired is not None or collided):
+        if best.after and (verdict.repaired is not None or collided):
             return [DividedFrame(-size, size + len(row.captured), verdict)]
         if not case.flow_free:
             return []
         both = replace(case, data=before.captured + row.captured, role=None)
         return [part._replace(start=part.start - size) for part in divided(both)]
 
-    def _divided(self, batch: Batch, place: int, row: EarlierRow) -> list[DividedFrame]:
+    def _divided(self, batch: Batch, number: int, row: EarlierRow) -> list[DividedFrame]:
         """The frames that a stretch was before flow control ran them together, on a port that gives no 11 and 13."""
         free = self._flow_free(row.row)
         if not free or len(row.captured) <= 2 * _LEAST or row.row.errors:
             return []
-        pending, known, units = self._said_before(batch, place)
+        pending, requests, units = self._recent_traffic(batch, number)
         request = None if pending is None else pending.captured
-        return divided(DamagedFrame(row.captured, None, request, known, units, flow_free=free))
+        return divided(DamagedFrame(row.captured, None, request, requests, units, flow_free=free))
 
     def _flow_free(self, row: Row) -> int:
         """How many bytes the port had given without any 11 or 13; 0 where there were some."""
         first = self._flow_at.get(row.port)
         return row.start if first is None or first >= row.start else 0
 
-    def _verdict(self, batch: Batch, place: int, row: EarlierRow) -> Explanation | None:
+    def _verdict(self, batch: Batch, number: int, row: EarlierRow) -> Explanation | None:
         """What happened to a row; None where it is noise that nothing ties to a frame."""
-        pending, known, units = self._said_before(batch, place)
+        pending, requests, units = self._recent_traffic(batch, number)
         request = None if pending is None else pending.captured
         role = None
         if row.is_frame:
             role = Role.REQUEST if row.row.kind == Kind.REQUEST else Role.RESPONSE
             if row.row.request >= 0:
-                request = batch.request_of(place, row.row.request) or request
+                request = batch.request_of(number, row.row.request) or request
             if role is Role.REQUEST and pending is not None and _soon(row, pending):
                 role = None  # no master asks again so soon: this is the answer
             elif role is Role.REQUEST:
                 pending = request = None
-        elif tail := self._repeated(batch, place, row):
+        elif tail := self._repeated(batch, number, row):
             return tail
-        elif cut := _beginning(row.captured, request, known):
+        elif cut := _beginning(row.captured, request, requests):
             return self._explains(pending, cut)
         elif len(row.captured) < _LEAST or not _begins(row.captured, request, units):
             return None
-        verdict = _told(_autopsy(row.captured, role, request, known, units, self._flow_free(row.row), revision()))
+        verdict = _nearest(_autopsy(row.captured, role, request, requests, units, self._flow_free(row.row), revision()))
         if not row.is_frame and (verdict.code == "crc-error" or verdict.certainty < _SURE):
-            like = _request_like(row.captured, known) if request is None else row.captured[:2] == request[:2]
+            like = _request_like(row.captured, requests) if request is None else row.captured[:2] == request[:2]
             return self._explains(pending, Explanation("crc-error", 0.0, 1.0)) if like else None
         return self._explains(pending, verdict)
 
-    def _repeated(self, batch: Batch, place: int, row: EarlierRow) -> Explanation | None:
+    def _repeated(self, batch: Batch, number: int, row: EarlierRow) -> Explanation | None:
         """That noise right behind a frame is the frame's end once more."""
-        before = next(self._trail.back(batch, place), None)
+        before = next(self._trail.back(batch, number), None)
         size = len(row.captured)
         if before is None or not before.row.check or size < _TWICE or not row.row.gap_before < _HARD_NS:
             return None
@@ -155,26 +155,26 @@ class Triage:
         """The verdict on what is, or was, the answer to a request."""
         if pending is not None:
             self.explained[pending.row.index] = None
-            if len(self.explained) > _KEPT:
+            if len(self.explained) > _MOST_EXPLAINED:
                 del self.explained[next(iter(self.explained))]
         return verdict
 
-    def _said_before(self, batch: Batch, place: int) -> tuple[EarlierRow | None, frozenset[bytes], frozenset[int]]:
+    def _recent_traffic(self, batch: Batch, number: int) -> tuple[EarlierRow | None, frozenset[bytes], frozenset[int]]:
         """The request that waits for its answer, if one does, and requests and units of late."""
         pending: EarlierRow | None = None
         newest = True
-        known: set[bytes] = set()
+        requests: set[bytes] = set()
         units: set[int] = set()
-        for before in self._trail.back(batch, place):
+        for before in self._trail.back(batch, number):
             if not before.is_frame or not before.row.check:
                 continue
             units.add(before.row.unit)
             if before.row.kind == Kind.REQUEST:
-                known.add(before.captured)
+                requests.add(before.captured)
                 if newest and before.row.unit:
                     pending = before
             newest = False
-        return pending, frozenset(known), frozenset(units)
+        return pending, frozenset(requests), frozenset(units)
 
 
 def _suspects(view: DiagnosisStep) -> list[int]:
@@ -193,20 +193,20 @@ def _soon(row: EarlierRow, pending: EarlierRow) -> bool:
     return row.row.t_start - pending.row.t_end < HASTE_NS
 
 
-def _beginning(data: bytes, request: bytes | None, known: Collection[bytes]) -> Explanation | None:
+def _beginning(data: bytes, request: bytes | None, requests: Collection[bytes]) -> Explanation | None:
     """That a few bytes are the beginning of the answer that is due, or of a request of late."""
     if len(data) >= _LEAST or _GLITCHES.issuperset(data):
         return None
     if request is not None:
         case = DamagedFrame(data, request=request)
         return Explanation("truncated", 0.0, 1.0, length=case.due) if case.header.startswith(data) else None
-    lengths = [len(other) for other in known if other.startswith(data)]
+    lengths = [len(earlier) for earlier in requests if earlier.startswith(data)]
     return Explanation("truncated", 0.0, 1.0, length=lengths[0]) if lengths and len(data) == _LEAST - 1 else None
 
 
-def _request_like(data: bytes, known: Collection[bytes]) -> bool:
+def _request_like(data: bytes, requests: Collection[bytes]) -> bool:
     """Whether noise begins like a request of late, and is as long as that or as its own header predicts."""
-    lengths = {len(other) for other in known if other[:2] == data[:2]}
+    lengths = {len(earlier) for earlier in requests if earlier[:2] == data[:2]}
     return bool(lengths) and len(data) in {*lengths, (pdu_length(data[1:], Role.REQUEST) or 0) + OVERHEAD}
 
 
@@ -216,11 +216,11 @@ def _begins(data: bytes, request: bytes | None, units: frozenset[int]) -> bool:
         return False
     if not units:
         return False  # no frame so far: this may be no Modbus at all
-    known = data[0] in units and rule(data[1] & 0x7F, Role.REQUEST) is not None
-    return known or request is not None or len(data) > _LEAST
+    plausible = data[0] in units and rule(data[1] & 0x7F, Role.REQUEST) is not None
+    return plausible or request is not None or len(data) > _LEAST
 
 
-def _told(verdict: Explanation) -> Explanation:
+def _nearest(verdict: Explanation) -> Explanation:
     """The verdict; that nothing explains the frame only where nothing comes near to it."""
     if verdict.code != "crc-error":
         return verdict
@@ -235,9 +235,9 @@ def _autopsy(
     data: bytes,
     role: Role | None,
     request: bytes | None,
-    known: frozenset[bytes],
+    requests: frozenset[bytes],
     units: frozenset[int],
     free: int,
     _revision: int,
 ) -> Explanation:
-    return autopsy(DamagedFrame(data, role, request, known, units, flow_free=free))
+    return autopsy(DamagedFrame(data, role, request, requests, units, flow_free=free))

@@ -41,7 +41,7 @@ class Outcomes:
     """
 
     def __init__(self) -> None:
-        self._held: Rows = np.zeros(0, TRANSACTION)  # odd ones, their neighbours, and the newest
+        self._suspects: Rows = np.zeros(0, TRANSACTION)  # odd ones, their neighbours, and the newest
         self._numbers: NDArray[np.int64] = np.zeros(0, np.int64)  # and how many came before each
         self._judged = 0  # of them, 1 once there is one
         self._odd = -1  # the number of the newest odd one
@@ -54,19 +54,19 @@ class Outcomes:
 
     @property
     def open_from(self) -> int | None:
-        return int(self._held["request"][self._judged]) if len(self._held) > self._judged else None
+        return int(self._suspects["request"][self._judged]) if len(self._suspects) > self._judged else None
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         if len(view.transactions):
-            self._take(view)
-        if view.clock.known and len(self._held) and self._held["request"][-1] >= FIRST:
-            yield from self._go_on(view, len(self._held) - 1)
+            self._gather(view)
+        if view.clock.known and len(self._suspects) and self._suspects["request"][-1] >= FIRST:
+            yield from self._go_on(view, len(self._suspects) - 1)
 
     def close(self, view: DiagnosisStep) -> Iterator[Findings]:
         """No transaction comes after the newest."""
-        yield from self._go_on(view, len(self._held))
+        yield from self._go_on(view, len(self._suspects))
 
-    def _take(self, view: DiagnosisStep) -> None:
+    def _gather(self, view: DiagnosisStep) -> None:
         """Count new transactions, and hold those that may have to be looked at."""
         status, again, units = view.settled("status"), view.settled("retry"), view.settled("unit")
         odd = where((status == _UNANSWERED) | again | view.settled("again") | view.settled("late"))
@@ -75,7 +75,7 @@ class Outcomes:
         near = np.zeros(len(status) + 2, np.bool_)  # one before and one behind them
         near[odd] = near[odd + 1] = near[odd + 2] = True
         near[[1, -3, -2]] = True
-        kept = where(near[1:-1])
+        chosen = where(near[1:-1])
         if self._first_ones == self._requests:
             self._first_ones += int(view.settled("request").searchsorted(FIRST))
         self._echoes_at += [self._requests + i for i in odd.tolist() if again[i] and status[i] != _UNANSWERED]
@@ -83,8 +83,8 @@ class Outcomes:
         for unit in where(np.bincount(units[answered])).tolist():
             if unit not in self._answering:
                 self._answering[unit] = self._requests + int(np.argmax(answered & (units == unit)))
-        self._held = join_rows((self._held, take_rows(view.transactions, kept)))
-        self._numbers = np.concatenate((self._numbers, kept + self._requests))
+        self._suspects = join_rows((self._suspects, take_rows(view.transactions, chosen)))
+        self._numbers = np.concatenate((self._numbers, chosen + self._requests))
         self._requests += len(status)
 
     def _go_on(self, view: DiagnosisStep, upto: int) -> Iterator[Findings]:
@@ -93,39 +93,44 @@ class Outcomes:
             return
         if self._odd >= self._numbers[self._judged]:
             yield from self._judge(view, self._judged, upto)
-        done = bisect_left(self._echoes_at, int(self._numbers[upto - 1]))
-        self._echoes += done
-        del self._echoes_at[:done]
-        self._held, self._numbers, self._judged = self._held[upto - 1 :], self._numbers[upto - 1 :], 1
+        passed = bisect_left(self._echoes_at, int(self._numbers[upto - 1]))
+        self._echoes += passed
+        del self._echoes_at[:passed]
+        self._suspects, self._numbers, self._judged = self._suspects[upto - 1 :], self._numbers[upto - 1 :], 1
 
     def _judge(self, view: DiagnosisStep, first: int, upto: int) -> Iterator[Findings]:
         """Say what is to be said of those held from `first` to `upto` (excluded)."""
-        known = [
+        transactions = [
             TransactionColumns._make((*row, number))
-            for row, number in zip(self._held.tolist(), self._numbers.tolist(), strict=True)
+            for row, number in zip(self._suspects.tolist(), self._numbers.tolist(), strict=True)
         ]
-        found: dict[Rule, list[int]] = {rule: [] for rule in _RULES}
+        by_rule: dict[Rule, list[int]] = {rule: [] for rule in _RULES}
         for i in range(first, upto):
-            this = known[i]
+            this = transactions[i]
             if this.late and this.response >= 0 and this.unit:
-                found[LATE].append(i)
+                by_rule[LATE].append(i)
             if this.status != _UNANSWERED and not this.retry and not this.again:
                 continue
             quick = view.timed and view.clock.verdict(this.request).wait_ns < HASTE_NS / 2
-            rule = self._outcome(view, known, i, quick=quick)
+            rule = self._outcome(view, transactions, i, quick=quick)
             if rule is not None:
-                found[rule].append(i)
+                by_rule[rule].append(i)
             if this.retry and rule is not ECHO and rule is not DUPLICATE:
-                found[RETRY].append(i)
-        for rule, which in found.items():
+                by_rule[RETRY].append(i)
+        for rule, which in by_rule.items():
             if which:
                 spoken = "response" if rule is LATE else "request"
-                clocked = [view.clock.verdict(index).wait_ns < UNKNOWN for index in self._held[spoken][which].tolist()]
-                found_by = said(rule, self._held, np.array(which), np.array(clocked) & view.timed)
+                clocked = [
+                    view.clock.verdict(index).wait_ns < UNKNOWN for index in self._suspects[spoken][which].tolist()
+                ]
+                findings = said(rule, self._suspects, np.array(which), np.array(clocked) & view.timed)
                 if rule is NO_RESPONSE:
-                    began = [self._answering.get(known[i].unit, self._requests) < known[i].number for i in which]
-                    found_by["numbers"][:, rule.numbers.index("answered_before")] = began
-                yield found_by
+                    began = [
+                        self._answering.get(transactions[i].unit, self._requests) < transactions[i].number
+                        for i in which
+                    ]
+                    findings["numbers"][:, rule.numbers.index("answered_before")] = began
+                yield findings
 
     def _echoing(self, number: int) -> bool:
         """Whether nearly every request before this one came twice: that is the tap's doing."""
@@ -133,22 +138,24 @@ class Outcomes:
         echoes = self._echoes + bisect_left(self._echoes_at, requests)
         return echoes >= _SURE_ECHOES and echoes >= _ECHOING * requests
 
-    def _outcome(self, view: DiagnosisStep, known: Sequence[TransactionColumns], i: int, *, quick: bool) -> Rule | None:
+    def _outcome(
+        self, view: DiagnosisStep, transactions: Sequence[TransactionColumns], i: int, *, quick: bool
+    ) -> Rule | None:
         """What became of a request without an answer, or of one that repeats the one before."""
-        this, before = known[i], known[i - 1] if i else None
+        this, before = transactions[i], transactions[i - 1] if i else None
         if this.protocol == Protocol.TCP:  # no echoes, no broadcasts
             return NO_RESPONSE if this.status == _UNANSWERED and this.t_next != NEVER else None
         hasty = neighbours.hasty(before, this, quick=quick)
         if this.again and before is not None:
-            behind = known[i + 1] if i + 1 < len(known) else None
-            earlier = known[i - 2] if i > 1 else None
+            behind = transactions[i + 1] if i + 1 < len(transactions) else None
+            earlier = transactions[i - 2] if i > 1 else None
             if this.unit == 0:
                 return BROADCAST_ANSWERED if quick and neighbours.echoed(earlier, before, this, behind) else None
             if this.status != _UNANSWERED:
                 self._rewritten.add(this.unit)
             elif self._second_echo(view, before, this, behind):
                 soon = this.t_start - before.t_response < HASTE_NS if quick else this.unit not in self._rewritten
-                return DUPLICATE if soon else self._silence(view, known, i, quick=quick)
+                return DUPLICATE if soon else self._silence(view, transactions, i, quick=quick)
         if this.retry and before is not None:
             again = neighbours.again(before, this)
             if (hasty and neighbours.at_once(view, before, this)) or (
@@ -164,7 +171,7 @@ class Outcomes:
         differs = hasty if quick else self._differs(before, this)
         if differs and not this.retry and neighbours.echoes(this.function):
             return MISMATCH
-        return self._silence(view, known, i, quick=quick)
+        return self._silence(view, transactions, i, quick=quick)
 
     def _second_echo(
         self,
@@ -180,9 +187,11 @@ class Outcomes:
             return False  # a request, which the tap shows twice
         return not neighbours.by_tap(view, before.request, before.t_response - before.t_request)
 
-    def _silence(self, view: DiagnosisStep, known: Sequence[TransactionColumns], i: int, *, quick: bool) -> Rule | None:
-        before, behind = known[i - 1] if i else None, known[i + 1] if i + 1 < len(known) else None
-        return None if self._excused(view, before, known[i], behind, quick=quick) else NO_RESPONSE
+    def _silence(
+        self, view: DiagnosisStep, transactions: Sequence[TransactionColumns], i: int, *, quick: bool
+    ) -> Rule | None:
+        before, behind = transactions[i - 1] if i else None, transactions[i + 1] if i + 1 < len(transactions) else None
+        return None if self._excused(view, before, transactions[i], behind, quick=quick) else NO_RESPONSE
 
     def _excused(
         self,

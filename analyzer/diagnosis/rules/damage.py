@@ -26,15 +26,15 @@ _NOISY_LINE: Final = "interference, a missing or doubled termination, a loose sc
 _LINE: Final = "check termination at both ends, shield and common; lower the baud rate to see whether it helps"
 
 
-def _places(numbers: Mapping[str, float]) -> str:
+def _positions(numbers: Mapping[str, float]) -> str:
     """Where a byte is missing or too many, with the places that fit as well."""
-    said = []
+    ranges = []
     for first, last in (("first", "last"), ("second_first", "second_last")):
         if first in numbers:
             low, high = int(numbers[first]), int(numbers[last])
-            said.append(f"{low}" if low == high else f"{low} to {high}")
-    others = int(numbers["places"]) - len(said)
-    return " or ".join(said) + (f" or one of {others} more places" if others > 0 else "")
+            ranges.append(f"{low}" if low == high else f"{low} to {high}")
+    others = int(numbers["places"]) - len(ranges)
+    return " or ".join(ranges) + (f" or one of {others} more places" if others > 0 else "")
 
 
 BIT_FLIP: Final = Rule(
@@ -58,7 +58,7 @@ MISSING: Final = Rule(
     numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "unit"),
     loses=True,
     text=lambda numbers: (
-        f"a byte is missing: {int(numbers['value']):02X} as byte {_places(numbers)} makes the CRC right"
+        f"a byte is missing: {int(numbers['value']):02X} as byte {_positions(numbers)} makes the CRC right"
     ),
     cause="the receiver lost a byte: its buffer ran over, or its processor was busy; or the line was disturbed",
     remedy="see whether it is the tap's receiver or the device's: tap with a logic analyser; else check the line",
@@ -72,7 +72,7 @@ EXTRA: Final = Rule(
     numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "unit"),
     loses=True,
     text=lambda numbers: (
-        f"a byte too many: without {int(numbers['value']):02X}, byte {_places(numbers)}, the CRC is right"
+        f"a byte too many: without {int(numbers['value']):02X}, byte {_positions(numbers)}, the CRC is right"
     ),
     cause="a pulse on the line was taken for a start bit, often while drivers switch",
     remedy="check bias resistors and termination, and the driver-enable timing of the sender",
@@ -219,11 +219,11 @@ _RULES: Final = {r.code: r for r in (BIT_FLIP, MISSING, EXTRA, TRUNCATED, VARIAN
 @looks_for(LRC_ERROR)
 def wrong_lrcs(view: DiagnosisStep) -> Iterator[Findings]:
     """Damaged frames of ASCII mode, which has no CRC to take them apart by."""
-    for place in view.damaged[view.column("protocol")[view.damaged] == Protocol.ASCII].tolist():
-        adu = adu_of(view.bytes_of(place), Protocol.ASCII)
-        if not view.rows["errors"][place]:
+    for row in view.damaged[view.column("protocol")[view.damaged] == Protocol.ASCII].tolist():
+        adu = adu_of(view.bytes_of(row), Protocol.ASCII)
+        if not view.rows["errors"][row]:
             values = (nan if value is None else value for value in (adu.check_received, adu.check_computed))
-            yield LRC_ERROR.on(view.rows[place : place + 1], *values)
+            yield LRC_ERROR.on(view.rows[row : row + 1], *values)
 
 
 @looks_for(*_RULES.values(), CRC_ERROR, PARITY)
@@ -248,16 +248,16 @@ class DamagedRows:
         waiting, self._waiting, self._cut_by_end = self._waiting, [], False
         if 0 not in view.verdicts or view.verdicts[0][0].start >= 0:  # else its rest was still to come
             yield from waiting
-        for place, parts in view.verdicts.items():
-            told = [found for part in parts for found in _told(view, place, part)]
-            if place == 0 and not view.trail.newest["length"][0] and _begins_late(parts):
+        for row, parts in view.verdicts.items():
+            findings = [finding for part in parts for finding in _findings_of(view, row, part)]
+            if row == 0 and not view.trail.newest["length"][0] and _begins_late(parts):
                 continue  # the capture begins inside it
-            last = place == len(rows) - 1
+            last = row == len(rows) - 1
             cut = last and _ends_early(parts)
-            if cut or (last and rows["kind"][place] and parts[0].verdict.code in VAGUE):
-                self._waiting, self._cut_by_end = told, cut
+            if cut or (last and rows["kind"][row] and parts[0].verdict.code in VAGUE):
+                self._waiting, self._cut_by_end = findings, cut
             else:
-                yield from told
+                yield from findings
 
     def close(self, view: DiagnosisStep) -> Iterator[Findings]:  # noqa: ARG002 - a look's signature
         """Nothing comes behind the last row; where the capture cut it short, nothing is wrong with it."""
@@ -272,24 +272,24 @@ def _of_marked(view: DiagnosisStep, marked: NDArray[np.intp]) -> Findings:
     unit, more = np.where(frames, rows["unit"], nan), np.full((len(rows), 4), nan)
     codes = list(_RULES)
     for i in where(~frames).tolist():
-        place = int(marked[i])
-        unit[i] = _owner(view, place)
-        verdict = view.verdicts[place][0].verdict if place in view.verdicts else None
+        row = int(marked[i])
+        unit[i] = _owner(view, row)
+        verdict = view.verdicts[row][0].verdict if row in view.verdicts else None
         if verdict is not None and verdict.code in codes:
             sure = verdict.certainty
-            more[i] = codes.index(verdict.code), _known(verdict.byte), _known(verdict.bit), sure
+            more[i] = codes.index(verdict.code), _or_nan(verdict.byte), _or_nan(verdict.bit), sure
     return PARITY.on(rows, rows["errors"], rows["length"], unit, *more.T)
 
 
-def _owner(view: DiagnosisStep, place: int, verdict: Explanation | None = None) -> float:
+def _owner(view: DiagnosisStep, number: int, verdict: Explanation | None = None) -> float:
     """The unit whose exchange a damaged row belongs to: that of the request it follows; NaN where nothing tells."""
-    row = view.rows[place]
+    row = view.rows[number]
     if row["kind"] == Kind.REQUEST:
         return float(verdict.repaired[0]) if verdict is not None and verdict.repaired else nan
-    asked = view.batch.request_of(place, int(row["request"])) if row["request"] >= 0 else None
-    if asked is not None:
-        return float(asked[0])
-    for before in view.trail.back(view.batch, place):
+    request = view.batch.request_of(number, int(row["request"])) if row["request"] >= 0 else None
+    if request is not None:
+        return float(request[0])
+    for before in view.trail.back(view.batch, number):
         if before.is_frame and before.row.check:
             return float(before.row.unit) if before.row.kind == Kind.REQUEST and before.row.unit else nan
     return nan
@@ -309,36 +309,36 @@ def _ends_early(parts: Sequence[DividedFrame]) -> bool:
     return verdict.code == TRUNCATED.code
 
 
-def _told(view: DiagnosisStep, place: int, part: DividedFrame) -> Iterator[Findings]:
+def _findings_of(view: DiagnosisStep, number: int, part: DividedFrame) -> Iterator[Findings]:
     """The finding of one part of a row, or of a row and the one before it."""
-    here, data, verdict = view.rows[place : place + 1].copy(), view.bytes_of(place), part.verdict
-    if here["errors"][0]:
+    row, data, verdict = view.rows[number : number + 1].copy(), view.bytes_of(number), part.verdict
+    if row["errors"][0]:
         return
     if part.start < 0:
-        before = next(view.trail.back(view.batch, place))
-        here["index"], here["t_start"] = before.row.index, before.row.t_start
+        before = next(view.trail.back(view.batch, number))
+        row["index"], row["t_start"] = before.row.index, before.row.t_start
         data = (before.captured + data)[before.row.length + part.start :]
     data = data[max(part.start, 0) :][: part.length]
-    here["start"] += part.start
-    here["length"] = part.length
+    row["start"] += part.start
+    row["length"] = part.length
     if verdict.code == REPEATED.code and verdict.repaired and verdict.length == len(data):
-        here = _with_the_frame_before(here, len(verdict.repaired), view, place)
-    known, unit = _RULES.get(verdict.code), _owner(view, place, verdict)
-    if known is not None:
-        yield known.on(here, *_numbers(verdict, data), unit)
+        row = _with_the_frame_before(row, len(verdict.repaired), view, number)
+    rule, unit = _RULES.get(verdict.code), _owner(view, number, verdict)
+    if rule is not None:
+        yield rule.on(row, *_numbers(verdict, data), unit)
     else:
         computed = crc16(data[:-2]) if len(data) > 2 else 0
-        yield CRC_ERROR.on(here, int.from_bytes(data[-2:], "little"), computed, unit)
+        yield CRC_ERROR.on(row, int.from_bytes(data[-2:], "little"), computed, unit)
 
 
-def _with_the_frame_before(noise: Rows, length: int, view: DiagnosisStep, place: int) -> Rows:
+def _with_the_frame_before(noise: Rows, length: int, view: DiagnosisStep, number: int) -> Rows:
     """A frame and the noise behind it as one row."""
-    whole = noise.copy()
-    whole["start"] -= length
-    whole["length"] += length
-    behind = view.frames[view.frames > place]
-    whole["index"] = view.rows["index"][behind[0]] - 1 if len(behind) else view.rows["index"].max()
-    return whole
+    joined = noise.copy()
+    joined["start"] -= length
+    joined["length"] += length
+    behind = view.frames[view.frames > number]
+    joined["index"] = view.rows["index"][behind[0]] - 1 if len(behind) else view.rows["index"].max()
+    return joined
 
 
 def _numbers(verdict: Explanation, data: bytes) -> tuple[float, ...]:
@@ -346,21 +346,21 @@ def _numbers(verdict: Explanation, data: bytes) -> tuple[float, ...]:
     sure = verdict.certainty
     match verdict.code:
         case "bit-flip":
-            return _known(verdict.byte), _known(verdict.bit), sure
+            return _or_nan(verdict.byte), _or_nan(verdict.bit), sure
         case "byte-missing" | "byte-extra":
             first, *others = verdict.places
             second = others[0][:2] if others else (nan, nan)
             return first.first, first.last, first.value, len(verdict.places), sure, *second
         case "truncated" | "collision":
-            return len(data), _known(verdict.length), sure
+            return len(data), _or_nan(verdict.length), sure
         case "bytes-repeated":
-            return _known(verdict.byte), _known(verdict.length), sure
+            return _or_nan(verdict.byte), _or_nan(verdict.length), sure
         case "flow-control-loss":
-            return _known(verdict.lost), sure
+            return _or_nan(verdict.lost), sure
         case _:
             names = [variant.name for variant in VARIANTS]
             return names.index(verdict.variant or ""), sure
 
 
-def _known(number: int | None) -> float:
+def _or_nan(number: int | None) -> float:
     return nan if number is None else number

@@ -27,5 +27,5 @@ def other_protocols(view: DiagnosisStep) -> Iterator[Findings]:
     """Noise that the deframer knows for another protocol's."""
     rows = where(view.column("foreign"))
     if len(rows):
-        found = view.rows[rows]
-        yield OTHER.on(found, found["foreign"], found["length"])
+        noise = view.rows[rows]
+        yield OTHER.on(noise, noise["foreign"], noise["length"])

@@ -119,13 +119,13 @@ class Pace:
     def _recent(self, unit: int, bins: NDArray[np.intp]) -> None:
         """Count in times that fade as others come, in steps that do not hang on the batches."""
         late = self._late.setdefault(unit, Spread())
-        done = len(self._all[unit]) - len(bins)
+        counted = len(self._all[unit]) - len(bins)
         while len(bins):
-            room = _RECENT - done % _RECENT
+            room = _RECENT - counted % _RECENT
             late.count(bins[:room])
-            done += len(bins[:room])
+            counted += len(bins[:room])
             bins = bins[room:]
-            if done % _RECENT == 0:
+            if counted % _RECENT == 0:
                 late.fade()
 
     def close(self, view: DiagnosisStep) -> Iterator[Findings]:
@@ -134,7 +134,7 @@ class Pace:
         off = view.clock.newest().wait_ns
         medians = {unit: spread.quantile(0.5) or 0.0 for unit, spread in self._all.items() if len(spread) >= _ANSWERS}
         for unit, own in sorted(medians.items()):
-            others = [value for other, value in medians.items() if other != unit]
+            others = [value for peer, value in medians.items() if peer != unit]
             usual, past = (median(others), False) if others else (UNKNOWN, False)
             if not _slower(own, usual, off):
                 own = self._late[unit].quantile(0.5) or 0.0
@@ -158,7 +158,7 @@ class Polls:
         self._waiting: defaultdict[tuple[int, int], ColumnQueue] = defaultdict(ColumnQueue)
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
-        for (address, quantity), functions in _places(revision()).items():
+        for (address, quantity), functions in _layouts(revision()).items():
             if not functions.isdisjoint(view.asked_functions):
                 waiting = self._waiting[address, quantity]
                 units = view.column("unit")[view.requests]
@@ -172,8 +172,8 @@ class Polls:
         if not len(waiting):
             return
         units, codes, addresses, quantities = waiting.take()
-        here = where(np.isin(codes, list(functions)) & (addresses >= 0) & (quantities >= 0))
-        keys = (units.astype(np.int64) << 40 | codes.astype(np.int64) << 32 | addresses << 16 | quantities)[here]
+        reading = where(np.isin(codes, list(functions)) & (addresses >= 0) & (quantities >= 0))
+        keys = (units.astype(np.int64) << 40 | codes.astype(np.int64) << 32 | addresses << 16 | quantities)[reading]
         for key, count in zip(*(part.tolist() for part in np.unique(keys, return_counts=True)), strict=True):
             poll = (key >> 40, key >> 32 & 0xFF, key >> 16 & 0xFFFF, key & 0xFFFF)
             if poll in self._count or len(self._count) < _POLLS:
@@ -181,16 +181,16 @@ class Polls:
 
     def close(self, view: DiagnosisStep) -> Iterator[Findings]:
         """Blocks of polls that one could do."""
-        for at, functions in _places(revision()).items():
+        for at, functions in _layouts(revision()).items():
             self._add(self._waiting[at], functions)
-        found = []
+        mergeable = []
         for (unit, code), polls in self._recurring().items():
             most = next(check.high for check in _bounds(code))
             for block in _blocks(polls, most):
                 first, last = block[0], block[-1]
                 saved = (len(block) - 1) * _overhead_ns(view)
-                found.append((unit, code, len(block), first[0], last[0] + last[1] - first[0], saved))
-        for unit, code, count, address, quantity, saved in sorted(found, key=lambda each: -each[2])[:_MOST]:
+                mergeable.append((unit, code, len(block), first[0], last[0] + last[1] - first[0], saved))
+        for unit, code, count, address, quantity, saved in sorted(mergeable, key=lambda each: -each[2])[:_MOST]:
             saved_ms = saved / 1e6 if saved < UNKNOWN else np.nan
             yield WASTE.of_bus(view.now, unit, code, count, address, quantity, saved_ms)
 
@@ -204,21 +204,21 @@ class Polls:
 
 
 @cache
-def _places(_revision: int) -> Mapping[tuple[int, int], set[int]]:
+def _layouts(_revision: int) -> Mapping[tuple[int, int], set[int]]:
     """Where requests that read, and do nothing else, have address and quantity: which functions have them so."""
-    found: defaultdict[tuple[int, int], set[int]] = defaultdict(set)
+    functions: defaultdict[tuple[int, int], set[int]] = defaultdict(set)
     for code, role in RULES:
-        places = layout(code, role)
-        if role is not Role.REQUEST or set(places) != {"starting_address", "quantity"}:
+        fields = layout(code, role)
+        if role is not Role.REQUEST or set(fields) != {"starting_address", "quantity"}:
             continue
         if any(isinstance(relation, RequestedByteCount) for relation in relations(code)):
-            found[places["starting_address"][0], places["quantity"][0]].add(code)
-    return found
+            functions[fields["starting_address"][0], fields["quantity"][0]].add(code)
+    return functions
 
 
 def _bounds(code: int) -> list[Bound]:
-    known = rule(code, Role.REQUEST)
-    return [check for check in known.checks if isinstance(check, Bound)] if known is not None else []
+    declared = rule(code, Role.REQUEST)
+    return [check for check in declared.checks if isinstance(check, Bound)] if declared is not None else []
 
 
 def _blocks(polls: list[tuple[int, int, int]], most: int) -> Iterator[list[tuple[int, int, int]]]:
@@ -274,8 +274,8 @@ class Busy:
         """Count in the pauses between what waits; its last row waits for the next one."""
         if len(self._waiting):
             kind, unit, starts, ends = self._waiting.take()
-            done = (kind[:-1] == Kind.RESPONSE) | ((kind[:-1] == Kind.REQUEST) & (unit[:-1] == 0))  # or sent to all
-            asks = where((kind[1:] == Kind.REQUEST) & done)
+            ended = (kind[:-1] == Kind.RESPONSE) | ((kind[:-1] == Kind.REQUEST) & (unit[:-1] == 0))  # or sent to all
+            asks = where((kind[1:] == Kind.REQUEST) & ended)
             self._paused += int(np.maximum(starts[asks + 1] - ends[asks], 0).sum())
             self._requests += len(asks)
             self._waiting.add(*(column[-1:].copy() for column in (kind, unit, starts, ends)))

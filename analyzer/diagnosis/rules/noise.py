@@ -38,14 +38,14 @@ def _sender(numbers: Mapping[str, float]) -> str:
 
 def _text(numbers: Mapping[str, float]) -> str:
     count = int(numbers["bytes"])
-    what = f"{count} byte{'' if count == 1 else 's'}"
+    amount = f"{count} byte{'' if count == 1 else 's'}"
     pattern = Pattern(int(numbers["pattern"]))
     if pattern is Pattern.IDLE:
-        return f"{what} that are no frame, on an idle line"
+        return f"{amount} that are no frame, on an idle line"
     if pattern is Pattern.STRAY:
-        return f"{what} that belong to no frame"
+        return f"{amount} that belong to no frame"
     side = "before" if pattern is Pattern.BEFORE else "after"
-    return f"{what} of 00 or FF right {side} the frame of {_sender(numbers)}"
+    return f"{amount} of 00 or FF right {side} the frame of {_sender(numbers)}"
 
 
 _CAUSES: Final = {
@@ -87,7 +87,7 @@ class NoiseStretches:
     """Rows in turn; a stretch at the end waits for the next one."""
 
     def __init__(self) -> None:
-        self._said_before = False  # the row before was noise, and is explained otherwise
+        self._explained_before = False  # the row before was noise, and is explained otherwise
         self._waiting: _OpenStretch | None = None
         self._frames = 0
 
@@ -103,22 +103,26 @@ class NoiseStretches:
             yield from self._judge(view, self._waiting, rows[:1], explained=0 in view.verdicts)
             self._waiting = None
         first = int(view.frames[0]) if len(view.frames) else len(rows)
-        for place in view.noise.tolist():
-            if place in view.verdicts or rows["errors"][place] or rows["protocol"][place] == Protocol.TCP:
+        for number in view.noise.tolist():
+            if number in view.verdicts or rows["errors"][number] or rows["protocol"][number] == Protocol.TCP:
                 continue
-            if rows["foreign"][place]:
+            if rows["foreign"][number]:
                 continue
-            before = rows[place - 1 : place] if place else view.trail.newest
-            told = place - 1 in view.verdicts and before["kind"][0] == Kind.NOISE if place else self._said_before
-            if told and _hard(rows["gap_before"][place], view):
+            before = rows[number - 1 : number] if number else view.trail.newest
+            explained_before = (
+                number - 1 in view.verdicts and before["kind"][0] == Kind.NOISE if number else self._explained_before
+            )
+            if explained_before and _hard(rows["gap_before"][number], view):
                 continue
-            glitch = _GLITCHES.issuperset(view.bytes_of(place))
-            stretch = _OpenStretch(rows[place : place + 1], before, glitch, self._frames > 0 or place > first)
-            if place + 1 < len(rows):
-                yield from self._judge(view, stretch, rows[place + 1 : place + 2], explained=place + 1 in view.verdicts)
+            glitch = _GLITCHES.issuperset(view.bytes_of(number))
+            stretch = _OpenStretch(rows[number : number + 1], before, glitch, self._frames > 0 or number > first)
+            if number + 1 < len(rows):
+                yield from self._judge(
+                    view, stretch, rows[number + 1 : number + 2], explained=number + 1 in view.verdicts
+                )
             else:
                 self._waiting = stretch._replace(row=stretch.row.copy(), before=stretch.before.copy())
-        self._said_before = len(rows) - 1 in view.verdicts and bool(rows["kind"][-1] == Kind.NOISE)
+        self._explained_before = len(rows) - 1 in view.verdicts and bool(rows["kind"][-1] == Kind.NOISE)
         if len(view.frames):
             self._frames = int(rows["index"][view.frames[-1]]) + 1
 

@@ -107,9 +107,9 @@ ECHO: Final = Rule(
 )
 
 
-def said(rule: Rule, held: Rows, which: NDArray[np.intp], timed: NDArray[np.bool_]) -> Findings:
+def said(rule: Rule, transactions: Rows, which: NDArray[np.intp], timed: NDArray[np.bool_]) -> Findings:
     """What a rule says of some transactions; `timed`: whether their times mean anything."""
-    these, before = held[which], held[np.maximum(which - 1, 0)]
+    these, before = transactions[which], transactions[np.maximum(which - 1, 0)]
     columns = (these[name] for name in ("request", "start", "length", "port", "t_start"))
     if rule is LATE:
         columns = (
@@ -127,7 +127,7 @@ def said(rule: Rule, held: Rows, which: NDArray[np.intp], timed: NDArray[np.bool
             ("response_port", "port"),
             ("t_response", "t_start"),
         )
-        index, start, length, port, t_ns = (np.where(own, these[one], these[other]) for one, other in pairs)
+        index, start, length, port, t_ns = (np.where(own, these[one], these[otherwise]) for one, otherwise in pairs)
         first = np.where(own, these["t_start"], before["t_response"])
         later = np.where(timed, (t_ns - first) / 1e6, np.nan)
         return rule.at(index, start, length, port, t_ns, these["unit"], later)

@@ -89,8 +89,10 @@ def broadcast_reads(view: DiagnosisStep) -> Iterator[Findings]:
 
 
 def _reads(function: int) -> bool:
-    found = relations(function)
-    return function_class(function) == "public" and (not found or any(isinstance(r, RequestedByteCount) for r in found))
+    declared = relations(function)
+    return function_class(function) == "public" and (
+        not declared or any(isinstance(r, RequestedByteCount) for r in declared)
+    )
 
 
 class _Before(NamedTuple):
@@ -106,7 +108,7 @@ class Strangers:
     """Answers with a right check value that belong to no request."""
 
     def __init__(self) -> None:
-        self._asked = False  # a request has been seen: before it, answers belong to what was before the capture
+        self._requested = False  # a request has been seen: before it, answers belong to what was before the capture
         self._newest: tuple[int, _Before] | None = None  # the last row that was asked about, and what stood before it
         self._asking: set[int] = set()  # ports on which requests over Modbus TCP were seen
 
@@ -116,64 +118,64 @@ class Strangers:
         if answers:
             yield BROADCAST_ANSWERED.on(rows[answers], 0, rows["function"][answers])
         networked = view.column("protocol") == Protocol.TCP
-        for place in view.strays.tolist():
-            if networked[place]:
-                yield from self._judge_tcp(view, place)
-            elif rows["unit"][place] and (self._asked or (len(asks) and place > asks[0])):
-                yield from self._judge(view, place)
-        self._asked = self._asked or len(asks) > 0
+        for number in view.strays.tolist():
+            if networked[number]:
+                yield from self._judge_tcp(view, number)
+            elif rows["unit"][number] and (self._requested or (len(asks) and number > asks[0])):
+                yield from self._judge(view, number)
+        self._requested = self._requested or len(asks) > 0
         self._asking.update(np.unique(view.column("port")[asks[networked[asks]]]).tolist())
 
-    def _judge_tcp(self, view: DiagnosisStep, place: int) -> Iterator[Findings]:
+    def _judge_tcp(self, view: DiagnosisStep, number: int) -> Iterator[Findings]:
         """A response over Modbus TCP whose transaction is not open, or asked for something else."""
-        answer = EarlierRow.of(view.batch, place)
-        here, row = view.rows[place : place + 1], answer.row
+        answer = EarlierRow.of(view.batch, number)
+        stray, row = view.rows[number : number + 1], answer.row
         transaction = answer.captured[:2]
-        for before in view.trail.back(view.batch, place):
+        for before in view.trail.back(view.batch, number):
             if (before.row.port, before.row.protocol) != (row.port, Protocol.TCP) or not before.is_frame:
                 continue
             if before.captured[:2] != transaction:
                 continue
             if before.row.kind == Kind.REQUEST:
-                yield MISMATCH.on(here, row.unit, row.function)
+                yield MISMATCH.on(stray, row.unit, row.function)
             else:
                 waited = (row.t_start - before.row.t_end) / 1e6
-                yield DUPLICATE.on(here, row.unit, waited if view.timed else np.nan)
+                yield DUPLICATE.on(stray, row.unit, waited if view.timed else np.nan)
             return
         asks = view.requests
-        if row.port in self._asking or (view.column("port")[asks[asks < place]] == row.port).any():
-            yield UNEXPECTED.on(here, row.unit, row.function)
+        if row.port in self._asking or (view.column("port")[asks[asks < number]] == row.port).any():
+            yield UNEXPECTED.on(stray, row.unit, row.function)
 
-    def _judge(self, view: DiagnosisStep, place: int) -> Iterator[Findings]:
-        answer = EarlierRow.of(view.batch, place)
-        request, answered, clean = self._request_before(view, place)
-        here = view.rows[place : place + 1]
+    def _judge(self, view: DiagnosisStep, number: int) -> Iterator[Findings]:
+        answer = EarlierRow.of(view.batch, number)
+        request, answered, clean = self._request_before(view, number)
+        stray = view.rows[number : number + 1]
         unit, function = answer.row.unit, answer.row.function
         if request is None or not clean:
             if clean:
-                yield UNEXPECTED.on(here, unit, function)
+                yield UNEXPECTED.on(stray, unit, function)
         elif request.row.unit == 0 and request.row.function == function:
-            yield BROADCAST_ANSWERED.on(here, unit, function)
+            yield BROADCAST_ANSWERED.on(stray, unit, function)
         elif request.row.unit != unit or (answered is not None and not _fits(request, answer)):
-            yield UNEXPECTED.on(here, unit, function)
+            yield UNEXPECTED.on(stray, unit, function)
         elif answered is not None:
             waited = (answer.row.t_start - answered.row.t_end) / 1e6
-            yield DUPLICATE.on(here, unit, waited if view.timed else np.nan)
+            yield DUPLICATE.on(stray, unit, waited if view.timed else np.nan)
         elif _fits(request, answer):
-            yield UNEXPECTED.on(here, unit, function)
+            yield UNEXPECTED.on(stray, unit, function)
         else:
-            yield MISMATCH.on(here, unit, function)
+            yield MISMATCH.on(stray, unit, function)
 
-    def _request_before(self, view: DiagnosisStep, place: int) -> _Before:
+    def _request_before(self, view: DiagnosisStep, number: int) -> _Before:
         """What stands before a row; where many strays follow each other none looks further back than to the last."""
-        found = self._looked_back(view, place)
-        self._newest = int(view.rows["index"][place]), found
-        return found
+        before = self._search_back(view, number)
+        self._newest = int(view.rows["index"][number]), before
+        return before
 
-    def _looked_back(self, view: DiagnosisStep, place: int) -> _Before:
-        known, before_known = self._newest or (-1, _Before())
+    def _search_back(self, view: DiagnosisStep, number: int) -> _Before:
+        newest, before_newest = self._newest or (-1, _Before())
         answered = None
-        for before in view.trail.back(view.batch, place):
+        for before in view.trail.back(view.batch, number):
             if not before.is_frame:
                 if not _GLITCHES.issuperset(before.captured):
                     return _Before(clean=False)
@@ -183,8 +185,8 @@ class Strangers:
                 return _Before(clean=False)  # it may have held more than one answer
             elif before.row.request >= 0 and answered is None:
                 answered = before
-            if before.is_frame and before.row.index == known:
-                return before_known._replace(answered=answered or before_known.answered)
+            if before.is_frame and before.row.index == newest:
+                return before_newest._replace(answered=answered or before_newest.answered)
         return _Before()
 
 

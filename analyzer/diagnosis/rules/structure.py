@@ -26,7 +26,7 @@ from ...tables.schema import Protocol
 from ..view import DiagnosisStep, where
 
 
-def _asked(numbers: Mapping[str, float]) -> str:
+def _quantity_text(numbers: Mapping[str, float]) -> str:
     function, quantity, low, high = (int(numbers[key]) for key in ("function", "quantity", "low", "high"))
     return f"{function_name(function)} of {quantity}, allowed are {low} to {high}"
 
@@ -38,7 +38,7 @@ QUANTITY: Final = Rule(
     when="a quantity is zero or over what the function allows",
     clause="[1] 6",
     numbers=("quantity", "low", "high", "function"),
-    text=_asked,
+    text=_quantity_text,
     cause="the master's poll list asks for more than one frame can carry, or for nothing",
     remedy="split the poll into blocks within the limit",
 )
@@ -150,9 +150,9 @@ class _RequestLimits:
 def _checks(_revision: int) -> _RequestLimits:
     quantities: dict[tuple[int, int], _QuantityLimits] = {}
     sizes, coils = [], []
-    for (code, role), known in RULES.items():
-        names = {place: name for name, (place, _) in layout(code, role).items()} if role is Role.REQUEST else {}
-        for check in known.checks if role is Role.REQUEST else ():
+    for (code, role), declared in RULES.items():
+        names = {offset: name for name, (offset, _) in layout(code, role).items()} if role is Role.REQUEST else {}
+        for check in declared.checks if role is Role.REQUEST else ():
             name = "" if isinstance(check, Sized) else names.get(check.offset, "")
             if isinstance(check, Sized):
                 sizes.append((code, check))
@@ -174,29 +174,33 @@ def limits(view: DiagnosisStep) -> Iterator[Findings]:
     if not len(view.requests):
         return
     checks, rows = _checks(revision()), view.rows
-    for known in checks.quantities:
-        if known.functions.isdisjoint(view.asked_functions):
+    for limit in checks.quantities:
+        if limit.functions.isdisjoint(view.asked_functions):
             continue
-        codes, quantity = view.requested, view.numbers(known.offset, known.width)
-        low, high = known.low.take(codes), known.high.take(codes)
+        codes, quantity = view.requested, view.numbers(limit.offset, limit.width)
+        low, high = limit.low.take(codes), limit.high.take(codes)
         wrong = where((quantity >= 0) & ((quantity < low) | (quantity > high)))
         if len(wrong):
             yield QUANTITY.on(rows[view.requests[wrong]], quantity[wrong], low[wrong], high[wrong], codes[wrong])
     for code, size in checks.sizes:
         if code in view.asked_functions:
-            here = where(view.requested == code)
-            quantity, count = (view.numbers(*at)[here] for at in ((size.quantity_offset, 2), (size.count_offset, 1)))
+            selected = where(view.requested == code)
+            quantity, count = (
+                view.numbers(*at)[selected] for at in ((size.quantity_offset, 2), (size.count_offset, 1))
+            )
             due = taken(quantity, size.bits)
             wrong = where((quantity >= 0) & (count >= 0) & (count != due))
             if len(wrong):
-                yield BYTE_COUNT.on(rows[view.requests[here[wrong]]], count[wrong], quantity[wrong], due[wrong], code)
+                yield BYTE_COUNT.on(
+                    rows[view.requests[selected[wrong]]], count[wrong], quantity[wrong], due[wrong], code
+                )
     for code, coil in checks.coils:
         if code in view.asked_functions:
-            here = where(view.requested == code)
-            value = view.numbers(coil.offset, coil.width)[here]
+            selected = where(view.requested == code)
+            value = view.numbers(coil.offset, coil.width)[selected]
             wrong = where((value >= 0) & ~np.isin(value, coil.values))
             if len(wrong):
-                yield COIL_VALUE.on(rows[view.requests[here[wrong]]], value[wrong])
+                yield COIL_VALUE.on(rows[view.requests[selected[wrong]]], value[wrong])
 
 
 @looks_for(PADDING)
@@ -207,14 +211,14 @@ def padding(view: DiagnosisStep) -> Iterator[Findings]:
         for relation in relations(code):
             if not isinstance(relation, RequestedByteCount) or not relation.bits:
                 continue
-            here = view.responses[functions == code]
-            here = here[(view.column("request")[here] >= 0) & (view.function_bytes(here) == code)]
-            quantity = view.asked(here, relation.quantity_offset)
-            last = view.data.take(view.last_byte(here))
+            answers = view.responses[functions == code]
+            answers = answers[(view.column("request")[answers] >= 0) & (view.function_bytes(answers) == code)]
+            quantity = view.asked(answers, relation.quantity_offset)
+            last = view.data.take(view.last_byte(answers))
             used = quantity & 7
             wrong = where((quantity > 0) & (used > 0) & (last >> used > 0))
             if len(wrong):
-                yield PADDING.on(view.rows[here[wrong]], 8 - used[wrong], last[wrong])
+                yield PADDING.on(view.rows[answers[wrong]], 8 - used[wrong], last[wrong])
 
 
 @looks_for(RESERVED_UNIT, RESERVED_FUNCTION, INVALID_FUNCTION, TOO_LONG)
@@ -229,10 +233,10 @@ def codes(view: DiagnosisStep) -> Iterator[Findings]:
             yield INVALID_FUNCTION.on(view.rows[view.requests[view.requested == code]], code)
         elif _reserved(code, revision()):
             yield RESERVED_FUNCTION.on(view.rows[view.requests[view.requested == code]], code)
-    for place in view.strays.tolist():
-        code = int(view.data[view.plain.at[place] + 1])
+    for row in view.strays.tolist():
+        code = int(view.data[view.plain.at[row] + 1])
         if code and not code & EXCEPTION and _reserved(code, revision()):
-            yield RESERVED_FUNCTION.on(view.rows[place : place + 1], code)
+            yield RESERVED_FUNCTION.on(view.rows[row : row + 1], code)
     long = where(view.column("length") > MAX_ADU)
     if len(long):
         rows = view.rows[view.right(long)]

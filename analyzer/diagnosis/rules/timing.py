@@ -121,13 +121,13 @@ class Timing:
         return int(self._waiting[0][0]["index"][0]) if self._waiting else None
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
-        rows, places = view.rows, _worth_a_look(view)
+        rows, suspects = view.rows, _suspects(view)
         self._frames += int(np.count_nonzero(view.column("protocol")[view.frames] != Protocol.TCP))
-        if len(places):
-            before = rows[np.maximum(places - 1, 0)]
-            if places[0] == 0:
+        if len(suspects):
+            before = rows[np.maximum(suspects - 1, 0)]
+            if suspects[0] == 0:
                 before[0] = view.trail.newest[0]
-            self._waiting.append((rows[places], before))
+            self._waiting.append((rows[suspects], before))
         if view.clock.known:
             yield from self._judge(view)
 
@@ -136,8 +136,8 @@ class Timing:
         yield from self._judge(view)
         verdict = view.clock.newest()
         if self._frames and not verdict.fine:
-            known = view.timed and verdict.wait_ns < UNKNOWN
-            yield BLIND.of_bus(view.now, verdict.wait_ns / 1e6 if known else np.nan, verdict.bytes_a_read)
+            measured = view.timed and verdict.wait_ns < UNKNOWN
+            yield BLIND.of_bus(view.now, verdict.wait_ns / 1e6 if measured else np.nan, verdict.bytes_a_read)
 
     def _judge(self, view: DiagnosisStep) -> Iterator[Findings]:
         waiting, self._waiting = self._waiting, []
@@ -150,33 +150,33 @@ class Timing:
             yield from _turnarounds(view, rows, before, np.array([v.wait_ns for v in verdicts]))
 
 
-def _worth_a_look(view: DiagnosisStep) -> NDArray[np.intp]:
+def _suspects(view: DiagnosisStep) -> NDArray[np.intp]:
     """Frames whose silences break a limit at first sight, or that follow a broadcast."""
     if not view.timed or not len(view.rows):
         return np.zeros(0, np.intp)
-    look = _after_broadcasts(view)
+    suspects = _after_broadcasts(view)
     t15, t35 = silences(view.line, view.options)
     if t15 < UNKNOWN and (view.clock.best().fine or not view.clock.known):
         before = view.column("gap_before")
         odd = (view.column("gap_most") > t15) | ((before < t35) & (before != NO_GAP))
-        look = np.union1d(look, where(odd))
-    if len(look):
-        rows = view.rows[look]
-        look = look[(rows["kind"] != Kind.NOISE) & rows["check"] & (rows["protocol"] == 0)]
-    return look
+        suspects = np.union1d(suspects, where(odd))
+    if len(suspects):
+        rows = view.rows[suspects]
+        suspects = suspects[(rows["kind"] != Kind.NOISE) & rows["check"] & (rows["protocol"] == 0)]
+    return suspects
 
 
 def _after_broadcasts(view: DiagnosisStep) -> NDArray[np.intp]:
     """Rows right behind a broadcast; but a device's answer to it is no request that came too soon."""
-    rows, found = view.rows, []
+    rows, following = view.rows, []
     newest = view.trail.newest
     if newest["unit"][0] == 0 and newest["kind"][0] == Kind.REQUEST:
         sent = next(view.trail.back(view.batch, 0))
-        found += [0] if view.bytes_of(0)[1:-2] != sent.captured[1:-2] else []
-    for place in view.to_all.tolist():
-        if rows["kind"][place] == Kind.REQUEST and place + 1 < len(rows):
-            found += [place + 1] if view.bytes_of(place + 1)[1:-2] != view.bytes_of(place)[1:-2] else []
-    return np.array(found, np.intp)
+        following += [0] if view.bytes_of(0)[1:-2] != sent.captured[1:-2] else []
+    for row in view.to_all.tolist():
+        if rows["kind"][row] == Kind.REQUEST and row + 1 < len(rows):
+            following += [row + 1] if view.bytes_of(row + 1)[1:-2] != view.bytes_of(row)[1:-2] else []
+    return np.array(following, np.intp)
 
 
 def _silences(view: DiagnosisStep, rows: Rows, before: Rows, jitter: NDArray[np.float64]) -> Iterator[Findings]:
@@ -191,11 +191,11 @@ def _silences(view: DiagnosisStep, rows: Rows, before: Rows, jitter: NDArray[np.
     alike = np.logical_and.reduce([rows[name] == before[name] for name in ("kind", "unit", "function", "length")])
     short &= ~alike  # the tap shows it twice: no master and no unit sends so soon
     short &= (rows["gap_before"] != NO_GAP) & (rows["gap_before"] + jitter + _TOLERANCE * t35 < t35)
-    found = where(short)
-    if len(found):
-        gaps = rows["gap_before"][found]
-        response = rows["kind"][found] == Kind.RESPONSE
-        yield GAP_SHORT.on(rows[found], gaps / 1e6, gaps / character, t35 / 1e6, response)
+    early = where(short)
+    if len(early):
+        gaps = rows["gap_before"][early]
+        response = rows["kind"][early] == Kind.RESPONSE
+        yield GAP_SHORT.on(rows[early], gaps / 1e6, gaps / character, t35 / 1e6, response)
 
 
 def _turnarounds(view: DiagnosisStep, rows: Rows, before: Rows, off: NDArray[np.float64]) -> Iterator[Findings]:
@@ -203,6 +203,6 @@ def _turnarounds(view: DiagnosisStep, rows: Rows, before: Rows, off: NDArray[np.
     after = (rows["kind"] == Kind.REQUEST) & before["check"] & (before["kind"] == Kind.REQUEST)
     after &= (before["unit"] == 0) & (before["port"] == rows["port"]) & (off < _TIMER_NS)
     pause = rows["t_start"] - before["t_end"]
-    found = where(after & (pause + np.where(after, off, 0) < due))
-    if len(found):
-        yield TURNAROUND.on(rows[found], pause[found] / 1e6, due / 1e6)
+    early = where(after & (pause + np.where(after, off, 0) < due))
+    if len(early):
+        yield TURNAROUND.on(rows[early], pause[early] / 1e6, due / 1e6)

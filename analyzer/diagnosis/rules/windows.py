@@ -41,18 +41,18 @@ COLLISION: Final = Rule(
 @looks_for(COLLISION)
 def inner_windows(view: DiagnosisStep) -> Iterator[Findings]:
     """Frames with such a window inside them."""
-    rows, places = view.rows, view.right(where(view.column("contested")))
-    if not len(places):
+    rows, contested = view.rows, view.right(where(view.column("contested")))
+    if not len(contested):
         return
-    lengths = rows["length"][places]
+    lengths = rows["length"][contested]
     ends = np.cumsum(lengths)
     begins = ends - lengths
-    data = view.batch.data[np.repeat(rows["at"][places] - begins, lengths) + np.arange(int(ends[-1]))]
+    data = view.batch.data[np.repeat(rows["at"][contested] - begins, lengths) + np.arange(int(ends[-1]))]
     crc = crc_windows(data)
-    found = search_candidates(data, crc)
+    candidates = search_candidates(data, crc)
     heads = np.repeat(begins, lengths)
     early = where(crc.heads.take(heads) == crc.tails[1:]) + 1  # ends of windows that begin where their frame does
-    start, end = np.concatenate((found.start, heads[early - 1])), np.concatenate((found.end, early))
+    start, end = np.concatenate((candidates.start, heads[early - 1])), np.concatenate((candidates.end, early))
     start, end = np.unique(np.stack((start, end)), axis=1)
     owner = np.searchsorted(ends, start, side="right")
     inside = (end <= ends[owner]) & (end - start < lengths[owner]) & (end - start >= _LEAST)
@@ -60,4 +60,4 @@ def inner_windows(view: DiagnosisStep) -> Iterator[Findings]:
     frames, first, counts = np.unique(owner[inside], return_index=True, return_counts=True)
     if len(frames):
         first_start, first_end = start[inside][first], end[inside][first]
-        yield COLLISION.on(rows[places[frames]], first_start - begins[frames], first_end - first_start, counts)
+        yield COLLISION.on(rows[contested[frames]], first_start - begins[frames], first_end - first_start, counts)

@@ -37,11 +37,11 @@ class _BlockPieces:
 
     def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """These pieces."""
-        held = rows.blocks
-        cursor.put(self._head.take(held.octets))
-        cursor.put(source.hex(held.begins, held.octets, cursor.sheet))
+        blocks = rows.blocks
+        cursor.put(self._head.take(blocks.octets))
+        cursor.put(source.hex(blocks.begins, blocks.octets, cursor.sheet))
         cursor.put(b'","text":"')
-        self._text.put(held, source, cursor)
+        self._text.put(blocks, source, cursor)
 
 
 class RegisterPieces(_BlockPieces):
@@ -50,8 +50,8 @@ class RegisterPieces(_BlockPieces):
     def __init__(self, block: CountedBlock, part: Registers, store: Store) -> None:
         super().__init__(block, RegisterText(part, store), store)
         self._part = part
-        self._known = inside(part.words(0))
-        self._place = store.table(self._placed)
+        self._zero_words = inside(part.words(0))
+        self._opening = store.table(self._placed)
         self._value = store.table_of_many(lambda values: [_VALUE % (value, value) for value in values], "register")
         self._words = store.table_of_many(lambda values: insides(list(map(part.words, values))), (Registers, "words"))
         self._before = store.table(self._before_words, (Registers, "before", part.area))
@@ -64,13 +64,13 @@ class RegisterPieces(_BlockPieces):
     def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """The pieces of these blocks."""
         super().put(rows, source, cursor)
-        held = rows.blocks
-        i = within(held.counts)
-        values = source.words(np.repeat(held.begins, held.counts) + 2 * i)
-        addresses = held.addresses(i)
+        blocks = rows.blocks
+        i = within(blocks.counts)
+        values = source.words(np.repeat(blocks.begins, blocks.counts) + 2 * i)
+        addresses = blocks.addresses(i)
         cursor.spread(
-            held.counts,
-            self._place.take(i),
+            blocks.counts,
+            self._opening.take(i),
             self._value.take(values),
             self._before.take(addresses),
             self._words.take(values),
@@ -84,9 +84,9 @@ class RegisterPieces(_BlockPieces):
     def _before_words(self, key: int) -> bytes:
         """What a text has before a register's value in words: its address."""
         words = inside(self._part.child(0, 0, "", key - 1 if key else None).text)
-        if not words.endswith(self._known):
-            raise AssertionError(f"{words!r} does not end with {self._known!r}")
-        return words[: len(words) - len(self._known)]
+        if not words.endswith(self._zero_words):
+            raise AssertionError(f"{words!r} does not end with {self._zero_words!r}")
+        return words[: len(words) - len(self._zero_words)]
 
     def _behind_words(self, key: int) -> bytes:
         return parted(self._part.child(0, 0, "", key - 1 if key else None))[3]
@@ -98,7 +98,7 @@ class BitPieces(_BlockPieces):
     def __init__(self, block: CountedBlock, part: Bits, store: Store) -> None:
         super().__init__(block, BitText(part, store), store)
         self._part = part
-        self._place = store.table(self._placed)
+        self._opening = store.table(self._placed)
         self._rest = store.table(self._addressed, (Bits, part.area))
         self._padding = store.table(self._padded)
         self._heads = cache(self._head_of)  # as long as the table: a cache on the method would keep it for ever
@@ -110,16 +110,16 @@ class BitPieces(_BlockPieces):
     def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """The pieces of these blocks."""
         super().put(rows, source, cursor)
-        held = rows.blocks
-        i = within(held.counts)
+        blocks = rows.blocks
+        i = within(blocks.counts)
         octet, bit = i >> 3, i & 7
-        byte = source.octets(np.repeat(held.begins, held.counts) + octet)
+        byte = source.octets(np.repeat(blocks.begins, blocks.counts) + octet)
         on = byte >> bit & 1
-        place = self._place.take(octet << 12 | byte << 4 | bit << 1 | (i > 0))
-        cursor.spread(held.counts, place, self._rest.take(held.addresses(i) << 4 | bit << 1 | on))
-        last = held.octets - 1
-        padding = last << 12 | source.octets(held.begins + last) << 4 | (held.counts & 7)
-        cursor.put(self._padding.take(np.where(held.counts & 7, padding, 0)))
+        openings = self._opening.take(octet << 12 | byte << 4 | bit << 1 | (i > 0))
+        cursor.spread(blocks.counts, openings, self._rest.take(blocks.addresses(i) << 4 | bit << 1 | on))
+        last = blocks.octets - 1
+        padding = last << 12 | source.octets(blocks.begins + last) << 4 | (blocks.counts & 7)
+        cursor.put(self._padding.take(np.where(blocks.counts & 7, padding, 0)))
         cursor.put(b"]}")
 
     def _placed(self, key: int) -> bytes:
@@ -165,8 +165,8 @@ class NumberJson:
         self._slot = slot
         self._bits = 8 * slot.part.width
         # Request and response often are one declaration, and then say the same.
-        self._pieces = store.table(self._described, (slot.name, slot.offset, slot.part, slot.looks))
-        self._unlike = store.table(self._unlike_asked)
+        self._texts = store.table(self._described, (slot.name, slot.offset, slot.part, slot.looks))
+        self._unlike = store.table(self._unlike_requested)
 
     def sizes(self, rows: FormRows) -> Ints:
         """One piece a row."""
@@ -174,28 +174,28 @@ class NumberJson:
 
     def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """The piece of each row."""
-        slot, here = self._slot, rows.here
-        number = numbers(slot, here, source)
-        found = self._pieces.take(number)
+        slot, row_numbers = self._slot, rows.here
+        number = numbers(slot, row_numbers, source)
+        texts = self._texts.take(number)
         if slot.echo is not None:
-            asked = looked(slot.echo, here, source)
+            requested = looked(slot.echo, row_numbers, source)
             value = number & ((1 << self._bits) - 1)
-            unlike = np.flatnonzero((asked >= 0) & (asked != value))
-            found[unlike] = self._unlike.take(number[unlike] << 16 | asked[unlike])
-        cursor.put(found)
+            unlike = np.flatnonzero((requested >= 0) & (requested != value))
+            texts[unlike] = self._unlike.take(number[unlike] << 16 | requested[unlike])
+        cursor.put(texts)
 
-    def _described(self, number: int, asked: int = -1) -> bytes:
-        return b"," + encoded(self._slot.described(*taken_apart(self._slot, number), asked).to_json())
+    def _described(self, number: int, requested: int = -1) -> bytes:
+        return b"," + encoded(self._slot.described(*taken_apart(self._slot, number), requested).to_json())
 
-    def _unlike_asked(self, number: int) -> bytes:
+    def _unlike_requested(self, number: int) -> bytes:
         return self._described(number >> 16, number & 0xFFFF)
 
 
-def numbers(slot: Slot, here: Ints, source: BatchBytes) -> Ints:
+def numbers(slot: Slot, row_numbers: Ints, source: BatchBytes) -> Ints:
     """What a number's description hangs on, of each row, as one number: its value, and what it looks at."""
-    number = source.pdus.number(slot.offset, slot.part.width, here)
-    for look in slot.looks:
-        number = number | (looked(look, here, source) + 1) << 8 * slot.part.width
+    number = source.pdus.number(slot.offset, slot.part.width, row_numbers)
+    for reference in slot.looks:
+        number = number | (looked(reference, row_numbers, source) + 1) << 8 * slot.part.width
     return number
 
 
@@ -221,26 +221,26 @@ class RegisterText:
         self._shown = part.shown
         self._part = part
         self._between = _more(part.text([0, 0]), part.text([0]))[:-1]
-        self._said = store.table_of_many(self._digits, (Registers, "said"))
+        self._texts = store.table_of_many(self._digits, (Registers, "said"))
         self._more = store.table(lambda n: _more(part.text([0] * n), part.text([0] * part.shown)))
 
-    def sizes(self, held: FormBlocks) -> Ints:
+    def sizes(self, blocks: FormBlocks) -> Ints:
         """Pieces of each line."""
-        return 1 + np.minimum(held.counts, self._shown)
+        return 1 + np.minimum(blocks.counts, self._shown)
 
-    def put(self, held: FormBlocks, source: BatchBytes, cursor: Cursor) -> None:
+    def put(self, blocks: FormBlocks, source: BatchBytes, cursor: Cursor) -> None:
         """The pieces of these blocks' lines."""
-        shown = np.minimum(held.counts, self._shown)
+        shown = np.minimum(blocks.counts, self._shown)
         i = within(shown)
-        values = source.words(np.repeat(held.begins, shown) + 2 * i)
-        said = self._said.take(values)
-        cursor.spread(shown, np.where(i > 0, said, without(said, len(self._between))))
-        cursor.put(self._more.take(np.maximum(held.counts, self._shown)))
+        values = source.words(np.repeat(blocks.begins, shown) + 2 * i)
+        texts = self._texts.take(values)
+        cursor.spread(shown, np.where(i > 0, texts, without(texts, len(self._between))))
+        cursor.put(self._more.take(np.maximum(blocks.counts, self._shown)))
 
     def _digits(self, values: list[int]) -> list[bytes]:
         """Each value as one of a line that is not its first."""
         between = self._between
-        return [between + said for said in insides(list(map(self._part.digits, values)))]
+        return [between + digits for digits in insides(list(map(self._part.digits, values)))]
 
 
 class BitText:
@@ -249,22 +249,22 @@ class BitText:
     def __init__(self, part: Bits, store: Store) -> None:
         self._shown = part.shown
         self._part = part
-        self._said = store.table(self._digits, (Bits, "said"))
+        self._texts = store.table(self._digits, (Bits, "said"))
         self._more = store.table(lambda n: _more(part.text([False] * n), part.text([False] * part.shown)))
 
-    def sizes(self, held: FormBlocks) -> Ints:
+    def sizes(self, blocks: FormBlocks) -> Ints:
         """Pieces of each line."""
-        return 1 + ((np.minimum(held.counts, self._shown) + 7) >> 3)
+        return 1 + ((np.minimum(blocks.counts, self._shown) + 7) >> 3)
 
-    def put(self, held: FormBlocks, source: BatchBytes, cursor: Cursor) -> None:
+    def put(self, blocks: FormBlocks, source: BatchBytes, cursor: Cursor) -> None:
         """The pieces of these blocks' lines."""
-        shown = np.minimum(held.counts, self._shown)
+        shown = np.minimum(blocks.counts, self._shown)
         groups = (shown + 7) >> 3
         i = within(groups)
         bits = np.minimum(np.repeat(shown, groups) - 8 * i, 8)
-        byte = source.octets(np.repeat(held.begins, groups) + i)
-        cursor.spread(groups, self._said.take(byte << 5 | bits << 1 | (i > 0)))
-        cursor.put(self._more.take(np.maximum(held.counts, self._shown)))
+        byte = source.octets(np.repeat(blocks.begins, groups) + i)
+        cursor.spread(groups, self._texts.take(byte << 5 | bits << 1 | (i > 0)))
+        cursor.put(self._more.take(np.maximum(blocks.counts, self._shown)))
 
     def _digits(self, key: int) -> bytes:
         before = [False] * (8 * (key & 1))
@@ -281,8 +281,8 @@ def bits_of(byte: int) -> list[bool]:
     return [bool(byte >> bit & 1) for bit in range(8)]
 
 
-def _more(text: str, known: str) -> bytes:
+def _more(text: str, beginning: str) -> bytes:
     """What a text has beyond one that it begins with."""
-    if not text.startswith(known):
-        raise AssertionError(f"{text!r} does not begin with {known!r}")
-    return inside(text[len(known) :])
+    if not text.startswith(beginning):
+        raise AssertionError(f"{text!r} does not begin with {beginning!r}")
+    return inside(text[len(beginning) :])

@@ -31,7 +31,7 @@ class Envelope:
         self._confidence = store.table(self._confidences)
         self._end = store.table(lambda port: _end(_frame(port=port).to_json(fields=False)))
 
-    def put_head(self, rows: Rows, here: Ints, source: BatchBytes, cursor: Cursor) -> None:
+    def put_head(self, rows: Rows, row_numbers: Ints, source: BatchBytes, cursor: Cursor) -> None:
         """`HEAD` pieces of each of these rows of a batch, `"hex"` the last of them, its quote not closed."""
         cursor.put(b'{"index":')
         cursor.put_numbers(rows["index"])
@@ -53,17 +53,17 @@ class Envelope:
         plain = protocol != Protocol.ASCII
         texts = np.empty(len(rows), np.int64)
         texts[plain] = source.hex(rows["at"][plain], rows["length"][plain], cursor.sheet)
-        captured = ((source.pdus.batch.bytes_of(int(row)), Protocol.ASCII) for row in here[~plain])
+        captured = ((source.pdus.batch.bytes_of(int(row)), Protocol.ASCII) for row in row_numbers[~plain])
         texts[~plain] = cursor.sheet.texts([adu_of(*each).data.hex().encode() for each in captured])
         cursor.put(texts)
 
-    def put_tail(self, rows: Rows, here: Ints, batch: Batch, cursor: Cursor) -> None:
+    def put_tail(self, rows: Rows, row_numbers: Ints, batch: Batch, cursor: Cursor) -> None:
         """`TAIL` pieces of each row: the line's end is the last of them."""
         cursor.put(self._confidence.take(rows["confidence"].view(np.uint32).astype(np.int64)))
         ends = self._end.take(rows["port"].astype(np.int64))
-        special = np.arange(len(rows)) if self._explain else np.flatnonzero(batch.finding_counts[here])
+        special = np.arange(len(rows)) if self._explain else np.flatnonzero(batch.finding_counts[row_numbers])
         if len(special):
-            ends[special] = cursor.sheet.texts([self._special(batch, row) for row in here[special].tolist()])
+            ends[special] = cursor.sheet.texts([self._special(batch, row) for row in row_numbers[special].tolist()])
         cursor.put(ends)
 
     def _special(self, batch: Batch, row: int) -> bytes:
@@ -119,7 +119,7 @@ def _end(line: dict[str, Any]) -> bytes:
 # seen are kept as text.
 
 
-_KEPT: Final = 16 << 20  # bytes of text
+_MOST_CACHED: Final = 16 << 20  # bytes of text
 
 
 class Whole:
@@ -127,21 +127,21 @@ class Whole:
 
     def __init__(self, make: Callable[[Frame], bytes]) -> None:
         self._make = make
-        self._known: dict[tuple[bytes, bytes | None, int, int], bytes] = {}
+        self._texts: dict[tuple[bytes, bytes | None, int, int], bytes] = {}
         self._size = 0
 
     def text(self, frame: Frame) -> bytes:
         """The frame's text."""
         key = (frame.captured, frame.request_bytes, frame.row.kind, frame.row.protocol)
-        found = self._known.get(key)
-        if found is None:
-            found = self._make(frame)
-            self._size += len(found)
-            if self._size > _KEPT:
-                self._known.clear()
-                self._size = len(found)
-            self._known[key] = found
-        return found
+        rendered = self._texts.get(key)
+        if rendered is None:
+            rendered = self._make(frame)
+            self._size += len(rendered)
+            if self._size > _MOST_CACHED:
+                self._texts.clear()
+                self._size = len(rendered)
+            self._texts[key] = rendered
+        return rendered
 
 
 def noise_json(batch: Batch, row: int) -> dict[str, Any]:
@@ -157,8 +157,8 @@ def noise_json(batch: Batch, row: int) -> dict[str, Any]:
     }
     if values["port"]:
         line["port"] = int(values["port"])
-    if said := batch.findings_of(row):
-        line["findings"] = [finding.to_json() for finding in said]
+    if findings := batch.findings_of(row):
+        line["findings"] = [finding.to_json() for finding in findings]
     return line
 
 

@@ -99,70 +99,72 @@ class Forms:
 
     def __init__(self, parts: Callable[[int, Role, Slots], tuple[FormPart, ...] | None]) -> None:
         self._parts = parts
-        self._known: dict[int, tuple[Slots, tuple[FormPart, ...]] | None] = {}
+        self._forms: dict[int, tuple[Slots, tuple[FormPart, ...]] | None] = {}
 
-    def groups(self, rows: BatchRows, here: Ints, source: BatchBytes) -> list[Group]:
-        """The rows, which are number `here` of the batch, that are set from pieces, by form."""
+    def groups(self, rows: BatchRows, row_numbers: Ints, source: BatchBytes) -> list[Group]:
+        """The rows, which are `row_numbers` of the batch, that are set from pieces, by form."""
         able = np.flatnonzero(
             (rows["kind"] != Kind.NOISE) & (rows["protocol"] == Envelope.RTU) & (rows["length"] >= _LEAST)
         )
-        keys = rows["kind"][able].astype(np.int64) << 8 | source.octets(source.pdus.begins[here[able]])
+        keys = rows["kind"][able].astype(np.int64) << 8 | source.octets(source.pdus.begins[row_numbers[able]])
         groups = []
         for key in np.flatnonzero(np.bincount(keys)).tolist():
-            if key not in self._known:
-                self._known[key] = self._form(key & 0xFF, Role.REQUEST if key >> 8 == Kind.REQUEST else Role.RESPONSE)
-            if (form := self._known[key]) is not None:
+            if key not in self._forms:
+                self._forms[key] = self._form(key & 0xFF, Role.REQUEST if key >> 8 == Kind.REQUEST else Role.RESPONSE)
+            if (form := self._forms[key]) is not None:
                 lines = able[keys == key]
-                kept, fits = _split(form[0], key & 0xFF, here[lines], source)
-                groups.append(Group(form[1], lines[fits], kept))
+                form_rows, fits = _split(form[0], key & 0xFF, row_numbers[lines], source)
+                groups.append(Group(form[1], lines[fits], form_rows))
         return groups
 
     def _form(self, code: int, role: Role) -> tuple[Slots, tuple[FormPart, ...]] | None:
         declared = function(code)
         if code & EXCEPTION:
-            made = exception_slots() if role is Role.RESPONSE else None
+            form_slots = exception_slots() if role is Role.RESPONSE else None
         else:
-            made = None if declared is None else slots(declared, role)
-        parts = None if made is None else self._parts(code, role, made)
-        return None if made is None or parts is None else (made, parts)
+            form_slots = None if declared is None else slots(declared, role)
+        parts = None if form_slots is None else self._parts(code, role, form_slots)
+        return None if form_slots is None or parts is None else (form_slots, parts)
 
 
-def looked(look: FieldRef, here: Ints, source: BatchBytes) -> Ints:
+def looked(reference: FieldRef, row_numbers: Ints, source: BatchBytes) -> Ints:
     """The number that is looked at, of each row; -1 where there is none."""
-    return source.pdus.number(look.offset, look.width, here, asked=look.asked)
+    return source.pdus.number(reference.offset, reference.width, row_numbers, asked=reference.asked)
 
 
-def _split(form: Slots, code: int, here: Ints, source: BatchBytes) -> tuple[FormRows, NDArray[np.bool_]]:
+def _split(form: Slots, code: int, row_numbers: Ints, source: BatchBytes) -> tuple[FormRows, NDArray[np.bool_]]:
     """Of these rows those that are set from pieces, and a mask of them."""
     pdus = source.pdus
-    sizes = pdus.ends[here] - pdus.begins[here]
-    fits = np.ones(len(here), np.bool_)
+    sizes = pdus.ends[row_numbers] - pdus.begins[row_numbers]
+    fits = np.ones(len(row_numbers), np.bool_)
     if form.asks:  # a request of another function would tell nothing
-        asked = pdus.asked_begins[here]
-        fits = (asked < 0) | ((pdus.asked_ends[here] > asked) & (pdus.data.take(np.maximum(asked, 0)) == code))
+        request_begins = pdus.asked_begins[row_numbers]
+        fits = (request_begins < 0) | (
+            (pdus.asked_ends[row_numbers] > request_begins) & (pdus.data.take(np.maximum(request_begins, 0)) == code)
+        )
     if form.block is None:
         fits &= sizes == form.size
-        return FormRows(here[fits]), fits
+        return FormRows(row_numbers[fits]), fits
     block = form.block
     octets = sizes - form.size
-    count = pdus.number(block.count.offset, block.count.part.width, here)
+    count = pdus.number(block.count.offset, block.count.part.width, row_numbers)
     fits &= (octets > 0) & (octets == count * block.part.scale - block.part.less)
-    counts = _counts(block, np.where(fits, octets, 0), here, source)
+    counts = _counts(block, np.where(fits, octets, 0), row_numbers, source)
     fits &= counts > 0
-    kept = here[fits]
-    first = np.full(len(kept), -1) if block.start is None else looked(block.start, kept, source)
-    held = FormBlocks(pdus.begins[kept] + block.offset, octets[fits], first, counts[fits])
-    return FormRows(kept, held), fits
+    fitting = row_numbers[fits]
+    first = np.full(len(fitting), -1) if block.start is None else looked(block.start, fitting, source)
+    blocks = FormBlocks(pdus.begins[fitting] + block.offset, octets[fits], first, counts[fits])
+    return FormRows(fitting, blocks), fits
 
 
-def _counts(block: CountedBlock, octets: Ints, here: Ints, source: BatchBytes) -> Ints:
+def _counts(block: CountedBlock, octets: Ints, row_numbers: Ints, source: BatchBytes) -> Ints:
     """How many registers or bits these bytes are; 0 where only annotation can tell."""
     if not isinstance(block.part, Bits):
         return np.where(octets & 1, 0, octets >> 1)
     bits = 8 * octets
     if block.quantity is None:
         return bits
-    quantity = looked(block.quantity, here, source)
+    quantity = looked(block.quantity, row_numbers, source)
     counts = np.where(quantity < 0, bits, np.minimum(quantity, bits))
     return np.where(bits - counts >= 8, 0, counts)
 
@@ -190,13 +192,13 @@ class BatchBytes:
 
     def octets(self, at: Ints) -> Ints:
         """The byte at each place."""
-        found: Ints = self.pdus.data.take(at).astype(np.int64)
-        return found
+        values: Ints = self.pdus.data.take(at).astype(np.int64)
+        return values
 
     def words(self, at: Ints) -> Ints:
         """The two bytes at each place, as a number."""
-        found: Ints = self.pdus.words.take(at).astype(np.int64)
-        return found
+        values: Ints = self.pdus.words.take(at).astype(np.int64)
+        return values
 
     def hex(self, begins: Ints, lengths: Ints, sheet: Sheet) -> Pieces:
         """Stretches of bytes in hex."""
@@ -218,5 +220,5 @@ def kept(batch: Batch, first: int, last: int, *, noise: bool) -> tuple[Ints, Row
     rows = batch.rows[first:last]
     if noise or (rows["kind"] != Kind.NOISE).all():
         return np.arange(first, last), rows
-    here = first + np.flatnonzero(rows["kind"] != Kind.NOISE)
-    return here, batch.rows[here]
+    row_numbers = first + np.flatnonzero(rows["kind"] != Kind.NOISE)
+    return row_numbers, batch.rows[row_numbers]

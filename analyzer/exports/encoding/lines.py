@@ -36,12 +36,12 @@ class FrameJsonLines:
         self._store = Store()
         self._envelope = Envelope(self._store, explain)
         self._forms = Forms(partial(fields, self._store))
-        self._whole = Whole(lambda frame: encoded([field.to_json() for field in frame.fields()]))
+        self._field_texts = Whole(lambda frame: encoded([field.to_json() for field in frame.fields()]))
         self._unit = self._store.table(
             lambda unit: b'","fields":[' + encoded(header_fields(rtu(bytes([unit])))[0].to_json())
         )
         self._function = self._store.table(_function)
-        self._check_place = self._store.table(lambda at: b"," + parted(_check(at, 0))[0])
+        self._check_offset = self._store.table(lambda at: b"," + parted(_check(at, 0))[0])
         self._ok = _VALUE + (b"".join(parted(_check(0, 0))[2:]) + b"]").replace(b"%", b"%%")
         self._check_value = self._store.table_of_many(self._right)
         self._pdus: Pdus | None = None
@@ -51,33 +51,33 @@ class FrameJsonLines:
         self._store.settle()
         if self._pdus is None or self._pdus.batch is not batch:
             self._pdus = Pdus(batch)
-        here, rows = kept(batch, first, last, noise=self._noise)
+        row_numbers, rows = kept(batch, first, last, noise=self._noise)
         silent = rows["kind"] == Kind.NOISE
         frames = np.flatnonzero(~silent)
         spoken = rows if len(frames) == len(rows) else rows[frames]
         sizes = np.where(silent, 1, HEAD + 1 + TAIL)
         source = BatchBytes.of(self._pdus, spoken)
-        groups = self._forms.groups(rows, here, source)
+        groups = self._forms.groups(rows, row_numbers, source)
         for group in groups:
             sizes[group.lines] = HEAD + _AROUND + group.sizes() + TAIL
         sheet = Sheet(self._store, sizes)
-        sheet.at(np.flatnonzero(silent)).put_texts([_noise(batch, row) for row in here[silent].tolist()])
-        self._envelope.put_head(spoken, here[frames], source, sheet.at(frames))
-        self._envelope.put_tail(spoken, here[frames], batch, sheet.before_end(frames, TAIL))
-        self._put_fields(groups, rows, here, source, sheet)
+        sheet.at(np.flatnonzero(silent)).put_texts([_noise(batch, row) for row in row_numbers[silent].tolist()])
+        self._envelope.put_head(spoken, row_numbers[frames], source, sheet.at(frames))
+        self._envelope.put_tail(spoken, row_numbers[frames], batch, sheet.before_end(frames, TAIL))
+        self._put_fields(groups, rows, row_numbers, source, sheet)
         return sheet.parts()
 
-    def _put_fields(self, groups: list[Group], rows: Rows, here: Ints, source: BatchBytes, sheet: Sheet) -> None:
+    def _put_fields(self, groups: list[Group], rows: Rows, row_numbers: Ints, source: BatchBytes, sheet: Sheet) -> None:
         """All fields: those of the groups by pieces, the others' frame by frame."""
         for group in groups:
             group.put(source, sheet.at(group.lines, HEAD + 2))
         formed = np.concatenate([np.zeros(0, np.int64), *(group.lines for group in groups)])
         self._put_around(rows, formed, source, sheet)
-        whole = rows["kind"] != Kind.NOISE
-        whole[formed] = False
-        frames = (source.pdus.batch.frame(row) for row in here[whole].tolist())
-        texts = [b'","fields":' + self._whole.text(frame) for frame in frames]
-        sheet.at(np.flatnonzero(whole), HEAD).put_texts(texts)
+        unformed = rows["kind"] != Kind.NOISE
+        unformed[formed] = False
+        frames = (source.pdus.batch.frame(row) for row in row_numbers[unformed].tolist())
+        texts = [b'","fields":' + self._field_texts.text(frame) for frame in frames]
+        sheet.at(np.flatnonzero(unformed), HEAD).put_texts(texts)
 
     def _put_around(self, rows: Rows, formed: Ints, source: BatchBytes, sheet: Sheet) -> None:
         """Unit and function, and the check value, of RTU frames."""
@@ -87,13 +87,13 @@ class FrameJsonLines:
         kind = rows["kind"][formed].astype(np.int64)
         head.put(self._function.take(kind << 8 | source.octets(begins + 1)))
         at = lengths - _CHECK
-        tail.put(self._check_place.take(at))
+        tail.put(self._check_offset.take(at))
         at += begins
         checks = self._check_value.take(source.octets(at) | source.octets(at + 1) << 8)
         wrong = np.flatnonzero(~rows["check"][formed])
         if len(wrong):
-            places = zip(begins[wrong].tolist(), lengths[wrong].tolist(), strict=True)
-            frames = (source.pdus.data[begin : begin + length].tobytes() for begin, length in places)
+            spans = zip(begins[wrong].tolist(), lengths[wrong].tolist(), strict=True)
+            frames = (source.pdus.data[begin : begin + length].tobytes() for begin, length in spans)
             checks[wrong] = sheet.texts([_rest(check_fields(rtu(frame), len(frame) - _CHECK)[0]) for frame in frames])
         tail.put(checks)
 

@@ -42,12 +42,12 @@ class FramesAhead:
             if self._in_order <= _IN_ORDER:
                 self._more = _FEWEST
                 return None
-            line = self._made(batch, row, min(row + self._more, len(batch)))
+            line = self._line_of(batch, row, min(row + self._more, len(batch)))
             self._more = min(2 * self._more, _MOST)
-        found: dict[str, Any] = orjson.loads(line)
-        return found
+        decoded: dict[str, Any] = orjson.loads(line)
+        return decoded
 
-    def _made(self, batch: Batch, first: int, last: int) -> bytes:
+    def _line_of(self, batch: Batch, first: int, last: int) -> bytes:
         """The line of row `first`; those up to `last` (excluded) are ready."""
         text = b"".join(self._lines.text(batch, first, last))
         rows = first + np.flatnonzero(batch.rows["kind"][first:last] != Kind.NOISE)

@@ -24,7 +24,7 @@ MakeAll = Callable[[list[int]], list[bytes]]
 
 REACH: Final = 128
 
-_KEPT: Final = 16 << 20  # bytes of all pieces
+_MOST_BYTES: Final = 16 << 20  # bytes of all pieces
 _DENSE: Final = 1 << 21  # numbers up to this have their piece in an array, which grows as they come
 _LEAST: Final = 1 << 8
 _SIZE_BITS: Final = 24
@@ -49,8 +49,8 @@ def sizes_of(pieces: Pieces) -> Ints:
 class Store:
     """The bytes of all pieces, and the tables of them."""
 
-    def __init__(self, kept: int = _KEPT) -> None:
-        self._kept = kept
+    def __init__(self, kept: int = _MOST_BYTES) -> None:
+        self._most_bytes = kept
         self._tables: dict[Hashable, TextTable] = {}
         self._fixed: dict[bytes, int] = {}
         self._bytes: Bytes = np.empty(1 << 16, np.uint8)
@@ -86,7 +86,7 @@ class Store:
 
     def settle(self) -> None:
         """Between two sheets: forget all if it is too much."""
-        if self._used > self._kept:
+        if self._used > self._most_bytes:
             self._used = 1
             self._fixed.clear()
             for table in self._tables.values():
@@ -129,17 +129,17 @@ class TextTable:
             return np.empty(0, np.int64)
         largest = int(numbers.max())
         if largest >= _DENSE:
-            return self._take_far(numbers)
+            return self._far_texts(numbers)
         if largest >= len(self._near):
             wider = np.zeros(max(_LEAST, 1 << largest.bit_length()), np.int64)
             wider[: len(self._near)] = self._near
             self._near = wider
-        found: Pieces = self._near.take(numbers)
-        if not found.all():
-            unknown = self._once(numbers[found == _UNKNOWN])
+        texts: Pieces = self._near.take(numbers)
+        if not texts.all():
+            unknown = self._once(numbers[texts == _UNKNOWN])
             self._near[unknown] = self._added(unknown.tolist())
-            found = self._near.take(numbers)
-        return found
+            texts = self._near.take(numbers)
+        return texts
 
     def _once(self, unknown: Ints) -> Ints:
         """Each of these numbers once: where one stands several times, its place keeps what was written there last."""
@@ -148,7 +148,7 @@ class TextTable:
         once: Ints = unknown[self._near.take(unknown) == marks]
         return once
 
-    def _take_far(self, numbers: Ints) -> Pieces:
+    def _far_texts(self, numbers: Ints) -> Pieces:
         distinct, where = np.unique(numbers, return_inverse=True)
         unknown = [number for number in distinct.tolist() if number not in self._far]
         self._far.update(zip(unknown, self._added(unknown).tolist(), strict=True))
@@ -237,14 +237,14 @@ def insides(texts: list[str]) -> list[bytes]:
 
 def middle(value: int | bool, raw: str) -> bytes:
     """What `parted` gives as the second part, for a number or truth value."""
-    said = ("true" if value else "false") if value is True or value is False else value
-    return f'{said},"raw":"{raw}","text":"'.encode()
+    literal = ("true" if value else "false") if value is True or value is False else value
+    return f'{literal},"raw":"{raw}","text":"'.encode()
 
 
 def parted(field: Field) -> tuple[bytes, bytes, bytes, bytes]:
     """A field's JSON in four: up to its value, up to its text, its text, the rest."""
-    whole = orjson.dumps(field.to_json())
-    value = whole.index(b'"value":') + len(b'"value":')
-    text = whole.index(b'"text":"', value) + len(b'"text":"')
+    line = orjson.dumps(field.to_json())
+    value = line.index(b'"value":') + len(b'"value":')
+    text = line.index(b'"text":"', value) + len(b'"text":"')
     end = text + len(inside(field.text))
-    return whole[:value], whole[value:text], whole[text:end], whole[end:]
+    return line[:value], line[value:text], line[text:end], line[end:]

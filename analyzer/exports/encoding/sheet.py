@@ -58,20 +58,20 @@ class Sheet:
         """The text of all lines, in parts; take them before another sheet is begun."""
         source = windows(self.store.with_lent(self._lent), REACH)
         for first in range(0, len(self.pieces), _COPIED):
-            here = self.pieces[first : first + _COPIED]
-            begins, sizes = begins_of(here), sizes_of(here)
+            segment = self.pieces[first : first + _COPIED]
+            begins, sizes = begins_of(segment), sizes_of(segment)
             at = np.cumsum(sizes)
             size = int(at[-1])
             at -= sizes
             page: Bytes = np.empty(size + REACH, np.uint8)
             target = windows(page, REACH)
             target[at] = source[begins]
-            done = REACH
-            while len(longer := np.flatnonzero(sizes > done)):
+            copied = REACH
+            while len(longer := np.flatnonzero(sizes > copied)):
                 begins, sizes, at = begins[longer], sizes[longer], at[longer]
-                rest = np.minimum(done, sizes - REACH)  # the last stretch ends where the piece does
+                rest = np.minimum(copied, sizes - REACH)  # the last stretch ends where the piece does
                 target[at + rest] = source[begins + rest]
-                done += REACH
+                copied += REACH
             yield page[:size].data
 
 
@@ -97,10 +97,10 @@ class Cursor:
 
     def put_known(self, numbers: Ints, otherwise: bytes) -> None:
         """A number a line, or another text where it is negative."""
-        found = np.full(len(numbers), self.sheet.store.fixed(otherwise))
-        known = numbers >= 0
-        found[known] = self.sheet.numbers(numbers[known])
-        self.put(found)
+        texts = np.full(len(numbers), self.sheet.store.fixed(otherwise))
+        valid = numbers >= 0
+        texts[valid] = self.sheet.numbers(numbers[valid])
+        self.put(texts)
 
     def spread(self, counts: Ints, *columns: Pieces) -> None:
         """Several pieces a line, `counts` times as many as there are columns: the first of each, the second of each."""
@@ -116,6 +116,6 @@ class Cursor:
 def within(counts: Ints) -> Ints:
     """0, 1, 2 … of each of some counts, end to end."""
     ends = np.cumsum(counts)
-    found: Ints = np.arange(int(ends[-1]) if len(ends) else 0)
-    found -= np.repeat(ends - counts, counts)
-    return found
+    indices: Ints = np.arange(int(ends[-1]) if len(ends) else 0)
+    indices -= np.repeat(ends - counts, counts)
+    return indices

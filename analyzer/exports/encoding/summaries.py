@@ -47,13 +47,13 @@ class _NumberForm(_Always):
 
     def __init__(self, slot: Slot, placeholder: str, store: Store, escape: Escape) -> None:
         self._slot = slot
-        self._pieces = store.table(
+        self._texts = store.table(
             lambda number: escape(filled(placeholder, [slot.described(*taken_apart(slot, number), brief=True)]) or "")
         )
 
     def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """The piece of each row."""
-        cursor.put(self._pieces.take(numbers(self._slot, rows.here, source)))
+        cursor.put(self._texts.take(numbers(self._slot, rows.here, source)))
 
 
 class _CountForm(_Always):
@@ -61,11 +61,11 @@ class _CountForm(_Always):
 
     def __init__(self, block: CountedBlock, placeholder: str, store: Store, escape: Escape) -> None:
         field = block.described(b"")
-        self._pieces = store.table(lambda n: escape(filled(placeholder, [replace(field, value=n)]) or ""))
+        self._texts = store.table(lambda n: escape(filled(placeholder, [replace(field, value=n)]) or ""))
 
     def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:  # noqa: ARG002
         """The piece of each row."""
-        cursor.put(self._pieces.take(rows.blocks.counts))
+        cursor.put(self._texts.take(rows.blocks.counts))
 
 
 class _ValuesForm:
@@ -87,11 +87,11 @@ class _Exception(_Always):
     """An exception in words."""
 
     def __init__(self, code: int, store: Store, escape: Escape) -> None:
-        self._pieces = store.table(lambda number: escape(summary(rtu(bytes([0, code, number, 0, 0])), Role.RESPONSE)))
+        self._texts = store.table(lambda number: escape(summary(rtu(bytes([0, code, number, 0, 0])), Role.RESPONSE)))
 
     def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """The piece of each row."""
-        cursor.put(self._pieces.take(source.pdus.number(1, 1, rows.here)))
+        cursor.put(self._texts.take(source.pdus.number(1, 1, rows.here)))
 
 
 def words(
@@ -105,20 +105,20 @@ def words(
         return (_Exception(code, store, escape),)
     declared = function(code)
     named = {slot.name: slot for slot in form.numbers}
-    known = {*named} | ({form.block.name} if form.block is not None else set())
+    fields = {*named} | ({form.block.name} if form.block is not None else set())
     for template in declared.words(role.name.lower()) if declared is not None else ():
-        pieces = list(Formatter().parse(template))
-        names = [name for _, name, _, _ in pieces if name is not None]
-        if template and known.issuperset(names):
-            return _parts(pieces, named, form.block, store, begin, escape)
-        if any(name not in known for name in names if name.isidentifier()):
+        segments = list(Formatter().parse(template))
+        names = [name for _, name, _, _ in segments if name is not None]
+        if template and fields.issuperset(names):
+            return _parts(segments, named, form.block, store, begin, escape)
+        if any(name not in fields for name in names if name.isidentifier()):
             continue  # as `summary` does: the first that has all its fields
         return None
     return None
 
 
 def _parts(
-    pieces: list[tuple[str, str | None, str | None, str | None]],
+    segments: list[tuple[str, str | None, str | None, str | None]],
     named: dict[str, Slot],
     block: CountedBlock | None,
     store: Store,
@@ -126,7 +126,7 @@ def _parts(
     escape: Escape,
 ) -> tuple[FormPart, ...] | None:
     parts: list[FormPart] = []
-    for literal, name, noun, conversion in pieces:
+    for literal, name, noun, conversion in segments:
         if literal:
             parts.append(_Always((escape if parts else begin)(literal)))
         if name is None:

@@ -84,7 +84,7 @@ _EXACT: Final = 1 << 53  # nanoseconds that a float still counts
 _SPECIAL: Final = frozenset(',"\r\n')
 
 
-class _Said(NamedTuple):
+class _Spoken(NamedTuple):
     """What frames speak of: -1 for none; how many values each has, and the values of all, end to end."""
 
     address: Ints
@@ -102,14 +102,14 @@ class _CsvTable:
         self._pdus: Pdus | None = None
         self._store = Store()
         self._cell = self._store.table(lambda number: b",%d," % number)
-        self._known = self._store.table(lambda number: b",%d" % (number - 1) if number else b",")
+        self._number = self._store.table(lambda number: b",%d" % (number - 1) if number else b",")
         self._value = self._store.table_of_many(lambda numbers: [b" %d" % number for number in numbers])
         self._second = self._store.table(_second)
         self._unit = self._store.table(_unit)
         self._function = self._store.table(_function)
         self._confidence = self._store.table(lambda key: b",%.6f," % float(np.uint32(key).view(np.float32)))
         self._forms = Forms(partial(words, self._store, _begun, _quoted))
-        self._whole = Whole(lambda frame: _begun(frame.summary()))
+        self._summary = Whole(lambda frame: _begun(frame.summary()))
         self._decoded: tuple[Batch, Decoded] | None = None
         columns = COLUMNS + (EXPLAINED if options.explain else ())
         self._out.write((b"\xef\xbb\xbf" if options.bom else b"") + ",".join(columns).encode() + b"\n")
@@ -124,29 +124,29 @@ class _CsvTable:
             self._pdus = Pdus(batch)
         if self._zero is None:
             self._zero = int(batch.rows["t_start"][first])
-        here, rows = kept(batch, first, last, noise=self._options.noise)
+        row_numbers, rows = kept(batch, first, last, noise=self._options.noise)
         silent = rows["kind"] == Kind.NOISE
         frames = np.flatnonzero(~silent)
         spoken = rows if len(frames) == len(rows) else rows[frames]
         source = BatchBytes.of(self._pdus, spoken)
-        groups = self._forms.groups(rows, here, source)
+        groups = self._forms.groups(rows, row_numbers, source)
         head = _HEAD + (_TIMES if self._timed else 1)
-        said = self._contents(batch, here[frames])
-        tail = (_TAIL_TIMED if self._timed else _TAIL) + said.counts
+        contents = self._contents(batch, row_numbers[frames])
+        tail = (_TAIL_TIMED if self._timed else _TAIL) + contents.counts
         sizes = np.ones(len(rows), np.int64)
         sizes[frames] = head + 1 + tail
         for group in groups:
             sizes[group.lines] += group.sizes() - 1
         sheet = Sheet(self._store, sizes)
-        sheet.at(np.flatnonzero(silent)).put_texts(self._noise(batch, here[silent]))
-        self._put_head(spoken, here[frames], source, sheet.at(frames))
-        whole = ~silent
+        sheet.at(np.flatnonzero(silent)).put_texts(self._noise(batch, row_numbers[silent]))
+        self._put_head(spoken, row_numbers[frames], source, sheet.at(frames))
+        unformed = ~silent
         for group in groups:
             group.put(source, sheet.at(group.lines, head))
-            whole[group.lines] = False
-        annotated = [self._whole.text(batch.frame(row)) for row in here[whole].tolist()]
-        sheet.at(np.flatnonzero(whole), head).put_texts(annotated)
-        self._put_tail(spoken, said, batch, here[frames], sheet.before_end(frames, tail))
+            unformed[group.lines] = False
+        annotated = [self._summary.text(batch.frame(row)) for row in row_numbers[unformed].tolist()]
+        sheet.at(np.flatnonzero(unformed), head).put_texts(annotated)
+        self._put_tail(spoken, contents, batch, row_numbers[frames], sheet.before_end(frames, tail))
         for part in sheet.parts():
             self._out.write(part)
 
@@ -156,7 +156,7 @@ class _CsvTable:
     def close(self) -> None:
         """Nothing is left: rows are written as they come."""
 
-    def _put_head(self, rows: Rows, here: Ints, source: BatchBytes, cursor: Cursor) -> None:
+    def _put_head(self, rows: Rows, row_numbers: Ints, source: BatchBytes, cursor: Cursor) -> None:
         """Everything before the summary."""
         cursor.put(b"frame,")
         cursor.put_numbers(rows["index"])
@@ -177,7 +177,7 @@ class _CsvTable:
         plain = protocol != Protocol.ASCII
         texts = np.empty(len(rows), np.int64)
         texts[plain] = source.spaced(rows["at"][plain], rows["length"][plain], cursor.sheet)
-        ascii_frames = (source.pdus.batch.frame(int(row)) for row in here[~plain])
+        ascii_frames = (source.pdus.batch.frame(int(row)) for row in row_numbers[~plain])
         texts[~plain] = cursor.sheet.texts([frame.adu.data.hex(" ").upper().encode() for frame in ascii_frames])
         cursor.put(texts)
         cursor.put(b',"')
@@ -187,8 +187,8 @@ class _CsvTable:
         if not self._timed:
             cursor.put(b",,")
             return
-        whole, rest = _seconds(rows["t_start"] - (self._zero or 0), cursor.sheet)
-        cursor.put(whole)
+        seconds, rest = _seconds(rows["t_start"] - (self._zero or 0), cursor.sheet)
+        cursor.put(seconds)
         cursor.put(b".")
         cursor.put(rest)
         cursor.put(b",")
@@ -196,64 +196,64 @@ class _CsvTable:
         cursor.put(b",")
         cursor.put_numbers(rows["t_end"])
 
-    def _put_tail(self, rows: Rows, said: _Said, batch: Batch, here: Ints, cursor: Cursor) -> None:
+    def _put_tail(self, rows: Rows, contents: _Spoken, batch: Batch, row_numbers: Ints, cursor: Cursor) -> None:
         """What is behind the summary, and the line's end."""
-        found = np.full(len(here), self._store.fixed(b'",,'))
-        odd = np.flatnonzero(batch.finding_counts[here])
+        findings = np.full(len(row_numbers), self._store.fixed(b'",,'))
+        odd = np.flatnonzero(batch.finding_counts[row_numbers])
         if len(odd):
-            texts = [b'",' + _findings(batch.findings_of(row)) + b"," for row in here[odd].tolist()]
-            found[odd] = cursor.sheet.texts(texts)
-        cursor.put(found)
+            texts = [b'",' + _findings(batch.findings_of(row)) + b"," for row in row_numbers[odd].tolist()]
+            findings[odd] = cursor.sheet.texts(texts)
+        cursor.put(findings)
         if self._timed:
             self._put_clock(rows["t_start"], cursor)
-        cursor.put(self._known.take(said.address + 1))
-        cursor.put(self._known.take(said.quantity + 1))
+        cursor.put(self._number.take(contents.address + 1))
+        cursor.put(self._number.take(contents.quantity + 1))
         cursor.put(b",")
-        numbers = self._value.take(said.values)
-        cursor.spread(said.counts, np.where(within(said.counts) > 0, numbers, without(numbers, 1)))
+        numbers = self._value.take(contents.values)
+        cursor.spread(contents.counts, np.where(within(contents.counts) > 0, numbers, without(numbers, 1)))
         if self._options.explain:
-            cursor.put_texts([_explained(batch.frame(row)) + b"\n" for row in here.tolist()])
+            cursor.put_texts([_explained(batch.frame(row)) + b"\n" for row in row_numbers.tolist()])
         else:
             cursor.put(b"\n")
 
     def _put_clock(self, t_ns: Ints, cursor: Cursor) -> None:
         """ISO 8601 in UTC to the microsecond; nothing for times that no clock of ours gave."""
         second, fraction, zone = np.full((3, len(t_ns)), self._store.fixed(b""))
-        known = np.flatnonzero(is_clock(t_ns))
-        if len(known):
-            seconds, rest = np.divmod(t_ns[known] // 1000, 1_000_000)
-            second[known] = self._second.take(seconds)
-            fraction[known] = without(cursor.sheet.numbers(1_000_000 + rest), 1)
-            zone[known] = self._store.fixed(b"Z")
+        clocked = np.flatnonzero(is_clock(t_ns))
+        if len(clocked):
+            seconds, rest = np.divmod(t_ns[clocked] // 1000, 1_000_000)
+            second[clocked] = self._second.take(seconds)
+            fraction[clocked] = without(cursor.sheet.numbers(1_000_000 + rest), 1)
+            zone[clocked] = self._store.fixed(b"Z")
         for part in (second, fraction, zone):
             cursor.put(part)
 
-    def _contents(self, batch: Batch, here: Ints) -> _Said:
+    def _contents(self, batch: Batch, row_numbers: Ints) -> _Spoken:
         """What some rows speak of."""
         if self._decoded is None or self._decoded[0] is not batch:
             self._decoded = batch, decode(batch, self._pdus)
         decoded = self._decoded[1]
-        begins = decoded.offsets[here]
-        counts = decoded.offsets[here + 1] - begins
+        begins = decoded.offsets[row_numbers]
+        counts = decoded.offsets[row_numbers + 1] - begins
         values = decoded.values.take(np.repeat(begins, counts) + within(counts)).astype(np.int64)
-        address, quantity = (column[here].astype(np.int64) for column in (decoded.address, decoded.quantity))
-        return _Said(address, quantity, counts, values)
+        address, quantity = (column[row_numbers].astype(np.int64) for column in (decoded.address, decoded.quantity))
+        return _Spoken(address, quantity, counts, values)
 
-    def _noise(self, batch: Batch, here: Ints) -> list[bytes]:
+    def _noise(self, batch: Batch, row_numbers: Ints) -> list[bytes]:
         blank = b"," * (COLUMNS.index("hex") - COLUMNS.index("t_end_ns"))
         behind = len(COLUMNS) - 1 - COLUMNS.index("findings") + (len(EXPLAINED) if self._options.explain else 0)
         end = b"," * behind + b"\n"
-        rows = batch.rows[here]
+        rows = batch.rows[row_numbers]
         columns: list[list[Any]] = [rows[name].tolist() for name in ("port", "start", "length")]
         form = b"noise,,%d,%d,%d,,,"
         if self._timed:
             form = b"noise,,%d,%d,%d,%.6f,%d,%d"
             columns += [((rows["t_start"] - (self._zero or 0)) / 1e9).tolist()]
             columns += [rows[name].tolist() for name in ("t_start", "t_end")]
-        places = [form % row for row in zip(*columns, strict=True)]
-        hexes = [batch.bytes_of(row).hex(" ").upper().encode() for row in here.tolist()]
-        said = [b",," + _findings(batch.findings_of(row)) for row in here.tolist()]
-        return [b"".join((place, blank, *texts, end)) for place, *texts in zip(places, hexes, said, strict=True)]
+        begins = [form % row for row in zip(*columns, strict=True)]
+        hexes = [batch.bytes_of(row).hex(" ").upper().encode() for row in row_numbers.tolist()]
+        findings = [b",," + _findings(batch.findings_of(row)) for row in row_numbers.tolist()]
+        return [b"".join((begin, blank, *texts, end)) for begin, *texts in zip(begins, hexes, findings, strict=True)]
 
 
 class _Delimited:
@@ -278,9 +278,9 @@ def _seconds(ns: Ints, sheet: Sheet) -> tuple[Pieces, Pieces]:
     """What `%.6f` says of some nanoseconds as seconds: before the point, and behind it."""
     plain = (ns >= 0) & (ns < _EXACT) & (ns % 1000 != 500)  # the others round as their float does
     micros = (ns + 500) // 1000
-    whole = micros // 1_000_000
-    rest = micros - 1_000_000 * whole
-    before, behind = sheet.numbers(whole), without(sheet.numbers(1_000_000 + rest), 1)
+    full_seconds = micros // 1_000_000
+    rest = micros - 1_000_000 * full_seconds
+    before, behind = sheet.numbers(full_seconds), without(sheet.numbers(1_000_000 + rest), 1)
     if not plain.all():
         texts = [b"%.6f" % seconds for seconds in (ns[~plain] / 1e9).tolist()]
         before[~plain] = sheet.texts([text[:-7] for text in texts])

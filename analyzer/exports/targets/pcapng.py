@@ -103,17 +103,17 @@ class _PacketWriter:
     def rows(self, batch: Batch, first: int, last: int) -> None:
         """A packet a row."""
         kinds = batch.rows["kind"][first:last]
-        kept = np.arange(first, last) if self._options.noise else first + np.flatnonzero(kinds != Kind.NOISE)
-        if not len(kept):
+        chosen = np.arange(first, last) if self._options.noise else first + np.flatnonzero(kinds != Kind.NOISE)
+        if not len(chosen):
             return
-        ports = batch.rows["port"][kept]
+        ports = batch.rows["port"][chosen]
         for port in np.unique(ports).tolist():
             self._interface(port)
         interfaces = np.zeros(256, np.uint32)
         interfaces[list(self._interfaces)] = list(self._interfaces.values())
-        marks = marked_rows(self._notes, ports, batch.rows["start"][kept])
-        comments = _comments(batch, kept, self._options.explain, marks)
-        self._out.write(_packets(batch, kept, interfaces[ports], comments))
+        marks = marked_rows(self._notes, ports, batch.rows["start"][chosen])
+        comments = _comments(batch, chosen, self._options.explain, marks)
+        self._out.write(_packets(batch, chosen, interfaces[ports], comments))
 
     def batch(self, analysed: Analysed) -> None:
         """Nothing here hangs on a whole batch."""
@@ -141,9 +141,9 @@ def _interface(port: int, line: LineSettings) -> bytes:
     return pcapng_block(ng.INTERFACE, struct.pack("<HHI", UPPER_PDU, 0, 0) + options + bytes(4))
 
 
-def _packets(batch: Batch, kept: NDArray[np.intp], interfaces: Words, comments: dict[int, bytes]) -> bytes:
-    """The blocks of some rows; `comments` holds options by a row's place in `kept`."""
-    rows = batch.rows[kept]
+def _packets(batch: Batch, chosen: NDArray[np.intp], interfaces: Words, comments: dict[int, bytes]) -> bytes:
+    """The blocks of some rows; `comments` holds options by a row's position in `chosen`."""
+    rows = batch.rows[chosen]
     lengths = np.minimum(rows["length"], _MOST)
     extra = np.zeros(len(rows), np.int64)
     if comments:
@@ -170,8 +170,8 @@ def _packets(batch: Batch, kept: NDArray[np.intp], interfaces: Words, comments: 
     _copy(batch.data, rows["at"], packed.view(np.uint8), 4 * (begins + _BEFORE + _TAGGED), lengths)
 
     behind = begins + ends
-    for place, option in comments.items():
-        packed[behind[place] : behind[place] + extra[place]] = np.frombuffer(option, "<u4")
+    for position, option in comments.items():
+        packed[behind[position] : behind[position] + extra[position]] = np.frombuffer(option, "<u4")
     behind = behind + extra
     packed[behind] = 4 << 16 | ng.FLAGS  # the option's code, then its size
     packed[behind + 1] = _WAYS[kinds] | np.where((kinds != Kind.NOISE) & ~rows["check"], _CRC_ERROR, 0)
@@ -182,28 +182,28 @@ def _packets(batch: Batch, kept: NDArray[np.intp], interfaces: Words, comments: 
 def _copy(data: NDArray[np.uint8], at: _Ints, out: NDArray[np.uint8], to: _Ints, lengths: _Ints) -> None:
     """Stretches of `data` to their places in `out`."""
     steps = np.arange(int(lengths.sum()))
-    done = np.cumsum(lengths) - lengths
-    out[np.repeat(to - done, lengths) + steps] = data[np.repeat(at - done, lengths) + steps]
+    copied = np.cumsum(lengths) - lengths
+    out[np.repeat(to - copied, lengths) + steps] = data[np.repeat(at - copied, lengths) + steps]
 
 
-def _comments(batch: Batch, kept: NDArray[np.intp], explain: bool, marks: Mapping[int, str]) -> dict[int, bytes]:
-    """Packet comments as options, by a row's place in `kept`: findings, why the boundaries stand where they do, and the
-    user's own."""
-    said: dict[int, list[str]] = {}
-    found = batch.findings
-    if found is not None and len(found):
-        rows = batch.rows[kept]
-        marked = np.isin(rows["start"], found["start"])
-        for place in np.flatnonzero(marked).tolist():
-            said[place] = [finding_comment(finding) for finding in batch.findings_of(int(kept[place]))]
+def _comments(batch: Batch, chosen: NDArray[np.intp], explain: bool, marks: Mapping[int, str]) -> dict[int, bytes]:
+    """Packet comments as options, by a row's position in `chosen`: findings, why the boundaries stand where they do,
+    and the user's own."""
+    texts_by_row: dict[int, list[str]] = {}
+    findings = batch.findings
+    if findings is not None and len(findings):
+        rows = batch.rows[chosen]
+        marked = np.isin(rows["start"], findings["start"])
+        for position in np.flatnonzero(marked).tolist():
+            texts_by_row[position] = [finding_comment(finding) for finding in batch.findings_of(int(chosen[position]))]
     if explain and batch.evidence is not None:
-        for place in np.flatnonzero(batch.rows["kind"][kept] != Kind.NOISE).tolist():
-            if (why := explain_json(batch.frame(int(kept[place])))) is not None:
+        for position in np.flatnonzero(batch.rows["kind"][chosen] != Kind.NOISE).tolist():
+            if (why := explain_json(batch.frame(int(chosen[position])))) is not None:
                 weights = ", ".join(f"{key} {value}" for key, value in why.items() if key != "runner_up")
-                said.setdefault(place, []).append(f"evidence in bits: {weights}")
-    for place, comment in marks.items():
-        said.setdefault(place, []).append(f"bookmark: {comment}" if comment else "bookmark")
-    return {place: _comment_options(texts) for place, texts in said.items() if texts}
+                texts_by_row.setdefault(position, []).append(f"evidence in bits: {weights}")
+    for position, comment in marks.items():
+        texts_by_row.setdefault(position, []).append(f"bookmark: {comment}" if comment else "bookmark")
+    return {position: _comment_options(texts) for position, texts in texts_by_row.items() if texts}
 
 
 def _comment_options(texts: Iterable[str]) -> bytes:
@@ -230,10 +230,10 @@ class PacketStream:
 
     def row(self, batch: Batch, row: int, line: LineSettings) -> bytes:
         """A frame or noise, with what was found by now; `line` is what is known of the line."""
-        kept = np.array([row])
+        chosen = np.array([row])
         new, interface = self._interface(int(batch.rows["port"][row]), line)
         interfaces = np.array([interface], np.uint32)
-        return new + _packets(batch, kept, interfaces, _comments(batch, kept, explain=False, marks={}))
+        return new + _packets(batch, chosen, interfaces, _comments(batch, chosen, explain=False, marks={}))
 
     def remark(self, t_ns: int, port: int, line: LineSettings, texts: Iterable[str]) -> bytes:
         """Comments by themselves."""

@@ -164,21 +164,21 @@ def range_chart(units: Sequence[UnitRow]) -> RangeChart | None:
     high = max(math.ceil(math.log10(max(four[3] for _, four, _ in rows))), low + 1)
     wide = WIDTH - _LEFT - _RIGHT - 20
 
-    def place(ns: float) -> float:
+    def x_of(ns: float) -> float:
         return round(_LEFT + (math.log10(ns) - low) / (high - low) * wide, 1)
 
-    made = tuple(
+    ranges = tuple(
         TimeRange(
             unit,
             _ROW * (i + 0.5) + 4,
-            place(four[0]),
-            place(four[1]),
-            place(four[2]),
-            place(four[3]),
+            x_of(four[0]),
+            x_of(four[1]),
+            x_of(four[2]),
+            x_of(four[3]),
             f"unit {unit}: min {times.worded('min')}, p50 {times.worded('p50')}, p95 {times.worded('p95')}, "
             f"max {times.worded('max')} ({times.count:,} measured)",
         )
         for i, (unit, four, times) in enumerate(rows)
     )
-    ticks = tuple(AxisTick(place(10.0**power), duration(10**power)) for power in range(low, high + 1))
-    return RangeChart(_LEFT, WIDTH - _RIGHT, _ROW * len(made) + 34, made, ticks)
+    ticks = tuple(AxisTick(x_of(10.0**power), duration(10**power)) for power in range(low, high + 1))
+    return RangeChart(_LEFT, WIDTH - _RIGHT, _ROW * len(ranges) + 34, ranges, ticks)

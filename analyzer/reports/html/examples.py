@@ -49,25 +49,25 @@ class Examples:
     def add(self, batch: Batch, findings: Findings) -> None:
         """Keep what is still missing."""
         for number in np.flatnonzero(np.bincount(findings["rule"])).tolist():
-            kept = self._by_rule.setdefault(number, [])
-            mine = findings[(findings["rule"] == number) & (findings["start"] >= 0)] if len(kept) < _EACH else ()
-            for row in mine[: _EACH - len(kept)]:
+            examples = self._by_rule.setdefault(number, [])
+            mine = findings[(findings["rule"] == number) & (findings["start"] >= 0)] if len(examples) < _EACH else ()
+            for row in mine[: _EACH - len(examples)]:
                 example = _example(batch, row)
                 if example is not None:
-                    kept.append(example)
-                    self._by_code[example.finding.code] = kept
+                    examples.append(example)
+                    self._by_code[example.finding.code] = examples
 
 
 def _example(batch: Batch, row: np.void) -> FindingExample | None:
     """The finding with the row that holds its first byte; None where this batch has no such row."""
     rows, start = batch.rows, row["start"]
-    place = int(rows_of_findings(rows, row.reshape(1))[0])
-    if place < 0:
+    number = int(rows_of_findings(rows, row.reshape(1))[0])
+    if number < 0:
         return None
     finding = describe(row)
-    if rows["kind"][place] != Kind.NOISE:
-        return FindingExample(finding, batch.frame(place), b"", finding.length)
-    noise = batch.bytes_of(place)[int(start - rows["start"][place]) :]
+    if rows["kind"][number] != Kind.NOISE:
+        return FindingExample(finding, batch.frame(number), b"", finding.length)
+    noise = batch.bytes_of(number)[int(start - rows["start"][number]) :]
     return FindingExample(finding, None, noise[:_NOISE], len(noise))
 
 

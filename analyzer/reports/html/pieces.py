@@ -60,24 +60,28 @@ def shown(example: FindingExample, origin_ns: int | None) -> ExampleView:
     finding, frame = example.finding, example.frame
     if frame is None:
         octets = tuple(Octet(f"{byte:02X}", True) for byte in example.noise)
-        piece = FieldCell("", octets, example.length - len(octets), "", "")
-        title = " · ".join(("noise", *_place(finding.start, finding.port, finding.t_ns, origin_ns)))
-        return ExampleView(finding.text, (Strip(title, "bytes in no frame", (piece,)),))
+        cell = FieldCell("", octets, example.length - len(octets), "", "")
+        title = " · ".join(("noise", *_location(finding.start, finding.port, finding.t_ns, origin_ns)))
+        return ExampleView(finding.text, (Strip(title, "bytes in no frame", (cell,)),))
     strips = []
     if frame.request_bytes is not None:
-        asked = adu_of(frame.request_bytes, frame.row.protocol)
-        fields = annotate(asked, Role.REQUEST)
-        strips.append(Strip("the request before it", "", _pieces(fields, asked.data, range(0))))
+        request = adu_of(frame.request_bytes, frame.row.protocol)
+        fields = annotate(request, Role.REQUEST)
+        strips.append(Strip("the request before it", "", _cells(fields, request.data, range(0))))
     strips.append(_strip(frame, finding, origin_ns))
     return ExampleView(finding.text, tuple(strips))
 
 
 def _strip(frame: Frame, finding: Finding, origin_ns: int | None) -> Strip:
     marks = _meant(frame, finding)
-    parts = [f"frame {frame.index:,}", frame.direction, *_place(frame.start, frame.port, frame.t_start_ns, origin_ns)]
+    parts = [
+        f"frame {frame.index:,}",
+        frame.direction,
+        *_location(frame.start, frame.port, frame.t_start_ns, origin_ns),
+    ]
     if frame.response_time_ns is not None:
         parts.append(f"{duration(frame.response_time_ns)} after its request")
-    return Strip(" · ".join(parts), frame.summary(), _pieces(frame.fields(), frame.adu.data, marks))
+    return Strip(" · ".join(parts), frame.summary(), _cells(frame.fields(), frame.adu.data, marks))
 
 
 def _meant(frame: Frame, finding: Finding) -> range:
@@ -90,19 +94,19 @@ def _meant(frame: Frame, finding: Finding) -> range:
     return range(first, first + finding.length) if finding.length < frame.length else range(0)
 
 
-def _place(start: int, port: int, t_ns: int, origin_ns: int | None) -> list[str]:
+def _location(start: int, port: int, t_ns: int, origin_ns: int | None) -> list[str]:
     parts = [f"byte {start:,}" + (f" of port {port}" if port else "")]
     if origin_ns is not None:
         parts.append(f"at {(t_ns - origin_ns) / 1e9:,.6f} s")
     return parts
 
 
-def _pieces(fields: tuple[Field, ...], data: bytes, marks: range) -> tuple[FieldCell, ...]:
-    made = []
+def _cells(fields: tuple[Field, ...], data: bytes, marks: range) -> tuple[FieldCell, ...]:
+    cells = []
     for field in fields:
-        places = range(field.start, field.start + field.length)
-        octets = tuple(Octet(f"{data[i]:02X}", i in marks) for i in places[:_BYTES])
+        span = range(field.start, field.start + field.length)
+        octets = tuple(Octet(f"{data[i]:02X}", i in marks) for i in span[:_BYTES])
         text = field.text if len(field.text) <= _TEXT else field.text[: _TEXT - 1] + "…"
         problem = field.problem or ""
-        made.append(FieldCell(field.name.replace("_", " "), octets, len(places) - len(octets), text, problem))
-    return tuple(made)
+        cells.append(FieldCell(field.name.replace("_", " "), octets, len(span) - len(octets), text, problem))
+    return tuple(cells)

@@ -24,7 +24,7 @@ class Log:
 
     def __init__(self, channel: int) -> None:
         self._channel = channel
-        self._told: dict[int, int] = {}  # by rule
+        self._counts: dict[int, int] = {}  # by rule
         self._end = 0  # ns, of the rows so far
         self.left_out = 0
 
@@ -46,22 +46,22 @@ class Log:
 
     def _room(self, findings: Rows) -> Ints:
         """Which of these are told."""
-        kept = np.ones(len(findings), np.bool_)
+        fitting = np.ones(len(findings), np.bool_)
         for rule in np.unique(findings["rule"]).tolist():
-            here = np.flatnonzero(findings["rule"] == rule)
-            before = self._told.get(rule, 0)
-            kept[here[max(MAX_OF_A_KIND - before, 0) :]] = False
-            self._told[rule] = before + len(here)
-        self.left_out += int(np.count_nonzero(~kept))
-        return np.flatnonzero(kept)
+            own = np.flatnonzero(findings["rule"] == rule)
+            before = self._counts.get(rule, 0)
+            fitting[own[max(MAX_OF_A_KIND - before, 0) :]] = False
+            self._counts[rule] = before + len(own)
+        self.left_out += int(np.count_nonzero(~fitting))
+        return np.flatnonzero(fitting)
 
 
 def _texts(findings: Rows, times: list[int]) -> list[bytes]:
     """Their messages; times are in ns."""
-    known = rules()
+    declared = rules()
     texts = []
     for number, figures, t_ns in zip(findings["rule"].tolist(), findings["numbers"].tolist(), times, strict=True):
-        rule = known[number]
+        rule = declared[number]
         text = rule.words(rule.text, evidence(rule, figures))
         texts.append(log_message(t_ns, LEVELS[rule.severity], text, rule.code))
     return texts

@@ -33,8 +33,8 @@ def frame_messages(
     frames = np.flatnonzero(batch.rows["kind"] != Kind.NOISE)
     for first in range(0, len(frames), AT_ONCE):
         which = frames[first : first + AT_ONCE]
-        whole = int(which[-1]) - int(which[0]) == len(which) - 1  # no noise between: no need to pick
-        pick: Any = slice(int(which[0]), int(which[-1]) + 1) if whole else which
+        gapless = int(which[-1]) - int(which[0]) == len(which) - 1  # no noise between: no need to pick
+        pick: Any = slice(int(which[0]), int(which[-1]) + 1) if gapless else which
         rows = batch.rows[pick]
         columns: _Columns = {name: rows[_RENAMED.get(name, name)] for name in (*_PLAIN, *_RARE)}
         columns |= {
@@ -81,10 +81,10 @@ def _explain(heads: Rows, message: Message, evidence: Rows) -> None:
     for name in schemas.EVIDENCE:
         heads[f"evidence_{name}"] = evidence[name]
     kind, start = evidence["rival_kind"], evidence["rival_start"]
-    there = (start >= 0) & (kind != Kind.NOISE)
-    heads["runner_up_kind"] = np.where(there, kind, Kind.NOISE)
-    message.put(heads, "runner_up_start", start, present=there)
-    message.put(heads, "runner_up_length", evidence["rival_length"], present=there)
+    rival = (start >= 0) & (kind != Kind.NOISE)
+    heads["runner_up_kind"] = np.where(rival, kind, Kind.NOISE)
+    message.put(heads, "runner_up_start", start, present=rival)
+    message.put(heads, "runner_up_length", evidence["rival_length"], present=rival)
 
 
 def _bytes(batch: Batch, which: Ints, rows: Rows) -> Tails:

@@ -43,11 +43,11 @@ class MappedTopics:
         """The values that the answers of a batch hold, in the order of their topics."""
         channels, times, values = [], [], []
         for column in mapped_columns(batch, decoded, self._charts):
-            told = np.flatnonzero(~np.isnan(column.values))
-            if len(told):
-                channels.append(np.full(len(told), self._channel(column.unit, column.row), np.uint16))
-                times.append(batch.rows["t_end"][column.answers[told]])
-                values.append(column.values[told])
+            readable = np.flatnonzero(~np.isnan(column.values))
+            if len(readable):
+                channels.append(np.full(len(readable), self._channel(column.unit, column.row), np.uint16))
+                times.append(batch.rows["t_end"][column.answers[readable]])
+                values.append(column.values[readable])
         if not channels:
             return None
         heads = packing.heads(self._message.layout(HEAD), sum(map(len, values)))

@@ -80,7 +80,7 @@ class Topics:
             "values": f"{self._values.left_out} messages: too many addresses" if self._values.left_out else "",
             "findings": f"{self._log.left_out} messages: too many of a kind" if self._log.left_out else "",
         }
-        return {key: what for key, what in left_out.items() if what}
+        return {key: words for key, words in left_out.items() if words}
 
     def _channel(self, topic: str, message: Message) -> int:
         schema = self._writer.register_schema(message.name, ENCODING, message.schema())

@@ -59,7 +59,7 @@ class Stories:
             message = log_message(end_ns, LEVELS[Severity[cause.severity.upper()]], text, cause.cause)
             self._writer.add_message(channel, end_ns, message, end_ns)
         lines = [orjson.dumps(cause.to_json()).decode() for cause in causes]
-        names = [f"{place:02d} {cause.cause}" for place, cause in enumerate(causes, 1)]
+        names = [f"{rank:02d} {cause.cause}" for rank, cause in enumerate(causes, 1)]
         self._writer.add_metadata(CAUSES, dict(zip(names, lines, strict=True)))
 
     def _mark(self, t_ns: int, index: int, comment: str) -> None:

@@ -21,8 +21,8 @@ def transaction_messages(settled: Rows, message: Message, channel: int) -> Itera
         order = np.argsort(times, kind="stable")
         settled, times = settled.take(order), times[order]
     for first in range(0, len(settled), AT_ONCE):
-        here = slice(first, first + AT_ONCE)
-        yield _packed(settled[here], times[here], message, channel)
+        block = slice(first, first + AT_ONCE)
+        yield _packed(settled[block], times[block], message, channel)
 
 
 def _packed(settled: Rows, times: Ints, message: Message, channel: int) -> Packed:

@@ -98,13 +98,13 @@ def _fields(confirmed: ConfirmedValues, numbers: Ints) -> Tails:
     begins, sizes = np.zeros(len(bits), np.int64), np.zeros(len(bits), np.int64)
     buffers: list[Bytes] = []
     first = sums(confirmed.counts)[:-1]
-    for kind, here in ((schemas.REGISTER, np.flatnonzero(~bits)), (schemas.BIT, np.flatnonzero(bits))):
-        ends = sums(confirmed.counts[here])
-        counts = confirmed.counts[here]
+    for kind, selected in ((schemas.REGISTER, np.flatnonzero(~bits)), (schemas.BIT, np.flatnonzero(bits))):
+        ends = sums(confirmed.counts[selected])
+        counts = confirmed.counts[selected]
         within = np.arange(int(ends[-1])) - np.repeat(ends[:-1], counts)
-        values = confirmed.values.take(within + np.repeat(confirmed.begins[here], counts))
-        items = plain_items(kind, numbers.take(within + np.repeat(first[here], counts)), values)
-        begins[here] = ends[:-1] * items.itemsize + sum(map(len, buffers))
-        sizes[here] = counts * items.itemsize
+        values = confirmed.values.take(within + np.repeat(confirmed.begins[selected], counts))
+        items = plain_items(kind, numbers.take(within + np.repeat(first[selected], counts)), values)
+        begins[selected] = ends[:-1] * items.itemsize + sum(map(len, buffers))
+        sizes[selected] = counts * items.itemsize
         buffers.append(items.view(np.uint8))
     return Tails(np.concatenate(buffers), begins, sizes)
