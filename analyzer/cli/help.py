@@ -23,7 +23,7 @@ _ALIASES: Final = {
     "mqtt": "outlets",
 }  # words by which pages are asked for
 _INSTALLED: Final = Path(__file__).parents[1] / "pages"
-_HERE: Final = Path(__file__).parents[2] / "docs"  # of a clone
+_CLONED: Final = Path(__file__).parents[2] / "docs"  # of a clone
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -33,18 +33,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print a page, or the list of them."""
-    found = pages()
+    by_name = pages()
     if arguments.topic is None:
-        for name, listed in sorted(found.items()):
+        for name, listed in sorted(by_name.items()):
             print(f"{name:14}{_title(listed)}")
         print("\nrtuscope COMMAND --help tells of a command")
         return DONE
     if arguments.topic in COMMANDS:
         return main([arguments.topic, "--help"])
     topic = arguments.topic.lower().removesuffix(".md").removeprefix("docs/")
-    page = found.get(topic) or found.get(_ALIASES.get(topic, ""))
+    page = by_name.get(topic) or by_name.get(_ALIASES.get(topic, ""))
     if page is None:
-        near = did_you_mean(topic, [*found, *_ALIASES, *COMMANDS])
+        near = did_you_mean(topic, [*by_name, *_ALIASES, *COMMANDS])
         raise UsageError(f"no page {arguments.topic!r}{near} (rtuscope help lists them)")
     print(page.read_text(encoding="utf-8"), end="")
     return DONE
@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def pages() -> dict[str, Path]:
     """The pages, by name."""
-    folder = _INSTALLED if _INSTALLED.is_dir() else _HERE
+    folder = _INSTALLED if _INSTALLED.is_dir() else _CLONED
     return {page.stem: page for page in folder.glob("*.md")}
 
 

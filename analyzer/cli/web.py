@@ -99,10 +99,10 @@ def guarded(server: Any, host: str, token: str) -> web.Application:
         return await handler(request)
 
     async def index(request: web.Request) -> web.Response:
-        here = f"{request.host}/{token}"
+        address = f"{request.host}/{token}"
         text = page.render(
             font_size=16,
-            app_websocket_url=f"ws://{here}/ws",
+            app_websocket_url=f"ws://{address}/ws",
             config={"static": {"url": f"/{token}/static/"}},
             application={"name": _TITLE},
         )

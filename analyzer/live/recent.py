@@ -39,11 +39,11 @@ class Recent:
 
     def feed(self, step: SessionStep) -> Iterator[ShownRow]:
         """What is to be said after this step: of earlier rows first, then the new rows."""
-        here = step.batch.findings
-        if here is not None and len(step.findings) > len(here):
+        findings = step.batch.findings
+        if findings is not None and len(step.findings) > len(findings):
             yield from self._late(step)
         batch = step.batch
-        silent = here is None or not len(here)
+        silent = findings is None or not len(findings)
         for row in range(len(batch)):
             yield ShownRow(batch, row, () if silent else batch.findings_of(row), late=False)
         if len(batch):
@@ -59,10 +59,10 @@ class Recent:
             if start < 0:
                 continue
             for batch in self._batches:
-                place = np.flatnonzero((batch.rows["start"] == start) & (batch.rows["port"] == port))
-                if len(place):
+                rows = np.flatnonzero((batch.rows["start"] == start) & (batch.rows["port"] == port))
+                if len(rows):
                     one = np.array([finding])
-                    yield ShownRow(replace(batch, findings=one), int(place[0]), (describe(finding),), late=True)
+                    yield ShownRow(replace(batch, findings=one), int(rows[0]), (describe(finding),), late=True)
                     break
 
 

@@ -44,24 +44,24 @@ def cells_of_row(screen: BusScreen) -> list[DoorCell]:
     frame = bus.frame(row)
     cells = []
     item = screen.detail.fields.item
-    place = "" if item is None else item.text.partition(":")[0]
-    if screen.detail.fields.has_focus and item is not None and item.length and place.isdecimal() and len(place) > 4:
-        cells.append(DoorCell("v", f"register {place} of unit {frame.unit}", register_text(frame.unit, place)))
+    address = "" if item is None else item.text.partition(":")[0]
+    if screen.detail.fields.has_focus and item is not None and item.length and address.isdecimal() and len(address) > 4:
+        cells.append(DoorCell("v", f"register {address} of unit {frame.unit}", register_text(frame.unit, address)))
     cells += [
         DoorCell("u", f"unit {frame.unit}", f"unit == {frame.unit}"),
         DoorCell("f", f"{function_code(frame.function)} {frame.name}", f"function == {frame.function}"),
     ]
     partner = bus.partner(row)
-    asked = partner if partner is not None and frame.direction == "response" else row
-    poll = poll_values(bus, [asked])[0]
+    request = partner if partner is not None and frame.direction == "response" else row
+    poll = poll_values(bus, [request])[0]
     if poll.register:
         register = register_text(frame.unit, poll.register)
         cells.append(DoorCell("r", f"register {poll.register} of unit {frame.unit}", register))
-        whole = f"{register} and function == {frame.function} and quantity == {poll.quantity}"
-        cells.append(DoorCell("p", f"this poll: {poll.register} ×{poll.quantity} of unit {frame.unit}", whole))
+        poll_text = f"{register} and function == {frame.function} and quantity == {poll.quantity}"
+        cells.append(DoorCell("p", f"this poll: {poll.register} ×{poll.quantity} of unit {frame.unit}", poll_text))
     if frame.exception:
         cells.append(DoorCell("x", f"exception {frame.exception}", f"exception == {frame.exception}"))
-    codes = dict.fromkeys(finding.code for each in {row, asked, partner} - {None} for finding in bus.findings(each))  # type: ignore[arg-type]
+    codes = dict.fromkeys(finding.code for each in {row, request, partner} - {None} for finding in bus.findings(each))  # type: ignore[arg-type]
     cells += [DoorCell("cdeghij"[i], code, f'finding == "{code}"') for i, code in enumerate(list(codes)[:7])]
     return cells
 
@@ -72,7 +72,7 @@ class Doors:
     def __init__(self, screen: BusScreen) -> None:
         self._screen = screen
 
-    async def go(self, way: str) -> None:
+    async def go(self, sign: str) -> None:
         """Ask for a cell of the line where there are several, and go through it."""
         from .views import BY_NAME
 
@@ -83,22 +83,22 @@ class Doors:
             return
         which: int | None = 0
         if len(cells) > 1:
-            which = await screen.app.push_screen_wait(Choose(_ASKS[way], [(cell.key, cell.words) for cell in cells]))
+            which = await screen.app.push_screen_wait(Choose(_ASKS[sign], [(cell.key, cell.words) for cell in cells]))
         if which is not None:
-            self._through(way, cells[which])
+            self._through(sign, cells[which])
 
-    def _through(self, way: str, cell: DoorCell) -> None:
+    def _through(self, sign: str, cell: DoorCell) -> None:
         screen = self._screen
         bar = screen.query_one(FilterBar)
         old, text = bar.text, cell.text
-        if way == ".":
+        if sign == ".":
             screen.jumps.find_by(cell.words, for_test(compiled(text, screen.desk.bus.line).test))
-        elif way == "=":
+        elif sign == "=":
             bar.use(text)
-        elif way == "!":
+        elif sign == "!":
             bar.use(f"{_grouped(old)} and not ({text})" if old else f"not ({text})")
         else:
-            word = "and" if way == "&" else "or"
+            word = "and" if sign == "&" else "or"
             bar.prepare(f"{_grouped(old)} {word} {_grouped(text)}" if old else text)
 
 
