@@ -40,13 +40,13 @@ class CompiledTest(NamedTuple):
 
 def compiled(text: str, line: LineSettings, charts: UnitMaps | None = None) -> CompiledTest:
     """A filter for the rows of a line; `charts` are the maps of units, for `value("NAME")` and `name`. FilterError."""
-    tested = compile_filter(text, line, charts)
-    mask = tested.mask
+    row_filter = compile_filter(text, line, charts)
+    mask = row_filter.mask
 
     def test(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
         return mask(PieceTable(bus, number, low, high))
 
-    return CompiledTest(text, test, tested.settled)
+    return CompiledTest(text, test, row_filter.settled)
 
 
 class PieceTable:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from .bus import Bus
 
-_LOOK_BACK: Final = 4  # pieces
+_REACH: Final = 4  # pieces
 _CACHED: Final = 6
 _POWERS: Final = np.cumprod(np.full(1 << 10, 0x9E3779B97F4A7C15, np.uint64), dtype=np.uint64)
 _Hashes = NDArray[np.uint64]
@@ -86,7 +86,7 @@ class PollIndex:
         wanted = (self._polls(number)[slot] if row < self._bus.count else 0) or self._poll(row)
         if not wanted:
             return None
-        for earlier in range(number, max(-1, number - _LOOK_BACK), -1):
+        for earlier in range(number, max(-1, number - _REACH), -1):
             polls = self._polls(earlier)
             matches = np.flatnonzero((polls[:slot] if earlier == number else polls) == wanted)
             if len(matches):

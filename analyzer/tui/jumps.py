@@ -101,12 +101,12 @@ class Jumps:
 
     async def ask_what(self) -> None:
         """Ask what to look for, tell what is understood while it is typed, and look; a place is gone to."""
-        here, zone = max(0, self.here), self._screen.desk.zone
+        begin, zone = max(0, self.here), self._screen.desk.zone
 
         def understood(text: str) -> str:
             if not text.strip():
                 return _HINT
-            if _is_place(text):
+            if _names_row(text):
                 return f"goes to {text.strip()}"
             try:
                 return f"looks for {search.wanted(text).words}"
@@ -115,8 +115,8 @@ class Jumps:
 
         def wrong(text: str) -> str:
             try:
-                if _is_place(text):
-                    goto.place(text, self._bus, here, zone)
+                if _names_row(text):
+                    goto.place(text, self._bus, begin, zone)
                 else:
                     search.wanted(text)
             except (search.SearchError, goto.GotoError) as error:
@@ -129,8 +129,8 @@ class Jumps:
         if text is None:
             return
         self._sought = text
-        if _is_place(text):
-            self.go(goto.place(text, self._bus, here, zone))
+        if _names_row(text):
+            self.go(goto.place(text, self._bus, begin, zone))
         else:
             self._wanted = search.wanted(text)
             self._find_first()
@@ -195,7 +195,7 @@ class Jumps:
             self._screen.study_row(row)
 
 
-def _is_place(text: str) -> bool:
+def _names_row(text: str) -> bool:
     """Whether a text names a place, not something to look for: `#120`, `12.5s`, `+200ms`, `08:29`, `50%`."""
     text = text.strip().lower()
     return goto.is_place(text) and not text.isdecimal()
