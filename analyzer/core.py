@@ -191,7 +191,7 @@ class _Unsettled:
         """
         while len(self._batches) > 1 and (open_from is None or self._batches[0][1] <= open_from):
             batch, behind = self._batches.pop(0)
-            yield self._taken(batch, behind, rows_of_findings(batch.rows, self._findings) >= 0)
+            yield self._analysed(batch, behind, rows_of_findings(batch.rows, self._findings) >= 0)
 
     def rest(self) -> Iterator[Analysed]:
         """No more comes: everything, with what concerns the bus as a whole in the last one, which may hold no rows."""
@@ -200,11 +200,11 @@ class _Unsettled:
         every = np.ones(len(self._findings), np.bool_)
         if self._batches:
             batch, behind = self._batches.pop()
-            yield self._taken(batch, behind, every)
+            yield self._analysed(batch, behind, every)
         elif len(self._findings):
-            yield self._taken(Batch.empty(), 0, every)
+            yield self._analysed(Batch.empty(), 0, every)
 
-    def _taken(self, batch: Batch, behind: int, mine: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Analysed:
+    def _analysed(self, batch: Batch, behind: int, mine: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Analysed:
         findings, self._findings = self._findings[mine], self._findings[~mine]
         begun = int(np.searchsorted(self._transactions["request"], behind))
         transactions, self._transactions = self._transactions[:begun], self._transactions[begun:]
@@ -291,17 +291,17 @@ class _ObservedSource:
 
 def _evenly(blocks: Iterable[Block], room: int) -> Iterator[Block]:
     """The same chunks in blocks whose ends hang on the chunks alone, so that a capture reads alike from any format."""
-    held: list[Block] = []
+    parts: list[Block] = []
     for block in blocks:
         first = 0
         while first < len(block):
             last = int(np.searchsorted(block.offsets, block.offsets[first] + room))
             part = block.slice(first, min(max(last, first + 1), len(block)))
-            held.append(part)
+            parts.append(part)
             room -= len(part.data)
             first += len(part)
             if room <= 0:
-                yield Block.joined(held)
-                held, room = [], _BLOCK
-    if held:
-        yield Block.joined(held)
+                yield Block.joined(parts)
+                parts, room = [], _BLOCK
+    if parts:
+        yield Block.joined(parts)

@@ -54,13 +54,13 @@ class Notes:
         try:
             if len(text) > _LONGEST:
                 raise ValueError("too long")
-            known = json.loads(text)
-            if known["version"] != _VERSION:
-                version = str(known["version"])[:20]
+            document = json.loads(text)
+            if document["version"] != _VERSION:
+                version = str(document["version"])[:20]
                 raise NotesError(f"{path}: version {version} of the notes is not known here: left alone")
-            comments = {_place(note): str(note.get("comment", "")) for note in known["bookmarks"]}
-            reference = known.get("time_reference")
-            types = {_register(text): str(words) for text, words in dict(known.get("types", {})).items()}
+            comments = {_place(note): str(note.get("comment", "")) for note in document["bookmarks"]}
+            reference = document.get("time_reference")
+            types = {_register(text): str(words) for text, words in dict(document.get("types", {})).items()}
             return cls(path, comments, None if reference is None else _place(reference), types)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise NotesError(f"{path}: holds no notes of this program: left alone") from error
@@ -121,13 +121,13 @@ class Notes:
             {"port": port, "start": start, **({"comment": text} if text else {})}
             for (port, start), text in sorted(self.comments.items())
         ]
-        whole: dict[str, object] = {"version": _VERSION, "bookmarks": bookmarks}
+        document: dict[str, object] = {"version": _VERSION, "bookmarks": bookmarks}
         if self.reference is not None:
-            whole["time_reference"] = {"port": self.reference[0], "start": self.reference[1]}
+            document["time_reference"] = {"port": self.reference[0], "start": self.reference[1]}
         if self.types:
-            whole["types"] = {":".join(map(str, spot)): words for spot, words in sorted(self.types.items())}
+            document["types"] = {":".join(map(str, spot)): words for spot, words in sorted(self.types.items())}
         with captures.replacing(self.path) as out:
-            text = json.dumps(whole, indent=2, ensure_ascii=False) + "\n"
+            text = json.dumps(document, indent=2, ensure_ascii=False) + "\n"
             out.write(text.encode(errors="backslashreplace"))  # half a surrogate pair comes out as JSON writes it
 
 
@@ -151,6 +151,6 @@ def marked_rows(notes: Notes, ports: NDArray[np.integer[Any]], starts: NDArray[n
     """The rows, given by their ports and offsets, that bear a bookmark, with their comments (empty for none)."""
     if not notes.comments:
         return {}
-    places = np.isin(starts, [start for _, start in notes.comments]).nonzero()[0].tolist()
-    found = {row: notes.comments.get((int(ports[row]), int(starts[row]))) for row in places}
-    return {row: comment for row, comment in found.items() if comment is not None}
+    candidates = np.isin(starts, [start for _, start in notes.comments]).nonzero()[0].tolist()
+    comments = {row: notes.comments.get((int(ports[row]), int(starts[row]))) for row in candidates}
+    return {row: comment for row, comment in comments.items() if comment is not None}

@@ -34,14 +34,14 @@ class Parser(argparse.ArgumentParser):
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """argparse's, but an option that is not known is told with the one that was meant."""
-        given = list(sys.argv[1:] if args is None else args)
-        if "-r" in given and any(action.dest == "capture" for action in self._get_positional_actions()):
-            given.remove("-r")  # as tshark names the file to read
-        found, left = self.parse_known_args(given, namespace)
+        words = list(sys.argv[1:] if args is None else args)
+        if "-r" in words and any(action.dest == "capture" for action in self._get_positional_actions()):
+            words.remove("-r")  # as tshark names the file to read
+        parsed, left = self.parse_known_args(words, namespace)
         if left:
             near = did_you_mean(left[0].partition("=")[0], self._option_string_actions)
             self.error(f"unrecognized arguments: {' '.join(left)}{near}")
-        return found
+        return parsed
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
@@ -60,10 +60,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     _tolerant(sys.stderr)
     with gated_streams(), warnings.catch_warnings():
         warnings.showwarning = lambda message, *_, **__: tell(" ".join(str(message).split()))
-        return _told(list(sys.argv[1:] if argv is None else argv))
+        return _status_of(list(sys.argv[1:] if argv is None else argv))
 
 
-def _told(arguments: list[str]) -> int:
+def _status_of(arguments: list[str]) -> int:
     """Run a command; every trouble becomes a line and a status."""
     try:
         status = _run(arguments)
@@ -91,16 +91,16 @@ def _told(arguments: list[str]) -> int:
 def _with_settings(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
     """What was typed, over what settings files say, where there are some; and the language in use from here on."""
     if next(found_files(), None) is None:
-        given = parser.parse_args(arguments[1:])
+        parsed = parser.parse_args(arguments[1:])
     else:
         from .settling import settled
 
-        given = settled(parser, arguments[0], arguments[1:])
-    if getattr(given, "lang", None):
+        parsed = settled(parser, arguments[0], arguments[1:])
+    if getattr(parsed, "lang", None):
         from ..languages import use
 
-        use(given.lang)
-    return given
+        use(parsed.lang)
+    return parsed
 
 
 def _run(arguments: list[str]) -> int:
@@ -114,7 +114,7 @@ def _run(arguments: list[str]) -> int:
         argcomplete.autocomplete(parser)
     if arguments and arguments[0] in COMMANDS:  # the usual way: nothing of other commands is built
         command = load(arguments[0])
-        parser = Parser(prog=f"rtuscope {arguments[0]}", **_look(arguments[0], command))
+        parser = Parser(prog=f"rtuscope {arguments[0]}", **_help_style(arguments[0], command))
         command.configure(parser)
         return command.run(_with_settings(parser, arguments))
     if arguments and not arguments[0].startswith("-"):
@@ -150,13 +150,13 @@ def command_line(filled: Iterable[str]) -> Parser:
     for name, words in COMMANDS.items():
         if name in filled:
             command = load(name)
-            command.configure(commands.add_parser(name, help=words, **_look(name, command)))
+            command.configure(commands.add_parser(name, help=words, **_help_style(name, command)))
         else:
             commands.add_parser(name, help=words)
     return parser
 
 
-def _look(name: str, command: Command) -> dict[str, Any]:
+def _help_style(name: str, command: Command) -> dict[str, Any]:
     """How a command's help looks."""
     words = COMMANDS[name]
     return {

@@ -120,5 +120,5 @@ def _show(results: Results) -> None:
         rule = outcome.name if outcome.name == outcome.check else f"{outcome.name} ({outcome.check})"
         word = painted(outcome.word, _COLOURS[outcome.word] if colour else "")
         print(terminal_text(word, harmless(f" {rule}: {outcome.measured}")))
-        for place in outcome.places:
-            print(harmless(f"     {place.words}"))
+        for spot in outcome.places:
+            print(harmless(f"     {spot.words}"))

@@ -27,8 +27,8 @@ def _completer(words: Callable[[str], Iterable[str]]) -> Callable[..., list[str]
 def _ports(_: str) -> Iterable[str]:
     from captures.live.ports import ports
 
-    found = ports()
-    return [*(port.device for port in found), *(port.link for port in found if port.link), "socket://", "rfc2217://"]
+    listed = ports()
+    return [*(port.device for port in listed), *(port.link for port in listed if port.link), "socket://", "rfc2217://"]
 
 
 def _filter(text: str) -> Iterable[str]:

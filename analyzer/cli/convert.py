@@ -91,16 +91,16 @@ def run(arguments: argparse.Namespace) -> int:
         to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=capture.path)
     written = _Written()
     with interruptible() as stop:
-        made = _cut(_merged(opened, arguments), arguments)
+        edited = _cut(_merged(opened, arguments), arguments)
         out = sys.stdout.buffer if arguments.output == "-" else arguments.output
-        captures.write(out, observed(made, look=written.look, stop=stop), format=chosen.name)
+        captures.write(out, observed(edited, look=written.count, stop=stop), format=chosen.name)
         stopped = stop()
     for path, capture in zip(paths, opened, strict=True):
         tell_damage(path, capture)
-    if lost := _lost(made, chosen, written):
+    if lost := _lost(edited, chosen, written):
         tell(f"{arguments.output}: files of this format have no room for {', '.join(lost)}")
-    said = f"{arguments.output}: {written.reads:,} reads, {written.bytes:,} bytes of the line"
-    print(harmless(said), file=sys.stderr if arguments.output == "-" else sys.stdout)
+    line = f"{arguments.output}: {written.reads:,} reads, {written.bytes:,} bytes of the line"
+    print(harmless(line), file=sys.stderr if arguments.output == "-" else sys.stdout)
     if stopped:
         tell("stopped by Ctrl-C; what was done is kept, and partial")
         return INTERRUPTED
@@ -114,7 +114,7 @@ class _Written:
         self.reads = self.bytes = 0
         self.ports = self.errors = False
 
-    def look(self, block: Block) -> None:
+    def count(self, block: Block) -> None:
         """One more block."""
         self.reads += len(block)
         self.bytes += len(block.data)
@@ -135,18 +135,18 @@ def _format(arguments: argparse.Namespace) -> Format:
     return chosen
 
 
-def _lost(made: Capture, chosen: Format, written: _Written) -> list[str]:
+def _lost(capture: Capture, chosen: Format, written: _Written) -> list[str]:
     """What the format cannot hold."""
     from captures.io import keeps_notes
 
     lost = []
-    if chosen.name == "bin" and made.timed:
+    if chosen.name == "bin" and capture.timed:
         lost.append("times and direction marks")
     if chosen.name in ("bin", "text"):
-        lost += ["the line's settings"] if made.line.baud is not None else []
+        lost += ["the line's settings"] if capture.line.baud is not None else []
         lost += ["ports"] if written.ports else []
         lost += ["marks of wrong bytes"] if written.errors else []
-    if not keeps_notes(chosen) and (notes := made.notes()):
+    if not keeps_notes(chosen) and (notes := capture.notes()):
         lost.append("1 note" if len(notes) == 1 else f"{len(notes):,} notes")
     return lost
 
@@ -168,33 +168,33 @@ def _merged(opened: list[Capture], arguments: argparse.Namespace) -> Capture:
     return merged(moved, arguments.names)
 
 
-def _cut(made: Capture, arguments: argparse.Namespace) -> Capture:
+def _cut(capture: Capture, arguments: argparse.Namespace) -> Capture:
     """What is asked for of it; each way of cutting narrows what the ones before have left."""
     from captures.editing import cut_to_times
 
     if arguments.begin is not None or arguments.end is not None:
         from captures.io import time_zone
 
-        first = next((int(block.t_ns[0]) for block in made.blocks() if len(block)), 0)
+        first = next((int(block.t_ns[0]) for block in capture.blocks() if len(block)), 0)
         zone = None if arguments.tz is None else time_zone(arguments.tz)
         begin = -(1 << 62) if arguments.begin is None else moment(arguments.begin, "--from", first, zone)
         end = 1 << 62 if arguments.end is None else moment(arguments.end, "--to", first, zone)
         if begin > end:
             raise UsageError(f"--from {arguments.begin} is later than --to {arguments.end}")
-        made = cut_to_times(made, [(begin, end)])
+        capture = cut_to_times(capture, [(begin, end)])
     if arguments.frames is not None:
         from ..exports.cutting import frames_only
 
         low, dots, high = arguments.frames.partition("..")
         if not (low.isdecimal() and (high.isdecimal() if dots else True)) or int(low) > int(high or low):
             raise UsageError(f"--frames {arguments.frames}: give a number, or two as in 100..200")
-        made = frames_only(made, int(low), int(high or low))
+        capture = frames_only(capture, int(low), int(high or low))
     if arguments.around is not None:
-        made = _around(made, arguments)
-    return made
+        capture = _around(capture, arguments)
+    return capture
 
 
-def _around(made: Capture, arguments: argparse.Namespace) -> Capture:
+def _around(capture: Capture, arguments: argparse.Namespace) -> Capture:
     from ..exports.cutting import around
     from ..filters import FilterError, compile_filter
 
@@ -202,9 +202,9 @@ def _around(made: Capture, arguments: argparse.Namespace) -> Capture:
     if not 0 <= seconds <= _MOST_SECONDS:
         raise UsageError(f"--seconds {seconds:g}: give 0 to {_MOST_SECONDS:g}")
     try:
-        made, count = around(made, compile_filter(arguments.around, made.line), seconds)
+        capture, count = around(capture, compile_filter(arguments.around, capture.line), seconds)
     except FilterError as error:
         raise UsageError(f"--around: {error}") from error
     if not count:
         tell("--around: nothing passes the filter")
-    return made
+    return capture

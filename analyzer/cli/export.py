@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=capture.path)
     progress = Progress(f"export {arguments.capture}")
     with interruptible() as stop:
-        done = export(
+        result = export(
             capture,
             arguments.output,
             name=arguments.format,
@@ -89,17 +89,17 @@ def run(arguments: argparse.Namespace) -> int:
         )
     progress.clear()
     tell_damage(arguments.capture, capture)
-    if done.partial:
+    if result.partial:
         tell("stopped by Ctrl-C; what was done is kept, and partial")
         return INTERRUPTED
-    if chosen is not None and not done.bytes:
+    if chosen is not None and not result.bytes:
         tell(f"{arguments.capture}: nothing passes the filter")
         return NO_FRAME
-    if not done.frames and not (chosen is not None and "noise" in chosen.fields):
-        tell(f"{arguments.capture}: no Modbus frame found in {done.bytes:,} bytes")
+    if not result.frames and not (chosen is not None and "noise" in chosen.fields):
+        tell(f"{arguments.capture}: no Modbus frame found in {result.bytes:,} bytes")
         return NO_FRAME
-    if arguments.check and done.errors:
-        tell(f"{arguments.capture}: {done.errors:,} findings of severity error")
+    if arguments.check and result.errors:
+        tell(f"{arguments.capture}: {result.errors:,} findings of severity error")
         return FAILED
     return DONE
 

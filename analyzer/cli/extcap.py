@@ -22,24 +22,24 @@ from .exits import DONE, UsageError
 
 _ANY: Final = "rtuscope"
 _OF_PORT: Final = "rtuscope:"  # before the port
-_GIVEN: Final = ("baud", "parity", "port2", "map", "filter")  # what the dialog hands on to `sniff`
+_HANDED_ON: Final = ("baud", "parity", "port2", "map", "filter")  # what the dialog hands on to `sniff`
 
 
 def answer(words: Sequence[str]) -> int:
     """Do what Wireshark asks."""
-    asked, _ = _parser().parse_known_args(words)  # later versions ask with more words
-    if asked.extcap_interfaces:
+    request, _ = _parser().parse_known_args(words)  # later versions ask with more words
+    if request.extcap_interfaces:
         _put("extcap", version=__version__, display="Modbus RTU taps")
         for name, display in _interfaces():
             _put("interface", value=name, display=display)
-    elif asked.extcap_interface is None:
+    elif request.extcap_interface is None:
         raise UsageError("this is for Wireshark, which says what it wants: rtuscope wireshark install")
-    elif asked.extcap_dlts:
+    elif request.extcap_dlts:
         _put("dlt", number=str(UPPER_PDU), name="WIRESHARK_UPPER_PDU", display="Modbus RTU frames")
-    elif asked.extcap_config:
-        _settings(asked.extcap_interface)
-    elif asked.capture:
-        return _capture(asked)
+    elif request.extcap_config:
+        _settings(request.extcap_interface)
+    elif request.capture:
+        return _capture(request)
     return DONE
 
 
@@ -47,7 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog="rtuscope wireshark extcap", add_help=False, allow_abbrev=False)
     for flag in ("--extcap-interfaces", "--extcap-dlts", "--extcap-config", "--capture"):
         parser.add_argument(flag, action="store_true")
-    for flag in ("--extcap-interface", "--fifo", "--port", *(f"--{name}" for name in _GIVEN)):
+    for flag in ("--extcap-interface", "--fifo", "--port", *(f"--{name}" for name in _HANDED_ON)):
         parser.add_argument(flag)
     parser.add_argument("--noise", nargs="?", const="true", default="false")
     parser.add_argument("--record")
@@ -57,8 +57,8 @@ def _parser() -> argparse.ArgumentParser:
 def _interfaces() -> list[tuple[str, str]]:
     from captures.live.ports import ports
 
-    there = [(f"{_OF_PORT}{port.device}", port) for port in ports()]
-    listed = [(name, " ".join(filter(None, ("Modbus RTU:", port.device, port.description)))) for name, port in there]
+    taps = [(f"{_OF_PORT}{port.device}", port) for port in ports()]
+    listed = [(name, " ".join(filter(None, ("Modbus RTU:", port.device, port.description)))) for name, port in taps]
     return [*listed, (_ANY, "Modbus RTU: a port, gateway or port server by name")]
 
 
@@ -94,21 +94,21 @@ def _plain(text: str) -> str:
     return text.translate({ord("{"): "(", ord("}"): ")"})
 
 
-def _capture(asked: argparse.Namespace) -> int:
+def _capture(request: argparse.Namespace) -> int:
     """Listen, into the pipe that Wireshark named, until it closes that or ends us."""
-    port = asked.port if asked.extcap_interface == _ANY else asked.extcap_interface.removeprefix(_OF_PORT)
-    if not port or not asked.fifo:
+    port = request.port if request.extcap_interface == _ANY else request.extcap_interface.removeprefix(_OF_PORT)
+    if not port or not request.fifo:
         raise UsageError("which port? Set it in the dialog of the interface (the wheel before its name), or by "
                          f"-o extcap.{_ANY}.port:PORT")  # fmt: skip
     words = [port, "--format", "pcapng", "--wait"]
-    for name in _GIVEN:
-        words += [f"--{name}={value}"] if (value := getattr(asked, name)) else []
-    words += ["--noise"] if asked.noise == "true" else []
-    words += ["-o", asked.record] if asked.record else []
+    for name in _HANDED_ON:
+        words += [f"--{name}={value}"] if (value := getattr(request, name)) else []
+    words += ["--noise"] if request.noise == "true" else []
+    words += ["-o", request.record] if request.record else []
     parser = Parser(prog="rtuscope wireshark extcap", allow_abbrev=False)
     sniff.configure(parser)
     arguments = parser.parse_args(words)
-    fifo = Path(asked.fifo)
+    fifo = Path(request.fifo)
     if os.name == "posix" and not stat.S_ISFIFO(fifo.stat().st_mode):
         raise UsageError(f"{fifo}: is no pipe")
     with fifo.open("wb", buffering=0) as out:

@@ -33,18 +33,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print a page, or the list of them."""
-    found = pages()
+    by_name = pages()
     if arguments.topic is None:
-        for name, listed in sorted(found.items()):
+        for name, listed in sorted(by_name.items()):
             print(f"{name:14}{_title(listed)}")
         print("\nrtuscope COMMAND --help tells of a command")
         return DONE
     if arguments.topic in COMMANDS:
         return main([arguments.topic, "--help"])
     topic = arguments.topic.lower().removesuffix(".md").removeprefix("docs/")
-    page = found.get(topic) or found.get(_ALIASES.get(topic, ""))
+    page = by_name.get(topic) or by_name.get(_ALIASES.get(topic, ""))
     if page is None:
-        near = did_you_mean(topic, [*found, *_ALIASES, *COMMANDS])
+        near = did_you_mean(topic, [*by_name, *_ALIASES, *COMMANDS])
         raise UsageError(f"no page {arguments.topic!r}{near} (rtuscope help lists them)")
     print(page.read_text(encoding="utf-8"), end="")
     return DONE

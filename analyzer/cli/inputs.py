@@ -42,7 +42,7 @@ _READING: Final = (
     "tz",
     "sample_rate",
 )  # what `captures.open` takes besides the format
-_TOLD: Final = 5  # complaints printed; the rest are counted
+_COMPLAINTS: Final = 5  # complaints printed; the rest are counted
 
 
 def add_capture_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = True) -> None:
@@ -140,17 +140,17 @@ def chosen_limits(arguments: argparse.Namespace) -> Options:
     """The options that were given."""
     from ..options import Options
 
-    given = {name: getattr(arguments, flag[2:].replace("-", "_")) for flag, name, *_ in _LIMITS}
-    t15, t35 = given["t15_ns"], given["t35_ns"]
+    limits = {name: getattr(arguments, flag[2:].replace("-", "_")) for flag, name, *_ in _LIMITS}
+    t15, t35 = limits["t15_ns"], limits["t35_ns"]
     if t15 is not None and t35 is not None and t15 > t35:
         raise UsageError(f"--t15-ms {t15 / 1e6:g} is longer than --t35-ms {t35 / 1e6:g}")
-    return Options(**{name: value for name, value in given.items() if value is not None})
+    return Options(**{name: value for name, value in limits.items() if value is not None})
 
 
 def given_limits(arguments: argparse.Namespace) -> list[str]:
     """The flags that `chosen_limits` reads, as they would be given again."""
-    given = ((flag, getattr(arguments, flag[2:].replace("-", "_"))) for flag, *_ in _LIMITS)
-    return [word for flag, ns in given if ns is not None for word in (flag, f"{ns / 1e6:.9g}")]
+    flags = ((flag, getattr(arguments, flag[2:].replace("-", "_"))) for flag, *_ in _LIMITS)
+    return [word for flag, ns in flags if ns is not None for word in (flag, f"{ns / 1e6:.9g}")]
 
 
 def add_check_argument(parser: argparse.ArgumentParser) -> None:
@@ -193,8 +193,8 @@ def opened_capture(path: str, arguments: argparse.Namespace) -> Capture:
 
     from ..paste import judge
 
-    given = {name: getattr(arguments, name) for name in _READING}
-    capture = captures.open(path, format=arguments.input_format, judge=judge, **given)
+    reading = {name: getattr(arguments, name) for name in _READING}
+    capture = captures.open(path, format=arguments.input_format, judge=judge, **reading)
     for notice in capture.notices:
         tell(notice)
     return capture
@@ -202,14 +202,14 @@ def opened_capture(path: str, arguments: argparse.Namespace) -> Capture:
 
 def given_reading(arguments: argparse.Namespace) -> list[str]:
     """The flags that `open_capture` reads, as they would be given again."""
-    given = [("--input-format", arguments.input_format)]
-    given += [(f"--{name.replace('_', '-')}", getattr(arguments, name)) for name in _READING]
-    return [word for flag, value in given if value is not None for word in (flag, str(value))]
+    flags = [("--input-format", arguments.input_format)]
+    flags += [(f"--{name.replace('_', '-')}", getattr(arguments, name)) for name in _READING]
+    return [word for flag, value in flags if value is not None for word in (flag, str(value))]
 
 
 def tell_damage(name: str, capture: Capture) -> None:
     """Say what of the capture could not be read."""
-    for loss in capture.damage[:_TOLD]:
+    for loss in capture.damage[:_COMPLAINTS]:
         tell(f"{name}: {loss}")
-    if capture.damage_count > _TOLD:
-        tell(f"{name}: and {capture.damage_count - _TOLD:,} more such places")
+    if capture.damage_count > _COMPLAINTS:
+        tell(f"{name}: and {capture.damage_count - _COMPLAINTS:,} more such places")

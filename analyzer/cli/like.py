@@ -45,19 +45,19 @@ def find_like(arguments: argparse.Namespace, capture: Capture, limits: Options) 
     values = infer(readings, units=arguments.unit)
     try:
         if table is None:
-            found = matches_of_value(readings, wanted, values, arguments.unit)
+            matches = matches_of_value(readings, wanted, values, arguments.unit)
         else:
-            found = matches_of_series(readings, *read_panel(table, wanted), values, arguments.unit)
+            matches = matches_of_series(readings, *read_panel(table, wanted), values, arguments.unit)
     except PanelError as error:
         raise UsageError(f"--like: {error}") from error
     if arguments.json:
         import json
 
-        for match in found[: 10 * _SHOWN]:
+        for match in matches[: 10 * _SHOWN]:
             print(json.dumps(match.to_json(), separators=(",", ":")))
     else:
-        sys.stdout.write(_text(found, wanted))
-    return DONE if found else FAILED
+        sys.stdout.write(_text(matches, wanted))
+    return DONE if matches else FAILED
 
 
 def _table_text(name: str) -> str:
@@ -75,17 +75,17 @@ def _table_text(name: str) -> str:
     return data.decode("utf-8-sig", "replace")
 
 
-def _text(found: list[Match], wanted: str) -> str:
-    if not found:
+def _text(matches: list[Match], wanted: str) -> str:
+    if not matches:
         return f"no register showed {wanted}\n"
     lines = []
-    for match in found[:_SHOWN]:
+    for match in matches[:_SHOWN]:
         where = f"unit {match.unit} {match.area} {match.address}"
         order = f" {match.order}" if match.order else ""
         scale = f" x{match.scale:g}" if match.scale != 1 else ""
         offset = f" {match.offset:+g}" if match.offset else ""
         lag = f", {match.lag_s:+.1f} s" if match.lag_s is not None else ""
         lines.append(f"{where}: {match.type}{order}{scale}{offset} showed {match.value:g}{lag} ({match.score:.2f})")
-    if len(found) > _SHOWN:
-        lines.append(f"and {len(found) - _SHOWN} more (--json lists them)")
+    if len(matches) > _SHOWN:
+        lines.append(f"and {len(matches) - _SHOWN} more (--json lists them)")
     return "\n".join(lines) + "\n"

@@ -192,12 +192,12 @@ def _chart_of(
         return {unit: chart}
     if len(units) == 1:
         return {units[0]: chart}
-    said = {(number, which): text for (number, which), text in texts.texts.items()}
+    unit_texts = {(number, which): text for (number, which), text in texts.texts.items()}
     scores = {
         number: chart_bits(
             chart,
             [block for block in readings if block.unit == number],
-            {which: text for (owner, which), text in said.items() if owner == number},
+            {which: text for (owner, which), text in unit_texts.items() if owner == number},
         )[0]
         for number in units
     }
@@ -219,16 +219,16 @@ def _import(arguments: argparse.Namespace) -> int:
     to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=path)
     _check_suffix(arguments.output)
     data = map_bytes(path)
-    found = import_maps(arguments.file, data, name=arguments.format)
-    names = [one.chart.device for one in found]
+    imported = import_maps(arguments.file, data, name=arguments.format)
+    names = [one.chart.device for one in imported]
     if arguments.device is not None:
-        found = [one for one in found if one.chart.device == arguments.device]
-        if not found:
+        imported = [one for one in imported if one.chart.device == arguments.device]
+        if not imported:
             raise UsageError(f"--device {arguments.device!r}: {arguments.file} has {', '.join(map(repr, names))}")
-    elif len(found) > 1:
+    elif len(imported) > 1:
         others = ", ".join(map(repr, names))
-        tell(f"{arguments.file} has {len(found)} devices; taken: {names[0]!r}; --device chooses among {others}")
-    chosen = found[0] if arguments.base is None else moved(found[0], arguments.base)
+        tell(f"{arguments.file} has {len(imported)} devices; taken: {names[0]!r}; --device chooses among {others}")
+    chosen = imported[0] if arguments.base is None else moved(imported[0], arguments.base)
     for note in chosen.notes:
         tell(note)
     _write(chosen.chart, arguments.output)

@@ -49,10 +49,10 @@ def moment(text: str, flag: str, first_ns: int, zone: tzinfo | None) -> int:
             zone = UTC if offset == "Z" else datetime.fromisoformat(f"2000-01-01T00:00{offset}").tzinfo
         first = datetime.fromtimestamp(first_ns // _SECOND, UTC).astimezone(zone)
         day = first if date is None else datetime.fromisoformat(date).replace(tzinfo=zone)
-        found = day.replace(hour=int(hour), minute=int(minute), second=int(second or 0), microsecond=0)
-        ns = int(found.timestamp()) * _SECOND + int((rest or "0").ljust(9, "0"))
+        clock = day.replace(hour=int(hour), minute=int(minute), second=int(second or 0), microsecond=0)
+        ns = int(clock.timestamp()) * _SECOND + int((rest or "0").ljust(9, "0"))
         if date is None and ns < first_ns - first_ns % _SECOND:
-            ns = int((found + timedelta(days=1)).timestamp()) * _SECOND + ns % _SECOND
+            ns = int((clock + timedelta(days=1)).timestamp()) * _SECOND + ns % _SECOND
     except (ValueError, OverflowError) as error:
         raise UsageError(f"{flag} {text}: is no time of a day") from error
     return ns

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from ..live.outlets import Outlet
 
-_HERE: Final = "127.0.0.1"  # unless a host is named, nobody else is served
+_LOCAL: Final = "127.0.0.1"  # unless a host is named, nobody else is served
 
 
 def add_outlet_arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,7 +67,7 @@ def _address(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     if not port.isdecimal() or int(port) > 65535 or (colon and not host):
         raise argparse.ArgumentTypeError(f"{text!r} is neither a port nor HOST:PORT")
-    return host.strip("[]") or _HERE, int(port)
+    return host.strip("[]") or _LOCAL, int(port)
 
 
 def _shown(host: str) -> str:

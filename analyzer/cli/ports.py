@@ -25,23 +25,23 @@ def run(arguments: argparse.Namespace) -> int:
     """Print them."""
     from captures.live.ports import ports
 
-    found = ports()
+    listed = ports()
     if arguments.json:
-        put_json([port.to_json() for port in found], indent=2)
+        put_json([port.to_json() for port in listed], indent=2)
         return DONE
-    for port in found:
+    for port in listed:
         for line in _lines(port):
             print(harmless(line))
-    if not found:
+    if not listed:
         print("no serial port here; others: socket://HOST:PORT of a gateway, rfc2217://HOST:PORT")
     return DONE
 
 
 def _lines(port: PortInfo) -> list[str]:
     """A port in words: its name and what it is, then what else is known."""
-    what = [port.description, port.usb and f"USB {port.usb}", port.serial and f"serial {port.serial}", port.driver]
-    known = "  ".join(text for text in what if text)
-    lines = [f"{port.device:<16}{known}".rstrip()]
+    details = [port.description, port.usb and f"USB {port.usb}", port.serial and f"serial {port.serial}", port.driver]
+    words = "  ".join(text for text in details if text)
+    lines = [f"{port.device:<16}{words}".rstrip()]
     if port.link:
         lines.append(f"{'':16}lasting name {port.link}")
     if port.latency_ms is not None:

@@ -26,8 +26,8 @@ def octets(text: str) -> int:
 
 def time_or_size(text: str) -> tuple[float | None, int | None]:
     """(seconds, bytes), one of them None: `7d` or `2GB`; for argparse."""
-    found = _SHAPE.fullmatch(text)
-    unit = found[2].lower() if found else ""
+    match = _SHAPE.fullmatch(text)
+    unit = match[2].lower() if match else ""
     if unit in _SIZES and unit != "m":
         return None, octets(text)
     if unit in _TIMES:
@@ -35,9 +35,9 @@ def time_or_size(text: str) -> tuple[float | None, int | None]:
     raise ArgumentTypeError(f"{text!r} is neither a time such as 7d nor a size such as 2GB")
 
 
-def _value(text: str, units: dict[str, float] | dict[str, int], bare: str, what: str) -> float:
-    found = _SHAPE.fullmatch(text)
-    factor = units.get(found[2].lower() or bare) if found else None
-    if found is None or factor is None or float(found[1]) <= 0:
-        raise ArgumentTypeError(f"{text!r} is not {what}")
-    return float(found[1]) * factor
+def _value(text: str, units: dict[str, float] | dict[str, int], bare: str, expected: str) -> float:
+    match = _SHAPE.fullmatch(text)
+    factor = units.get(match[2].lower() or bare) if match else None
+    if match is None or factor is None or float(match[1]) <= 0:
+        raise ArgumentTypeError(f"{text!r} is not {expected}")
+    return float(match[1]) * factor

@@ -77,26 +77,26 @@ def run(arguments: argparse.Namespace) -> int:
     tell_damage(arguments.capture, capture)
     units = sorted({block.unit for block in readings})
     if arguments.unit and units and not set(arguments.unit) & set(units):
-        there = ", ".join(map(str, units))
-        raise UsageError(f"--unit: no values of it in {arguments.capture}: units with values: {there}")
-    given, words = charts.of(units), _own_words(arguments.capture)
-    values = infer(readings, units=arguments.unit, charts=with_own_words(given, words))
-    found: list[Recognised] = []
-    if len(given) < len(units) and (arguments.recognise or not arguments.json):
-        free = values if not given and not words else infer(readings, units=arguments.unit)
-        found = [
+        listed = ", ".join(map(str, units))
+        raise UsageError(f"--unit: no values of it in {arguments.capture}: units with values: {listed}")
+    named, words = charts.of(units), _own_words(arguments.capture)
+    values = infer(readings, units=arguments.unit, charts=with_own_words(named, words))
+    devices: list[Recognised] = []
+    if len(named) < len(units) and (arguments.recognise or not arguments.json):
+        free = values if not named and not words else infer(readings, units=arguments.unit)
+        devices = [
             one
             for one in recognised(readings, texts, free)
-            if one.unit not in given and (not arguments.unit or one.unit in arguments.unit)
+            if one.unit not in named and (not arguments.unit or one.unit in arguments.unit)
         ]
-    if arguments.recognise and found:
-        known = {**{one.unit: one.chart for one in found}, **given}
-        values = infer(readings, units=arguments.unit, charts=with_own_words(known, words))
+    if arguments.recognise and devices:
+        every_chart = {**{one.unit: one.chart for one in devices}, **named}
+        values = infer(readings, units=arguments.unit, charts=with_own_words(every_chart, words))
     if arguments.json:
         _print_json(values)
     else:
         sys.stdout.write(_table(values, everything=arguments.all))
-        sys.stdout.write(_devices(found, used=arguments.recognise))
+        sys.stdout.write(_devices(devices, used=arguments.recognise))
     return _status(arguments, readings, values, stop)
 
 
@@ -150,10 +150,10 @@ def _table(values: list[RegisterValue], *, everything: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _devices(found: list[Recognised], *, used: bool) -> str:
+def _devices(devices: list[Recognised], *, used: bool) -> str:
     """What was recognised, and how sure."""
     lines = []
-    for one in found:
+    for one in devices:
         names = f"--map {one.name}@{one.unit}" if one.name else "--recognise"
         hint = "its map is used" if used else f"{names} names its values"
         device = f"{one.chart.vendor} {one.chart.device}"

@@ -41,8 +41,8 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         target = source.with_name(f"{source.stem}.repaired.mcap")
     to_be_overwritten(target, overwrite=arguments.overwrite, source=source)
-    done = repair(source, target)
-    for loss in done.damage:
+    result = repair(source, target)
+    for loss in result.damage:
         tell(f"{source}: {loss}")
-    print(f"{harmless(str(target))}: {done.chunks:,} reads, {done.bytes:,} bytes of the line")
-    return DONE if done.bytes else NO_FRAME
+    print(f"{harmless(str(target))}: {result.chunks:,} reads, {result.bytes:,} bytes of the line")
+    return DONE if result.bytes else NO_FRAME

@@ -21,16 +21,16 @@ def settled(parser: argparse.ArgumentParser, command: str, arguments: Sequence[s
         return parser.parse_args(arguments)
     settings = read_settings()
     usual = _prepare(parser, command, settings)
-    found = parser.parse_args(arguments)
+    parsed = parser.parse_args(arguments)
     for dest, (default, value) in usual.items():
-        if getattr(found, dest, None) is None:
-            setattr(found, dest, default if value is None else value)
+        if getattr(parsed, dest, None) is None:
+            setattr(parsed, dest, default if value is None else value)
     presets = {name: str(value.value) for name, value in settings.table("filters").items()}
     for dest in _FILTERS:
-        text = getattr(found, dest, None)
+        text = getattr(parsed, dest, None)
         if isinstance(text, str) and text.startswith("@"):
-            setattr(found, dest, _preset(text, presets))
-    return found
+            setattr(parsed, dest, _preset(text, presets))
+    return parsed
 
 
 def _prepare(parser: argparse.ArgumentParser, command: str, settings: Settings) -> dict[str, tuple[Any, Any]]:
@@ -59,11 +59,11 @@ def _value(parser: argparse.ArgumentParser, action: argparse.Action, setting: Se
     if isinstance(value.value, list):
         return value.value
     try:
-        found = parser._get_value(action, str(value.value))
-        parser._check_value(action, found)
+        converted = parser._get_value(action, str(value.value))
+        parser._check_value(action, converted)
     except argparse.ArgumentError as error:
         raise UsageError(f"{value.where}: {setting.key}: {error.message}") from error
-    return found
+    return converted
 
 
 def _preset(text: str, presets: Mapping[str, str]) -> str:

@@ -73,17 +73,17 @@ def tap_of(arguments: argparse.Namespace, *, watched: bool = True) -> TapSource:
 
     from ..live.tapsource import TapSource
 
-    asked = {
+    settings = {
         "baud": _baud(arguments.baud),
         "parity": None if arguments.parity == "auto" else arguments.parity,
         "stop_bits": arguments.stop_bits,
         "data_bits": arguments.data_bits,
     }
-    asked = {name: value for name, value in asked.items() if value is not None}
+    settings = {name: value for name, value in settings.items() if value is not None}
     urls = [arguments.port, *([arguments.port2] if arguments.port2 else [])]
     if len(set(urls)) < len(urls):
         raise UsageError("--port2 is the same port as PORT")
-    ports = [PortSettings(url, **asked, remote_changes=tuple(asked)) for url in urls]
+    ports = [PortSettings(url, **settings, remote_changes=tuple(settings)) for url in urls]
     if arguments.seek_remote and not ports[0].is_port_server:
         raise UsageError("--seek-remote is for rfc2217://HOST:PORT; a device's settings are sought anyway")
     return TapSource(

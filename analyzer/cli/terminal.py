@@ -53,10 +53,10 @@ class Progress:
 
 def progress_words(share: float | None, frames: int, octets: int, elapsed_s: float) -> str:
     """How far it is, how fast, and about how long it still takes; a share of nothing or of all says neither."""
-    known = share is not None and _LEAST_SHARE <= share < 1
-    parts = [f"{share:.0%}"] if share is not None and known else []
+    measurable = share is not None and _LEAST_SHARE <= share < 1
+    parts = [f"{share:.0%}"] if share is not None and measurable else []
     parts += [f"{frames:,} frames", f"{octets / 1e6:,.1f} MB of the line", f"{frames / elapsed_s:,.0f} frames/s"]
-    if share is not None and known and elapsed_s >= _LEAST_S:
+    if share is not None and measurable and elapsed_s >= _LEAST_S:
         left = elapsed_s * (1 - share) / share
         minutes, seconds = divmod(round(left), 60)
         parts.append(f"{minutes}:{seconds:02d} left")
@@ -153,9 +153,9 @@ def hung_up(stream: BinaryIO) -> bool:
         return False
     import select
 
-    asked = select.poll()
-    asked.register(stream.fileno(), select.POLLERR)
-    return bool(asked.poll(0))
+    poller = select.poll()
+    poller.register(stream.fileno(), select.POLLERR)
+    return bool(poller.poll(0))
 
 
 def places(stream: IO[str]) -> bool:

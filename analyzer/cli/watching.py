@@ -144,8 +144,8 @@ class Watch:
                     break
             out += [self._lines.bus(finding) for finding in of_the_bus(step)]
             if self._tell_cause is not None and not self._over:
-                told = self._story.feed(step.batch, step.analysed.transactions, self._session.line)
-                out += map(self._tell_cause, told)
+                causes = self._story.feed(step.batch, step.analysed.transactions, self._session.line)
+                out += map(self._tell_cause, causes)
             out += self._revised(step)
             self._write(out)
             if self._arguments.duration and self.status.elapsed_ns >= self._arguments.duration * 1e9:
@@ -255,16 +255,16 @@ def ended_by_signals(stop: Callable[[], None], *, abandon: Callable[[], None] | 
     Where the end has not come 1.2 s later, another thread calls `abandon`: output that nobody takes, or an analysis
     that is far behind, must not keep a process that was told to end.
     """
-    asked, ended = threading.Event(), threading.Event()
+    requested, ended = threading.Event(), threading.Event()
 
     def handler(number: int, _frame: object) -> None:
-        if asked.is_set() and number == signal.SIGINT:
+        if requested.is_set() and number == signal.SIGINT:
             raise KeyboardInterrupt
         stop()
-        asked.set()
+        requested.set()
 
     def watch() -> None:
-        asked.wait()
+        requested.wait()
         if not ended.wait(_GRACE_S) and abandon is not None:
             abandon()
 
@@ -279,4 +279,4 @@ def ended_by_signals(stop: Callable[[], None], *, abandon: Callable[[], None] | 
         for number, old in before.items():
             signal.signal(number, old)
         ended.set()
-        asked.set()
+        requested.set()

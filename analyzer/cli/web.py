@@ -51,7 +51,7 @@ def serve(command: Sequence[str], host: str, port: int) -> None:
         from textual_serve.server import Server
     except ImportError as error:
         raise UsageError(needs("--web", "textual-serve", "web")) from error
-    logging.basicConfig(level=logging.WARNING, handlers=[_Told()])
+    logging.basicConfig(level=logging.WARNING, handlers=[_TellingHandler()])
     sockets = _listening(host, port)
     port = sockets[0].getsockname()[1]
     token = secrets.token_urlsafe(24)
@@ -99,10 +99,10 @@ def guarded(server: Any, host: str, token: str) -> web.Application:
         return await handler(request)
 
     async def index(request: web.Request) -> web.Response:
-        here = f"{request.host}/{token}"
+        address = f"{request.host}/{token}"
         text = page.render(
             font_size=16,
-            app_websocket_url=f"ws://{here}/ws",
+            app_websocket_url=f"ws://{address}/ws",
             config={"static": {"url": f"/{token}/static/"}},
             application={"name": _TITLE},
         )
@@ -184,7 +184,7 @@ def _listening(host: str, port: int) -> list[socket.socket]:
     return sockets
 
 
-class _Told(logging.Handler):
+class _TellingHandler(logging.Handler):
     """What goes wrong in the server, in one line."""
 
     def emit(self, record: logging.LogRecord) -> None:

@@ -24,7 +24,7 @@ rtuscope wireshark folder
 rtuscope wireshark remove"""
 
 _NAME: Final = "rtuscope.bat" if os.name == "nt" else "rtuscope"
-_ASKED: Final = ("wireshark", "tshark")  # who tells where its folders are
+_PROGRAMS: Final = ("wireshark", "tshark")  # who tells where its folders are
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -67,25 +67,25 @@ def _script() -> str:
     return f'#!/bin/sh\nexec {shlex.join(words)} "$@"\n'
 
 
-def _folder(given: str | None) -> Path:
+def _folder(named: str | None) -> Path:
     """Where Wireshark looks for this user's; until 4.2 that is a part of the configuration's folder."""
-    if given is not None:
-        return Path(given)
-    told = _told()
-    if "Personal Extcap path" in told:
-        return Path(told["Personal Extcap path"])
-    if "Personal configuration" in told:
-        return Path(told["Personal configuration"]) / "extcap"
+    if named is not None:
+        return Path(named)
+    folders = _reported_folders()
+    if "Personal Extcap path" in folders:
+        return Path(folders["Personal Extcap path"])
+    if "Personal configuration" in folders:
+        return Path(folders["Personal configuration"]) / "extcap"
     raise UsageError("Wireshark is not found: name its extcap folder by --folder (Help, About Wireshark, Folders)")
 
 
-def _told() -> dict[str, str]:
+def _reported_folders() -> dict[str, str]:
     """What Wireshark says of its folders."""
-    places = [os.environ.get("PATH", ""), r"C:\Program Files\Wireshark", "/Applications/Wireshark.app/Contents/MacOS"]
-    for name in _ASKED:
-        if (program := shutil.which(name, path=os.pathsep.join(places))) is not None:
-            asked = subprocess.run([program, "-G", "folders"], capture_output=True, text=True, check=False, timeout=30)
-            lines = [line.partition(":") for line in asked.stdout.splitlines()]
-            if told := {name.strip(): folder.strip() for name, _, folder in lines}:
-                return told
+    paths = [os.environ.get("PATH", ""), r"C:\Program Files\Wireshark", "/Applications/Wireshark.app/Contents/MacOS"]
+    for name in _PROGRAMS:
+        if (program := shutil.which(name, path=os.pathsep.join(paths))) is not None:
+            answer = subprocess.run([program, "-G", "folders"], capture_output=True, text=True, check=False, timeout=30)
+            lines = [line.partition(":") for line in answer.stdout.splitlines()]
+            if folders := {name.strip(): folder.strip() for name, _, folder in lines}:
+                return folders
     return {}

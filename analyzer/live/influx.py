@@ -47,7 +47,9 @@ class InfluxLines:
         lines = []
         if not (noise or shown.late):
             lines = self._frame(shown.batch.frame(shown.row))
-        lines += [_finding(found, None if noise else int(row["unit"]), int(row["t_end"])) for found in shown.findings]
+        lines += [
+            _finding(finding, None if noise else int(row["unit"]), int(row["t_end"])) for finding in shown.findings
+        ]
         return "".join(f"{line}\n" for line in lines)
 
     def bus(self, finding: Finding) -> str:
@@ -83,8 +85,8 @@ def _finding(finding: Finding, unit: int | None, t_ns: int) -> str:
 
 def _line(measurement: str, tags: Mapping[str, object], fields: Mapping[str, str], t_ns: int) -> str:
     """A line; tags that are None are left out, and port 0, the only one of most buses."""
-    told = {name: value for name, value in tags.items() if value is not None and (name != "port" or value)}
-    head = "".join(f",{name}={_tag(str(value))}" for name, value in told.items())
+    present = {name: value for name, value in tags.items() if value is not None and (name != "port" or value)}
+    head = "".join(f",{name}={_tag(str(value))}" for name, value in present.items())
     return f"{measurement}{head} {','.join(f'{name}={text}' for name, text in fields.items())} {t_ns}"
 
 

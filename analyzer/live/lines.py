@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ..registers.revising import Revision
 
 _SENSIBLE_NS: Final = 1_000_000_000 * 86_400 * 365  # times before 1971 count from a beginning of their own
-_KEPT: Final = 4096  # frames whose words are kept: polls repeat
+_CACHED: Final = 4096  # frames whose words are kept: polls repeat
 _BEHIND_FIELDS: Final = ("confidence", "findings", "port")  # keys of a frame's object
 _MARKS: Final = {Severity.ERROR: "!", Severity.WARNING: "?", Severity.NOTE: "-"}
 _COLOURS: Final = {Severity.ERROR: "31", Severity.WARNING: "33", Severity.NOTE: "2"}
@@ -43,16 +43,16 @@ class FrameCache(Generic[T]):
 
     def __init__(self, say: Callable[[Frame], T]) -> None:
         self._say = say
-        self._kept: dict[tuple[bytes, bytes | None, int, int], T] = {}
+        self._cache: dict[tuple[bytes, bytes | None, int, int], T] = {}
 
     def of(self, frame: Frame) -> T:
         key = (frame.captured, frame.request_bytes, frame.row.kind, frame.row.protocol)
-        said = self._kept.get(key)
-        if said is None:
-            if len(self._kept) >= _KEPT:
-                self._kept.clear()
-            said = self._kept[key] = self._say(frame)
-        return said
+        words = self._cache.get(key)
+        if words is None:
+            if len(self._cache) >= _CACHED:
+                self._cache.clear()
+            words = self._cache[key] = self._say(frame)
+        return words
 
 
 class TextLines:

@@ -23,7 +23,7 @@ from ..tables.schema import Kind
 
 _TOGETHER_NS: Final = 15_000_000  # of the player's time: reads given at once
 _BEAT_NS: Final = 500_000_000
-_PIECE: Final = 1 << 16  # bytes at once at full speed
+_BURST: Final = 1 << 16  # bytes at once at full speed
 
 
 class Replay:
@@ -110,32 +110,32 @@ class Replay:
             if self._paused:
                 return first + 1
             if self._speed is None:
-                return max(first + 1, int(block.offsets.searchsorted(block.offsets[first] + _PIECE)) - 1)
+                return max(first + 1, int(block.offsets.searchsorted(block.offsets[first] + _BURST)) - 1)
             until = int(block.t_ns[first]) + int(_TOGETHER_NS * min(1.0, self._speed))
             return max(first + 1, first + int(block.t_ns[first:].searchsorted(until)))
 
     def _wait(self, now: int, due: int) -> Iterator[Item]:
         """Let the time from `now` to `due` go by, with the ticks that fall into it."""
         ticks = [now + wait for wait in (QUIET_NS, IDLE_NS) if now + wait < due]
-        place, seen = float(now), time.monotonic_ns()
-        next_beat = seen + _BEAT_NS
+        position, clock = float(now), time.monotonic_ns()
+        next_beat = clock + _BEAT_NS
         while not self._closed:
             with self._change:
                 if self._steps or (self._speed is None and not self._paused):
                     break
                 speed = 0.0 if self._paused or self._speed is None else self._speed
                 until = min([*ticks[:1], due]) if speed else due
-                left_s = (until - place) / speed / 1e9 if speed else 3600.0
-                self._change.wait(max(0.0, min(left_s, (next_beat - seen) / 1e9)))
-                before, seen = seen, time.monotonic_ns()
-                place += (seen - before) * speed
-            if place >= due:
+                left_s = (until - position) / speed / 1e9 if speed else 3600.0
+                self._change.wait(max(0.0, min(left_s, (next_beat - clock) / 1e9)))
+                before, clock = clock, time.monotonic_ns()
+                position += (clock - before) * speed
+            if position >= due:
                 break
-            if ticks and place >= ticks[0]:
+            if ticks and position >= ticks[0]:
                 yield Tick(ticks.pop(0))
-            elif seen >= next_beat:
-                next_beat = seen + _BEAT_NS
-                yield Tick(int(place))
+            elif clock >= next_beat:
+                next_beat = clock + _BEAT_NS
+                yield Tick(int(position))
         for tick in ticks[-1:]:
             yield Tick(tick)
 
@@ -194,14 +194,14 @@ def play(
     sent, begun, first = 0, time.monotonic_ns(), None
     with out:
         try:
-            for piece in pieces(capture, only):
-                first = piece.t_ns if first is None else first
+            for read in pieces(capture, only):
+                first = read.t_ns if first is None else first
                 if speed is not None:
-                    _until(begun + round((piece.t_ns - first) / speed), stop)
+                    _until(begun + round((read.t_ns - first) / speed), stop)
                 if stop():
                     break
-                out.write(piece.data)
-                sent += len(piece.data)
+                out.write(read.data)
+                sent += len(read.data)
             out.flush()
         except OSError as error:  # SerialException is one
             raise CaptureError(f"{port.url}: after {sent:,} bytes: {error}") from error

@@ -163,7 +163,7 @@ class Session:
             try:
                 outlet.feed(step, self.line)
             except Exception as error:
-                self._outlets = [other for other in self._outlets if other is not outlet]
+                self._outlets = [each for each in self._outlets if each is not outlet]
                 text = f"{type(outlet).__name__.lower()}: ended: {type(error).__name__}: {error}"
                 step.events.append(PortEvent(step.t_ns, 0, "failed", text, {}))
         return step

@@ -47,7 +47,7 @@ class TapSource:
         seek_remote: bool = False,
     ) -> None:
         self._ports = list(ports)
-        self._asked = ports[0]  # what was not given is sought, however often
+        self._requested = ports[0]  # what was not given is sought, however often
         self._directions = ["request", "response"]  # of the first port and the second
         self._free_parity = free_parity
         self._tap: str | None = None
@@ -114,7 +114,7 @@ class TapSource:
             yield PortEvent(event.t_ns, 0, "settled", f"listening: {self._words()}", {})
 
     def _begin(self) -> None:
-        self._search = Search(self._asked, explained, free_parity=self._free_parity)
+        self._search = Search(self._requested, explained, free_parity=self._free_parity)
         self._set(self._search.settings)
 
     def _sought(self, item: Block | Tick) -> Iterator[Item]:
@@ -126,18 +126,18 @@ class TapSource:
         now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
         if isinstance(item, Block):
             search.feed(item)
-        done = search.step(now)
-        if done is None:
+        tried = search.step(now)
+        if tried is None:
             return
         if search.found is None:
             self._set(search.settings)
-            yield PortEvent(now, 0, "trying", f"{done}; trying {search.settings}", {})
+            yield PortEvent(now, 0, "trying", f"{tried}; trying {search.settings}", {})
             return
         self._search = None
-        changed = search.found != done.settings
+        changed = search.found != tried.settings
         self._ports = [replace(search.found, url=port.url) for port in self._ports]
         yield PortEvent(
-            now, 0, "settled", f"{done}: listening with {search.found}", {"settings": search.found.to_json()}
+            now, 0, "settled", f"{tried}: listening with {search.found}", {"settings": search.found.to_json()}
         )
         if changed:
             self._set(search.found)
@@ -156,11 +156,11 @@ class TapSource:
                 now, 0, "seeking", f"{self._words()} makes no sense any more: seeking the settings anew", {}
             )
         else:
-            for found in self._sought(item):
-                if isinstance(found, PortEvent):
-                    if found.kind == "settled":
+            for each in self._sought(item):
+                if isinstance(each, PortEvent):
+                    if each.kind == "settled":
                         self._doubted = False
-                    yield found
+                    yield each
 
     def _swapped(self, item: Block | Tick) -> Iterator[Item]:
         """Two taps that make no sense are the other way round, most likely."""
@@ -183,7 +183,9 @@ class TapSource:
     def _words(self) -> str:
         port = self._ports[0]
         if port.baud is not None:
-            return f"{port}, as the port server is set" if port.is_port_server and not self._asked.baud else str(port)
+            return (
+                f"{port}, as the port server is set" if port.is_port_server and not self._requested.baud else str(port)
+            )
         return "the port server's settings, which it does not tell" if port.is_port_server else "no rate to set"
 
 

@@ -21,25 +21,25 @@ class TriggerWindow(Generic[T]):
 
     def __init__(self, before_ns: int, after_ns: int) -> None:
         self._before, self._after = before_ns, after_ns
-        self._kept: deque[tuple[int, T, int]] = deque()
+        self._recent: deque[tuple[int, T, int]] = deque()
         self._size = 0
         self._until: int | None = None
 
-    def offer(self, t_ns: int, thing: T, size: int = 1) -> list[T]:
+    def offer(self, t_ns: int, item: T, size: int = 1) -> list[T]:
         """Things to pass on now: this one, or nothing."""
         if self._until is not None and t_ns <= self._until:
-            return [thing]
-        self._kept.append((t_ns, thing, size))
+            return [item]
+        self._recent.append((t_ns, item, size))
         self._size += size
-        while self._kept and (self._kept[0][0] < t_ns - self._before or self._size > _MEMORY):
-            self._size -= self._kept.popleft()[2]
+        while self._recent and (self._recent[0][0] < t_ns - self._before or self._size > _MEMORY):
+            self._size -= self._recent.popleft()[2]
         return []
 
     def fire(self, t_ns: int) -> list[T]:
         """There is a trigger: what to pass on of what was before it."""
         self._until = max(self._until or 0, t_ns + self._after)
-        near = [thing for at, thing, _ in self._kept if at >= t_ns - self._before]
-        self._kept.clear()
+        near = [item for at, item, _ in self._recent if at >= t_ns - self._before]
+        self._recent.clear()
         self._size = 0
         return near
 

@@ -59,13 +59,13 @@ class Activity:
         if last - first <= _FEW and bus.count:
             total = np.zeros((_TRACKS, bins), np.int64)
             for number, low, high in bus.table.slices(first, min(last, bus.count)):
-                piece = bus.table.piece(number)
-                place = ((piece["t_end"][low:high] - t_start) // width).astype(np.int64)
-                inside = (place >= 0) & (place < bins)
+                columns = bus.table.piece(number)
+                slots = ((columns["t_end"][low:high] - t_start) // width).astype(np.int64)
+                inside = (slots >= 0) & (slots < bins)
                 lengths, kinds, checks, exceptions = (
-                    piece[name][low:high][inside] for name in ("length", "kind", "check", "exception")
+                    columns[name][low:high][inside] for name in ("length", "kind", "check", "exception")
                 )
-                total += _counted(lengths, kinds, checks, exceptions, place[inside], bins)
+                total += _counted(lengths, kinds, checks, exceptions, slots[inside], bins)
             return Bins(t_start, width, *total)
         middles = (self._bins.begin_ns or 0) + (np.arange(_BINS) + 0.5) * self._bins.width_ns
         at = ((middles - t_start) // width).astype(np.int64)
@@ -78,12 +78,12 @@ def binned(bus: Bus, rows: NDArray[np.int64], t_start: int, t_end: int, bins: in
     """Some rows alone over a span, in this many bins, where they end."""
     width = max(t_end - t_start, 1) / bins
     ends = bus.table.take("t_end", rows)
-    place = ((ends - t_start) // width).astype(np.int64)
-    inside = (place >= 0) & (place < bins)
+    slots = ((ends - t_start) // width).astype(np.int64)
+    inside = (slots >= 0) & (slots < bins)
     lengths, kinds, checks, exceptions = (
         bus.table.take(name, rows[inside]) for name in ("length", "kind", "check", "exception")
     )
-    return Bins(t_start, width, *_counted(lengths, kinds, checks, exceptions, place[inside], bins))
+    return Bins(t_start, width, *_counted(lengths, kinds, checks, exceptions, slots[inside], bins))
 
 
 def _counted(
@@ -91,13 +91,13 @@ def _counted(
     kinds: NDArray[np.uint8],
     checks: NDArray[np.bool_],
     exceptions: NDArray[np.uint8],
-    place: NDArray[np.int64],
+    slots: NDArray[np.int64],
     bins: int,
 ) -> NDArray[np.int64]:
     noise = kinds == Kind.NOISE
     trouble = noise | ~checks | (exceptions > 0)
     weights = (lengths, ~noise, trouble, lengths * noise)
-    return np.stack([np.bincount(place, weight, bins)[:bins].astype(np.int64) for weight in weights])
+    return np.stack([np.bincount(slots, weight, bins)[:bins].astype(np.int64) for weight in weights])
 
 
 class UnitActivity:
@@ -119,9 +119,9 @@ class UnitActivity:
             return
         bins, size = self._bins, _UNITS * UNIT_BINS
         bins.reach(int(times[0]), int(times.max()))
-        place = units.astype(np.int64) * UNIT_BINS + bins.bins(times)
-        bins.tables["sums"] += np.bincount(place, answers, size).reshape(_UNITS, UNIT_BINS)
-        bins.tables["counts"] += np.bincount(place, minlength=size).reshape(_UNITS, UNIT_BINS)
+        slots = units.astype(np.int64) * UNIT_BINS + bins.bins(times)
+        bins.tables["sums"] += np.bincount(slots, answers, size).reshape(_UNITS, UNIT_BINS)
+        bins.tables["counts"] += np.bincount(slots, minlength=size).reshape(_UNITS, UNIT_BINS)
 
     def means(self, unit: int) -> NDArray[np.float64]:
         """Mean response time, ns, of each bin up to the last that holds one; NaN where there is none."""

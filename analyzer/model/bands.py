@@ -31,14 +31,14 @@ def bands(
     scope: Sequence[Test],
     span: tuple[int, int],
     bins: int,
-    kept: Sequence[tuple[str, Test]],
+    named: Sequence[tuple[str, Test]],
     stop: Callable[[], bool] = bool,
 ) -> list[Band]:
     """A band a unit, then one for each of the kept tests, all of the rows that pass the scope."""
     t_start, t_end = span
     width = max(t_end - t_start, 1) / bins
     by_unit = np.zeros((2, _UNITS, bins), np.int64)
-    by_test = np.zeros((2, len(kept), bins), np.int64)
+    by_test = np.zeros((2, len(named), bins), np.int64)
     first, last = bus.table.row_at_time(t_start), bus.table.row_at_time(t_end) + 1
     for number, low, high in bus.table.slices(first, min(last, bus.count)):
         if stop():
@@ -46,21 +46,21 @@ def bands(
         unit, kind, mark, ends = (
             bus.table.column(number, name)[low:high] for name in ("unit", "kind", "mark", "t_end")
         )
-        place = ((ends - t_start) // width).astype(np.int64)
-        inside = (place >= 0) & (place < bins)
+        slots = ((ends - t_start) // width).astype(np.int64)
+        inside = (slots >= 0) & (slots < bins)
         for test in scope:
             inside &= test(bus, number, low, high)
         grave = mark >= Severity.WARNING
         framed = inside & (kind != Kind.NOISE)
         for i, wanted in enumerate((framed, framed & grave)):
-            keys = unit[wanted].astype(np.int64) * bins + place[wanted]
+            keys = unit[wanted].astype(np.int64) * bins + slots[wanted]
             by_unit[i] += np.bincount(keys, minlength=_UNITS * bins).reshape(_UNITS, bins)
-        for k, (_, test) in enumerate(kept):
+        for k, (_, test) in enumerate(named):
             passed = inside & test(bus, number, low, high)
             for i, wanted in enumerate((passed, passed & grave)):
-                by_test[i, k] += np.bincount(place[wanted], minlength=bins)
+                by_test[i, k] += np.bincount(slots[wanted], minlength=bins)
     units = np.flatnonzero(by_unit[0].any(axis=1)).tolist()
     return [
-        *(Band(name, by_test[0, k], by_test[1, k]) for k, (name, _) in enumerate(kept)),
+        *(Band(name, by_test[0, k], by_test[1, k]) for k, (name, _) in enumerate(named)),
         *(Band(f"unit{unit}" if unit > 99 else f"unit {unit}", by_unit[0, unit], by_unit[1, unit]) for unit in units),
     ]

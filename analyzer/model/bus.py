@@ -48,7 +48,7 @@ _LEFT_OUT: Final[dict[str, Any]] = {
 }
 
 
-_KEPT_AS: Final = {"index": "frame"}  # the columns of ROW that have another name here
+_STORED_AS: Final = {"index": "frame"}  # the columns of ROW that have another name here
 
 
 class Bus:
@@ -156,11 +156,11 @@ class Bus:
     def _join(self, rows: Rows, first: int) -> None:
         """Who answers whom; of several answers the first is the request's partner."""
         answers = np.flatnonzero(rows["request"] >= 0)
-        asked = self.table.rows_of_frames(rows["request"][answers])
-        answers, asked = answers[asked >= 0] + first, asked[asked >= 0]
-        self.table.put("partner", answers, asked)
-        new = self.table.take("partner", asked) < 0
-        self.table.put("partner", asked[new][::-1], answers[new][::-1])
+        requests = self.table.rows_of_frames(rows["request"][answers])
+        answers, requests = answers[requests >= 0] + first, requests[requests >= 0]
+        self.table.put("partner", answers, requests)
+        new = self.table.take("partner", requests) < 0
+        self.table.put("partner", requests[new][::-1], answers[new][::-1])
 
     def _settle(self, settled: Rows) -> None:
         rows = self.table.rows_of_frames(settled["request"])
@@ -179,8 +179,8 @@ class Bus:
 
     def partner(self, row: int) -> int | None:
         """The row of the request that a row answers, or of the answer to it."""
-        found = self.table.value("partner", row)
-        return None if found < 0 else found
+        joined = self.table.value("partner", row)
+        return None if joined < 0 else joined
 
     def frame(self, row: int) -> Frame:
         """A view of a row that is a frame."""
@@ -188,12 +188,12 @@ class Bus:
         request = -1
         if values["kind"] == Kind.RESPONSE:
             request = values["partner"]
-        known: dict[str, Any] = {**_LEFT_OUT, **{name: values[name] for name in _COPIED}, "index": values["frame"]}
+        fields: dict[str, Any] = {**_LEFT_OUT, **{name: values[name] for name in _COPIED}, "index": values["frame"]}
         if request >= 0:
-            known["request"] = self.table.value("frame", request)
-            known["request_start"] = self.table.value("start", request)
+            fields["request"] = self.table.value("frame", request)
+            fields["request_start"] = self.table.value("start", request)
         return Frame(
-            Row(**known),
+            Row(**fields),
             self.captured(row),
             None if request < 0 else self.captured(request),
             findings=self.findings(row),
@@ -215,40 +215,40 @@ class Bus:
     def batch(self, rows: NDArray[np.int64]) -> Batch:
         """Rows, ascending, all of one piece, as what the pipeline gives; bytes between them are in its data too."""
         number = int(rows[0]) // PIECE
-        piece, places = self.table.piece(number), rows - number * PIECE
+        columns, slots = self.table.piece(number), rows - number * PIECE
         out = np.zeros(len(rows), ROW)
         for name in _COPIED:
-            out[name] = piece[name][places]
-        at = piece["at"][places].astype(np.int64)
+            out[name] = columns[name][slots]
+        at = columns["at"][slots].astype(np.int64)
         out["at"], out["gap_least"] = at - at[0], NO_GAP
         frames = out["kind"] != Kind.NOISE
-        out["index"] = np.where(frames, piece["frame"][places].astype(np.int64), -1)
-        asked = np.where(out["kind"] == Kind.RESPONSE, piece["partner"][places], -1).astype(np.int64)
-        answers = np.flatnonzero(asked >= 0)
+        out["index"] = np.where(frames, columns["frame"][slots].astype(np.int64), -1)
+        requests = np.where(out["kind"] == Kind.RESPONSE, columns["partner"][slots], -1).astype(np.int64)
+        answers = np.flatnonzero(requests >= 0)
         out["request"] = out["request_start"] = -1
-        out["request"][answers] = self.table.take("frame", asked[answers])
-        out["request_start"][answers] = self.table.take("start", asked[answers])
-        away = np.unique(asked[answers][~np.isin(asked[answers], rows)]).tolist()
+        out["request"][answers] = self.table.take("frame", requests[answers])
+        out["request_start"][answers] = self.table.take("start", requests[answers])
+        away = np.unique(requests[answers][~np.isin(requests[answers], rows)]).tolist()
         earlier = {self.table.value("frame", row): self.captured(row) for row in away}
         data = self.store.get(int(at[0]), int(at[-1]) + int(out["length"][-1]) - int(at[0]))
         return Batch(out, data, earlier, findings=self.found.on(rows))
 
     def transactions(self, requests: NDArray[np.int64]) -> Rows:
         """What became of the requests among these rows, as the pipeline gives it; open ones are left out."""
-        take = self.table.take
-        requests = requests[take("state", requests) > 0]
-        state = take("state", requests)
+        read = self.table.take
+        requests = requests[read("state", requests) > 0]
+        state = read("state", requests)
         out = np.zeros(len(requests), TRANSACTION)
         out["status"] = (state & RowState.STATUS) - 1
         out["retry"], out["late"] = state & RowState.RETRY, state & RowState.LATE
         for name in ("start", "length", "t_start", "unit", "function", "port", "protocol"):
-            out[name] = take(name, requests)
-        out["request"], out["t_request"], out["t_next"] = take("frame", requests), take("t_end", requests), NEVER
-        there = np.isin(out["status"], (Status.ANSWERED, Status.EXCEPTION, Status.DAMAGED))
-        answers = take("partner", requests[there])
+            out[name] = read(name, requests)
+        out["request"], out["t_request"], out["t_next"] = read("frame", requests), read("t_end", requests), NEVER
+        has_answer = np.isin(out["status"], (Status.ANSWERED, Status.EXCEPTION, Status.DAMAGED))
+        answers = read("partner", requests[has_answer])
         for name, column in OF_ANSWER.items():
             out[name] = -1 if TRANSACTION[name].kind == "i" else 0
-            out[name][there] = take(_KEPT_AS.get(column, column), answers)
+            out[name][has_answer] = read(_STORED_AS.get(column, column), answers)
         return out
 
     def batches(self, first: int, last: int, size: int = 1 << 14) -> Iterator[tuple[int, Batch]]:

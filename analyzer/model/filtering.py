@@ -40,13 +40,13 @@ class CompiledTest(NamedTuple):
 
 def compiled(text: str, line: LineSettings, charts: UnitMaps | None = None) -> CompiledTest:
     """A filter for the rows of a line; `charts` are the maps of units, for `value("NAME")` and `name`. FilterError."""
-    known = compile_filter(text, line, charts)
-    mask = known.mask
+    row_filter = compile_filter(text, line, charts)
+    mask = row_filter.mask
 
     def test(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
         return mask(PieceTable(bus, number, low, high))
 
-    return CompiledTest(text, test, known.settled)
+    return CompiledTest(text, test, row_filter.settled)
 
 
 class PieceTable:
@@ -87,10 +87,10 @@ class PieceTable:
     def _late(self) -> NDArray[np.bool_]:
         """Answers to requests that were answered late; the request knows."""
         partner = self._own("partner").astype(np.int64)
-        found = np.zeros(len(self), np.bool_)
+        late = np.zeros(len(self), np.bool_)
         answers = np.flatnonzero((partner >= 0) & (self._own("kind") == Kind.RESPONSE))
-        found[answers] = self._bus.table.take("state", partner[answers]) & RowState.LATE != 0
-        return found
+        late[answers] = self._bus.table.take("state", partner[answers]) & RowState.LATE != 0
+        return late
 
     def findings(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Rows with findings, ascending, and the rule of each."""

@@ -39,10 +39,10 @@ def place(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
     if not bus.count:
         raise GotoError("no frame is there yet")
     if re.fullmatch(r"#?\d+", text):
-        found = bus.table.row_of_frame(int(text.lstrip("#")))
-        if found < 0:
+        target = bus.table.row_of_frame(int(text.lstrip("#")))
+        if target < 0:
             raise GotoError(f"no frame {text}: they are 0 to {bus.frames - 1:,}")
-        return found
+        return target
     if match := re.fullmatch(r"(\d+(?:\.\d+)?)\s*%", text):
         return min(bus.count - 1, int(bus.count * float(match[1]) / 100))
     if not bus.timed:
@@ -91,9 +91,9 @@ def span(text: str, bus: Bus, zone: tzinfo = UTC, now: datetime | None = None) -
 
 def _at(day: datetime, hour: int, minute: int) -> int:
     """A time of a day in ns; 24:00 is its end."""
-    whole = hour == 24 and not minute
-    moment = day.replace(hour=0 if whole else hour, minute=minute, second=0, microsecond=0)
-    return int((moment + timedelta(days=whole)).timestamp()) * 1_000_000_000
+    midnight = hour == 24 and not minute
+    moment = day.replace(hour=0 if midnight else hour, minute=minute, second=0, microsecond=0)
+    return int((moment + timedelta(days=midnight)).timestamp()) * 1_000_000_000
 
 
 def _some(low: int, high: int) -> tuple[int, int]:

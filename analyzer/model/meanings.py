@@ -69,8 +69,10 @@ class Meaning:
         if self.source == "map" and self.is_number and self.kind != "hex":
             number = float(self.numbers(np.array(values[: self.words], np.uint16)))
             return f"{number:.7g}{' ' + self.measure if self.measure else ''}" if math.isfinite(number) else str(number)
-        found = next((r for r in readings(values[: self.words]) if r.kind == self.kind and r.order == self.order), None)
-        return "-" if found is None else found.text
+        reading = next(
+            (r for r in readings(values[: self.words]) if r.kind == self.kind and r.order == self.order), None
+        )
+        return "-" if reading is None else reading.text
 
 
 PLAIN: Final = Meaning()
@@ -99,13 +101,13 @@ def told(
     from ..registers.ownwords import with_own_words
     from ..registers.readings import RegisterReadings
 
-    seen = RegisterReadings()
+    registers = RegisterReadings()
     for _, batch in bus.batches(0, min(bus.count, _READ)):
         if stop():
             return {}
-        seen.feed(batch)
-    charts = with_own_words(charts_of({block.unit for block in seen}), own_words(types or {}))
-    return dict(_meanings(infer(seen, charts=charts)))
+        registers.feed(batch)
+    charts = with_own_words(charts_of({block.unit for block in registers}), own_words(types or {}))
+    return dict(_meanings(infer(registers, charts=charts)))
 
 
 def own_words(types: Mapping[Spot, str]) -> dict[tuple[int, str, int], str]:

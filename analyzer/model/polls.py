@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from .bus import Bus
 
-_PIECES: Final = 4  # looked back over
-_KEPT: Final = 6
+_REACH: Final = 4  # pieces
+_CACHED: Final = 6
 _POWERS: Final = np.cumprod(np.full(1 << 10, 0x9E3779B97F4A7C15, np.uint64), dtype=np.uint64)
 _Hashes = NDArray[np.uint64]
 
@@ -36,8 +36,8 @@ def hashes(bus: Bus, rows: NDArray[np.int64]) -> _Hashes:
     begins = np.cumsum(length) - length
     inside = np.arange(int(length.sum())) - np.repeat(begins, length)
     octets = data[np.repeat(at - low, length) + inside].astype(np.uint64) + 1
-    found: _Hashes = np.add.reduceat(octets * _POWERS[inside % len(_POWERS)], begins)
-    return found
+    sums: _Hashes = np.add.reduceat(octets * _POWERS[inside % len(_POWERS)], begins)
+    return sums
 
 
 def _keyed(polls: _Hashes, lengths: NDArray[Any]) -> _Hashes:
@@ -51,25 +51,25 @@ class PollIndex:
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
-        self._known: dict[int, _Hashes] = {}
+        self._cache: dict[int, _Hashes] = {}
 
     def _polls(self, number: int) -> _Hashes:
         """The poll, and the length, of each row of a piece that is a good answer; 0 for others."""
         table = self._bus.table
         size = min(PIECE, self._bus.count - number * PIECE)
-        known = self._known.pop(number, np.zeros(0, np.uint64))
-        if len(known) < size:
-            low = len(known)
+        polls = self._cache.pop(number, np.zeros(0, np.uint64))
+        if len(polls) < size:
+            low = len(polls)
             kind, check, partner = (table.column(number, name)[low:size] for name in ("kind", "check", "partner"))
-            found = np.zeros(size - low, np.uint64)
-            here = np.flatnonzero((kind == Kind.RESPONSE) & check & (partner >= 0))
-            lengths = table.column(number, "length")[low:size][here]
-            found[here] = _keyed(hashes(self._bus, partner[here].astype(np.int64)), lengths)
-            known = np.concatenate((known, found))
-        if len(self._known) >= _KEPT:
-            del self._known[next(iter(self._known))]
-        self._known[number] = known
-        return known
+            fresh = np.zeros(size - low, np.uint64)
+            answers = np.flatnonzero((kind == Kind.RESPONSE) & check & (partner >= 0))
+            lengths = table.column(number, "length")[low:size][answers]
+            fresh[answers] = _keyed(hashes(self._bus, partner[answers].astype(np.int64)), lengths)
+            polls = np.concatenate((polls, fresh))
+        if len(self._cache) >= _CACHED:
+            del self._cache[next(iter(self._cache))]
+        self._cache[number] = polls
+        return polls
 
     def _poll(self, row: int) -> np.uint64:
         """The same of one answer, good or not; 0 where it answers nothing."""
@@ -77,20 +77,20 @@ class PollIndex:
         partner = bus.partner(row) if row < bus.count else None
         if partner is None or bus.table.value("kind", row) != Kind.RESPONSE:
             return np.uint64(0)
-        found: np.uint64 = _keyed(hashes(bus, np.array([partner])), bus.table.take("length", np.array([row])))[0]
-        return found
+        poll: np.uint64 = _keyed(hashes(bus, np.array([partner])), bus.table.take("length", np.array([row])))[0]
+        return poll
 
     def before(self, row: int) -> int | None:
         """The row of the newest good answer before `row` to the same poll; None where none is near."""
-        number, place = divmod(row, PIECE)
-        wanted = (self._polls(number)[place] if row < self._bus.count else 0) or self._poll(row)
+        number, slot = divmod(row, PIECE)
+        wanted = (self._polls(number)[slot] if row < self._bus.count else 0) or self._poll(row)
         if not wanted:
             return None
-        for other in range(number, max(-1, number - _PIECES), -1):
-            polls = self._polls(other)
-            here = np.flatnonzero((polls[:place] if other == number else polls) == wanted)
-            if len(here):
-                return other * PIECE + int(here[-1])
+        for earlier in range(number, max(-1, number - _REACH), -1):
+            polls = self._polls(earlier)
+            matches = np.flatnonzero((polls[:slot] if earlier == number else polls) == wanted)
+            if len(matches):
+                return earlier * PIECE + int(matches[-1])
         return None
 
 
@@ -105,12 +105,12 @@ class ChangedAnswers:
         table = bus.table
         passed = np.zeros(high - low, np.bool_)
         kind, partner = (table.column(number, name)[low:high] for name in ("kind", "partner"))
-        here = np.flatnonzero((kind == Kind.REQUEST) & (partner >= 0))
-        here = here[table.take("check", partner[here].astype(np.int64))]
-        answers: NDArray[Any] = partner[here].astype(np.int64)
-        polls, said = hashes(bus, here + number * PIECE + low), hashes(bus, answers)
+        requests = np.flatnonzero((kind == Kind.REQUEST) & (partner >= 0))
+        requests = requests[table.take("check", partner[requests].astype(np.int64))]
+        answers: NDArray[Any] = partner[requests].astype(np.int64)
+        polls, contents = hashes(bus, requests + number * PIECE + low), hashes(bus, answers)
         newest = self._newest
-        for i, poll, content in zip(here.tolist(), polls.tolist(), said.tolist(), strict=True):
+        for i, poll, content in zip(requests.tolist(), polls.tolist(), contents.tolist(), strict=True):
             passed[i] = newest.get(poll) != content
             newest[poll] = content
         return passed

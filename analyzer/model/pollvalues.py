@@ -39,23 +39,23 @@ class _Rows:
     """Some rows, decoded."""
 
     def __init__(self, bus: Bus, rows: Sequence[int]) -> None:
-        self._places: dict[int, tuple[Decoded, int]] = {}
+        self._decoded: dict[int, tuple[Decoded, int]] = {}
         wanted = np.unique(np.array([row for row in rows if row >= 0], np.int64))
         for number in np.unique(wanted // PIECE).tolist():
             own = wanted[wanted // PIECE == number]
             decoded = decode(bus.batch(own))
-            self._places.update((int(row), (decoded, i)) for i, row in enumerate(own.tolist()))
+            self._decoded.update((int(row), (decoded, i)) for i, row in enumerate(own.tolist()))
 
     def address(self, row: int) -> tuple[int, int, int]:
         """Area, address and quantity; -1 for none."""
-        decoded, i = self._places[row]
+        decoded, i = self._decoded[row]
         return int(decoded.area[i]), int(decoded.address[i]), int(decoded.quantity[i])
 
     def values(self, row: int) -> tuple[int, ...]:
         """None where the row is not here."""
-        if row not in self._places:
+        if row not in self._decoded:
             return ()
-        decoded, i = self._places[row]
+        decoded, i = self._decoded[row]
         return tuple(decoded.values_of(i).tolist())
 
 
@@ -64,15 +64,15 @@ def poll_values(bus: Bus, rows: Sequence[int]) -> list[TransactionValues]:
     partners = bus.table.take("partner", np.array(rows, np.int64))
     partners = np.where(partners < bus.count, partners, -1).tolist()  # live: the answer's row may not be whole yet
     before = [-1 if answer < 0 else _before(bus, answer) for answer in partners]
-    known = _Rows(bus, [*rows, *partners, *before])
-    found = []
+    carried = _Rows(bus, [*rows, *partners, *before])
+    polls = []
     for row, answer, last in zip(rows, partners, before, strict=True):
-        area, address, quantity = known.address(row)
-        values, old = known.values(answer) or known.values(row), known.values(last)
+        area, address, quantity = carried.address(row)
+        values, old = carried.values(answer) or carried.values(row), carried.values(last)
         changed = {i for i, value in enumerate(values) if len(old) == len(values) and old[i] != value}
         register = logical(address, _AREAS[area - 1]) if area and address >= 0 else ""
-        found.append(TransactionValues(row, answer, register, quantity, values, frozenset(changed)))
-    return found
+        polls.append(TransactionValues(row, answer, register, quantity, values, frozenset(changed)))
+    return polls
 
 
 def _before(bus: Bus, answer: int) -> int:

@@ -68,16 +68,16 @@ class RegisterLog:
         n = len(slots)
         newest = np.full(len(self._row), -1, np.int64)
         newest[slots] = np.arange(n)  # of several values of one register the last one stays
-        seen = np.flatnonzero(newest >= 0)
-        last = newest[seen]
+        fresh = np.flatnonzero(newest >= 0)
+        last = newest[fresh]
         older = np.ones(n, np.bool_)
         older[last] = False
         before = np.where(self._row >= 0, self._value.astype(np.int32), -1)
         before[slots[older]] = values[older]
-        self._before[seen] = before[seen]
-        self._value[seen] = values[last]
-        self._t[seen] = batch.rows["t_end"][rows[last]]
-        self._row[seen] = numbers[rows[last]]
+        self._before[fresh] = before[fresh]
+        self._value[fresh] = values[last]
+        self._t[fresh] = batch.rows["t_end"][rows[last]]
+        self._row[fresh] = numbers[rows[last]]
 
     def all(self) -> list[WatchedRegister]:
         """Every one, by unit, area and address."""
@@ -117,37 +117,37 @@ class RegisterSeries:
         self._rows: list[_Ints] = []
         self._values: list[NDArray[np.uint16]] = []
         self._last = np.full(words, -1, np.int64)
-        self._done = 0  # rows of the bus that were read
+        self._rows_read = 0  # rows of the bus that were read
 
     def extend(self, bus: Bus, stop: Callable[[], bool] = lambda: False) -> RegisterSeries:
         """Read on to the newest row, or until `stop`; belongs to one thread at a time."""
-        for number, low, high in bus.table.slices(self._done, bus.count):
+        for number, low, high in bus.table.slices(self._rows_read, bus.count):
             if stop():
                 break
             own = np.flatnonzero(bus.table.column(number, "unit")[low:high] == self.unit) + low
             for part in np.array_split(own, -(-len(own) // _AT_ONCE)) if len(own) else ():
-                self._take(bus.batch(part + number * PIECE), part + number * PIECE)
-            self._done = number * PIECE + high
+                self._add(bus.batch(part + number * PIECE), part + number * PIECE)
+            self._rows_read = number * PIECE + high
         return self
 
-    def _take(self, batch: Batch, rows: _Ints) -> None:
+    def _add(self, batch: Batch, rows: _Ints) -> None:
         keys, values, at = _readings(batch)
         first = self.unit << 18 | self.area << 16 | self.address
         mine = (keys >= first) & (keys < first + self.words)
         keys, values, at = keys[mine] - first, values[mine], at[mine]
         if not len(keys):
             return
-        answers, place = np.unique(at, return_inverse=True)
+        answers, line = np.unique(at, return_inverse=True)
         table = np.full((len(answers), self.words), -1, np.int64)
-        table[place, keys] = values
+        table[line, keys] = values
         table = np.concatenate((self._last[None], table))
-        seen = np.where(table >= 0, np.arange(len(table))[:, None], 0)  # a word that an answer lacks stays as it was
-        table = np.take_along_axis(table, np.maximum.accumulate(seen), axis=0)
+        newest = np.where(table >= 0, np.arange(len(table))[:, None], 0)  # a word that an answer lacks stays as it was
+        table = np.take_along_axis(table, np.maximum.accumulate(newest), axis=0)
         self._last = table[-1]
-        whole = (table[1:] >= 0).all(axis=1)
-        self._t.append(batch.rows["t_end"][answers[whole]])
-        self._rows.append(rows[answers[whole]])
-        self._values.append(table[1:][whole].astype(np.uint16))
+        complete = (table[1:] >= 0).all(axis=1)
+        self._t.append(batch.rows["t_end"][answers[complete]])
+        self._rows.append(rows[answers[complete]])
+        self._values.append(table[1:][complete].astype(np.uint16))
 
     def readings(self) -> tuple[_Ints, _Ints, NDArray[np.uint16]]:
         """Times in ns, rows of the answers, and the registers, one line a reading; oldest first."""

@@ -70,10 +70,10 @@ class Scope:
 
     def transactions(self, bus: Bus) -> Selection:
         """The rows that begin the transactions that it leaves: those with a row that passes."""
-        asked = transactions_with(both(self.tests())) if self.narrows else transactions
+        begins = transactions_with(both(self.tests())) if self.narrows else transactions
         if self.only_changed:
-            asked = both([ChangedAnswers(), asked])
-        return Selection(bus, asked, lag=_LAG if self.narrows or self.only_changed else 0)
+            begins = both([ChangedAnswers(), begins])
+        return Selection(bus, begins, lag=_LAG if self.narrows or self.only_changed else 0)
 
 
 class ScopedFigures:
@@ -86,19 +86,19 @@ class ScopedFigures:
         self.registers = RegisterLog()
         self.units = UnitActivity()
         self.frames = int((bus.table.take("kind", self.rows) != Kind.NOISE).sum())
-        self._whole = bus.whole
+        self._complete = bus.whole
         self._summary = Summary(bus.char_ns)
         first = 0
         while first < len(self.rows) and not stop():
             last = int(np.searchsorted(self.rows, (self.rows[first] // PIECE + 1) * PIECE))
-            self._take(bus, self.rows[first : min(last, first + _AT_ONCE)])
+            self._add(bus, self.rows[first : min(last, first + _AT_ONCE)])
             first = min(last, first + _AT_ONCE)
 
-    def _take(self, bus: Bus, part: NDArray[np.int64]) -> None:
+    def _add(self, bus: Bus, part: NDArray[np.int64]) -> None:
         batch = bus.batch(part)
-        asked = part[batch.rows["kind"] == Kind.REQUEST]
-        found = NOTHING if batch.findings is None else batch.findings
-        self._summary.feed(Analysed(batch, bus.transactions(asked), found))
+        requests = part[batch.rows["kind"] == Kind.REQUEST]
+        findings = NOTHING if batch.findings is None else batch.findings
+        self._summary.feed(Analysed(batch, bus.transactions(requests), findings))
         self.registers.feed(batch, part)
         self.units.feed(batch.rows)
 
@@ -108,4 +108,4 @@ class ScopedFigures:
 
     def report(self, source: ViewSource) -> Report:
         """These rows on one page."""
-        return self._bus.page(self._summary, source, partial=not self._whole)
+        return self._bus.page(self._summary, source, partial=not self._complete)

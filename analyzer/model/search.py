@@ -88,11 +88,11 @@ def for_text(text: str) -> Hits:
     folded = text.casefold()
 
     def hits(bus: Bus, first: int, last: int) -> _Rows:
-        found = set(_holding(bus, pattern, first, last).tolist())
+        rows = set(_holding(bus, pattern, first, last).tolist())
         for row in range(first, last):
-            if row not in found and not bus.is_noise(row) and folded in bus.frame(row).summary().casefold():
-                found.add(row)
-        return np.array(sorted(found), np.int64)
+            if row not in rows and not bus.is_noise(row) and folded in bus.frame(row).summary().casefold():
+                rows.add(row)
+        return np.array(sorted(rows), np.int64)
 
     return hits
 
@@ -100,14 +100,14 @@ def for_text(text: str) -> Hits:
 def for_value(text: str) -> Hits:
     """Rows that carry this value: a register, signed or not, or a float of two registers in any byte order."""
     try:
-        whole = int(text, 0)
+        number = int(text, 0)
     except ValueError:
         return _for_float(text)
-    if not -0x8000 <= whole <= 0xFFFF:
-        raise SearchError(f"{whole} fits in no register: -32768 to 65535, or a float such as 230.5")
+    if not -0x8000 <= number <= 0xFFFF:
+        raise SearchError(f"{number} fits in no register: -32768 to 65535, or a float such as 230.5")
 
     def hits(bus: Bus, first: int, last: int) -> _Rows:
-        return _with_values(bus, first, last, lambda values: values == whole & 0xFFFF)
+        return _with_values(bus, first, last, lambda values: values == number & 0xFFFF)
 
     return hits
 
@@ -153,36 +153,36 @@ def find(bus: Bus, hits: Hits, row: int, *, back: bool = False, stop: Callable[[
     at = row - 1 if back else row + 1
     while 0 <= at < bus.count and not stop():
         first, last = (max(0, at + 1 - _AT_ONCE), at + 1) if back else (at, min(bus.count, at + _AT_ONCE))
-        found = hits(bus, first, last)
-        if len(found):
-            return int(found.max() if back else found.min())
+        rows = hits(bus, first, last)
+        if len(rows):
+            return int(rows.max() if back else rows.min())
         at = first - 1 if back else last
     return None
 
 
 def _holding(bus: Bus, pattern: re.Pattern[bytes], first: int, last: int) -> _Rows:
-    found = []
+    rows = []
     for number, low, high in bus.table.slices(first, last):
         begins = bus.table.column(number, "at")[low:high].astype(np.int64)
         ends = begins + bus.table.column(number, "length")[low:high]
         data = bus.store.get(int(begins[0]), int(ends[-1] - begins[0])).tobytes()
-        at, places = 0, []
+        at, spans = 0, []
         while match := pattern.search(data, at):
-            places.append((match.start(), match.end()))
+            spans.append((match.start(), match.end()))
             at = match.start() + 1
-        if places:
-            spots = np.array(places, np.int64) + begins[0]
+        if spans:
+            spots = np.array(spans, np.int64) + begins[0]
             row = np.searchsorted(begins, spots[:, 0], side="right") - 1
             inside = spots[:, 1] <= ends[row]
-            found.append(np.unique(row[inside]) + number * PIECE + low)
-    return np.concatenate([np.zeros(0, np.int64), *found])
+            rows.append(np.unique(row[inside]) + number * PIECE + low)
+    return np.concatenate([np.zeros(0, np.int64), *rows])
 
 
 def _with_values(bus: Bus, first: int, last: int, test: Callable[[NDArray[np.uint16]], NDArray[np.bool_]]) -> _Rows:
-    found = [np.zeros(0, np.int64)]
+    rows = [np.zeros(0, np.int64)]
     for begin, batch in bus.batches(first, last):
         decoded = decode(batch)
         if len(decoded.values):
-            places = np.flatnonzero(test(decoded.values))
-            found.append(np.unique(np.searchsorted(decoded.offsets, places, side="right") - 1) + begin)
-    return np.concatenate(found)
+            indices = np.flatnonzero(test(decoded.values))
+            rows.append(np.unique(np.searchsorted(decoded.offsets, indices, side="right") - 1) + begin)
+    return np.concatenate(rows)

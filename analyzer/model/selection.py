@@ -126,15 +126,15 @@ def transactions_with(test: Test) -> Test:
         passed = test(bus, number, low, high)
         begins, out = transactions(bus, number, low, high), passed.copy()
         partner = bus.table.column(number, "partner")[low:high].astype(np.int64)
-        place = partner - (number * PIECE + low)
-        asked = begins & (partner >= 0)
-        inside = asked & (place >= 0) & (place < high - low)
-        out[inside] |= passed[place[inside]]
-        for i in np.flatnonzero(asked & ~inside & ~out).tolist():
-            other, at = divmod(int(partner[i]), PIECE)
-            out[i] = test(bus, other, at, at + 1)[0]
-        whole: NDArray[np.bool_] = out & begins
-        return whole
+        position = partner - (number * PIECE + low)
+        answered = begins & (partner >= 0)
+        inside = answered & (position >= 0) & (position < high - low)
+        out[inside] |= passed[position[inside]]
+        for i in np.flatnonzero(answered & ~inside & ~out).tolist():
+            piece, at = divmod(int(partner[i]), PIECE)
+            out[i] = test(bus, piece, at, at + 1)[0]
+        transactions_passed: NDArray[np.bool_] = out & begins
+        return transactions_passed
 
     return either
 

@@ -64,7 +64,7 @@ class ViewSource(Protocol):
 
 
 _FIRST = 1 << 16  # bytes: a first screen is there at once
-_TOLD: Final = 2  # times in which a recording heard nothing; the timeline and the report have all
+_LISTED: Final = 2  # times in which a recording heard nothing; the timeline and the report have all
 
 
 class CaptureSource:
@@ -108,7 +108,7 @@ class CaptureSource:
             return ()
         from ..outages import unheard
 
-        lines = [Grave(unheard(time)) for time in self.deaf[:_TOLD]]
+        lines = [Grave(unheard(time)) for time in self.deaf[:_LISTED]]
         more = len(self.deaf) - len(lines)
         return [*lines, Grave(f"and {more:,} more such times")] if more else lines
 

@@ -30,15 +30,15 @@ def spoken(source: ViewSource, text: str = "", zone: tzinfo = UTC, stop: Callabl
     for analysed in source.steps(stop):
         bus.feed(analysed)
     bus.close()
-    asked = scope.transactions(bus)
-    asked.extend()
+    transactions = scope.transactions(bus)
+    transactions.extend()
     causes = bus.causes()
     yield f"{source.name}: {plural(bus.frames, 'frame', 'frames')}, {plural(bus.found.count, 'finding', 'findings')}"
     yield f"{plural(len(causes), 'cause', 'causes')}." if causes else "No cause of trouble."
     for number, cause in enumerate(causes, 1):
         yield f"Cause {number}, {cause.severity}, {cause.confidence:.0%} sure: {cause.text}. To do: {cause.remedy}"
-    yield f"{plural(asked.count, 'transaction', 'transactions')}{f' with {text}' if text else ''}."
-    for row in asked.rows().tolist():
+    yield f"{plural(transactions.count, 'transaction', 'transactions')}{f' with {text}' if text else ''}."
+    for row in transactions.rows().tolist():
         yield _transaction(bus, row, zone)
 
 
@@ -46,13 +46,13 @@ def _transaction(bus: Bus, row: int, zone: tzinfo) -> str:
     frame, answer = bus.frame(row), bus.partner(row)
     t = bus.table.value("t_start", row)
     when = "" if not bus.timed else date_and_time(t, zone) if is_clock(t) else f"{seconds(t - bus.t_first)} s"
-    said = [f"Frame {frame.index}", *([when] if when else []), f"unit {frame.unit}", frame.summary()]
+    parts = [f"Frame {frame.index}", *([when] if when else []), f"unit {frame.unit}", frame.summary()]
     if answer is not None and bus.table.value("kind", row) == Kind.REQUEST:
         took = bus.table.value("response_ns", answer)
-        said.append(f"{f'after {duration(took)}' if took >= 0 else 'answer'}: {bus.frame(answer).summary()}")
+        parts.append(f"{f'after {duration(took)}' if took >= 0 else 'answer'}: {bus.frame(answer).summary()}")
     else:
         status = bus.table.value("state", row) & RowState.STATUS
-        said += [_OUTCOMES[Status(status - 1)]] if status and Status(status - 1) in _OUTCOMES else []
-    found = {f.code: f.text for each in (row, answer) if each is not None for f in bus.findings(each)}
-    said += [f"{code}: {words}" for code, words in found.items()]
-    return ", ".join(said)
+        parts += [_OUTCOMES[Status(status - 1)]] if status and Status(status - 1) in _OUTCOMES else []
+    findings = {f.code: f.text for each in (row, answer) if each is not None for f in bus.findings(each)}
+    parts += [f"{code}: {words}" for code, words in findings.items()]
+    return ", ".join(parts)

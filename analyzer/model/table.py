@@ -76,22 +76,22 @@ class RowTable:
     def append(self, columns: Mapping[str, Column]) -> None:
         """Add rows; `columns` names every one of `COLUMNS`."""
         n = len(columns["frame"])
-        done = 0
-        while done < n:
-            place = (self.count + done) % PIECE
-            if place == 0:
+        written = 0
+        while written < n:
+            slot = (self.count + written) % PIECE
+            if slot == 0:
                 self._pieces.append(_empty_piece())
-            size = min(PIECE - place, n - done)
+            size = min(PIECE - slot, n - written)
             for name, values in columns.items():
-                self._pieces[-1][name][place : place + size] = values[done : done + size]
-            done += size
+                self._pieces[-1][name][slot : slot + size] = values[written : written + size]
+            written += size
         self.count += n
 
     def piece(self, number: int) -> Mapping[str, Column | ShortTimes]:
         """Columns of rows `number * PIECE` and on, as far as they are there."""
         size = min(PIECE, self.count - number * PIECE)
-        whole = self._pieces[number]
-        return whole if size == PIECE else {name: column[:size] for name, column in whole.items()}
+        columns = self._pieces[number]
+        return columns if size == PIECE else {name: column[:size] for name, column in columns.items()}
 
     def column(self, number: int, name: str) -> Column:
         """One column of a piece."""
@@ -108,8 +108,8 @@ class RowTable:
 
     def row(self, row: int) -> dict[str, int]:
         """All numbers of one row but its confidence."""
-        piece, place = self._pieces[row // PIECE], row % PIECE
-        return {name: piece[name][place].item() for name in COLUMNS}
+        columns, slot = self._pieces[row // PIECE], row % PIECE
+        return {name: columns[name][slot].item() for name in COLUMNS}
 
     def take(self, name: str, rows: NDArray[np.int64]) -> Column:
         """One column of some rows, in the order given."""
@@ -121,25 +121,25 @@ class RowTable:
         out = np.empty(len(rows), COLUMNS[name])
         which = rows // PIECE
         for number in np.unique(which).tolist():
-            here = which == number
-            out[here] = self._pieces[number][name][rows[here] - number * PIECE]
+            inside = which == number
+            out[inside] = self._pieces[number][name][rows[inside] - number * PIECE]
         return out
 
     def put(self, name: str, rows: NDArray[np.int64], values: Column | int) -> None:
         """Write one column of rows that are there; where a row comes twice its last value stays."""
         which = rows // PIECE
         for number in np.unique(which).tolist():
-            here = which == number
-            chosen = values[here] if isinstance(values, np.ndarray) else values
-            self._pieces[number][name][rows[here] - number * PIECE] = chosen
+            inside = which == number
+            chosen = values[inside] if isinstance(values, np.ndarray) else values
+            self._pieces[number][name][rows[inside] - number * PIECE] = chosen
 
     def slices(self, first: int, last: int) -> Iterator[tuple[int, int, int]]:
         """Rows `first` to `last` (excluded) piece by piece: number, first and last place in it."""
         while first < last:
-            number, place = divmod(first, PIECE)
-            stop = min(PIECE, place + last - first)
-            yield number, place, stop
-            first += stop - place
+            number, slot = divmod(first, PIECE)
+            stop = min(PIECE, slot + last - first)
+            yield number, slot, stop
+            first += stop - slot
 
     def row_of_frame(self, index: int) -> int:
         """The row of the frame with this index; -1 where it is not there."""
@@ -154,27 +154,27 @@ class RowTable:
             if number < 0:
                 break
             frames = self.column(number, "frame")
-            place = int(np.searchsorted(frames, index, side="right")) - 1
-            if place >= 0 and int(frames[place]) == index and self.column(number, "kind")[place]:
-                return number * PIECE + place
+            slot = int(np.searchsorted(frames, index, side="right")) - 1
+            if slot >= 0 and int(frames[slot]) == index and self.column(number, "kind")[slot]:
+                return number * PIECE + slot
         return -1
 
     def rows_of_frames(self, indices: NDArray[np.int64]) -> NDArray[np.int64]:
         """`row_of_frame` for many; -1 for those not there."""
-        found = np.full(len(indices), -1, np.int64)
+        rows = np.full(len(indices), -1, np.int64)
         if not len(indices) or not self.count:
-            return found
+            return rows
         firsts = np.array([self._pieces[number]["frame"][0] for number in self.pieces()], np.int64)
         which = np.searchsorted(firsts, indices, side="right") - 1
         for number in np.unique(which[which >= 0]).tolist():
-            here = which == number
+            inside = which == number
             frames, kinds = self.column(number, "frame"), self.column(number, "kind")
-            place = np.searchsorted(frames, indices[here].astype(np.uint32), side="right") - 1
-            good = (place >= 0) & (frames[place] == indices[here]) & (kinds[place] > 0)
-            found[here] = np.where(good, number * PIECE + place, -1)
-        for i in np.flatnonzero((found < 0) & (indices >= 0)).tolist():
-            found[i] = self.row_of_frame(int(indices[i]))
-        return found
+            slots = np.searchsorted(frames, indices[inside].astype(np.uint32), side="right") - 1
+            good = (slots >= 0) & (frames[slots] == indices[inside]) & (kinds[slots] > 0)
+            rows[inside] = np.where(good, number * PIECE + slots, -1)
+        for i in np.flatnonzero((rows < 0) & (indices >= 0)).tolist():
+            rows[i] = self.row_of_frame(int(indices[i]))
+        return rows
 
     def row_of_byte(self, port: int, start: int) -> int:
         """The row that holds a byte of a port's stream; -1 for none. Quick for late rows."""
@@ -188,9 +188,9 @@ class RowTable:
             if not len(open_ones):
                 break
             columns = {name: self.column(number, name) for name in ("port", "start", "length")}
-            places = rows_of_bytes(columns, ports[open_ones], starts[open_ones])
-            rows[open_ones[places >= 0]] = number * PIECE + places[places >= 0]
-            open_ones = open_ones[places < 0]
+            slots = rows_of_bytes(columns, ports[open_ones], starts[open_ones])
+            rows[open_ones[slots >= 0]] = number * PIECE + slots[slots >= 0]
+            open_ones = open_ones[slots < 0]
         return rows
 
     def row_at_time(self, t_ns: int) -> int:
@@ -205,25 +205,25 @@ class RowTable:
         number = max(low - 1, 0)
         if not self.count:
             return 0
-        place = int(np.searchsorted(self.column(number, "t_start"), t_ns, side="right")) - 1
-        return number * PIECE + max(place, 0)
+        slot = int(np.searchsorted(self.column(number, "t_start"), t_ns, side="right")) - 1
+        return number * PIECE + max(slot, 0)
 
     @property
     def nbytes(self) -> int:
         """Memory of the columns."""
-        return sum(column.nbytes for piece in self._pieces for column in piece.values())
+        return sum(column.nbytes for columns in self._pieces for column in columns.values())
 
 
 def _empty_piece() -> dict[str, Column | ShortTimes]:
-    piece: dict[str, Column | ShortTimes] = {}
+    columns: dict[str, Column | ShortTimes] = {}
     for name, kind in COLUMNS.items():
         if name in _SHORT:
-            piece[name] = ShortTimes(PIECE)
+            columns[name] = ShortTimes(PIECE)
         elif name in _NEAR:
-            piece[name] = NearNumbers(PIECE)
+            columns[name] = NearNumbers(PIECE)
         else:
-            piece[name] = EndTimes(piece["t_start"]) if name == "t_end" else np.empty(PIECE, kind)
-    return piece
+            columns[name] = EndTimes(columns["t_start"]) if name == "t_end" else np.empty(PIECE, kind)
+    return columns
 
 
 class ByteStore:
@@ -235,27 +235,27 @@ class ByteStore:
 
     def append(self, data: NDArray[np.uint8]) -> int:
         """Add bytes; where they begin."""
-        begin, done = self.size, 0
-        while done < len(data):
-            place = (begin + done) % _BYTES
-            if place == 0:
+        begin, written = self.size, 0
+        while written < len(data):
+            offset = (begin + written) % _BYTES
+            if offset == 0:
                 self._blocks.append(np.empty(_BYTES, np.uint8))
-            size = min(_BYTES - place, len(data) - done)
-            self._blocks[-1][place : place + size] = data[done : done + size]
-            done += size
+            size = min(_BYTES - offset, len(data) - written)
+            self._blocks[-1][offset : offset + size] = data[written : written + size]
+            written += size
         self.size = begin + len(data)
         return begin
 
     def get(self, at: int, length: int) -> NDArray[np.uint8]:
         """`length` bytes from `at`; a view where they lie in one block."""
-        number, place = divmod(at, _BYTES)
-        if place + length <= _BYTES:
-            return self._blocks[number][place : place + length] if length else np.empty(0, np.uint8)
+        number, offset = divmod(at, _BYTES)
+        if offset + length <= _BYTES:
+            return self._blocks[number][offset : offset + length] if length else np.empty(0, np.uint8)
         parts = []
         while length > 0:
-            size = min(_BYTES - place, length)
-            parts.append(self._blocks[number][place : place + size])
-            length, number, place = length - size, number + 1, 0
+            size = min(_BYTES - offset, length)
+            parts.append(self._blocks[number][offset : offset + size])
+            length, number, offset = length - size, number + 1, 0
         return np.concatenate(parts)
 
     @property
@@ -279,21 +279,21 @@ class ShortTimes:
     def __init__(self, count: int) -> None:
         self._values: NDArray[Any] = np.empty(count, np.int32)
 
-    def __getitem__(self, places: Any) -> NDArray[Any]:
-        values: NDArray[Any] = self._values[places]
+    def __getitem__(self, slots: Any) -> NDArray[Any]:
+        values: NDArray[Any] = self._values[slots]
         if values.dtype == np.int64:
             return values
         return np.where(values == _UNKNOWN, NO_GAP, values.astype(np.int64))
 
-    def __setitem__(self, places: Any, times: NDArray[np.int64] | int) -> None:
-        known = np.asarray(times, np.int64)
+    def __setitem__(self, slots: Any, times: NDArray[np.int64] | int) -> None:
+        exact = np.asarray(times, np.int64)
         if self._values.dtype == np.int32:
-            unknown = known == NO_GAP
-            if not (np.abs(known[~unknown]) > _LONGEST).any():
-                self._values[places] = np.where(unknown, _UNKNOWN, known)
+            unknown = exact == NO_GAP
+            if not (np.abs(exact[~unknown]) > _LONGEST).any():
+                self._values[slots] = np.where(unknown, _UNKNOWN, exact)
                 return
             self._values = ShortTimes.__getitem__(self, slice(None))
-        self._values[places] = known
+        self._values[slots] = exact
 
     @property
     def nbytes(self) -> int:
@@ -308,14 +308,14 @@ class NearNumbers(ShortTimes):
         super().__init__(count)
         self._base: int | None = None
 
-    def __getitem__(self, places: Any) -> NDArray[Any]:
-        return super().__getitem__(places) + (self._base or 0)
+    def __getitem__(self, slots: Any) -> NDArray[Any]:
+        return super().__getitem__(slots) + (self._base or 0)
 
-    def __setitem__(self, places: Any, times: NDArray[np.int64] | int) -> None:
-        known = np.asarray(times, np.int64)
-        if self._base is None and known.size:
-            self._base = int(known.flat[0])
-        super().__setitem__(places, known - (self._base or 0))
+    def __setitem__(self, slots: Any, times: NDArray[np.int64] | int) -> None:
+        exact = np.asarray(times, np.int64)
+        if self._base is None and exact.size:
+            self._base = int(exact.flat[0])
+        super().__setitem__(slots, exact - (self._base or 0))
 
 
 class EndTimes(ShortTimes):
@@ -325,12 +325,12 @@ class EndTimes(ShortTimes):
         super().__init__(PIECE)
         self._begins = begins
 
-    def __getitem__(self, places: Any) -> NDArray[Any]:
-        ends: NDArray[Any] = super().__getitem__(places) + self._begins[places]
+    def __getitem__(self, slots: Any) -> NDArray[Any]:
+        ends: NDArray[Any] = super().__getitem__(slots) + self._begins[slots]
         return ends
 
-    def __setitem__(self, places: Any, times: NDArray[np.int64] | int) -> None:
-        super().__setitem__(places, np.asarray(times, np.int64) - self._begins[places])
+    def __setitem__(self, slots: Any, times: NDArray[np.int64] | int) -> None:
+        super().__setitem__(slots, np.asarray(times, np.int64) - self._begins[slots])
 
 
 # Findings in the order in which they were made, each with the row that it stands on.
@@ -393,8 +393,8 @@ class FindingLog:
 
     def of_row(self, row: int) -> tuple[Finding, ...]:
         """What stands on a row, the gravest first."""
-        here = np.flatnonzero(self._rows[: self.count] == row)
-        return tuple(sorted((self.finding(i) for i in here.tolist()), key=lambda f: -f.severity))
+        numbers = np.flatnonzero(self._rows[: self.count] == row)
+        return tuple(sorted((self.finding(i) for i in numbers.tolist()), key=lambda f: -f.severity))
 
     def rows_beyond(self, row: int, step: int) -> NDArray[np.int32]:
         """Rows with findings behind `row`, or before it where `step` is negative, the nearest first."""
@@ -412,16 +412,16 @@ class FindingLog:
     def rules(self, first: int, last: int) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
         """Rows from `first` to `last` (excluded) that findings stand on, ascending, and the rule of each."""
         rows = self._rows[: self.count]
-        here = np.flatnonzero((rows >= first) & (rows < last))
-        here = here[np.argsort(rows[here], kind="stable")]
-        return rows[here].astype(np.int64), self._findings["rule"][here]
+        numbers = np.flatnonzero((rows >= first) & (rows < last))
+        numbers = numbers[np.argsort(rows[numbers], kind="stable")]
+        return rows[numbers].astype(np.int64), self._findings["rule"][numbers]
 
     def on(self, wanted: NDArray[np.int64]) -> NDArray[np.void]:
         """Those on the wanted rows (ascending, at least one), in the order of their rows."""
         rows = self._rows[: self.count]
-        here = np.flatnonzero((rows >= wanted[0]) & (rows <= wanted[-1]))
-        here = here[np.isin(rows[here], wanted)]
-        return self._findings[here[np.argsort(rows[here], kind="stable")]]
+        numbers = np.flatnonzero((rows >= wanted[0]) & (rows <= wanted[-1]))
+        numbers = numbers[np.isin(rows[numbers], wanted)]
+        return self._findings[numbers[np.argsort(rows[numbers], kind="stable")]]
 
     def chosen(self, code: str | None, least: Severity) -> NDArray[np.int64]:
         """Numbers of the findings of a code (None: any) and of at least that severity, in the order of their rows."""
@@ -429,8 +429,8 @@ class FindingLog:
         good = self._severity[findings["rule"]] >= least
         if code is not None:
             good &= findings["rule"] == codes().index(code)
-        here = np.flatnonzero(good)
-        return here[np.argsort(self._rows[here], kind="stable")]
+        numbers = np.flatnonzero(good)
+        return numbers[np.argsort(self._rows[numbers], kind="stable")]
 
     @property
     def nbytes(self) -> int:

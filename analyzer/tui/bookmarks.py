@@ -30,12 +30,12 @@ class Bookmarks:
         place = self._desk.place(screen.row)
 
         def change() -> None:
-            said = notes.comments.get(place)
+            comment = notes.comments.get(place)
             if notes.toggle(place):
-                kept = "until you leave" if notes.path is None else f"in {notes.path.name}"
-                screen.tell(f"bookmark kept {kept}; ' goes to the next")
+                where = "until you leave" if notes.path is None else f"in {notes.path.name}"
+                screen.tell(f"bookmark kept {where}; ' goes to the next")
             else:
-                screen.tell(f"{'bookmark and comment' if said else 'bookmark'} taken away; u brings it back")
+                screen.tell(f"{'bookmark and comment' if comment else 'bookmark'} taken away; u brings it back")
 
         self._noted(change)
 
@@ -96,8 +96,8 @@ class Bookmarks:
         if not rows:
             self._screen.tell("no bookmarks yet: m sets one")
             return
-        here = -1 if self._screen.row is None else self._screen.row
-        self._screen.jumps.go(next((row for row in rows if row > here), rows[0]))
+        current = -1 if self._screen.row is None else self._screen.row
+        self._screen.jumps.go(next((row for row in rows if row > current), rows[0]))
 
     def _noted(self, change: Callable[[], object]) -> None:
         """Change the notes; where they cannot be kept in their file, say so."""

@@ -74,20 +74,20 @@ async def handled(app: App[Any], target: DOMNode) -> None:
     """Return once a key that `target` was handed has had its effect."""
     with suppress(TimeoutError):
         async with asyncio.timeout(_LONGEST_S):
-            await _told(target)  # it, and whatever has a binding for the key
-            await _told(app.focused or app.screen)  # who was told of what that did
-            await _asked(app)
+            await _notified(target)  # it, and whatever has a binding for the key
+            await _notified(app.focused or app.screen)  # who was told of what that did
+            await _question_settled(app)
 
 
-async def _told(target: DOMNode) -> None:
+async def _notified(target: DOMNode) -> None:
     """The widget, then each of those around it: what one posts to the next is in the queue before this."""
     for node in target.ancestors_with_self:
-        done = asyncio.Event()
-        if node.is_running and node.call_later(done.set):
-            await done.wait()
+        handled = asyncio.Event()
+        if node.is_running and node.call_later(handled.set):
+            await handled.wait()
 
 
-async def _asked(app: App[Any]) -> None:
+async def _question_settled(app: App[Any]) -> None:
     """A question that is on its way is there and has the keys; one that was answered is done with."""
     until = time.monotonic() + _LONGEST_S
     while time.monotonic() < until and _coming(app):

@@ -69,8 +69,8 @@ class ViewState:
 
     def tint(self, row: int) -> str:
         """The component class of the first colour rule that a row passes."""
-        number, place = divmod(row, PIECE)
-        return next((kind for test, kind in self.rules if test(self.bus, number, place, place + 1)[0]), "")
+        number, slot = divmod(row, PIECE)
+        return next((kind for test, kind in self.rules if test(self.bus, number, slot, slot + 1)[0]), "")
 
     def scope_words(self) -> str:
         """What narrows the rows, in words."""

@@ -30,14 +30,14 @@ class DetailPane(Horizontal):
     def octets(self) -> BytesPane:
         return self.query_one(BytesPane)
 
-    def show(self, look: FrameDetail, *, to: tuple[str, ...] = ()) -> None:
+    def show(self, detail: FrameDetail, *, to: tuple[str, ...] = ()) -> None:
         """Show fields and bytes; the cursor of the fields goes to an item, or stays on the field it is on."""
-        self.look = look
-        self.octets.display = bool(look.data) or not look.items
-        item = self.fields.show(look, to=to)
-        self.fields.border_title = look.title
+        self.look = detail
+        self.octets.display = bool(detail.data) or not detail.items
+        item = self.fields.show(detail, to=to)
+        self.fields.border_title = detail.title
         start, length = (0, 0) if item is None else (item.start, item.length)
-        self.octets.show(look, start, length)
+        self.octets.show(detail, start, length)
         self._title_octets(start, length)
 
     def light(self, start: int, length: int) -> None:

@@ -47,13 +47,13 @@ class Details(Lines):
         self._lines: list[TreeLine] = []
         self._broken_at = 0
 
-    def show(self, look: FrameDetail, *, to: Path = ()) -> Item | None:
+    def show(self, detail: FrameDetail, *, to: Path = ()) -> Item | None:
         """Another frame; the cursor goes to an item, or stays on the field of the same name. Gives it, tells nobody."""
         path = to or (self._lines[self.cursor].path if self.cursor < len(self._lines) else ())
-        self.look = look
+        self.look = detail
         self._lay_out()
-        self._told = self._nearest(path)
-        self.renewed(self._told)
+        self._announced = self._nearest(path)
+        self.renewed(self._announced)
         return self.item
 
     def open(self, name: str) -> None:
@@ -71,7 +71,7 @@ class Details(Lines):
             if line.first and item.start <= offset < item.start + item.length < item.start + least:
                 best, least = i, item.length
         if best is not None:
-            self._told = best
+            self._announced = best
             self.move_to(best)
 
     @property
@@ -148,7 +148,7 @@ class Details(Lines):
         super().resized()
 
     def _tell(self) -> None:
-        self._told = self.cursor
+        self._announced = self.cursor
         item = self.item
         if item is not None:
             self.post_message(FieldChosen(item.start, item.length))
@@ -185,6 +185,6 @@ class Details(Lines):
         self.renewed(self._nearest(path))
 
 
-def _values(look: FrameDetail, path: Path) -> bool:
-    item = chosen(look, path)
+def _values(detail: FrameDetail, path: Path) -> bool:
+    item = chosen(detail, path)
     return item is not None and item.values

@@ -23,7 +23,7 @@ class Doors:
     def __init__(self, screen: BusScreen) -> None:
         self._screen = screen
 
-    async def go(self, way: str) -> None:
+    async def go(self, sign: str) -> None:
         """Ask for a cell of the line where there are several, and go through it."""
         screen = self._screen
         cells = BY_NAME[screen.view].cells(screen)
@@ -32,22 +32,22 @@ class Doors:
             return
         which: int | None = 0
         if len(cells) > 1:
-            which = await screen.app.push_screen_wait(Choose(_ASKS[way], [(cell.key, cell.words) for cell in cells]))
+            which = await screen.app.push_screen_wait(Choose(_ASKS[sign], [(cell.key, cell.words) for cell in cells]))
         if which is not None:
-            self._through(way, cells[which])
+            self._through(sign, cells[which])
 
-    def _through(self, way: str, cell: DoorCell) -> None:
+    def _through(self, sign: str, cell: DoorCell) -> None:
         screen = self._screen
         bar = screen.query_one(FilterBar)
         old, text = bar.text, cell.text
-        if way == ".":
+        if sign == ".":
             screen.jumps.find_by(cell.words, for_test(compiled(text, screen.desk.bus.line).test))
-        elif way == "=":
+        elif sign == "=":
             bar.use(text)
-        elif way == "!":
+        elif sign == "!":
             bar.use(f"{_grouped(old)} and not ({text})" if old else f"not ({text})")
         else:
-            word = "and" if way == "&" else "or"
+            word = "and" if sign == "&" else "or"
             bar.prepare(f"{_grouped(old)} {word} {_grouped(text)}" if old else text)
 
 

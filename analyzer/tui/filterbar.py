@@ -36,11 +36,11 @@ class Completions(Lines):
         super().__init__(id=id)
         self.found: Sequence[Completion] = ()
 
-    def show(self, found: Sequence[Completion]) -> None:
+    def show(self, completions: Sequence[Completion]) -> None:
         """Other ones."""
-        self.found = found
-        self.display = bool(found)
-        self.styles.height = min(_MOST, len(found))
+        self.found = completions
+        self.display = bool(completions)
+        self.styles.height = min(_MOST, len(completions))
         self.cursor = 0
         self.renewed()
 
@@ -165,7 +165,7 @@ class FilterBar(Vertical):
     def _use(self, text: str) -> bool:
         text = text.strip()
         try:
-            found = compiled(text, self._speaks, self._maps) if text else None
+            wanted = compiled(text, self._speaks, self._maps) if text else None
         except FilterError as error:
             self._say(str(error))
             self.line.cursor_position = min(error.column, len(text))
@@ -174,7 +174,7 @@ class FilterBar(Vertical):
         if text:
             self._wishes.used(text)
         self._say("")
-        self.post_message(FilterChanged(found))
+        self.post_message(FilterChanged(wanted))
         return True
 
     def _say(self, text: str) -> None:
@@ -190,8 +190,8 @@ class FilterBar(Vertical):
 
     def _suggest(self) -> None:
         line = self.line
-        found = complete(line.value, line.cursor_position) if line.has_focus else ()
-        self.query_one(Completions).show(found)
+        completions = complete(line.value, line.cursor_position) if line.has_focus else ()
+        self.query_one(Completions).show(completions)
 
     def pick(self, step: int) -> None:
         """Another completion."""

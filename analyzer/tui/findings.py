@@ -76,7 +76,7 @@ class FindingList(Lines):
         self._opened: set[tuple[int | None, str]] = set()
         self.scope: Selection | None = None  # rows that findings are shown of; None: all, and the bus as a whole
         self._tested = 0
-        self._seen, self._next = -1, 0.0
+        self._logged, self._next = -1, 0.0
         self.explained, self.explain_at = -1, 0.0  # findings that causes were asked for, and when again
 
     @property
@@ -127,14 +127,14 @@ class FindingList(Lines):
             row = self.row
             self.causes = causes
             self._lay_out()
-            self._told = -1
+            self._announced = -1
             self.renewed(self._line_of(-1 if row is None else row))
 
     def grown(self) -> None:
-        found = self.desk.bus.found
+        log = self.desk.bus.found
         now = time.monotonic()
         tested = 0 if self.scope is None else self.scope.done
-        if (found.count == self._seen and tested == self._tested) or (now < self._next and not self.desk.bus.whole):
+        if (log.count == self._logged and tested == self._tested) or (now < self._next and not self.desk.bus.whole):
             return
         self._next, self._tested = now + _PAUSE_S, tested
         self._choose()
@@ -152,17 +152,17 @@ class FindingList(Lines):
             return int(np.searchsorted(rows(self._numbers), row))  # they are in the order of rows
         line = 0
         for block in self._blocks:
-            here = np.flatnonzero(rows(block.numbers) == row) if block.code else np.zeros(0, np.intp)
-            if len(here):
+            matches = np.flatnonzero(rows(block.numbers) == row) if block.code else np.zeros(0, np.intp)
+            if len(matches):
                 if not block.opened:  # what one comes for is in sight, not its group alone
                     self._opened.add((block.cause, block.code))
                     self._lay_out()
-                return line + 1 + int(here[0])
+                return line + 1 + int(matches[0])
             line += block.lines
         return 0
 
     def _choose(self) -> None:
-        self._seen = self.desk.bus.found.count
+        self._logged = self.desk.bus.found.count
         numbers = self.desk.bus.found.chosen(self.code, self.least)
         if self.scope is not None:
             rows = self.desk.bus.found.rows_of(numbers).astype(np.int64)
@@ -184,8 +184,8 @@ class FindingList(Lines):
         for key in np.unique(kinds << 16 | units + 1).tolist():
             code, unit = names[key >> 16], (key & 0xFFFF) - 1
             cause = cause_of(code, None if unit < 0 else unit, self.causes)
-            here = self._numbers[(kinds << 16 | units + 1) == key]
-            groups.setdefault(cause, {}).setdefault(code, []).append(here)
+            numbers_of_key = self._numbers[(kinds << 16 | units + 1) == key]
+            groups.setdefault(cause, {}).setdefault(code, []).append(numbers_of_key)
         for which in [*range(len(self.causes)), None]:
             by_code = {code: np.sort(np.concatenate(parts)) for code, parts in groups.get(which, {}).items()}
             if which is None and not by_code:
@@ -219,13 +219,13 @@ class FindingList(Lines):
 
     def _heading(self, block: _LineBlock) -> list[StyledText]:
         total = sum(len(each.numbers) for each in self._blocks if each.cause == block.cause)
-        said = f"{plural(total, 'finding', 'findings')}"
+        counted = f"{plural(total, 'finding', 'findings')}"
         if block.cause is None:
-            return [StyledText("· "), StyledText(f"no cause explains {said}", "strong")]
+            return [StyledText("· "), StyledText(f"no cause explains {counted}", "strong")]
         cause = self.causes[block.cause]
         letter = cause.severity[:1].upper()
         kind = cause.severity
-        return [StyledText(f"{letter} ", kind), StyledText(f"{said}: ", "dim"), StyledText(cause.text, "strong")]
+        return [StyledText(f"{letter} ", kind), StyledText(f"{counted}: ", "dim"), StyledText(cause.text, "strong")]
 
     def _counted(self, block: _LineBlock) -> list[StyledText]:
         log = self.desk.bus.found
@@ -235,10 +235,10 @@ class FindingList(Lines):
             StyledText(f"  {sign} ", "dim"),
             StyledText(f"{finding.code:<20} ", SEVERITY[finding.severity]),
             StyledText(f"{len(block.numbers):>7,} ×  "),
-            StyledText(f"{self._place(int(block.numbers[0]))}: {finding.text}", "dim"),
+            StyledText(f"{self._row_words(int(block.numbers[0]))}: {finding.text}", "dim"),
         ]
 
-    def _place(self, number: int) -> str:
+    def _row_words(self, number: int) -> str:
         bus = self.desk.bus
         row = bus.found.row(number)
         return "bus" if row < 0 else "noise" if bus.is_noise(row) else str(bus.table.value("frame", row))
@@ -250,7 +250,7 @@ class FindingList(Lines):
         return [
             StyledText(f"{LETTER[finding.severity]} ", kind),
             StyledText(f"{self.desk.time(row, None) if row >= 0 else '':>12} "),
-            StyledText(f"{self._place(number):>8}  ", "dim"),
+            StyledText(f"{self._row_words(number):>8}  ", "dim"),
             StyledText(f"{finding.code:<20} ", kind),
             StyledText(finding.text),
         ]
@@ -276,14 +276,14 @@ class FindingList(Lines):
         self._again(self.code, order[(order.index(self.least) + 1) % len(order)])
 
     def action_code(self, step: int) -> None:
-        known = [None, *sorted(self.desk.bus.found.by_code)]
-        at = known.index(self.code) if self.code in known else 0
-        self._again(known[(at + step) % len(known)], self.least)
+        choices = [None, *sorted(self.desk.bus.found.by_code)]
+        at = choices.index(self.code) if self.code in choices else 0
+        self._again(choices[(at + step) % len(choices)], self.least)
 
     def _again(self, code: str | None, least: Severity) -> None:
         self.code, self.least = code, least
         self._choose()
-        self._told = -1
+        self._announced = -1
         self.renewed()
 
 
@@ -317,22 +317,22 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
 
 def _refresh(screen: BusScreen) -> None:
     """With what came since, of the rows that the scope leaves."""
-    found = screen.query_one(FindingList)
-    if found.scope is not screen.jobs.narrowed:
-        found.scope, found._seen = screen.jobs.narrowed, -1
-        found._next = 0.0
-    found.grown()
+    listing = screen.query_one(FindingList)
+    if listing.scope is not screen.jobs.narrowed:
+        listing.scope, listing._logged = screen.jobs.narrowed, -1
+        listing._next = 0.0
+    listing.grown()
     bus = screen.desk.bus
-    if bus.found.count != found.explained and (bus.whole or time.monotonic() >= found.explain_at):
-        found.explained, found.explain_at = bus.found.count, time.monotonic() + _AGAIN_S
-        screen.jobs.run("explain", lambda _: bus.causes(), found.use)
+    if bus.found.count != listing.explained and (bus.whole or time.monotonic() >= listing.explain_at):
+        listing.explained, listing.explain_at = bus.found.count, time.monotonic() + _AGAIN_S
+        screen.jobs.run("explain", lambda _: bus.causes(), listing.use)
 
 
 def _shown(screen: BusScreen) -> None:
     if screen.studied is not None:
-        found = screen.query_one(FindingList)
-        found.grown()
-        found.go(screen.studied)
+        listing = screen.query_one(FindingList)
+        listing.grown()
+        listing.go(screen.studied)
 
 
 def _at(screen: BusScreen) -> int | None:

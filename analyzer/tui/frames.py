@@ -45,7 +45,7 @@ class FrameList(Lines):
         """Show other rows; the cursor stays on its row, or on the last one before it."""
         row = self.row
         self.rows = rows
-        self._told = -1
+        self._announced = -1
         self.renewed(0 if row is None or not rows.count else rows.position(row))
 
     @property
@@ -70,8 +70,8 @@ class FrameList(Lines):
         return self.rows.row(line)
 
     def kind_of_line(self, line: int) -> str:
-        row, here = self.row_at(line), self.row if self.pinned_to is None else self.pinned_to
-        if self.pinned is not None and here is not None and min(self.pinned, here) <= row <= max(self.pinned, here):
+        row, end = self.row_at(line), self.row if self.pinned_to is None else self.pinned_to
+        if self.pinned is not None and end is not None and min(self.pinned, end) <= row <= max(self.pinned, end):
             return "lit"
         return self.desk.tint(row)
 
@@ -109,7 +109,7 @@ class FrameList(Lines):
         index = "" if noise else str(table.value("frame", row))
         unit = "" if noise else str(table.value("unit", row))
         function = "" if noise else str(table.value("function", row))
-        pieces = [
+        parts = [
             words.marks(desk, row),
             StyledText(f"{index:>{number}} ", "dim"),
             StyledText(f"{desk.time(row, before):>{time}} "),
@@ -119,16 +119,16 @@ class FrameList(Lines):
         ]
         ended = words.ended(desk, row)
         if answer:
-            pieces.append(StyledText(f"{ended.text:>{answer}}  ", ended.kind))
+            parts.append(StyledText(f"{ended.text:>{answer}}  ", ended.kind))
         else:
-            pieces.append(StyledText(" "))
-        said, about = words.words(desk, row)
+            parts.append(StyledText(" "))
+        content, about = words.words(desk, row)
         if not answer and ended.text == words.UNHEARD:
             about.append(StyledText("  answer not heard", "dim"))
         elif not answer and ended.kind == "error" and not about:
             about.append(StyledText(f"  {'unanswered' if ended.text == 'none' else 'bad answer'}", "error"))
-        taken = sum(len(piece.text) for piece in pieces)
-        return [*pieces, *words.shared(said, about, max(0, width - taken))]
+        used = sum(len(part.text) for part in parts)
+        return [*parts, *words.shared(content, about, max(0, width - used))]
 
 
 def shown_row(screen: BusScreen, sender: Widget) -> None:

@@ -53,11 +53,11 @@ class History(Painted):
         low, high = 0.0 if self._from_zero else min(numbers), max(numbers)
         rows = height - 1
         label = self._written(high) if y == 1 else self._written(low) if y == rows and high > low else ""
-        pieces = [
+        parts = [
             StyledText(f"{label:>11} ", "dim"),
             StyledText(self._plot(y - 1, rows, max(1, width - 12), low, high), "accent"),
         ]
-        return self.strip(pieces, width, base)
+        return self.strip(parts, width, base)
 
     def _plot(self, y: int, rows: int, width: int, low: float, high: float) -> str:
         """One line of the plot: bars in eighths of a line, each the newest number at its time."""

@@ -51,7 +51,7 @@ class HomeList(Lines):
         self.desk = desk
         self.state: BusState | None = None
         self.next_at = 0.0  # when it may be reckoned again
-        self.seen: tuple[int, ...] = ()  # what it was reckoned of
+        self.basis: tuple[int, ...] = ()  # what it was reckoned of
 
     def use(self, state: BusState) -> None:
         """Newer figures."""
@@ -109,19 +109,19 @@ class HomeList(Lines):
     def _verdict(self) -> list[StyledText]:
         bus, state = self.desk.bus, self.state
         span = f" in {duration(bus.t_last - bus.t_first)}" if bus.timed and bus.count else ""
-        what = StyledText(f"   {bus.frames:,} frames{span}, {bus.found.count:,} findings", "dim")
+        totals = StyledText(f"   {bus.frames:,} frames{span}, {bus.found.count:,} findings", "dim")
         if self.desk.scope.narrows:
-            what = StyledText(f"   {self.desk.figures.frames:,} of {bus.frames:,} frames{span}", "dim")
+            totals = StyledText(f"   {self.desk.figures.frames:,} of {bus.frames:,} frames{span}", "dim")
         if state is None:
-            return [StyledText("  reading …"), what]
+            return [StyledText("  reading …"), totals]
         wrong = len(state.causes)
         if wrong:
-            said = "One thing explains what is wrong" if wrong == 1 else f"{wrong} things explain what is wrong"
-            return [StyledText(f"  {said}", "error"), what]
+            verdict = "One thing explains what is wrong" if wrong == 1 else f"{wrong} things explain what is wrong"
+            return [StyledText(f"  {verdict}", "error"), totals]
         grave = sum(count for level, count in bus.found.by_severity.items() if level > 1)
         if grave:
-            return [StyledText("  Single troubles, with no cause behind them", "warning"), what]
-        return [StyledText("  Nothing is wrong", "good"), what]
+            return [StyledText("  Single troubles, with no cause behind them", "warning"), totals]
+        return [StyledText("  Nothing is wrong", "good"), totals]
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         assert self.state is not None
@@ -140,15 +140,15 @@ class HomeList(Lines):
             load = f"load {self.desk.figures.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first):.0%}"
         answers = f"{short(times.p50_ns)} to {short(times.p95_ns)}" if times.count else "no answer times"
         health = "sound" if not bad else f"{rate:.0%} bad" if rate >= 0.005 else "<1% bad"
-        said = [
+        parts = [
             StyledText(f"  unit {unit.unit:>3} "),
             StyledText(f"{health:>8} ", kind),
             StyledText(f"{compact(counts.requests):>6} asked  {load:>8}  answers {answers:<16}"),
         ]
-        room = width - sum(len(piece.text) for piece in said) - 2
+        room = width - sum(len(part.text) for part in parts) - 2
         if room > 7:
-            said.append(StyledText("  " + sparkline(self.desk.figures.units.means(unit.unit), room), "accent"))
-        return said
+            parts.append(StyledText("  " + sparkline(self.desk.figures.units.means(unit.unit), room), "accent"))
+        return parts
 
     def look(self) -> FrameDetail:
         """What the cursor is on, in full."""
@@ -193,8 +193,8 @@ def _unit_items(unit: UnitRow, causes: Sequence[Cause]) -> tuple[Item, ...]:
         )
     ]
     if times.count:
-        said = f"half within {short(times.p50_ns)}, 95% within {short(times.p95_ns)}, {short(times.max_ns)} at most"
-        items.append(Item("answers", said, label=f"{'answers':<11}"))
+        shares = f"half within {short(times.p50_ns)}, 95% within {short(times.p95_ns)}, {short(times.max_ns)} at most"
+        items.append(Item("answers", shares, label=f"{'answers':<11}"))
     mine = [cause for cause in causes if unit.unit in cause.units]
     items += [
         Item(f"cause {i}", cause.text, kind=cause.severity, label=f"{'cause':<11}") for i, cause in enumerate(mine)
@@ -206,10 +206,10 @@ def _unit_items(unit: UnitRow, causes: Sequence[Cause]) -> tuple[Item, ...]:
 def _refresh(screen: BusScreen) -> None:
     home, bus = screen.query_one(HomeList), screen.desk.bus
     figures = screen.desk.figures
-    seen = bus.count, bus.found.count, bus.whole, id(figures)
-    if seen == home.seen or (time.monotonic() < home.next_at and not bus.whole and figures is bus):
+    basis = bus.count, bus.found.count, bus.whole, id(figures)
+    if basis == home.basis or (time.monotonic() < home.next_at and not bus.whole and figures is bus):
         return
-    home.seen, home.next_at = seen, time.monotonic() + _AGAIN_S
+    home.basis, home.next_at = basis, time.monotonic() + _AGAIN_S
     source = screen.desk.source
     screen.jobs.run("home", lambda _: BusState(figures.report(source), bus.causes()), home.use)
 

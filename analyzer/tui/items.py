@@ -51,13 +51,13 @@ class FrameDetail:
 NOTHING: Final = FrameDetail("", b"", ())
 
 
-def chosen(look: FrameDetail, path: Sequence[str]) -> Item | None:
+def chosen(detail: FrameDetail, path: Sequence[str]) -> Item | None:
     """The item at a path of names."""
-    items: Sequence[Item] = look.items
-    found = None
+    items: Sequence[Item] = detail.items
+    match = None
     for name in path:
-        found = next((item for item in items if item.name == name), None)
-        if found is None:
+        match = next((item for item in items if item.name == name), None)
+        if match is None:
             return None
-        items = found.children
-    return found
+        items = match.children
+    return match

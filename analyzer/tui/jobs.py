@@ -37,12 +37,12 @@ class Jobs:
         self.doing = ""
         self.scope: Scope = screen.desk.scope
         self.selection: Selection | None = None
-        self._asked = self.scope.transactions(self._bus)
+        self._transactions = self.scope.transactions(self._bus)
         self._waiting: Selection | None = None  # will be shown once it has come as far as the cursor
         self._counted_at: dict[str, float] = {}  # by view
         self._counted: Selection | None = None  # the selection whose figures were asked for, its rows, when again
         self._counted_to, self._count_next = -1, 0.0
-        self._told_notices: set[str] = set()
+        self._notices: set[str] = set()
         self._paint_at = 0.0
 
     @property
@@ -52,7 +52,7 @@ class Jobs:
 
     def begin(self) -> None:
         """Read the source."""
-        self._screen.transactions.use(self._asked)
+        self._screen.transactions.use(self._transactions)
         self._start("load", self._load)
         self._select()
 
@@ -80,7 +80,7 @@ class Jobs:
     def _load(self) -> None:
         """The source into the model."""
         worker = get_current_worker()
-        told, came, trouble = 0.0, False, ""
+        shown_at, came, trouble = 0.0, False, ""
         try:
             for analysed in self._source.steps(lambda: worker.is_cancelled):
                 if worker.is_cancelled:
@@ -89,8 +89,8 @@ class Jobs:
                 self._bus.feed(analysed)
                 now = time.monotonic()
                 came = came or len(analysed.batch) > 0
-                if now - told >= (_PERIOD_S if came else _QUIET_S):
-                    told, came = now, False
+                if now - shown_at >= (_PERIOD_S if came else _QUIET_S):
+                    shown_at, came = now, False
                     self._screen.call_later(self._rows_came)
         except Exception as error:  # told in one line; what was read stays
             trouble = str(error) or type(error).__name__
@@ -126,8 +126,8 @@ class Jobs:
     def _tell_notices(self) -> None:
         """What the source has to say, each thing once."""
         for notice in self._source.notices():
-            if notice not in self._told_notices:
-                self._told_notices.add(notice)
+            if notice not in self._notices:
+                self._notices.add(notice)
                 grave = isinstance(notice, Grave)
                 self._screen.desk.losses += grave
                 self._screen.tell(notice, wrong=grave)
@@ -153,27 +153,27 @@ class Jobs:
     def reselect(self) -> None:
         """The rows that the scope leaves."""
         self._waiting = self.scope.rows(self._bus)
-        self._asked = self.scope.transactions(self._bus)
+        self._transactions = self.scope.transactions(self._bus)
         self.selection = self._waiting
         if self._waiting is None:
             self._screen.frames.use(Everything(self._bus))
-        self._screen.transactions.use(self._asked)
+        self._screen.transactions.use(self._transactions)
         self._screen.desk.narrowed = None
         self._count_scope()
         self._select()
 
     def _select(self) -> None:
         """Test rows as they come, until there are no more of them."""
-        selections = [each for each in (self.selection, self._asked) if each is not None]
+        selections = [each for each in (self.selection, self._transactions) if each is not None]
 
         def thread() -> None:
             worker = get_current_worker()
             while not worker.is_cancelled:
-                whole = self._bus.whole
+                ended = self._bus.whole
                 for selection in selections:
                     while not worker.is_cancelled and _extended(selection, lambda: worker.is_cancelled):
                         self._screen.call_later(self._selection_grew)
-                if whole:
+                if ended:
                     self._screen.call_later(self._selection_grew)
                     return
                 time.sleep(_PERIOD_S)
@@ -187,8 +187,8 @@ class Jobs:
             self._screen.frames.use(waiting)
         self._count_scope()
         if self.selection is not None and self._bus.whole:
-            done, count = self.selection.done, self._bus.count
-            self.doing = f"filtering {done / max(1, count):.0%}" if done < count else ""
+            tested, count = self.selection.done, self._bus.count
+            self.doing = f"filtering {tested / max(1, count):.0%}" if tested < count else ""
         self._paint()
 
     # Counting

@@ -36,11 +36,11 @@ class Jumps:
         if screen.view != shown:
             screen.action_view(shown, row)
             screen.list_view = listed
-        found = screen.query_one(f"#{shown}", FrameList)
-        if not found.go(row):
+        listing = screen.query_one(f"#{shown}", FrameList)
+        if not listing.go(row):
             screen.tell("that row is not among those shown (Esc takes the filter back); this one comes before it")
-        found.focus()
-        self._arrived = found.row, row
+        listing.focus()
+        self._arrived = listing.row, row
 
     @property
     def here(self) -> int:
@@ -61,8 +61,8 @@ class Jumps:
 
     def to_finding(self, step: int) -> None:
         """The next row with a finding, or the one before."""
-        here, shown = self.here, self._screen.frames.rows
-        rows = self._bus.found.rows_beyond(here, step)
+        begin, shown = self.here, self._screen.frames.rows
+        rows = self._bus.found.rows_beyond(begin, step)
         row = next((row for row in rows.tolist() if shown.row(shown.position(row)) == row), None)
         if row is None:
             self._screen.tell("no finding further on" if step > 0 else "no finding before this")
@@ -71,18 +71,18 @@ class Jumps:
 
     async def ask_where(self) -> None:
         """Ask where to go, and go there."""
-        here = self._screen.row or 0
+        begin = self._screen.row or 0
 
         def wrong(text: str) -> str:
             try:
-                goto.place(text, self._bus, here, self._screen.desk.zone)
+                goto.place(text, self._bus, begin, self._screen.desk.zone)
             except goto.GotoError as error:
                 return str(error)
             return ""
 
         text = await self._screen.app.push_screen_wait(Ask("Go to", goto.FORMS, wrong=wrong))
         if text is not None:
-            self.go(goto.place(text, self._bus, here, self._screen.desk.zone))
+            self.go(goto.place(text, self._bus, begin, self._screen.desk.zone))
 
     async def ask_span(self) -> None:
         """Ask for a span of time, and narrow everything to it."""
@@ -101,12 +101,12 @@ class Jumps:
 
     async def ask_what(self) -> None:
         """Ask what to look for, tell what is understood while it is typed, and look; a place is gone to."""
-        here, zone = max(0, self.here), self._screen.desk.zone
+        begin, zone = max(0, self.here), self._screen.desk.zone
 
         def understood(text: str) -> str:
             if not text.strip():
                 return _HINT
-            if _is_place(text):
+            if _names_row(text):
                 return f"goes to {text.strip()}"
             try:
                 return f"looks for {search.wanted(text).words}"
@@ -115,8 +115,8 @@ class Jumps:
 
         def wrong(text: str) -> str:
             try:
-                if _is_place(text):
-                    goto.place(text, self._bus, here, zone)
+                if _names_row(text):
+                    goto.place(text, self._bus, begin, zone)
                 else:
                     search.wanted(text)
             except (search.SearchError, goto.GotoError) as error:
@@ -129,20 +129,20 @@ class Jumps:
         if text is None:
             return
         self._sought = text
-        if _is_place(text):
-            self.go(goto.place(text, self._bus, here, zone))
+        if _names_row(text):
+            self.go(goto.place(text, self._bus, begin, zone))
         else:
             self._wanted = search.wanted(text)
-            self._look()
+            self._find_first()
 
-    def _look(self) -> None:
+    def _find_first(self) -> None:
         self._waiting.clear()
         self.find_on(back=False)
 
     def find_by(self, words: str, hits: search.Hits) -> None:
         """Look for something that needs no asking."""
         self._wanted = search.Wanted(words, hits)
-        self._look()
+        self._find_first()
 
     def find_on(self, *, back: bool) -> None:
         """The next hit, or the one before."""
@@ -160,9 +160,9 @@ class Jumps:
         row, bus = self.here, self._bus
 
         def seek(stop: Stop) -> tuple[int | None, bool]:
-            found = search.find(bus, wanted.hits, row, back=back, stop=stop)
-            if found is not None or stop():
-                return found, False
+            hit = search.find(bus, wanted.hits, row, back=back, stop=stop)
+            if hit is not None or stop():
+                return hit, False
             return search.find(bus, wanted.hits, bus.count if back else -1, back=back, stop=stop), True
 
         self._screen.jobs.run(FINDING, seek, lambda outcome: self._sought_out(*outcome))
@@ -188,14 +188,14 @@ class Jumps:
 
     def _light(self, row: int, data: bytes) -> None:
         """The bytes that were looked for, in the frame that holds them."""
-        held = self._bus.captured(row)
-        at = held.find(data) if data else -1
+        captured = self._bus.captured(row)
+        at = captured.find(data) if data else -1
         self._screen.lit = (row, at, len(data)) if at >= 0 else None
         if self._screen.studied == row:
             self._screen.study_row(row)
 
 
-def _is_place(text: str) -> bool:
+def _names_row(text: str) -> bool:
     """Whether a text names a place, not something to look for: `#120`, `12.5s`, `+200ms`, `08:29`, `50%`."""
     text = text.strip().lower()
     return goto.is_place(text) and not text.isdecimal()

@@ -31,7 +31,7 @@ class KeptFilters:
         wishes, ask = screen.desk.wishes, screen.app.push_screen_wait
         bar = screen.query_one(FilterBar)
         shown = wishes.filters[:_SHOWN]
-        choices = [(str(i), _words(kept)) for i, kept in enumerate(shown, 1)]
+        choices = [(str(i), _words(entry)) for i, entry in enumerate(shown, 1)]
         choices += [("k", f"keep the filter in use: {bar.text}")] if bar.text else []
         choices += [("d", "drop one")] if shown else []
         if not choices:
@@ -52,12 +52,12 @@ class KeptFilters:
 
     async def _keep(self, text: str) -> None:
         hint = f"a name; a colour behind it lights its rows: {', '.join(COLOURS)}"
-        said = await self._screen.app.push_screen_wait(Ask("Keep as", hint, wrong=_no_name))
-        if said is None:
+        answer = await self._screen.app.push_screen_wait(Ask("Keep as", hint, wrong=_no_name))
+        if answer is None:
             return
-        name, _, colour = said.strip().rpartition(" ")
+        name, _, colour = answer.strip().rpartition(" ")
         if colour not in COLOURS or not name:
-            name, colour = said.strip(), ""
+            name, colour = answer.strip(), ""
         self._screen.desk.wishes.keep(KeptFilter(name, text, colour))
 
     def _again(self) -> None:
@@ -69,25 +69,25 @@ class KeptFilters:
 
 def rules_of(desk: ViewState) -> Iterator[tuple[Test, str]]:
     """Kept filters with a colour, as tests with the component class of their rows."""
-    for kept in desk.wishes.filters:
-        if kept.colour:
+    for entry in desk.wishes.filters:
+        if entry.colour:
             try:
-                yield compiled(kept.text, desk.source.line).test, f"tint-{kept.colour}"
+                yield compiled(entry.text, desk.source.line).test, f"tint-{entry.colour}"
             except FilterError:
                 continue  # kept for captures with a map, or by another version
 
 
 def kept_tests(desk: ViewState) -> Iterator[tuple[str, Test]]:
     """All of them, by name."""
-    for kept in desk.wishes.filters:
+    for entry in desk.wishes.filters:
         try:
-            yield kept.name, compiled(kept.text, desk.source.line).test
+            yield entry.name, compiled(entry.text, desk.source.line).test
         except FilterError:
             continue
 
 
-def _words(kept: KeptFilter) -> str:
-    return f"{kept.name}: {kept.text}" + (f" ({kept.colour})" if kept.colour else "")
+def _words(entry: KeptFilter) -> str:
+    return f"{entry.name}: {entry.text}" + (f" ({entry.colour})" if entry.colour else "")
 
 
 def _no_name(text: str) -> str:

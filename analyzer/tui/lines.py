@@ -20,7 +20,7 @@ from textual.strip import Strip
 from .messages import LineChosen, LineEntered
 from .paint import Painted, StyledText
 
-_KEPT: Final = 512  # painted lines
+_CACHED: Final = 512  # painted lines
 _FRESH_S: Final = 0.5  # lines in sight are painted anew so often while others come
 
 
@@ -44,7 +44,7 @@ class Lines(Painted, ScrollView, can_focus=True):
         super().__init__(id=id, classes=classes)
         self.cursor = 0
         self.following = False
-        self._strips: LRUCache[tuple[int, bool], Strip] = LRUCache(_KEPT)
+        self._strips: LRUCache[tuple[int, bool], Strip] = LRUCache(_CACHED)
         self._shown_count = 0
 
     # What a kind of list says
@@ -90,7 +90,7 @@ class Lines(Painted, ScrollView, can_focus=True):
         if self.following and count:
             self.cursor = count - 1
             self._to_end()
-            if self.cursor != self._told:
+            if self.cursor != self._announced:
                 self._tell()
         elif self.cursor >= count > 0:
             self.cursor = count - 1
@@ -106,7 +106,7 @@ class Lines(Painted, ScrollView, can_focus=True):
         self.move_to(max(0, min(cursor, count - 1)), middle=True)
         self.refresh()
 
-    _told = -1  # the cursor as last told
+    _announced = -1  # the cursor as last told
 
     def _fit(self, count: int) -> None:
         self._shown_count = count
@@ -129,11 +129,11 @@ class Lines(Painted, ScrollView, can_focus=True):
         if count != self._shown_count:
             self._fit(count)
         self._into_sight(line, middle=middle)
-        if line != self._told:
+        if line != self._announced:
             self._tell()
 
     def _tell(self) -> None:
-        self._told = self.cursor
+        self._announced = self.cursor
         self.post_message(LineChosen(self, self.cursor))
 
     @property
@@ -230,15 +230,15 @@ class Lines(Painted, ScrollView, can_focus=True):
         if line >= count:
             text = f"  {self.empty}" if count == 0 and y == self.HEAD else ""
             return self.strip([StyledText(text, "dim")], width, self.base)
-        here = self.BARRED and line == self.cursor
-        strip = self._strips.get((line, here))
+        barred = self.BARRED and line == self.cursor
+        strip = self._strips.get((line, barred))
         if strip is None or strip.cell_length != width:
             base = self.base
             kind = self.kind_of_line(line)
             if kind:
                 base += self.style_of(kind)
-            if here:
+            if barred:
                 base += self.style_of("cursor" if self.has_focus else "cursor-away")
-            strip = self.strip(self.pieces(line, width), width, base, over=here and self.has_focus)
-            self._strips[line, here] = strip
+            strip = self.strip(self.pieces(line, width), width, base, over=barred and self.has_focus)
+            self._strips[line, barred] = strip
         return strip

@@ -95,28 +95,28 @@ class LiveSource:
 
     def state(self) -> list[tuple[str, str]]:
         """How the session does, in words that stay on the screen, each with its kind."""
-        said: list[tuple[str, str]] = []
+        words: list[tuple[str, str]] = []
         if self.gone:
-            said.append(("UNPLUGGED", "error"))
+            words.append(("UNPLUGGED", "error"))
         record = self.recording
         if record is None:
-            said.append(("not recorded", "dim"))
+            words.append(("not recorded", "dim"))
         else:
             name = "" if record.path is None else f" {record.path.name}"
             paused = record.paused
-            said.append(
+            words.append(
                 (
                     f"{'RECORDING PAUSED' if paused else 'REC'}{name} {record.bytes / 1e6:,.1f} MB",
                     "error" if paused else "good",
                 )
             )
             if record.lost:
-                said.append((f"LOST {record.lost:,} bytes", "error"))
+                words.append((f"LOST {record.lost:,} bytes", "error"))
         if self._missed:
-            said.append((f"{self._missed:,} bytes not analysed", "error"))
+            words.append((f"{self._missed:,} bytes not analysed", "error"))
         load = self._status.load
-        said.append((f"{self._status.frames_per_s:.0f} frames/s" + ("" if load is None else f", load {load:.0%}"), ""))
-        return said
+        words.append((f"{self._status.frames_per_s:.0f} frames/s" + ("" if load is None else f", load {load:.0%}"), ""))
+        return words
 
 
 def show(session: Session, name: str, recording: RecordingState | None = None) -> int:

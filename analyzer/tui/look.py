@@ -52,15 +52,15 @@ def _versus(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[It
     before = bus.polls.before(row)
     if before is None:
         return
-    other = bus.frame(before)
-    pairs = list(changed(other.fields(), fields))
+    earlier = bus.frame(before)
+    pairs = list(changed(earlier.fields(), fields))
     ago = ""
     if bus.timed:
         ago = f", {short(bus.table.value('t_start', row) - bus.table.value('t_start', before))} before"
-    said = plural(len(pairs), "value differs", "values differ") if pairs else "nothing differs"
+    difference = plural(len(pairs), "value differs", "values differ") if pairs else "nothing differs"
     kind = "accent" if pairs else "dim"
     yield Item(
-        "versus", f"{said} from frame {other.index}{ago}", kind=kind, label="versus", ready=False,
+        "versus", f"{difference} from frame {earlier.index}{ago}", kind=kind, label="versus", ready=False,
         children=tuple(
             Item(
                 f"{i} {new.name}", f"{new.text}, was {old.text.rpartition(': ')[2]}", new.start, new.length,
@@ -71,29 +71,29 @@ def _versus(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[It
     )  # fmt: skip
 
 
-def at_piece(piece: PastedFrame | PastedNoise) -> FrameDetail:
+def at_piece(pasted: PastedFrame | PastedNoise) -> FrameDetail:
     """A piece of a paste."""
-    if isinstance(piece, PastedNoise):
-        return FrameDetail("in no frame", piece.data, (Item("noise", _unexplained(piece.data),
-                                                     0, piece.length, "noise"),))  # fmt: skip
+    if isinstance(pasted, PastedNoise):
+        return FrameDetail("in no frame", pasted.data, (Item("noise", _unexplained(pasted.data),
+                                                     0, pasted.length, "noise"),))  # fmt: skip
     from ..paste.trees import heading, trouble
 
-    fields = piece.fields()
-    items = [Item("frame", heading(piece), kind="strong")]
-    problem = trouble(piece)
+    fields = pasted.fields()
+    items = [Item("frame", heading(pasted), kind="strong")]
+    problem = trouble(pasted)
     if problem:
         items.append(Item("trouble", problem, kind="error", label="!"))
-    items.extend(_findings(getattr(piece, "findings", ())))
+    items.extend(_findings(getattr(pasted, "findings", ())))
     items.extend(_fields(fields))
-    if piece.also is not None:
-        others = piece.fields(piece.also)
+    if pasted.also is not None:
+        others = pasted.fields(pasted.also)
         same = others == fields
-        said = "field by field the same" if same else heading(piece, piece.also)
-        name = piece.also.name.lower()
+        text = "field by field the same" if same else heading(pasted, pasted.also)
+        name = pasted.also.name.lower()
         items.append(
-            Item("also", said, label=f"or {name}", ready=False, children=() if same else tuple(_fields(others)))
+            Item("also", text, label=f"or {name}", ready=False, children=() if same else tuple(_fields(others)))
         )
-    return FrameDetail(f"at {piece.start}", piece.adu.data, tuple(items), fields)
+    return FrameDetail(f"at {pasted.start}", pasted.adu.data, tuple(items), fields)
 
 
 def _unexplained(data: bytes) -> str:
@@ -126,8 +126,8 @@ def _facts(desk: ViewState, row: int, frame: Frame | None = None) -> tuple[Item,
     if frame is not None:
         partner = bus.partner(row)
         if partner is not None:
-            other = table.value("frame", partner)
-            facts.append(("answers" if frame.row.request >= 0 else "answered by", f"frame {other}"))
+            index = table.value("frame", partner)
+            facts.append(("answers" if frame.row.request >= 0 else "answered by", f"frame {index}"))
         if frame.response_time_ns is not None:
             facts.append(("answer took", short(frame.response_time_ns)))
         facts.append(("confidence", f"{frame.confidence:.4g}"))
@@ -147,11 +147,11 @@ def finding_name(finding: Finding) -> str:
     return f"finding {finding.code}"
 
 
-def _findings(found: Iterable[Finding]) -> Iterator[Item]:
-    seen: set[str] = set()
-    for i, finding in enumerate(found):
-        name = finding_name(finding) if finding.code not in seen else f"{finding_name(finding)} {i}"
-        seen.add(finding.code)
+def _findings(findings: Iterable[Finding]) -> Iterator[Item]:
+    codes: set[str] = set()
+    for i, finding in enumerate(findings):
+        name = finding_name(finding) if finding.code not in codes else f"{finding_name(finding)} {i}"
+        codes.add(finding.code)
         more = (("likely", finding.cause), ("remedy", finding.remedy), ("clause", finding.clause))
         yield Item(
             name, finding.text, kind=SEVERITY[finding.severity],
@@ -167,7 +167,7 @@ def _fields(fields: Sequence[Field]) -> Iterator[Item]:
             children.insert(0, Item("problem", field.problem, field.start, field.length, "error", label="!"))
         if _is_register(field):
             children.extend(_readings(fields, i))
-        alone = sum(other.name == field.name for other in fields) == 1
+        alone = sum(each.name == field.name for each in fields) == 1
         yield Item(
             field.name if alone else f"{field.name} {i}",
             field.text, field.start, field.length, "error" if field.problem else "",
@@ -186,16 +186,16 @@ def _readings(fields: Sequence[Field], first: int) -> Iterator[Item]:
         members = fields[first : first + size]
         if len(members) < size or not all(_is_register(field) for field in members):
             return
-        found = readings([int(field.value or 0) for field in members])
+        interpretations = readings([int(field.value or 0) for field in members])
         if size == 1:
-            for reading in found:
+            for reading in interpretations:
                 if reading.kind != "text" or reading.text.strip("."):
                     yield Item(reading.kind, reading.text, start, _PAIR)
             continue
-        orders = dict.fromkeys(reading.order for reading in found if reading.order is not None)
+        orders = dict.fromkeys(reading.order for reading in interpretations if reading.order is not None)
         for order in orders:
-            said = "  ".join(f"{r.kind} {r.text}" for r in found if r.order == order)
-            yield Item(f"{size} {order}", said, start, size * _PAIR, label=f"{size} regs {order}")
+            text = "  ".join(f"{r.kind} {r.text}" for r in interpretations if r.order == order)
+            yield Item(f"{size} {order}", text, start, size * _PAIR, label=f"{size} regs {order}")
 
 
 __all__ = ["NOTHING", "FrameDetail", "Item", "at_finding", "at_piece", "at_row", "chosen", "finding_name"]

@@ -36,10 +36,10 @@ class BytesPane(Lines):
         self.bits = False
         self.lit = range(0)
 
-    def show(self, look: FrameDetail, start: int, length: int) -> None:
+    def show(self, detail: FrameDetail, start: int, length: int) -> None:
         """Another frame, with the bytes of a field lit."""
-        self.look = look
-        self.offset_at = min(start if length else self.offset_at, max(0, len(look.data) - 1))
+        self.look = detail
+        self.offset_at = min(start if length else self.offset_at, max(0, len(detail.data) - 1))
         self.lit = range(start, start + length)
         self.cursor = self.offset_at // self.across
         self._fresh_until = 0.0
@@ -74,21 +74,21 @@ class BytesPane(Lines):
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:  # noqa: ARG002
         first = line * self.across
         octets = self.look.data[first : first + self.across]
-        pieces = [StyledText(f"{first:>{self._digits}}  ", "dim")]
+        parts = [StyledText(f"{first:>{self._digits}}  ", "dim")]
         if self.bits:
             for i, octet in enumerate(octets, first):
-                pieces += [StyledText(f"{octet >> 4:04b} {octet & 15:04b}", self._light(i)), StyledText("  ")]
-            return pieces
+                parts += [StyledText(f"{octet >> 4:04b} {octet & 15:04b}", self._light(i)), StyledText("  ")]
+            return parts
         for i in range(self.across):
             text = f"{octets[i]:02X}" if i < len(octets) else "  "
-            pieces.append(StyledText(text, self._light(first + i) if i < len(octets) else ""))
+            parts.append(StyledText(text, self._light(first + i) if i < len(octets) else ""))
             joined = first + i in self.lit and first + i + 1 in self.lit and i + 1 < len(octets)
             gap = "  " if i % _GROUP == _GROUP - 1 else " "
-            pieces.append(StyledText(gap, "lit" if joined else ""))
-        pieces.append(StyledText(" "))
+            parts.append(StyledText(gap, "lit" if joined else ""))
+        parts.append(StyledText(" "))
         for i, octet in enumerate(octets, first):
-            pieces.append(StyledText(chr(octet) if 0x20 <= octet < 0x7F else "·", self._light(i)))
-        return pieces
+            parts.append(StyledText(chr(octet) if 0x20 <= octet < 0x7F else "·", self._light(i)))
+        return parts
 
     def _light(self, i: int) -> str:
         if i == self.offset_at and self.has_focus:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..model.source import ViewSource
     from .screen import BusScreen
 
-_LOOK_S: Final = 1.0
+_CHECK_S: Final = 1.0
 _AGAIN: Final = 64 << 20  # bytes up to which a file that grew is read anew by itself while its end is followed
 
 
@@ -35,7 +35,7 @@ class OpenFiles:
     def __init__(self, screen: BusScreen) -> None:
         self._screen = screen
         self._size = 0
-        self._told = False
+        self._announced = False
 
     @property
     def path(self) -> Path | None:
@@ -52,7 +52,7 @@ class OpenFiles:
             if note.kind == MARK:
                 desk.notes.comments.setdefault(desk.place(desk.bus.table.row_at_time(note.t_ns)), note.text)
         self._size = self._now()
-        self._screen.set_interval(_LOOK_S, self._look)
+        self._screen.set_interval(_CHECK_S, self._check_growth)
 
     def _now(self) -> int:
         try:
@@ -60,15 +60,15 @@ class OpenFiles:
         except OSError:
             return 0
 
-    def _look(self) -> None:
+    def _check_growth(self) -> None:
         """Whether it has grown since."""
         size = self._now()
         if size <= self._size:
             return
         if self._screen.frames.following and size <= _AGAIN:
             self.again(follow=True)
-        elif not self._told:
-            self._told = True
+        elif not self._announced:
+            self._announced = True
             self._screen.tell("the file has grown: Ctrl+R reads it anew, F follows its end")
 
     def again(self, *, follow: bool = False) -> None:
@@ -84,8 +84,8 @@ class OpenFiles:
     async def ask(self) -> None:
         """Another file."""
         screen = self._screen
-        here = "" if self.path is None else f"{self.path.parent}/"
-        question = Ask("Open", "a capture of any format", value=here, wrong=_no_capture, selected=False)
+        folder = "" if self.path is None else f"{self.path.parent}/"
+        question = Ask("Open", "a capture of any format", value=folder, wrong=_no_capture, selected=False)
         text = await screen.app.push_screen_wait(question)
         if text is not None:
             screen.app.exit(NextFile(Path(text).expanduser()))

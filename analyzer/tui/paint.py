@@ -86,26 +86,26 @@ class Painted(Widget):
             self._looks[kind] = self.get_component_rich_style(*kind.split(), partial=True)
         return self._looks[kind]
 
-    def strip(self, pieces: Sequence[StyledText], width: int, base: Style, *, over: bool = False) -> Strip:
+    def strip(self, parts: Sequence[StyledText], width: int, base: Style, *, over: bool = False) -> Strip:
         """A line's pieces as one strip; `over`: the base's colours hide those of the pieces."""
         segments = []
-        for text, kind in pieces:
+        for text, kind in parts:
             style = self.style_of(kind)
             segments.append(Segment(harmless(text), style + base if over else base + style))
         return Strip(segments).adjust_cell_length(width, base)
 
 
-def fitted(pieces: Sequence[StyledText], width: int) -> list[StyledText]:
+def fitted(parts: Sequence[StyledText], width: int) -> list[StyledText]:
     """Pieces in exactly this many columns, cut with an ellipsis where they are more."""
     out: list[StyledText] = []
     left = width
-    for piece in pieces:
-        size = cell_len(piece.text)
+    for part in parts:
+        size = cell_len(part.text)
         if size > left:
             if left:
-                out.append(StyledText(set_cell_size(piece.text, left - 1) + "…", piece.kind))
+                out.append(StyledText(set_cell_size(part.text, left - 1) + "…", part.kind))
             return out
-        out.append(piece)
+        out.append(part)
         left -= size
     out.append(StyledText(" " * left))
     return out

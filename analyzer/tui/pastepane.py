@@ -59,7 +59,7 @@ class PieceList(Lines):
     def show(self, paste: Paste | None) -> None:
         """Another paste."""
         self.paste = paste
-        self._told = -1
+        self._announced = -1
         self.renewed()
 
     @property
@@ -72,15 +72,15 @@ class PieceList(Lines):
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         assert self.paste is not None
-        piece = self.paste.pieces[line]
-        at = StyledText(f"{piece.start:>5}  ", "dim")
-        if isinstance(piece, PastedNoise):
+        pasted = self.paste.pieces[line]
+        at = StyledText(f"{pasted.start:>5}  ", "dim")
+        if isinstance(pasted, PastedNoise):
             return fitted(
-                [at, StyledText(f"in no frame, {piece.length} bytes: {shown(piece.data, 12)}", "noise")], width
+                [at, StyledText(f"in no frame, {pasted.length} bytes: {shown(pasted.data, 12)}", "noise")], width
             )
-        wrong = trouble(piece)
-        said = [at, StyledText(heading(piece), piece.role.name.lower())]
-        return fitted([*said, StyledText(f"  {wrong}", "error")] if wrong else said, width)
+        wrong = trouble(pasted)
+        parts = [at, StyledText(heading(pasted), pasted.role.name.lower())]
+        return fitted([*parts, StyledText(f"  {wrong}", "error")] if wrong else parts, width)
 
 
 class PastePane(Vertical):
@@ -98,8 +98,8 @@ class PastePane(Vertical):
     @property
     def look(self) -> FrameDetail:
         """What is under the cursor."""
-        piece = self.query_one(PieceList).piece
-        return NOTHING if piece is None else at_piece(piece)
+        pasted = self.query_one(PieceList).piece
+        return NOTHING if pasted is None else at_piece(pasted)
 
     def on_text_area_changed(self) -> None:
         text = self.query_one(PasteText).text

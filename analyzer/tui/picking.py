@@ -80,7 +80,7 @@ class PickedRows:
         if len(data) > _COPIED:
             screen.tell(f"{len(data):,} bytes are more than a clipboard takes: e writes them to a file")
             return
-        ways = [(way.key, way.name) for way in WAYS]
+        ways = [(each.key, each.name) for each in WAYS]
         which = await screen.app.push_screen_wait(Choose(f"Copy {len(data)} bytes as", ways))
         if which is not None:
             screen.app.copy_to_clipboard(WAYS[which].write(data))
@@ -99,8 +99,8 @@ class PickedRows:
         if not len(rows):
             screen.tell("no rows to export")
             return
-        what = f"the {len(rows):,} rows {'selected' if self.anchor is not None else 'shown'}"
-        question = f"Download {what} as" if app.is_web else f"Export {what} to"
+        subject = f"the {len(rows):,} rows {'selected' if self.anchor is not None else 'shown'}"
+        question = f"Download {subject} as" if app.is_web else f"Export {subject} to"
         wrong = _no_download if app.is_web else _no_file
         text = await app.push_screen_wait(
             Ask(question, "a file; its suffix tells the format", wrong=wrong, value="frames.csv")

@@ -38,8 +38,8 @@ class Series:
 
     def at(self, t_ns: int) -> float | None:
         """What it was then."""
-        place = int(np.searchsorted(self.t_ns, t_ns, side="right")) - 1
-        return None if place < 0 else float(self.numbers[place])
+        index = int(np.searchsorted(self.t_ns, t_ns, side="right")) - 1
+        return None if index < 0 else float(self.numbers[index])
 
 
 def dots(series: Series, span: tuple[int, int], columns: int, rows: int) -> NDArray[np.int64]:
@@ -50,21 +50,21 @@ def dots(series: Series, span: tuple[int, int], columns: int, rows: int) -> NDAr
         return grid
     low, high = reach
     wide, tall = 2 * columns, 4 * rows
-    place = ((series.t_ns - span[0]).astype(float) * (wide - 1) / max(1, span[1] - span[0])).round().astype(np.int64)
-    inside = (place >= 0) & (place < wide)
-    place, number = place[inside], series.numbers[inside]
+    indices = ((series.t_ns - span[0]).astype(float) * (wide - 1) / max(1, span[1] - span[0])).round().astype(np.int64)
+    inside = (indices >= 0) & (indices < wide)
+    indices, number = indices[inside], series.numbers[inside]
     level = np.full(len(number), tall // 2) if high == low else np.zeros(len(number))
     with np.errstate(invalid="ignore"):
         level = level if high == low else (number - low) / (high - low) * (tall - 1)
     before: int | None = None
-    cuts = np.flatnonzero(np.diff(place)) + 1
-    begins, ends = np.concatenate(([0], cuts)), np.concatenate((cuts, [len(place)]))
+    cuts = np.flatnonzero(np.diff(indices)) + 1
+    begins, ends = np.concatenate(([0], cuts)), np.concatenate((cuts, [len(indices)]))
     column_before = 0
     for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
         if begin == end:
             continue
-        column, here = int(place[begin]), level[begin:end]
-        good = here[np.isfinite(here)]
+        column, levels = int(indices[begin]), level[begin:end]
+        good = levels[np.isfinite(levels)]
         if before is not None:  # held until this reading
             for between in range(column_before + 1, column):
                 _set(grid, between, before, before, tall)
@@ -75,7 +75,7 @@ def dots(series: Series, span: tuple[int, int], columns: int, rows: int) -> NDAr
         if before is not None:
             least, most = min(least, before), max(most, before)
         _set(grid, column, least, most, tall)
-        before = round(float(here[-1])) if np.isfinite(here[-1]) else None
+        before = round(float(levels[-1])) if np.isfinite(levels[-1]) else None
         column_before = column
     return grid
 
@@ -144,10 +144,10 @@ class Plot(Painted):
     def _legend(self, number: int) -> list[StyledText]:
         series = self.series[number]
         reach = series.range
-        said = "no number" if reach is None else f"{reach[0]:.6g} to {reach[1]:.6g}"
+        values = "no number" if reach is None else f"{reach[0]:.6g} to {reach[1]:.6g}"
         return [
             StyledText(" ━ ", _KINDS[number % len(_KINDS)]),
-            StyledText(f"{series.name}: {said}{self._read(series)}"),
+            StyledText(f"{series.name}: {values}{self._read(series)}"),
         ]
 
     def _read(self, series: Series) -> str:
@@ -169,29 +169,29 @@ class Plot(Painted):
         label = "" if reach is None else f"{reach[1]:.6g}" if y == 0 else f"{reach[0]:.6g}" if y == rows - 1 else ""
         if reach is not None and reach[0] == reach[1]:
             label = f"{reach[0]:.6g}" if y == rows // 2 else ""
-        here = None if self.cursor is None else round(self.cursor * (columns - 1))
-        pieces = [StyledText(f"{label:>{_LABEL}} ", "dim")]
+        cursor_column = None if self.cursor is None else round(self.cursor * (columns - 1))
+        parts = [StyledText(f"{label:>{_LABEL}} ", "dim")]
         text, kind = "", ""
         for column in range(columns):
             owner = next((i for i, cells in enumerate(self._cells) if cells[y, column]), None)
             cell = " " if owner is None else chr(_BLANK + int(self._cells[owner][y, column]))
             own = kind if owner is None else _KINDS[owner % len(_KINDS)]
-            if column == here:
+            if column == cursor_column:
                 cell, own = ("┊" if owner is None else cell), "strong"
             if own != kind and text:
-                pieces.append(StyledText(text, kind))
+                parts.append(StyledText(text, kind))
                 text = ""
             text, kind = text + cell, own
-        return [*pieces, StyledText(text, kind)]
+        return [*parts, StyledText(text, kind)]
 
     def _tick_line(self, columns: int, span: tuple[int, int]) -> list[StyledText]:
         marks = [" "] * columns
         inside = self.ticks[(self.ticks >= span[0]) & (self.ticks <= span[1])]
-        places = ((inside - span[0]).astype(float) * (columns - 1) / max(1, span[1] - span[0])).round().astype(int)
-        for place in np.unique(places).tolist():
-            marks[place] = "▴"
+        positions = ((inside - span[0]).astype(float) * (columns - 1) / max(1, span[1] - span[0])).round().astype(int)
+        for position in np.unique(positions).tolist():
+            marks[position] = "▴"
         return [
-            StyledText(f"{'findings' if len(places) else '':>{_LABEL}} ", "dim"),
+            StyledText(f"{'findings' if len(positions) else '':>{_LABEL}} ", "dim"),
             StyledText("".join(marks), "error"),
         ]
 

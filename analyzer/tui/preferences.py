@@ -57,15 +57,15 @@ class Preferences:
             return cls(None, trouble=f"{path} holds no settings of this program: left alone")
 
     @classmethod
-    def _from(cls, known: Mapping[str, Any], path: Path) -> Preferences:
-        if known["version"] != _VERSION:
+    def _from(cls, stored: Mapping[str, Any], path: Path) -> Preferences:
+        if stored["version"] != _VERSION:
             raise ValueError("of another version")
         filters = [
             KeptFilter(str(each["name"]), str(each["filter"]), _colour(each.get("colour")))
-            for each in known.get("filters", [])
+            for each in stored.get("filters", [])
         ]
-        keys = {str(name): str(key) for name, key in dict(known.get("keys", {})).items()}
-        return cls(path, filters, [str(text) for text in known.get("past", [])], set(known.get("hidden", [])), keys)
+        keys = {str(name): str(key) for name, key in dict(stored.get("keys", {})).items()}
+        return cls(path, filters, [str(text) for text in stored.get("past", [])], set(stored.get("hidden", [])), keys)
 
     def used(self, text: str) -> None:
         """A filter was used."""
@@ -86,7 +86,7 @@ class Preferences:
         """Write them; what cannot be written lasts until the user leaves."""
         if self.path is None:
             return
-        known = {
+        stored = {
             "version": _VERSION,
             "filters": [{"name": f.name, "filter": f.text, "colour": f.colour} for f in self.filters],
             "past": self.past,
@@ -96,7 +96,7 @@ class Preferences:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with captures.replacing(self.path) as out:
-                out.write((json.dumps(known, indent=2, ensure_ascii=False) + "\n").encode(errors="backslashreplace"))
+                out.write((json.dumps(stored, indent=2, ensure_ascii=False) + "\n").encode(errors="backslashreplace"))
         except (OSError, captures.CaptureError) as error:
             self.path, self.trouble = None, f"settings last until you quit: {error}"
 

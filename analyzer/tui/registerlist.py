@@ -55,10 +55,10 @@ class RegisterList(Lines):
     def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
         self.desk = desk
-        self.told: dict[Spot, Meaning] = {}
+        self.meanings: dict[Spot, Meaning] = {}
         self.pins: list[Spot] = []
         self._registers: list[WatchedRegister] = []
-        self._places: dict[Spot, int] = {}
+        self._line_of: dict[Spot, int] = {}
         self._parts: dict[Spot, Spot] = {}  # registers that are part of the value of one before them
 
     @property
@@ -73,17 +73,17 @@ class RegisterList(Lines):
     def grown(self) -> None:
         before = self.register
         self._registers = sorted(self.desk.figures.registers.all(), key=_in_order)
-        self._places = {_spot(r): i for i, r in enumerate(self._registers)}
+        self._line_of = {_spot(r): i for i, r in enumerate(self._registers)}
         self._find_parts()
         if before is not None:
-            self.cursor = self._places.get(_spot(before), self.cursor)
+            self.cursor = self._line_of.get(_spot(before), self.cursor)
         super().grown()
         if before is None and self._registers:
             self._tell()
 
     def use(self, meanings: dict[Spot, Meaning]) -> None:
         """What maps and values tell."""
-        self.told = meanings
+        self.meanings = meanings
         self._find_parts()
         self.unpaint()
         self._tell()
@@ -99,10 +99,10 @@ class RegisterList(Lines):
     def meaning(self, spot: Spot) -> Meaning:
         """How a register is read: the user's word overrules."""
         own = chosen(self.desk.notes.types.get(spot, ""))
-        found = self.told.get(spot, PLAIN)
+        inferred = self.meanings.get(spot, PLAIN)
         if own is None:
-            return found
-        return Meaning(own.kind, own.order, own.words, "yours", found.name)
+            return inferred
+        return Meaning(own.kind, own.order, own.words, "yours", inferred.name)
 
     def count(self) -> int:
         return len(self._registers)
@@ -121,7 +121,7 @@ class RegisterList(Lines):
         name = meaning.name or AREA_WORDS[register.area]
         room = _name_width(width)
         name = name if len(name) <= room else name[: room - 1] + "…"
-        pieces = [
+        parts = [
             StyledText("•" if spot in self.pins else " ", "accent"),
             StyledText(f"{register.unit:>5} "),
             StyledText(f"{logical(register.address, _AREA_NAMES[register.area]):>8} ", "accent"),
@@ -130,7 +130,7 @@ class RegisterList(Lines):
         if spot in self._parts:
             owner = self._parts[spot]
             of = logical(owner[2], _AREA_NAMES[owner[1]])
-            return fitted([*pieces, StyledText(f"{f'└ of {of}':>18}", "dim")], width)
+            return fitted([*parts, StyledText(f"{f'└ of {of}':>18}", "dim")], width)
         changed = any(member.changed for member in members)
         before = ""
         if all(member.before is not None for member in members):
@@ -139,7 +139,7 @@ class RegisterList(Lines):
         value = meaning.text([member.value for member in members], bit=bit)
         return fitted(
             [
-                *pieces,
+                *parts,
                 StyledText(f"{value:>18}", "strong" if changed else ""),
                 StyledText("* " if changed else "  ", "warning"),
                 StyledText(f"{before:>12} ", "dim"),
@@ -152,13 +152,13 @@ class RegisterList(Lines):
 
     def _members(self, register: WatchedRegister, meaning: Meaning) -> list[WatchedRegister]:
         """It and the registers right behind it, as many as its type takes and were seen."""
-        found = [register]
+        members = [register]
         for k in range(1, meaning.words):
-            place = self._places.get((register.unit, register.area, register.address + k))
-            if place is None:
+            line = self._line_of.get((register.unit, register.area, register.address + k))
+            if line is None:
                 break
-            found.append(self._registers[place])
-        return found
+            members.append(self._registers[line])
+        return members
 
     def owner(self, register: WatchedRegister) -> Spot:
         """Where the value begins that a register is part of."""
@@ -191,7 +191,7 @@ class RegisterList(Lines):
         except CaptureError as error:
             self.app.notify(f"kept until you quit only: {error}", markup=False)
         self._find_parts()
-        self.move_to(self._places.get(spot, self.cursor))
+        self.move_to(self._line_of.get(spot, self.cursor))
         self.unpaint()
         self._tell()
 
@@ -255,9 +255,9 @@ class RegistersPane(Vertical):
     def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
         self._desk = desk
-        self._known: dict[tuple[Spot, int], RegisterSeries] = {}
+        self._series: dict[tuple[Spot, int], RegisterSeries] = {}
         self.next_at = 0.0
-        self.asked_at = -1  # rows of which types were told
+        self.typed_at = -1  # rows of which types were told
 
     def compose(self) -> object:  # type: ignore[override]
         yield RegisterList(self._desk, id="register-list")
@@ -265,54 +265,54 @@ class RegistersPane(Vertical):
 
     def series(self, spots: Sequence[Spot]) -> list[RegisterSeries]:
         """The readings of some values, as far as they were read."""
-        found = self.query_one(RegisterList)
+        listing = self.query_one(RegisterList)
         out = []
         for spot in spots:
-            key = spot, found.meaning(spot).words
-            out.append(self._known.setdefault(key, RegisterSeries(*spot, words=key[1])))
+            key = spot, listing.meaning(spot).words
+            out.append(self._series.setdefault(key, RegisterSeries(*spot, words=key[1])))
         return out
 
 
 def _plotted(screen: BusScreen) -> None:
     """Read what is chosen and pinned, then show it."""
-    pane, found, plot = screen.query_one(RegistersPane), screen.query_one(RegisterList), screen.query_one(Plot)
-    register, bus = found.register, screen.desk.bus
+    pane, listing, plot = screen.query_one(RegistersPane), screen.query_one(RegisterList), screen.query_one(Plot)
+    register, bus = listing.register, screen.desk.bus
     if register is None:
         return
     pane.next_at = time.monotonic() + _AGAIN_S
-    own = found.owner(register)
-    spots = [*found.pins, *([] if own in found.pins else [own])]
+    own = listing.owner(register)
+    spots = [*listing.pins, *([] if own in listing.pins else [own])]
     wanted = pane.series(spots)
 
     def show(read: list[RegisterSeries]) -> None:
-        meanings = [found.meaning(spot) for spot in spots]
+        meanings = [listing.meaning(spot) for spot in spots]
         series = []
         for spot, each, meaning in zip(spots, read, meanings, strict=True):
             t_ns, rows, registers = screen.desk.in_scope(*each.readings())
             if meaning.words == each.words:
                 numbers = meaning.numbers(registers) if meaning.is_number else registers[:, 0].astype(float)
-                series.append(Series(found.label(spot), t_ns if bus.timed else rows, numbers))
+                series.append(Series(listing.label(spot), t_ns if bus.timed else rows, numbers))
         count = len(series[-1].t_ns) if series else 0
         span = f" over {short(int(series[-1].t_ns[-1] - series[-1].t_ns[0]))}" if count > 1 and bus.timed else ""
-        plot.show(f" {found.label(own)}: {count:,} readings{span}", series, bus.found.times(bus.table, own[0]))
+        plot.show(f" {listing.label(own)}: {count:,} readings{span}", series, bus.found.times(bus.table, own[0]))
 
     screen.jobs.run("history", lambda stop: [each.extend(bus, stop) for each in wanted], show)
 
 
-def _make(desk: ViewState) -> Widget:
+def _widget(desk: ViewState) -> Widget:
     return RegistersPane(desk, id="registers")
 
 
 def _refresh(screen: BusScreen) -> None:
-    pane, found, bus = screen.query_one(RegistersPane), screen.query_one(RegisterList), screen.desk.bus
-    found.grown()
+    pane, listing, bus = screen.query_one(RegistersPane), screen.query_one(RegisterList), screen.desk.bus
+    listing.grown()
     if time.monotonic() >= pane.next_at and pane.next_at and not bus.whole:
         _plotted(screen)
-    due = pane.asked_at < 0 or (bus.whole and pane.asked_at < bus.count) or is_due(pane.asked_at, bus.count)
+    due = pane.typed_at < 0 or (bus.whole and pane.typed_at < bus.count) or is_due(pane.typed_at, bus.count)
     if bus.count and due:
-        pane.asked_at = bus.count
+        pane.typed_at = bus.count
         charts, types = screen.desk.charts, dict(screen.desk.notes.types)
-        screen.jobs.run("meanings", lambda stop: told(bus, charts, stop, types), found.use)
+        screen.jobs.run("meanings", lambda stop: told(bus, charts, stop, types), listing.use)
 
 
 def _chosen(screen: BusScreen, sender: Widget) -> None:  # noqa: ARG001
@@ -347,6 +347,6 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
 
 VIEW: Final = View(
     name="registers", key="5", title="Registers",
-    make=_make, refresh=_refresh, chosen=_chosen, entered=_entered, cells=_cells,
+    make=_widget, refresh=_refresh, chosen=_chosen, entered=_entered, cells=_cells,
     without=(*JUMPS, "select"),
 )  # fmt: skip

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .screen import BusScreen
 
 
-def _make(desk: ViewState) -> Widget:  # noqa: ARG001
+def _widget(desk: ViewState) -> Widget:  # noqa: ARG001
     return VerticalScroll(Static("", id="page", markup=False), id="report")
 
 
@@ -35,6 +35,6 @@ def _refresh(screen: BusScreen) -> None:
 
 VIEW: Final = View(
     name="report", key="7", title="Report",
-    make=_make, refresh=_refresh,
+    make=_widget, refresh=_refresh,
     without=(*JUMPS, "select"),
 )  # fmt: skip

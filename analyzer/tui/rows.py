@@ -65,13 +65,13 @@ def words(desk: ViewState, row: int) -> tuple[list[StyledText], list[StyledText]
     if bus.is_noise(row):
         octets = bus.captured(row)
         shown = octets[:_NOISE_BYTES].hex(" ").upper() + (" …" if len(octets) > _NOISE_BYTES else "")
-        said = [StyledText(f"noise, {len(octets)} {'byte' if len(octets) == 1 else 'bytes'}: {shown}", "noise")]
-        found = bus.findings(row)
+        content = [StyledText(f"noise, {len(octets)} {'byte' if len(octets) == 1 else 'bytes'}: {shown}", "noise")]
+        findings = bus.findings(row)
     else:
         frame = bus.frame(row)
-        found = frame.findings
-        said = [StyledText("" if frame.crc_ok else "CRC wrong: ", "error"), StyledText(frame.summary())]
-    return said, _about(desk, row, found)
+        findings = frame.findings
+        content = [StyledText("" if frame.crc_ok else "CRC wrong: ", "error"), StyledText(frame.summary())]
+    return content, _about(desk, row, findings)
 
 
 def about(desk: ViewState, row: int) -> list[StyledText]:
@@ -79,23 +79,23 @@ def about(desk: ViewState, row: int) -> list[StyledText]:
     return _about(desk, row, desk.bus.findings(row))
 
 
-def _about(desk: ViewState, row: int, found: Sequence[Finding]) -> list[StyledText]:
-    codes = {finding.code: finding.severity for finding in reversed(found)}
-    said = [StyledText(f"  {code}", SEVERITY[severity]) for code, severity in codes.items()]
+def _about(desk: ViewState, row: int, findings: Sequence[Finding]) -> list[StyledText]:
+    codes = {finding.code: finding.severity for finding in reversed(findings)}
+    parts = [StyledText(f"  {code}", SEVERITY[severity]) for code, severity in codes.items()]
     comment = desk.notes.comments.get(desk.place(row))
     if comment:
-        said.append(StyledText(f'  "{harmless(comment)}"', "accent"))
-    return said
+        parts.append(StyledText(f'  "{harmless(comment)}"', "accent"))
+    return parts
 
 
-def shared(said: list[StyledText], about: list[StyledText], width: int) -> list[StyledText]:
+def shared(content: list[StyledText], about: list[StyledText], width: int) -> list[StyledText]:
     """Both in this many columns: at least half for the words, the rest for what was said of them."""
-    need = sum(cell_len(piece.text) for piece in about)
+    need = sum(cell_len(part.text) for part in about)
     if not need:
-        return fitted(said, width)
+        return fitted(content, width)
     room = max(width - need, width // 2)
-    size = sum(cell_len(piece.text) for piece in said)
-    return fitted([*(fitted(said, room) if size > room else said), *about], width)
+    size = sum(cell_len(part.text) for part in content)
+    return fitted([*(fitted(content, room) if size > room else content), *about], width)
 
 
 def ended(desk: ViewState, row: int) -> StyledText:

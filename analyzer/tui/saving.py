@@ -55,14 +55,14 @@ def write(
         part = rows[first : min(last, first + _AT_ONCE)]
         batch = bus.batch(part)
         sink.rows(batch, 0, len(batch))
-        found = NOTHING if batch.findings is None else batch.findings
-        sink.batch(Analysed(batch, bus.transactions(_asked(bus, part, rows)), found))
+        findings = NOTHING if batch.findings is None else batch.findings
+        sink.batch(Analysed(batch, bus.transactions(_requests(bus, part, rows)), findings))
         first += len(part)
     sink.close()
     return first
 
 
-def _asked(bus: Bus, part: NDArray[np.int64], chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+def _requests(bus: Bus, part: NDArray[np.int64], chosen: NDArray[np.int64]) -> NDArray[np.int64]:
     """The requests in a part of the chosen rows, and those that its answers answer and that were not chosen."""
     partners = bus.table.take("partner", part).astype(np.int64)
     kinds = bus.table.take("kind", part)

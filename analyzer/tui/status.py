@@ -54,8 +54,8 @@ class StatusLine(Painted):
             for words, kind in state():
                 left.append(StyledText(f"{harmless(words)}  ", kind))
         left.append(StyledText(self.where))
-        right = self._found()
-        size = sum(cell_len(piece.text) for piece in right)
+        right = self._finding_counts()
+        size = sum(cell_len(part.text) for part in right)
         return self.strip([*fitted(left, max(0, width - size)), *right], width, self.base)
 
     def _called(self, most: int) -> str:
@@ -69,9 +69,9 @@ class StatusLine(Painted):
         stop = f"{line.stop_bits:g}" if line.stop_bits else ""
         return f"{line.baud}{f' 8{line.parity}{stop}' if line.parity else ''}"
 
-    def _found(self) -> list[StyledText]:
+    def _finding_counts(self) -> list[StyledText]:
         counts = self.desk.bus.found.by_severity
         kinds = ((Severity.ERROR, "E", "error"), (Severity.WARNING, "W", "warning"), (Severity.NOTE, "N", "note"))
-        found = [StyledText(f" {counts[level]:,}{letter}", kind) for level, letter, kind in kinds if counts[level]]
+        counted = [StyledText(f" {counts[level]:,}{letter}", kind) for level, letter, kind in kinds if counts[level]]
         lost = [StyledText(f" !{self.desk.losses:,} lost", "error")] if self.desk.losses else []
-        return [*lost, *found, StyledText(" ")]
+        return [*lost, *counted, StyledText(" ")]

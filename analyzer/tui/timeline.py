@@ -54,7 +54,7 @@ class Timeline(Painted, can_focus=True):
         super().__init__(id=id)
         self.desk = desk
         self.t_start = self.t_end = 0
-        self.is_whole = True
+        self.is_full = True
         self.cursor = 0
         self.pinned: int | None = None  # ns
         self._bins: Bins | None = None
@@ -69,7 +69,7 @@ class Timeline(Painted, can_focus=True):
     def grown(self) -> None:
         """Rows came."""
         bus = self.desk.bus
-        if self.is_whole:
+        if self.is_full:
             self.t_start, self.t_end = bus.t_first, max(bus.t_last, bus.t_first + _LEAST_NS)
         self.refill()
 
@@ -171,15 +171,15 @@ class Timeline(Painted, can_focus=True):
         if not self.desk.bus.char_ns:
             label = ""
         span, deaf = self._span_columns(), self._deaf_columns()
-        pieces = [StyledText(f"{label:>{_LABEL - 1}} ", "dim")]
+        parts = [StyledText(f"{label:>{_LABEL - 1}} ", "dim")]
         for i, cell in enumerate(cells.tolist()):
             inside = span is not None and span[0] <= i <= span[1]
             kind = "accent" if i == self.cursor else "strong" if inside else "request"
             if i in deaf and not cell:
-                pieces.append(StyledText(_DEAF, kind if i == self.cursor else "error"))
+                parts.append(StyledText(_DEAF, kind if i == self.cursor else "error"))
             else:
-                pieces.append(StyledText(_BLOCKS[cell] if cell or i != self.cursor else "┊", kind))
-        return pieces
+                parts.append(StyledText(_BLOCKS[cell] if cell or i != self.cursor else "┊", kind))
+        return parts
 
     def _deaf_columns(self) -> set[int]:
         """Columns of times in which a recording heard nothing."""
@@ -201,28 +201,28 @@ class Timeline(Painted, can_focus=True):
     def _band(self, band: Band) -> list[StyledText]:
         """How much there was in each column; `!` where something of it was wrong."""
         name = band.name if len(band.name) < _LABEL else band.name[: _LABEL - 2] + "…"
-        pieces = [StyledText(f"{name:>{_LABEL - 1}} ", "dim")]
+        parts = [StyledText(f"{name:>{_LABEL - 1}} ", "dim")]
         most = max(1, int(band.counts.max(initial=0)))
         for i, (count, trouble) in enumerate(zip(band.counts.tolist(), band.troubles.tolist(), strict=True)):
             cell = "!" if trouble else _BLOCKS[max(1, round(8 * count / most))] if count else " "
             kind = "accent" if i == self.cursor else "error" if trouble else "response"
-            if len(pieces) > 1 and pieces[-1].kind == kind:
-                pieces[-1] = StyledText(pieces[-1].text + cell, kind)
+            if len(parts) > 1 and parts[-1].kind == kind:
+                parts[-1] = StyledText(parts[-1].text + cell, kind)
             else:
-                pieces.append(StyledText(cell, kind))
-        return pieces
+                parts.append(StyledText(cell, kind))
+        return parts
 
     def _under_cursor(self, bins: Bins) -> list[StyledText]:
         i = self.cursor
         at = (self.time_at(i) - self.desk.bus.t_first) / 1e9
         load = f", load {self._loads(bins)[i]:.0%}" if self.desk.bus.char_ns else ""
         frames, troubles = int(bins.frames[i]), int(bins.troubles[i])
-        said = f" at {at:.6f} s: {plural(frames, 'frame', 'frames')}{load}, {plural(troubles, 'trouble', 'troubles')}"
+        words = f" at {at:.6f} s: {plural(frames, 'frame', 'frames')}{load}, {plural(troubles, 'trouble', 'troubles')}"
         span = self._span()
         if i in self._deaf_columns():
-            said += "; the recorder heard nothing here"
+            words += "; the recorder heard nothing here"
         more = f"   span {short(span[1] - span[0])}, enter shows it" if span else ""
-        return [StyledText(said), StyledText(more, "accent")]
+        return [StyledText(words), StyledText(more, "accent")]
 
     def _span(self) -> tuple[int, int] | None:
         if self.pinned is None:
@@ -241,7 +241,7 @@ class Timeline(Painted, can_focus=True):
 
     def action_move(self, step: int) -> None:
         cursor = self.cursor + step
-        if not 0 <= cursor < self.columns and not self.is_whole:
+        if not 0 <= cursor < self.columns and not self.is_full:
             self._shift(cursor)
         self.cursor = max(0, min(cursor, self.columns - 1))
         self.refresh()
@@ -264,19 +264,19 @@ class Timeline(Painted, can_focus=True):
         bus = self.desk.bus
         if not bus.count or not bus.timed:
             return
-        here = self.time_at(self.cursor + 0.5)
-        whole = max(bus.t_last - bus.t_first, _LEAST_NS)
-        size = min(max(round((self.t_end - self.t_start) * factor), _LEAST_NS), whole)
-        self.is_whole = size == whole
+        centre = self.time_at(self.cursor + 0.5)
+        total = max(bus.t_last - bus.t_first, _LEAST_NS)
+        size = min(max(round((self.t_end - self.t_start) * factor), _LEAST_NS), total)
+        self.is_full = size == total
         share = (self.cursor + 0.5) / self.columns
-        self.t_start = max(bus.t_first, min(here - round(size * share), bus.t_first + whole - size))
+        self.t_start = max(bus.t_first, min(centre - round(size * share), bus.t_first + total - size))
         self.t_end = self.t_start + size
-        self.cursor = max(0, min(self.columns - 1, int((here - self.t_start) * self.columns / size)))
+        self.cursor = max(0, min(self.columns - 1, int((centre - self.t_start) * self.columns / size)))
         self.refill()
         self._moved()
 
     def action_whole(self) -> None:
-        self.is_whole, self.pinned = True, None
+        self.is_full, self.pinned = True, None
         self.grown()
         self._moved()
 
@@ -313,19 +313,19 @@ def _refresh(screen: BusScreen) -> None:
     bus = desk.bus
     if not bus.count or not bus.timed:
         return
-    kept = list(kept_tests(desk))
-    wanted = (timeline.t_start, timeline.t_end, timeline.columns, desk.scope.words(), [name for name, _ in kept])
+    filters = list(kept_tests(desk))
+    wanted = (timeline.t_start, timeline.t_end, timeline.columns, desk.scope.words(), [name for name, _ in filters])
     if wanted == timeline.banded:
         return
     timeline.banded = wanted
     tests, span, columns = desk.scope.tests(), (timeline.t_start, timeline.t_end), timeline.columns
 
-    def show(found: list[Band]) -> None:
+    def show(counted: list[Band]) -> None:
         if columns == timeline.columns:
-            timeline.bands = found
+            timeline.bands = counted
             timeline.refresh()
 
-    screen.jobs.run("bands", lambda stop: bands(bus, tests, span, columns, kept, stop), show)
+    screen.jobs.run("bands", lambda stop: bands(bus, tests, span, columns, filters, stop), show)
 
 
 VIEW: Final = View(

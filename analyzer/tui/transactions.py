@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _OUTCOMES: Final = {"none": "no answer", "bcast": "broadcast", words.UNHEARD: "answer not heard", "": "…"}
 _BLOCK: Final = 32  # lines that are read at once
-_KEPT: Final = 2048  # transactions
+_CACHED: Final = 2048  # transactions
 _WORD: Final = 5  # columns of a register's value
 _BIT_AREAS: Final = "01"
 
@@ -44,12 +44,12 @@ class TransactionList(FrameList):
         self.rows = Selection(desk.bus, transactions)
         self._lines = Unfolded(desk.bus, self.rows)
         self._meant = -1  # a request that is meant itself, not its answer
-        self._read: LRUCache[int, TransactionValues] = LRUCache(_KEPT)
+        self._read: LRUCache[int, TransactionValues] = LRUCache(_CACHED)
 
     def use(self, rows: ListRows) -> None:
         row = self._lines.place(self.cursor)[0] if self.cursor < self._lines.count else None
         self.rows, self._lines = rows, Unfolded(self.desk.bus, rows)
-        self._told = -1
+        self._announced = -1
         self.renewed(0 if row is None or not rows.count else self._lines.line(row))
 
     @property
@@ -72,7 +72,7 @@ class TransactionList(FrameList):
         self.following = False
         line = self._lines.line(begins)
         if row != self.row:
-            self._told = -1
+            self._announced = -1
         self._meant = row
         self.move_to(line, middle=True)
         return self._lines.place(line)[0] == begins
@@ -115,68 +115,68 @@ class TransactionList(FrameList):
             return [StyledText("  │ ", "dim"), *self.row_pieces(row, None, width - 4)]
         desk, table = self.desk, self.desk.bus.table
         number, time, _ = self.columns(width)
-        found = self._values(line, row)
-        answer = found.answer
+        carried = self._values(line, row)
+        answer = carried.answer
         ended = words.ended(desk, row if answer < 0 else answer)
         grave = max(table.value("mark", row), 0 if answer < 0 else table.value("mark", answer))
         mark = words.marks(desk, row)
         took = table.value("response_ns", answer) if answer >= 0 else -1
-        quantity = "" if found.quantity < 0 else f"×{found.quantity}"
-        pieces = [
+        quantity = "" if carried.quantity < 0 else f"×{carried.quantity}"
+        parts = [
             StyledText(words.LETTER[grave] + mark.text[1], words.SEVERITY[grave] or mark.kind),
             StyledText(f"{table.value('frame', row):>{number}} ", "dim"),
             StyledText(f"{desk.time(row, self.row_at(line - 1) if line else None):>{time}} "),
             StyledText(f"{table.value('unit', row):>4} {table.value('function', row):>3} ", "request"),
-            StyledText(f"{found.register:>8} ", "accent"),
+            StyledText(f"{carried.register:>8} ", "accent"),
             StyledText(f"{quantity:<5}", "dim"),
             StyledText(f"{pointed_ms(took)}  "),
         ]
-        room = max(0, width - sum(cell_len(piece.text) for piece in pieces))
-        return [*pieces, *self._outcome(found, ended, room)]
+        room = max(0, width - sum(cell_len(part.text) for part in parts))
+        return [*parts, *self._outcome(carried, ended, room)]
 
-    def _outcome(self, found: TransactionValues, ended: StyledText, room: int) -> Sequence[StyledText]:
+    def _outcome(self, carried: TransactionValues, ended: StyledText, room: int) -> Sequence[StyledText]:
         """What came of it: values in columns, or words where there are none."""
-        desk, row, answer = self.desk, found.row, found.answer
+        desk, row, answer = self.desk, carried.row, carried.answer
         table = desk.bus.table
         about = words.about(desk, row) + (words.about(desk, answer) if answer >= 0 else [])
         bad = answer >= 0 and (table.value("exception", answer) > 0 or not table.value("check", answer))
         if bad:
             about = [each for each in about if each.text.strip() != "exception"]
-        said: list[StyledText] = []
+        outcome: list[StyledText] = []
         if answer < 0 and not ended.text and desk.bus.whole:
             return words.shared(words.words(desk, row)[0], about, room)  # nobody can say what became of it
         if answer < 0 and words.direction(desk, row) == "request":
-            said = [StyledText(_OUTCOMES.get(ended.text, ended.text), ended.kind)]
-            if found.register and found.values:
-                said += [StyledText(": "), *_columns(found)]
-        elif found.values and not bad:
-            return words.shared(_columns(found), about, room)
+            outcome = [StyledText(_OUTCOMES.get(ended.text, ended.text), ended.kind)]
+            if carried.register and carried.values:
+                outcome += [StyledText(": "), *_columns(carried)]
+        elif carried.values and not bad:
+            return words.shared(_columns(carried), about, room)
         elif answer >= 0:
-            said = words.words(desk, answer)[0]
-        if not found.register:
-            said = [*words.words(desk, row)[0], *([StyledText(" → ", "response")] if said else []), *said]
-        return words.shared(said, about, room)
+            outcome = words.words(desk, answer)[0]
+        if not carried.register:
+            outcome = [*words.words(desk, row)[0], *([StyledText(" → ", "response")] if outcome else []), *outcome]
+        return words.shared(outcome, about, room)
 
     def _values(self, line: int, row: int) -> TransactionValues:
         """What a line carries; a block of lines is read at once."""
         table, read = self.desk.bus.table, self._read
-        known = read.get(row)
-        if known is not None and known.answer == table.value("partner", row):
-            return known
+        ready = read.get(row)
+        if ready is not None and ready.answer == table.value("partner", row):
+            return ready
         first = line // _BLOCK * _BLOCK
-        places = [self._lines.place(i) for i in range(first, min(first + _BLOCK, self._lines.count))]
-        for found in poll_values(self.desk.bus, [each for each, below in places if not below]):
-            read[found.row] = found
+        spots = [self._lines.place(i) for i in range(first, min(first + _BLOCK, self._lines.count))]
+        for carried in poll_values(self.desk.bus, [each for each, below in spots if not below]):
+            read[carried.row] = carried
         return read[row]
 
 
 def _columns(found: TransactionValues) -> list[StyledText]:
     """Values, registers below each other; one that is another than last time has a star, and stands out."""
-    width = 1 if found.register[:1] in _BIT_AREAS and len(found.register) > 1 else _WORD
+    width = 1 if carried.register[:1] in _BIT_AREAS and len(carried.register) > 1 else _WORD
     out = []
-    for i, value in enumerate(found.values):
-        star = "*" if i in found.changed else " "
-        out.append(StyledText(f"{star}{value:>{width}}", "warning" if i in found.changed else ""))
+    for i, value in enumerate(carried.values):
+        star = "*" if i in carried.changed else " "
+        out.append(StyledText(f"{star}{value:>{width}}", "warning" if i in carried.changed else ""))
     return out
 
 

@@ -55,7 +55,7 @@ class UnitList(Lines):
         """Newer figures."""
         self.report = report
         self.grown()
-        if self.cursor != self._told:
+        if self.cursor != self._announced:
             self._tell()
 
     @property
@@ -96,7 +96,7 @@ class UnitList(Lines):
             load = f"{self.desk.figures.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first):.1%}"
         bad = counts.unanswered + counts.exceptions + counts.damaged
         rate = bad / counts.requests if counts.requests else 0.0
-        pieces = [
+        parts = [
             StyledText(f"{unit.unit:>5} "),
             StyledText(f"{load:>5} ", "dim"),
             StyledText(f"{compact(counts.requests):>5}"),
@@ -104,17 +104,17 @@ class UnitList(Lines):
         for name, key in _COLUMNS:
             number = getattr(counts, key)
             kind = "" if name == "ok" else "warning" if name == "exc" else "error"
-            pieces.append(StyledText(f"{compact(number) if number else '-':>6}", kind if number else "dim"))
+            parts.append(StyledText(f"{compact(number) if number else '-':>6}", kind if number else "dim"))
         grave = "error" if rate > _MANY else "warning" if rate else "dim"
         share = f"{rate:.0%}" if rate >= _FEW else "<1%" if rate else "-"
-        pieces.append(StyledText(f"{share:>6}", grave))
-        pieces += [StyledText(f"{short(t):>7}") for t in (times.p50_ns, times.p95_ns, times.max_ns)]
+        parts.append(StyledText(f"{share:>6}", grave))
+        parts += [StyledText(f"{short(t):>7}") for t in (times.p50_ns, times.p95_ns, times.max_ns)]
         if width >= 90:
-            pieces.append(StyledText("  " + sparkline(self.desk.figures.units.means(unit.unit), width - 80), "accent"))
-        return fitted(pieces, width)
+            parts.append(StyledText("  " + sparkline(self.desk.figures.units.means(unit.unit), width - 80), "accent"))
+        return fitted(parts, width)
 
 
-def _make(desk: ViewState) -> Widget:
+def _widget(desk: ViewState) -> Widget:
     return Vertical(UnitList(desk, id="unit-list"), History(id="unit-history", classes="history"), id="units")
 
 
@@ -142,6 +142,6 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
 
 VIEW: Final = View(
     name="units", key="4", title="Units",
-    make=_make, refresh=_refresh, chosen=_chosen, entered=_entered, cells=_cells,
+    make=_widget, refresh=_refresh, chosen=_chosen, entered=_entered, cells=_cells,
     without=(*JUMPS, "select"),
 )  # fmt: skip

@@ -24,32 +24,32 @@ _WEIGHED: Final = (("length", "length"), ("crc", "crc"), ("silence", "silence"),
 
 def why(bus: Bus, row: int) -> Iterator[Item]:
     """The item that tells it; nothing where no evidence was kept."""
-    found = bus.evidence(row)
-    if found is None:
+    weighed = bus.evidence(row)
+    if weighed is None:
         return
-    if found.margin > 0:
-        said = f"{found.margin:.0f} bits likelier than {_rival(bus, row, found)}"
+    if weighed.margin > 0:
+        verdict = f"{weighed.margin:.0f} bits likelier than {_rival(bus, row, weighed)}"
     else:
-        said = "nothing else was weighed"
+        verdict = "nothing else was weighed"
     yield Item(
-        "why", said, kind="dim", label="why", ready=False,
-        children=(*_ruled(bus, row), *_weights(found)),
+        "why", verdict, kind="dim", label="why", ready=False,
+        children=(*_ruled(bus, row), *_weights(weighed)),
     )  # fmt: skip
 
 
-def _rival(bus: Bus, row: int, found: RowEvidence) -> str:
+def _rival(bus: Bus, row: int, weighed: RowEvidence) -> str:
     """What would stand here instead."""
-    if found.rival_kind == Kind.NOISE or not found.rival_length:
+    if weighed.rival_kind == Kind.NOISE or not weighed.rival_length:
         return "noise"
-    ahead = found.rival_start - bus.table.value("start", row)
+    ahead = weighed.rival_start - bus.table.value("start", row)
     where = "from here on" if not ahead else f"{plural(abs(ahead), 'byte', 'bytes')} {'on' if ahead > 0 else 'before'}"
-    return f"a {Kind(found.rival_kind).name.lower()} of {plural(found.rival_length, 'byte', 'bytes')} {where}"
+    return f"a {Kind(weighed.rival_kind).name.lower()} of {plural(weighed.rival_length, 'byte', 'bytes')} {where}"
 
 
-def _weights(found: RowEvidence) -> Iterator[Item]:
+def _weights(weighed: RowEvidence) -> Iterator[Item]:
     """Each kind of evidence in bits: for this frame, or (shaded) against it."""
     for name, label in _WEIGHED:
-        bits = float(getattr(found, name))
+        bits = float(getattr(weighed, name))
         bar = ("█" if bits > 0 else "▒") * min(_BAR, round(abs(bits) / _BITS))
         yield Item(name, f"{bits:+6.1f} {bar or 'tells nothing'}", kind="" if bits >= 0 else "warning", label=label)
 
@@ -86,8 +86,8 @@ def ruler(gap_ns: int, t15_ns: float, t35_ns: float) -> str:
     cells[: end + 1] = "─" * (end + 1)
     cells[end] = "→" if gap_ns > 2 * t35_ns else "●"
     for mark in (t15_ns, t35_ns):
-        place = round(mark * scale)
-        cells[place] = "┊" if cells[place] == " " else "┼" if cells[place] == "─" else cells[place]
+        column = round(mark * scale)
+        cells[column] = "┊" if cells[column] == " " else "┼" if cells[column] == "─" else cells[column]
     return "".join(cells)
 
 
@@ -95,4 +95,4 @@ def _next(bus: Bus, row: int) -> int | None:
     """The next row of the same port."""
     port = bus.table.value("port", row)
     rows = range(row + 1, min(bus.count, row + _NEXT))
-    return next((other for other in rows if bus.table.value("port", other) == port), None)
+    return next((later for later in rows if bus.table.value("port", later) == port), None)

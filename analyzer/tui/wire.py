@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from rich.segment import Segment
     from rich.style import Style
 
-Piece = tuple[int, int, "Iterable[Segment]"]  # line, column, what stands there
+Stretch = tuple[int, int, "Iterable[Segment]"]  # line, column, what stands there
 
 _OFF: Final = {1: 22, 2: 22, 3: 23, 4: 24, 5: 25, 6: 25, 7: 27, 8: 28, 9: 29, 21: 24, 53: 55}  # SGR: how to end each
-_SEEN_ON_BLANKS: Final = frozenset({4, 7, 9, 21, 53})
+_MARKS_ON_BLANKS: Final = frozenset({4, 7, 9, 21, 53})
 _FEW: Final = 4  # cells: writing so many again is shorter than to jump over them
 _LOOKS: Final = 1 << 12
 
@@ -46,7 +46,7 @@ class ThinWire:
         self._size = (0, 0)
         self._texts: list[list[str]] = []
         self._looks: list[list[Look | None]] = []
-        self._known: dict[Style | None, tuple[Look, Look]] = {}
+        self._cache: dict[Style | None, tuple[Look, Look]] = {}
         self._sent: deque[tuple[float, int]] = deque()
 
     def forget(self) -> None:
@@ -69,13 +69,13 @@ class ThinWire:
             self._sent.popleft()
         return sum(size for _, size in self._sent)
 
-    def difference(self, pieces: Iterable[Piece], console: Console) -> str:
+    def difference(self, stretches: Iterable[Stretch], console: Console) -> str:
         """What to write so that these pieces stand on the terminal."""
         self._fit(console.size.width, console.size.height)
         out: list[str] = []
         at: tuple[int, int] | None = None  # the cursor: line, column
         now = _PLAIN
-        for y, x, segments in pieces:
+        for y, x, segments in stretches:
             if not 0 <= y < self._size[1]:
                 continue
             texts, looks = self._texts[y], self._looks[y]
@@ -84,9 +84,9 @@ class ThinWire:
                     ahead = at is not None and at[0] == y and at[1] < first
                     out.append(f"\x1b[{first - at[1]}C" if ahead and at else f"\x1b[{y + 1};{first + 1}H")
                 for i in range(first, last):
-                    look = looks[i]
-                    if look is not None and look != now and texts[i]:
-                        code, now = _turned(now, look)
+                    wanted = looks[i]
+                    if wanted is not None and wanted != now and texts[i]:
+                        code, now = _turned(now, wanted)
                         out.append(code)
                     out.append(texts[i])
                 at = None if last >= self._size[0] else (y, last)
@@ -108,7 +108,7 @@ class ThinWire:
         for text, style, control in segments:
             if control or not text:
                 continue
-            full, blank = self._look(style, console)
+            full, blank = self._looks_of(style, console)
             cells = list(text) if text.isascii() else _cells(text)
             own: list[Look | None] = [blank if cell == " " else full for cell in cells]
             skip, room = max(0, -x), max(0, width - x)
@@ -119,26 +119,26 @@ class ThinWire:
             end = at + len(cells)
             if texts[at:end] == cells and looks[at:end] == own:
                 continue
-            for i, (cell, look) in enumerate(zip(cells, own, strict=True), at):
-                if texts[i] != cell or looks[i] != look:
+            for i, (cell, wanted) in enumerate(zip(cells, own, strict=True), at):
+                if texts[i] != cell or looks[i] != wanted:
                     if not texts[i]:  # the other half of a wide character goes with this one
                         texts[i - 1], looks[i - 1] = " ", None
                     if i + 1 < width and not texts[i + 1]:
                         texts[i + 1], looks[i + 1] = " ", None
-                    texts[i], looks[i] = cell, look
+                    texts[i], looks[i] = cell, wanted
                     yield i
 
-    def _look(self, style: Style | None, console: Console) -> tuple[Look, Look]:
+    def _looks_of(self, style: Style | None, console: Console) -> tuple[Look, Look]:
         """How text in a style looks, and how a blank does."""
-        found = self._known.get(style)
-        if found is None:
-            if len(self._known) > _LOOKS:
-                self._known.clear()
-            full = _look_of(style, console)
-            seen = full.marks & _SEEN_ON_BLANKS
-            blank = Look(full.front if seen else "", full.back, seen)
-            found = self._known[style] = (full, blank)
-        return found
+        looks = self._cache.get(style)
+        if looks is None:
+            if len(self._cache) > _LOOKS:
+                self._cache.clear()
+            full = _codes_of(style, console)
+            marks = full.marks & _MARKS_ON_BLANKS
+            blank = Look(full.front if marks else "", full.back, marks)
+            looks = self._cache[style] = (full, blank)
+        return looks
 
 
 class ThinUpdate(CompositorUpdate):
@@ -152,12 +152,12 @@ class ThinUpdate(CompositorUpdate):
         return self.text
 
 
-def _of_layout(update: LayoutUpdate) -> Iterator[Piece]:
+def _of_layout(update: LayoutUpdate) -> Iterator[Stretch]:
     for y, strips in enumerate(update.strips, update.region.y):
         yield y, update.region.x, (segment for strip in strips for segment in strip)
 
 
-def _of_chops(update: ChopsUpdate) -> Iterator[Piece]:
+def _of_chops(update: ChopsUpdate) -> Iterator[Stretch]:
     for y, x1, x2 in update.spans:
         for end, (x, strip) in zip(update.chop_ends[y], update.chops[y].items(), strict=False):
             if strip is not None and x < x2 and end > x1:
@@ -180,9 +180,9 @@ def _cells(text: str) -> list[str]:
 
 def _runs(columns: Iterable[int], looks: Sequence[Look | None], texts: Sequence[str]) -> Iterator[tuple[int, int]]:
     """Changed columns as stretches to write, over gaps that are shorter to write again than to jump over."""
-    found = list(columns)  # all are taken in before the first is written
+    changed = list(columns)  # all are taken in before the first is written
     first = last = -1
-    for column in found:
+    for column in changed:
         if first < 0:
             first = column
         elif column - last > _FEW or not all(_alike(looks[i], looks[last - 1]) for i in range(last, column)):
@@ -195,14 +195,14 @@ def _runs(columns: Iterable[int], looks: Sequence[Look | None], texts: Sequence[
         yield first, last
 
 
-def _alike(look: Look | None, other: Look | None) -> bool:
+def _alike(own: Look | None, neighbour: Look | None) -> bool:
     """Whether a cell can be written in another one's look."""
-    if look is None or other is None or look == other:
-        return look == other
-    return not look.front and look.back == other.back and look.marks == other.marks & _SEEN_ON_BLANKS
+    if own is None or neighbour is None or own == neighbour:
+        return own == neighbour
+    return not own.front and own.back == neighbour.back and own.marks == neighbour.marks & _MARKS_ON_BLANKS
 
 
-def _look_of(style: Style | None, console: Console) -> Look:
+def _codes_of(style: Style | None, console: Console) -> Look:
     system = console._color_system
     if style is None or system is None:
         return _PLAIN
@@ -217,11 +217,11 @@ def _turned(now: Look, wanted: Look) -> tuple[str, Look]:
     """The codes from one look to another, and the look after them."""
     codes: list[str] = []
     if not wanted.front:
-        wanted = Look("", wanted.back, wanted.marks | (now.marks - _SEEN_ON_BLANKS))
+        wanted = Look("", wanted.back, wanted.marks | (now.marks - _MARKS_ON_BLANKS))
     ended = {_OFF[mark] for mark in now.marks - wanted.marks}
     codes += [str(code) for code in sorted(ended)]
-    kept = {mark for mark in now.marks if _OFF[mark] not in ended}
-    codes += [str(mark) for mark in sorted(wanted.marks - kept)]
+    lasting = {mark for mark in now.marks if _OFF[mark] not in ended}
+    codes += [str(mark) for mark in sorted(wanted.marks - lasting)]
     front = wanted.front or now.front
     if front != now.front:
         codes.append(front)

@@ -71,9 +71,9 @@ class Metrics:
                                 "NaN where the line's speed is not known", registry=registry)  # fmt: skip
         load.set_function(lambda: float("nan") if self._status is None or (r := self._status.load) is None else r)
         if recorded is not None:
-            for place, name in enumerate(("recorded_bytes", "recording_lost_bytes")):
+            for index, name in enumerate(("recorded_bytes", "recording_lost_bytes")):
                 gauge = prometheus.Gauge(f"modbus_{name}", "Of the line, on the disk or lost", registry=registry)
-                gauge.set_function(lambda place=place: recorded()[place])
+                gauge.set_function(lambda index=index: recorded()[index])
         try:
             self._server, self._thread = prometheus.start_http_server(port, host, registry)
         except OSError as error:
@@ -111,10 +111,10 @@ class Metrics:
             times = self._times.labels(unit)
             for t_ns in traffic.times_ns:
                 times.observe(t_ns / 1e9)
-        known = rules()
-        for found in step.findings:
-            rule = known[found["rule"]]
-            about = evidence(rule, found["numbers"].tolist()).get("unit")
+        declared = rules()
+        for finding in step.findings:
+            rule = declared[finding["rule"]]
+            about = evidence(rule, finding["numbers"].tolist()).get("unit")
             self._findings.labels(rule.code, rule.severity.name.lower(), "" if about is None else f"{about:.0f}").inc()
 
     def close(self) -> None:

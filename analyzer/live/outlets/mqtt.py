@@ -92,13 +92,13 @@ class Mqtt:
         self._base, self._tell = self._broker.base, tell
         self._mail = Mailbox()
         self._states: dict[str, str] = {}  # topic: payload, as it should be at the broker
-        self._held: dict[str, str] = {}  # as it is there, while we ask
+        self._retained: dict[str, str] = {}  # as it is there, while we ask
         self._topics: dict[tuple[int, str, int], str] = {}  # of a value: unit, area, address
         self._readings = FrameCache(lambda frame: frame_readings(frame, charts)) if charts else None
         self._charts = charts
         self._health: dict[int, Counter[str]] = {}
         self._alive: dict[int, bool] = {}
-        self._told_at: dict[int, int] = {}  # ns
+        self._sent_at: dict[int, int] = {}  # ns
         self._stale: set[int] = set()  # units whose health is another by now
         self._closing = threading.Event()
         self._ready = threading.Event()  # connected, and what the broker holds is known
@@ -134,11 +134,11 @@ class Mqtt:
                 self._alive[traffic.unit] = False
             if heard or traffic.counts["requests"]:
                 self._stale.add(traffic.unit)
-        for unit in [unit for unit in self._stale if step.t_ns - self._told_at.get(unit, 0) >= _PERIOD_NS]:
+        for unit in [unit for unit in self._stale if step.t_ns - self._sent_at.get(unit, 0) >= _PERIOD_NS]:
             self._tell_health(unit, step.t_ns)
         for row in step.findings:
-            found = describe(row)
-            event = {"t_ns": found.t_ns, "index": found.index, **found.to_json()}
+            finding = describe(row)
+            event = {"t_ns": finding.t_ns, "index": finding.index, **finding.to_json()}
             self._mail.put(Letter(f"{self._base}/findings", json.dumps(event, ensure_ascii=False), state=False))
 
     def close(self) -> None:
@@ -183,21 +183,21 @@ class Mqtt:
         return self._topics[key]
 
     def _tell_health(self, unit: int, t_ns: int) -> None:
-        if unit not in self._told_at:
+        if unit not in self._sent_at:
             self._discover(*health_entity(self._base, unit, self._charts.get(unit)))
-        self._told_at[unit] = t_ns
+        self._sent_at[unit] = t_ns
         self._stale.discard(unit)
         counts = {name: count for name, count in self._health[unit].items() if count or name == "requests"}
         self._state(f"unit/{unit}/health", json.dumps({**counts, "answers": self._alive.get(unit, False)}))
 
     def _discover(self, topic: str, config: Mapping[str, Any]) -> None:
         if self._broker.discovery:
-            self._keep(f"{self._broker.discovery}/{topic}", json.dumps(config, ensure_ascii=False))
+            self._update(f"{self._broker.discovery}/{topic}", json.dumps(config, ensure_ascii=False))
 
     def _state(self, topic: str, payload: str) -> None:
-        self._keep(f"{self._base}/{topic}", payload)
+        self._update(f"{self._base}/{topic}", payload)
 
-    def _keep(self, topic: str, payload: str) -> None:
+    def _update(self, topic: str, payload: str) -> None:
         """State at the broker: sent where it is another."""
         if self._states.get(topic) != payload:
             self._states[topic] = payload
@@ -210,7 +210,7 @@ class Mqtt:
             self._gone(str(reason))
             return
         self._connections += 1
-        self._held = {}
+        self._retained = {}
         client.subscribe([(f"{self._base}/#", 0), *self._discovery_topics()])
         client.publish(self._mark, "")
         threading.Timer(_SYNC_S, self._synced, (self._connections,)).start()  # one that may not subscribe
@@ -225,7 +225,7 @@ class Mqtt:
         if message.topic == self._mark:
             self._synced(self._connections)
         elif message.retain and not self._ready.is_set():
-            self._held[message.topic] = message.payload.decode(errors="replace")
+            self._retained[message.topic] = message.payload.decode(errors="replace")
 
     def _synced(self, connection: int) -> None:
         """What the broker holds is known, as far as it tells: it gets what it lacks."""
@@ -235,7 +235,7 @@ class Mqtt:
         first = connection == 1
         lost = self._loss()
         for topic, payload in list(self._states.items()):
-            if self._held.get(topic) != payload:
+            if self._retained.get(topic) != payload:
                 self._mail.put(Letter(topic, payload))
         self._mail.dropped()  # a state that waited already waits anew
         self._ready.set()
@@ -270,10 +270,10 @@ class Mqtt:
         connection = self._connections
         if letter.state and self._states.get(letter.topic) != letter.payload:
             return True  # a newer one waits
-        done = self._client.publish(letter.topic, letter.payload, qos=0, retain=letter.state)
-        if done.rc:
+        delivery = self._client.publish(letter.topic, letter.payload, qos=0, retain=letter.state)
+        if delivery.rc:
             return False
-        while not done.is_published():
+        while not delivery.is_published():
             if connection != self._connections or self._closing.is_set():
                 return False
             time.sleep(0.0005)
