@@ -170,7 +170,7 @@ class TransactionList(FrameList):
         return read[row]
 
 
-def _columns(found: TransactionValues) -> list[StyledText]:
+def _columns(carried: TransactionValues) -> list[StyledText]:
     """Values, registers below each other; one that is another than last time has a star, and stands out."""
     width = 1 if carried.register[:1] in _BIT_AREAS and len(carried.register) > 1 else _WORD
     out = []
