@@ -137,7 +137,7 @@ def status(url: str, **headers: str) -> int:
 @posix
 def test_the_page_shows_the_capture_and_listens_on_loopback_only(address: str) -> None:
     async def work(tab: Browser) -> None:
-        await tab.shows("holding registers")
+        await tab.shows("Transactions")
 
     browse(address, work)
     other = _other_address()
@@ -208,6 +208,8 @@ def test_an_export_is_a_download_and_nothing_is_written_here(address: str, folde
     before = {path: path.read_bytes() for path in folder.iterdir()}
 
     async def work(tab: Browser) -> None:
+        await tab.shows("Transactions")
+        await tab.type("2")
         await tab.shows("holding registers")
         await tab.type("m")
         await tab.shows(" *   0 ")
@@ -241,7 +243,7 @@ def test_functions_and_limits_go_along(tmp_path: Path) -> None:
     )
 
     async def work(tab: Browser) -> None:
-        await tab.shows("holding registers")
+        await tab.shows("Transactions")
 
     with served(tmp_path, "--functions", "f.py", "--t35-ms", "2.5", "--", "-bus.jsonl") as address:
         browse(address, work)
