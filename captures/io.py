@@ -102,7 +102,12 @@ def _recognised(file: LocalFile, chosen: Format | None) -> tuple[LocalFile, Reco
         except CaptureError as error:
             raise file.blamed(error) from error
         if not claimed(head, chosen):
-            inside = unpacked(file, head, likely)
+            try:
+                inside = unpacked(file, head, likely)
+            except CaptureError:
+                if chosen is None or not chosen.sniff(head):
+                    raise
+                inside = None  # raw bytes may begin as a packed file does
             if inside is not None:
                 file = inside
                 continue

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import captures
@@ -75,6 +75,7 @@ def test_what_is_written_is_read_back(
 
 
 @FILES
+@example(chunks=[Chunk(0, b"PK\x03\x04")])
 @given(chunks=reads())
 def test_raw_bytes_keep_the_bytes(tmp_path: Path, chunks: list[Chunk]) -> None:
     content = b"".join(chunk.data for chunk in chunks)
