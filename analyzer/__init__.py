@@ -6,7 +6,7 @@
     for frame in bus.frames():
         print(frame.t_start_ns, frame.summary())
     rows = bus.rows()                       # the same as a numpy structured array
-    slow = bus.transactions()["response_ns"].max()
+    slow = bus.transactions().response_ns.max()
 
 Live: `analyzer.Deframer(line)` takes chunks as they come (`feed`, `tick`, `close`) and gives batches of rows.
 Names are loaded when they are first used, so that importing the package costs nothing.

@@ -7,8 +7,6 @@ from importlib import import_module
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 import captures
 from captures.chunks import Capture, Damage
 from captures.line import LineSettings
@@ -16,10 +14,10 @@ from captures.line import LineSettings
 from .core import Analysed, analyse, deframe
 from .options import Options
 from .tables.batch import Batch
-from .tables.findings import Finding, describe
+from .tables.findings import Finding, described
 from .tables.frame import Frame
-from .tables.schema import ROW, Rows, join_rows
-from .tables.transactions import TRANSACTION, Transactions
+from .tables.schema import Rows
+from .tables.transactions import TransactionRows, Transactions
 
 if TYPE_CHECKING:
     from dissectors.maps.units import UnitMaps
@@ -125,23 +123,23 @@ class Analysis:
 
     def findings(self) -> Iterator[Finding]:
         """What is wrong, in wire order batch by batch; what concerns the bus as a whole comes last."""
-        return (describe(row) for analysed in self.analysed() for row in analysed.findings)
+        return (finding for analysed in self.analysed() for finding in described(analysed.findings))
 
     def causes(self) -> list[Cause]:
         """What explains the findings, best first; nothing on a healthy bus, nor of one that is narrowed by a filter."""
         return list(self.report().causes)
 
     def rows(self) -> Rows:
-        """All frames and noise as one structured array (dtype `schema.ROW`); `at` is for batches only."""
-        return join_rows([np.zeros(0, ROW), *(batch.rows for batch in self.batches())])
+        """All frames and noise as columns; `at` is for batches only."""
+        return Rows.joined([batch.rows for batch in self.batches()])
 
-    def transactions(self) -> Rows:
-        """Requests with their answers as one structured array (dtype `analyzer.tables.transactions.TRANSACTION`)."""
+    def transactions(self) -> TransactionRows:
+        """Requests with their answers as columns."""
         if self.only is not None:
-            return join_rows([np.zeros(0, TRANSACTION), *(part.transactions for part in self.analysed())])
+            return TransactionRows.joined([part.transactions for part in self.analysed()])
         open_ones = Transactions()
         parts = [open_ones.feed(batch) for batch in self.batches()]
-        return join_rows([np.zeros(0, TRANSACTION), *parts, open_ones.close()])
+        return TransactionRows.joined([TransactionRows.zeros(0), *parts, open_ones.close()])
 
     def records(self, table: str) -> Iterator[dict[str, Any]]:
         """The rows of a table (`transactions`, `values`, `findings`) as dictionaries, as `--table` writes them."""

@@ -24,8 +24,7 @@ from .outages import Deaf, deaf_times, notes_of
 from .tables.batch import Batch, join_batches, rows_of_findings
 from .tables.findings import NOTHING, Findings
 from .tables.origin import StreamOrigin
-from .tables.schema import Rows, join_rows
-from .tables.transactions import TRANSACTION
+from .tables.transactions import TransactionRows
 
 _BLOCK = 1 << 19  # bytes read at once: more costs memory and is no faster
 _NOTES = 64  # remembered of a port, the newest
@@ -43,7 +42,7 @@ class Analysed:
     """
 
     batch: Batch
-    transactions: Rows
+    transactions: TransactionRows
     findings: Findings
     skew: ClockSkew | None = None
     off_ns: float = 0.0
@@ -51,7 +50,7 @@ class Analysed:
     @classmethod
     def nothing(cls) -> Analysed:
         """No rows, and nothing said."""
-        return cls(Batch.empty(), np.zeros(0, TRANSACTION), NOTHING)
+        return cls(Batch.empty(), TransactionRows.zeros(0), NOTHING)
 
     def until(self, count: int) -> Analysed:
         """The same of its first `count` rows alone, and of the bus as a whole."""
@@ -59,8 +58,8 @@ class Analysed:
             return self
         rows, evidence = self.batch.rows[:count], self.batch.evidence
         part = replace(self.batch, rows=rows, evidence=None if evidence is None else evidence[:count])
-        findings = self.findings[(rows_of_findings(rows, self.findings) >= 0) | (self.findings["start"] < 0)]
-        begun = int(np.searchsorted(self.transactions["request"], rows["index"].max(initial=-1), side="right"))
+        findings = self.findings[(rows_of_findings(rows, self.findings) >= 0) | (self.findings.start < 0)]
+        begun = int(np.searchsorted(self.transactions.request, rows.index.max(initial=-1), side="right"))
         part = replace(part, findings=findings)
         return replace(self, batch=part, transactions=self.transactions[:begun], findings=findings)
 
@@ -132,8 +131,8 @@ class Analyzer:
         transactions, findings = self._origin.transactions(transactions), self._origin.findings(findings)
         self._latest = Analysed(
             batch,
-            join_rows((self._latest.transactions, transactions)),
-            join_rows((self._latest.findings, findings)),
+            TransactionRows.joined((self._latest.transactions, transactions)),
+            Findings.joined((self._latest.findings, findings)),
         )
         self._unsettled.add_said(transactions, findings)
         last = settled + [replace(analysed, off_ns=self._judge.off_ns) for analysed in self._unsettled.rest()]
@@ -149,7 +148,7 @@ class Analyzer:
         transactions = self._origin.transactions(transactions)
         batch = self._origin.batch(batch)
         if len(batch):
-            self._frames = max(self._frames, int(batch.rows["index"].max()) + 1)
+            self._frames = max(self._frames, int(batch.rows.index.max()) + 1)
             self._unsettled.add_rows(batch, self._frames)
         self._latest = Analysed(batch, transactions, findings)
         self._unsettled.add_said(transactions, findings)
@@ -166,19 +165,19 @@ class _Unsettled:
     def __init__(self, frames: int) -> None:
         self._batches: list[tuple[Batch, int]] = []  # and how many frames there were behind it
         self._frames = frames
-        self._transactions: Rows = np.zeros(0, TRANSACTION)
+        self._transactions: TransactionRows = TransactionRows.zeros(0)
         self._findings: Findings = NOTHING
 
     def add_rows(self, batch: Batch, frames: int) -> None:
         """Take in a batch; `frames` so far, those in it counted."""
         self._batches.append((batch, frames))
 
-    def add_said(self, transactions: Rows, findings: Findings) -> None:
+    def add_said(self, transactions: TransactionRows, findings: Findings) -> None:
         """Take in what was said, of any rows that are still here."""
         if len(transactions):
-            self._transactions = join_rows((self._transactions, transactions))
+            self._transactions = TransactionRows.joined((self._transactions, transactions))
         if len(findings):
-            self._findings = join_rows((self._findings, findings))
+            self._findings = Findings.joined((self._findings, findings))
 
     def rows(self) -> Batch:
         """All rows that wait."""
@@ -206,7 +205,7 @@ class _Unsettled:
 
     def _analysed(self, batch: Batch, behind: int, mine: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Analysed:
         findings, self._findings = self._findings[mine], self._findings[~mine]
-        begun = int(np.searchsorted(self._transactions["request"], behind))
+        begun = int(np.searchsorted(self._transactions.request, behind))
         transactions, self._transactions = self._transactions[:begun], self._transactions[begun:]
         return Analysed(replace(batch, findings=findings), transactions, findings)
 

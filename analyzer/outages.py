@@ -15,7 +15,7 @@ import numpy as np
 
 from dissectors.values import harmless
 
-from .tables.transactions import NEVER, Status
+from .tables.transactions import NEVER, Status, TransactionRows
 from .words import duration, moment
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from captures.recording.notes import Note
 
     from .tables.findings import Findings
-    from .tables.schema import Rows
 
 
 _WAIT_NS: Final = 10_000_000_000  # for an answer, at the most
@@ -64,14 +63,14 @@ def deaf_times(notes: Iterable[Note]) -> list[Deaf]:
     return sorted(times, key=lambda time: time.from_ns)
 
 
-def marked(settled: Rows, times: Sequence[Deaf]) -> Rows:
+def marked(settled: TransactionRows, times: Sequence[Deaf]) -> TransactionRows:
     """Transactions, with those UNHEARD that wait for an answer which may have come while nothing was heard."""
-    silent = np.flatnonzero(settled["status"] == Status.UNANSWERED) if times else ()
+    silent = np.flatnonzero(settled.status == Status.UNANSWERED) if times else ()
     if not len(silent):
         return settled
-    asked, end = settled["t_request"][silent], settled["t_next"][silent]
+    asked, end = settled.t_request_ns[silent], settled.t_next_ns[silent]
     end = np.where(end == NEVER, asked + _WAIT_NS, np.minimum(end, asked + _WAIT_NS))
-    settled["status"][silent[_meets(asked, end, times)]] = Status.UNHEARD
+    settled.status[silent[_meets(asked, end, times)]] = Status.UNHEARD
     return settled
 
 
@@ -81,9 +80,11 @@ def excused(findings: Findings, times: Sequence[Deaf]) -> Findings:
         return findings
     from .tables.findings import codes
 
-    cut = np.flatnonzero(np.isin(findings["rule"], [codes().index(code) for code in _CUT]))
-    begun = findings["t"][cut]
-    return np.delete(findings, cut[_meets(begun, begun + _FRAME_NS, times)])
+    cut = np.flatnonzero(np.isin(findings.rule, [codes().index(code) for code in _CUT]))
+    begun = findings.t_ns[cut]
+    stays = np.ones(len(findings), np.bool_)
+    stays[cut[_meets(begun, begun + _FRAME_NS, times)]] = False
+    return findings[stays]
 
 
 def _meets(begin: NDArray[np.int64], end: NDArray[np.int64], times: Sequence[Deaf]) -> NDArray[np.bool_]:

@@ -40,14 +40,14 @@ def predictions(path: Path) -> list[dict[str, object]]:
     """A prediction a frame, as the corpus's scorer takes them."""
     lines = []
     for batch in deframe(captures.open(path)):
-        for row in batch.rows[batch.rows["kind"] != Kind.NOISE]:
+        for row in batch.rows[batch.rows.kind != Kind.NOISE]:
             lines.append(
                 {
-                    "start": int(row["start"]),
-                    "length": int(row["length"]),
-                    "direction": Kind(int(row["kind"])).name.lower(),
-                    "crc_ok": bool(row["check"]),
-                    "request_start": None if row["request"] < 0 else int(row["request_start"]),
+                    "start": row.start,
+                    "length": row.length,
+                    "direction": Kind(row.kind).name.lower(),
+                    "crc_ok": row.check,
+                    "request_start": None if row.request < 0 else row.request_start,
                 }
             )
     return lines

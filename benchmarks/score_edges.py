@@ -45,9 +45,9 @@ def score(bus: Bus, capture: Capture, tally: EdgeTally, label: str) -> None:
     """Enters one capture."""
     found = {}
     for batch in deframe(capture):
-        for row in batch.rows[(batch.rows["kind"] != Kind.NOISE) & batch.rows["check"]]:
-            key = (int(row["port"]), int(row["start"]), int(row["length"]))
-            found[key] = ("q" if row["kind"] == Kind.REQUEST else "a", int(row["request_start"]))
+        for row in batch.rows[(batch.rows.kind != Kind.NOISE) & batch.rows.check]:
+            key = (row.port, row.start, row.length)
+            found[key] = ("q" if row.kind == Kind.REQUEST else "a", row.request_start)
     tally.frames += len(bus.frames) - len(bus.plain)
     for key, (role, request) in bus.frames.items():
         if key in bus.plain:

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from analyzer.core import analyse
 from analyzer.simulation import TAPS, Scenario, Simulation, TruthFinding, simulate
 from analyzer.simulation.defects import defects
-from analyzer.tables.findings import Finding, Severity, describe
+from analyzer.tables.findings import Finding, Severity, described
 from captures.chunks import Capture
 from dissectors.crc_variants import VARIANTS
 
@@ -43,7 +43,7 @@ class Tally:
 def found_in(made: Simulation) -> list[Finding]:
     """Everything that the diagnosis says of a capture."""
     capture = Capture.of(made.line, made.chunks, timed=made.line.tap != "untimed")
-    return [describe(row) for part in analyse(capture) for row in part.findings]
+    return [finding for part in analyse(capture) for finding in described(part.findings)]
 
 
 def score(truth: tuple[TruthFinding, ...], found: list[Finding], tallies: dict[str, Tally], label: str) -> list[str]:

@@ -17,7 +17,7 @@ from analyzer.deframing.protocols import Deframer
 from analyzer.options import Options
 from analyzer.tables.batch import Batch
 from analyzer.tables.columns import AreaCode, decode
-from analyzer.tables.schema import ROW, Kind
+from analyzer.tables.schema import Kind, Rows
 from captures.chunks import Chunk
 from captures.line import LineSettings
 from captures.samples import path
@@ -80,18 +80,18 @@ def request_adu(pdu: bytes) -> bytes:
 
 def batch_of(frames: list[tuple[Role, bytes, int]], earlier: dict[int, bytes] | None = None) -> Batch:
     """Rows of these (role, ADU, index of the request or -1), a byte of noise before each."""
-    rows = np.zeros(2 * len(frames), ROW)
-    rows["index"], rows["request"] = -1, -1
+    rows = Rows.zeros(2 * len(frames))
+    rows.index[:], rows.request[:] = -1, -1
     data = b""
     for i, (role, adu, request) in enumerate(frames):
-        rows[2 * i]["at"], rows[2 * i]["length"] = len(data), 1
+        rows.at[2 * i], rows.length[2 * i] = len(data), 1
         data += b"\xff"
         row = rows[2 * i + 1 : 2 * i + 2]
-        row["index"], row["at"], row["length"], row["request"] = i, len(data), len(adu), request
-        row["kind"] = Kind.REQUEST if role is REQUEST else Kind.RESPONSE
-        row["unit"], row["function"], row["check"] = adu[0], adu[1] & 0x7F, True
+        row.index[:], row.at[:], row.length[:], row.request[:] = i, len(data), len(adu), request
+        row.kind[:] = Kind.REQUEST if role is REQUEST else Kind.RESPONSE
+        row.unit[:], row.function[:], row.check[:] = adu[0], adu[1] & 0x7F, True
         if adu[1] & 0x80:
-            row["exception"] = adu[2]
+            row.exception[:] = adu[2]
         data += adu
     return Batch(rows, np.frombuffer(data, np.uint8), earlier or {})
 
@@ -142,7 +142,7 @@ def test_ascii_frames_are_decoded_from_what_their_digits_stand_for() -> None:
         lines += b":" + (body + bytes([lrc(body)])).hex().upper().encode() + b"\r\n"
     deframer = Deframer(LineSettings(), Options(protocol="ascii"))
     batches = [deframer.feed(Chunk(0, lines)), deframer.close()]
-    rows = [(decode(b), b, i) for b in batches for i in np.flatnonzero(b.rows["kind"] != Kind.NOISE).tolist()]
+    rows = [(decode(b), b, i) for b in batches for i in np.flatnonzero(b.rows.kind != Kind.NOISE).tolist()]
     assert [int(decoded.address[i]) for decoded, _, i in rows] == [107, 107]
     assert rows[1][0].values_of(rows[1][2]).tolist() == [44609, 22098, 17216]
 
@@ -152,7 +152,7 @@ def test_batches_decode_as_their_frames_do() -> None:
     found = 0
     for batch in deframe(analyzer.open(path("troubled.jsonl")).capture):
         decoded = decode(batch)
-        for row in np.flatnonzero(batch.rows["index"] >= 0).tolist():
+        for row in np.flatnonzero(batch.rows.index >= 0).tolist():
             frame = batch.frame(row)
             if frame.crc_ok and frame.exception is None:
                 request = frame.context.request

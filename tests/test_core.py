@@ -11,19 +11,31 @@ from hypothesis import given, settings
 import captures
 from analyzer.core import Analysed, Analyzer, analyse, deframe
 from analyzer.live.session import Session
-from analyzer.tables.findings import describe
-from analyzer.tables.schema import Kind
+from analyzer.tables.findings import Findings, described
+from analyzer.tables.schema import Kind, Rows
 from captures import samples
 from captures.chunks import Block, Capture, Chunk
 from captures.line import LineSettings
 from captures.live.wire import PortEvent, Tick
 
 POLL = [adu("1103006b0003"), bytes.fromhex("110306ae415652434049ad")]
-COLUMNS = ["index", "start", "length", "t_start", "t_end", "request", "request_start", "kind", "unit", "check", "port"]
+COLUMNS = [
+    "index",
+    "start",
+    "length",
+    "t_start_ns",
+    "t_end_ns",
+    "request",
+    "request_start",
+    "kind",
+    "unit",
+    "check",
+    "port",
+]
 
 
 def rows_of(parts):
-    return np.concatenate([part.batch.rows for part in parts])
+    return Rows.joined([part.batch.rows for part in parts])
 
 
 class Watched:
@@ -57,9 +69,9 @@ def live(capture):
 def test_live_rows_are_those_of_the_file(sample):
     capture = captures.open(samples.path(sample))
     mine = rows_of(live(capture))
-    theirs = np.concatenate([batch.rows for batch in deframe(capture)])
+    theirs = Rows.joined([batch.rows for batch in deframe(capture)])
     for name in COLUMNS:
-        assert mine[name].tolist() == theirs[name].tolist(), name
+        assert mine.column(name).tolist() == theirs.column(name).tolist(), name
 
 
 @settings(max_examples=30, deadline=None)
@@ -166,12 +178,12 @@ def test_bytes_that_the_analysis_cannot_take_are_recorded_and_counted():
     assert recorder.data == sent
     assert recorder.closed
     missed = sum(step.missed for step in steps)
-    analysed = sum(int(step.batch.rows["length"].sum()) for step in steps)
+    analysed = sum(int(step.batch.rows.length.sum()) for step in steps)
     assert missed + analysed == len(sent)
     assert 0 < analysed <= 500
     for step in steps:
         for row in range(len(step.batch)):
-            start, length = int(step.batch.rows["start"][row]), int(step.batch.rows["length"][row])
+            start, length = int(step.batch.rows.start[row]), int(step.batch.rows.length[row])
             assert step.batch.bytes_of(row) == sent[start : start + length]
 
 
@@ -193,8 +205,8 @@ def test_no_unit_is_blamed_for_an_answer_that_came_while_the_adapter_was_away(un
     later = [Block.from_chunks([Chunk(chunk.t_ns + shift, chunk.data)]) for chunk in after]
     items = [*(Block.from_chunks([chunk]) for chunk in before), *(away if unplugged else []), *later]
     with Session(Scripted(items)) as session:
-        found = np.concatenate([step.findings for step in session.steps()])
-    assert ("no-response" in {describe(finding).code for finding in found}) is not unplugged
+        found = Findings.joined([step.findings for step in session.steps()])
+    assert ("no-response" in {finding.code for finding in described(found)}) is not unplugged
 
 
 def test_what_the_source_raises_comes_out_where_the_steps_are_taken():
@@ -214,10 +226,10 @@ def test_other_settings_of_the_line_reach_the_record_and_the_analysis():
     source.line = LineSettings(baud=9600, char_bits=10)
     recorder = Kept()
     with Session(source, recorder=recorder) as session:
-        rows = np.concatenate([step.batch.rows for step in session.steps()])
+        rows = Rows.joined([step.batch.rows for step in session.steps()])
     assert recorder.lines == [source.line]
     assert recorder.notes == ["settled"]
-    assert rows["kind"].tolist() == [Kind.REQUEST, Kind.RESPONSE]
+    assert rows.kind.tolist() == [Kind.REQUEST, Kind.RESPONSE]
 
 
 @pytest.mark.parametrize("sample", ["healthy.jsonl", "troubled.jsonl", "mbpoll.mcap"])
@@ -231,7 +243,7 @@ def test_what_is_settled_is_what_was_told_on_the_way(sample):
         assert counted == sum(len(part.batch) for part in told), "every row is settled or pending"
     told.append(watched.close())
     for name in COLUMNS:
-        assert rows_of(watched.settled)[name].tolist() == rows_of(told)[name].tolist(), name
+        assert rows_of(watched.settled).column(name).tolist() == rows_of(told).column(name).tolist(), name
     whole = list(analyse(captures.open(samples.path(sample))))
     for name in ("findings", "transactions"):
         assert said_by(watched.settled, name) == said_by(told, name) == said_by(whole, name)
@@ -248,7 +260,7 @@ def test_findings_settle_with_the_rows_that_they_stand_on():
         placed_in_all = 0
         for part in analyse(captures.open(samples.path(sample))):
             assert isinstance(part, Analysed)
-            placed = part.findings[part.findings["start"] >= 0]
+            placed = part.findings[part.findings.start >= 0]
             assert len(placed) == int((part.batch.finding_rows >= 0).sum())
             placed_in_all += len(placed)
         assert placed_in_all

@@ -37,8 +37,8 @@ def test_a_wrong_lrc_is_a_damaged_frame_and_text_around_is_noise() -> None:
     broken = READ[:-4] + b"00\r\n"
     deframer = Deframer(LINE, Options(protocol="ascii"))
     found = collect([deframer.feed(Chunk(1, b"boot ok\r\n" + READ + broken)), deframer.close()])
-    assert found.rows["kind"].tolist() == [0, 1, 1]
-    assert found.rows["check"].tolist() == [False, True, False]
+    assert found.rows.kind.tolist() == [0, 1, 1]
+    assert found.rows.check.tolist() == [False, True, False]
 
 
 def test_rtu_bytes_are_not_taken_for_ascii() -> None:
@@ -56,4 +56,4 @@ def test_every_byte_once_whatever_comes(pieces: list[bytes], size: int) -> None:
     batches = [deframer.feed(Chunk(i * 10**6, data[i : i + size])) for i in range(0, len(data), size)]
     found = collect([*batches, deframer.close()])
     assert found.data == data
-    assert (found.rows["start"] + found.rows["length"])[:-1].tolist() == found.rows["start"][1:].tolist()
+    assert (found.rows.start + found.rows.length)[:-1].tolist() == found.rows.start[1:].tolist()

@@ -147,8 +147,8 @@ def test_two_ports_one_a_direction_pair_across_ports() -> None:
     for i in range(10):
         chunks += [Chunk(10**9 + i * 10**8, READ, port=0), Chunk(10**9 + i * 10**8 + 15_000_000, ANSWER, port=1)]
     rows = deframed(chunks).rows
-    assert rows["kind"].tolist() == [1, 2] * 10
-    assert rows["request"][1::2].tolist() == rows["index"][::2].tolist()
+    assert rows.kind.tolist() == [1, 2] * 10
+    assert rows.request[1::2].tolist() == rows.index[::2].tolist()
 
 
 def test_across_ports_of_known_directions_all_at_once_and_read_by_read_pair_alike() -> None:
@@ -166,7 +166,7 @@ def test_across_ports_of_known_directions_all_at_once_and_read_by_read_pair_alik
             chunks.append(Chunk(at + 50_000_000, lost, port=0))
     once, read_by_read = deframed([Block.from_chunks(chunks)], line).rows, deframed(chunks, line).rows
     for rows in (once, read_by_read):
-        answers = rows["kind"] == 2
-        assert (answers == (rows["port"] == 1)).all()
-        assert (rows["request"][answers] == rows["index"][answers] - 1).all()
-    assert (once["response_ns"] == read_by_read["response_ns"]).all()
+        answers = rows.kind == 2
+        assert (answers == (rows.port == 1)).all()
+        assert (rows.request[answers] == rows.index[answers] - 1).all()
+    assert (once.response_ns == read_by_read.response_ns).all()

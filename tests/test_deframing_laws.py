@@ -123,16 +123,16 @@ def two_port_streams(draw: st.DrawFn) -> tuple[list[Chunk], LineSettings]:
 def assert_same(one: Found, other: Found) -> None:
     assert len(one.rows) == len(other.rows)
     for name in _SAME:
-        assert (one.rows[name] == other.rows[name]).all(), name
+        assert (one.rows.column(name) == other.rows.column(name)).all(), name
 
 
 @given(any_stream)
 def test_every_byte_once_in_order_and_unchanged(chunks: list[Chunk]) -> None:
     found = deframed(chunks)
     sent = b"".join(c.data for c in chunks)
-    ends = np.cumsum(found.rows["length"])
-    assert (found.rows["start"] == ends - found.rows["length"]).all()
-    assert int(found.rows["length"].sum()) == len(sent)
+    ends = np.cumsum(found.rows.length)
+    assert (found.rows.start == ends - found.rows.length).all()
+    assert int(found.rows.length.sum()) == len(sent)
     assert found.data == sent
 
 
@@ -218,7 +218,7 @@ def test_what_was_given_is_not_revised_by_what_comes_later(chunks: list[Chunk], 
     early = collect([RtuDeframer(LINE).close(), *(deframer.feed(c) for c in chunks[:cut])]).rows
     whole = deframed(chunks).rows[: len(early)]
     for name in _SAME:
-        assert (early[name] == whole[name]).all()
+        assert (early.column(name) == whole.column(name)).all()
 
 
 ADVERSARIAL = {

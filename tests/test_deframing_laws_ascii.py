@@ -70,5 +70,5 @@ def test_text_gives_the_same_however_it_is_read(stream: tuple[list[Chunk], LineS
         assert other.data == once.data
         assert len(other.rows) == len(once.rows)
         for name in _SAME:
-            assert (other.rows[name] == once.rows[name]).all(), name
-    assert int(once.rows["length"].sum()) == sum(len(chunk.data) for chunk in chunks)
+            assert (other.rows.column(name) == once.rows.column(name)).all(), name
+    assert int(once.rows.length.sum()) == sum(len(chunk.data) for chunk in chunks)

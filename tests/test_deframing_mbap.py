@@ -18,7 +18,7 @@ from analyzer.core import analyse, deframe
 from analyzer.deframing.mbap import mbap_after
 from analyzer.deframing.protocols import Deframer
 from analyzer.options import Options
-from analyzer.tables.findings import describe
+from analyzer.tables.findings import described
 from analyzer.tables.frame import Frame
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
@@ -38,7 +38,7 @@ def frames(capture: Capture) -> list[Frame]:
 
 
 def codes(capture: Capture) -> list[str]:
-    return [describe(found).code for part in analyse(capture) for found in part.findings]
+    return [finding.code for part in analyse(capture) for finding in described(part.findings)]
 
 
 def rtu(text: str) -> bytes:
@@ -94,15 +94,15 @@ def test_what_nobody_answers_or_answers_twice_or_otherwise() -> None:
 def test_no_finding_speaks_of_a_wire() -> None:
     line = LineSettings(baud=9600, char_bits=11)
     polls = [Chunk(SECOND + i * 10**5, read_request(i // 2) if i % 2 == 0 else read_answer(i // 2)) for i in range(900)]
-    found = [describe(row).code for part in analyse(Capture.of(line, polls)) for row in part.findings]
+    found = [finding.code for part in analyse(Capture.of(line, polls)) for finding in described(part.findings)]
     assert found == []
 
 
 def test_what_is_cut_is_noise_and_the_next_frame_is_found() -> None:
     whole, cut = read_answer(1), read_answer(2)[:9]
     found = collect(list(deframe(capture((0, read_request(1)), (1, whole), (2, cut), (3, read_request(3))))))
-    assert found.rows["length"].tolist() == [12, len(whole), 9, 12]
-    assert found.rows["kind"].tolist() == [1, 2, 0, 1]
+    assert found.rows.length.tolist() == [12, len(whole), 9, 12]
+    assert found.rows.kind.tolist() == [1, 2, 0, 1]
 
 
 @pytest.mark.parametrize(
@@ -139,9 +139,9 @@ def test_however_it_is_read_the_rows_are_the_same_and_tile(pieces: list[bytes], 
     by_reads = collect([*(many.feed(Chunk(1 + i, cut)) for i, cut in enumerate(cuts)), many.close()])
     for found in (at_once, by_reads):
         assert found.data == data
-        assert (found.rows["start"] + found.rows["length"])[:-1].tolist() == found.rows["start"][1:].tolist()
+        assert (found.rows.start + found.rows.length)[:-1].tolist() == found.rows.start[1:].tolist()
     for name in ("start", "length", "kind", "unit", "function", "request"):
-        assert at_once.rows[name].tolist() == by_reads.rows[name].tolist()
+        assert at_once.rows.column(name).tolist() == by_reads.rows.column(name).tolist()
 
 
 @given(st.data())
@@ -158,9 +158,9 @@ def test_three_protocols_on_three_ports_however_they_are_read(data: st.DataObjec
     cuts = data.draw(st.lists(st.integers(1, len(chunks) - 1), unique=True).map(sorted))
     parts = [chunks[low:high] for low, high in zip([0, *cuts], [*cuts, len(chunks)], strict=True)]
     by_reads = collect([*(many.feed(part) for part in parts), many.close()])
-    assert at_once.rows["protocol"].tolist() == [0, 2, 1] * 6
-    for name in ("index", "start", "length", "kind", "protocol", "port", "t_start"):
-        assert at_once.rows[name].tolist() == by_reads.rows[name].tolist()
+    assert at_once.rows.protocol.tolist() == [0, 2, 1] * 6
+    for name in ("index", "start", "length", "kind", "protocol", "port", "t_start_ns"):
+        assert at_once.rows.column(name).tolist() == by_reads.rows.column(name).tolist()
 
 
 def test_few_stray_bytes_on_a_port_hold_the_others_for_seconds_at_most() -> None:

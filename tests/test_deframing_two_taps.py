@@ -64,8 +64,8 @@ class TwoTaps:
         analyzer = Analyzer(LineSettings(baud=self.baud, char_bits=11, notes=notes))
         parts = [*analyzer.feed(Block.from_chunks(chunks)), *analyzer.close()]
         names = codes()
-        found = Counter(names[rule] for part in parts for rule in part.findings["rule"].tolist())
-        return np.concatenate([part.batch.rows for part in parts]), found
+        found = Counter(names[rule] for part in parts for rule in part.findings.rule.tolist())
+        return Rows.joined([part.batch.rows for part in parts]), found
 
 
 def healthy(baud: int, seed: int, exchanges: int = 250) -> TwoTaps:
@@ -88,18 +88,18 @@ def test_a_healthy_bus_is_healthy_behind_two_adapters(
     bus = healthy(baud, seed=poll_ms + skew_ms)
     rows, found = bus.analysed(bus.read(monkeypatch, poll_ms, jitter_ms, skew_ms), said=True)
     assert {code: count for code, count in found.items() if code in _BLAMES} == {}
-    frames = rows[rows["kind"] != Kind.NOISE]
-    assert list(zip(frames["port"].tolist(), frames["start"].tolist(), strict=True)) == bus.truth
-    assert (frames["request"][1::2] == frames["index"][::2]).all()
+    frames = rows[rows.kind != Kind.NOISE]
+    assert list(zip(frames.port.tolist(), frames.start.tolist(), strict=True)) == bus.truth
+    assert (frames.request[1::2] == frames.index[::2]).all()
 
 
 def test_directions_that_nobody_says_are_settled_by_certain_frames(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = healthy(9600, seed=3)
     rows, _ = bus.analysed(bus.read(monkeypatch, 16, 0, 0), said=False)
-    frames = rows[rows["kind"] != Kind.NOISE]
-    assert (frames["kind"] == frames["port"] + 1).all()
+    frames = rows[rows.kind != Kind.NOISE]
+    assert (frames.kind == frames.port + 1).all()
     late = frames[8:]  # until a second port is heard there is no order to find
-    assert (late["request"][1::2] == late["index"][::2]).all()
+    assert (late.request[1::2] == late.index[::2]).all()
 
 
 @pytest.mark.parametrize("first", [0, 1])
@@ -110,8 +110,8 @@ def test_writes_and_their_echoes_alone_are_told_apart_by_the_ports(first: int, m
         bus.send(first, write, (20, 60))
         bus.send(1 - first, write, (2, 9))
     rows, _ = bus.analysed(bus.read(monkeypatch, 0, 0, 0), said=False)
-    assert (rows["kind"] == np.where(rows["port"] == first, Kind.REQUEST, Kind.RESPONSE)).all()
-    assert (rows["request"][1::2] == rows["index"][::2]).all()
+    assert (rows.kind == np.where(rows.port == first, Kind.REQUEST, Kind.RESPONSE)).all()
+    assert (rows.request[1::2] == rows.index[::2]).all()
 
 
 @pytest.mark.parametrize(("poll_ms", "skew_ms"), [(0, 0), (16, 0), (16, 5)])
@@ -130,10 +130,10 @@ def test_what_nobody_answered_is_still_said(poll_ms: int, skew_ms: int, monkeypa
 def test_a_response_time_that_lies_within_the_clocks_doubt_is_not_given(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = healthy(115200, seed=4)
     rows, _ = bus.analysed(bus.read(monkeypatch, 0, 3, -5), said=True)
-    told = rows["response_ns"][rows["response_ns"] >= 0]
+    told = rows.response_ns[rows.response_ns >= 0]
     assert len(told) < len(rows) / 20  # the clocks are 5 ms apart, and units answer within 6
     rows, _ = bus.analysed(bus.read(monkeypatch, 0, 0, 0), said=True)
-    assert (rows["response_ns"] > 0).sum() == len(rows) / 2  # both taps are exact, and of one clock as far as seen
+    assert (rows.response_ns > 0).sum() == len(rows) / 2  # both taps are exact, and of one clock as far as seen
 
 
 @pytest.mark.parametrize("skew_ms", [-5, 5])

@@ -55,7 +55,7 @@ def test_parquet_has_proper_types(table: str, tmp_path: Path) -> None:
 
 def test_transactions_are_those_of_the_analysis() -> None:
     bus = analyzer.open(BUS)
-    assert [line["request"] for line in bus.records("transactions")] == bus.transactions()["request"].tolist()
+    assert [line["request"] for line in bus.records("transactions")] == bus.transactions().request.tolist()
 
 
 def test_a_filter_narrows_every_call() -> None:

@@ -49,7 +49,7 @@ def passed(text: str, rows: BatchTable) -> list[int]:
 
 def chosen(text: str) -> list[Frame]:
     rows = troubled()
-    return [rows.whole.frame(row) for row in passed(text, rows) if rows.whole.rows["kind"][row] != Kind.NOISE]
+    return [rows.whole.frame(row) for row in passed(text, rows) if rows.whole.rows.kind[row] != Kind.NOISE]
 
 
 READ = ("1103006B0003", "110306AE4156524340", "11060001FFFE", "11060001FFFE", "01010013000A", "010102CD01")
@@ -62,7 +62,7 @@ def test_the_issues_examples() -> None:
     assert all(f.response_time_ns is not None and f.response_time_ns > 50e6 for f in chosen("response_time > 50ms"))
     assert all(b"\x03\x02" in f.captured for f in chosen('hex contains "03 02"'))
     rows = troubled().whole.rows
-    assert len(chosen("not noise")) == np.count_nonzero(rows["kind"] != Kind.NOISE)
+    assert len(chosen("not noise")) == np.count_nonzero(rows.kind != Kind.NOISE)
     assert passed('finding == "retry"', troubled()) == [
         row for row in range(len(rows)) if any(each.code == "retry" for each in troubled().whole.findings_of(row))
     ]
@@ -175,7 +175,7 @@ def test_times_in_characters_need_the_lines_speed() -> None:
     slow, unknown = LineSettings(baud=9600, char_bits=10), LineSettings()
     text = "gap > 3.5 chars"
     rows = table(*READ)
-    gap = rows.whole.rows["gap_before"]
+    gap = rows.whole.rows.gap_before_ns
     same = BatchTable(rows.whole, slow)
     assert passed(text, same) == np.flatnonzero(gap > 3.5 * 10e9 / 9600).tolist()
     assert check(text) is None
@@ -188,9 +188,9 @@ def test_times_in_characters_need_the_lines_speed() -> None:
 
 def test_absolute_times() -> None:
     rows = troubled()
-    first, last = int(rows.whole.rows["t_start"][0]), int(rows.whole.rows["t_start"][-1])
+    first, last = int(rows.whole.rows.t_start_ns[0]), int(rows.whole.rows.t_start_ns[-1])
     moment = np.datetime64((first + last) // 2, "ns").astype("datetime64[us]")
-    expected = np.flatnonzero(rows.whole.rows["t_start"] >= moment.astype("datetime64[ns]").astype(int)).tolist()
+    expected = np.flatnonzero(rows.whole.rows.t_start_ns >= moment.astype("datetime64[ns]").astype(int)).tolist()
     assert 0 < len(expected) < len(rows)
     assert passed(f'time >= "{moment}"', rows) == passed(f"time >= '{moment}Z'", rows) == expected
     assert passed('time > "0001-01-01" and time < "9999-12-31"', rows) == list(range(len(rows)))

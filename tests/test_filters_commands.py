@@ -19,6 +19,8 @@ from analyzer.core import Analysed
 from analyzer.filters import compile_filter
 from analyzer.filters.stream import filtered
 from analyzer.reports import summarize
+from analyzer.tables.findings import Findings
+from analyzer.tables.transactions import TransactionRows
 from captures import samples
 
 TROUBLED = samples.path("troubled.jsonl")
@@ -93,13 +95,14 @@ def test_what_passes_hangs_on_no_batch(cuts: list[int], text: str) -> None:
     once = list(filtered([one], compile_filter(text), capture.line))
     parts = list(filtered(pieces, compile_filter(text), capture.line))
     for name in ("start", "port", "index"):
-        assert np.concatenate([p.batch.rows[name] for p in parts]).tolist() == once[0].batch.rows[name].tolist()
-    settled = np.concatenate([p.transactions for p in parts])
-    assert sorted(settled["request"].tolist()) == once[0].transactions["request"].tolist()
-    told = np.concatenate([p.findings for p in parts])
-    assert sorted(told["start"].tolist()) == [
-        start for start in sorted(once[0].findings["start"].tolist()) if start >= 0
-    ]
+        assert (
+            np.concatenate([p.batch.rows.column(name) for p in parts]).tolist()
+            == once[0].batch.rows.column(name).tolist()
+        )
+    settled = TransactionRows.joined([p.transactions for p in parts])
+    assert sorted(settled.request.tolist()) == once[0].transactions.request.tolist()
+    told = Findings.joined([p.findings for p in parts])
+    assert sorted(told.start.tolist()) == [start for start in sorted(once[0].findings.start.tolist()) if start >= 0]
 
 
 @cache

@@ -50,36 +50,36 @@ class Seen:
 def seen(capture: captures.Capture) -> Seen:
     analysed = whole(capture)
     batch, settled = analysed.batch, analysed.transactions
-    told = {int(each["request"]): each for each in settled}
-    late = {int(each["response"]) for each in settled if each["late"]}
+    told = {int(index): settled[i : i + 1] for i, index in enumerate(settled.request)}
+    late = set(settled.response[settled.late].tolist())
     decoded = decode(batch)
     table = BatchTable(batch, capture.line, transactions=settled)
     return Seen(table, [one(batch, decoded, row, told, late) for row in range(len(batch))])
 
 
 def one(batch: Batch, decoded: Decoded, row: int, told: dict[int, Any], late: set[int]) -> One:
-    fields = batch.rows[row]
+    fields = batch.rows.row(row)
     found = [each.code for each in batch.findings_of(row)]
     values: dict[str, list[Any]] = {
-        "time": [int(fields["t_start"] - batch.rows["t_start"][0])],
-        "length": [int(fields["length"])],
-        "start": [int(fields["start"])],
-        "port": [int(fields["port"])],
-        "noise": [fields["kind"] == Kind.NOISE],
-        "request": [fields["kind"] == Kind.REQUEST],
-        "response": [fields["kind"] == Kind.RESPONSE],
-        "gap": [int(fields["gap_before"])] if fields["gap_before"] != NO_GAP else [],
-        "gap_inside": [int(fields["gap_most"])] if fields["gap_most"] != NO_GAP else [],
-        "uart_errors": [int(fields["errors"])] if fields["errors"] else [],
+        "time": [int(fields.t_start_ns - batch.rows.t_start_ns[0])],
+        "length": [int(fields.length)],
+        "start": [int(fields.start)],
+        "port": [int(fields.port)],
+        "noise": [fields.kind == Kind.NOISE],
+        "request": [fields.kind == Kind.REQUEST],
+        "response": [fields.kind == Kind.RESPONSE],
+        "gap": [int(fields.gap_before_ns)] if fields.gap_before_ns != NO_GAP else [],
+        "gap_inside": [int(fields.gap_most_ns)] if fields.gap_most_ns != NO_GAP else [],
+        "uart_errors": [int(fields.errors)] if fields.errors else [],
         "finding": found,
         "severity": [each.severity for each in batch.findings_of(row)],
         "hex": [batch.bytes_of(row)],
-        "broadcast": [fields["kind"] == Kind.REQUEST and fields["unit"] == 0],
+        "broadcast": [fields.kind == Kind.REQUEST and fields.unit == 0],
         "retry": [False],
         "unanswered": [False],
         "late": [False],
     }
-    if fields["kind"] == Kind.NOISE:
+    if fields.kind == Kind.NOISE:
         return One(values, [])
     frame = batch.frame(row)
     line = frame.to_json(fields=False)

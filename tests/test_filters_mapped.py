@@ -38,7 +38,7 @@ def passing(bus: Path, text: str) -> set[int]:
     chosen, found = compile_filter(text, charts=CHARTS), set()
     opened = analyzer.open(bus)
     for batch in opened.batches():
-        found |= set(batch.rows["index"][chosen.mask(BatchTable(batch, opened.line))].tolist())
+        found |= set(batch.rows.index[chosen.mask(BatchTable(batch, opened.line))].tolist())
     return found
 
 

@@ -11,7 +11,7 @@ from analyzer.core import analyse
 from analyzer.simulation import Scenario, simulate
 from analyzer.simulation.defects import defects
 from analyzer.simulation.truth import TruthFinding
-from analyzer.tables.findings import Finding, describe
+from analyzer.tables.findings import Finding, described
 from captures.chunks import Capture
 
 # Where nothing but a read's end parts two senders, it may be taken for a frame's.
@@ -25,7 +25,7 @@ Place = tuple[str, int, int]
 @cache
 def diagnosed(code: str, tap: str) -> tuple[list[TruthFinding], list[Finding]]:
     made = simulate(Scenario("clean", tap, transactions=160, seed=21, defect=code))
-    found = [describe(row) for part in analyse(Capture.of(made.line, made.chunks)) for row in part.findings]
+    found = [finding for part in analyse(Capture.of(made.line, made.chunks)) for finding in described(part.findings)]
     return list(made.findings), found
 
 

@@ -12,7 +12,7 @@ import analyzer
 import captures.samples
 from analyzer.core import analyse
 from analyzer.simulation import TAPS, WIRES, Scenario, simulate
-from analyzer.tables.findings import Severity, describe
+from analyzer.tables.findings import Severity, described
 from captures.chunks import Capture
 
 TIMING = {"gap-in-frame", "gap-too-short", "turnaround-short", "slow-device"}
@@ -31,7 +31,7 @@ REAL = {
 
 def troubles(capture: Capture) -> Counter[str]:
     """Errors and warnings by code."""
-    found = [describe(row) for part in analyse(capture) for row in part.findings]
+    found = [finding for part in analyse(capture) for finding in described(part.findings)]
     return Counter(finding.code for finding in found if finding.severity > Severity.NOTE)
 
 
@@ -60,7 +60,9 @@ def test_the_real_captures(name: str) -> None:
 def test_no_timing_accusation_behind_a_latency_timer(wire: str) -> None:
     for tap in ("ftdi16", "gateway", "untimed"):
         made = simulate(Scenario(wire, tap, transactions=200, seed=11))
-        found = [describe(row) for part in analyse(Capture.of(made.line, made.chunks)) for row in part.findings]
+        found = [
+            finding for part in analyse(Capture.of(made.line, made.chunks)) for finding in described(part.findings)
+        ]
         assert not {finding.code for finding in found} & TIMING
         assert [finding.code for finding in found].count("timing-blind") == 1
 

@@ -13,7 +13,7 @@ from analyzer.core import Analysed, analyse
 from analyzer.deframing.stream import RtuDeframer
 from analyzer.diagnosis.running import Diagnosis
 from analyzer.simulation import Scenario, simulate
-from analyzer.tables.findings import FINDING, About, Findings, codes, describe, rules
+from analyzer.tables.findings import About, Findings, codes, described, rules
 from analyzer.tables.schema import Kind
 from analyzer.tables.transactions import Transactions
 from captures.chunks import Block, Capture, Chunk
@@ -23,11 +23,11 @@ from captures.line import LineSettings
 def streamed(feeds: Sequence[Chunk | Block], line: LineSettings = LINE) -> Findings:
     """The findings of the live form: fed as the bytes come, nothing held back."""
     deframer, transactions, diagnosis = RtuDeframer(line), Transactions(), Diagnosis(line)
-    found = [np.zeros(0, FINDING)]
+    found = [Findings.zeros(0)]
     for batch in [*(deframer.feed(feed) for feed in feeds), deframer.close()]:
         found.append(diagnosis.feed(batch, transactions.feed(batch)))
     found.append(diagnosis.close(transactions.close()))
-    return np.concatenate(found)
+    return Findings.joined(found)
 
 
 def same(one: Findings, other: Findings) -> bool:
@@ -43,7 +43,7 @@ def held(chunks: Sequence[Chunk], line: LineSettings = LINE) -> list[Analysed]:
 def test_chunks_and_blocks_and_held_rows_give_the_same_findings(chunks: list[Chunk]) -> None:
     whole = streamed([Block.from_chunks(chunks)])
     assert same(whole, streamed(chunks))
-    assert same(whole, np.concatenate([np.zeros(0, FINDING), *(a.findings for a in held(chunks))]))
+    assert same(whole, Findings.joined([Findings.zeros(0), *(a.findings for a in held(chunks))]))
 
 
 @pytest.mark.parametrize(("wire", "tap"), [("brutal", "precise"), ("noisy", "irq"), ("brutal", "gateway")])
@@ -53,7 +53,7 @@ def test_the_same_on_a_long_bus_however_it_is_fed(wire: str, tap: str) -> None:
     pieces = [Block.from_chunks(made.chunks[i : i + 37]) for i in range(0, len(made.chunks), 37)]
     assert len(whole) > 50
     assert same(whole, streamed(pieces, made.line))
-    assert same(whole, np.concatenate([a.findings for a in held(made.chunks, made.line)]))
+    assert same(whole, Findings.joined([a.findings for a in held(made.chunks, made.line)]))
 
 
 @pytest.mark.parametrize(
@@ -72,12 +72,12 @@ def test_the_same_where_a_damaged_frame_and_the_noise_behind_it_are_one(defect: 
     over_two_rows = 0
     for part in held(made.chunks, made.line):
         rows = part.batch.rows
-        for found in part.findings[part.findings["start"] >= 0]:
-            row = rows[int(rows["start"].searchsorted(found["start"], side="right")) - 1]
-            over_two_rows += int(found["start"] + found["length"] > row["start"] + row["length"])
+        for found in described(part.findings[part.findings.start >= 0]):
+            row = rows.row(int(rows.start.searchsorted(found.start, side="right")) - 1)
+            over_two_rows += found.start + found.length > row.start + row.length
     assert over_two_rows
     assert same(whole, streamed(made.chunks, made.line))
-    assert same(whole, np.concatenate([a.findings for a in held(made.chunks, made.line)]))
+    assert same(whole, Findings.joined([a.findings for a in held(made.chunks, made.line)]))
 
 
 @pytest.mark.parametrize("tap", ["precise", "ftdi16"])
@@ -87,18 +87,18 @@ def test_a_finding_stands_on_a_row_of_its_batch_or_on_the_bus(tap: str) -> None:
     assert sum(len(part.findings) for part in analysed) > 20
     for part in analysed:
         rows = part.batch.rows
-        starts = dict(zip(rows["start"].tolist(), rows["index"].tolist(), strict=True))
-        for finding in map(describe, part.findings):
+        starts = dict(zip(rows.start.tolist(), rows.index.tolist(), strict=True))
+        for finding in described(part.findings):
             if finding.start < 0:
                 assert part is analysed[-1]
                 assert finding.index is None
             elif finding.index is not None:
                 assert starts[finding.start] == finding.index
             else:
-                at = finding.start - rows["start"]
-                assert ((at >= 0) & (at < rows["length"])).any()
+                at = finding.start - rows.start
+                assert ((at >= 0) & (at < rows.length)).any()
         told = [f for i in range(len(part.batch)) for f in part.batch.findings_of(i)]
-        assert len(told) == sum(f["start"] >= 0 for f in part.findings)
+        assert len(told) == (part.findings.start >= 0).sum()
 
 
 def test_state_does_not_grow() -> None:
@@ -147,6 +147,6 @@ def test_rows_of_noise_carry_findings_too() -> None:
     noisy = [
         batch.batch.findings_of(i)
         for batch in held(made.chunks, made.line)
-        for i in np.flatnonzero(batch.batch.rows["kind"] == Kind.NOISE).tolist()
+        for i in np.flatnonzero(batch.batch.rows.kind == Kind.NOISE).tolist()
     ]
     assert sum(bool(said) for said in noisy) > 0.9 * len(noisy)

@@ -6,6 +6,7 @@ import pytest
 from diagnosed import ANSWER, REQUEST, Wire, diagnosed, said, with_crc
 
 from analyzer.options import Options
+from analyzer.tables.findings import described
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
 
@@ -193,8 +194,9 @@ def test_ascii_mode_is_diagnosed_too() -> None:
     lines = [":1103006B007E03\r\n", ":11830369\r\n", ":1103006B00037E\r\n"]
     chunks = [Chunk(i * 10**8, text.encode()) for i, text in enumerate(lines * 3)]
     from analyzer.core import analyse
-    from analyzer.tables.findings import describe
 
-    found = [describe(row) for part in analyse(Capture.of(LineSettings(baud=9600), chunks)) for row in part.findings]
+    found = [
+        finding for part in analyse(Capture.of(LineSettings(baud=9600), chunks)) for finding in described(part.findings)
+    ]
     codes = [finding.code for finding in found]
     assert codes.count("quantity-out-of-range") == codes.count("exception") == 3

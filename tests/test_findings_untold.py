@@ -15,7 +15,7 @@ from analyzer.reports import summarize, text
 from analyzer.simulation import Scenario, simulate
 from analyzer.simulation.field.bench import SECOND, Expected, FieldCapture, site
 from analyzer.simulation.field.master import FieldPoll
-from analyzer.tables.findings import Severity, describe
+from analyzer.tables.findings import Severity, described
 from captures.chunks import Capture
 
 WRITE = with_crc("110600010003")
@@ -38,7 +38,7 @@ def shouting(seed: int, tap: str) -> FieldCapture:
 def test_repeated_broadcasts_are_neither_answered_nor_late_nor_retried(seed: int, tap: str) -> None:
     made = shouting(seed, tap)
     capture = Capture.of(made.line, made.chunks, timed=tap != "untimed")
-    found = [describe(row) for part in analyse(capture) for row in part.findings]
+    found = [finding for part in analyse(capture) for finding in described(part.findings)]
     wrong = {"broadcast-answered", "late-response", "retry", "no-response", "unexpected-response"}
     assert [finding.text for finding in found if finding.code in wrong] == []
     assert [finding.text for finding in found if finding.severity is Severity.ERROR] == []

@@ -16,7 +16,7 @@ from analyzer.core import analyse
 from analyzer.deframing.protocols import Deframer
 from analyzer.reports import summarize
 from analyzer.simulation.field.cases.strangers import KINDS
-from analyzer.tables.findings import describe
+from analyzer.tables.findings import described
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
 from dissectors.crc import crc_bytes
@@ -123,7 +123,7 @@ def test_named_counted_and_nobodys_fault(kind: str, reads: str) -> None:
     modbus, named, others = 0, 0, []
     for part in analyse(Capture.of(LINE, chunks)):
         modbus += sum(frame.unit == 1 and frame.crc_ok is True for frame in part.batch.frames())
-        for found in map(describe, part.findings):
+        for found in described(part.findings):
             if found.code == "other-protocol":
                 named += int(found.numbers["bytes"])
                 assert NAMES.get(kind, kind) in found.text
@@ -140,7 +140,7 @@ def test_named_counted_and_nobodys_fault(kind: str, reads: str) -> None:
 def test_alone_on_the_line_it_is_no_modbus(kind: str) -> None:
     parts = list(analyse(Capture.of(LINE, heard(kind, between=False, reads="bytes"))))
     assert not [frame for part in parts for frame in part.batch.frames()]
-    assert {describe(found).code for part in parts for found in part.findings} == {"other-protocol"}
+    assert {finding.code for part in parts for finding in described(part.findings)} == {"other-protocol"}
 
 
 @pytest.mark.parametrize("kind", ["Mercury 230", "Pulsar", "mstp"])
@@ -150,8 +150,7 @@ def test_however_it_is_read(kind: str) -> None:
     at_once = [one.feed(chunks), one.close()]
     by_reads = [*(many.feed(chunk) for chunk in chunks), many.close()]
     rows = [
-        [(int(r["start"]), int(r["length"]), int(r["kind"]), int(r["foreign"])) for part in parts for r in part.rows]
-        for parts in (at_once, by_reads)
+        [(r.start, r.length, r.kind, r.foreign) for part in parts for r in part.rows] for parts in (at_once, by_reads)
     ]
     assert rows[0] == rows[1]
 

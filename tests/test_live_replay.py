@@ -57,7 +57,7 @@ def test_what_a_silence_brings_to_light_is_said_of_the_row_that_it_concerns(caps
         step = SessionStep(t_ns, analyzer.latest)
         alone += not len(step.batch) and len(step.findings) > 0
         for shown in recent.feed(step):
-            start = int(shown.batch.rows["start"][shown.row])
+            start = int(shown.batch.rows.start[shown.row])
             told.update((finding.code, start) for finding in shown.findings)
 
     for chunk in capture.chunks():

@@ -1,6 +1,5 @@
 """Taps as a session's source: settings that are sought while bytes come, and two taps that were mixed up."""
 
-import numpy as np
 import pytest
 from buses import adu
 from uart import received, wave
@@ -8,7 +7,7 @@ from uart import received, wave
 from analyzer.live import tapsource
 from analyzer.live.session import Session
 from analyzer.live.tapsource import TapSource
-from analyzer.tables.schema import Kind
+from analyzer.tables.schema import Kind, Rows
 from captures.chunks import Block, Chunk
 from captures.live.settings import PortSettings
 from captures.live.wire import PortEvent, Tick
@@ -85,13 +84,13 @@ def test_settings_are_sought_then_all_that_was_heard_with_them_is_given(scripted
     scripted(bus(PortSettings("tap", 19200, "E")))
     with Session(TapSource([PortSettings("tap")])) as session:
         steps = list(session.steps())
-    rows = np.concatenate([step.batch.rows for step in steps])
+    rows = Rows.joined([step.batch.rows for step in steps])
     kinds = [event.kind for step in steps for event in step.events]
     assert kinds[:2] == ["opened", "seeking"]
     assert "trying" in kinds
     assert kinds.count("settled") == 1
     assert (session.line.baud, session.line.parity, session.line.char_bits, session.line.tap) == (19200, "E", 11, "usb")
-    assert rows["check"].all()
+    assert rows.check.all()
     assert len(rows) >= 6 * 10
 
 
@@ -103,7 +102,7 @@ def test_settings_that_make_no_sense_any_more_are_sought_anew(scripted):
     settled = [event.text for step in steps for event in step.events if event.kind == "settled"]
     assert [text.split("listening with ")[1] for text in settled] == ["9600 8N1", "38400 8E1"]
     assert session.line.baud == 38400
-    assert steps[-3].batch.rows["check"].all()
+    assert steps[-3].batch.rows.check.all()
 
 
 def test_a_rate_that_was_given_is_kept_whatever_is_heard(scripted):
@@ -126,9 +125,9 @@ def test_what_each_of_two_taps_hears_is_known_and_a_wrong_guess_is_mended(script
 
     scripted(script)
     with Session(TapSource([PortSettings("one", 19200), PortSettings("two", 19200)])) as session:
-        rows = np.concatenate([step.batch.rows for step in session.steps()])
+        rows = Rows.joined([step.batch.rows for step in session.steps()])
     last = rows[-100:]
-    assert (last["kind"] != Kind.NOISE).all()
-    assert ((last["kind"] == Kind.REQUEST) == (last["port"] == client)).all()
-    assert (last["request"][last["kind"] == Kind.RESPONSE] >= 0).all()
+    assert (last.kind != Kind.NOISE).all()
+    assert ((last.kind == Kind.REQUEST) == (last.port == client)).all()
+    assert (last.request[last.kind == Kind.RESPONSE] >= 0).all()
     assert session.line.notes["directions"] == ("request,response" if client == 0 else "response,request")

@@ -14,7 +14,7 @@ from analyzer.core import analyse
 from analyzer.model.bus import Bus
 from analyzer.model.source import CaptureSource
 from analyzer.outages import deaf_times, notes_of
-from analyzer.tables.findings import describe
+from analyzer.tables.findings import described
 from analyzer.tui.desk import ViewState
 from analyzer.tui.rows import UNHEARD, ended
 from captures import Block, Chunk
@@ -50,7 +50,7 @@ def missing(path: Path) -> list[int | None]:
     return [
         finding.index
         for analysed in analyse(captures.open(path))
-        for finding in map(describe, analysed.findings)
+        for finding in described(analysed.findings)
         if finding.code == "no-response"
     ]
 
@@ -119,7 +119,7 @@ def test_a_frame_cut_off_by_the_loss_is_nobodys_fault(tmp_path: Path) -> None:
             recorder.note(note)
         recorder.close()
         analysed = analyse(captures.open(folder / "bus.mcap"))
-        return {finding.code for batch in analysed for finding in map(describe, batch.findings)}
+        return {finding.code for batch in analysed for finding in described(batch.findings)}
 
     lost = Note(START + 4 * SECOND + 60_000_000, "lost", LOST)
     assert found(tmp_path / "kept", []) - found(tmp_path / "lost", [lost, NOTES[1]]) == {"truncated"}

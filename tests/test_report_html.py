@@ -4,7 +4,6 @@ import html
 import shutil
 import subprocess
 
-import numpy as np
 import pytest
 from buses import CHAR_NS, LINE, adu, spaced
 from hypothesis import given
@@ -17,7 +16,7 @@ from analyzer.reports.html import Sights, page
 from analyzer.reports.html.troublebins import TroubleBins
 from analyzer.reports.page import facts
 from analyzer.tables.findings import NOTHING
-from analyzer.tables.schema import ROW
+from analyzer.tables.schema import Rows
 from captures import Capture, samples
 
 SECOND = 1_000_000_000
@@ -97,14 +96,14 @@ def test_the_command_writes_a_file_and_never_over_the_capture(capsys, tmp_path):
     st.lists(st.tuples(st.integers(0, 3600 * SECOND), st.integers(1, 256)), min_size=1, max_size=30), st.integers(1, 5)
 )
 def test_the_timeline_loses_no_byte_however_long_it_grows(frames, batch):
-    timeline, at, rows = TroubleBins(), 0, np.zeros(len(frames), ROW)
-    for row, (silence, length) in zip(rows, frames, strict=True):
-        row["t_start"], row["t_end"], row["length"] = at + silence, at + silence + length * CHAR_NS, length
-        at = int(row["t_end"])
+    timeline, at, rows = TroubleBins(), 0, Rows.zeros(len(frames))
+    for row, (silence, length) in enumerate(frames):
+        rows.t_start_ns[row], rows.length[row] = at + silence, length
+        at = rows.t_end_ns[row] = at + silence + length * CHAR_NS
     for first in range(0, len(rows), batch):
         timeline.add(rows[first : first + batch], NOTHING)
-    assert timeline.octets.sum() == pytest.approx(rows["length"].sum())
-    assert at - int(rows["t_start"][0]) <= len(timeline.octets) * timeline.width_ns
+    assert timeline.octets.sum() == pytest.approx(rows.length.sum())
+    assert at - int(rows.t_start_ns[0]) <= len(timeline.octets) * timeline.width_ns
 
 
 def test_a_browser_draws_it(tmp_path):

@@ -71,8 +71,8 @@ def test_what_is_not_wrong_is_a_healthy_bus(code: str) -> None:
     spoken = {(finding.start, finding.length) for finding in made.findings}
     whole = {(f.start, f.length) for f in made.truth if f.intact and (f.start, f.length) not in spoken}
     capture = Capture.of(made.line, made.chunks, timed=made.line.tap != "untimed")
-    rows = [row for batch in deframe(capture) for row in batch.rows[batch.rows["check"]] if row["kind"] != Kind.NOISE]
-    read = {(int(row["start"]), int(row["length"])) for row in rows}
+    rows = [row for batch in deframe(capture) for row in batch.rows[batch.rows.check] if row.kind != Kind.NOISE]
+    read = {(int(row.start), int(row.length)) for row in rows}
     assert whole <= read
     assert made.line.tap is not None
 

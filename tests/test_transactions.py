@@ -13,7 +13,7 @@ from hypothesis import given
 from analyzer.deframing.protocols import Deframer
 from analyzer.deframing.stream import RtuDeframer
 from analyzer.tables.batch import Batch, join_batches
-from analyzer.tables.transactions import TRANSACTION, Status, Transactions
+from analyzer.tables.transactions import Status, TransactionRows, Transactions
 from captures.chunks import Block, Chunk
 from dissectors.crc import lrc
 
@@ -23,7 +23,7 @@ READ, ANSWER = adu("110300000002"), adu("110304000a0014")
 def transactions(feeds: Sequence[Chunk | Block]) -> np.ndarray:
     deframer, found = RtuDeframer(LINE), Transactions()
     batches = [*(deframer.feed(feed) for feed in feeds), deframer.close()]
-    return np.concatenate([np.zeros(0, TRANSACTION), *(found.feed(b) for b in batches), found.close()])
+    return np.concatenate([TransactionRows.zeros(0), *(found.feed(b) for b in batches), found.close()])
 
 
 def statuses(pieces: list[bytes]) -> list[str]:

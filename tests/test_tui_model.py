@@ -60,8 +60,8 @@ def cut(batch: Batch, each: int) -> Iterator[Batch]:
     """A batch in batches of some rows, requests from before them in `earlier`."""
     for first in range(0, len(batch), each):
         rows = batch.rows[first : first + each]
-        asked = {int(rows["request"][i]): first + i for i in range(len(rows)) if rows["request"][i] >= 0}
-        own = set(rows["index"].tolist())
+        asked = {int(rows.request[i]): first + i for i in range(len(rows)) if rows.request[i] >= 0}
+        own = set(rows.index.tolist())
         earlier = {i: batch.request_of(row, i) or b"" for i, row in asked.items() if i not in own}
         why = None if batch.evidence is None else batch.evidence[first : first + each]
         yield replace(batch, rows=rows, earlier=earlier, evidence=why)
@@ -92,7 +92,7 @@ def test_rows_of_the_model_are_those_of_the_analysis(brutal: Capture, each: int)
     known = analyzer.Analysis(brutal)
     rows = known.rows()
     assert bus.count == len(rows)
-    assert bus.frames == int((rows["kind"] != Kind.NOISE).sum())
+    assert bus.frames == int((rows.kind != Kind.NOISE).sum())
     assert b"".join(bus.captured(row) for row in range(bus.count)) == b"".join(
         batch.data.tobytes() for batch in known.batches()
     )

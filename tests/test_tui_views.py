@@ -209,8 +209,8 @@ class Live:
         """Rows of the healthy sample."""
         whole = self.batches_of[0]
         rows = whole.rows[first:last]
-        asked = {int(r["request"]): whole.request_of(first + i, int(r["request"])) or b"" for i, r in enumerate(rows)
-                 if r["request"] >= 0}  # fmt: skip
+        asked = {row.request: whole.request_of(first + i, row.request) or b"" for i, row in enumerate(rows)
+                 if row.request >= 0}  # fmt: skip
         self.queue.put(Batch(rows, whole.data, asked))
 
 
@@ -250,7 +250,7 @@ def test_findings_are_gone_to_however_many_there_are(capture: Path) -> None:
 
         def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:
             for step in super().steps(stop):
-                yield replace(step, findings=np.repeat(step.findings, 50))
+                yield replace(step, findings=step.findings[np.repeat(np.arange(len(step.findings)), 50)])
 
     async def work(sitting: Seat) -> None:
         found = sitting.screen.query_one(FindingList)

@@ -8,11 +8,11 @@ come. Nothing is kept but the rows since the newest request, and of those not mo
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +22,10 @@ from dissectors.limits import RequestedByteCount, taken
 from dissectors.registry import revision
 
 from ..tables.batch import Batch
+from ..tables.columnar import Bools, Columns, Int16s, Int32s, Int64s, UInt8s
 from ..tables.frame import adu_of
-from ..tables.schema import NO_GAP, Kind
+from ..tables.schema import NO_GAP, Kind, Rows
 from ..tables.transactions import NEVER
-from .columntable import ColumnTable
 
 _WINDOW_ROWS: Final = 512  # behind a request: what follows after that many rows is nobody's
 _WINDOW_BYTES: Final = 1 << 16
@@ -48,100 +48,95 @@ class Ending(IntEnum):
     ECHO = 7  # the next request once more, as an adapter shows what it sends
 
 
-EXCHANGE = np.dtype(
-    [
-        ("t_start", np.int64),  # ns, of the request
-        ("t_asked", np.int64),  # its end
-        ("t_next", np.int64),  # start of the next request; NEVER at the end
-        ("t_answered", np.int64),  # end of the answer; NEVER for none
-        ("delay", np.int64),  # ns, end of the request to start of the answer; -1 where there is none or nobody knows
-        ("place", np.int64),  # bytes on the bus before it
-        ("request", np.int64),  # index of the frame
-        ("poll", np.int64),  # unit, function, address and quantity in one number
-        ("identity", np.int64),  # equal for requests of equal bytes
-        ("row", np.int64),  # of the request, in its stretch
-        ("row_end", np.int64),  # behind the last row of the exchange
-        ("answer", np.int64),  # row of the answer, -1 for none
-        ("gap_before", np.int64),  # ns of silence before the request; NO_GAP
-        ("answer_gap", np.int64),  # the same before an answer right behind its request
-        ("hole", np.int64),  # ns, longest silence inside the answer; 0 for none
-        ("hole_at", np.int32),  # byte of the answer before which it stands
-        ("answer_bytes", np.int32),
-        ("asked_bytes", np.int32),
-        ("due", np.int32),  # bytes of a right answer, 0 where nobody knows
-        ("noise", np.int32),  # bytes behind the request that belong to no right frame
-        ("strays", np.int32),  # right answers among them that answer nothing
-        ("late", np.int32),  # right answers to earlier requests
-        ("marks", np.int32),  # bytes of the answer that the UART marked
-        ("unit", np.uint8),
-        ("function", np.uint8),
-        ("exception", np.uint8),
-        ("outcome", np.uint8),
-        ("port", np.uint8),
-        ("next_unit", np.int16),  # of the next request, -1 at the end
-        ("repeats", np.bool_),  # the bytes of the request before
-        ("next_same", np.bool_),  # the next request repeats this one
-        ("called", np.bool_),  # of a broadcast: somebody answers it
-    ]
-)
-ROW_COLUMNS: Final = (
-    "index", "start", "length", "at", "t_start", "t_end", "request", "response_ns", "kind", "unit", "function",
-    "exception", "check", "port", "protocol", "gap_before", "gap_most", "gap_least", "gap_at", "reads", "errors",
-)  # fmt: skip
+@dataclass(frozen=True, slots=True, eq=False)
+class Exchanges(Columns):
+    """Requests with all that followed them, in order."""
+
+    t_start: Int64s  # ns, of the request
+    t_asked: Int64s  # its end
+    t_next: Int64s  # start of the next request; NEVER at the end
+    t_answered: Int64s  # end of the answer; NEVER for none
+    delay: Int64s  # ns, end of the request to start of the answer; -1 where there is none or nobody knows
+    place: Int64s  # bytes on the bus before it
+    request: Int64s  # index of the frame
+    poll: Int64s  # unit, function, address and quantity in one number
+    identity: Int64s  # equal for requests of equal bytes
+    row: Int64s  # of the request, in its stretch
+    row_end: Int64s  # behind the last row of the exchange
+    answer: Int64s  # row of the answer, -1 for none
+    gap_before: Int64s  # ns of silence before the request; NO_GAP
+    answer_gap: Int64s  # the same before an answer right behind its request
+    hole: Int64s  # ns, longest silence inside the answer; 0 for none
+    hole_at: Int32s  # byte of the answer before which it stands
+    answer_bytes: Int32s
+    asked_bytes: Int32s
+    due: Int32s  # bytes of a right answer, 0 where nobody knows
+    noise: Int32s  # bytes behind the request that belong to no right frame
+    strays: Int32s  # right answers among them that answer nothing
+    late: Int32s  # right answers to earlier requests
+    marks: Int32s  # bytes of the answer that the UART marked
+    unit: UInt8s
+    function: UInt8s
+    exception: UInt8s
+    outcome: UInt8s
+    port: UInt8s
+    next_unit: Int16s  # of the next request, -1 at the end
+    repeats: Bools  # the bytes of the request before
+    next_same: Bools  # the next request repeats this one
+    called: Bools  # of a broadcast: somebody answers it
 
 
 @dataclass(frozen=True, slots=True)
 class RowColumns:
-    """Rows of the deframer (those columns of ROW), with their bytes."""
+    """Rows of the deframer, with their bytes."""
 
-    rows: ColumnTable
+    rows: Rows
     data: NDArray[np.uint8]
 
     @classmethod
     def of(cls, batch: Batch) -> RowColumns:
         """The rows of a batch."""
-        rows = batch.rows
-        return cls(ColumnTable({name: np.ascontiguousarray(rows[name]) for name in ROW_COLUMNS}), batch.data)
+        return cls(batch.rows, batch.data)
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def part(self, first: int, last: int) -> RowColumns:
         """Rows `first` to `last` (excluded); the bytes stay where they are."""
-        return RowColumns(self.rows.part(first, last), self.data)
+        return RowColumns(self.rows[first:last], self.data)
 
     def bytes_of(self, row: int) -> bytes:
         """The captured bytes of a row."""
-        at = int(self.rows["at"][row])
-        return self.data[at : at + int(self.rows["length"][row])].tobytes()
+        at = int(self.rows.at[row])
+        return self.data[at : at + int(self.rows.length[row])].tobytes()
 
     def compact(self) -> RowColumns:
         """The same rows with their own bytes only."""
         if not len(self):
             return RowColumns(self.rows, np.zeros(0, np.uint8))
-        at = self.rows["at"]
-        begin, end = int(at.min()), int((at + self.rows["length"]).max())
-        columns = {name: self.rows[name].copy() for name in ROW_COLUMNS}
-        columns["at"] -= begin
-        return RowColumns(ColumnTable(columns), self.data[begin:end].copy())
+        at = self.rows.at
+        begin, end = int(at.min()), int((at + self.rows.length).max())
+        rows = self.rows.copy()
+        rows.at[:] -= begin
+        return RowColumns(rows, self.data[begin:end].copy())
 
     def followed_by(self, other: RowColumns) -> RowColumns:
         """These rows and those behind them."""
         moved = other.compact()
-        moved.rows["at"][:] += len(self.data)
-        return RowColumns(ColumnTable.joined((self.rows, moved.rows)), np.concatenate((self.data, moved.data)))
+        moved.rows.at[:] += len(self.data)
+        return RowColumns(Rows.joined((self.rows, moved.rows)), np.concatenate((self.data, moved.data)))
 
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Exchanges (EXCHANGE) in order, and the rows that they are made of."""
+    """Exchanges in order, and the rows that they are made of."""
 
-    exchanges: ColumnTable
+    exchanges: Exchanges
     table: RowColumns
 
     def rows_of(self, i: int) -> range:
         """Rows behind the request of one exchange."""
-        return range(int(self.exchanges["row"][i]) + 1, int(self.exchanges["row_end"][i]))
+        return range(int(self.exchanges.row[i]) + 1, int(self.exchanges.row_end[i]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +155,7 @@ class ExchangeBuilder:
     def __init__(self) -> None:
         self._open: RowColumns | None = None  # from the oldest request on that is not given
         self._unheard: set[int] = set()
-        self._before: dict[str, Any] = {}  # the newest exchange that was given
+        self._before = Exchanges.zeros(0)  # the newest exchange that was given
         self._bytes = 0  # on the bus before the open rows
 
     def feed(self, rows: RowColumns, unheard: Collection[int] = ()) -> Iterator[Stretch | Unowned]:
@@ -213,154 +208,156 @@ class ExchangeBuilder:
             yield self._stretch(rows, count)
 
     def _unowned(self, rows: RowColumns) -> Unowned:
-        self._bytes += int(rows.rows["length"].sum())
+        self._bytes += int(rows.rows.length.sum())
         return Unowned(rows)
 
     def _stretch(self, rows: RowColumns, count: int) -> Stretch:
         """The first exchanges of these rows, which begin with a request."""
         made = _exchanges(rows, self._before)
-        made["place"][:] += self._bytes
+        made.place[:] += self._bytes
         if self._unheard:
-            outcome = made["outcome"]
-            outcome[np.isin(made["request"], list(self._unheard)) & (outcome == Ending.SILENT)] = Ending.UNHEARD
-            last = int(made["request"][count - 1])
+            outcome = made.outcome
+            outcome[np.isin(made.request, list(self._unheard)) & (outcome == Ending.SILENT)] = Ending.UNHEARD
+            last = int(made.request[count - 1])
             self._unheard = {index for index in self._unheard if index > last}
-        given = made.part(0, count)
-        self._bytes += int(rows.rows["length"][: int(given["row_end"][-1])].sum())
-        self._before = given.row(count - 1)
+        given = made[:count]
+        self._bytes += int(rows.rows.length[: int(given.row_end[-1])].sum())
+        self._before = given[count - 1 :].copy()
         return Stretch(given, rows)
 
 
-def _exchanges(table: RowColumns, before: Mapping[str, Any]) -> ColumnTable:
-    """The exchanges of rows that begin with a request; `before`: the exchange before them."""
+def _exchanges(table: RowColumns, before: Exchanges) -> Exchanges:
+    """The exchanges of rows that begin with a request; `before`: the exchange before them, if there is one."""
     rows = table.rows
     asks = asking(rows)
     which = asks.nonzero()[0]
-    made = ColumnTable.zeros(EXCHANGE, len(which))
+    made = Exchanges.zeros(len(which))
     of = asks.cumsum() - 1  # the exchange of each row
-    for name, column in (("t_start", "t_start"), ("t_asked", "t_end"), ("request", "index"), ("unit", "unit"),
-                         ("function", "function"), ("port", "port"), ("gap_before", "gap_before"),
-                         ("asked_bytes", "length")):  # fmt: skip
-        made[name][:] = rows[column].take(which)
-    lengths = rows["length"]
-    made["place"][:] = (lengths.cumsum() - lengths).take(which)
-    made["t_next"][:-1], made["t_next"][-1] = made["t_start"][1:], NEVER
-    made["row"][:] = which
-    made["row_end"][:-1], made["row_end"][-1] = which[1:], len(rows)
-    for name, none in (("answer", -1), ("delay", -1), ("t_answered", NEVER), ("answer_gap", NO_GAP)):
-        made[name][:] = none
+    for mine, column in (
+        (made.t_start, rows.t_start_ns), (made.t_asked, rows.t_end_ns), (made.request, rows.index),
+        (made.unit, rows.unit), (made.function, rows.function), (made.port, rows.port),
+        (made.gap_before, rows.gap_before_ns), (made.asked_bytes, rows.length),
+    ):  # fmt: skip
+        mine[:] = column.take(which)
+    lengths = rows.length
+    made.place[:] = (lengths.cumsum() - lengths).take(which)
+    made.t_next[:-1], made.t_next[-1] = made.t_start[1:], NEVER
+    made.row[:] = which
+    made.row_end[:-1], made.row_end[-1] = which[1:], len(rows)
+    made.answer[:] = made.delay[:] = -1
+    made.t_answered[:], made.answer_gap[:] = NEVER, NO_GAP
     _asked(made, table, which)
     _answered(made, rows, of)
     _compare(made, before)
     return made
 
 
-def _compare(made: ColumnTable, before: Mapping[str, Any]) -> None:
+def _compare(made: Exchanges, before: Exchanges) -> None:
     """Fill in what an exchange is beside the one before it."""
-    identity, outcome, poll = made["identity"], made["outcome"], made["poll"]
-    made["repeats"][1:] = identity[1:] == identity[:-1]
-    made["next_same"][:-1] = made["repeats"][1:]
-    made["next_unit"][:-1], made["next_unit"][-1] = made["unit"][1:], -1
-    if before:
-        made["repeats"][0] = identity[0] == before["identity"]
+    identity, outcome, poll = made.identity, made.outcome, made.poll
+    made.repeats[1:] = identity[1:] == identity[:-1]
+    made.next_same[:-1] = made.repeats[1:]
+    made.next_unit[:-1], made.next_unit[-1] = made.unit[1:], -1
+    if len(before):
+        made.repeats[0] = identity[0] == before.identity[0]
     to_all = outcome == Ending.BROADCAST
-    if not (to_all.any() or before.get("outcome") == Ending.BROADCAST):
+    if not (to_all.any() or (before.outcome == Ending.BROADCAST).any()):
         return
     echoed = np.zeros(len(made), np.bool_)
     echoed[1:] = to_all[:-1] & (poll[1:] & _SAME == poll[:-1] & _SAME)
-    if before:
-        echoed[0] = before["outcome"] == Ending.BROADCAST and poll[0] & _SAME == before["poll"] & _SAME
+    if len(before):
+        echoed[0] = before.outcome[0] == Ending.BROADCAST and poll[0] & _SAME == before.poll[0] & _SAME
     echoed &= outcome == Ending.SILENT
     outcome[echoed] = Ending.NO_REQUEST
-    made["called"][:-1] |= echoed[1:]
+    made.called[:-1] |= echoed[1:]
 
 
-def asking(rows: ColumnTable) -> NDArray[np.bool_]:
+def asking(rows: Rows) -> NDArray[np.bool_]:
     """Which rows are right requests."""
-    asks: NDArray[np.bool_] = (rows["kind"] == Kind.REQUEST) & rows["check"]
+    asks: NDArray[np.bool_] = (rows.kind == Kind.REQUEST) & rows.check
     return asks
 
 
-def _answered(made: ColumnTable, rows: ColumnTable, of: NDArray[np.intp]) -> None:
+def _answered(made: Exchanges, rows: Rows, of: NDArray[np.intp]) -> None:
     """Fill in what followed each request; `of`: the exchange of each row."""
-    kind, check, lengths = rows["kind"], rows["check"], rows["length"]
+    kind, check, lengths = rows.kind, rows.check, rows.length
     answers = ((kind == Kind.RESPONSE) & check).nonzero()[0]
-    answers = answers[answers != made["row"][of[answers]]]
-    mine = rows["request"].take(answers) == made["request"].take(of[answers])
+    answers = answers[answers != made.row[of[answers]]]
+    mine = rows.request.take(answers) == made.request.take(of[answers])
     own = answers[mine][::-1]  # backwards, so that the first of several stays
     place = of[own]
-    made["answer"][place] = own
-    for name, column in (("delay", "response_ns"), ("t_answered", "t_end"), ("exception", "exception"),
-                         ("marks", "errors"), ("answer_bytes", "length"), ("hole_at", "gap_at")):  # fmt: skip
-        made[name][place] = rows[column].take(own)
-    made["hole"][place] = np.maximum(rows["gap_most"].take(own), 0)
-    gaps = rows["gap_before"].take(own)
-    gaps[own != made["row"].take(place) + 1] = NO_GAP
-    made["answer_gap"][place] = gaps
+    made.answer[place] = own
+    for its, column in (
+        (made.delay, rows.response_ns), (made.t_answered, rows.t_end_ns), (made.exception, rows.exception),
+        (made.marks, rows.errors), (made.answer_bytes, rows.length), (made.hole_at, rows.gap_at),
+    ):  # fmt: skip
+        its[place] = column.take(own)
+    made.hole[place] = np.maximum(rows.gap_most_ns.take(own), 0)
+    gaps = rows.gap_before_ns.take(own)
+    gaps[own != made.row.take(place) + 1] = NO_GAP
+    made.answer_gap[place] = gaps
     others = answers[~mine]
     if len(others):
-        others = others[ANSWERED[rows["function"][others]]]
-        np.add.at(made["strays"], of[others[rows["request"][others] < 0]], 1)
-        np.add.at(made["late"], of[others[rows["request"][others] >= 0]], 1)
+        others = others[ANSWERED[rows.function[others]]]
+        np.add.at(made.strays, of[others[rows.request[others] < 0]], 1)
+        np.add.at(made.late, of[others[rows.request[others] >= 0]], 1)
     bad = ((kind == Kind.NOISE) | ~check).nonzero()[0]
     if len(bad):
-        np.add.at(made["noise"], of[bad], lengths[bad])
-    outcome = np.where(made["answer"] >= 0, np.uint8(Ending.OK), np.uint8(Ending.SILENT))
-    outcome[made["exception"] > 0] = Ending.EXCEPTION
-    garbled = made["noise"] > _STRAY_BYTES
+        np.add.at(made.noise, of[bad], lengths[bad])
+    outcome = np.where(made.answer >= 0, np.uint8(Ending.OK), np.uint8(Ending.SILENT))
+    outcome[made.exception > 0] = Ending.EXCEPTION
+    garbled = made.noise > _STRAY_BYTES
     unfit = others[of_own_function(rows, made, others, of)] if len(others) else others
     garbled[of[unfit]] = True
     outcome[(outcome == Ending.SILENT) & garbled] = Ending.GARBAGE
-    outcome[made["unit"] == 0] = Ending.BROADCAST
-    made["outcome"][:] = outcome
-    to_all = answers[made["unit"][of[answers]] == 0]
+    outcome[made.unit == 0] = Ending.BROADCAST
+    made.outcome[:] = outcome
+    to_all = answers[made.unit[of[answers]] == 0]
     if len(to_all):
-        asked = made["row"][of[to_all]]
-        called = (rows["unit"][to_all] != 0) | (lengths[to_all] != lengths[asked])
-        made["called"][of[to_all[called]]] = True
-    made["called"][:] |= (outcome == Ending.BROADCAST) & (made["noise"] > _STRAY_BYTES)
+        asked = made.row[of[to_all]]
+        called = (rows.unit[to_all] != 0) | (lengths[to_all] != lengths[asked])
+        made.called[of[to_all[called]]] = True
+    made.called[:] |= (outcome == Ending.BROADCAST) & (made.noise > _STRAY_BYTES)
 
 
-def of_own_function(
-    rows: ColumnTable, made: ColumnTable, answers: NDArray[np.intp], of: NDArray[np.intp]
-) -> NDArray[np.bool_]:
+def of_own_function(rows: Rows, made: Exchanges, answers: NDArray[np.intp], of: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Which right answers are of the unit and function that was asked, and yet answer nothing: a wrong count."""
     exchange = of[answers]
-    own: NDArray[np.bool_] = rows["request"].take(answers) < 0
-    own &= rows["unit"].take(answers) == made["unit"].take(exchange)
-    own &= (rows["function"].take(answers) == made["function"].take(exchange)) & (made["answer"].take(exchange) < 0)
+    own: NDArray[np.bool_] = rows.request.take(answers) < 0
+    own &= rows.unit.take(answers) == made.unit.take(exchange)
+    own &= (rows.function.take(answers) == made.function.take(exchange)) & (made.answer.take(exchange) < 0)
     return own
 
 
-def _asked(made: ColumnTable, table: RowColumns, which: NDArray[np.intp]) -> None:
+def _asked(made: Exchanges, table: RowColumns, which: NDArray[np.intp]) -> None:
     """Fill in what each request asks for."""
     rows, data = table.rows, table.data
-    begins = rows["at"].take(which) + 1
-    ends = begins + made["asked_bytes"] - 3
-    if rows["protocol"].any():
+    begins = rows.at.take(which) + 1
+    ends = begins + made.asked_bytes - 3
+    if rows.protocol.any():
         data, begins, ends = _decoded(table, which)
     last = len(data) - 1
     octet = [data.take(np.minimum(begins + i, last)).astype(np.int64) for i in range(1, 5)]
     short = ends - begins < 5
     address, quantity = octet[0] << 8 | octet[1], octet[2] << 8 | octet[3]
-    unit, function = made["unit"].astype(np.int64), made["function"]
+    unit, function = made.unit.astype(np.int64), made.function
     quantity[~_COUNTED[function]] = 1
     address[short], quantity[short] = 0xFFFF, 0
-    made["poll"][:] = unit << 40 | function.astype(np.int64) << 32 | address << 16 | quantity
+    made.poll[:] = unit << 40 | function.astype(np.int64) << 32 | address << 16 | quantity
     check = data.take(np.minimum(ends, last)).astype(np.int64) << 8 | data.take(np.minimum(ends + 1, last))
-    made["identity"][:] = unit << 48 | function.astype(np.int64) << 40 | (ends - begins) << 24 | check
+    made.identity[:] = unit << 48 | function.astype(np.int64) << 40 | (ends - begins) << 24 | check
     constant, per_word, per_bit = answer_lengths()
     due = constant.take(function)
     due += per_word.take(function) * 2 * quantity + per_bit.take(function) * taken(quantity, True)
     due[short & (per_word + per_bit > 0).take(function)] = 0
-    made["due"][:] = np.minimum(due, 1 << 16)
+    made.due[:] = np.minimum(due, 1 << 16)
 
 
 def _decoded(
     table: RowColumns, which: NDArray[np.intp]
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64]]:
     """The bytes of requests in ASCII mode without their envelope, and where each PDU begins and ends in them."""
-    parts = [adu_of(table.bytes_of(row), int(table.rows["protocol"][row])).data + b"\0" for row in which.tolist()]
+    parts = [adu_of(table.bytes_of(row), int(table.rows.protocol[row])).data + b"\0" for row in which.tolist()]
     lengths = np.array([len(part) for part in parts], np.int64)
     begins = np.cumsum(lengths) - lengths
     return np.frombuffer(b"".join(parts) or b"\0", np.uint8), begins + 1, begins + np.maximum(lengths - 2, 1)

@@ -15,20 +15,19 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
-from ..diagnosis.tap_clock import COLUMNS, TapClock
+from ..diagnosis.tap_clock import TapClock
 from ..options import Options
 from ..tables.batch import Batch
-from ..tables.schema import NO_GAP, Kind, Protocol, Rows, take_rows
-from ..tables.transactions import NEVER, Status
-from .columntable import ColumnTable
+from ..tables.schema import NO_GAP, Kind, Protocol
+from ..tables.transactions import NEVER, Status, TransactionRows
 from .crowdedtimes import CrowdedTimes
-from .exchanges import ANSWERED, Ending, ExchangeBuilder, RowColumns, Stretch, Unowned
+from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
 from .polls import PollTable
 from .samples import sampled
 from .states import StateTable
 from .thinned import Thinned
 from .timegrid import TimeGrid
-from .unitledger import NEEDED, UnitLedger
+from .unitledger import UnitLedger
 from .valuetable import ValueTable
 
 if TYPE_CHECKING:
@@ -95,14 +94,14 @@ class Ledger:
         self._repeating = False  # the newest request got no answer, and the next one is the same
         self._builder = ExchangeBuilder()
 
-    def feed(self, batch: Batch, transactions: Rows) -> None:
+    def feed(self, batch: Batch, transactions: TransactionRows) -> None:
         """The next rows, with the transactions that began among them."""
-        if (networked := batch.rows["protocol"] == Protocol.TCP).any():  # what happens there has no wire for a cause
-            batch = replace(batch, rows=take_rows(batch.rows, ~networked))
+        if (networked := batch.rows.protocol == Protocol.TCP).any():  # what happens there has no wire for a cause
+            batch = replace(batch, rows=batch.rows[~networked])
         if not len(batch):
             return
         table = RowColumns.of(batch)
-        unheard = transactions["request"][transactions["status"] == Status.UNHEARD].tolist()
+        unheard = transactions.request[transactions.status == Status.UNHEARD].tolist()
         self._count_rows(table)
         for part in self._builder.feed(table, unheard):
             self._take(part)
@@ -129,14 +128,14 @@ class Ledger:
         """The units that were asked for something, broadcasts apart."""
         return [unit for number, unit in sorted(self.units.items()) if number and unit.asked]
 
-    def axis(self, exchanges: ColumnTable) -> NDArray[np.int64]:
+    def axis(self, exchanges: Exchanges) -> NDArray[np.int64]:
         """By what the order of things is told: time, or bytes where there are no times."""
-        return exchanges["t_start"] if self.timed else exchanges["place"]
+        return exchanges.t_start if self.timed else exchanges.place
 
     def _count_rows(self, table: RowColumns) -> None:
         rows = table.rows
-        kind, check, length = rows["kind"], rows["check"], rows["length"]
-        self.timed = self.timed or bool(rows["t_end"].any())
+        kind, check, length = rows.kind, rows.check, rows.length
+        self.timed = self.timed or bool(rows.t_end_ns.any())
         framed, asks = kind != _NOISE, kind == _REQUEST
         right = framed & check
         frames = framed.nonzero()[0]
@@ -145,21 +144,21 @@ class Ledger:
         self.requests += requests
         self.responses += int(np.count_nonzero(right)) - requests
         self.bytes += int(length.sum())
-        self.marked_bytes += int(rows["errors"].sum())
+        self.marked_bytes += int(rows.errors.sum())
         if self.begin is None:
-            self.begin = int(rows["t_start"][0])
-        self.end = max(self.end, int(rows["t_end"].max()))
-        self.clock.feed([rows[name] if len(frames) == len(rows) else rows[name][frames] for name in COLUMNS])
-        functions, weights = rows["function"][right], length[right]
+            self.begin = int(rows.t_start_ns[0])
+        self.end = max(self.end, int(rows.t_end_ns.max()))
+        self.clock.feed(rows)
+        functions, weights = rows.function[right], length[right]
         self.right_bytes += int(weights.sum())
         self.functions += np.bincount(functions, minlength=256)
         self.function_bytes += np.bincount(functions, weights, 256).astype(np.int64)
-        loose = right & ~asks & (rows["request"] < 0)
+        loose = right & ~asks & (rows.request < 0)
         self.loose_responses += int(np.count_nonzero(loose))
         if len(frames) < len(rows):
             self._count_noise(table, (~framed).nonzero()[0])
-        port = rows["port"]
-        misshapen = right & asks & _OF_EIGHT[rows["function"]] & (length != _EIGHT) & (rows["protocol"] == Protocol.RTU)
+        port = rows.port
+        misshapen = right & asks & _OF_EIGHT[rows.function] & (length != _EIGHT) & (rows.protocol == Protocol.RTU)
         for number in np.flatnonzero(np.bincount(port)).tolist():
             here = port == number
             tally = self.ports[number]
@@ -168,12 +167,12 @@ class Ledger:
             tally["misshapen"] += int(np.count_nonzero(here & misshapen))
 
     def _count_noise(self, table: RowColumns, noise: NDArray[np.intp]) -> None:
-        length, begins = table.rows["length"][noise], table.rows["t_start"][noise]
+        length, begins = table.rows.length[noise], table.rows.t_start_ns[noise]
         self.noise_bytes += int(length.sum())
         self.stray_times.add(begins[length <= _STRAY])
         for row in noise[: max(_NOISE_SAMPLES - len(self.noise), 0)].tolist():
-            port = int(table.rows["port"][row])
-            self.noise.append((int(table.rows["t_start"][row]), port, table.bytes_of(row)[:_NOISE_BYTES]))
+            port = int(table.rows.port[row])
+            self.noise.append((int(table.rows.t_start_ns[row]), port, table.bytes_of(row)[:_NOISE_BYTES]))
 
     def _take(self, part: Stretch | Unowned) -> None:
         if isinstance(part, Unowned):
@@ -182,7 +181,7 @@ class Ledger:
         exchanges = part.exchanges
         self.exchanges += len(exchanges)
         self._count_echoes(exchanges)
-        odd = (exchanges["noise"] > 0) | (exchanges["strays"] > 0) | (exchanges["late"] > 0)
+        odd = (exchanges.noise > 0) | (exchanges.strays > 0) | (exchanges.late > 0)
         times = self.axis(exchanges)
         self._sample(part, odd)
         self.polls.add(part)
@@ -194,25 +193,25 @@ class Ledger:
 
     def _count_unowned(self, part: Unowned) -> None:
         rows = part.table.rows
-        units = np.bincount(rows["unit"][(rows["kind"] == _RESPONSE) & rows["check"]], minlength=1)
+        units = np.bincount(rows.unit[(rows.kind == _RESPONSE) & rows.check], minlength=1)
         for number in units.nonzero()[0].tolist():
             self.unit(number).strays += int(units[number])
 
-    def _count_units(self, exchanges: ColumnTable, times: NDArray[np.int64]) -> None:
-        order = np.argsort(exchanges["unit"], kind="stable")
-        ordered, times = exchanges.take(order, NEEDED), times[order]
-        units = exchanges["unit"][order]
+    def _count_units(self, exchanges: Exchanges, times: NDArray[np.int64]) -> None:
+        order = np.argsort(exchanges.unit, kind="stable")
+        ordered, times = exchanges[order], times[order]
+        units = exchanges.unit[order]
         begins = np.flatnonzero(np.concatenate(([True], units[1:] != units[:-1]))).tolist()
         for begin, end in zip(begins, [*begins[1:], len(units)], strict=True):
             if units[begin]:
                 unit = self.unit(int(units[begin]))
-                mine = ordered.part(begin, end)
+                mine = ordered[begin:end]
                 unit.add(mine, times[begin:end], timed=self.timed, hole_ns=_HOLE * self.char_ns)
                 self._time_unit(unit.unit, mine, times[begin:end])
 
-    def _time_unit(self, unit: int, mine: ColumnTable, times: NDArray[np.int64]) -> None:
+    def _time_unit(self, unit: int, mine: Exchanges, times: NDArray[np.int64]) -> None:
         """When a unit was asked, did not answer well, and how long it took."""
-        outcome, delays = mine["outcome"], mine["delay"]
+        outcome, delays = mine.outcome, mine.delay
         bad = (outcome == _SILENT) | (outcome == _GARBAGE)
         self.grid.add((ASKED, unit), times)
         if bad.any():
@@ -221,31 +220,31 @@ class Ledger:
             known = delays >= 0
             self.grid.add((DELAY, unit), times[known], delays[known])
 
-    def _count_bus(self, exchanges: ColumnTable, odd: NDArray[np.bool_], times: NDArray[np.int64]) -> None:
-        outcome, t_next = exchanges["outcome"], exchanges["t_next"]
-        clean = (exchanges["t_answered"] != NEVER) & (t_next != NEVER) & ~odd
+    def _count_bus(self, exchanges: Exchanges, odd: NDArray[np.bool_], times: NDArray[np.int64]) -> None:
+        outcome, t_next = exchanges.outcome, exchanges.t_next
+        clean = (exchanges.t_answered != NEVER) & (t_next != NEVER) & ~odd
         if self.timed:
-            self.pauses.add((t_next - exchanges["t_answered"])[clean])
-        gaps = exchanges["gap_before"][1:][clean[:-1]]
+            self.pauses.add((t_next - exchanges.t_answered)[clean])
+        gaps = exchanges.gap_before[1:][clean[:-1]]
         self.request_gaps.add(gaps[gaps != NO_GAP])
         self._count_broadcasts(exchanges, outcome == _BROADCAST)
-        self._count_neighbours(exchanges["unit"], odd)
+        self._count_neighbours(exchanges.unit, odd)
         self.grid.add("asked", times)
-        self.grid.add("damage", times[(outcome == _GARBAGE) | (exchanges["noise"] > 0)])
+        self.grid.add("damage", times[(outcome == _GARBAGE) | (exchanges.noise > 0)])
 
-    def _count_broadcasts(self, exchanges: ColumnTable, to_all: NDArray[np.bool_]) -> None:
+    def _count_broadcasts(self, exchanges: Exchanges, to_all: NDArray[np.bool_]) -> None:
         if not to_all.any():
             return
         self.broadcasts += int(np.count_nonzero(to_all))
         self.broadcast_runs += int(np.count_nonzero(to_all[1:] & to_all[:-1]))
-        called = to_all & exchanges["called"]
+        called = to_all & exchanges.called
         self.broadcasts_answered += int(np.count_nonzero(called))
-        self.called_examples += exchanges["request"][called][: _EXAMPLES - len(self.called_examples)].tolist()
-        for number in exchanges["unit"][exchanges["outcome"] == Ending.NO_REQUEST].tolist():
+        self.called_examples += exchanges.request[called][: _EXAMPLES - len(self.called_examples)].tolist()
+        for number in exchanges.unit[exchanges.outcome == Ending.NO_REQUEST].tolist():
             self.unit(number).called += 1
         if self.timed:
-            known = to_all & (exchanges["t_next"] != NEVER)
-            self.turnarounds.add((exchanges["t_next"] - exchanges["t_asked"])[known])
+            known = to_all & (exchanges.t_next != NEVER)
+            self.turnarounds.add((exchanges.t_next - exchanges.t_asked)[known])
 
     def _count_neighbours(self, units: NDArray[np.uint8], odd: NDArray[np.bool_]) -> None:
         """Whose exchanges are right behind whose."""
@@ -257,22 +256,22 @@ class Ledger:
         if odd.any():
             self.next_hit += np.bincount(before[follows & odd], minlength=256)
 
-    def _count_echoes(self, exchanges: ColumnTable) -> None:
+    def _count_echoes(self, exchanges: Exchanges) -> None:
         """Requests without an answer that come again at once and are answered then; and let go of them, where nearly
         every request that is answered came so."""
-        outcome = exchanges["outcome"]
+        outcome = exchanges.outcome
         answered = outcome <= _EXCEPTION
         self.answered += int(np.count_nonzero(answered))
-        silent = (outcome == _SILENT) & exchanges["next_same"]
+        silent = (outcome == _SILENT) & exchanges.next_same
         again = np.concatenate(([self._repeating], silent[:-1])) & answered
         self._repeating = bool(silent[-1])
         self.repeats_answered += int(np.count_nonzero(again))
         if self.timed and silent.any():
-            self.repeat_waits.add((exchanges["t_next"] - exchanges["t_asked"])[silent])
+            self.repeat_waits.add((exchanges.t_next - exchanges.t_asked)[silent])
         if not self.echoing:
             self._echo_before = False
             return
-        repeats = exchanges["repeats"]
+        repeats = exchanges.repeats
         echo, again_before = self._echo_before, self._echo_repeats
         for i in range(len(outcome)):  # of a request that comes again and again, every other one is an echo
             if echo:
@@ -294,21 +293,21 @@ class Ledger:
     def _count_others(self, part: Stretch) -> None:
         """Right answers behind a request that are not its."""
         exchanges = part.exchanges
-        if not (exchanges["strays"].any() or exchanges["late"].any()):
+        if not (exchanges.strays.any() or exchanges.late.any()):
             return
-        for i in np.flatnonzero((exchanges["strays"] > 0) | (exchanges["late"] > 0)).tolist():
-            rows, own = part.table.rows, int(exchanges["answer"][i])
+        for i in np.flatnonzero((exchanges.strays > 0) | (exchanges.late > 0)).tolist():
+            rows, own = part.table.rows, int(exchanges.answer[i])
             for row in part.rows_of(i):
-                number = int(rows["unit"][row])
-                if row == own or rows["kind"][row] != _RESPONSE or not rows["check"][row] or not number:
+                number = int(rows.unit[row])
+                if row == own or rows.kind[row] != _RESPONSE or not rows.check[row] or not number:
                     continue
-                if not ANSWERED[rows["function"][row]]:
+                if not ANSWERED[rows.function[row]]:
                     continue
-                if 0 <= own < row and number == exchanges["unit"][i]:
+                if 0 <= own < row and number == exchanges.unit[i]:
                     self.unit(number).doubles += 1
-                elif rows["request"][row] >= 0:
+                elif rows.request[row] >= 0:
                     self.unit(number).late += 1
-                elif number == exchanges["unit"][i]:
+                elif number == exchanges.unit[i]:
                     self.unit(number).unfit += own < 0
                 elif _was_answered(exchanges, i, number):
                     self.unit(number).doubles += 1
@@ -319,10 +318,10 @@ class Ledger:
         exchanges = part.exchanges
         if not odd.any():
             return
-        polls, good = exchanges["poll"], exchanges["outcome"] == _OK
+        polls, good = exchanges.poll, exchanges.outcome == _OK
         for i in odd.nonzero()[0].tolist():
-            unit = self.unit(int(exchanges["unit"][i]))
-            samples = unit.followed if exchanges["outcome"][i] <= _EXCEPTION else unit.samples
+            unit = self.unit(int(exchanges.unit[i]))
+            samples = unit.followed if exchanges.outcome[i] <= _EXCEPTION else unit.samples
             if samples.wants():
                 samples.keep(sampled(part, i, self._usual(part, polls, good, i)))
 
@@ -330,15 +329,15 @@ class Ledger:
         """The newest good answer to the same poll before exchange i."""
         before = ((polls[:i] == polls[i]) & good[:i]).nonzero()[0]
         if len(before):
-            return part.table.bytes_of(int(part.exchanges["answer"][before[-1]]))
+            return part.table.bytes_of(int(part.exchanges.answer[before[-1]]))
         return self.polls.usual.get(int(polls[i]))
 
 
-def _was_answered(exchanges: ColumnTable, i: int, unit: int) -> bool:
+def _was_answered(exchanges: Exchanges, i: int, unit: int) -> bool:
     """Whether the newest request to a unit before exchange i was answered, not long before."""
     for before in range(i - 1, max(i - 1 - _BACK, -1), -1):
-        if exchanges["unit"][before] == unit:
-            return bool(exchanges["answer"][before] >= 0)
+        if exchanges.unit[before] == unit:
+            return bool(exchanges.answer[before] >= 0)
     return False
 
 

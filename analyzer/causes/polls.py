@@ -9,8 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from .columntable import ColumnTable
-from .exchanges import Ending, Stretch
+from .exchanges import Ending, Exchanges, Stretch
 
 _POLLS: Final = 4096
 _RING: Final = 32  # intervals of a poll that are remembered, the newest
@@ -59,7 +58,7 @@ class Poll:
 
 
 class PollTable:
-    """All polls by their number (EXCHANGE["poll"]); beyond a few thousand, further ones are only counted."""
+    """All polls by their number (`Exchanges.poll`); beyond a few thousand, further ones are only counted."""
 
     def __init__(self) -> None:
         self.more = 0  # exchanges of further polls
@@ -81,21 +80,21 @@ class PollTable:
         known = slot >= 0
         if not known.all():
             self.more += int(np.count_nonzero(~known))
-            exchanges, slot = exchanges.take(known), slot[known]
+            exchanges, slot = exchanges[known], slot[known]
             order = np.argsort(slot, kind="stable")
-        cells = np.bincount(slot * _KINDS + exchanges["outcome"], minlength=self._outcomes.size)
+        cells = np.bincount(slot * _KINDS + exchanges.outcome, minlength=self._outcomes.size)
         self._outcomes += cells.reshape(self._outcomes.shape)
-        again = exchanges["repeats"]
+        again = exchanges.repeats
         self._repeats += np.bincount(slot[again], minlength=len(self._repeats))
-        for i in (exchanges["outcome"] == _EXCEPTION).nonzero()[0].tolist():
-            self._exceptions.setdefault(int(slot[i]), Counter())[int(exchanges["exception"][i])] += 1
+        for i in (exchanges.outcome == _EXCEPTION).nonzero()[0].tolist():
+            self._exceptions.setdefault(int(slot[i]), Counter())[int(exchanges.exception[i])] += 1
         order = order[~again[order]]
-        self._time(slot[order], exchanges["t_start"][order])
+        self._time(slot[order], exchanges.t_start[order])
         self._learn(stretch, exchanges, slot)
 
     def _slots_of(self, stretch: Stretch) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
         """The slot of each exchange's poll, -1 for none, and the exchanges' order by poll."""
-        polls = stretch.exchanges["poll"]
+        polls = stretch.exchanges.poll
         order = np.argsort(polls, kind="stable")
         ordered = polls[order]
         begins = np.concatenate(([True], ordered[1:] != ordered[:-1]))
@@ -115,8 +114,8 @@ class PollTable:
         slot = self._slots[number] = len(self._slots)
         if slot >= len(self._outcomes):
             self._grow(max(64, 2 * len(self._outcomes)))
-        self._requests.append(stretch.table.bytes_of(int(stretch.exchanges["row"][i])))
-        self._first[slot] = stretch.exchanges["t_start"][i]
+        self._requests.append(stretch.table.bytes_of(int(stretch.exchanges.row[i])))
+        self._first[slot] = stretch.exchanges.t_start[i]
         return slot
 
     def _grow(self, size: int) -> None:
@@ -143,13 +142,13 @@ class PollTable:
         ends = np.concatenate((begins[1:], [True]))
         self._last[slot[ends]] = times[ends]
 
-    def _learn(self, stretch: Stretch, exchanges: ColumnTable, slot: NDArray[np.int64]) -> None:
+    def _learn(self, stretch: Stretch, exchanges: Exchanges, slot: NDArray[np.int64]) -> None:
         """The newest good answer of each poll whose answer holds more than its request does."""
-        good = ((exchanges["outcome"] == _OK) & _HOLDS[exchanges["function"]]).nonzero()[0]
+        good = ((exchanges.outcome == _OK) & _HOLDS[exchanges.function]).nonzero()[0]
         newest = np.full(len(self._outcomes), -1)
         newest[slot[good]] = good  # the last one stays
         for i in newest[newest >= 0].tolist():
-            self.usual[int(exchanges["poll"][i])] = stretch.table.bytes_of(int(exchanges["answer"][i]))
+            self.usual[int(exchanges.poll[i])] = stretch.table.bytes_of(int(exchanges.answer[i]))
 
     @property
     def requests(self) -> list[bytes]:

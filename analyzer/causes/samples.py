@@ -29,7 +29,7 @@ class SampleRow(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class Sample:
     """One exchange. `index` is that of the request's frame, `usual` a good answer to the same poll from before, or None;
-    `next_same`: the master repeated its request; `t_next` as in EXCHANGE."""
+    `next_same`: the master repeated its request; `t_next` as in `Exchanges`."""
 
     unit: int
     function: int
@@ -75,37 +75,37 @@ class Samples:
 
 def sampled(stretch: Stretch, i: int, usual: bytes | None) -> Sample:
     """The sample of one exchange of a stretch."""
-    exchange, table = stretch.exchanges.row(i), stretch.table
+    exchanges, table = stretch.exchanges, stretch.table
     rows, pieces, room = table.rows, [], _BYTES
     for row in stretch.rows_of(i)[:_PIECES]:
         data = table.bytes_of(row)[:room]
         room -= len(data)
-        kind = int(rows["kind"][row])
+        kind = int(rows.kind[row])
         pieces.append(
             SampleRow(
                 kind,
-                bool(rows["check"][row]) and kind != Kind.NOISE,
-                row == exchange["answer"],
-                int(rows["unit"][row]),
-                int(rows["t_start"][row]),
-                int(rows["t_end"][row]),
-                int(rows["errors"][row]),
+                bool(rows.check[row]) and kind != Kind.NOISE,
+                row == exchanges.answer[i],
+                int(rows.unit[row]),
+                int(rows.t_start_ns[row]),
+                int(rows.t_end_ns[row]),
+                int(rows.errors[row]),
                 data,
             )
         )
     return Sample(
-        exchange["unit"],
-        exchange["function"],
-        table.bytes_of(exchange["row"]),
-        exchange["poll"],
-        Ending(exchange["outcome"]),
-        exchange["due"],
-        exchange["request"],
-        exchange["t_asked"],
-        exchange["t_next"],
-        exchange["place"],
+        int(exchanges.unit[i]),
+        int(exchanges.function[i]),
+        table.bytes_of(int(exchanges.row[i])),
+        int(exchanges.poll[i]),
+        Ending(int(exchanges.outcome[i])),
+        int(exchanges.due[i]),
+        int(exchanges.request[i]),
+        int(exchanges.t_asked[i]),
+        int(exchanges.t_next[i]),
+        int(exchanges.place[i]),
         tuple(pieces),
         usual,
-        exchange["next_same"],
-        exchange["next_unit"],
+        bool(exchanges.next_same[i]),
+        int(exchanges.next_unit[i]),
     )

@@ -65,15 +65,15 @@ class StateTable:
     def add(self, stretch: Stretch) -> None:
         """The next exchanges."""
         exchanges = stretch.exchanges
-        if self._hits < _FROM and not exchanges["noise"].any():
+        if self._hits < _FROM and not exchanges.noise.any():
             self._trials += len(exchanges)
             return
-        hit = (exchanges["noise"] > 0) | (exchanges["outcome"] == Ending.GARBAGE)
+        hit = (exchanges.noise > 0) | (exchanges.outcome == Ending.GARBAGE)
         hits = self._hits + np.cumsum(hit)
         trials = self._trials + np.arange(1, len(exchanges) + 1)
-        good = (exchanges["outcome"] == Ending.OK) & np.isin(exchanges["function"], _WORDS + _BITS)
+        good = (exchanges.outcome == Ending.OK) & np.isin(exchanges.function, _WORDS + _BITS)
         places = good.nonzero()[0]
-        numbers = exchanges["poll"][places]
+        numbers = exchanges.poll[places]
         for number in np.unique(numbers).tolist():
             if number not in self._polls and len(self._polls) >= _POLLS:
                 continue
@@ -166,15 +166,15 @@ class StateTable:
 def answered_values(stretch: Stretch, places: NDArray[np.intp]) -> NDArray[np.int64]:
     """The values of answers to one poll, a row each."""
     exchanges, table = stretch.exchanges, stretch.table
-    answers = exchanges["answer"][places]
-    lengths, at = exchanges["answer_bytes"][places], table.rows["at"][answers]
+    answers = exchanges.answer[places]
+    lengths, at = exchanges.answer_bytes[places], table.rows.at[answers]
     length = int(np.bincount(lengths).argmax())
     count = length - 5
-    if table.rows["protocol"][answers].any() or count < 1:
+    if table.rows.protocol[answers].any() or count < 1:
         return np.zeros((len(places), 0), np.int64)
     begins = np.where(lengths == length, at, at[np.argmax(lengths == length)])
     octets: NDArray[Any] = table.data[begins[:, None] + 3 + np.arange(count)]
-    if int(exchanges["function"][places[0]]) in _BITS:
+    if int(exchanges.function[places[0]]) in _BITS:
         return np.unpackbits(octets, axis=1, bitorder="little")[:, :_COLUMNS].astype(np.int64)
     words = octets[:, : count // 2 * 2].astype(np.int64)
     return words[:, ::2] << 8 | words[:, 1::2]

@@ -9,7 +9,7 @@ from captures.line import LineSettings
 
 from ..options import Options
 from ..tables.batch import Batch
-from ..tables.schema import Rows
+from ..tables.transactions import TransactionRows
 from .ledger import Ledger
 from .model import Cause
 from .reasoning import causes_of
@@ -55,7 +55,7 @@ class RunningStory:
     def _begin(self, line: LineSettings) -> None:
         self._ledger, self._next = Ledger(line, self._options), _FIRST
 
-    def feed(self, batch: Batch, transactions: Rows, line: LineSettings) -> list[CauseRevision]:
+    def feed(self, batch: Batch, transactions: TransactionRows, line: LineSettings) -> list[CauseRevision]:
         """The next rows, of a line of these settings; where those are others than before, all begins anew."""
         if line != self._ledger.line:
             self._begin(line)

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from ..tables.schema import NO_GAP
 from ..tables.transactions import ECHOED, NEVER
-from .columntable import ColumnTable
-from .exchanges import Ending
+from .exchanges import Ending, Exchanges
 from .samples import Samples
 from .thinned import Thinned
 from .timegrid import Spells
@@ -20,10 +19,6 @@ _EXAMPLES: Final = 3
 _OK, _EXCEPTION, _SILENT, _GARBAGE = (
     int(each) for each in (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE)
 )
-NEEDED: Final = (
-    "request", "outcome", "exception", "delay", "noise", "strays", "t_next", "t_asked", "t_answered", "marks",
-    "function", "answer_bytes", "asked_bytes", "answer_gap", "hole", "hole_at", "repeats", "next_same",
-)  # fmt: skip
 BUSY: Final = np.isin(np.arange(256), (5, 6))  # acknowledge, server device busy
 
 
@@ -80,42 +75,42 @@ class UnitLedger:
         """Requests that got a whole answer; an exception is one."""
         return self.count(Ending.OK, Ending.EXCEPTION)
 
-    def add(self, mine: ColumnTable, times: NDArray[np.int64], *, timed: bool, hole_ns: float) -> None:
+    def add(self, mine: Exchanges, times: NDArray[np.int64], *, timed: bool, hole_ns: float) -> None:
         """Count its next exchanges; `times` tell their order, `timed` whether as time. Silences over `hole_ns` are
         holes in an answer."""
-        outcome = mine["outcome"]
+        outcome = mine.outcome
         counts = np.bincount(outcome, minlength=len(Ending))
         if not self.outcomes.any():
             self.first = int(times[0])
         self.outcomes += counts
         self.last = int(times[-1])
-        self.repeats += int(np.count_nonzero(mine["repeats"]))
+        self.repeats += int(np.count_nonzero(mine.repeats))
         for kind in counts.nonzero()[0].tolist():
             few = self.examples.setdefault(kind, [])
             if len(few) < _EXAMPLES:
-                few += mine["request"][outcome == kind][: _EXAMPLES - len(few)].tolist()
+                few += mine.request[outcome == kind][: _EXAMPLES - len(few)].tolist()
         good = (outcome == _OK) | (outcome == _EXCEPTION)
         every = int(counts[_OK] + counts[_EXCEPTION])
         if every:
             if self.first_answer is None:
                 self.first_answer = int(times[np.argmax(good)])
             self.last_answer = int(times[len(good) - 1 - np.argmax(good[::-1])])
-            self._add_answers(mine if every == len(mine) else mine.take(good), timed=timed, hole_ns=hole_ns)
+            self._add_answers(mine if every == len(mine) else mine[good], timed=timed, hole_ns=hole_ns)
         if counts[_SILENT] or self.silences.lasting is not None:
             self.silences.add(outcome == _SILENT, times)
         if counts[_EXCEPTION] or self.refusals.lasting is not None:
-            busy = BUSY[mine["exception"]]
+            busy = BUSY[mine.exception]
             self.busy += int(np.count_nonzero(busy))
             self.refusals.add(busy, times)
         if timed and counts[_SILENT] + counts[_GARBAGE]:
-            waits = mine["t_next"] - mine["t_asked"]
-            known = mine["t_next"] != NEVER
+            waits = mine.t_next - mine.t_asked
+            known = mine.t_next != NEVER
             self.waits.add(waits[known & (outcome == _SILENT)])
             self.garbage_waits.add(waits[known & (outcome == _GARBAGE)])
 
-    def _add_answers(self, good: ColumnTable, *, timed: bool, hole_ns: float) -> None:
-        delays, noise, strays = good["delay"], good["noise"], good["strays"]
-        known, again = delays >= 0, good["next_same"]
+    def _add_answers(self, good: Exchanges, *, timed: bool, hole_ns: float) -> None:
+        delays, noise, strays = good.delay, good.noise, good.strays
+        known, again = delays >= 0, good.next_same
         self.delays.add(delays[known])
         if again.any():
             self.redundant.add(delays[known & again])
@@ -123,22 +118,22 @@ class UnitLedger:
         alone = (noise == 0) & (strays == 0)
         self.behind += len(good) - int(np.count_nonzero(alone))
         if timed:
-            t_next = good["t_next"]
+            t_next = good.t_next
             followed = alone & (t_next != NEVER)
-            self.pauses.add((t_next - good["t_answered"])[followed])
-            self.turns.add((t_next - good["t_asked"])[followed])
-        marks = good["marks"]
+            self.pauses.add((t_next - good.t_answered)[followed])
+            self.turns.add((t_next - good.t_asked)[followed])
+        marks = good.marks
         if marks.any():
             self.marked += int(np.count_nonzero(marks))
             self.marked_bytes += int(marks.sum())
-        echoes = ECHOED[good["function"]]
+        echoes = ECHOED[good.function]
         if echoes.any():
-            echoes &= (good["exception"] == 0) & (good["answer_bytes"] == good["asked_bytes"])
+            echoes &= (good.exception == 0) & (good.answer_bytes == good.asked_bytes)
             self.echoes += int(np.count_nonzero(echoes))
             self.echo_delays.add(delays[known & echoes])
-        gaps, holes = good["answer_gap"], good["hole"]
+        gaps, holes = good.answer_gap, good.hole
         self.gaps.add(gaps[gaps != NO_GAP])
         self.holes.add(holes)
         long = holes > hole_ns
         if long.any():
-            self.hole_places.update(good["hole_at"][long].tolist())
+            self.hole_places.update(good.hole_at[long].tolist())

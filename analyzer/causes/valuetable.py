@@ -42,14 +42,14 @@ class ValueTable:
     def add(self, stretch: Stretch, times: NDArray[np.int64]) -> None:
         """The next exchanges, with their times on the ledger's axis."""
         exchanges = stretch.exchanges
-        good = (exchanges["outcome"] == Ending.OK) & np.isin(exchanges["function"], _FUNCTIONS)
+        good = (exchanges.outcome == Ending.OK) & np.isin(exchanges.function, _FUNCTIONS)
         places = good.nonzero()[0]
-        numbers = exchanges["poll"][places]
+        numbers = exchanges.poll[places]
         order = np.argsort(numbers, kind="stable")
         ordered = numbers[order]
         edges = np.flatnonzero(np.diff(ordered)) + 1
         for mine in np.split(places[order], edges) if len(places) else ():
-            self._take(stretch, int(exchanges["poll"][mine[0]]), mine, times)
+            self._take(stretch, int(exchanges.poll[mine[0]]), mine, times)
 
     def _take(self, stretch: Stretch, number: int, mine: NDArray[np.intp], times: NDArray[np.int64]) -> None:
         known = self.polls.get(number)

@@ -17,7 +17,8 @@ from ..reports import Report
 from ..tables.batch import Batch
 from ..tables.columns import Decoded, decode
 from ..tables.findings import Findings
-from ..tables.schema import Kind, Rows
+from ..tables.schema import Kind
+from ..tables.transactions import TransactionRows
 
 SHOWN: Final = 5  # places that an outcome names
 
@@ -47,7 +48,7 @@ class CheckedBatch:
     """A part of a capture: a batch with its findings, the transactions that began in it, and as a table to filter."""
 
     batch: Batch
-    transactions: Rows
+    transactions: TransactionRows
     findings: Findings
     table: BatchTable
 
@@ -57,20 +58,20 @@ class CheckedBatch:
 
     def place(self, row: int, text: str = "") -> Breach:
         """A row as a place; without `text` the frame tells itself."""
-        values = self.batch.rows[row]
+        values = self.batch.rows.row(row)
         if not text:
-            noise = values["kind"] == Kind.NOISE
+            noise = values.kind == Kind.NOISE
             findings = self.batch.findings_of(row) if noise else ()
             text = f"bytes in no frame{''.join(f'; {each.text}' for each in findings[:1])}" if noise else ""
             text = text or self.batch.frame(row).summary()
-        index = int(values["index"])
+        index = values.index
         return Breach(
             harmless(text),
             None if index < 0 else index,
-            int(values["start"]),
-            int(values["length"]),
-            int(values["port"]),
-            int(values["t_start"]),
+            int(values.start),
+            int(values.length),
+            int(values.port),
+            int(values.t_start_ns),
         )
 
 

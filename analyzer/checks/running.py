@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from captures import Capture
 
 from ..causes.ledger import Ledger
@@ -15,7 +13,7 @@ from ..core import analyse, observed
 from ..filters.table import BatchTable
 from ..options import Options
 from ..reports import Summary
-from ..tables.transactions import TRANSACTION
+from ..tables.transactions import TransactionRows
 from .model import Check, CheckedBatch, Outcome, Results
 
 
@@ -38,17 +36,17 @@ def run(
     wanted = any(getattr(measure, "needs_causes", False) for measure in measures)
     ledger = Ledger(capture.line, options) if wanted else None
     origin_ns: int | None = None
-    waiting = np.zeros(0, TRANSACTION)  # transactions whose answer stands in a batch to come
+    waiting = TransactionRows.zeros(0)  # transactions whose answer stands in a batch to come
     for analysed in analyse(observed(capture, stop=stop), options):
         rows = analysed.batch.rows
         if origin_ns is None and len(rows):
-            origin_ns = int(rows["t_start"][0])
-        joined = np.concatenate((waiting, analysed.transactions))
+            origin_ns = int(rows.t_start_ns[0])
+        joined = TransactionRows.joined((waiting, analysed.transactions))
         table = BatchTable(analysed.batch, capture.line, transactions=joined, origin_ns=origin_ns)
         checked = CheckedBatch(analysed.batch, analysed.transactions, analysed.findings, table)
         for measure in measures:
             measure.feed(checked)
-        waiting = joined[joined["response"] > rows["index"].max(initial=-1)]
+        waiting = joined[joined.response > rows.index.max(initial=-1)]
         summary.feed(analysed)
         if ledger is not None:
             ledger.feed(analysed.batch, analysed.transactions)

@@ -24,24 +24,19 @@ _NONE_MARKED: Final[Index] = np.empty(0, np.intp)
 
 
 class SegmentReads(NamedTuple):
-    """What the reads say of segments: columns, those from `gap_before` on as in `ROW`."""
+    """What the reads say of segments: columns, those from `gap_before_ns` on as in `Rows`."""
 
-    t_start: Times  # ns, estimates of first start bit and last stop bit
-    t_end: Times
+    t_start_ns: Times  # ns, estimates of first start bit and last stop bit
+    t_end_ns: Times
     head: Times  # number of the read that brought the first byte
     tail: Times  # and of the one that brought the last
     heard: Times  # ns, when the read that brought the first byte returned
-    gap_before: Times
-    gap_most: Times
-    gap_least: Times
+    gap_before_ns: Times
+    gap_most_ns: Times
+    gap_least_ns: Times
     gap_at: NDArray[np.int32]
     reads: Times
     errors: NDArray[np.uint16]
-
-
-GAPS: Final = SegmentReads._fields[
-    SegmentReads._fields.index("gap_before") :
-]  # those that a row has under the same names
 
 
 class CharacterTime(NamedTuple):

@@ -28,7 +28,7 @@ from dissectors.adu import MAX_ADU
 from dissectors.length_rules import Role
 
 from ..options import Options
-from ..tables.schema import Kind, Rows
+from ..tables.schema import BoundaryEvidence, Kind
 from .awaited import answer_may_come, frame_may_come
 from .buffer import ByteBuffer
 from .candidates import CRC_BITS
@@ -411,17 +411,19 @@ def margins(decision: Decision) -> list[tuple[float, PathStep | None]]:
     return margin
 
 
-def evidence_of_steps(steps: Sequence[PathStep], found: Sequence[tuple[float, PathStep | None]], offset: int) -> Rows:
+def evidence_of_steps(
+    steps: Sequence[PathStep], found: Sequence[tuple[float, PathStep | None]], offset: int
+) -> BoundaryEvidence:
     """The evidence of steps (their margins apart) that begin at a stream offset, with what `margins` found."""
     why = evidence_rows(len(steps))
-    for row, step, (_, other) in zip(why, steps, found, strict=True):
-        row["silence"], row["conversation"] = step.gap_bits, step.conversation_bits
+    for i, (step, (_, other)) in enumerate(zip(steps, found, strict=True)):
+        why.silence[i], why.conversation[i] = step.gap_bits, step.conversation_bits
         if step.candidate is not None:
-            row["length"] = step.candidate.structure
-            row["crc"] = 0.0 if step.candidate.damaged else CRC_BITS
+            why.length[i] = step.candidate.structure
+            why.crc[i] = 0.0 if step.candidate.damaged else CRC_BITS
         if other is not None:
-            row["rival_start"], row["rival_length"] = offset + other.start, other.end - other.start
-            row["rival_kind"] = _KINDS[other.candidate.role if other.candidate else NOISE]
+            why.rival_start[i], why.rival_length[i] = offset + other.start, other.end - other.start
+            why.rival_kind[i] = _KINDS[other.candidate.role if other.candidate else NOISE]
     return why
 
 

@@ -35,16 +35,16 @@ def said_directions(line: LineSettings) -> tuple[int, int] | None:
 
 def certain_frames(rows: Rows) -> NDArray[np.bool_]:
     """Which rows are whole frames of declared functions that do not look like one of the other kind."""
-    found: NDArray[np.bool_] = (rows["kind"] != Kind.NOISE) & rows["check"]
-    found &= length_tables().certain.take(rows["function"])
+    found: NDArray[np.bool_] = (rows.kind != Kind.NOISE) & rows.check
+    found &= length_tables().certain.take(rows.function)
     return found
 
 
 def either_way(rows: Rows) -> NDArray[np.bool_]:
     """Which rows are whole frames that read alike in both directions, as a write and its echo do."""
     tables = length_tables()
-    alike = (tables.known & ~tables.certain).take(rows["function"])
-    found: NDArray[np.bool_] = (rows["kind"] != Kind.NOISE) & rows["check"] & alike & (rows["exception"] == 0)
+    alike = (tables.known & ~tables.certain).take(rows.function)
+    found: NDArray[np.bool_] = (rows.kind != Kind.NOISE) & rows.check & alike & (rows.exception == 0)
     return found
 
 
@@ -53,7 +53,7 @@ def settled_directions(rows: Rows, data: Bytes, ports: tuple[int, int]) -> tuple
 
     `rows`: the first ones of both, as they were heard.
     """
-    certain, kind, port = certain_frames(rows), rows["kind"], rows["port"]
+    certain, kind, port = certain_frames(rows), rows.kind, rows.port
     counts = [[int((certain & (port == p) & (kind == k)).sum()) for k in (Kind.REQUEST, Kind.RESPONSE)] for p in ports]
     (asked, answered), (others_asked, others_answered) = counts
     first = asked - _SHARE * answered, answered - _SHARE * asked
@@ -73,12 +73,12 @@ def settled_directions(rows: Rows, data: Bytes, ports: tuple[int, int]) -> tuple
 def _by_echoes(rows: Rows, data: Bytes, ports: tuple[int, int]) -> tuple[int, int] | None:
     """The same where every frame looks like its echo: an echo follows soon, the next request later."""
     frames = rows[either_way(rows)]
-    texts = [data[at : at + length].tobytes() for at, length in zip(frames["at"], frames["length"], strict=True)]
+    texts = [data[at : at + length].tobytes() for at, length in zip(frames.at, frames.length, strict=True)]
     waits: dict[int, list[int]] = {port: [] for port in ports}
     for i in range(1, len(frames)):
-        before, after = frames[i - 1], frames[i]
-        if before["port"] != after["port"] and texts[i - 1] == texts[i] and int(before["port"]) in waits:
-            waits[int(before["port"])].append(int(after["t_start"]) - int(before["t_end"]))
+        port = int(frames.port[i - 1])
+        if port != frames.port[i] and texts[i - 1] == texts[i] and port in waits:
+            waits[port].append(int(frames.t_start_ns[i]) - int(frames.t_end_ns[i - 1]))
     first, second = (waits[port] for port in ports)
     if len(first) > max(_FEW - 1, _SHARE * len(second)):
         return ports

@@ -207,8 +207,8 @@ class Engine:
         why = None
         if self.options.explain:
             why = evidence_rows(last - i)
-            why["length"], why["crc"] = structure, CRC_BITS
-            why["silence"], why["conversation"] = plain_evidence(
+            why.length[:], why.crc[:] = structure, CRC_BITS
+            why.silence[:], why.conversation[:] = plain_evidence(
                 data, start, end, role, classes.take(start), self.statistics, self._tracker.conversation
             )
         decided = DecidedSegments(start + begin, end + begin, role, margin > 0, margin, margin < 0, why)
@@ -254,7 +254,7 @@ class Engine:
             return
         start, end, role, check, margin, contested, why = join_segments(self._fresh)
         if why is not None:
-            why["margin"] = margin
+            why.margin[:] = margin
         self._fresh.clear()
         noise = role == NOISE
         parts = self.statistics.parts(_PARTS_NOISE) if noise.any() else None

@@ -15,7 +15,7 @@ from dissectors.answers import Expectation, expectation
 from dissectors.envelopes import MBAP
 
 from ..tables.frame import adu_of
-from ..tables.schema import Kind, Protocol, Rows
+from ..tables.schema import Kind, Protocol, Row, Rows
 from .conversation import responses_fit
 from .pairing import Pairer
 from .rules import Bytes
@@ -43,7 +43,7 @@ class EnvelopedPairer:
         across: Across | None = None,
     ) -> dict[int, bytes]:
         """Fill the columns in place; give the bytes of those requests that lie in earlier batches; see `Pairer`."""
-        protocol = rows["protocol"].copy()
+        protocol = rows.protocol.copy()
         if not protocol.any():
             return self._rtu.pair(rows, data, head, tail, across)
         earlier: dict[int, bytes] = {}
@@ -52,8 +52,8 @@ class EnvelopedPairer:
             mine = rows[plain]
             earlier |= self._rtu.pair(mine, data, head[plain], tail[plain], across and across.of(plain))
             for name in _PAIRED:
-                rows[name][plain] = mine[name]
-        framed = rows["kind"] != Kind.NOISE
+                rows.column(name)[plain] = mine.column(name)
+        framed = rows.kind != Kind.NOISE
         spelt = np.flatnonzero(framed & (protocol == Protocol.ASCII))
         if len(spelt):
             earlier |= self._spelt(rows, spelt, data, head, tail, across and across.of(spelt))
@@ -73,16 +73,16 @@ class EnvelopedPairer:
     ) -> dict[int, bytes]:
         """Frames in ASCII mode: their rows as they would be without their envelope."""
         mine = rows[which]
-        begins, ends = mine["at"].tolist(), (mine["at"] + mine["length"]).tolist()
+        begins, ends = mine.at.tolist(), (mine.at + mine.length).tolist()
         bodies = [
             adu_of(data[begin:end].tobytes(), Protocol.ASCII).data for begin, end in zip(begins, ends, strict=True)
         ]
-        mine["length"] = [len(body) for body in bodies]
-        mine["at"] = np.cumsum(mine["length"]) - mine["length"]
+        mine.length[:] = [len(body) for body in bodies]
+        mine.at[:] = np.cumsum(mine.length) - mine.length
         octets = np.frombuffer(b"".join(bodies), np.uint8)
         earlier = self._ascii.pair(mine, octets, head[which], tail[which], across)
         for name in _PAIRED:
-            rows[name][which] = mine[name]
+            rows.column(name)[which] = mine.column(name)
         return {index: b":" + request.hex().upper().encode() + b"\r\n" for index, request in earlier.items()}
 
 
@@ -109,8 +109,8 @@ class _TransactionPairer:
     ) -> dict[int, bytes]:
         """Pair these rows, all of them frames."""
         data = np.concatenate((data, np.zeros(_PADDING, np.uint8)))  # a frame may be shorter than its fields
-        kind, at = rows["kind"][which], rows["at"][which]
-        keys = rows["port"][which].astype(np.int64) << 16 | data.take(at).astype(np.int64) << 8 | data.take(at + 1)
+        kind, at = rows.kind[which], rows.at[which]
+        keys = rows.port[which].astype(np.int64) << 16 | data.take(at).astype(np.int64) << 8 | data.take(at + 1)
         order = np.argsort(keys, kind="stable")
         asked, answers = order[:-1], order[1:]
         pairs = (keys[asked] == keys[answers]) & (kind[asked] == _REQUEST) & (kind[answers] == _RESPONSE)
@@ -118,36 +118,35 @@ class _TransactionPairer:
         fits = responses_fit(data, at[asked] + _UNIT, at[answers] + _UNIT)
         asked, answers = asked[fits], answers[fits]
         mine, its = which[answers], which[asked]
-        waited = np.maximum(rows["t_start"][mine] - rows["t_end"][its], 0)
+        waited = np.maximum(rows.t_start_ns[mine] - rows.t_end_ns[its], 0)
         waited[tail[its] == head[mine]] = -1
-        rows["request"][mine], rows["request_start"][mine] = rows["index"][its], rows["start"][its]
-        rows["response_ns"][mine] = waited
+        rows.request[mine], rows.request_start[mine] = rows.index[its], rows.start[its]
+        rows.response_ns[mine] = waited
         loose = np.ones(len(which), np.bool_)
         loose[asked] = loose[answers] = False
         reused = np.isin(keys, [*self._open, *keys[loose].tolist()]) & (kind == _REQUEST)
         earlier: dict[int, bytes] = {}
-        first = int(rows["index"][which[0]])
+        first = int(rows.index[which[0]])
         for i in np.flatnonzero(loose | reused).tolist():
             row, key, begin = int(which[i]), int(keys[i]), int(at[i])
-            adu = data[begin : begin + int(rows["length"][row])].tobytes()
+            adu = data[begin : begin + int(rows.length[row])].tobytes()
             if kind[i] == _REQUEST:
                 self._open.pop(key, None)  # the transaction is used anew
                 self._asking.add(key >> 16)
                 if loose[i]:
-                    self._ask(rows[row], key, adu, int(tail[row]))
+                    self._ask(rows.row(row), key, adu, int(tail[row]))
             elif (found := self._found(key, adu)) is not None:
                 same = int(head[row]) == found.read
-                rows["request"][row], rows["request_start"][row] = found.number, found.start
-                rows["response_ns"][row] = -1 if same else max(0, int(rows["t_start"][row]) - found.t_end)
+                rows.request[row], rows.request_start[row] = found.number, found.start
+                rows.response_ns[row] = -1 if same else max(0, int(rows.t_start_ns[row]) - found.t_end)
                 if found.number < first:
                     earlier[found.number] = found.adu
         self._asking.update(np.unique(keys[kind == _REQUEST] >> 16).tolist())
         return earlier
 
-    def _ask(self, values: np.void, key: int, adu: bytes, read: int) -> None:
-        self._open[key] = _OpenTransaction(
-            int(values["index"]), int(values["start"]), int(values["t_end"]), read, adu, expectation(adu[_UNIT:])
-        )
+    def _ask(self, asked: Row, key: int, adu: bytes, read: int) -> None:
+        expects = expectation(adu[_UNIT:])
+        self._open[key] = _OpenTransaction(asked.index, asked.start, asked.t_end_ns, read, adu, expects)
         if len(self._open) > _OPEN:
             del self._open[next(iter(self._open))]
 

@@ -38,25 +38,24 @@ class ForeignTalk:
 
     def mark(self, rows: Rows, data: Bytes) -> None:
         """Mark them in place, before frames are numbered."""
-        kind = rows["kind"].copy()
-        plain = rows["protocol"] == Protocol.RTU
-        noise = (kind == Kind.NOISE) & plain & (rows["length"] >= _LEAST)
-        odd = (kind != Kind.NOISE) & plain & rows["check"]
+        kind = rows.kind.copy()
+        plain = rows.protocol == Protocol.RTU
+        noise = (kind == Kind.NOISE) & plain & (rows.length >= _LEAST)
+        odd = (kind != Kind.NOISE) & plain & rows.check
         odd[odd] = _unusual(rows, data, odd.nonzero()[0])
         odd[odd] = ~_sound(rows, data, odd.nonzero()[0])
         for row in np.flatnonzero(noise | odd).tolist():
             adu = _bytes(rows, data, row)
             if noise[row]:
-                rows["foreign"][row] = self._of_noise(adu, int(rows["port"][row]))
+                rows.foreign[row] = self._of_noise(adu, int(rows.port[row]))
                 continue
-            talk = self._talks.setdefault(int(rows["port"][row]), MeterTalk())
+            talk = self._talks.setdefault(int(rows.port[row]), MeterTalk())
             undeclared = function_class(adu[1] & ~EXCEPTION) != "user-defined" and (
                 adu[1] > EXCEPTION or rule(adu[1], Role.REQUEST) is None
             )
             if name := talk.name(adu, undeclared=undeclared):
-                rows["foreign"][row], rows["kind"][row] = _NUMBER[name], Kind.NOISE
-                for column in ("unit", "function", "exception", "check"):
-                    rows[column][row] = 0
+                rows.foreign[row], rows.kind[row] = _NUMBER[name], Kind.NOISE
+                rows.unit[row] = rows.function[row] = rows.exception[row] = rows.check[row] = 0
 
     def _of_noise(self, octets: bytes, port: int) -> int:
         name, _, covered = foreign_bytes(octets)
@@ -66,13 +65,13 @@ class ForeignTalk:
 
 
 def _bytes(rows: Rows, data: Bytes, row: int) -> bytes:
-    at = int(rows["at"][row])
-    return data[at : at + int(rows["length"][row])].tobytes()
+    at = int(rows.at[row])
+    return data[at : at + int(rows.length[row])].tobytes()
 
 
 def _unusual(rows: Rows, data: Bytes, which: Index) -> Mask:
     """Which of these frames are not as long as the commonest functions are: a look that costs little."""
-    at, length = rows["at"][which], rows["length"][which]
+    at, length = rows.at[which], rows.length[which]
     function = data.take(at + 1)
     common = _COMMON.take(function)
     last = at + length - 1
@@ -89,7 +88,7 @@ def _sound(rows: Rows, data: Bytes, which: Index) -> Mask:
 
     A frame of function 8, which is of any length, is not among them.
     """
-    at, length = rows["at"][which], rows["length"][which]
+    at, length = rows.at[which], rows.length[which]
     function = data.take(at + 1)
     sound = np.zeros(len(which), np.bool_)
     for code in np.bincount(function).nonzero()[0].tolist():

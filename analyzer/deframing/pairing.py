@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,18 +47,6 @@ class _OpenRow:
         return t_ns - self.t_end <= max(LATE_NS, LATE_WAITS * (self.t_next - self.t_end))
 
 
-class _PairingColumns(NamedTuple):
-    """The columns of rows by which frames are paired."""
-
-    kind: NDArray[np.uint8]
-    port: NDArray[np.uint8]
-    start: NDArray[np.int64]
-    length: NDArray[np.int64]
-    at: NDArray[np.int64]
-    t_start: NDArray[np.int64]
-    t_end: NDArray[np.int64]
-
-
 class Pairer:
     """Fills `request`, `request_start` and `response_ns` of rows, which are -1, in wire order, batch after batch."""
 
@@ -79,17 +67,14 @@ class Pairer:
         `head` and `tail` number the reads that brought the first and last byte of each row; a response that came in
         one read with its request has no known response time. `across`: of two ports that carry one direction each.
         """
-        columns = _PairingColumns(
-            *[rows[name].copy() for name in _PairingColumns._fields]
-        )  # side by side: rows are far apart
-        frames = columns.kind.nonzero()[0]
-        ends = self._place + columns.length.cumsum()
-        place = ends - columns.length
+        frames = rows.kind.nonzero()[0]
+        ends = self._place + rows.length.cumsum()
+        place = ends - rows.length
         self._place = int(ends[-1]) if len(ends) else self._place
         earlier: dict[int, bytes] = {}
         if not len(frames):
             return earlier
-        kind, at, port = columns.kind.take(frames), columns.at.take(frames), columns.port.take(frames)
+        kind, at, port = rows.kind.take(frames), rows.at.take(frames), rows.port.take(frames)
         follows = (kind[1:] == _ANSWER) & (kind[:-1] == _REQUEST)
         if across is not None:
             asker = np.where(across.answers[frames], across.requests, port)
@@ -99,42 +84,40 @@ class Pairer:
         follows = follows.nonzero()[0] + 1
         follows = follows.compress(responses_fit(data, at.take(follows - 1), at.take(follows)))
         answers, asked = frames.take(follows), frames.take(follows - 1)
-        waited = np.maximum(columns.t_start.take(answers) - columns.t_end.take(asked), 0)
+        waited = np.maximum(rows.t_start_ns.take(answers) - rows.t_end_ns.take(asked), 0)
         waited[tail.take(asked) == head.take(answers)] = -1
-        rows["request"][answers] = rows["index"][asked]
-        rows["request_start"][answers] = columns.start.take(asked)
-        rows["response_ns"][answers] = waited
+        rows.request[answers] = rows.index[asked]
+        rows.request_start[answers] = rows.start.take(asked)
+        rows.response_ns[answers] = waited
         settled = np.zeros(len(frames), np.bool_)
         settled[follows] = settled[follows - 1] = True
         loose = (~settled).nonzero()[0]
         asking_rows = frames.compress(kind == _REQUEST)
         begins: dict[int, tuple[Index, Times]] = {}  # of the requests of a port: their indices and times
         for each in {opened.port for opened in self._open} | set(port[loose].tolist()):
-            mine = asking_rows.compress(columns.port.take(asking_rows) == each)
-            begins[each] = rows["index"][mine], columns.t_start.take(mine)
+            mine = asking_rows.compress(rows.port.take(asking_rows) == each)
+            begins[each] = rows.index[mine], rows.t_start_ns.take(mine)
         for i in _still_open(loose, kind).tolist() if len(loose) else ():
             row = int(frames[i])
-            begin = int(rows["at"][row])
-            adu = data[begin : begin + int(rows["length"][row])].tobytes()
+            begin = int(rows.at[row])
+            adu = data[begin : begin + int(rows.length[row])].tobytes()
             if kind[i] == _REQUEST:
                 self._ask(rows, row, adu, int(tail[row]), int(place[row]))
             else:
-                self._went_on(begins, int(rows["index"][row]))
+                self._went_on(begins, int(rows.index[row]))
                 other = across is not None and bool(across.answers[row])
-                asking = across.requests if across is not None and other else int(rows["port"][row])
+                asking = across.requests if across is not None and other else int(rows.port[row])
                 self._answer(rows, row, adu, int(head[row]), int(place[row]), asking, earlier)
-        self._went_on(begins, int(rows["index"][frames[-1]]) + 1)
+        self._went_on(begins, int(rows.index[frames[-1]]) + 1)
         if across is not None:
-            told = rows["response_ns"]
+            told = rows.response_ns
             told[across.answers & (told <= across.unsure_ns)] = -1
-        first = int(rows["index"][frames[0]])
+        first = int(rows.index[frames[0]])
         return {index: request for index, request in earlier.items() if index < first}
 
     def _ask(self, rows: Rows, row: int, adu: bytes, read: int, place: int) -> None:
-        values = rows[row]
-        opened = _OpenRow(
-            int(values["index"]), int(values["start"]), int(values["port"]), int(values["t_end"]), read, place, adu
-        )
+        index, start, port, end = rows.index[row], rows.start[row], rows.port[row], rows.t_end_ns[row]
+        opened = _OpenRow(int(index), int(start), int(port), int(end), read, place, adu)
         self._open = [*self._open[-_OPEN:], opened]  # one too many, for an answer right behind it closes it at once
 
     def _went_on(self, begins: Mapping[int, tuple[Index, Times]], until: int) -> None:
@@ -150,21 +133,21 @@ class Pairer:
         self, rows: Rows, row: int, adu: bytes, read: int, place: int, port: int, earlier: dict[int, bytes]
     ) -> None:
         """`port`: that of the requests that it may answer."""
-        before = int(rows["index"][row]) - 1
+        before = int(rows.index[row]) - 1
         newest = self._open[-1:]
         if not any(o.index == before and o.port == port and expectation(o.adu).fits(adu) for o in newest):
             self._open = self._open[-_OPEN:]
         self._open = [o for o in self._open if place - o.place <= _REACH]
-        now = int(rows["t_start"][row])
+        now = int(rows.t_start_ns[row])
         fitting = (o for o in reversed(self._open) if o.port == port and expectation(o.adu).fits(adu))
         found = next((o for o in fitting if o.expects_by(now)), None)
         if found is None:
             return
         self._open.remove(found)
         earlier[found.index] = found.adu
-        rows["request"][row] = found.index
-        rows["request_start"][row] = found.start
-        rows["response_ns"][row] = -1 if read == found.read else max(0, int(rows["t_start"][row]) - found.t_end)
+        rows.request[row] = found.index
+        rows.request_start[row] = found.start
+        rows.response_ns[row] = -1 if read == found.read else max(0, int(rows.t_start_ns[row]) - found.t_end)
 
 
 def _still_open(loose: Index, kind: NDArray[np.uint8]) -> Index:

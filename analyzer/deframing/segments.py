@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables.schema import EVIDENCE, Protocol, Rows
+from ..tables.schema import BoundaryEvidence, Protocol
 from .buffer import SegmentReads
 from .rules import Bytes, Index
 
@@ -25,7 +25,7 @@ class DecidedSegments(NamedTuple):
     check: NDArray[np.bool_]  # CRC right
     margin: NDArray[np.float32]  # bits over the next best explanation
     contested: NDArray[np.bool_]  # decided by the lattice
-    why: Rows | None = None  # EVIDENCE, where it is wanted
+    why: BoundaryEvidence | None = None  # where it is wanted
 
 
 class StreamSegments(NamedTuple):
@@ -45,7 +45,7 @@ def join_segments(parts: Sequence[DecidedSegments]) -> DecidedSegments:
         return parts[0]
     start, end, role, check, margin, contested = (np.concatenate([part[i] for part in parts]) for i in range(6))
     whys = [part.why for part in parts if part.why is not None]
-    return DecidedSegments(start, end, role, check, margin, contested, np.concatenate(whys) if whys else None)
+    return DecidedSegments(start, end, role, check, margin, contested, BoundaryEvidence.joined(whys) if whys else None)
 
 
 def whole_segments(
@@ -62,8 +62,8 @@ def noise_parts(start: int, end: int) -> list[tuple[int, int]]:
     return [(cut, min(cut + NOISE_MOST, end)) for cut in range(start, end, NOISE_MOST)]
 
 
-def evidence_rows(n: int) -> Rows:
+def evidence_rows(n: int) -> BoundaryEvidence:
     """Evidence of n segments, to be filled in."""
-    why = np.zeros(n, EVIDENCE)
-    why["rival_start"] = -1
+    why = BoundaryEvidence.zeros(n)
+    why.rival_start[:] = -1
     return why

@@ -145,28 +145,26 @@ class PortsDeframer:
     def _batch(self, loose: UnorderedRows, across: Across | None) -> Batch:
         rows = loose.rows
         self._foreign.mark(rows, loose.data)
-        frames = rows["kind"].nonzero()[0]  # all but NOISE
+        frames = rows.kind.nonzero()[0]  # all but NOISE
         count = len(frames)
-        rows["index"][frames] = np.arange(self._frames, self._frames + count)
+        rows.index[frames] = np.arange(self._frames, self._frames + count)
         self._frames += count
         self._ask_all(loose)
         earlier = self._pairer.pair(rows, loose.data, loose.head, loose.tail, across)
         if not self._timed:  # a source without a clock: better no times than made-up ones
-            rows["t_start"] = rows["t_end"] = 0
-            rows["response_ns"] = -1
+            rows.t_start_ns[:] = rows.t_end_ns[:] = 0
+            rows.response_ns[:] = -1
         return Batch(rows, loose.data, earlier, loose.why if self._options.explain else None)
 
     def _ask_all(self, loose: UnorderedRows) -> None:
         """A frame to unit 0 that reads as a request is one: nobody may answer a broadcast, and clients repeat them."""
         rows = loose.rows
-        said = (
-            (rows["kind"] == Kind.RESPONSE) & (rows["unit"] == 0) & rows["check"] & (rows["protocol"] == Envelope.RTU)
-        )
+        said = (rows.kind == Kind.RESPONSE) & (rows.unit == 0) & rows.check & (rows.protocol == Envelope.RTU)
         for row in said.nonzero()[0].tolist():
-            at, length = int(rows["at"][row]), int(rows["length"][row])
+            at, length = int(rows.at[row]), int(rows.length[row])
             reads = pdu_length(loose.data[at + 1 : at + length - 2].tobytes(), Role.REQUEST) == length - 3
-            if reads and port_role(self._line, int(rows["port"][row])) is not Role.RESPONSE:
-                rows["kind"][row] = Kind.REQUEST
+            if reads and port_role(self._line, int(rows.port[row])) is not Role.RESPONSE:
+                rows.kind[row] = Kind.REQUEST
 
 
 class RtuDeframer(PortsDeframer):

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from captures.ragged import copy_pieces, sums
 
-from ..tables.schema import ROW, Kind, Rows, join_rows, take_rows
-from .buffer import GAPS, Times
+from ..tables.schema import BoundaryEvidence, Kind, Rows
+from .buffer import Times
 from .rules import Bytes
 from .segments import StreamSegments, evidence_rows
 
@@ -24,14 +24,14 @@ class UnorderedRows:
     returned (ns), which never runs back on a port.
     """
 
-    def __init__(self, rows: Rows, data: Bytes, head: Times, tail: Times, heard: Times, why: Rows) -> None:
+    def __init__(self, rows: Rows, data: Bytes, head: Times, tail: Times, heard: Times, why: BoundaryEvidence) -> None:
         self.rows, self.data, self.head, self.tail, self.heard, self.why = rows, data, head, tail, heard, why
 
     @classmethod
     def nothing(cls) -> UnorderedRows:
         """No rows."""
         none = np.empty(0, np.int64)
-        return cls(np.empty(0, ROW), np.empty(0, np.uint8), none, none, none, evidence_rows(0))
+        return cls(Rows.zeros(0), np.empty(0, np.uint8), none, none, none, evidence_rows(0))
 
     @classmethod
     def of(cls, port: int, segments: StreamSegments) -> UnorderedRows:
@@ -46,17 +46,18 @@ class UnorderedRows:
         else:
             unit, function, code = segments.heads.T
         failed = (framed & (function > 0x7F) & (length >= 3)).nonzero()[0]
-        rows = np.zeros(len(at), ROW)
-        rows["start"], rows["length"], rows["at"] = at + segments.offset, length, at
-        rows["t_start"], rows["t_end"] = reads.t_start, reads.t_end
-        rows["index"] = rows["request"] = rows["request_start"] = rows["response_ns"] = -1
-        rows["kind"], rows["check"], rows["port"], rows["contested"] = kind, decided.check, port, decided.contested
-        for name in GAPS:
-            rows[name] = getattr(reads, name)
-        rows["confidence"] = 1.0 / (1.0 + np.exp2(-np.maximum(decided.margin, 0.0)))
-        rows["unit"], rows["function"] = unit * framed, (function & 0x7F) * framed
-        rows["exception"][failed] = code[failed]
-        rows["protocol"] = segments.protocol
+        rows = Rows.zeros(len(at))
+        rows.start[:], rows.length[:], rows.at[:] = at + segments.offset, length, at
+        rows.t_start_ns[:], rows.t_end_ns[:] = reads.t_start_ns, reads.t_end_ns
+        rows.index[:] = rows.request[:] = rows.request_start[:] = rows.response_ns[:] = -1
+        rows.kind[:], rows.check[:], rows.port[:], rows.contested[:] = kind, decided.check, port, decided.contested
+        rows.gap_before_ns[:], rows.gap_at[:] = reads.gap_before_ns, reads.gap_at
+        rows.gap_most_ns[:], rows.gap_least_ns[:] = reads.gap_most_ns, reads.gap_least_ns
+        rows.reads[:], rows.errors[:] = reads.reads, reads.errors
+        rows.confidence[:] = 1.0 / (1.0 + np.exp2(-np.maximum(decided.margin, 0.0)))
+        rows.unit[:], rows.function[:] = unit * framed, (function & 0x7F) * framed
+        rows.exception[failed] = code[failed]
+        rows.protocol[:] = segments.protocol
         why = evidence_rows(0) if decided.why is None else decided.why
         return cls(rows, data, reads.head, reads.tail, reads.heard, why)
 
@@ -67,33 +68,33 @@ class UnorderedRows:
             return parts[0] if parts else cls.nothing()
         shift = 0
         for part in parts:
-            part.rows["at"] += shift
+            part.rows.at[:] += shift
             shift += len(part.data)
         return cls(
-            join_rows([p.rows for p in parts]),
+            Rows.joined([p.rows for p in parts]),
             np.concatenate([p.data for p in parts]),
             np.concatenate([p.head for p in parts]),
             np.concatenate([p.tail for p in parts]),
             np.concatenate([p.heard for p in parts]),
-            np.concatenate([p.why for p in parts]),
+            BoundaryEvidence.joined([p.why for p in parts]),
         )
 
     def one(self, row: int) -> UnorderedRows:
         """A copy of one of them."""
         here = slice(row, row + 1)
         rows = self.rows[here].copy()
-        data = self.data[int(rows["at"][0]) :][: int(rows["length"][0])].copy()
-        rows["at"] = 0
+        data = self.data[int(rows.at[0]) :][: int(rows.length[0])].copy()
+        rows.at[:] = 0
         why = self.why[here] if len(self.why) else self.why
         return UnorderedRows(rows, data, self.head[here].copy(), self.tail[here].copy(), self.heard[here].copy(), why)
 
     def picked(self, which: NDArray[np.intp]) -> UnorderedRows:
         """Those at these places, in this order."""
-        rows = take_rows(self.rows, which)
-        starts, lengths = rows["at"].copy(), rows["length"].copy()
+        rows = self.rows[which]
+        starts, lengths = rows.at.copy(), rows.length.copy()
         ends = sums(lengths)
         data = np.empty(int(ends[-1]), np.uint8)
         copy_pieces(data, ends[:-1], self.data, starts, lengths)
-        rows["at"] = ends[:-1]
+        rows.at[:] = ends[:-1]
         why = self.why[which] if len(self.why) else self.why  # there is none where nobody wants it
         return UnorderedRows(rows, data, self.head[which], self.tail[which], self.heard[which], why)

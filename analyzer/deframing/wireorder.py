@@ -22,7 +22,7 @@ from captures.line import LineSettings
 from dissectors.answers import Expectation, expectation
 
 from ..tables.frame import adu_of
-from ..tables.schema import NO_GAP, Kind, Protocol
+from ..tables.schema import NO_GAP, Kind, Protocol, Row
 from .directions import either_way, said_directions, settled_directions
 from .unordered import UnorderedRows
 
@@ -90,7 +90,7 @@ class WireOrder:
             return loose, None
         loose = UnorderedRows.joined([self._held, *parts])
         heard = loose.heard
-        order = np.lexsort((loose.rows["port"], heard))
+        order = np.lexsort((loose.rows.port, heard))
         known = len(order) if until is None else int(np.searchsorted(heard[order], until))
         early = min(known, int(np.searchsorted(heard[order], self._since)))  # before there was a second port
         self._remember(loose, order[:early])
@@ -103,7 +103,7 @@ class WireOrder:
         if self._newest is not None:
             self._merge.begin(self._newest, self._directions[0])
             self._newest = None
-        numbered = np.flatnonzero(loose.rows["protocol"][order[early:known]] == Protocol.TCP)
+        numbered = np.flatnonzero(loose.rows.protocol[order[early:known]] == Protocol.TCP)
         if len(numbered):
             until = int(heard[order[early + numbered[0]]])
         placed, unsure = self._merge.order(loose, order[early:], self._directions, until)
@@ -112,7 +112,7 @@ class WireOrder:
         left[order[:early]] = left[placed] = False
         asks, answers = self._directions
         across = np.zeros(early + len(placed), np.bool_)
-        across[early:] = loose.rows["port"][placed] == answers
+        across[early:] = loose.rows.port[placed] == answers
         placed = np.concatenate((order[:early], placed))
         unsure = np.concatenate((np.zeros(early, np.int64), unsure))
         if len(numbered):
@@ -132,13 +132,13 @@ class WireOrder:
     def _settle(self, loose: UnorderedRows, order: NDArray[np.intp], until: int | None) -> None:
         """Settle directions by the first frames, once there are enough of them."""
         begin = int(loose.heard[order[0]])
-        frames = order[(loose.rows["kind"][order] != Kind.NOISE) & (loose.heard[order] <= begin + _SETTLE_NS)]
+        frames = order[(loose.rows.kind[order] != Kind.NOISE) & (loose.heard[order] <= begin + _SETTLE_NS)]
         if len(frames) < _SETTLE_FRAMES and until is not None and until <= begin + _SETTLE_NS:
             return
         first, second = self._ports[:2]
         self._settled = True
         rows = loose.rows[frames[:_SETTLE_FRAMES]]
-        if not (rows["protocol"] == Protocol.TCP).any():
+        if not (rows.protocol == Protocol.TCP).any():
             self._directions = settled_directions(rows, loose.data, (first, second))
 
     def _turn(self, loose: UnorderedRows, which: NDArray[np.intp]) -> None:
@@ -146,9 +146,9 @@ class WireOrder:
         assert self._directions is not None
         kinds = dict(zip(self._directions, (Kind.REQUEST, Kind.RESPONSE), strict=True))
         for port, kind in kinds.items():
-            mine = which[(loose.rows["port"][which] == port) & (loose.rows["kind"][which] != kind)]
+            mine = which[(loose.rows.port[which] == port) & (loose.rows.kind[which] != kind)]
             mine = mine[either_way(loose.rows[mine])]
-            loose.rows["kind"][mine] = kind
+            loose.rows.kind[mine] = kind
 
 
 class _Clocks:
@@ -225,15 +225,12 @@ class _Merge:
         """Of rows (places in `loose`, as heard) those that can be placed, and how unsure times are at each."""
         rows = loose.rows[which]
         self._loose, self._which = loose, which.tolist()
-        names = ("kind", "port", "at", "length", "t_start", "t_end", "reads", "gap_most", "gap_least", "check",
-                 "protocol")  # fmt: skip
-        self._columns = {name: rows[name].tolist() for name in names}
+        self._rows = [Row(*values) for values in rows.tolist()]
         self._heard = loose.heard[which].tolist()
-        column = self._columns["port"]
         lanes: list[list[int]] = [[], [], []]
         lane_of = {ports[0]: 0, ports[1]: 1}
-        for i, port in enumerate(column):
-            lanes[lane_of.get(port, 2)].append(i)
+        for i, row in enumerate(self._rows):
+            lanes[lane_of.get(row.port, 2)].append(i)
         at = [0, 0, 0]
         placed: list[int] = []
         unsure: list[int] = []
@@ -252,11 +249,11 @@ class _Merge:
 
     def begin(self, newest: UnorderedRows, requests: int) -> None:
         """The row before there were two ports may be a request that is still open."""
-        row = newest.rows[0]
-        if row["kind"] == Kind.REQUEST and row["port"] == requests and row["unit"] and row["check"]:
-            adu, protocol = newest.data.tobytes(), Protocol(int(row["protocol"]))
+        row = newest.rows.row(0)
+        if row.kind == Kind.REQUEST and row.port == requests and row.unit and row.check:
+            adu, protocol = newest.data.tobytes(), Protocol(row.protocol)
             self._asked = expectation(adu if protocol == Protocol.RTU else adu_of(adu, protocol).data)
-            self._asked_ns = (int(newest.heard[0]), int(row["t_end"]))
+            self._asked_ns = (int(newest.heard[0]), row.t_end_ns)
 
     def _next(self, lanes: list[list[int]], at: list[int], horizon: int) -> tuple[int, int]:
         """The lane that goes on, and up to where."""
@@ -279,7 +276,7 @@ class _Merge:
     def _head(self, lane: list[int], place: int, horizon: int) -> _Head | None:
         """The next frame, if it was heard before the horizon."""
         while place < len(lane) and self._heard[lane[place]] <= horizon:
-            if self._columns["kind"][lane[place]] != Kind.NOISE:
+            if self._rows[lane[place]].kind != Kind.NOISE:
                 return _Head(place, lane[place])
             place += 1
         return None
@@ -298,36 +295,35 @@ class _Merge:
             return self._nearer(request, answer)
         if ours:
             return 1
-        ahead = self._columns["t_end"][request] - self._columns["t_start"][answer]
+        ahead = self._rows[request].t_end_ns - self._rows[answer].t_start_ns
         return 0 if ahead <= _AHEAD_NS else None
 
     def _nearer(self, request: int, answer: int) -> int:
         """The same where the answer fits both: was the request before given up?"""
-        start = self._columns["t_start"][answer]
-        here, before = start - self._columns["t_end"][request], start - self._asked_ns[1]
+        start = self._rows[answer].t_start_ns
+        here, before = start - self._rows[request].t_end_ns, start - self._asked_ns[1]
         unsure, usual = self.clocks.unsure_ns, self.clocks.usual_ns
         given_up = here >= -unsure and abs(here - usual) + unsure < abs(before - usual)
         return 0 if given_up else 1
 
     def _place(self, i: int, lane: int) -> None:
         """A row is placed: learn from it."""
-        columns = self._columns
-        if columns["kind"][i] == Kind.NOISE or lane == 2:
+        row = self._rows[i]
+        if row.kind == Kind.NOISE or lane == 2:
             return
-        self.clocks.frame(columns["reads"][i], columns["length"][i], columns["gap_most"][i], columns["gap_least"][i])
-        start, end = columns["t_start"][i], columns["t_end"][i]
+        self.clocks.frame(row.reads, row.length, row.gap_most_ns, row.gap_least_ns)
+        start, end = row.t_start_ns, row.t_end_ns
         if lane == 0:
             if self._answered_ns is not None:
                 self.clocks.went_on(start - self._answered_ns)
             adu = self._adu(i)
-            self._asked = expectation(adu) if columns["check"][i] and adu[0] else None
+            self._asked = expectation(adu) if row.check and adu[0] else None
             self._asked_ns, self._answered_ns = (self._heard[i], end), None
         elif self._asked is not None and self._asked.fits(self._adu(i)):
             self.clocks.answered(start - self._asked_ns[1])
             self._asked, self._answered_ns = None, end
 
     def _adu(self, i: int) -> bytes:
-        at, length = self._columns["at"][i], self._columns["length"][i]
-        adu = self._loose.data[at : at + length].tobytes()
-        protocol = self._columns["protocol"][i]
-        return adu if protocol == Protocol.RTU else adu_of(adu, Protocol(protocol)).data
+        row = self._rows[i]
+        adu = self._loose.data[row.at : row.at + row.length].tobytes()
+        return adu if row.protocol == Protocol.RTU else adu_of(adu, row.protocol).data

@@ -9,16 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-
 from captures.line import LineSettings
 
 from ..options import Options
 from ..outages import Deaf, excused, marked
 from ..tables.batch import Batch, join_batches
 from ..tables.findings import NOTHING, Findings
-from ..tables.schema import Kind, Rows, join_rows
-from ..tables.transactions import TRANSACTION, Transactions
+from ..tables.schema import Kind
+from ..tables.transactions import TransactionRows, Transactions
 from .running import Diagnosis
 
 _WAIT_NS: Final = 500_000_000  # that healthy rows wait at most
@@ -58,7 +56,7 @@ class Judge:
         """Whether rows wait for their judgement."""
         return bool(self._waiting)
 
-    def feed(self, batch: Batch, now_ns: int) -> tuple[Rows, Findings]:
+    def feed(self, batch: Batch, now_ns: int) -> tuple[TransactionRows, Findings]:
         """What is to be said by `now_ns`, with these rows (which may be none)."""
         if len(batch):
             self._since = self._since if self._waiting else now_ns
@@ -67,17 +65,17 @@ class Judge:
         if not self._waiting or (
             self._rows < _ROWS and now_ns < self._since + _WAIT_NS and not (len(batch) and self._odd(batch))
         ):
-            return np.zeros(0, TRANSACTION), NOTHING
+            return TransactionRows.zeros(0), NOTHING
         return self._settle()
 
-    def close(self) -> tuple[Rows, Findings]:
+    def close(self) -> tuple[TransactionRows, Findings]:
         """No more rows come: the rest, and what concerns the bus as a whole."""
-        settled, findings = self._settle() if self._waiting else (np.zeros(0, TRANSACTION), NOTHING)
+        settled, findings = self._settle() if self._waiting else (TransactionRows.zeros(0), NOTHING)
         last = marked(self._transactions.close(), self.outages)
         concluded = excused(self._diagnosis.close(last), self.outages)
-        return join_rows((settled, last)), join_rows((findings, concluded))
+        return TransactionRows.joined((settled, last)), Findings.joined((findings, concluded))
 
-    def _settle(self) -> tuple[Rows, Findings]:
+    def _settle(self) -> tuple[TransactionRows, Findings]:
         batch = join_batches(self._waiting)
         self._waiting, self._rows = [], 0
         settled = marked(self._transactions.feed(batch), self.outages)
@@ -86,10 +84,10 @@ class Judge:
     def _odd(self, batch: Batch) -> bool:
         """Whether any of these rows is not what a healthy bus says."""
         rows = batch.rows
-        requests = rows["kind"] == _REQUEST
-        asking = requests & (rows["unit"] > 0)
+        requests = rows.kind == _REQUEST
+        asking = requests & (rows.unit > 0)
         again = (requests[0] and self._asking) or (requests[1:] & asking[:-1]).any()
         self._asking = bool(asking[-1])
-        unasked = ~requests & (rows["request"] < 0)
-        bad = unasked.any() or not rows["check"].all() or rows["exception"].any() or rows["errors"].any()
+        unasked = ~requests & (rows.request < 0)
+        bad = unasked.any() or not rows.check.all() or rows.exception.any() or rows.errors.any()
         return bool(again or bad)

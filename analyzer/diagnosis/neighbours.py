@@ -17,7 +17,7 @@ _UNANSWERED: Final = int(Status.UNANSWERED)
 
 
 class TransactionColumns(NamedTuple):
-    """A transaction's columns (TRANSACTION), and how many came before it."""
+    """A row of `TransactionRows`, and how many came before it."""
 
     request: int
     response: int

@@ -17,10 +17,9 @@ from captures.line import LineSettings
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.findings import NOTHING, Findings, fresh_looks
-from ..tables.schema import Rows
-from ..tables.transactions import TRANSACTION
+from ..tables.transactions import TransactionRows
 from .damage.triage import Triage
-from .tap_clock import COLUMNS, UNKNOWN, TapClock
+from .tap_clock import UNKNOWN, TapClock
 from .view import DiagnosisStep, LookBack
 
 
@@ -49,27 +48,27 @@ class Diagnosis:
         off = self._clock.off_ns if self._clock.known else 0.0
         return UNKNOWN if off is None else off
 
-    def feed(self, batch: Batch, transactions: Rows) -> Findings:
+    def feed(self, batch: Batch, transactions: TransactionRows) -> Findings:
         """What this batch, and the transactions that it settles, bring to light."""
-        self._timed = self._timed or bool(batch.rows["t_end"].any())
+        self._timed = self._timed or bool(batch.rows.t_end_ns.any())
         view = self._view(batch, transactions)
-        self._clock.feed([_of(view.column(name), view.frames) for name in COLUMNS])
+        self._clock.feed(view.rows)
         findings = _ordered(part for look in self._looks for part in look(view))
         self._trail.go_on(batch)
         return findings
 
-    def close(self, transactions: Rows | None = None) -> Findings:
+    def close(self, transactions: TransactionRows | None = None) -> Findings:
         """What the end brings to light: the last transactions, and what concerns the bus as a whole."""
-        settled = np.zeros(0, TRANSACTION) if transactions is None else transactions
+        settled = TransactionRows.zeros(0) if transactions is None else transactions
         self._clock.close()
         view = self._view(Batch.empty(), settled)
         last = [part for look in self._looks for part in look(view)]
         last += [part for look in self._looks if hasattr(look, "close") for part in look.close(view)]
         return _ordered(last)
 
-    def _view(self, batch: Batch, transactions: Rows) -> DiagnosisStep:
+    def _view(self, batch: Batch, transactions: TransactionRows) -> DiagnosisStep:
         if len(batch):
-            self._now = int(batch.rows["t_end"][-1])
+            self._now = int(batch.rows.t_end_ns[-1])
         view = DiagnosisStep(
             batch,
             transactions,
@@ -94,5 +93,5 @@ def _ordered(parts: Iterable[Findings]) -> Findings:
     tables = list(parts)
     if not tables:
         return NOTHING
-    every = np.concatenate(tables)
-    return every[np.lexsort((every["rule"], every["start"], every["t"], every["start"] < 0))]
+    every = Findings.joined(tables)
+    return every[np.lexsort((every.rule, every.start, every.t_ns, every.start < 0))]

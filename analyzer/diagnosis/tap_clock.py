@@ -15,7 +15,6 @@ first frames themselves and so is known only when they have passed.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -25,7 +24,7 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 
 from ..options import Options
-from ..tables.schema import NO_GAP
+from ..tables.schema import NO_GAP, Kind, Rows
 from .spread import ColumnQueue, Spread
 
 FIRST: Final = 32  # frames of the first verdict
@@ -34,7 +33,6 @@ _MEMORY: Final = 8192  # frames, beyond which old ones fade
 _BYTE_BY_BYTE: Final = 0.9  # reads a byte
 _QUANTILE: Final = 0.995
 _MARGIN: Final = 1.2
-COLUMNS: Final = ("protocol", "reads", "length", "gap_before", "gap_most", "gap_least")
 _MOST_VERDICTS: Final = 512  # verdicts
 _USUAL_NS: Final = 5_000_000  # a read from user space, where nothing tells more
 _FAST_BAUD: Final = 19200  # [2] 2.5.1.1: above it, both times are fixed
@@ -82,9 +80,14 @@ class TapClock:
         self._verdicts: list[TimeTrust] = []
         self._best = TimeTrust()
 
-    def feed(self, frames: Sequence[NDArray[Any]]) -> None:
-        """Learn from frames, in their order, given by `COLUMNS`."""
-        self._waiting.add(*frames)
+    def feed(self, rows: Rows) -> None:
+        """Learn from the frames among rows, in their order."""
+        frames = rows.kind != Kind.NOISE
+        if not frames.all():
+            rows = rows[frames]
+        self._waiting.add(
+            rows.protocol, rows.reads, rows.length, rows.gap_before_ns, rows.gap_most_ns, rows.gap_least_ns
+        )
         if self._frames + len(self._waiting) < self._next:
             return
         columns, low = self._waiting.take(), 0

@@ -18,7 +18,8 @@ from ..options import Options
 from ..tables.batch import Batch
 from ..tables.frame import adu_of
 from ..tables.pdus import Pdus
-from ..tables.schema import ROW, Kind, Protocol, Row, Rows
+from ..tables.schema import Kind, Protocol, Row, Rows
+from ..tables.transactions import TransactionRows
 from .damage import DividedFrame
 from .tap_clock import TapClock
 
@@ -44,7 +45,7 @@ class PduBytes:
 def _plain_pdus(batch: Batch) -> PduBytes:
     """Those of a batch that is not all RTU."""
     pdus = Pdus(batch)
-    length = np.where(batch.rows["kind"] == _NOISE, 0, pdus.ends - pdus.begins + 1 + _SPARE)
+    length = np.where(batch.rows.kind == _NOISE, 0, pdus.ends - pdus.begins + 1 + _SPARE)
     return PduBytes(np.append(pdus.data, np.zeros(_SPARE, np.uint8)), pdus.begins - 1, length)
 
 
@@ -57,7 +58,7 @@ class DiagnosisStep:
     """
 
     batch: Batch
-    transactions: Rows  # TRANSACTION, settled by this batch
+    transactions: TransactionRows  # settled by this batch
     line: LineSettings
     options: Options
     timed: bool  # whether the capture has times
@@ -66,32 +67,18 @@ class DiagnosisStep:
     explained: Collection[int]  # requests (by index) whose answer came damaged
     now: int  # ns, end of the newest row
     verdicts: dict[int, Sequence[DividedFrame]] = field(default_factory=dict)  # what happened to damaged rows, by row
-    _columns: dict[str, NDArray[Any]] = field(default_factory=dict)
-    _settled: dict[str, NDArray[Any]] = field(default_factory=dict)
     _numbers: dict[tuple[int, int], NDArray[np.int64]] = field(default_factory=dict)
 
     @property
     def rows(self) -> Rows:
         return self.batch.rows
 
-    def column(self, name: str) -> NDArray[Any]:
-        """A column of the rows, its values side by side."""
-        if name not in self._columns:
-            self._columns[name] = np.ascontiguousarray(self.batch.rows[name])
-        return self._columns[name]
-
-    def settled(self, name: str) -> NDArray[Any]:
-        """A column of the transactions in the same way."""
-        if name not in self._settled:
-            self._settled[name] = np.ascontiguousarray(self.transactions[name])
-        return self._settled[name]
-
     @cached_property
     def plain(self) -> PduBytes:
         """The bytes of the frames as unit, PDU and two bytes more, whatever their envelope."""
-        if self.column("protocol").any():
+        if self.rows.protocol.any():
             return _plain_pdus(self.batch)
-        return PduBytes(self.batch.data, self.column("at"), self.column("length"))
+        return PduBytes(self.batch.data, self.rows.at, self.rows.length)
 
     @property
     def data(self) -> NDArray[np.uint8]:
@@ -101,12 +88,12 @@ class DiagnosisStep:
     @property
     def kind(self) -> NDArray[np.uint8]:
         """Kind of each row."""
-        return self.column("kind")
+        return self.rows.kind
 
     @cached_property
     def ports(self) -> list[int]:
         """Ports that rows came from."""
-        ports: list[int] = where(np.bincount(self.column("port"))).tolist()
+        ports: list[int] = where(np.bincount(self.rows.port)).tolist()
         return ports
 
     @cached_property
@@ -122,27 +109,27 @@ class DiagnosisStep:
     @cached_property
     def damaged(self) -> NDArray[np.intp]:
         """Rows that are frames with a wrong check value."""
-        return where((self.kind != _NOISE) & ~self.column("check"))
+        return where((self.kind != _NOISE) & ~self.rows.check)
 
     @cached_property
     def requests(self) -> NDArray[np.intp]:
         """Rows that are requests with a right check value."""
-        return where((self.kind == _REQUEST) & self.column("check"))
+        return where((self.kind == _REQUEST) & self.rows.check)
 
     @cached_property
     def responses(self) -> NDArray[np.intp]:
         """And responses."""
-        return where((self.kind == _RESPONSE) & self.column("check"))
+        return where((self.kind == _RESPONSE) & self.rows.check)
 
     @cached_property
     def strays(self) -> NDArray[np.intp]:
         """Of those the ones that answer no request."""
-        return self.responses[self.column("request")[self.responses] < 0]
+        return self.responses[self.rows.request[self.responses] < 0]
 
     @cached_property
     def to_all(self) -> NDArray[np.intp]:
         """Rows that are frames of unit 0, the broadcast's; over Modbus TCP that is the server itself."""
-        return where((self.kind != _NOISE) & (self.column("unit") == 0) & (self.column("protocol") != Protocol.TCP))
+        return where((self.kind != _NOISE) & (self.rows.unit == 0) & (self.rows.protocol != Protocol.TCP))
 
     @cached_property
     def requested(self) -> NDArray[np.uint8]:
@@ -175,7 +162,7 @@ class DiagnosisStep:
 
     def right(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         """Those of these rows whose check value is right."""
-        sound: NDArray[np.intp] = rows[self.column("check")[rows]] if len(rows) else rows
+        sound: NDArray[np.intp] = rows[self.rows.check[rows]] if len(rows) else rows
         return sound
 
     def bytes_of(self, row: int) -> bytes:
@@ -209,16 +196,16 @@ class DiagnosisStep:
         inside = inside[self.reaches(requests[inside], offset + 2)]
         values[inside] = number_at(self.data, self.pdu(requests[inside]) + offset, 2)
         for i in where(requests < 0).tolist():
-            captured = self.batch.request_of(int(answers[i]), int(self.column("request")[answers[i]]))
-            pdu = b"" if captured is None else adu_of(captured, int(self.column("protocol")[answers[i]])).pdu
+            captured = self.batch.request_of(int(answers[i]), int(self.rows.request[answers[i]]))
+            pdu = b"" if captured is None else adu_of(captured, int(self.rows.protocol[answers[i]])).pdu
             if len(pdu) >= offset + 2:
                 values[i] = int.from_bytes(pdu[offset : offset + 2], "big")
         return values
 
     def request_rows(self, answers: NDArray[np.intp]) -> NDArray[np.intp]:
         """The rows of this batch that these rows answer; -1 where the request lies in an earlier batch."""
-        frames, requests = self.frames, self.column("request")[answers]
-        first = int(self.column("index")[frames[0]]) if len(frames) else 0
+        frames, requests = self.frames, self.rows.request[answers]
+        first = int(self.rows.index[frames[0]]) if len(frames) else 0
         inside = requests >= first  # and so not -1
         rows: NDArray[np.intp] = np.where(inside, frames.take(np.where(inside, requests - first, 0)), -1)
         return rows
@@ -239,7 +226,7 @@ class EarlierRow(NamedTuple):
     @classmethod
     def of(cls, batch: Batch, number: int) -> EarlierRow:
         """A row of a batch."""
-        return cls(Row(*batch.rows[number].item()), batch.bytes_of(number))
+        return cls(batch.rows.row(number), batch.bytes_of(number))
 
     @property
     def is_frame(self) -> bool:
@@ -267,8 +254,8 @@ class LookBack:
 
     @property
     def newest(self) -> Rows:
-        """The last row before this batch (one row of ROW); all zeros where there is none."""
-        return self._earlier[-1].rows[-1:] if self._earlier else np.zeros(1, ROW)
+        """The last row before this batch (a table of one); all zeros where there is none."""
+        return self._earlier[-1].rows[-1:] if self._earlier else Rows.zeros(1)
 
     def go_on(self, batch: Batch) -> None:
         """This batch is done."""
@@ -283,6 +270,6 @@ class LookBack:
 def _end(batch: Batch) -> Batch:
     """The last rows of a batch and their bytes, which hold on to no more than themselves."""
     rows = batch.rows[-_REACH:].copy()
-    first = int(rows["at"][0])
-    rows["at"] -= first
+    first = int(rows.at[0])
+    rows.at[:] -= first
     return Batch(rows, batch.data[first:].copy())

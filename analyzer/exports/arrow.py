@@ -90,7 +90,7 @@ def schema(*, explain: bool = False) -> Any:
 def record_batch(batch: Batch, *, noise: bool = False, explain: bool = False) -> Any:
     """A batch as an Arrow RecordBatch, without `noise` of its frames alone."""
     rows = batch.rows
-    frames = rows["kind"] != Kind.NOISE
+    frames = rows.kind != Kind.NOISE
     columns = _positions(rows, frames) | _envelope(rows, frames) | _contents(decode(batch))
     columns["bytes"] = _octets(batch)
     columns["findings"] = _findings(batch)
@@ -110,29 +110,29 @@ def table(batches: Iterable[Batch], *, noise: bool = False, explain: bool = Fals
 def _positions(rows: Rows, frames: NDArray[np.bool_]) -> dict[str, Any]:
     return {
         "kind": _coded(frames.astype(np.int8), ("noise", "frame")),
-        "index": _array(rows["index"], ~frames),
-        "port": _array(rows["port"]),
-        "start": _array(rows["start"]),
-        "length": _array(rows["length"].astype(np.int32)),
-        "t_start_ns": _array(rows["t_start"], kind=_TIME),
-        "t_end_ns": _array(rows["t_end"], kind=_TIME),
+        "index": _array(rows.index, ~frames),
+        "port": _array(rows.port),
+        "start": _array(rows.start),
+        "length": _array(rows.length.astype(np.int32)),
+        "t_start_ns": _array(rows.t_start_ns, kind=_TIME),
+        "t_end_ns": _array(rows.t_end_ns, kind=_TIME),
     }
 
 
 def _envelope(rows: Rows, frames: NDArray[np.bool_]) -> dict[str, Any]:
     noise = ~frames
-    direction = rows["kind"] - np.uint8(Kind.REQUEST)
+    direction = rows.kind - np.uint8(Kind.REQUEST)
     return {
-        "protocol": _coded(rows["protocol"], (protocol.name.lower() for protocol in Protocol), noise),
+        "protocol": _coded(rows.protocol, (protocol.name.lower() for protocol in Protocol), noise),
         "direction": _coded(direction, (direction.name for direction in Direction), noise),
-        "unit": _array(rows["unit"], noise),
-        "function": _array(rows["function"], noise),
-        "name": _coded(rows["function"], map(function_name, range(_NAMES)), noise),
-        "exception": _array(rows["exception"], rows["exception"] == 0),
-        "crc_ok": _array(rows["check"], noise | (rows["protocol"] == Protocol.TCP)),
-        "request_start": _array(rows["request_start"], rows["request_start"] < 0),
-        "response_time_ns": _array(rows["response_ns"], (rows["request_start"] < 0) | (rows["response_ns"] < 0)),
-        "confidence": _array(rows["confidence"], noise),
+        "unit": _array(rows.unit, noise),
+        "function": _array(rows.function, noise),
+        "name": _coded(rows.function, map(function_name, range(_NAMES)), noise),
+        "exception": _array(rows.exception, rows.exception == 0),
+        "crc_ok": _array(rows.check, noise | (rows.protocol == Protocol.TCP)),
+        "request_start": _array(rows.request_start, rows.request_start < 0),
+        "response_time_ns": _array(rows.response_ns, (rows.request_start < 0) | (rows.response_ns < 0)),
+        "confidence": _array(rows.confidence, noise),
     }
 
 
@@ -150,20 +150,20 @@ def _contents(decoded: Decoded) -> dict[str, Any]:
 def _octets(batch: Batch) -> Any:
     """The bytes of each row; of ASCII frames what their digits stand for."""
     rows = batch.rows
-    ends = np.cumsum(rows["length"])
-    begins = ends - rows["length"]
+    ends = np.cumsum(rows.length)
+    begins = ends - rows.length
     data = batch.data
-    if rows["protocol"].any():
-        protocols = rows["protocol"].tolist()
+    if rows.protocol.any():
+        protocols = rows.protocol.tolist()
         captured = [batch.bytes_of(row) for row in range(len(rows))]
-        noise = (rows["kind"] == Kind.NOISE).tolist()
+        noise = (rows.kind == Kind.NOISE).tolist()
         return _ragged(
             pa.binary(),
             [c if silent else adu_of(c, p).data for c, p, silent in zip(captured, protocols, noise, strict=True)],
         )
-    if not np.array_equal(begins, rows["at"]):  # not one after the other: ports in turn
-        within = np.arange(int(ends[-1])) - np.repeat(begins, rows["length"])
-        data = data.take(np.repeat(rows["at"], rows["length"]) + within)
+    if not np.array_equal(begins, rows.at):  # not one after the other: ports in turn
+        within = np.arange(int(ends[-1])) - np.repeat(begins, rows.length)
+        data = data.take(np.repeat(rows.at, rows.length) + within)
     offsets = np.concatenate(([0], ends)).astype(np.int32)
     return pa.Array.from_buffers(pa.binary(), len(rows), [None, pa.py_buffer(offsets), pa.py_buffer(data)])
 
@@ -177,7 +177,7 @@ def _findings(batch: Batch) -> Any:
     if findings is not None and len(findings) and len(batch):
         names = codes()
         rows = batch.finding_rows
-        rules = findings["rule"][np.argsort(rows, kind="stable")][np.count_nonzero(rows < 0) :]
+        rules = findings.rule[np.argsort(rows, kind="stable")][np.count_nonzero(rows < 0) :]
         counts = batch.finding_counts
     offsets = np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
     values = pa.DictionaryArray.from_arrays(_array(rules), _words(names))
@@ -188,13 +188,13 @@ def _evidence(batch: Batch, frames: NDArray[np.bool_]) -> dict[str, Any]:
     evidence = batch.evidence
     if evidence is None:
         return {field.name: pa.nulls(len(batch), field.type) for field in EXPLAINED}
-    noise = (evidence["rival_start"] < 0) | (evidence["rival_kind"] == Kind.NOISE)
-    columns = {f"bits_{name}": _array(evidence[name], ~frames) for name in _BITS}
-    columns["margin"] = _array(evidence["margin"], ~frames)
-    kind = np.where(noise, 0, evidence["rival_kind"])
+    noise = (evidence.rival_start < 0) | (evidence.rival_kind == Kind.NOISE)
+    columns = {f"bits_{name}": _array(evidence.column(name), ~frames) for name in _BITS}
+    columns["margin"] = _array(evidence.margin, ~frames)
+    kind = np.where(noise, 0, evidence.rival_kind)
     columns["runner_up"] = _coded(kind, (kind.name.lower() for kind in Kind), ~frames)
-    columns["runner_up_start"] = _array(evidence["rival_start"], ~frames | noise)
-    columns["runner_up_length"] = _array(evidence["rival_length"], ~frames | noise)
+    columns["runner_up_start"] = _array(evidence.rival_start, ~frames | noise)
+    columns["runner_up_length"] = _array(evidence.rival_length, ~frames | noise)
     return columns
 
 

@@ -23,12 +23,12 @@ def frames_only(capture: Capture, first: int, last: int, limits: Options = Optio
     spans: dict[int, tuple[int, int]] = {}
     for batch in deframe(capture, limits):
         rows = batch.rows
-        rows = rows[(rows["index"] >= first) & (rows["index"] <= last)]
-        for port in np.unique(rows["port"]).tolist():
-            mine = rows[rows["port"] == port]
-            begin, end = int(mine["start"][0]), int(mine["start"][-1] + mine["length"][-1])
+        rows = rows[(rows.index >= first) & (rows.index <= last)]
+        for port in np.unique(rows.port).tolist():
+            mine = rows[rows.port == port]
+            begin, end = int(mine.start[0]), int(mine.start[-1] + mine.length[-1])
             spans[port] = (min(begin, spans.get(port, (begin, end))[0]), end)
-        if len(batch.rows) and batch.rows["index"].max() > last:
+        if len(batch.rows) and batch.rows.index.max() > last:
             break
     return cut_to_spans(capture, {port: [span] for port, span in spans.items()})
 
@@ -50,9 +50,9 @@ def around(
         if stop is not None and stop():
             break
         rows = analysed.batch.rows
-        rows = rows[rows["kind"] != Kind.NOISE] if "noise" not in wanted.fields else rows
+        rows = rows[rows.kind != Kind.NOISE] if "noise" not in wanted.fields else rows
         count += len(rows)
-        for begin, end in zip(rows["t_start"].tolist(), rows["t_end"].tolist(), strict=True):
+        for begin, end in zip(rows.t_start_ns.tolist(), rows.t_end_ns.tolist(), strict=True):
             if times and begin - margin <= times[-1][1]:
                 times[-1] = times[-1][0], max(times[-1][1], end + margin)
             else:

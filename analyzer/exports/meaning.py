@@ -42,8 +42,8 @@ def _columns(analysed: Analysed, charts: Mapping[int, RegisterMap]) -> Columns:
     confirmed = confirmed_values(batch, decoded)
     rows, address, values = confirmed.spread()
     areas = np.repeat(confirmed.area, confirmed.counts)
-    times, ports, units = (batch.rows[name][rows].tolist() for name in ("t_end", "port", "unit"))
-    numbered = batch.rows["index"][rows].tolist()
+    times, ports, units = (batch.rows.column(name)[rows].tolist() for name in ("t_end_ns", "port", "unit"))
+    numbered = batch.rows.index[rows].tolist()
     for row, area, at, raw, t, port, unit, index in zip(
         rows.tolist(), areas.tolist(), address.tolist(), values.tolist(), times, ports, units, numbered, strict=True
     ):
@@ -72,7 +72,7 @@ def _records(batch: Batch, column: MappedColumn) -> list[tuple[Any, ...]]:
         number = None if np.isnan(value) else value
         text = reading.text if row.type in ("enum", "bits", "text", "time") else None
         records.append(
-            (answer, int(about["t_end"]), int(about["port"]), column.unit, row.area, row.address, raw, len(words),
-             row.name, number, row.unit or None, text, int(about["index"]))
+            (answer, int(about.t_end_ns), int(about.port), column.unit, row.area, row.address, raw, len(words),
+             row.name, number, row.unit or None, text, int(about.index))
         )  # fmt: skip
     return records

@@ -18,7 +18,7 @@ from dissectors.functions import function_name
 
 from ..tables.columns import AreaCode, decode
 from ..tables.delays import delay_bounds
-from ..tables.findings import describe
+from ..tables.findings import described
 from ..tables.transactions import Status
 from ..tables.values import confirmed_values
 
@@ -50,22 +50,22 @@ def _optional(values: NDArray[Any], absent: NDArray[np.bool_]) -> list[Any]:
 
 def _transactions(analysed: Analysed) -> Columns:
     rows = analysed.transactions
-    answered = rows["response"] >= 0
-    exact, low, high = delay_bounds(np.where(answered, rows["response_ns"], -1), analysed.off_ns)
+    answered = rows.response >= 0
+    exact, low, high = delay_bounds(np.where(answered, rows.response_ns, -1), analysed.off_ns)
     return {
-        "request": rows["request"].tolist(),
-        "request_start": rows["start"].tolist(),
-        "port": rows["port"].tolist(),
-        "t_start_ns": rows["t_start"].tolist(),
-        "unit": rows["unit"].tolist(),
-        "function": rows["function"].tolist(),
-        "name": [function_name(code) for code in rows["function"].tolist()],
-        "status": [Status(code).name.lower() for code in rows["status"].tolist()],
-        "exception": _optional(rows["exception"], rows["exception"] == 0),
-        "retry": rows["retry"].tolist(),
-        "late": rows["late"].tolist(),
-        "response": _optional(rows["response"], ~answered),
-        "response_start": _optional(rows["response_start"], ~answered),
+        "request": rows.request.tolist(),
+        "request_start": rows.start.tolist(),
+        "port": rows.port.tolist(),
+        "t_start_ns": rows.t_start_ns.tolist(),
+        "unit": rows.unit.tolist(),
+        "function": rows.function.tolist(),
+        "name": [function_name(code) for code in rows.function.tolist()],
+        "status": [Status(code).name.lower() for code in rows.status.tolist()],
+        "exception": _optional(rows.exception, rows.exception == 0),
+        "retry": rows.retry.tolist(),
+        "late": rows.late.tolist(),
+        "response": _optional(rows.response, ~answered),
+        "response_start": _optional(rows.response_start, ~answered),
         "response_time_ns": _optional(exact, exact < 0),
         "response_time_low_ns": _optional(low, low < 0),
         "response_time_high_ns": _optional(high, high < 0),
@@ -78,18 +78,18 @@ def _values(analysed: Analysed) -> Columns:
     rows, address, values = confirmed.spread()
     areas = np.array([AREA_NAMES.get(AreaCode(code), "") for code in range(len(AreaCode))], object)
     return {
-        "t_ns": batch.rows["t_end"][rows].tolist(),
-        "port": batch.rows["port"][rows].tolist(),
-        "unit": batch.rows["unit"][rows].tolist(),
+        "t_ns": batch.rows.t_end_ns[rows].tolist(),
+        "port": batch.rows.port[rows].tolist(),
+        "unit": batch.rows.unit[rows].tolist(),
         "area": areas[np.repeat(confirmed.area, confirmed.counts)].tolist(),
         "address": address.tolist(),
         "raw": values.tolist(),
-        "index": batch.rows["index"][rows].tolist(),
+        "index": batch.rows.index[rows].tolist(),
     }
 
 
 def _findings(analysed: Analysed) -> Columns:
-    findings = [describe(row) for row in analysed.findings]
+    findings = list(described(analysed.findings))
     bus = [finding.start < 0 for finding in findings]
     return {
         "code": [finding.code for finding in findings],

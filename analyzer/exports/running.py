@@ -79,13 +79,13 @@ def export(
             stream = filtered(stream, options.filter, capture.line)
         for analysed in stream:
             batch, last = analysed.batch, 0
-            errors += int(np.count_nonzero(grave[analysed.findings["rule"]]))
+            errors += int(np.count_nonzero(grave[analysed.findings.rule]))
             while last < len(batch) and not stopped():
                 first, last = last, min(last + _ROWS, len(batch))
                 rows = batch.rows[first:last]
                 sink.rows(batch, first, last)
-                frames += int(np.count_nonzero(rows["kind"] != Kind.NOISE))
-                octets += int(rows["length"].sum())
+                frames += int(np.count_nonzero(rows.kind != Kind.NOISE))
+                octets += int(rows.length.sum())
                 if progress is not None:
                     progress(frames, octets)
             sink.batch(analysed.until(last))

@@ -235,13 +235,13 @@ FIELDS: Final = (
     ),
     FilterField(
         "gap", Duration(), "silence before the row; where the tap can tell", "gap > 3.5 chars",
-        _where("gap_before", lambda gaps: gaps.values != NO_GAP),
+        _where("gap_before_ns", lambda gaps: gaps.values != NO_GAP),
     ),
     FilterField(
         "gap_inside", Duration(), "longest silence inside the row; where the tap can tell", "gap_inside > 1.5 chars",
-        _where("gap_most", lambda gaps: gaps.values != NO_GAP),
+        _where("gap_most_ns", lambda gaps: gaps.values != NO_GAP),
     ),
-    FilterField("time", Moment(), "start of the row", "time in 10s..12.5s", _column("t_start", all_rows=True)),
+    FilterField("time", Moment(), "start of the row", "time in 10s..12.5s", _column("t_start_ns", all_rows=True)),
     FilterField(
         "register", Addresses(REGISTERS), "registers that the frame reads, writes or answers", "register == 40108",
         _spoken(REGISTERS), Cost.CONTENTS, ("reg",), _addresses(REGISTERS),

@@ -119,17 +119,17 @@ class Bytes:
     def passing(self, wanted: Wanted) -> Mask:
         assert isinstance(wanted, BytesWanted)
         mask = np.zeros(len(self.batch), np.bool_)
-        plain = self.batch.rows["protocol"] != Envelope.ASCII
+        plain = self.batch.rows.protocol != Envelope.ASCII
         for needle in wanted.needles:
             mask |= self._with(needle, wanted.whole) & plain
         for row in np.flatnonzero(~plain).tolist():
-            is_frame = self.batch.rows["kind"][row] > 0
+            is_frame = self.batch.rows.kind[row] > 0
             data = self.batch.frame(row).adu.data if is_frame else self.batch.bytes_of(row)
             mask[row] = any(data == each if wanted.whole else each in data for each in wanted.needles)
         return mask
 
     def _with(self, needle: bytes, whole: bool) -> Mask:
-        begins, lengths = self.batch.rows["at"], self.batch.rows["length"]
+        begins, lengths = self.batch.rows.at, self.batch.rows.length
         data, size = self.batch.data, len(needle)
         if size > len(data):
             return np.zeros(len(begins), np.bool_)

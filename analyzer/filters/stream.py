@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
-from ..tables.transactions import TRANSACTION
+from ..tables.transactions import TransactionRows
 from .evaluation import Filter
 from .table import BatchTable, narrowed
 
@@ -38,21 +38,21 @@ class _FilteredPairs:
         self._wanted = wanted
         self._line = line
         self._origin_ns: int | None = None
-        self._open: Rows = np.zeros(0, TRANSACTION)
+        self._open: TransactionRows = TransactionRows.zeros(0)
         self._request_passed = np.zeros(0, np.bool_)  # of those: whether the request passed
         self._behind = 0
 
     def of(self, analysed: Analysed) -> Analysed:
         batch, rows = analysed.batch, analysed.batch.rows
         if self._origin_ns is None and len(rows):
-            self._origin_ns = int(rows["t_start"][0])
-        self._behind = max(self._behind, int(rows["index"].max(initial=-1)) + 1)
-        pairs = np.concatenate((self._open, analysed.transactions))
+            self._origin_ns = int(rows.t_start_ns[0])
+        self._behind = max(self._behind, int(rows.index.max(initial=-1)) + 1)
+        pairs = TransactionRows.joined((self._open, analysed.transactions))
         mask = self._wanted.mask(BatchTable(batch, self._line, transactions=pairs, origin_ns=self._origin_ns))
         part = narrowed(batch, mask)
         passed = np.concatenate((self._request_passed, np.zeros(len(analysed.transactions), np.bool_)))
-        passed |= _among(pairs["request"], part.rows) | _among(pairs["response"], part.rows)
-        settled = pairs["response"] < self._behind
+        passed |= _among(pairs.request, part.rows) | _among(pairs.response, part.rows)
+        settled = pairs.response < self._behind
         self._open, self._request_passed = pairs[~settled], passed[~settled]
         findings = analysed.findings if part.findings is None else part.findings
         return replace(analysed, batch=part, transactions=pairs[settled & passed], findings=findings)
@@ -60,5 +60,5 @@ class _FilteredPairs:
 
 def _among(indices: NDArray[np.int64], rows: Rows) -> NDArray[np.bool_]:
     """Which frames, by index, are among rows."""
-    among: NDArray[np.bool_] = (indices >= 0) & np.isin(indices, rows["index"])
+    among: NDArray[np.bool_] = (indices >= 0) & np.isin(indices, rows.index)
     return among

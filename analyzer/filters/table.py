@@ -16,12 +16,12 @@ from captures.line import LineSettings
 
 from ..tables.batch import Batch
 from ..tables.findings import NOTHING
-from ..tables.schema import ROW, Rows
-from ..tables.transactions import TRANSACTION, Status
+from ..tables.schema import Rows
+from ..tables.transactions import Status, TransactionRows
 
-# The columns that `Table.column` is asked for: those of ROW by their names and types, and what became of requests.
+# The columns that `Table.column` is asked for: those of `Rows` by their names and types, and what became of requests.
 PLAIN: Final = (
-    "index", "start", "length", "t_start", "response_ns", "gap_before", "gap_most", "confidence",
+    "index", "start", "length", "t_start_ns", "response_ns", "gap_before_ns", "gap_most_ns", "confidence",
     "kind", "unit", "function", "exception", "check", "port", "protocol", "errors",
 )  # fmt: skip
 OUTCOMES: Final = ("retry", "late", "unanswered")  # bool; retry and unanswered of a request, late of an answer
@@ -46,7 +46,7 @@ class FilterTable(Protocol):
         ...
 
     def findings(self) -> tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]:
-        """Rows that findings stand on, ascending, and the rule of each (`FINDING["rule"]`)."""
+        """Rows that findings stand on, ascending, and the rule of each (`Findings.rule`)."""
         ...
 
     def batch(self, first: int, last: int) -> Batch:
@@ -57,17 +57,22 @@ class FilterTable(Protocol):
 class BatchTable:
     """The rows of a batch.
 
-    What became of requests is told by `transactions` (TRANSACTION), and what was found by `batch.findings`; without
+    What became of requests is told by `transactions` , and what was found by `batch.findings`; without
     them nothing is late, repeated or unanswered, and no row has findings.
     """
 
     def __init__(
-        self, batch: Batch, line: LineSettings, *, transactions: Rows | None = None, origin_ns: int | None = None
+        self,
+        batch: Batch,
+        line: LineSettings,
+        *,
+        transactions: TransactionRows | None = None,
+        origin_ns: int | None = None,
     ) -> None:
         self.whole = batch
         self.line = line
-        self._transactions = np.zeros(0, TRANSACTION) if transactions is None else transactions
-        first = int(batch.rows["t_start"][0]) if len(batch) else 0
+        self._transactions = TransactionRows.zeros(0) if transactions is None else transactions
+        first = int(batch.rows.t_start_ns[0]) if len(batch) else 0
         self.origin_ns = first if origin_ns is None else origin_ns
 
     def __len__(self) -> int:
@@ -75,24 +80,24 @@ class BatchTable:
 
     def column(self, name: str) -> NDArray[Any]:
         """See `Table`."""
-        return self._outcomes[name] if name in OUTCOMES else self.whole.rows[name]
+        return self._outcomes[name] if name in OUTCOMES else self.whole.rows.column(name)
 
     @cached_property
     def _outcomes(self) -> Mapping[str, NDArray[np.bool_]]:
         transactions = self._transactions
         marks = {name: np.zeros(len(self), np.bool_) for name in OUTCOMES}
         for name, of, which in (
-            ("retry", "request", transactions["retry"]),
-            ("unanswered", "request", transactions["status"] == Status.UNANSWERED),
-            ("late", "response", transactions["late"]),
+            ("retry", "request", transactions.retry),
+            ("unanswered", "request", transactions.status == Status.UNANSWERED),
+            ("late", "response", transactions.late),
         ):
-            marks[name][self._rows_of(transactions[of][which])] = True
+            marks[name][self._rows_of(transactions.column(of)[which])] = True
         return marks
 
     def _rows_of(self, indices: NDArray[np.int64]) -> NDArray[np.intp]:
         """The rows of frames by their indices, those that are here."""
-        frames = np.flatnonzero(self.whole.rows["index"] >= 0)
-        numbers = self.whole.rows["index"][frames]
+        frames = np.flatnonzero(self.whole.rows.index >= 0)
+        numbers = self.whole.rows.index[frames]
         indices = indices[np.isin(indices, numbers)]
         return frames[np.searchsorted(numbers, indices)]
 
@@ -106,7 +111,7 @@ class BatchTable:
         rows = self.whole.finding_rows
         order = np.argsort(rows, kind="stable")
         order = order[rows[order] >= 0]  # the others speak of the bus as a whole
-        return rows[order], findings["rule"][order]
+        return rows[order], findings.rule[order]
 
     def batch(self, first: int, last: int) -> Batch:
         """See `Table`."""
@@ -114,18 +119,18 @@ class BatchTable:
             return self.whole
         rows = self.whole.rows[first:last].copy()
         if not len(rows):
-            return Batch(np.zeros(0, ROW), self.whole.data[:0])
-        low, high = int(rows["at"].min()), int((rows["at"] + rows["length"]).max())
+            return Batch(Rows.zeros(0), self.whole.data[:0])
+        low, high = int(rows.at.min()), int((rows.at + rows.length).max())
         earlier = requests_of(self.whole, np.arange(first, last))
-        rows["at"] -= low
+        rows.at[:] -= low
         return Batch(rows, self.whole.data[low:high], earlier)
 
 
 def requests_of(batch: Batch, chosen: NDArray[np.intp]) -> Mapping[int, bytes]:
     """The bytes of the requests that some rows of a batch answer and that are not among those rows, by index."""
     rows = batch.rows
-    requests = rows["request"][chosen]
-    outside = np.flatnonzero((requests >= 0) & ~np.isin(requests, rows["index"][chosen]))
+    requests = rows.request[chosen]
+    outside = np.flatnonzero((requests >= 0) & ~np.isin(requests, rows.index[chosen]))
     by_index = {}
     for position in outside.tolist():
         index = int(requests[position])
@@ -142,6 +147,6 @@ def narrowed(batch: Batch, passed: NDArray[np.bool_]) -> Batch:
         return batch
     findings = batch.findings
     if findings is not None and len(findings):
-        findings = findings[(findings["start"] < 0) | np.append(passed, False)[batch.finding_rows]]
+        findings = findings[(findings.start < 0) | np.append(passed, False)[batch.finding_rows]]
     evidence = None if batch.evidence is None else batch.evidence[chosen]
     return Batch(batch.rows[chosen], batch.data, requests_of(batch, chosen), evidence, findings)

@@ -27,7 +27,7 @@ class Condition:
         """Whether this row passes, by what is known of it now."""
         if self._of is not shown.batch:
             if self._origin is None:
-                self._origin = int(shown.batch.rows["t_start"][0])
+                self._origin = int(shown.batch.rows.t_start_ns[0])
             table = BatchTable(shown.batch, line, transactions=step.analysed.transactions, origin_ns=self._origin)
             self._of, self._mask = shown.batch, self._filter.mask(table)
         return bool(self._mask[shown.row])

@@ -42,14 +42,12 @@ class InfluxLines:
 
     def of(self, shown: ShownRow) -> str:
         """The lines of a row, each with its end."""
-        row = shown.batch.rows[shown.row]
-        noise = row["kind"] == Kind.NOISE
+        row = shown.batch.rows.row(shown.row)
+        noise = row.kind == Kind.NOISE
         lines = []
         if not (noise or shown.late):
             lines = self._frame(shown.batch.frame(shown.row))
-        lines += [
-            _finding(finding, None if noise else int(row["unit"]), int(row["t_end"])) for finding in shown.findings
-        ]
+        lines += [_finding(finding, None if noise else row.unit, row.t_end_ns) for finding in shown.findings]
         return "".join(f"{line}\n" for line in lines)
 
     def bus(self, finding: Finding) -> str:

@@ -76,7 +76,7 @@ class TextLines:
 
     def of(self, shown: ShownRow) -> TerminalText:
         """The lines of a row, each with its end; empty where there is nothing to show."""
-        kind = int(shown.batch.rows["kind"][shown.row])
+        kind = int(shown.batch.rows.kind[shown.row])
         lines = []
         if kind != Kind.NOISE:
             frame = shown.batch.frame(shown.row)
@@ -147,7 +147,7 @@ class LiveJsonLines:
 
     def of(self, shown: ShownRow) -> str:
         """The lines of a row."""
-        kind = int(shown.batch.rows["kind"][shown.row])
+        kind = int(shown.batch.rows.kind[shown.row])
         if shown.late:
             return "".join(self.bus(finding) for finding in shown.findings)
         if kind != Kind.NOISE:
@@ -202,7 +202,7 @@ def _noise(batch: Batch, row: int) -> str:
     data = batch.bytes_of(row)
     shown = data[:16].hex(" ").upper() + (" …" if len(data) > 16 else "")
     plural = "byte" if len(data) == 1 else "bytes"
-    return f"{clock_time(int(batch.rows['t_end'][row]))} ~ {len(data)} {plural} in no frame: {shown}"
+    return f"{clock_time(int(batch.rows.t_end_ns[row]))} ~ {len(data)} {plural} in no frame: {shown}"
 
 
 def clock_time(t_ns: int) -> str:

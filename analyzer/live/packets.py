@@ -32,17 +32,17 @@ class LivePackets:
 
     def of(self, shown: ShownRow) -> bytes:
         """The packet of a row, or what is said of it later."""
-        row = shown.batch.rows[shown.row]
+        row = shown.batch.rows.row(shown.row)
         line = self._session.line
-        self._now = max(self._now, int(row["t_end"]))
-        if row["kind"] == Kind.NOISE and not self._noise:
+        self._now = max(self._now, row.t_end_ns)
+        if row.kind == Kind.NOISE and not self._noise:
             if not shown.findings:
                 return b""
         elif not shown.late:
             return self._stream.row(shown.batch, shown.row, line)
-        where = f"(unit {row['unit']}, {clock_time(int(row['t_end']))})" if row["kind"] else "(bytes in no frame)"
+        where = f"(unit {row.unit}, {clock_time(row.t_end_ns)})" if row.kind else "(bytes in no frame)"
         texts = [f"{finding_comment(finding)} {where}" for finding in shown.findings]
-        return self._stream.remark(self._now, int(row["port"]), line, texts)
+        return self._stream.remark(self._now, row.port, line, texts)
 
     def use(self, _charts: Mapping[int, RegisterMap]) -> None:
         """Packets are bytes: maps change nothing."""

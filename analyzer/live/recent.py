@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from ..tables.batch import Batch, rows_of_findings
-from ..tables.findings import Finding, describe
+from ..tables.findings import Finding, describe, described
 from .session import SessionStep
 
 _ROWS: Final = 512  # kept at least
@@ -55,15 +55,15 @@ class Recent:
     def _late(self, step: SessionStep) -> Iterator[ShownRow]:
         """Rows of earlier batches of which something is said now."""
         on_new_rows = rows_of_findings(step.batch.rows, step.findings) >= 0
-        for finding in step.findings[~on_new_rows & (step.findings["start"] >= 0)]:
-            one = np.array([finding])
+        for number in np.flatnonzero(~on_new_rows & (step.findings.start >= 0)).tolist():
+            one = step.findings[number : number + 1]
             for batch in self._batches:
                 row = int(rows_of_findings(batch.rows, one)[0])
                 if row >= 0:
-                    yield ShownRow(replace(batch, findings=one), row, (describe(finding),), late=True)
+                    yield ShownRow(replace(batch, findings=one), row, (describe(one, 0),), late=True)
                     break
 
 
 def of_the_bus(step: SessionStep) -> list[Finding]:
     """Findings about the bus as a whole."""
-    return [describe(finding) for finding in step.findings[step.findings["start"] < 0]]
+    return list(described(step.findings[step.findings.start < 0]))

@@ -165,8 +165,8 @@ def pieces(capture: Capture, only: Only | None = None) -> Iterator[TimedBytes]:
     if only is not None:
         kind = Kind.REQUEST if only == "requests" else Kind.RESPONSE
         for batch in deframe(capture):
-            for row in (batch.rows["kind"] == kind).nonzero()[0].tolist():
-                yield TimedBytes(int(batch.rows["t_start"][row]), batch.bytes_of(row))
+            for row in (batch.rows.kind == kind).nonzero()[0].tolist():
+                yield TimedBytes(int(batch.rows.t_start_ns[row]), batch.bytes_of(row))
         return
     line = capture.line
     character = line.nominal_character_ns or 0.0

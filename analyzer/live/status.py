@@ -29,9 +29,9 @@ class LineStatus:
     def feed(self, step: SessionStep) -> None:
         """Count it."""
         rows = step.batch.rows
-        frames = len(rows) - int(np.count_nonzero(rows["kind"] == _NOISE))
+        frames = len(rows) - int(np.count_nonzero(rows.kind == _NOISE))
         self.frames += frames
-        self.errors += len(rows) - int(np.count_nonzero(rows["check"]))  # noise has none
+        self.errors += len(rows) - int(np.count_nonzero(rows.check))  # noise has none
         self.bytes += step.heard
         self.marked += step.marked
         self.missed += step.missed

@@ -17,7 +17,7 @@ from captures.live.wire import Item, PortEvent, Tick
 
 from ..deframing.directions import DIRECTIONS_NOTE
 from ..deframing.protocols import Deframer
-from ..tables.schema import Kind
+from ..tables.schema import Kind, Rows
 
 _DOUBT: Final = 400  # bytes of which hardly any makes sense: the settings are doubted
 _SENSE: Final = 0.05
@@ -204,11 +204,11 @@ def explained(blocks: Sequence[Block], settings: PortSettings) -> int:
     block = Block.joined(blocks)
     deframer = Deframer(settings.line())
     batches = [deframer.feed(block), deframer.close()]
-    rows = np.concatenate([batch.rows for batch in batches])
-    good = np.flatnonzero((rows["kind"] != Kind.NOISE) & rows["check"])
-    total = int(rows["length"][good].sum())
+    rows = Rows.joined([batch.rows for batch in batches])
+    good = np.flatnonzero((rows.kind != Kind.NOISE) & rows.check)
+    total = int(rows.length[good].sum())
     if len(good) < 2:
         return 0 if len(good) == 0 else total // 2  # one may be chance
-    before = int(rows["length"][: good[0]].sum())
-    after = int(rows["length"][good[-1] + 1 :].sum())
+    before = int(rows.length[: good[0]].sum())
+    after = int(rows.length[good[-1] + 1 :].sum())
     return total + sum(part for part in (before, after) if part <= _LONGEST)

@@ -48,9 +48,9 @@ class Activity:
     def feed(self, rows: Rows) -> None:
         """Count rows in, where they end."""
         bins = self._bins
-        bins.reach(int(rows["t_start"][0]), int(rows["t_end"].max()))
-        columns = (rows["length"], rows["kind"], rows["check"], rows["exception"])
-        bins.tables["all"] += _counted(*columns, bins.bins(rows["t_end"]), _BINS)
+        bins.reach(int(rows.t_start_ns[0]), int(rows.t_end_ns.max()))
+        columns = (rows.length, rows.kind, rows.check, rows.exception)
+        bins.tables["all"] += _counted(*columns, bins.bins(rows.t_end_ns), _BINS)
 
     def over(self, bus: Bus, t_start: int, t_end: int, bins: int) -> Bins:
         """The span in this many bins."""
@@ -60,7 +60,7 @@ class Activity:
             total = np.zeros((_TRACKS, bins), np.int64)
             for number, low, high in bus.table.slices(first, min(last, bus.count)):
                 columns = bus.table.piece(number)
-                slots = ((columns["t_end"][low:high] - t_start) // width).astype(np.int64)
+                slots = ((columns["t_end_ns"][low:high] - t_start) // width).astype(np.int64)
                 inside = (slots >= 0) & (slots < bins)
                 lengths, kinds, checks, exceptions = (
                     columns[name][low:high][inside] for name in ("length", "kind", "check", "exception")
@@ -77,7 +77,7 @@ class Activity:
 def binned(bus: Bus, rows: NDArray[np.int64], t_start: int, t_end: int, bins: int) -> Bins:
     """Some rows alone over a span, in this many bins, where they end."""
     width = max(t_end - t_start, 1) / bins
-    ends = bus.table.take("t_end", rows)
+    ends = bus.table.take("t_end_ns", rows)
     slots = ((ends - t_start) // width).astype(np.int64)
     inside = (slots >= 0) & (slots < bins)
     lengths, kinds, checks, exceptions = (
@@ -111,10 +111,10 @@ class UnitActivity:
 
     def feed(self, rows: Rows) -> None:
         """Count rows in."""
-        frames = rows["kind"] != Kind.NOISE
-        self.octets += np.bincount(rows["unit"][frames], rows["length"][frames], _UNITS).astype(np.int64)
-        measured = frames & (rows["response_ns"] >= 0)
-        times, answers, units = (rows[name][measured] for name in ("t_start", "response_ns", "unit"))
+        frames = rows.kind != Kind.NOISE
+        self.octets += np.bincount(rows.unit[frames], rows.length[frames], _UNITS).astype(np.int64)
+        measured = frames & (rows.response_ns >= 0)
+        times, answers, units = (column[measured] for column in (rows.t_start_ns, rows.response_ns, rows.unit))
         if not len(times):
             return
         bins, size = self._bins, _UNITS * UNIT_BINS

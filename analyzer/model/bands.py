@@ -44,7 +44,7 @@ def bands(
         if stop():
             break
         unit, kind, mark, ends = (
-            bus.table.column(number, name)[low:high] for name in ("unit", "kind", "mark", "t_end")
+            bus.table.column(number, name)[low:high] for name in ("unit", "kind", "mark", "t_end_ns")
         )
         slots = ((ends - t_start) // width).astype(np.int64)
         inside = (slots >= 0) & (slots < bins)

@@ -22,8 +22,8 @@ from ..outages import Deaf
 from ..reports.summary import Summary
 from ..tables.batch import Batch
 from ..tables.frame import Frame
-from ..tables.schema import NO_GAP, ROW, Kind, Row, Rows
-from ..tables.transactions import NEVER, OF_ANSWER, TRANSACTION, Status
+from ..tables.schema import NO_GAP, Kind, Row, Rows
+from ..tables.transactions import NEVER, OF_ANSWER, Status, TransactionRows
 from .activity import Activity, Bins, UnitActivity
 from .evidence import RowEvidence, evidence_columns, evidence_of
 from .polls import PollIndex
@@ -36,19 +36,19 @@ if TYPE_CHECKING:
     from ..reports.model import Report
     from ..tables.findings import Finding
 
-_COPIED = ("start", "length", "t_start", "t_end", "response_ns", "confidence", "kind", "unit", "function",
-           "exception", "check", "port", "protocol", "gap_before", "gap_most", "errors")  # fmt: skip
+_COPIED = ("start", "length", "t_start_ns", "t_end_ns", "response_ns", "confidence", "kind", "unit", "function",
+           "exception", "check", "port", "protocol", "gap_before_ns", "gap_most_ns", "errors")  # fmt: skip
 
-# What the other columns of ROW are given as, for want of being kept.
+# What the other columns of `Rows` are given as, for want of being kept.
 _LEFT_OUT: Final[dict[str, Any]] = {
-    **dict(zip(ROW.names or (), np.zeros(1, ROW)[0].item(), strict=True)),
+    **dict(zip(Rows.dtypes(), Rows.zeros(1).values(0), strict=True)),
     "request": -1,
     "request_start": -1,
-    "gap_least": NO_GAP,
+    "gap_least_ns": NO_GAP,
 }
 
 
-_STORED_AS: Final = {"index": "frame"}  # the columns of ROW that have another name here
+_STORED_AS: Final = {"index": "frame"}  # the columns of `Rows` that have another name here
 
 
 class Bus:
@@ -131,40 +131,40 @@ class Bus:
     def _append(self, batch: Batch) -> None:
         rows = batch.rows
         n = len(rows)
-        noise = rows["kind"] == Kind.NOISE
-        lengths = rows["length"]
+        noise = rows.kind == Kind.NOISE
+        lengths = rows.length
         ends = np.cumsum(lengths)
-        if (rows["at"] == ends - lengths).all() and int(ends[-1]) == len(batch.data):
+        if (rows.at == ends - lengths).all() and int(ends[-1]) == len(batch.data):
             data = batch.data
         else:
-            spread = np.repeat(rows["at"] - (ends - lengths), lengths) + np.arange(int(ends[-1]))
+            spread = np.repeat(rows.at - (ends - lengths), lengths) + np.arange(int(ends[-1]))
             data = batch.data[spread]
-        columns: dict[str, NDArray[Any]] = {name: rows[name] for name in _COPIED}
+        columns: dict[str, NDArray[Any]] = {name: rows.column(name) for name in _COPIED}
         columns["frame"] = self.frames + np.cumsum(~noise) - ~noise
         columns["at"] = self.store.append(data) + ends - lengths
         columns["partner"] = np.full(n, -1, np.int32)
         columns["state"] = columns["mark"] = np.zeros(n, np.uint8)
         columns.update(evidence_columns(batch))
         if not self.table.count:
-            self.t_first = int(rows["t_start"][0])
-        self.t_first = min(self.t_first, int(rows["t_start"].min()))
-        self.t_last = max(self.t_last, int(rows["t_end"].max()))
+            self.t_first = int(rows.t_start_ns[0])
+        self.t_first = min(self.t_first, int(rows.t_start_ns.min()))
+        self.t_last = max(self.t_last, int(rows.t_end_ns.max()))
         self.noise += int(noise.sum())
         self.frames += n - int(noise.sum())
         self.table.append(columns)
 
     def _join(self, rows: Rows, first: int) -> None:
         """Who answers whom; of several answers the first is the request's partner."""
-        answers = np.flatnonzero(rows["request"] >= 0)
-        requests = self.table.rows_of_frames(rows["request"][answers])
+        answers = np.flatnonzero(rows.request >= 0)
+        requests = self.table.rows_of_frames(rows.request[answers])
         answers, requests = answers[requests >= 0] + first, requests[requests >= 0]
         self.table.put("partner", answers, requests)
         new = self.table.take("partner", requests) < 0
         self.table.put("partner", requests[new][::-1], answers[new][::-1])
 
-    def _settle(self, settled: Rows) -> None:
-        rows = self.table.rows_of_frames(settled["request"])
-        state = settled["status"] + 1 | settled["retry"] * RowState.RETRY | settled["late"] * RowState.LATE
+    def _settle(self, settled: TransactionRows) -> None:
+        rows = self.table.rows_of_frames(settled.request)
+        state = settled.status + 1 | settled.retry * RowState.RETRY | settled.late * RowState.LATE
         self.table.put("state", rows[rows >= 0], state[rows >= 0])
 
     # Looking
@@ -209,46 +209,50 @@ class Bus:
 
     def gap_ns(self, row: int) -> int | None:
         """Silence before a row; None before the first one and where the tap cannot tell."""
-        gap = self.table.value("gap_before", row)
+        gap = self.table.value("gap_before_ns", row)
         return gap if self.timed and row > 0 and gap > NO_GAP else None
 
     def batch(self, rows: NDArray[np.int64]) -> Batch:
         """Rows, ascending, all of one piece, as what the pipeline gives; bytes between them are in its data too."""
         number = int(rows[0]) // PIECE
         columns, slots = self.table.piece(number), rows - number * PIECE
-        out = np.zeros(len(rows), ROW)
+        out = Rows.zeros(len(rows))
         for name in _COPIED:
-            out[name] = columns[name][slots]
+            out.column(name)[:] = columns[name][slots]
         at = columns["at"][slots].astype(np.int64)
-        out["at"], out["gap_least"] = at - at[0], NO_GAP
-        frames = out["kind"] != Kind.NOISE
-        out["index"] = np.where(frames, columns["frame"][slots].astype(np.int64), -1)
-        requests = np.where(out["kind"] == Kind.RESPONSE, columns["partner"][slots], -1).astype(np.int64)
+        out.at[:], out.gap_least_ns[:] = at - at[0], NO_GAP
+        frames = out.kind != Kind.NOISE
+        out.index[:] = np.where(frames, columns["frame"][slots].astype(np.int64), -1)
+        requests = np.where(out.kind == Kind.RESPONSE, columns["partner"][slots], -1).astype(np.int64)
         answers = np.flatnonzero(requests >= 0)
-        out["request"] = out["request_start"] = -1
-        out["request"][answers] = self.table.take("frame", requests[answers])
-        out["request_start"][answers] = self.table.take("start", requests[answers])
+        out.request[:] = out.request_start[:] = -1
+        out.request[answers] = self.table.take("frame", requests[answers])
+        out.request_start[answers] = self.table.take("start", requests[answers])
         away = np.unique(requests[answers][~np.isin(requests[answers], rows)]).tolist()
         earlier = {self.table.value("frame", row): self.captured(row) for row in away}
-        data = self.store.get(int(at[0]), int(at[-1]) + int(out["length"][-1]) - int(at[0]))
+        data = self.store.get(int(at[0]), int(at[-1]) + int(out.length[-1]) - int(at[0]))
         return Batch(out, data, earlier, findings=self.found.on(rows))
 
-    def transactions(self, requests: NDArray[np.int64]) -> Rows:
+    def transactions(self, requests: NDArray[np.int64]) -> TransactionRows:
         """What became of the requests among these rows, as the pipeline gives it; open ones are left out."""
         read = self.table.take
         requests = requests[read("state", requests) > 0]
         state = read("state", requests)
-        out = np.zeros(len(requests), TRANSACTION)
-        out["status"] = (state & RowState.STATUS) - 1
-        out["retry"], out["late"] = state & RowState.RETRY, state & RowState.LATE
-        for name in ("start", "length", "t_start", "unit", "function", "port", "protocol"):
-            out[name] = read(name, requests)
-        out["request"], out["t_request"], out["t_next"] = read("frame", requests), read("t_end", requests), NEVER
-        has_answer = np.isin(out["status"], (Status.ANSWERED, Status.EXCEPTION, Status.DAMAGED))
+        out = TransactionRows.zeros(len(requests))
+        out.status[:] = (state & RowState.STATUS) - 1
+        out.retry[:], out.late[:] = state & RowState.RETRY, state & RowState.LATE
+        for name in ("start", "length", "t_start_ns", "unit", "function", "port", "protocol"):
+            out.column(name)[:] = read(name, requests)
+        out.request[:], out.t_request_ns[:], out.t_next_ns[:] = (
+            read("frame", requests),
+            read("t_end_ns", requests),
+            NEVER,
+        )
+        has_answer = np.isin(out.status, (Status.ANSWERED, Status.EXCEPTION, Status.DAMAGED))
         answers = read("partner", requests[has_answer])
         for name, column in OF_ANSWER.items():
-            out[name] = -1 if TRANSACTION[name].kind == "i" else 0
-            out[name][has_answer] = read(_STORED_AS.get(column, column), answers)
+            out.column(name)[:] = -1 if TransactionRows.dtypes()[name].kind == "i" else 0
+            out.column(name)[has_answer] = read(_STORED_AS.get(column, column), answers)
         return out
 
     def batches(self, first: int, last: int, size: int = 1 << 14) -> Iterator[tuple[int, Batch]]:

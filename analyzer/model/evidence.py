@@ -44,14 +44,14 @@ def evidence_columns(batch: Batch) -> dict[str, NDArray[Any]]:
                 "rival_kind": np.zeros(n, np.uint8)}  # fmt: skip
     columns: dict[str, NDArray[Any]] = {}
     for name in _WEIGHTS:
-        eighths = np.nan_to_num(why[name].astype(np.float64) * _STEPS, posinf=_MOST, neginf=-_MOST)
+        eighths = np.nan_to_num(why.column(name).astype(np.float64) * _STEPS, posinf=_MOST, neginf=-_MOST)
         columns[f"why_{name}"] = np.clip(np.round(eighths), -_MOST, _MOST).astype(np.int16)
-    framed = (why["rival_start"] >= 0) & (why["rival_kind"] != Kind.NOISE)
-    ahead = np.where(framed, why["rival_start"] - batch.rows["start"], 0)
+    framed = (why.rival_start >= 0) & (why.rival_kind != Kind.NOISE)
+    ahead = np.where(framed, why.rival_start - batch.rows.start, 0)
     near = framed & (np.abs(ahead) <= _MOST)
     columns["rival_start"] = np.where(near, ahead, 0).astype(np.int16)
-    columns["rival_length"] = np.where(near, np.clip(why["rival_length"], 0, (1 << 16) - 1), 0).astype(np.uint16)
-    columns["rival_kind"] = np.where(near, why["rival_kind"], Kind.NOISE).astype(np.uint8)
+    columns["rival_length"] = np.where(near, np.clip(why.rival_length, 0, (1 << 16) - 1), 0).astype(np.uint16)
+    columns["rival_kind"] = np.where(near, why.rival_kind, Kind.NOISE).astype(np.uint8)
     return columns
 
 

@@ -51,7 +51,7 @@ def place(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
         ns = round(float(match[2]) * _UNITS[match[3]])
         if not match[1]:
             return bus.table.row_at_time(bus.t_first + ns)
-        return bus.table.row_at_time(bus.table.value("t_start", row) + (ns if match[1] == "+" else -ns))
+        return bus.table.row_at_time(bus.table.value("t_start_ns", row) + (ns if match[1] == "+" else -ns))
     if match := _DAY.fullmatch(text):
         return bus.table.row_at_time(_on_the_day(match, bus, text, zone))
     raise GotoError(f"{text[:40]!r} is no place: {FORMS}")

@@ -76,7 +76,7 @@ class RegisterLog:
         before[slots[older]] = values[older]
         self._before[fresh] = before[fresh]
         self._value[fresh] = values[last]
-        self._t[fresh] = batch.rows["t_end"][rows[last]]
+        self._t[fresh] = batch.rows.t_end_ns[rows[last]]
         self._row[fresh] = numbers[rows[last]]
 
     def all(self) -> list[WatchedRegister]:
@@ -145,7 +145,7 @@ class RegisterSeries:
         table = np.take_along_axis(table, np.maximum.accumulate(newest), axis=0)
         self._last = table[-1]
         complete = (table[1:] >= 0).all(axis=1)
-        self._t.append(batch.rows["t_end"][answers[complete]])
+        self._t.append(batch.rows.t_end_ns[answers[complete]])
         self._rows.append(rows[answers[complete]])
         self._values.append(table[1:][complete].astype(np.uint16))
 
@@ -163,6 +163,6 @@ class RegisterSeries:
 def _readings(batch: Batch) -> tuple[_Ints, _Ints, _Ints]:
     """Values that stand for what a register is: key (unit, area, address), value, and row of the answer."""
     confirmed = confirmed_values(batch, decode(batch))
-    base = batch.rows["unit"][confirmed.rows].astype(np.int64) << 18 | (confirmed.area.astype(np.int64) - 1) << 16
+    base = batch.rows.unit[confirmed.rows].astype(np.int64) << 18 | (confirmed.area.astype(np.int64) - 1) << 16
     rows, address, values = confirmed.spread()
     return np.repeat(base, confirmed.counts) | address, values.astype(np.int64), rows

@@ -96,7 +96,7 @@ class ScopedFigures:
 
     def _add(self, bus: Bus, part: NDArray[np.int64]) -> None:
         batch = bus.batch(part)
-        requests = part[batch.rows["kind"] == Kind.REQUEST]
+        requests = part[batch.rows.kind == Kind.REQUEST]
         findings = NOTHING if batch.findings is None else batch.findings
         self._summary.feed(Analysed(batch, bus.transactions(requests), findings))
         self.registers.feed(batch, part)

@@ -143,7 +143,7 @@ def within(t_start: int, t_end: int) -> Test:
     """Rows that touch a span of time."""
 
     def test(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
-        starts, ends = (bus.table.column(number, name)[low:high] for name in ("t_start", "t_end"))
+        starts, ends = (bus.table.column(number, name)[low:high] for name in ("t_start_ns", "t_end_ns"))
         touches: NDArray[np.bool_] = (ends >= t_start) & (starts <= t_end)
         return touches
 

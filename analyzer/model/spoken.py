@@ -44,7 +44,7 @@ def spoken(source: ViewSource, text: str = "", zone: tzinfo = UTC, stop: Callabl
 
 def _transaction(bus: Bus, row: int, zone: tzinfo) -> str:
     frame, answer = bus.frame(row), bus.partner(row)
-    t = bus.table.value("t_start", row)
+    t = bus.table.value("t_start_ns", row)
     when = "" if not bus.timed else date_and_time(t, zone) if is_clock(t) else f"{seconds(t - bus.t_first)} s"
     parts = [f"Frame {frame.index}", *([when] if when else []), f"unit {frame.unit}", frame.summary()]
     if answer is not None and bus.table.value("kind", row) == Kind.REQUEST:

@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables.batch import rows_of_bytes
-from ..tables.findings import FINDING, Finding, Severity, codes, describe, rules
+from ..tables.batch import BytePlaces, rows_of_bytes
+from ..tables.findings import Finding, Findings, Severity, codes, describe, rules
 from ..tables.schema import NO_GAP
 
 PIECE: Final = 1 << 16  # rows
@@ -27,12 +27,12 @@ COLUMNS: Final[dict[str, type[np.generic]]] = {
     "start": np.int64,  # offset in its port's stream
     "at": np.int64,  # where its bytes begin in the byte store
     "length": np.uint32,
-    "t_start": np.int64,
-    "t_end": np.int64,
+    "t_start_ns": np.int64,
+    "t_end_ns": np.int64,
     "partner": np.int32,  # row of the request that it answers, or of the answer to it; -1 for none
     "response_ns": np.int64,
-    "gap_before": np.int64,
-    "gap_most": np.int64,
+    "gap_before_ns": np.int64,
+    "gap_most_ns": np.int64,
     "errors": np.uint16,
     "confidence": np.float32,
     "kind": np.uint8,
@@ -44,7 +44,7 @@ COLUMNS: Final[dict[str, type[np.generic]]] = {
     "protocol": np.uint8,
     "state": np.uint8,  # what became of a request: see `State`
     "mark": np.uint8,  # the gravest finding's severity, 0 for none
-    "why_length": np.int16,  # evidence of the row's boundaries in eighths of a bit: `tables.schema.EVIDENCE`
+    "why_length": np.int16,  # evidence of the row's boundaries in eighths of a bit: `tables.schema.BoundaryEvidence`
     "why_crc": np.int16,
     "why_silence": np.int16,
     "why_conversation": np.int16,
@@ -54,7 +54,7 @@ COLUMNS: Final[dict[str, type[np.generic]]] = {
     "rival_kind": np.uint8,
 }
 NO_EVIDENCE: Final = np.iinfo(np.int16).min
-_SHORT: Final = frozenset({"response_ns", "gap_before", "gap_most"})  # times that nearly always are
+_SHORT: Final = frozenset({"response_ns", "gap_before_ns", "gap_most_ns"})  # times that nearly always are
 _NEAR: Final = frozenset({"start", "at"})  # numbers that are near each other in a piece
 
 
@@ -187,8 +187,8 @@ class RowTable:
         for number in reversed(self.pieces()):
             if not len(open_ones):
                 break
-            columns = {name: self.column(number, name) for name in ("port", "start", "length")}
-            slots = rows_of_bytes(columns, ports[open_ones], starts[open_ones])
+            places = BytePlaces(*(self.column(number, name) for name in BytePlaces._fields))
+            slots = rows_of_bytes(places, ports[open_ones], starts[open_ones])
             rows[open_ones[slots >= 0]] = number * PIECE + slots[slots >= 0]
             open_ones = open_ones[slots < 0]
         return rows
@@ -198,14 +198,14 @@ class RowTable:
         low, high = 0, len(self.pieces())
         while low < high:
             middle = (low + high) // 2
-            if int(self._pieces[middle]["t_start"][0]) <= t_ns:
+            if int(self._pieces[middle]["t_start_ns"][0]) <= t_ns:
                 low = middle + 1
             else:
                 high = middle
         number = max(low - 1, 0)
         if not self.count:
             return 0
-        slot = int(np.searchsorted(self.column(number, "t_start"), t_ns, side="right")) - 1
+        slot = int(np.searchsorted(self.column(number, "t_start_ns"), t_ns, side="right")) - 1
         return number * PIECE + max(slot, 0)
 
     @property
@@ -222,7 +222,7 @@ def _empty_piece() -> dict[str, Column | ShortTimes]:
         elif name in _NEAR:
             columns[name] = NearNumbers(PIECE)
         else:
-            columns[name] = EndTimes(columns["t_start"]) if name == "t_end" else np.empty(PIECE, kind)
+            columns[name] = EndTimes(columns["t_start_ns"]) if name == "t_end_ns" else np.empty(PIECE, kind)
     return columns
 
 
@@ -343,26 +343,26 @@ class FindingLog:
     """All findings; `rows` says where each stands, -1 for the bus as a whole."""
 
     def __init__(self) -> None:
-        self._findings = np.zeros(_ROOM, FINDING)
+        self._findings = Findings.zeros(_ROOM)
         self._rows = np.zeros(_ROOM, np.int32)
         self.count = 0
         self.by_code: Counter[str] = Counter()
         self.by_severity: Counter[Severity] = Counter()
         self._severity = np.array([rule.severity for rule in rules()], np.uint8)
 
-    def add(self, findings: NDArray[np.void], table: RowTable) -> None:
+    def add(self, findings: Findings, table: RowTable) -> None:
         """Take in some more, and mark their rows."""
         n = len(findings)
         if not n:
             return
         if self.count + n > len(self._findings):
             room = max(len(self._findings) * 5 // 4, self.count + n)
-            self._findings = np.concatenate((self._findings, np.zeros(room - len(self._findings), FINDING)))
+            self._findings = Findings.joined((self._findings, Findings.zeros(room - len(self._findings))))
             self._rows = np.concatenate((self._rows, np.zeros(room - len(self._rows), np.int32)))
-        rows = table.rows_of_bytes(findings["port"], findings["start"])
-        self._findings[self.count : self.count + n] = findings
+        rows = table.rows_of_bytes(findings.port, findings.start)
+        self._findings.put(slice(self.count, self.count + n), findings)
         self._rows[self.count : self.count + n] = rows
-        grave = self._severity[findings["rule"]]
+        grave = self._severity[findings.rule]
         order = np.argsort(grave, kind="stable")  # the gravest is written last
         order = order[rows[order] >= 0]
         marks = np.maximum(table.take("mark", rows[order]), grave[order])
@@ -370,7 +370,7 @@ class FindingLog:
         for level in Severity:
             self.by_severity[level] += int((grave == level).sum())
         names = codes()
-        for rule, count in zip(*np.unique(findings["rule"], return_counts=True), strict=True):
+        for rule, count in zip(*np.unique(findings.rule, return_counts=True), strict=True):
             self.by_code[names[rule]] += int(count)
         self.count += n
 
@@ -384,12 +384,12 @@ class FindingLog:
 
     def rules_of(self, numbers: NDArray[np.int64]) -> NDArray[np.int16]:
         """The rule of some findings."""
-        rules: NDArray[np.int16] = self._findings["rule"][numbers]
+        rules: NDArray[np.int16] = self._findings.rule[numbers]
         return rules
 
     def finding(self, i: int) -> Finding:
         """Finding `i` in words."""
-        return describe(self._findings[i])
+        return describe(self._findings, i)
 
     def of_row(self, row: int) -> tuple[Finding, ...]:
         """What stands on a row, the gravest first."""
@@ -407,16 +407,16 @@ class FindingLog:
         """When the rows of a unit began that findings stand on, ascending, ns."""
         rows = np.unique(self._rows[: self.count]).astype(np.int64)
         rows = rows[rows >= 0]
-        return np.sort(table.take("t_start", rows[table.take("unit", rows) == unit]))
+        return np.sort(table.take("t_start_ns", rows[table.take("unit", rows) == unit]))
 
     def rules(self, first: int, last: int) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
         """Rows from `first` to `last` (excluded) that findings stand on, ascending, and the rule of each."""
         rows = self._rows[: self.count]
         numbers = np.flatnonzero((rows >= first) & (rows < last))
         numbers = numbers[np.argsort(rows[numbers], kind="stable")]
-        return rows[numbers].astype(np.int64), self._findings["rule"][numbers]
+        return rows[numbers].astype(np.int64), self._findings.rule[numbers]
 
-    def on(self, wanted: NDArray[np.int64]) -> NDArray[np.void]:
+    def on(self, wanted: NDArray[np.int64]) -> Findings:
         """Those on the wanted rows (ascending, at least one), in the order of their rows."""
         rows = self._rows[: self.count]
         numbers = np.flatnonzero((rows >= wanted[0]) & (rows <= wanted[-1]))
@@ -426,9 +426,9 @@ class FindingLog:
     def chosen(self, code: str | None, least: Severity) -> NDArray[np.int64]:
         """Numbers of the findings of a code (None: any) and of at least that severity, in the order of their rows."""
         findings = self._findings[: self.count]
-        good = self._severity[findings["rule"]] >= least
+        good = self._severity[findings.rule] >= least
         if code is not None:
-            good &= findings["rule"] == codes().index(code)
+            good &= findings.rule == codes().index(code)
         numbers = np.flatnonzero(good)
         return numbers[np.argsort(self._rows[numbers], kind="stable")]
 

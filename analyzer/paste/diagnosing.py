@@ -13,8 +13,8 @@ from dissectors.length_rules import Role
 from ..diagnosis.running import Diagnosis
 from ..options import Options
 from ..tables.batch import Batch
-from ..tables.findings import Finding, describe
-from ..tables.schema import NO_GAP, ROW, Kind, Protocol, Rows
+from ..tables.findings import Finding, Findings, described
+from ..tables.schema import NO_GAP, Kind, Protocol, Rows
 from ..tables.transactions import Transactions
 from .model import PastedFrame
 
@@ -28,12 +28,12 @@ def findings(frames: Sequence[PastedFrame]) -> list[tuple[Finding, ...]]:
     sent = [_as_captured(frame) for frame in chosen]
     batch = Batch(_rows(chosen, sent), np.frombuffer(b"".join(sent), np.uint8))
     transactions, diagnosis = Transactions(), Diagnosis(LineSettings(), Options())
-    reported = list(diagnosis.feed(batch, transactions.feed(batch)))
-    reported += list(diagnosis.close(transactions.close()))
+    reported = diagnosis.feed(batch, transactions.feed(batch))
+    reported = Findings.joined((reported, diagnosis.close(transactions.close())))
     by_frame: list[list[Finding]] = [[] for _ in frames]
-    for row in reported[:_MOST_FINDINGS]:
-        if row["index"] >= 0:
-            by_frame[examined[int(row["index"])]].append(describe(row))
+    for finding in described(reported[:_MOST_FINDINGS]):
+        if finding.index is not None:
+            by_frame[examined[finding.index]].append(finding)
     return [tuple(each) for each in by_frame]
 
 
@@ -43,22 +43,22 @@ def _as_captured(frame: PastedFrame) -> bytes:
 
 
 def _rows(frames: Sequence[PastedFrame], sent: Sequence[bytes]) -> Rows:
-    rows = np.zeros(len(frames), ROW)
+    rows = Rows.zeros(len(frames))
     lengths = np.array([len(data) for data in sent])
-    rows["index"] = np.arange(len(frames))
-    rows["length"], rows["start"] = lengths, np.cumsum(lengths) - lengths
-    rows["at"] = rows["start"]
-    rows["request"] = rows["request_start"] = rows["response_ns"] = -1
-    rows["gap_before"] = rows["gap_most"] = rows["gap_least"] = NO_GAP
-    rows["reads"] = 1
+    rows.index[:] = np.arange(len(frames))
+    rows.length[:], rows.start[:] = lengths, np.cumsum(lengths) - lengths
+    rows.at[:] = rows.start
+    rows.request[:] = rows.request_start[:] = rows.response_ns[:] = -1
+    rows.gap_before_ns[:] = rows.gap_most_ns[:] = rows.gap_least_ns[:] = NO_GAP
+    rows.reads[:] = 1
     at = {frame.start: i for i, frame in enumerate(frames)}
-    for row, frame in zip(rows, frames, strict=True):
-        row["kind"] = Kind.REQUEST if frame.role is Role.REQUEST else Kind.RESPONSE
-        row["protocol"] = Protocol[frame.adu.protocol.upper()]
-        row["unit"] = frame.adu.unit or 0
-        row["function"] = frame.function or 0
-        row["exception"] = frame.exception or 0
-        row["check"] = frame.check_ok is not False or row["protocol"] == Protocol.TCP  # which has none to be wrong
+    for row, frame in enumerate(frames):
+        rows.kind[row] = Kind.REQUEST if frame.role is Role.REQUEST else Kind.RESPONSE
+        rows.protocol[row] = Protocol[frame.adu.protocol.upper()]
+        rows.unit[row] = frame.adu.unit or 0
+        rows.function[row] = frame.function or 0
+        rows.exception[row] = frame.exception or 0
+        rows.check[row] = frame.check_ok is not False or frame.adu.protocol == "tcp"  # which has none to be wrong
         if frame.request_start in at:
-            row["request"] = at[frame.request_start]
+            rows.request[row] = at[frame.request_start]
     return rows

@@ -28,8 +28,8 @@ def _pieces(batch: Batch, pdus: dict[int, bytes], timed: bool) -> list[Piece]:
     """Rows as pieces; `pdus` collects those of the requests, by index."""
     pieces: list[Piece] = []
     for row in range(len(batch)):
-        if batch.rows["kind"][row] == Kind.NOISE:
-            pieces.append(PastedNoise(int(batch.rows["start"][row]), batch.bytes_of(row)))
+        if batch.rows.kind[row] == Kind.NOISE:
+            pieces.append(PastedNoise(int(batch.rows.start[row]), batch.bytes_of(row)))
             continue
         frame = batch.frame(row)
         adu = frame.adu

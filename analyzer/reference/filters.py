@@ -85,7 +85,7 @@ bus = analyzer.open("bus.jsonl")
 slow = compile_filter("response_time > 50ms", bus.line)
 for found in bus.analysed():
     passed = slow.mask(BatchTable(found.batch, bus.line, transactions=found.transactions))
-    print(found.batch.rows["index"][passed])
+    print(found.batch.rows.index[passed])
 ```
 """
 

@@ -13,7 +13,7 @@ from typing import Final
 from dissectors.fields import Field
 
 from ..diagnosis.clauses import titled
-from ..tables.findings import Finding, Rule, codes, describe, rules
+from ..tables.findings import Finding, Rule, codes, described, rules
 
 _HEAD: Final = """\
 # Findings
@@ -88,13 +88,13 @@ def example_of(code: str) -> ReferenceExample:
         made = simulate(Scenario("clean", tap, transactions=exchanges, seed=_SEED, baud=19200, defect=code))
         capture = Capture.of(made.line, made.chunks, timed=tap != "untimed")
         for analysed in analyse(capture):
-            for found in analysed.findings[analysed.findings["rule"] == number][:1]:
-                finding, batch = describe(found), analysed.batch
+            for finding in described(analysed.findings[analysed.findings.rule == number][:1]):
+                batch = analysed.batch
                 if finding.start < 0:
                     return ReferenceExample(finding, ())
                 rows = batch.rows
-                row = int(rows["start"].searchsorted(finding.start, side="right")) - 1
-                if rows["index"][row] < 0:
+                row = int(rows.start.searchsorted(finding.start, side="right")) - 1
+                if rows.index[row] < 0:
                     data = batch.bytes_of(row)
                     return ReferenceExample(finding, (f"{_hex(data)}  bytes in no frame",))
                 frame = batch.frame(row)

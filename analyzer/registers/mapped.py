@@ -46,7 +46,7 @@ def mapped_columns(
 ) -> Iterator[MappedColumn]:
     """Every mapped value that the answers of a batch hold, or those that are `wanted`, by unit and block."""
     confirmed = confirmed_values(batch, decoded)
-    units = batch.rows["unit"][confirmed.rows].astype(np.int64)
+    units = batch.rows.unit[confirmed.rows].astype(np.int64)
     keys = (units << 3 | confirmed.area) << _ADDRESS_BITS | confirmed.address
     keys = keys << _COUNT_BITS | confirmed.counts
     order = np.argsort(keys, kind="stable")

@@ -136,15 +136,15 @@ class RegisterReadings:
 
     def feed(self, batch: Batch) -> None:
         """Take in what the answers of a batch say."""
-        self.frames += int(np.count_nonzero(batch.rows["index"] >= 0))
+        self.frames += int(np.count_nonzero(batch.rows.index >= 0))
         values = confirmed_values(batch, decode(batch))
         if not len(values.rows):
             return
-        written = np.isin(batch.rows["function"][values.rows], _WRITES)
+        written = np.isin(batch.rows.function[values.rows], _WRITES)
         keys = written.astype(np.int64) << _AREA_BITS | values.area
-        keys = keys << _UNIT_BITS | batch.rows["unit"][values.rows]
+        keys = keys << _UNIT_BITS | batch.rows.unit[values.rows]
         keys = (keys << _ADDRESS_BITS | values.address) << _COUNT_BITS | values.counts
-        self._waiting.append((keys, values.begins, batch.rows["t_end"][values.rows], values.values))
+        self._waiting.append((keys, values.begins, batch.rows.t_end_ns[values.rows], values.values))
         self._count += len(values.values)
         if self._count >= _WAITING:
             self._sort()

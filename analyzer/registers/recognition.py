@@ -66,9 +66,9 @@ class UnitTexts:
     def feed(self, batch: Batch) -> None:
         """Take in a batch."""
         rows = batch.rows
-        answers = np.isin(rows["function"], list(_TELLING)) & (rows["kind"] == Kind.RESPONSE)
-        for row in np.flatnonzero(answers & rows["check"] & (rows["exception"] == 0)).tolist():
-            key = (int(rows["unit"][row]), _TELLING[int(rows["function"][row])])
+        answers = np.isin(rows.function, list(_TELLING)) & (rows.kind == Kind.RESPONSE)
+        for row in np.flatnonzero(answers & rows.check & (rows.exception == 0)).tolist():
+            key = (int(rows.unit[row]), _TELLING[int(rows.function[row])])
             if len(self.texts) < 1024 or key in self.texts:
                 before = self.texts.get(key, b"")
                 new = batch.bytes_of(row)

@@ -122,7 +122,7 @@ class _Running:
             self.least = min(self.least, float(values.min()))
             self.greatest = max(self.greatest, float(values.max()))
         self.outside += int(np.count_nonzero(limits_broken(column)))
-        times = batch.rows["t_end"][column.answers]
+        times = batch.rows.t_end_ns[column.answers]
         newest_at = int(np.argmax(times))
         if int(times[newest_at]) >= self.newest:
             self.newest = int(times[newest_at])

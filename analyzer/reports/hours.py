@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from ..tables.findings import Severity, describe
+from ..tables.findings import Severity, described
 from ..tables.transactions import Status
 from ..words import is_clock, moment
 from .model import Counts, HourRow
@@ -44,24 +44,23 @@ class HourTable:
         """The next batch with what was said of it."""
         rows, settled = analysed.batch.rows, analysed.transactions
         if len(rows):
-            times = rows["t_end"]
+            times = rows.t_end_ns
             if self._begin is None:
-                self._begin = int(rows["t_start"][0])
+                self._begin = int(rows.t_start_ns[0])
             self._end = max(self._end, int(times.max()))
             hours, where = np.unique(times // _HOUR_NS, return_inverse=True)
-            octets = np.bincount(where, rows["length"])
+            octets = np.bincount(where, rows.length)
             for hour, count in zip(hours[:_MOST].tolist(), octets.tolist(), strict=False):
                 self._bytes[hour] += int(count)
-        hours_of = settled["t_start"] // _HOUR_NS
+        hours_of = settled.t_start_ns // _HOUR_NS
         for hour in np.unique(hours_of).tolist() if len(self._counts) < _MOST else ():
             mine, counts = settled[hours_of == hour], self._counts[hour]
             counts["requests"] += len(mine)
-            counts["retries"] += int(mine["retry"].sum())
-            counts["late"] += int(mine["late"].sum())
+            counts["retries"] += int(mine.retry.sum())
+            counts["late"] += int(mine.late.sum())
             for status, name in _BY_STATUS.items():
-                counts[name] += int(np.count_nonzero(mine["status"] == status))
-        for row in analysed.findings:
-            finding = describe(row)
+                counts[name] += int(np.count_nonzero(mine.status == status))
+        for finding in described(analysed.findings):
             if finding.severity is not Severity.NOTE and finding.start >= 0:
                 self._findings[finding.t_ns // _HOUR_NS][finding.code] += 1
 

@@ -17,11 +17,11 @@ from dissectors.foreign import NAMES
 from dissectors.functions import exception_name, function_name
 
 from ..core import observed
-from ..diagnosis.tap_clock import COLUMNS, TapClock
+from ..diagnosis.tap_clock import TapClock
 from ..options import Options
 from ..outages import deaf_times, notes_of
 from ..tables.schema import Kind, Rows
-from ..tables.transactions import Status
+from ..tables.transactions import Status, TransactionRows
 from ..usernotes import Notes, marked_rows
 from .model import BookmarkRow, Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
 from .percentiles import Histogram
@@ -97,8 +97,7 @@ class Summary:
 
     def _learn(self, rows: Rows) -> None:
         if self._clock is not None:
-            frames = rows[rows["kind"] != Kind.NOISE]
-            self._clock.feed([frames[name] for name in COLUMNS])
+            self._clock.feed(rows)
 
     def feed(self, analysed: Analysed) -> None:
         """Count a batch in, with what was said of it."""
@@ -110,23 +109,23 @@ class Summary:
         self._troubles.add(analysed.findings, rows, analysed.transactions)
         if not len(rows):
             return
-        noise = rows["kind"] == Kind.NOISE
-        lengths = rows["length"]
+        noise = rows.kind == Kind.NOISE
+        lengths = rows.length
         self._bytes += int(lengths.sum())
-        garbage = noise & (rows["foreign"] == 0)
+        garbage = noise & (rows.foreign == 0)
         self._noise_bytes += int(lengths[garbage].sum())
         self._noise_stretches += self._stretches(rows, garbage)
-        self._foreign += np.bincount(rows["foreign"], lengths, len(self._foreign)).astype(np.int64)
+        self._foreign += np.bincount(rows.foreign, lengths, len(self._foreign)).astype(np.int64)
         frames = rows[~noise]
         self._frames += len(frames)
-        self._requests += int((frames["kind"] == Kind.REQUEST).sum())
-        self._damaged += int((~frames["check"]).sum())
-        self._doubtful += int((frames["confidence"] < _DOUBTFUL).sum())
+        self._requests += int((frames.kind == Kind.REQUEST).sum())
+        self._damaged += int((~frames.check).sum())
+        self._doubtful += int((frames.confidence < _DOUBTFUL).sum())
         self._count_exceptions(frames)
-        start, end = int(rows["t_start"].min()), int(rows["t_end"].max())
+        start, end = int(rows.t_start_ns.min()), int(rows.t_end_ns.max())
         self._first = start if self._first is None else min(start, self._first)
         self._last = end if self._last is None else max(end, self._last)
-        self._busy.add(rows["t_end"], lengths)
+        self._busy.add(rows.t_end_ns, lengths)
 
     def report(self, capture: Capture, *, source: str = "", partial: bool = False) -> Report:
         """What it comes to."""
@@ -174,36 +173,36 @@ class Summary:
 
     def _stretches(self, rows: Rows, noise: NDArray[np.bool_]) -> int:
         """How many stretches of noise begin here; one that goes on from the row before is not a new one."""
-        begins = rows["start"]
-        ends = np.append(self._noise_end[1], begins + rows["length"])
-        ports = np.append(self._noise_end[0], rows["port"].astype(np.int64))
+        begins = rows.start
+        ends = np.append(self._noise_end[1], begins + rows.length)
+        ports = np.append(self._noise_end[0], rows.port.astype(np.int64))
         follows = np.append(self._noise_end[1] >= 0, noise)[:-1] & (ends[:-1] == begins) & (ports[:-1] == ports[1:])
         self._noise_end = (int(ports[-1]), int(ends[-1]) if noise[-1] else -1)
         return int((noise & ~follows).sum())
 
     def _count_exceptions(self, frames: Rows) -> None:
-        raised = frames[(frames["exception"] > 0) & frames["check"]]
+        raised = frames[(frames.exception > 0) & frames.check]
         if not len(raised):
             return
-        kinds, counts = np.unique(raised[["unit", "function", "exception"]], return_counts=True)
-        for (unit, function, code), count in zip(kinds.tolist(), counts.tolist(), strict=True):
-            self._exceptions[unit, function, code] += count
+        self._exceptions.update(
+            zip(raised.unit.tolist(), raised.function.tolist(), raised.exception.tolist(), strict=True)
+        )
 
-    def _settle(self, settled: Rows) -> None:
+    def _settle(self, settled: TransactionRows) -> None:
         if not len(settled):
             return
-        cell = (settled["unit"], settled["function"])
+        cell = (settled.unit, settled.function)
         np.add.at(self._counts["requests"], cell, 1)
-        np.add.at(self._counts["retries"], cell, settled["retry"])
-        np.add.at(self._counts["late"], cell, settled["late"])
+        np.add.at(self._counts["retries"], cell, settled.retry)
+        np.add.at(self._counts["late"], cell, settled.late)
         for status, name in BY_STATUS.items():
-            np.add.at(self._counts[name], cell, settled["status"] == status)
-        measured = settled[settled["response_ns"] >= 0]
+            np.add.at(self._counts[name], cell, settled.status == status)
+        measured = settled[settled.response_ns >= 0]
         if len(measured):
-            self._all.add(measured["response_ns"])
-            for column, histograms in (("unit", self._by_unit), ("function", self._by_function)):
-                for value in np.unique(measured[column]).tolist():
-                    times = measured["response_ns"][measured[column] == value]
+            self._all.add(measured.response_ns)
+            for column, histograms in ((measured.unit, self._by_unit), (measured.function, self._by_function)):
+                for value in np.unique(column).tolist():
+                    times = measured.response_ns[column == value]
                     histograms.setdefault(value, Histogram()).add(times)
 
     def _unit(self, unit: int) -> UnitRow:
@@ -310,8 +309,8 @@ def summarize(
 
 def _marks(notes: Notes, rows: Rows) -> Iterator[BookmarkRow]:
     """The rows among these that the user marked."""
-    for row, comment in marked_rows(notes, rows["port"], rows["start"]).items():
+    for row, comment in marked_rows(notes, rows.port, rows.start).items():
         index, port, start, t_ns, unit, function = (
-            int(rows[name][row]) for name in ("index", "port", "start", "t_end", "unit", "function")
+            int(rows.column(name)[row]) for name in ("index", "port", "start", "t_end_ns", "unit", "function")
         )
         yield BookmarkRow(index, port, start, t_ns, unit, function, comment)

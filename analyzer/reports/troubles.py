@@ -16,7 +16,7 @@ from ..causes.thinned import Thinned, densest
 from ..diagnosis.clauses import titled
 from ..tables.findings import Findings, Rule, describe, rules
 from ..tables.schema import Rows
-from ..tables.transactions import NEVER, Status
+from ..tables.transactions import NEVER, Status, TransactionRows
 from .model import FindingGroup, FindingRow
 
 _NOBODY: Final = 256  # instead of a unit: noise, requests to nobody in particular, the bus as a whole
@@ -30,7 +30,7 @@ _SLACK: Final = 1.3  # of the timeout: what a wait is at most
 class _GroupTally:
     """What was found by one rule in one variant about one unit."""
 
-    first: np.void
+    first: Findings  # one
     count: int = 0
     until: int = 0
     certain: float = 0.0
@@ -40,7 +40,7 @@ class _GroupTally:
 class _RuleTally:
     """What was found by one rule."""
 
-    first: np.void
+    first: Findings  # one
     units: NDArray[np.int64]
     groups: dict[tuple[int, float], _GroupTally] = field(default_factory=dict)
     waits: Thinned = field(default_factory=Thinned)  # ns, as far as they are known
@@ -55,23 +55,24 @@ class Troubles:
         self._damaged: dict[int, int] = {}  # the same answers: which rule speaks of them
         self._requests = np.zeros(_NOBODY + 1, np.int64)  # requests, by unit
 
-    def add(self, findings: Findings, rows: Rows, settled: Rows) -> None:
+    def add(self, findings: Findings, rows: Rows, settled: TransactionRows) -> None:
         """Count findings on these rows, and take in transactions."""
         if len(settled):
             self._settle(settled)
         if not len(findings):
             return
         units = _units(findings, rows)
-        for number in np.flatnonzero(np.bincount(findings["rule"])).tolist():
-            own = findings["rule"] == number
+        for number in np.flatnonzero(np.bincount(findings.rule)).tolist():
+            own = findings.rule == number
             self._count(number, findings[own], units[own])
 
-    def _settle(self, settled: Rows) -> None:
-        self._requests += np.bincount(settled["unit"], minlength=_NOBODY + 1)
-        damaged = settled[(settled["status"] == Status.DAMAGED) & (settled["t_next"] != NEVER)]
-        for one in damaged:
-            if one["t_request"] > 0:
-                self._remember(self._waited, int(one["response"]), float(one["t_next"] - one["t_request"]))
+    def _settle(self, settled: TransactionRows) -> None:
+        self._requests += np.bincount(settled.unit, minlength=_NOBODY + 1)
+        damaged = settled[(settled.status == Status.DAMAGED) & (settled.t_next_ns != NEVER)]
+        damaged = damaged[damaged.t_request_ns > 0]
+        waits = (damaged.t_next_ns - damaged.t_request_ns).tolist()
+        for index, waited in zip(damaged.response.tolist(), waits, strict=True):
+            self._remember(self._waited, index, float(waited))
 
     def _remember(self, remembered: dict[int, Any], index: int, value: float) -> None:
         remembered[index] = value
@@ -84,13 +85,13 @@ class Troubles:
     def _count(self, number: int, findings: Findings, units: NDArray[np.intp]) -> None:
         rule, kind = rules()[number], self._kinds.get(number)
         if kind is None:
-            kind = self._kinds[number] = _RuleTally(findings[:1].copy()[0], np.zeros(_NOBODY + 1, np.int64))
+            kind = self._kinds[number] = _RuleTally(findings[:1].copy(), np.zeros(_NOBODY + 1, np.int64))
         kind.units += np.bincount(units, minlength=_NOBODY + 1)
         if rule.wastes in rule.numbers:
-            wasted = findings["numbers"][:, rule.numbers.index(rule.wastes)] * 1e6
+            wasted = findings.numbers[:, rule.numbers.index(rule.wastes)] * 1e6
             kind.waits.add(wasted[~np.isnan(wasted)])
         elif rule.loses:
-            for index in findings["index"][findings["index"] >= 0].tolist():
+            for index in findings.index[findings.index >= 0].tolist():
                 self._remember(self._damaged, index, number)
         variants = _numbers(rule, findings, rule.varies)
         certain = np.nan_to_num(_numbers(rule, findings, "certainty"))
@@ -101,9 +102,9 @@ class Troubles:
                 if group is None:
                     if len(kind.groups) >= _GROUPS:
                         continue
-                    group = kind.groups[unit, variant] = _GroupTally(findings[mine[:1]].copy()[0])
+                    group = kind.groups[unit, variant] = _GroupTally(findings[mine[:1]])
                 group.count += len(mine)
-                group.until = max(group.until, int(findings["t"][mine].max()))
+                group.until = max(group.until, int(findings.t_ns[mine].max()))
                 group.certain += float(certain[mine].sum())
 
     def rows(self) -> tuple[FindingRow, ...]:
@@ -119,8 +120,8 @@ class Troubles:
         count = int(kind.units.sum())
         order = np.argsort(-kind.units[:_NOBODY], kind="stable")[:_UNITS]
         groups = sorted(kind.groups.items(), key=lambda item: -item[1].count)
-        example = describe((groups[0][1] if groups else kind).first)
-        first = describe(kind.first)
+        example = describe((groups[0][1] if groups else kind).first, 0)
+        first = describe(kind.first, 0)
         return FindingRow(
             code=rule.code,
             severity=rule.severity.name.lower(),
@@ -141,7 +142,7 @@ class Troubles:
         )
 
     def _group(self, rule: Rule, unit: int, group: _GroupTally) -> FindingGroup:
-        finding = describe(group.first)
+        finding = describe(group.first, 0)
         has_unit = unit < _NOBODY
         return FindingGroup(
             unit=unit if has_unit else None,
@@ -170,24 +171,24 @@ def _numbers(rule: Rule, findings: Findings, name: str) -> NDArray[np.float64]:
     """One figure of the evidence of each finding; -1 where the rule has none of that name."""
     if name not in rule.numbers:
         return np.full(len(findings), -1.0)
-    figures: NDArray[np.float64] = np.nan_to_num(findings["numbers"][:, rule.numbers.index(name)], nan=-1.0)
+    figures: NDArray[np.float64] = np.nan_to_num(findings.numbers[:, rule.numbers.index(name)], nan=-1.0)
     return figures
 
 
 def _units(findings: Findings, rows: Rows) -> NDArray[np.intp]:
     """The unit that each finding is about."""
     units = np.full(len(findings), _NOBODY, np.intp)
-    frames = np.flatnonzero(rows["index"] >= 0)
-    first = int(rows["index"][frames[0]]) if len(frames) else 0
-    position = findings["index"] - first
-    identified = (findings["index"] >= 0) & (position >= 0) & (position < len(frames))
-    identified[identified] = rows["check"][
+    frames = np.flatnonzero(rows.index >= 0)
+    first = int(rows.index[frames[0]]) if len(frames) else 0
+    position = findings.index - first
+    identified = (findings.index >= 0) & (position >= 0) & (position < len(frames))
+    identified[identified] = rows.check[
         frames[position[identified]]
     ]  # of a damaged frame the unit may be what is wrong
-    units[identified] = rows["unit"][frames[position[identified]]]
-    for number in np.flatnonzero(np.bincount(findings["rule"])).tolist():
+    units[identified] = rows.unit[frames[position[identified]]]
+    for number in np.flatnonzero(np.bincount(findings.rule)).tolist():
         if "unit" in rules()[number].numbers:
-            selected = (findings["rule"] == number) & ~identified
-            named = findings["numbers"][selected, rules()[number].numbers.index("unit")]
+            selected = (findings.rule == number) & ~identified
+            named = findings.numbers[selected, rules()[number].numbers.index("unit")]
             units[selected] = np.where(np.isnan(named), _NOBODY, np.nan_to_num(named)).astype(np.intp)
     return units

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .findings import Finding, Findings, describe
 from .frame import Frame
-from .schema import ROW, Kind, Row, Rows, join_rows
+from .schema import BoundaryEvidence, Kind, Rows
 
 _NEAR = 16  # rows back: where nearly all requests stand
 
@@ -22,24 +22,30 @@ def rows_of_findings(rows: Rows, findings: Findings) -> NDArray[np.int64]:
 
     -1 for what concerns the bus as a whole, and for findings on other rows than these.
     """
-    return rows_of_bytes(rows, findings["port"], findings["start"])
+    return rows_of_bytes(BytePlaces(rows.port, rows.start, rows.length), findings.port, findings.start)
 
 
-def rows_of_bytes(
-    rows: Rows | Mapping[str, NDArray[Any]], ports: NDArray[np.uint8], starts: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """The row (of the columns `port`, `start`, `length`) that holds each byte of a port's stream; -1 for none."""
+class BytePlaces(NamedTuple):
+    """Of rows, which bytes of their ports' streams each holds: columns."""
+
+    port: NDArray[np.uint8]
+    start: NDArray[np.int64]
+    length: NDArray[np.integer[Any]]
+
+
+def rows_of_bytes(rows: BytePlaces, ports: NDArray[np.uint8], starts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The row that holds each byte of a port's stream; -1 for none."""
     holders = np.full(len(ports), -1, np.int64)
-    for port in np.flatnonzero(np.bincount(ports)).tolist() if len(rows["port"]) else ():
-        own = np.flatnonzero(rows["port"] == port)
+    for port in np.flatnonzero(np.bincount(ports)).tolist() if len(rows.port) else ():
+        own = np.flatnonzero(rows.port == port)
         if not len(own):
             continue
-        order = own[np.argsort(rows["start"][own], kind="stable")]
-        begins = rows["start"][order]
+        order = own[np.argsort(rows.start[own], kind="stable")]
+        begins = rows.start[order]
         meant = np.flatnonzero((ports == port) & (starts >= 0))
         first = starts[meant]
         holder = np.searchsorted(begins, first, side="right") - 1
-        inside = (holder >= 0) & (first < begins[holder] + rows["length"][order[holder]])
+        inside = (holder >= 0) & (first < begins[holder] + rows.length[order[holder]])
         holders[meant[inside]] = order[holder[inside]]
     return holders
 
@@ -52,38 +58,38 @@ class Batch:
     """Rows in wire order, with their bytes.
 
     `earlier` holds the bytes of those requests (by index) that rows here answer and that lie in a batch before.
-    `findings` (FINDING) are what a diagnosis said of these rows; None where there was none.
+    `findings` are what a diagnosis said of these rows; None where there was none.
     """
 
     rows: Rows
     data: NDArray[np.uint8]
     earlier: Mapping[int, bytes] = field(default_factory=dict)
-    evidence: Rows | None = None
+    evidence: BoundaryEvidence | None = None
     findings: Findings | None = None
 
     @classmethod
     def empty(cls) -> Batch:
         """No rows."""
-        return cls(np.zeros(0, ROW), np.zeros(0, np.uint8))
+        return cls(Rows.zeros(0), np.zeros(0, np.uint8))
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def bytes_of(self, row: int) -> bytes:
         """The captured bytes of one row."""
-        at = int(self.rows["at"][row])
-        return self.data[at : at + int(self.rows["length"][row])].tobytes()
+        at = int(self.rows.at[row])
+        return self.data[at : at + int(self.rows.length[row])].tobytes()
 
     def frames(self, told: FrameTeller | None = None) -> Iterator[Frame]:
         """A view of each frame, noise left out; `told` as in `frame`."""
-        return (self.frame(row, told) for row in np.flatnonzero(self.rows["kind"] != Kind.NOISE).tolist())
+        return (self.frame(row, told) for row in np.flatnonzero(self.rows.kind != Kind.NOISE).tolist())
 
     def frame(self, row: int, told: FrameTeller | None = None) -> Frame:
         """A view of one row that is a frame; `told` makes its JSON object, or says None."""
-        values = Row(*self.rows[row].item())
+        values = self.rows.row(row)
         captured = self.data[values.at : values.at + values.length].tobytes()
         request = self.request_of(row, values.request) if values.request >= 0 else None
-        evidence = None if self.evidence is None else self.evidence[row]
+        evidence = None if self.evidence is None else self.evidence[row : row + 1]
         ready = None if told is None else partial(told, self, row)
         return Frame(values, captured, request, evidence, self.findings_of(row), ready)
 
@@ -91,7 +97,7 @@ class Batch:
         """What the diagnosis said of one row, frame or noise."""
         if self.findings is None or not len(self.findings):
             return ()
-        return tuple(describe(self.findings[number]) for number in self._findings_by_row.get(row, ()))
+        return tuple(describe(self.findings, number) for number in self._findings_by_row.get(row, ()))
 
     @cached_property
     def finding_rows(self) -> NDArray[np.int64]:
@@ -114,7 +120,7 @@ class Batch:
         """The bytes of the request with this index, which the frame at `row` answers."""
         if index in self.earlier:
             return self.earlier[index]
-        indices = self.rows["index"]
+        indices = self.rows.index
         for before in range(row - 1, max(row - _NEAR, 0) - 1, -1):
             if indices[before] == index:
                 return self.bytes_of(before)
@@ -126,8 +132,8 @@ def join_batches(batches: Sequence[Batch]) -> Batch:
     """Batches end to end as one, at least one; without evidence and findings."""
     if len(batches) == 1:
         return batches[0]
-    rows = join_rows([batch.rows for batch in batches])
+    rows = Rows.joined([batch.rows for batch in batches])
     sizes = np.cumsum([0, *(len(batch.data) for batch in batches)])
-    rows["at"] += np.repeat(sizes[:-1], [len(batch) for batch in batches])
+    rows.at[:] += np.repeat(sizes[:-1], [len(batch) for batch in batches])
     earlier = {index: adu for batch in batches for index, adu in batch.earlier.items()}
     return Batch(rows, np.concatenate([batch.data for batch in batches]), earlier)

@@ -102,9 +102,9 @@ class _Decoding:
     def decoded(self) -> Decoded:
         """The columns."""
         rows, declared = self.batch.rows, contents()
-        kind = rows["kind"].astype(np.uint16)
-        keys = kind << 8 | rows["function"]
-        keys[(rows["exception"] > 0) & (kind == Kind.RESPONSE)] |= EXCEPTION
+        kind = rows.kind.astype(np.uint16)
+        keys = kind << 8 | rows.function
+        keys[(rows.exception > 0) & (kind == Kind.RESPONSE)] |= EXCEPTION
         for key in np.flatnonzero(np.bincount(keys)).tolist():
             code, role = key & 0xFF, _ROLES[key >> 8]
             content = None if role is None else declared.get((code & ~EXCEPTION, role))

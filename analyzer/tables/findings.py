@@ -1,22 +1,22 @@
 """A finding: what was seen and measured, how grave it is, what probably causes it and what to do.
 
-Findings travel as rows of `FINDING`, a few numbers each, and become words (`Finding`) only where somebody reads them.
+Findings travel as rows of `Findings`, a few numbers each, and become words (`Finding`) only where somebody reads them.
 Observation is not root cause: `text` says what was seen, `cause` what it likely comes from.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from functools import cache
 from math import isfinite
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..registry import Registry
+from .columnar import Columns, Float64s, Int16s, Int64s, UInt8s
 
 if TYPE_CHECKING:
     from ..diagnosis.view import DiagnosisStep
@@ -24,19 +24,22 @@ if TYPE_CHECKING:
 
 
 NUMBERS: Final = 8  # figures of evidence that a finding carries at most
-FINDING: Final = np.dtype(
-    [
-        ("rule", np.int16),  # position of its code in `registry.codes()`
-        ("index", np.int64),  # number of the frame; -1 for noise and for what concerns the bus as a whole
-        ("start", np.int64),  # offset of the bytes meant in their port's stream; -1 for the bus as a whole
-        ("length", np.int64),  # bytes
-        ("port", np.uint8),
-        ("t", np.int64),  # ns, start of those bytes
-        ("numbers", np.float64, (NUMBERS,)),  # evidence, named by the rule; NaN where unknown
-    ]
-)
-Findings = NDArray[np.void]
-NOTHING: Final[Findings] = np.zeros(0, FINDING)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Findings(Columns):
+    """Findings as figures."""
+
+    rule: Int16s  # position of its code in `registry.codes()`
+    index: Int64s  # number of the frame; -1 for noise and for what concerns the bus as a whole
+    start: Int64s  # offset of the bytes meant in their port's stream; -1 for the bus as a whole
+    length: Int64s  # bytes
+    port: UInt8s
+    t_ns: Int64s  # ns, start of those bytes
+    numbers: Annotated[Float64s, NUMBERS]  # evidence, named by the rule; NaN where unknown
+
+
+NOTHING: Final = Findings.zeros(0)
 
 
 class Severity(IntEnum):
@@ -80,17 +83,22 @@ class Finding:
         return line
 
 
+def described(findings: Findings) -> Iterator[Finding]:
+    """Findings in words."""
+    return (describe(findings, row) for row in range(len(findings)))
+
+
 def evidence(rule: Rule, numbers: Iterable[float]) -> dict[str, float]:
-    """The numbers of a row of `FINDING` by the names that its rule gives them, unknown ones left out."""
+    """The numbers of a row of `Findings` by the names that its rule gives them, unknown ones left out."""
     return {name: number for name, number in zip(rule.numbers, numbers, strict=False) if isfinite(number)}
 
 
-def describe(row: np.void) -> Finding:
-    """A row of `FINDING` in words."""
+def describe(findings: Findings, row: int) -> Finding:
+    """A row of `Findings` in words."""
 
-    rule = rules()[row["rule"]]
-    index = int(row["index"])
-    numbers = evidence(rule, row["numbers"].tolist())
+    rule = rules()[findings.rule[row]]
+    index = int(findings.index[row])
+    numbers = evidence(rule, findings.numbers[row].tolist())
     return Finding(
         code=rule.code,
         severity=rule.severity,
@@ -100,10 +108,10 @@ def describe(row: np.void) -> Finding:
         clause=rule.clause,
         numbers=numbers,
         index=None if index < 0 else index,
-        start=int(row["start"]),
-        length=int(row["length"]),
-        port=int(row["port"]),
-        t_ns=int(row["t"]),
+        start=int(findings.start[row]),
+        length=int(findings.length[row]),
+        port=int(findings.port[row]),
+        t_ns=int(findings.t_ns[row]),
     )
 
 
@@ -115,7 +123,7 @@ def describe(row: np.void) -> Finding:
 #
 #     @looks_for(SILENT_UNIT)
 #     def silent_unit(view: View) -> Iterator[Findings]:
-#         yield SILENT_UNIT.on(view.rows[suspicious], view.column("unit")[suspicious])
+#         yield SILENT_UNIT.on(view.rows[suspicious], view.rows.unit[suspicious])
 #
 # A look is called with each `View` in turn. One that remembers is a class without arguments, made anew for each
 # diagnosis and called the same way; it may have `close(view)` for what only the end shows, and `open_from`, the index
@@ -159,30 +167,30 @@ class Rule:
     wastes: str = ""  # which of the numbers is time that was lost, in ms
 
     def on(self, rows: Rows, *numbers: Any) -> Findings:
-        """A finding on each of these rows (ROW); `numbers` are arrays of their length, or one figure for all."""
-        return self.at(rows["index"], rows["start"], rows["length"], rows["port"], rows["t_start"], *numbers)
+        """A finding on each of these rows ; `numbers` are arrays of their length, or one figure for all."""
+        return self.at(rows.index, rows.start, rows.length, rows.port, rows.t_start_ns, *numbers)
 
     def at(self, index: Any, start: Any, length: Any, port: Any, t_ns: Any, *numbers: Any) -> Findings:
-        """The same by the columns of FINDING."""
-        findings = np.zeros(len(start), FINDING)
-        for name, column in (("index", index), ("start", start), ("length", length), ("port", port), ("t", t_ns)):
-            findings[name] = column
+        """The same by the columns of `Findings`."""
+        findings = Findings.zeros(len(start))
+        findings.index[:], findings.start[:], findings.length[:] = index, start, length
+        findings.port[:], findings.t_ns[:] = port, t_ns
         return self._filled(findings, numbers)
 
     def of_bus(self, t_ns: int, *numbers: float) -> Findings:
         """A finding about the bus as a whole."""
-        findings = np.zeros(1, FINDING)
-        findings["index"] = findings["start"] = -1
-        findings["t"] = t_ns
+        findings = Findings.zeros(1)
+        findings.index[:] = findings.start[:] = -1
+        findings.t_ns[:] = t_ns
         return self._filled(findings, numbers)
 
     def _filled(self, findings: Findings, numbers: tuple[Any, ...]) -> Findings:
         if len(numbers) != len(self.numbers) or len(numbers) > NUMBERS:
             raise TypeError(f"{self.code}: {len(numbers)} figures for {len(self.numbers)} names")
-        findings["rule"] = codes().index(self.code)
-        findings["numbers"] = np.nan
+        findings.rule[:] = codes().index(self.code)
+        findings.numbers[:] = np.nan
         for i, figure in enumerate(numbers):
-            findings["numbers"][:, i] = figure
+            findings.numbers[:, i] = figure
         return findings
 
     @staticmethod
@@ -216,7 +224,7 @@ def rules() -> tuple[Rule, ...]:
 
 @cache
 def codes() -> tuple[str, ...]:
-    """The codes of all rules, sorted: `FINDING["rule"]` is a position in it."""
+    """The codes of all rules, sorted: `Findings.rule` is a position in it."""
     return tuple(rule.code for rule in rules())
 
 

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from dissectors.annotation import Context, annotate, summary
 from dissectors.envelopes import Adu, ascii_adu, ascii_frames, rtu, tcp
 from dissectors.fields import Field
@@ -15,7 +13,7 @@ from dissectors.functions import function_name
 from dissectors.length_rules import Role
 
 from .findings import Finding
-from .schema import Kind, Protocol, Row
+from .schema import BoundaryEvidence, Kind, Protocol, Row
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +23,7 @@ class Frame:
     row: Row
     captured: bytes
     request_bytes: bytes | None = None
-    evidence: np.void | None = None
+    evidence: BoundaryEvidence | None = None  # one row
     findings: tuple[Finding, ...] = ()
     told: Callable[[], dict[str, Any] | None] | None = field(default=None, repr=False, compare=False)
     """`to_json` where somebody makes that of many frames at once; None from it: it is not ready."""
@@ -48,11 +46,11 @@ class Frame:
 
     @property
     def t_start_ns(self) -> int:
-        return self.row.t_start
+        return self.row.t_start_ns
 
     @property
     def t_end_ns(self) -> int:
-        return self.row.t_end
+        return self.row.t_end_ns
 
     @property
     def protocol(self) -> str:

@@ -33,9 +33,9 @@ class Pdus:
         self.batch = batch
         self._more: list[bytes] = []
         self._size = len(batch.data)
-        self.begins: _Ints = rows["at"] + 1  # behind the unit
-        self.ends: _Ints = rows["at"] + rows["length"] - _CHECK
-        if (protocol := rows["protocol"]).any():
+        self.begins: _Ints = rows.at + 1  # behind the unit
+        self.ends: _Ints = rows.at + rows.length - _CHECK
+        if (protocol := rows.protocol).any():
             networked = protocol == Protocol.TCP
             self.begins[networked] += MBAP - 1
             self.ends[networked] += _CHECK
@@ -69,11 +69,11 @@ class Pdus:
         """Where the PDU of each row's request begins and ends in the bytes; -1 and -1 for none."""
         rows = self.batch.rows
         begins, ends = np.full(len(rows), -1, np.int64), np.full(len(rows), -1, np.int64)
-        requested = rows["request"].copy()
+        requested = rows.request.copy()
         answers = np.flatnonzero(requested >= 0)
         if not len(answers):
             return begins, ends
-        index = rows["index"].copy()
+        index = rows.index.copy()
         frames = np.flatnonzero(index >= 0)
         requested = requested[answers]
         numbers = index[frames]
@@ -90,14 +90,14 @@ class Pdus:
             begins[answers], ends[answers] = self.begins[request], self.ends[request]
         for row, index in zip(answers[~inside].tolist(), requested[~inside].tolist(), strict=True):
             if (captured := self.batch.earlier.get(index)) is not None:
-                adu = adu_of(captured, int(rows["protocol"][row]))
+                adu = adu_of(captured, int(rows.protocol[row]))
                 begins[row], ends[row] = self._put(adu.pdu)
         return begins, ends
 
     def _spelt(self) -> None:
         """ASCII frames as the bytes that their digits stand for."""
-        for row in np.flatnonzero(self.batch.rows["protocol"] == Protocol.ASCII).tolist():
-            if self.batch.rows["kind"][row] != Kind.NOISE:
+        for row in np.flatnonzero(self.batch.rows.protocol == Protocol.ASCII).tolist():
+            if self.batch.rows.kind[row] != Kind.NOISE:
                 adu = adu_of(self.batch.bytes_of(row), Protocol.ASCII)
                 self.begins[row], self.ends[row] = self._put(adu.pdu)
 

@@ -11,8 +11,9 @@ answers in the order in which it was asked, which shows only when the second ans
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from dissectors.lengths import relations
 from dissectors.limits import RequestedByteCount
 
 from .batch import Batch
+from .columnar import Bools, Columns, Int64s, UInt8s
 from .frame import adu_of
 from .schema import Kind, Protocol, Rows
 
@@ -49,33 +51,33 @@ class Status(IntEnum):
     UNHEARD = 5  # it may have been answered while the recorder heard nothing (`analyzer.outages`)
 
 
-TRANSACTION = np.dtype(
-    [
-        ("request", np.int64),  # index of the request's frame
-        ("response", np.int64),  # index of the answer's, -1 for none
-        ("start", np.int64),  # offset of the request's first byte in its port's stream
-        ("length", np.int64),  # bytes of the request
-        ("response_start", np.int64),  # the same of the answer, -1 for none
-        ("response_length", np.int64),
-        ("t_start", np.int64),  # ns, start of the request
-        ("t_request", np.int64),  # ns, end of the request
-        ("t_response", np.int64),  # ns, start of the answer; -1 for none
-        ("response_ns", np.int64),  # -1 for none, or where the tap can't tell
-        ("t_next", np.int64),  # without a good answer: ns, start of the next request; NEVER for none
-        ("garbage", np.int64),  # and bytes between the two that belong to no request, glitches apart
-        ("unit", np.uint8),
-        ("function", np.uint8),
-        ("exception", np.uint8),  # exception code of the answer, 0 for none
-        ("status", np.uint8),  # Status
-        ("retry", np.bool_),  # the same bytes as the request before, which got no good answer
-        ("again", np.bool_),  # a broadcast, or a write that is echoed: the same as the request before, which went well
-        ("late", np.bool_),  # the master had sent another request before this answer came
-        ("mistaken", np.bool_),  # and it fits that one as well
-        ("port", np.uint8),
-        ("response_port", np.uint8),  # of the answer: another where each direction has its own
-        ("protocol", np.uint8),  # Protocol
-    ]
-)
+@dataclass(frozen=True, slots=True, eq=False)
+class TransactionRows(Columns):
+    """Requests, and what became of them."""
+
+    request: Int64s  # index of the request's frame
+    response: Int64s  # index of the answer's, -1 for none
+    start: Int64s  # offset of the request's first byte in its port's stream
+    length: Int64s  # bytes of the request
+    response_start: Int64s  # the same of the answer, -1 for none
+    response_length: Int64s
+    t_start_ns: Int64s  # ns, start of the request
+    t_request_ns: Int64s  # ns, end of the request
+    t_response_ns: Int64s  # ns, start of the answer; -1 for none
+    response_ns: Int64s  # -1 for none, or where the tap can't tell
+    t_next_ns: Int64s  # without a good answer: ns, start of the next request; NEVER for none
+    garbage: Int64s  # and bytes between the two that belong to no request, glitches apart
+    unit: UInt8s
+    function: UInt8s
+    exception: UInt8s  # exception code of the answer, 0 for none
+    status: UInt8s  # Status
+    retry: Bools  # the same bytes as the request before, which got no good answer
+    again: Bools  # a broadcast, or a write that is echoed: the same as the request before, which went well
+    late: Bools  # the master had sent another request before this answer came
+    mistaken: Bools  # and it fits that one as well
+    port: UInt8s
+    response_port: UInt8s  # of the answer: another where each direction has its own
+    protocol: UInt8s  # Protocol
 
 
 OF_ANSWER: Final = {  # column of a transaction: that of its answer
@@ -83,7 +85,7 @@ OF_ANSWER: Final = {  # column of a transaction: that of its answer
     "response_start": "start",
     "response_length": "length",
     "response_port": "port",
-    "t_response": "t_start",
+    "t_response_ns": "t_start_ns",
     "response_ns": "response_ns",
     "exception": "exception",
 }
@@ -93,7 +95,7 @@ class Transactions:
     """Turns batches into transactions; holds only those that are open."""
 
     def __init__(self) -> None:
-        self._open: Rows = np.zeros(0, TRANSACTION)
+        self._open: TransactionRows = TransactionRows.zeros(0)
         self._last_request: bytes | None = None
         self._failed = False  # the newest that is settled got no good answer
         self._last_row: tuple[bool, bytes] = (True, b"")  # of the last row: whether it was a whole frame, its bytes
@@ -102,42 +104,43 @@ class Transactions:
         self._places = np.zeros(0, np.int64)  # of the open requests: octets on the bus up to their ends
         self._repeats = np.zeros(0, np.bool_)  # of the open requests over TCP: whether the one before asked the same
 
-    def feed(self, batch: Batch) -> NDArray[np.void]:
+    def feed(self, batch: Batch) -> TransactionRows:
         """Transactions that are settled after this batch, in the order of their requests."""
         rows = batch.rows
         if not len(rows):
             return self._settle(0)
-        kind = np.ascontiguousarray(rows["kind"])
-        requests = np.flatnonzero((kind == Kind.REQUEST) & rows["check"])  # nobody answers a damaged one
+        kind = rows.kind
+        requests = np.flatnonzero((kind == Kind.REQUEST) & rows.check)  # nobody answers a damaged one
         responses = np.flatnonzero(kind == Kind.RESPONSE)
-        responses = responses[_at(rows, "request", responses) >= 0]
+        responses = responses[rows.request[responses] >= 0]
         frames = np.flatnonzero(kind)
         known = len(self._open)
         before = np.cumsum(kind > 0) - (kind > 0) + self._frames
         if len(frames):
-            self._frames = int(rows["index"][frames[-1]]) + 1
-        opened = np.zeros(known + len(requests), TRANSACTION)
-        opened[:known], self._open = self._open, opened
+            self._frames = int(rows.index[frames[-1]]) + 1
+        opened = TransactionRows.zeros(known + len(requests))
+        opened.put(slice(known), self._open)
+        self._open = opened
         _begin(opened[known:], rows, requests)
-        ends = self._octets + np.cumsum(rows["length"])
+        ends = self._octets + np.cumsum(rows.length)
         self._places = np.concatenate((self._places, ends[requests]))
         self._repeats = np.concatenate((self._repeats, np.zeros(len(requests), np.bool_)))
         self._octets = int(ends[-1])
-        patience = np.where(self._open["protocol"] == Protocol.TCP, _PIPELINED, _PATIENCE) + self._open["request"]
+        patience = np.where(self._open.protocol == Protocol.TCP, _PIPELINED, _PATIENCE) + self._open.request
         horizon = np.minimum(
             np.searchsorted(before, patience, side="right"),
-            np.searchsorted(ends - rows["length"], self._places + _REACH, side="right"),
+            np.searchsorted(ends - rows.length, self._places + _REACH, side="right"),
         )
         self._count_garbage(batch, requests, known, horizon)
         late = self._answer(batch, requests, responses, horizon)
         self._mark_retries(batch, requests, known)
         if late:
-            asked = np.ascontiguousarray(self._open["request"])
+            asked = self._open.request
             for place in late:
                 self._put_in_order(place, asked)
-        status = self._open["status"]
+        status = self._open.status
         waiting = (status == Status.UNANSWERED) | (status == Status.BROADCAST)
-        waiting |= (status == Status.DAMAGED) & (self._open["t_next"] == NEVER)  # what it costs shows the next request
+        waiting |= (status == Status.DAMAGED) & (self._open.t_next_ns == NEVER)  # what it costs shows the next request
         waiting &= (patience >= self._frames) & (self._places >= self._octets - _REACH)
         count = int(np.argmax(waiting)) if waiting.any() else len(waiting)
         return self._settle(count)
@@ -145,66 +148,66 @@ class Transactions:
     @property
     def open_from(self) -> int | None:
         """Index of the first request that is not settled."""
-        return int(self._open["request"][0]) if len(self._open) else None
+        return int(self._open.request[0]) if len(self._open) else None
 
-    def close(self) -> NDArray[np.void]:
+    def close(self) -> TransactionRows:
         """The rest: no answer comes any more."""
         return self._settle(len(self._open))
 
-    def _settle(self, count: int) -> NDArray[np.void]:
+    def _settle(self, count: int) -> TransactionRows:
         settled, self._open = self._open[:count], self._open[count:].copy()
         if count:
             failed = np.append(self._failed, _failed(settled))
-            settled["retry"] |= self._repeats[:count] & failed[:-1]  # several may be open: only now it shows
-            settled["again"] &= ~settled["retry"]
+            settled.retry[:] |= self._repeats[:count] & failed[:-1]  # several may be open: only now it shows
+            settled.again[:] &= ~settled.retry
             self._failed = bool(failed[-1])
-        silent = settled["status"] == Status.UNANSWERED
-        settled["garbage"][~silent] = 0
-        settled["t_next"][~silent & (settled["status"] != Status.DAMAGED) & ~settled["late"]] = NEVER
+        silent = settled.status == Status.UNANSWERED
+        settled.garbage[~silent] = 0
+        settled.t_next_ns[~silent & (settled.status != Status.DAMAGED) & ~settled.late] = NEVER
         self._places, self._repeats = self._places[count:].copy(), self._repeats[count:].copy()
         return settled
 
     def _count_garbage(self, batch: Batch, requests: NDArray[np.intp], known: int, horizon: NDArray[np.intp]) -> None:
         """What lies between each request and the next, and when that next one began."""
         rows = batch.rows
-        bad = np.flatnonzero((rows["kind"] != Kind.REQUEST) & (rows["request"] < 0))
+        bad = np.flatnonzero((rows.kind != Kind.REQUEST) & (rows.request < 0))
         lost = np.zeros(len(rows) + 1, np.int64)
         for row in bad.tolist():
-            at = int(rows["at"][row])
-            octets = batch.data[at : at + int(rows["length"][row])]
+            at = int(rows.at[row])
+            octets = batch.data[at : at + int(rows.length[row])]
             lost[row + 1] = len(octets) - int(np.isin(octets, _GLITCHES).sum())
         total = np.cumsum(lost)
         first = max(known - 1, 0)
         bounds = np.append(requests, len(rows)) if known == 0 else np.concatenate(([0], requests, [len(rows)]))
         begins, bounds = bounds[:-1], bounds[1:]
         horizon = horizon[first:]
-        self._open["garbage"][first:] += total[np.maximum(np.minimum(bounds, horizon), begins)] - total[begins]
+        self._open.garbage[first:] += total[np.maximum(np.minimum(bounds, horizon), begins)] - total[begins]
         heard = bounds[:-1] < horizon[:-1]
-        self._open["t_next"][first:-1][heard] = _at(rows, "t_start", bounds[:-1][heard])
+        self._open.t_next_ns[first:-1][heard] = rows.t_start_ns[bounds[:-1][heard]]
 
     def _answer(
         self, batch: Batch, requests: NDArray[np.intp], responses: NDArray[np.intp], horizon: NDArray[np.intp]
     ) -> list[int]:
         """Join answers to their requests; the places of those that came late, in the order of the answers."""
         rows = batch.rows
-        asked = np.ascontiguousarray(self._open["request"])
-        wanted = _at(rows, "request", responses)
+        asked = self._open.request
+        wanted = rows.request[responses]
         place = np.searchsorted(asked, wanted)
         found = place < len(asked)
         found[found] = (asked[place[found]] == wanted[found]) & (responses[found] < horizon[place[found]])
         place, responses = place[found], responses[found]
         for name, column in OF_ANSWER.items():
-            self._open[name][place] = _at(rows, column, responses)
-        status = np.where(_at(rows, "exception", responses) > 0, np.uint8(Status.EXCEPTION), np.uint8(Status.ANSWERED))
-        status[~_at(rows, "check", responses)] = Status.DAMAGED
-        self._open["status"][place] = status
+            self._open.column(name)[place] = rows.column(column).take(responses)
+        status = np.where(rows.exception[responses] > 0, np.uint8(Status.EXCEPTION), np.uint8(Status.ANSWERED))
+        status[~rows.check[responses]] = Status.DAMAGED
+        self._open.status[place] = status
         following = np.append(asked[1:], np.iinfo(np.int64).max)
-        late = following[place] < _at(rows, "index", responses)
-        late &= self._open["protocol"][place] != Protocol.TCP  # whose answers say what they answer
-        self._open["late"][place] = late
+        late = following[place] < rows.index[responses]
+        late &= self._open.protocol[place] != Protocol.TCP  # whose answers say what they answer
+        self._open.late[place] = late
         newest = np.append(-1, requests)[np.searchsorted(requests, responses[late])]
         for at, row, before in zip(place[late].tolist(), responses[late].tolist(), newest.tolist(), strict=True):
-            self._open["mistaken"][at] = self._mistaken(batch, row, before)
+            self._open.mistaken[at] = self._mistaken(batch, row, before)
         after: list[int] = place[late].tolist()
         return after
 
@@ -216,7 +219,7 @@ class Transactions:
         newest = batch.bytes_of(before) if before >= 0 else self._last_request
         if newest is None:
             return False
-        protocol = int(batch.rows["protocol"][row])
+        protocol = int(batch.rows.protocol[row])
         asked, answer = adu_of(newest, protocol).data, adu_of(batch.bytes_of(row), protocol).data
         return expectation(asked).fits(answer) if min(len(asked), len(answer)) >= _MIN_ADU else False
 
@@ -226,33 +229,34 @@ class Transactions:
         A master that takes a late answer for that to its next request takes every later one for the next, too, until
         one comes that nobody asked for: only then it shows whose they were.
         """
-        opened, own = self._open, self._open["response"][place]
-        responses = opened["response"][place + 1 : int(np.searchsorted(asked, own))]
+        opened, own = self._open, self._open.response[place]
+        responses = opened.response[place + 1 : int(np.searchsorted(asked, own))]
         later = place + 1 + np.flatnonzero((responses >= 0) & (responses < own))
         chain = [place, *(at for at in later.tolist() if self._alike(place, at))]
         answers = [*chain[1:], place]  # of each, where that stood which it had
-        told = opened[answers]
-        waited = told["t_response"] - opened["t_request"][chain]
-        patience = max(LATE_NS, LATE_WAITS * (int(opened["t_next"][place]) - int(opened["t_request"][place])))
-        if len(chain) < 2 or (np.diff(told["response"]) < 0).any() or waited.max() > patience:
+        told = opened[np.array(answers)]
+        waited = told.t_response_ns - opened.t_request_ns[chain]
+        patience = max(LATE_NS, LATE_WAITS * (int(opened.t_next_ns[place]) - int(opened.t_request_ns[place])))
+        if len(chain) < 2 or (np.diff(told.response) < 0).any() or waited.max() > patience:
             return
-        mistaken = told["mistaken"] | ~told["late"]  # what was in time for the newest request fits that
+        mistaken = told.mistaken | ~told.late  # what was in time for the newest request fits that
         for name in (*OF_ANSWER, "status"):
-            opened[name][chain] = told[name]
-        newest = np.searchsorted(asked, told["response"]) - 1
-        opened["late"][chain] = late = newest != chain
-        opened["mistaken"][chain] = mistaken & late
-        opened["response_ns"][chain] = np.where(told["response_ns"] >= 0, np.maximum(waited, 0), -1)
+            opened.column(name)[chain] = told.column(name)
+        newest = np.searchsorted(asked, told.response) - 1
+        opened.late[chain] = late = newest != chain
+        opened.mistaken[chain] = mistaken & late
+        opened.response_ns[chain] = np.where(told.response_ns >= 0, np.maximum(waited, 0), -1)
 
     def _alike(self, place: int, newer: int) -> bool:
         """Whether the answers to these two requests could as well be exchanged."""
-        one, two = self._open[place], self._open[newer]
-        if any(one[name] != two[name] for name in ("unit", "function", "length", "port")):
+        rows = self._open
+        if any(column[place] != column[newer] for column in (rows.unit, rows.function, rows.length, rows.port)):
             return False
-        if one["response_length"] != two["response_length"] and not (one["exception"] or two["exception"]):
+        of_one_length = rows.response_length[place] == rows.response_length[newer]
+        if not (of_one_length or rows.exception[place] or rows.exception[newer]):
             return False
-        return bool(two["retry"]) or all(
-            isinstance(relation, RequestedByteCount) for relation in relations(int(one["function"]))
+        return bool(rows.retry[newer]) or all(
+            isinstance(relation, RequestedByteCount) for relation in relations(int(rows.function[place]))
         )
 
     def _mark_retries(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
@@ -262,27 +266,27 @@ class Transactions:
             bad = np.append(self._failed if not known else _failed(opened[known - 1 : known]), _failed(opened[known:]))
             for i in np.flatnonzero(bad[:-1]).tolist():
                 asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
-                row, protocol = int(requests[i]), int(opened["protocol"][known + i])
-                if asked is not None and len(asked) == batch.rows["length"][row]:
+                row, protocol = int(requests[i]), int(opened.protocol[known + i])
+                if asked is not None and len(asked) == batch.rows.length[row]:
                     same = _same_request(asked, batch.bytes_of(row), protocol)
                     if protocol == Protocol.TCP:
                         self._repeats[known + i] = same
                     else:
-                        opened["retry"][known + i] = same and bool(opened["unit"][known + i])
+                        opened.retry[known + i] = same and bool(opened.unit[known + i])
             self._mark_second_tries(batch, requests, known)
             self._mark_again(batch, requests, known)
             self._last_request = batch.bytes_of(int(requests[-1]))
         last = len(batch) - 1
-        self._last_row = bool(batch.rows["check"][last]), batch.bytes_of(last)
+        self._last_row = bool(batch.rows.check[last]), batch.bytes_of(last)
 
     def _mark_again(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
         """Broadcasts, and writes that are echoed, of which each byte is that of the request before."""
         rows, opened = batch.rows, self._open
-        unit, function, protocol = (opened[name][known:] for name in ("unit", "function", "protocol"))
-        may = ((unit == 0) | ECHOED[function]) & ~opened["retry"][known:]
+        unit, function, protocol = opened.unit[known:], opened.function[known:], opened.protocol[known:]
+        may = ((unit == 0) | ECHOED[function]) & ~opened.retry[known:]
         if not may.any():
             return
-        lengths, ends = _at(rows, "length", requests), _at(rows, "at", requests) + _at(rows, "length", requests)
+        lengths, ends = rows.length[requests], rows.at[requests] + rows.length[requests]
         checks = batch.data.take(ends - 2).astype(np.int64) << 8 | batch.data.take(ends - 1)
         same = np.ones(len(requests), np.bool_)
         same[1:] = (lengths[1:] == lengths[:-1]) & (unit[1:] == unit[:-1]) & (function[1:] == function[:-1])
@@ -290,23 +294,23 @@ class Transactions:
         for i in np.flatnonzero(may & same).tolist():
             asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
             same[i] = asked is not None and _same_request(asked, batch.bytes_of(int(requests[i])), int(protocol[i]))
-        opened["again"][known:] = may & same
+        opened.again[known:] = may & same
 
     def _mark_second_tries(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
         """Requests right behind a damaged one, or behind noise, that is them but for a byte or two."""
         before = requests - 1
-        whole = np.append(batch.rows["check"], self._last_row[0])[before]  # -1: the last row of the batch before
+        whole = np.append(batch.rows.check, self._last_row[0])[before]  # -1: the last row of the batch before
         for i in np.flatnonzero(~whole).tolist():
             damaged = self._last_row[1] if before[i] < 0 else batch.bytes_of(int(before[i]))
             request = batch.bytes_of(int(requests[i]))
             if abs(len(damaged) - len(request)) <= _ALIKE and _shared(damaged, request) >= len(request) - _ALIKE:
-                self._open["retry"][known + i] = True
+                self._open.retry[known + i] = True
 
 
-def _failed(transactions: Rows) -> NDArray[np.bool_]:
+def _failed(transactions: TransactionRows) -> NDArray[np.bool_]:
     """Which of these got no good answer in time."""
-    status = transactions["status"]
-    failed: NDArray[np.bool_] = (status != Status.ANSWERED) & (status != Status.EXCEPTION) | transactions["late"]
+    status = transactions.status
+    failed: NDArray[np.bool_] = (status != Status.ANSWERED) & (status != Status.EXCEPTION) | transactions.late
     return failed
 
 
@@ -324,19 +328,15 @@ def _shared(one: bytes, two: bytes) -> int:
     return head + tail
 
 
-def _begin(opened: Rows, rows: Rows, requests: NDArray[np.intp]) -> None:
+def _begin(opened: TransactionRows, rows: Rows, requests: NDArray[np.intp]) -> None:
     """Fill in transactions of requests that nobody has answered yet."""
-    for name in ("unit", "function", "port", "protocol", "start", "length", "t_start"):
-        opened[name] = _at(rows, name, requests)
-    opened["request"], opened["t_request"] = _at(rows, "index", requests), _at(rows, "t_end", requests)
-    for name in ("response", "response_start", "response_length", "t_response", "response_ns"):
-        opened[name] = -1
-    opened["t_next"] = NEVER
-    to_all = (opened["unit"] == 0) & (opened["protocol"] != Protocol.TCP)  # unit 0 of a TCP server is itself
-    opened["status"] = np.where(to_all, np.uint8(Status.BROADCAST), np.uint8(Status.UNANSWERED))
-
-
-def _at(rows: Rows, name: str, which: NDArray[np.intp]) -> NDArray[Any]:
-    """A column of some rows; the copy of it lies closer together than rows do."""
-    found: NDArray[Any] = rows[name].copy().take(which)
-    return found
+    asked = rows[requests]
+    opened.request[:], opened.start[:], opened.length[:] = asked.index, asked.start, asked.length
+    opened.t_start_ns[:], opened.t_request_ns[:], opened.t_next_ns[:] = asked.t_start_ns, asked.t_end_ns, NEVER
+    opened.unit[:], opened.function[:] = asked.unit, asked.function
+    opened.port[:], opened.protocol[:] = asked.port, asked.protocol
+    for column in (opened.response, opened.response_start, opened.response_length, opened.t_response_ns):
+        column[:] = -1
+    opened.response_ns[:] = -1
+    to_all = (opened.unit == 0) & (opened.protocol != Protocol.TCP)  # unit 0 of a TCP server is itself
+    opened.status[:] = np.where(to_all, np.uint8(Status.BROADCAST), np.uint8(Status.UNANSWERED))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .batch import Batch
 from .columns import AreaCode, Decoded, decode
-from .schema import ROW, Kind
+from .schema import Kind, Rows
 
 _MAX_COUNT: Final = 2000  # values of a frame: coils of a read ([1] 6.1)
 _COLUMNS: Final = ("rows", "area", "address", "begins", "counts")
@@ -66,12 +66,12 @@ class ConfirmedValues:
 
 def confirmed_values(batch: Batch, decoded: Decoded) -> ConfirmedValues:
     """What good answers carry, and what they confirm of their requests."""
-    rows, request = batch.rows, batch.rows["request"]
-    good = (rows["kind"] == Kind.RESPONSE) & rows["check"] & (rows["exception"] == 0) & (request >= 0)
+    rows, request = batch.rows, batch.rows.request
+    good = (rows.kind == Kind.RESPONSE) & rows.check & (rows.exception == 0) & (request >= 0)
     has = decoded.offsets[1:] > decoded.offsets[:-1]
     own = np.flatnonzero(good & has)
-    writes = np.flatnonzero(has & (rows["kind"] == Kind.REQUEST))
-    indices, answers = rows["index"][writes], np.flatnonzero(good)
+    writes = np.flatnonzero(has & (rows.kind == Kind.REQUEST))
+    indices, answers = rows.index[writes], np.flatnonzero(good)
     requested = request[answers]
     position = np.searchsorted(indices, requested)
     inside = position < len(writes)
@@ -98,13 +98,13 @@ def _earlier(batch: Batch, answers: Ints) -> list[ConfirmedValues]:
     """The values of requests that lie in the batch before."""
     if not len(answers):
         return []
-    captured = [batch.earlier[index] for index in batch.rows["request"][answers].tolist()]
-    requests = np.zeros(len(captured), ROW)
+    captured = [batch.earlier[index] for index in batch.rows.request[answers].tolist()]
+    requests = Rows.zeros(len(captured))
     for name in ("unit", "function", "protocol"):
-        requests[name] = batch.rows[name][answers]
-    requests["kind"], requests["check"], requests["request"] = Kind.REQUEST, True, -1
-    requests["length"] = [len(adu) for adu in captured]
-    requests["at"] = np.cumsum(requests["length"]) - requests["length"]
+        requests.column(name)[:] = batch.rows.column(name)[answers]
+    requests.kind[:], requests.check[:], requests.request[:] = Kind.REQUEST, True, -1
+    requests.length[:] = [len(adu) for adu in captured]
+    requests.at[:] = np.cumsum(requests.length) - requests.length
     decoded = decode(Batch(requests, np.frombuffer(b"".join(captured), np.uint8)))
     return [_of(decoded, answers, np.arange(len(answers)))]
 

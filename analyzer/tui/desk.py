@@ -115,11 +115,11 @@ class ViewState:
         """When a row began; `before` is the row shown above it."""
         if not self.bus.timed:
             return "-"
-        t = self.bus.table.value("t_start", row)
+        t = self.bus.table.value("t_start_ns", row)
         if self.base is TimeBase.ABSOLUTE:
             return f"{date_and_time(t, self.zone)[5:10]} {time_of_day(t, self.zone)}"
         if self.base is TimeBase.PREVIOUS:
-            return short(t - self.bus.table.value("t_start", before)) if before is not None else "-"
+            return short(t - self.bus.table.value("t_start_ns", before)) if before is not None else "-"
         if self.base is TimeBase.REFERENCE:
             return seconds(t - self.reference_ns)
         return seconds(t - self.bus.t_first)
@@ -134,5 +134,5 @@ class ViewState:
             row = self.bus.table.row_of_byte(*place)
             if row < 0:
                 return self.bus.t_first
-            self._reference = place, self.bus.table.value("t_start", row)
+            self._reference = place, self.bus.table.value("t_start_ns", row)
         return self._reference[1]

@@ -56,7 +56,7 @@ def _versus(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[It
     pairs = list(changed(earlier.fields(), fields))
     ago = ""
     if bus.timed:
-        ago = f", {short(bus.table.value('t_start', row) - bus.table.value('t_start', before))} before"
+        ago = f", {short(bus.table.value('t_start_ns', row) - bus.table.value('t_start_ns', before))} before"
     difference = plural(len(pairs), "value differs", "values differ") if pairs else "nothing differs"
     kind = "accent" if pairs else "dim"
     yield Item(
@@ -110,10 +110,10 @@ def _facts(desk: ViewState, row: int, frame: Frame | None = None) -> tuple[Item,
     table = bus.table
     facts: list[tuple[str, str]] = []
     if bus.timed:
-        t = table.value("t_start", row)
+        t = table.value("t_start_ns", row)
         facts.append(("time", date_and_time(t, desk.zone)))
         facts.append(("since start", f"{seconds(t - bus.t_first)} s"))
-        facts.append(("on the wire", short(table.value("t_end", row) - t)))
+        facts.append(("on the wire", short(table.value("t_end_ns", row) - t)))
         gap = bus.gap_ns(row)
         if gap is not None:
             chars = f", {gap / bus.char_ns:.1f} characters" if bus.char_ns else ""

@@ -60,7 +60,7 @@ def _ruled(bus: Bus, row: int) -> Iterator[Item]:
         yield Item("silences", "this capture has no times", kind="dim")
         return
     table = bus.table
-    inside = table.value("gap_most", row)
+    inside = table.value("gap_most_ns", row)
     following = _next(bus, row)
     gaps = (
         ("before", bus.gap_ns(row)),

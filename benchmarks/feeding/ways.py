@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from random import Random
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from analyzer.core import Analysed, Analyzer
-from analyzer.tables.schema import ROW, Rows
+from analyzer.tables.findings import Findings
+from analyzer.tables.schema import Rows
+from analyzer.tables.transactions import TransactionRows
 from captures import Chunk
 from captures.chunks import Block
 from feeding.streams import FedStream
@@ -27,14 +29,14 @@ class Told:
     """What an analysis said of a stream."""
 
     rows: Rows
-    transactions: Rows
-    findings: Rows
+    transactions: TransactionRows
+    findings: Findings
 
     @classmethod
     def of(cls, parts: Sequence[Analysed]) -> Told:
-        rows = np.concatenate([part.batch.rows for part in parts])
-        transactions = np.concatenate([part.transactions for part in parts])
-        return cls(rows, transactions, np.concatenate([part.findings for part in parts]))
+        rows = Rows.joined([part.batch.rows for part in parts])
+        transactions = TransactionRows.joined([part.transactions for part in parts])
+        return cls(rows, transactions, Findings.joined([part.findings for part in parts]))
 
 
 def at_once(stream: FedStream) -> Told:
@@ -126,8 +128,8 @@ def _differences(one: Told, other: Told, left_out: set[str]) -> Iterator[str]:
     if len(one.rows) != len(other.rows):
         yield f"{len(one.rows)} rows, {len(other.rows)}"
         return
-    names = [name for name in ROW.names or () if name not in left_out]
-    different = [name for name in names if not np.array_equal(one.rows[name], other.rows[name])]
+    names = [name for name in Rows.dtypes() if name not in left_out]
+    different = [name for name in names if not np.array_equal(one.rows.column(name), other.rows.column(name))]
     if different:
         yield f"rows differ in {', '.join(different)}"
     if one.transactions.tolist() != other.transactions.tolist():
@@ -136,12 +138,12 @@ def _differences(one: Told, other: Told, left_out: set[str]) -> Iterator[str]:
         yield f"findings differ ({len(one.findings)}, {len(other.findings)})"
 
 
-def _columns(one: Rows, other: Rows) -> str:
+def _columns(one: TransactionRows, other: TransactionRows) -> str:
     if len(one) != len(other):
         return f" in number: {len(one)}, {len(other)}"
-    return " in " + ", ".join(name for name in one.dtype.names or () if one[name].tolist() != other[name].tolist())
+    return " in " + ", ".join(name for name in one.dtypes() if one.column(name).tolist() != other.column(name).tolist())
 
 
-def _sorted(records: Rows) -> list[Any]:
-    """Findings, whatever the order in which they were said: as the bytes that they are."""
-    return sorted(record.tobytes() for record in records)
+def _sorted(findings: Findings) -> list[str]:
+    """Findings, whatever the order in which they were said; NaN is like NaN."""
+    return sorted(map(repr, findings.tolist()))

@@ -73,7 +73,7 @@ def cost(captures: Iterable[Capture]) -> float:
     figures = []
     for capture in captures:
         begin = time.process_time()
-        size = sum(int(batch.rows["length"].sum()) for batch in Analysis(capture).batches())
+        size = sum(int(batch.rows.length.sum()) for batch in Analysis(capture).batches())
         figures.append((time.process_time() - begin) / size * 1e6)
     return min(figures)
 

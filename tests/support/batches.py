@@ -10,6 +10,9 @@ import numpy as np
 from analyzer.core import Analysed, analyse
 from analyzer.filters import BatchTable
 from analyzer.tables.batch import Batch
+from analyzer.tables.findings import Findings
+from analyzer.tables.schema import Rows
+from analyzer.tables.transactions import TransactionRows
 from captures.chunks import Capture
 
 
@@ -17,11 +20,11 @@ def joined(batches: Iterable[Batch]) -> Batch:
     """All rows of a capture as one batch."""
     parts = list(batches)
     shifts = np.cumsum([0, *(len(part.data) for part in parts)])
-    rows = np.concatenate([part.rows for part in parts])
-    rows["at"] += np.repeat(shifts[:-1], [len(part) for part in parts])
+    rows = Rows.joined([part.rows for part in parts])
+    rows.at[:] += np.repeat(shifts[:-1], [len(part) for part in parts])
     found = [part.findings for part in parts if part.findings is not None]
     data = np.concatenate([part.data for part in parts])
-    return Batch(rows, data, findings=np.concatenate(found) if found else None)
+    return Batch(rows, data, findings=Findings.joined(found) if found else None)
 
 
 def whole(capture: Capture) -> Analysed:
@@ -29,7 +32,7 @@ def whole(capture: Capture) -> Analysed:
     found = list(analyse(capture))
     batch = joined(each.batch for each in found)
     assert batch.findings is not None
-    return Analysed(batch, np.concatenate([each.transactions for each in found]), batch.findings)
+    return Analysed(batch, TransactionRows.joined([each.transactions for each in found]), batch.findings)
 
 
 def table(capture: Capture) -> BatchTable:
@@ -43,9 +46,9 @@ def piece(one: Analysed, capture: Capture, first: int, last: int) -> Analysed:
     batch = BatchTable(one.batch, capture.line).batch(first, last)
     rows, spots = batch.rows, one.findings
     mine = [
-        bool(((rows["port"] == port) & (rows["start"] == start)).any())
-        for port, start in zip(spots["port"].tolist(), spots["start"].tolist(), strict=True)
+        bool(((rows.port == port) & (rows.start == start)).any())
+        for port, start in zip(spots.port.tolist(), spots.start.tolist(), strict=True)
     ]
     findings = spots[np.array(mine, np.bool_)] if len(mine) else spots
-    begun = one.transactions[np.isin(one.transactions["request"], rows["index"])]
+    begun = one.transactions[np.isin(one.transactions.request, rows.index)]
     return Analysed(replace(batch, findings=findings), begun, findings)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import strategies as st
 
@@ -50,9 +49,9 @@ class Found:
     def frames(self) -> list[tuple[int, int, str, bool]]:
         """(start, length, direction, check) of each frame."""
         return [
-            (int(r["start"]), int(r["length"]), Kind(int(r["kind"])).name.lower(), bool(r["check"]))
-            for r in self.rows
-            if r["kind"] != Kind.NOISE
+            (row.start, row.length, Kind(row.kind).name.lower(), row.check)
+            for row in self.rows
+            if row.kind != Kind.NOISE
         ]
 
     def good(self) -> list[bytes]:
@@ -62,7 +61,7 @@ class Found:
 
 def collect(batches: Sequence[Batch]) -> Found:
     """Batches end to end."""
-    return Found(np.concatenate([b.rows for b in batches]), b"".join(b.data.tobytes() for b in batches))
+    return Found(Rows.joined([b.rows for b in batches]), b"".join(b.data.tobytes() for b in batches))
 
 
 def deframed(feeds: Sequence[Chunk | Block], line: LineSettings = LINE, options: Options | None = None) -> Found:

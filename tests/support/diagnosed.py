@@ -8,7 +8,7 @@ from buses import CHAR_NS, LINE
 
 from analyzer.core import analyse
 from analyzer.options import Options
-from analyzer.tables.findings import Finding, describe
+from analyzer.tables.findings import Finding, described
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
 from dissectors.crc import crc_bytes
@@ -68,7 +68,7 @@ def diagnosed(wire: Wire, line: LineSettings = LINE, options: Options | None = N
     """All findings on a wire."""
     capture = Capture.of(line, wire.chunks)
     analysed = analyse(capture, options or Options())
-    return [describe(row) for batch in analysed for row in batch.findings]
+    return [finding for batch in analysed for finding in described(batch.findings)]
 
 
 def said(findings: Sequence[Finding]) -> list[tuple[str, int]]:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
 from pdus import CASES, REQUEST, RESPONSE, built, read_request
 
 from analyzer.tables.batch import Batch
-from analyzer.tables.schema import ROW, Kind
+from analyzer.tables.schema import Kind, Rows
 from dissectors import registry
 from dissectors.crc import crc_bytes
 
@@ -38,7 +37,7 @@ def mangled(adu: bytes, data: st.DataObject) -> tuple[bytes, bool]:
 def batches(draw: st.DrawFn, code: int) -> Batch:
     """Requests and responses of a function, answers known or not, requests here or in a batch before."""
     data = draw(st.data())
-    rows, octets, earlier = list[np.ndarray](), b"", dict[int, bytes]()
+    rows, octets, earlier = list[Rows](), b"", dict[int, bytes]()
     for _ in range(draw(st.integers(1, 4))):
         unit = bytes([draw(st.integers(0, 255))])
         request, right = mangled(unit + built(code, REQUEST, draw(SMALL[code, REQUEST])), data)
@@ -54,24 +53,24 @@ def batches(draw: st.DrawFn, code: int) -> Batch:
         response, right = mangled(unit + (pdu or built(code, RESPONSE, draw(SMALL[code, RESPONSE]))), data)
         rows.append(_row(draw, len(rows), octets, response, Kind.RESPONSE, right, asked))
         octets += response
-    return Batch(np.concatenate(rows), np.frombuffer(octets, np.uint8), earlier)
+    return Batch(Rows.joined(rows), np.frombuffer(octets, np.uint8), earlier)
 
 
-def _row(draw: st.DrawFn, index: int, before: bytes, adu: bytes, kind: Kind, right: bool, asked: int) -> Any:
-    row = np.zeros(1, ROW)
+def _row(draw: st.DrawFn, index: int, before: bytes, adu: bytes, kind: Kind, right: bool, asked: int) -> Rows:
+    row = Rows.zeros(1)
     exception = kind == Kind.RESPONSE and adu[1] & 0x80 and len(adu) > 2
-    row["index"], row["start"], row["length"], row["at"] = index, draw(BIG), len(adu), len(before)
-    row["t_start"], row["t_end"], row["request"] = draw(BIG), draw(BIG), asked
-    row["request_start"], row["response_ns"] = (
+    row.index[:], row.start[:], row.length[:], row.at[:] = index, draw(BIG), len(adu), len(before)
+    row.t_start_ns[:], row.t_end_ns[:], row.request[:] = draw(BIG), draw(BIG), asked
+    row.request_start[:], row.response_ns[:] = (
         (draw(BIG), draw(st.sampled_from([-1, 0, 5_000]))) if asked >= 0 else (-1, -1)
     )
-    row["confidence"], row["kind"], row["unit"], row["function"] = (
+    row.confidence[:], row.kind[:], row.unit[:], row.function[:] = (
         draw(st.floats(0, 1, width=32)),
         kind,
         adu[0],
         adu[1] & 0x7F,
     )
-    row["exception"], row["check"], row["port"] = adu[2] if exception else 0, right, draw(st.sampled_from([0, 0, 1]))
+    row.exception[:], row.check[:], row.port[:] = adu[2] if exception else 0, right, draw(st.sampled_from([0, 0, 1]))
     return row
 
 
@@ -124,7 +123,7 @@ def declared() -> Iterator[None]:
 @st.composite
 def vendor_batches(draw: st.DrawFn, codes: list[int]) -> Batch:
     """Frames of functions with any data, one after the other, each answer one to the frame before."""
-    rows, octets = list[np.ndarray](), b""
+    rows, octets = list[Rows](), b""
     for _ in range(draw(st.integers(1, 6))):
         code = draw(st.sampled_from(codes))
         kind = draw(st.sampled_from([Kind.REQUEST, Kind.RESPONSE]))
@@ -135,4 +134,4 @@ def vendor_batches(draw: st.DrawFn, codes: list[int]) -> Batch:
         asked = len(rows) - 1 if rows and kind == Kind.RESPONSE else -1
         rows.append(_row(draw, len(rows), octets, adu, kind, True, asked))
         octets += adu
-    return Batch(np.concatenate(rows), np.frombuffer(octets, np.uint8))
+    return Batch(Rows.joined(rows), np.frombuffer(octets, np.uint8))

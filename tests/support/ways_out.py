@@ -26,7 +26,7 @@ from analyzer.model.bus import Bus
 from analyzer.model.source import CaptureSource
 from analyzer.tables.batch import Batch
 from analyzer.tables.columns import decode
-from analyzer.tables.findings import describe
+from analyzer.tables.findings import described
 from analyzer.tables.schema import Kind
 from analyzer.tables.values import confirmed_values
 from captures.chunks import Capture
@@ -217,7 +217,7 @@ def stream_values(batches: Iterable[Batch]) -> dict[tuple[int, int, int], tuple[
         confirmed = confirmed_values(batch, decode(batch))
         areas = confirmed.area.repeat(confirmed.counts).tolist()
         for area, row, address, value in zip(areas, *(part.tolist() for part in confirmed.spread()), strict=True):
-            key = (int(batch.rows["unit"][row]), area, address)
+            key = (int(batch.rows.unit[row]), area, address)
             newest[key] = (value, newest[key][0] if key in newest else None)
     return newest
 
@@ -231,7 +231,7 @@ def replayed(capture: Capture, speed: float | None) -> tuple[Facts, Counter[str]
         for step in session.steps():
             for key, row in of_batches([step.batch]).items():
                 facts[key] = row._replace(findings=())
-            for finding in map(describe, step.findings):
+            for finding in described(step.findings):
                 if finding.start < 0:
                     bus[finding.code] += 1
                 else:

@@ -15,8 +15,7 @@ from captures.line import LineSettings
 from ...filters.kinds import Literal, duration
 from ...reports import Report
 from ...reports.model import Times
-from ...tables.schema import Rows
-from ...tables.transactions import Status
+from ...tables.transactions import Status, TransactionRows
 from ...words import duration as worded
 from ..forms import Start, form
 from ..model import Breach, Breaches, CheckedBatch, RuleResult
@@ -40,17 +39,17 @@ class _Answered:
 
     def feed(self, checked: CheckedBatch) -> None:
         polls = _of_unit(checked.transactions, self.unit)
-        polls = polls[polls["status"] != Status.BROADCAST]
-        unheard = polls["status"] == Status.UNHEARD
+        polls = polls[polls.status != Status.BROADCAST]
+        unheard = polls.status == Status.UNHEARD
         self._unheard += int(np.count_nonzero(unheard))
         polls = polls[~unheard]
         self._polls += len(polls)
-        self._last = max(self._last, int(checked.batch.rows["index"].max(initial=-1)))
-        bad = np.flatnonzero((polls["status"] == Status.UNANSWERED) | (polls["status"] == Status.DAMAGED))
+        self._last = max(self._last, int(checked.batch.rows.index.max(initial=-1)))
+        bad = np.flatnonzero((polls.status == Status.UNANSWERED) | (polls.status == Status.DAMAGED))
         if len(bad):
-            newest = polls[bad[-1]]
-            self._silent = int(newest["request"]) if newest["status"] == Status.UNANSWERED else None
-        self._breaches.add(bad, lambda number: _breach(polls[number], _FATE[Status(int(polls[number]["status"]))]))
+            newest = bad[-1]
+            self._silent = int(polls.request[newest]) if polls.status[newest] == Status.UNANSWERED else None
+        self._breaches.add(bad, lambda number: _breach(polls, number, _FATE[Status(int(polls.status[number]))]))
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         count, first, polls = self._breaches.count, self._breaches.first, self._polls
@@ -91,10 +90,10 @@ class _Soon:
     def feed(self, checked: CheckedBatch) -> None:
         polls = _of_unit(checked.transactions, self.unit)
         if self.compared in ("<", "<="):
-            over = (polls["response_ns"] >= 0) & ~COMPARE[self.compared](polls["response_ns"], self.bound_ns)
+            over = (polls.response_ns >= 0) & ~COMPARE[self.compared](polls.response_ns, self.bound_ns)
             self._breaches.add(
                 np.flatnonzero(over),
-                lambda number: _breach(polls[number], f"answered after {worded(int(polls[number]['response_ns']))}"),
+                lambda number: _breach(polls, number, f"answered after {worded(int(polls.response_ns[number]))}"),
             )
 
     def verdict(self, report: Report) -> RuleResult:
@@ -134,13 +133,12 @@ def response_time(
     return lambda: _Soon(share.lower(), which, str(compared), bound, f"{number} {suffix or 'ms'}")
 
 
-def _of_unit(transactions: Rows, unit: int | None) -> Rows:
-    return transactions if unit is None else transactions[transactions["unit"] == unit]
+def _of_unit(transactions: TransactionRows, unit: int | None) -> TransactionRows:
+    return transactions if unit is None else transactions[transactions.unit == unit]
 
 
-def _breach(row: np.void, text: str) -> Breach:
+def _breach(polls: TransactionRows, number: int, text: str) -> Breach:
     """A request as a place."""
-    text = f"unit {row['unit']}, function {row['function']:02d}: {text}"
-    return Breach(
-        text, int(row["request"]), int(row["start"]), int(row["length"]), int(row["port"]), int(row["t_start"])
-    )
+    text = f"unit {polls.unit[number]}, function {polls.function[number]:02d}: {text}"
+    place = (polls.request, polls.start, polls.length, polls.port, polls.t_start_ns)
+    return Breach(text, *(int(column[number]) for column in place))

@@ -65,13 +65,13 @@ class _UnitsOnBus:
 
     def feed(self, checked: CheckedBatch) -> None:
         rows = checked.batch.rows
-        sound = (rows["kind"] != Kind.NOISE) & rows["check"] & (rows["unit"] > 0)
-        units, where = np.unique(rows["unit"][sound], return_index=True)
+        sound = (rows.kind != Kind.NOISE) & rows.check & (rows.unit > 0)
+        units, where = np.unique(rows.unit[sound], return_index=True)
         new = ~np.isin(units, list(self.allowed | self._heard))
         strange = np.sort(np.flatnonzero(sound)[where[new]])  # the first frame of each
         self._heard.update(units.tolist())
-        self._answered.update(np.unique(rows["unit"][sound & (rows["kind"] == Kind.RESPONSE)]).tolist())
-        self._breaches.add(strange, lambda row: checked.place(row, f"unit {rows['unit'][row]}"))
+        self._answered.update(np.unique(rows.unit[sound & (rows.kind == Kind.RESPONSE)]).tolist())
+        self._breaches.add(strange, lambda row: checked.place(row, f"unit {rows.unit[row]}"))
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         strangers = self._heard - self.allowed

@@ -45,7 +45,7 @@ class _Findings:
 
     def feed(self, checked: CheckedBatch) -> None:
         findings = checked.findings
-        self._breaches.add(np.flatnonzero(self.wanted[findings["rule"]]), lambda number: _breach_of(findings, number))
+        self._breaches.add(np.flatnonzero(self.wanted[findings.rule]), lambda number: _breach_of(findings, number))
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         count = self._breaches.count
@@ -53,7 +53,7 @@ class _Findings:
 
 
 def _breach_of(findings: Findings, number: int) -> Breach:
-    finding = describe(findings[number])
+    finding = describe(findings, number)
     text = harmless(f"{finding.code}: {finding.text}")
     return Breach(text, finding.index, finding.start, finding.length, finding.port, finding.t_ns)
 

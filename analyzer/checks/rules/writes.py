@@ -54,8 +54,8 @@ class _Writes:
 
     def feed(self, checked: CheckedBatch) -> None:
         rows = checked.batch.rows
-        requests = (rows["kind"] == Kind.REQUEST) & rows["check"]
-        writing = np.flatnonzero(requests & np.isin(rows["function"], _writing()))
+        requests = (rows.kind == Kind.REQUEST) & rows.check
+        writing = np.flatnonzero(requests & np.isin(rows.function, _writing()))
         self._writes += len(writing)
         if self.ranges:
             writing = writing[self._broken(checked, writing)]

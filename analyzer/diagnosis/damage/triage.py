@@ -70,9 +70,9 @@ class Triage:
 
     def _watch_flow(self, view: DiagnosisStep, port: int) -> None:
         for hit in where(_IS_FLOW.take(view.batch.data)).tolist():
-            row = int(view.column("at").searchsorted(hit, side="right")) - 1
-            if int(view.column("port")[row]) == port:
-                self._flow_at[port] = int(view.column("start")[row] + hit - view.column("at")[row])
+            row = int(view.rows.at.searchsorted(hit, side="right")) - 1
+            if int(view.rows.port[row]) == port:
+                self._flow_at[port] = int(view.rows.start[row] + hit - view.rows.at[row])
                 return
 
     def _joined(self, batch: Batch, number: int, row: EarlierRow) -> list[DividedFrame]:
@@ -80,7 +80,11 @@ class Triage:
         if row.is_frame or row.row.errors or self._vague is None or (row.row.port, row.row.start) != self._vague[:2]:
             return []
         before = next(self._trail.back(batch, number))
-        if before.row.errors or row.row.gap_before > HASTE_NS or before.row.start + before.row.length != row.row.start:
+        if (
+            before.row.errors
+            or row.row.gap_before_ns > HASTE_NS
+            or before.row.start + before.row.length != row.row.start
+        ):
             return []
         pending, requests, units = self._recent_traffic(batch, number)
         request = None if pending is None else pending.captured
@@ -140,9 +144,9 @@ class Triage:
         """That noise right behind a frame is the frame's end once more."""
         before = next(self._trail.back(batch, number), None)
         size = len(row.captured)
-        if before is None or not before.row.check or size < _TWICE or not row.row.gap_before < _HARD_NS:
+        if before is None or not before.row.check or size < _TWICE or not row.row.gap_before_ns < _HARD_NS:
             return None
-        if before.row.kind == Kind.REQUEST and row.row.gap_before == NO_GAP and size >= len(before.captured) - 1:
+        if before.row.kind == Kind.REQUEST and row.row.gap_before_ns == NO_GAP and size >= len(before.captured) - 1:
             return None  # rather its echo, which lost its first byte
         if size > len(before.captured) or not before.captured.endswith(row.captured):
             return None
@@ -179,18 +183,18 @@ class Triage:
 
 def _suspects(view: DiagnosisStep) -> list[int]:
     """Rows that need an autopsy: damaged frames in RTU mode, and noise that is not too long."""
-    noise = view.noise[view.column("length")[view.noise] <= _MOST] if len(view.noise) else view.noise
+    noise = view.noise[view.rows.length[view.noise] <= _MOST] if len(view.noise) else view.noise
     if not len(noise) and not len(view.damaged):
         return []
-    protocol = view.column("protocol")
-    foreign = view.column("foreign")
+    protocol = view.rows.protocol
+    foreign = view.rows.foreign
     rows = sorted([*noise.tolist(), *view.damaged.tolist()])
     return [row for row in rows if protocol[row] == Protocol.RTU and not foreign[row]]
 
 
 def _soon(row: EarlierRow, pending: EarlierRow) -> bool:
     """Whether a row came after a request sooner than a master gives up; so it is where times tell nothing."""
-    return row.row.t_start - pending.row.t_end < HASTE_NS
+    return row.row.t_start_ns - pending.row.t_end_ns < HASTE_NS
 
 
 def _beginning(data: bytes, request: bytes | None, requests: Collection[bytes]) -> Explanation | None:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...tables.findings import Findings, Rule, looks_for
-from ...tables.schema import Protocol, Rows, join_rows, take_rows
-from ...tables.transactions import NEVER, TRANSACTION, Status
+from ...tables.schema import Protocol
+from ...tables.transactions import NEVER, Status, TransactionRows
 from .. import neighbours
 from ..damage.triage import HASTE_NS
 from ..neighbours import TransactionColumns
@@ -41,7 +41,7 @@ class Outcomes:
     """
 
     def __init__(self) -> None:
-        self._suspects: Rows = np.zeros(0, TRANSACTION)  # odd ones, their neighbours, and the newest
+        self._suspects: TransactionRows = TransactionRows.zeros(0)  # odd ones, their neighbours, and the newest
         self._numbers: NDArray[np.int64] = np.zeros(0, np.int64)  # and how many came before each
         self._judged = 0  # of them, 1 once there is one
         self._odd = -1  # the number of the newest odd one
@@ -54,12 +54,12 @@ class Outcomes:
 
     @property
     def open_from(self) -> int | None:
-        return int(self._suspects["request"][self._judged]) if len(self._suspects) > self._judged else None
+        return int(self._suspects.request[self._judged]) if len(self._suspects) > self._judged else None
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         if len(view.transactions):
             self._gather(view)
-        if view.clock.known and len(self._suspects) and self._suspects["request"][-1] >= FIRST:
+        if view.clock.known and len(self._suspects) and self._suspects.request[-1] >= FIRST:
             yield from self._go_on(view, len(self._suspects) - 1)
 
     def close(self, view: DiagnosisStep) -> Iterator[Findings]:
@@ -68,8 +68,8 @@ class Outcomes:
 
     def _gather(self, view: DiagnosisStep) -> None:
         """Count new transactions, and hold those that may have to be looked at."""
-        status, again, units = view.settled("status"), view.settled("retry"), view.settled("unit")
-        odd = where((status == _UNANSWERED) | again | view.settled("again") | view.settled("late"))
+        status, again, units = view.transactions.status, view.transactions.retry, view.transactions.unit
+        odd = where((status == _UNANSWERED) | again | view.transactions.again | view.transactions.late)
         if len(odd):
             self._odd = self._requests + int(odd[-1])
         near = np.zeros(len(status) + 2, np.bool_)  # one before and one behind them
@@ -77,13 +77,13 @@ class Outcomes:
         near[[1, -3, -2]] = True
         chosen = where(near[1:-1])
         if self._first_ones == self._requests:
-            self._first_ones += int(view.settled("request").searchsorted(FIRST))
+            self._first_ones += int(view.transactions.request.searchsorted(FIRST))
         self._echoes_at += [self._requests + i for i in odd.tolist() if again[i] and status[i] != _UNANSWERED]
         answered = status == _ANSWERED
         for unit in where(np.bincount(units[answered])).tolist():
             if unit not in self._answering:
                 self._answering[unit] = self._requests + int(np.argmax(answered & (units == unit)))
-        self._suspects = join_rows((self._suspects, take_rows(view.transactions, chosen)))
+        self._suspects = TransactionRows.joined((self._suspects, view.transactions[chosen]))
         self._numbers = np.concatenate((self._numbers, chosen + self._requests))
         self._requests += len(status)
 
@@ -119,17 +119,15 @@ class Outcomes:
                 by_rule[RETRY].append(i)
         for rule, which in by_rule.items():
             if which:
-                spoken = "response" if rule is LATE else "request"
-                clocked = [
-                    view.clock.verdict(index).wait_ns < UNKNOWN for index in self._suspects[spoken][which].tolist()
-                ]
+                spoken = self._suspects.response if rule is LATE else self._suspects.request
+                clocked = [view.clock.verdict(index).wait_ns < UNKNOWN for index in spoken[which].tolist()]
                 findings = said(rule, self._suspects, np.array(which), np.array(clocked) & view.timed)
                 if rule is NO_RESPONSE:
                     began = [
                         self._answering.get(transactions[i].unit, self._requests) < transactions[i].number
                         for i in which
                     ]
-                    findings["numbers"][:, rule.numbers.index("answered_before")] = began
+                    findings.numbers[:, rule.numbers.index("answered_before")] = began
                 yield findings
 
     def _echoing(self, number: int) -> bool:

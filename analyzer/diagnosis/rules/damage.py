@@ -219,9 +219,9 @@ _RULES: Final = {r.code: r for r in (BIT_FLIP, MISSING, EXTRA, TRUNCATED, VARIAN
 @looks_for(LRC_ERROR)
 def wrong_lrcs(view: DiagnosisStep) -> Iterator[Findings]:
     """Damaged frames of ASCII mode, which has no CRC to take them apart by."""
-    for row in view.damaged[view.column("protocol")[view.damaged] == Protocol.ASCII].tolist():
+    for row in view.damaged[view.rows.protocol[view.damaged] == Protocol.ASCII].tolist():
         adu = adu_of(view.bytes_of(row), Protocol.ASCII)
-        if not view.rows["errors"][row]:
+        if not view.rows.errors[row]:
             values = (nan if value is None else value for value in (adu.check_received, adu.check_computed))
             yield LRC_ERROR.on(view.rows[row : row + 1], *values)
 
@@ -236,13 +236,13 @@ class DamagedRows:
 
     @property
     def open_from(self) -> int | None:
-        return int(self._waiting[0]["index"][0]) if self._waiting else None
+        return int(self._waiting[0].index[0]) if self._waiting else None
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         rows = view.rows
         if not len(rows):
             return
-        marked = where(view.column("errors"))
+        marked = where(view.rows.errors)
         if len(marked):
             yield _of_marked(view, marked)
         waiting, self._waiting, self._cut_by_end = self._waiting, [], False
@@ -250,11 +250,11 @@ class DamagedRows:
             yield from waiting
         for row, parts in view.verdicts.items():
             findings = [finding for part in parts for finding in _findings_of(view, row, part)]
-            if row == 0 and not view.trail.newest["length"][0] and _begins_late(parts):
+            if row == 0 and not view.trail.newest.length[0] and _begins_late(parts):
                 continue  # the capture begins inside it
             last = row == len(rows) - 1
             cut = last and _ends_early(parts)
-            if cut or (last and rows["kind"][row] and parts[0].verdict.code in VAGUE):
+            if cut or (last and rows.kind[row] and parts[0].verdict.code in VAGUE):
                 self._waiting, self._cut_by_end = findings, cut
             else:
                 yield from findings
@@ -268,8 +268,8 @@ class DamagedRows:
 def _of_marked(view: DiagnosisStep, marked: NDArray[np.intp]) -> Findings:
     """What is said of rows with marked bytes; of those that came damaged with what their autopsy says."""
     rows = view.rows[marked]
-    frames = (rows["kind"] > 0) & rows["check"]
-    unit, more = np.where(frames, rows["unit"], nan), np.full((len(rows), 4), nan)
+    frames = (rows.kind > 0) & rows.check
+    unit, more = np.where(frames, rows.unit, nan), np.full((len(rows), 4), nan)
     codes = list(_RULES)
     for i in where(~frames).tolist():
         row = int(marked[i])
@@ -278,15 +278,15 @@ def _of_marked(view: DiagnosisStep, marked: NDArray[np.intp]) -> Findings:
         if verdict is not None and verdict.code in codes:
             sure = verdict.certainty
             more[i] = codes.index(verdict.code), _or_nan(verdict.byte), _or_nan(verdict.bit), sure
-    return PARITY.on(rows, rows["errors"], rows["length"], unit, *more.T)
+    return PARITY.on(rows, rows.errors, rows.length, unit, *more.T)
 
 
 def _owner(view: DiagnosisStep, number: int, verdict: Explanation | None = None) -> float:
     """The unit whose exchange a damaged row belongs to: that of the request it follows; NaN where nothing tells."""
-    row = view.rows[number]
-    if row["kind"] == Kind.REQUEST:
+    row = view.rows.row(number)
+    if row.kind == Kind.REQUEST:
         return float(verdict.repaired[0]) if verdict is not None and verdict.repaired else nan
-    request = view.batch.request_of(number, int(row["request"])) if row["request"] >= 0 else None
+    request = view.batch.request_of(number, row.request) if row.request >= 0 else None
     if request is not None:
         return float(request[0])
     for before in view.trail.back(view.batch, number):
@@ -312,15 +312,15 @@ def _ends_early(parts: Sequence[DividedFrame]) -> bool:
 def _findings_of(view: DiagnosisStep, number: int, part: DividedFrame) -> Iterator[Findings]:
     """The finding of one part of a row, or of a row and the one before it."""
     row, data, verdict = view.rows[number : number + 1].copy(), view.bytes_of(number), part.verdict
-    if row["errors"][0]:
+    if row.errors[0]:
         return
     if part.start < 0:
         before = next(view.trail.back(view.batch, number))
-        row["index"], row["t_start"] = before.row.index, before.row.t_start
+        row.index[:], row.t_start_ns[:] = before.row.index, before.row.t_start_ns
         data = (before.captured + data)[before.row.length + part.start :]
     data = data[max(part.start, 0) :][: part.length]
-    row["start"] += part.start
-    row["length"] = part.length
+    row.start[:] += part.start
+    row.length[:] = part.length
     if verdict.code == REPEATED.code and verdict.repaired and verdict.length == len(data):
         row = _with_the_frame_before(row, len(verdict.repaired), view, number)
     rule, unit = _RULES.get(verdict.code), _owner(view, number, verdict)
@@ -334,10 +334,10 @@ def _findings_of(view: DiagnosisStep, number: int, part: DividedFrame) -> Iterat
 def _with_the_frame_before(noise: Rows, length: int, view: DiagnosisStep, number: int) -> Rows:
     """A frame and the noise behind it as one row."""
     joined = noise.copy()
-    joined["start"] -= length
-    joined["length"] += length
+    joined.start[:] -= length
+    joined.length[:] += length
     behind = view.frames[view.frames > number]
-    joined["index"] = view.rows["index"][behind[0]] - 1 if len(behind) else view.rows["index"].max()
+    joined.index[:] = view.rows.index[behind[0]] - 1 if len(behind) else view.rows.index.max()
     return joined
 
 

@@ -63,7 +63,7 @@ EXCEPTION: Final = Rule(
 @looks_for(EXCEPTION)
 def exceptions(view: DiagnosisStep) -> Iterator[Findings]:
     """Every exception answer with a right check value."""
-    raised = view.right(where(view.column("exception")))
+    raised = view.right(where(view.rows.exception))
     if len(raised):
         rows = view.rows[raised]
-        yield EXCEPTION.on(rows, rows["exception"], rows["function"], rows["unit"])
+        yield EXCEPTION.on(rows, rows.exception, rows.function, rows.unit)

@@ -25,7 +25,7 @@ OTHER: Final = Rule(
 @looks_for(OTHER)
 def other_protocols(view: DiagnosisStep) -> Iterator[Findings]:
     """Noise that the deframer knows for another protocol's."""
-    rows = where(view.column("foreign"))
+    rows = where(view.rows.foreign)
     if len(rows):
         noise = view.rows[rows]
-        yield OTHER.on(noise, noise["foreign"], noise["length"])
+        yield OTHER.on(noise, noise.foreign, noise.length)

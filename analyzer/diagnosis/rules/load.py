@@ -96,8 +96,8 @@ class Pace:
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         if len(view.transactions):
-            measured = where((view.settled("response_ns") >= 0) & ~view.settled("late"))
-            self._waiting.add(view.settled("unit")[measured], view.settled("response_ns")[measured])
+            measured = where((view.transactions.response_ns >= 0) & ~view.transactions.late)
+            self._waiting.add(view.transactions.unit[measured], view.transactions.response_ns[measured])
             if len(self._waiting) >= _AT_ONCE:
                 self._count()
         return iter(())
@@ -161,7 +161,7 @@ class Polls:
         for (address, quantity), functions in _layouts(revision()).items():
             if not functions.isdisjoint(view.asked_functions):
                 waiting = self._waiting[address, quantity]
-                units = view.column("unit")[view.requests]
+                units = view.rows.unit[view.requests]
                 waiting.add(units, view.requested, view.numbers(address, 2), view.numbers(quantity, 2))
                 if len(waiting) >= _AT_ONCE:
                     self._add(waiting, functions)
@@ -255,10 +255,10 @@ class Busy:
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         if len(view.rows) and view.timed:
-            names = ("t_start", "t_end", "unit", "length")
-            starts, ends, units, sizes = (view.column(name) for name in names)
+            names = ("t_start_ns", "t_end_ns", "unit", "length")
+            starts, ends, units, sizes = (view.rows.column(name) for name in names)
             kinds = view.kind
-            if (networked := view.column("protocol") == Protocol.TCP).any():  # that is no load of a line
+            if (networked := view.rows.protocol == Protocol.TCP).any():  # that is no load of a line
                 starts, ends, kinds, units, sizes = (each[~networked] for each in (starts, ends, kinds, units, sizes))
                 if not len(starts):
                     return iter(())

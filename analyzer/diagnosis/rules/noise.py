@@ -11,10 +11,8 @@ from enum import IntEnum
 from math import nan
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
-from ...tables.schema import NO_GAP, ROW, Kind, Protocol, Rows
+from ...tables.schema import NO_GAP, Kind, Protocol, Rows
 from ..view import DiagnosisStep
 
 _GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
@@ -104,15 +102,15 @@ class NoiseStretches:
             self._waiting = None
         first = int(view.frames[0]) if len(view.frames) else len(rows)
         for number in view.noise.tolist():
-            if number in view.verdicts or rows["errors"][number] or rows["protocol"][number] == Protocol.TCP:
+            if number in view.verdicts or rows.errors[number] or rows.protocol[number] == Protocol.TCP:
                 continue
-            if rows["foreign"][number]:
+            if rows.foreign[number]:
                 continue
             before = rows[number - 1 : number] if number else view.trail.newest
             explained_before = (
-                number - 1 in view.verdicts and before["kind"][0] == Kind.NOISE if number else self._explained_before
+                number - 1 in view.verdicts and before.kind[0] == Kind.NOISE if number else self._explained_before
             )
-            if explained_before and _hard(rows["gap_before"][number], view):
+            if explained_before and _hard(rows.gap_before_ns[number], view):
                 continue
             glitch = _GLITCHES.issuperset(view.bytes_of(number))
             stretch = _OpenStretch(rows[number : number + 1], before, glitch, self._frames > 0 or number > first)
@@ -122,36 +120,36 @@ class NoiseStretches:
                 )
             else:
                 self._waiting = stretch._replace(row=stretch.row.copy(), before=stretch.before.copy())
-        self._explained_before = len(rows) - 1 in view.verdicts and bool(rows["kind"][-1] == Kind.NOISE)
+        self._explained_before = len(rows) - 1 in view.verdicts and bool(rows.kind[-1] == Kind.NOISE)
         if len(view.frames):
-            self._frames = int(rows["index"][view.frames[-1]]) + 1
+            self._frames = int(rows.index[view.frames[-1]]) + 1
 
     def close(self, view: DiagnosisStep) -> Iterator[Findings]:
         """Nothing comes after the last stretch, which may be the beginning of a frame that the capture's end cut."""
         if self._waiting is not None and self._waiting.glitch:
-            yield from self._judge(view, self._waiting, np.zeros(1, ROW), explained=False)
+            yield from self._judge(view, self._waiting, Rows.zeros(1), explained=False)
 
     def _judge(self, view: DiagnosisStep, stretch: _OpenStretch, after: Rows, *, explained: bool) -> Iterator[Findings]:
         row, before = stretch.row, stretch.before
-        frame_before, frame_after = bool(before["kind"][0]), bool(after["kind"][0])
+        frame_before, frame_after = bool(before.kind[0]), bool(after.kind[0])
         if not (frame_after or stretch.known):
             return
-        if not before["length"][0] and not stretch.glitch:
+        if not before.length[0] and not stretch.glitch:
             return  # the capture begins with it: rather the end of a frame
-        close_before = frame_before and _hard(row["gap_before"][0], view)
-        close_after = (frame_after or explained) and _hard(after["gap_before"][0], view)
-        if (close_before and not before["check"][0]) or (close_after and (explained or not after["check"][0])):
+        close_before = frame_before and _hard(row.gap_before_ns[0], view)
+        close_after = (frame_after or explained) and _hard(after.gap_before_ns[0], view)
+        if (close_before and not before.check[0]) or (close_after and (explained or not after.check[0])):
             return
         pattern, sender = Pattern.STRAY, None
-        if stretch.glitch and row["length"][0] <= _GLITCH_RUN and (close_before or close_after):
-            nearer = close_after and (not close_before or after["gap_before"][0] < row["gap_before"][0])
+        if stretch.glitch and row.length[0] <= _GLITCH_RUN and (close_before or close_after):
+            nearer = close_after and (not close_before or after.gap_before_ns[0] < row.gap_before_ns[0])
             pattern, sender = (Pattern.BEFORE, after) if nearer else (Pattern.AFTER, before)
         elif not close_before and not close_after:
             pattern = Pattern.IDLE
         unit = nan
-        if sender is not None and sender["kind"][0] == Kind.RESPONSE:
-            unit = float(sender["unit"][0])
-        yield NOISE.on(row, float(pattern), row["length"], unit)
+        if sender is not None and sender.kind[0] == Kind.RESPONSE:
+            unit = float(sender.unit[0])
+        yield NOISE.on(row, float(pattern), row.length, unit)
 
 
 def _hard(gap_ns: int, view: DiagnosisStep) -> bool:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...tables.findings import About, Findings, Rule, Severity
-from ...tables.schema import Protocol, Rows
-from ...tables.transactions import NEVER, Status
+from ...tables.schema import Protocol
+from ...tables.transactions import NEVER, Status, TransactionRows
 from .strangers import DUPLICATE
 
 _ANSWERED, _UNANSWERED, _DAMAGED = int(Status.ANSWERED), int(Status.UNANSWERED), int(Status.DAMAGED)
@@ -107,38 +107,39 @@ ECHO: Final = Rule(
 )
 
 
-def said(rule: Rule, transactions: Rows, which: NDArray[np.intp], timed: NDArray[np.bool_]) -> Findings:
+def said(rule: Rule, transactions: TransactionRows, which: NDArray[np.intp], timed: NDArray[np.bool_]) -> Findings:
     """What a rule says of some transactions; `timed`: whether their times mean anything."""
     these, before = transactions[which], transactions[np.maximum(which - 1, 0)]
-    columns = (these[name] for name in ("request", "start", "length", "port", "t_start"))
+    columns = these.request, these.start, these.length, these.port, these.t_start_ns
+    answers = (
+        these.response, these.response_start, these.response_length, these.response_port, these.t_response_ns,
+    )  # fmt: skip
     if rule is LATE:
-        columns = (
-            these[name] for name in ("response", "response_start", "response_length", "response_port", "t_response")
-        )
-        behind = np.where(timed, (these["t_response"] - these["t_request"]) / 1e6, np.nan)
-        waited = np.where(timed & (these["t_next"] != NEVER), (these["t_next"] - these["t_request"]) / 1e6, np.nan)
-        return rule.at(*columns, these["unit"], behind, these["request"], these["mistaken"], waited)
+        behind = np.where(timed, (these.t_response_ns - these.t_request_ns) / 1e6, np.nan)
+        waited = np.where(timed & (these.t_next_ns != NEVER), (these.t_next_ns - these.t_request_ns) / 1e6, np.nan)
+        return rule.at(*answers, these.unit, behind, these.request, these.mistaken, waited)
     if rule is DUPLICATE:
-        own = these["status"] == _ANSWERED  # else what reads like a request is the second answer
-        pairs = (
-            ("response", "request"),
-            ("response_start", "start"),
-            ("response_length", "length"),
-            ("response_port", "port"),
-            ("t_response", "t_start"),
+        own = these.status == _ANSWERED  # else what reads like a request is the second answer
+        index = np.where(own, these.response, these.request)
+        start, length = (
+            np.where(own, answer, request)
+            for answer, request in ((these.response_start, these.start), (these.response_length, these.length))
         )
-        index, start, length, port, t_ns = (np.where(own, these[one], these[otherwise]) for one, otherwise in pairs)
-        first = np.where(own, these["t_start"], before["t_response"])
+        port, t_ns = (
+            np.where(own, these.response_port, these.port),
+            np.where(own, these.t_response_ns, these.t_start_ns),
+        )
+        first = np.where(own, these.t_start_ns, before.t_response_ns)
         later = np.where(timed, (t_ns - first) / 1e6, np.nan)
-        return rule.at(index, start, length, port, t_ns, these["unit"], later)
+        return rule.at(index, start, length, port, t_ns, these.unit, later)
     if rule is NO_RESPONSE:
-        waited = np.where(timed, (these["t_next"] - these["t_request"]) / 1e6, np.nan)
-        over_tcp = np.where(these["protocol"] == Protocol.TCP, 1.0, np.nan)
-        return rule.at(*columns, these["unit"], waited, these["function"], 0, over_tcp)
+        waited = np.where(timed, (these.t_next_ns - these.t_request_ns) / 1e6, np.nan)
+        over_tcp = np.where(these.protocol == Protocol.TCP, 1.0, np.nan)
+        return rule.at(*columns, these.unit, waited, these.function, 0, over_tcp)
     if rule is RETRY:
-        failed = (which > 0) & np.isin(before["status"], (_UNANSWERED, _DAMAGED)) & timed
-        return rule.at(*columns, these["unit"], np.where(failed, (these["t_start"] - before["t_start"]) / 1e6, np.nan))
+        failed = (which > 0) & np.isin(before.status, (_UNANSWERED, _DAMAGED)) & timed
+        return rule.at(*columns, these.unit, np.where(failed, (these.t_start_ns - before.t_start_ns) / 1e6, np.nan))
     if rule is ECHO:
-        later = np.maximum(these["t_start"] - before["t_request"], 0) / 1e6
+        later = np.maximum(these.t_start_ns - before.t_request_ns, 0) / 1e6
         return rule.at(*columns, np.where(timed, later, np.nan))
-    return rule.at(*columns, these["unit"], these["function"])
+    return rule.at(*columns, these.unit, these.function)

@@ -82,10 +82,11 @@ BROADCAST_READ: Final = Rule(
 def broadcast_reads(view: DiagnosisStep) -> Iterator[Findings]:
     """Requests to unit 0 of functions that read."""
     rows = view.rows
-    sent = [row for row in view.right(view.to_all).tolist() if rows["kind"][row] == Kind.REQUEST]
-    reads = [row for row in sent if _reads(int(rows["function"][row]))]
-    if reads:
-        yield BROADCAST_READ.on(rows[reads], rows["function"][reads])
+    sent = view.right(view.to_all)
+    sent = sent[rows.kind[sent] == Kind.REQUEST]
+    reads = sent[[_reads(function) for function in rows.function[sent].tolist()]]
+    if len(reads):
+        yield BROADCAST_READ.on(rows[reads], rows.function[reads])
 
 
 def _reads(function: int) -> bool:
@@ -114,17 +115,18 @@ class Strangers:
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         rows, asks = view.rows, view.requests
-        answers = [row for row in view.right(view.to_all).tolist() if rows["kind"][row] == Kind.RESPONSE]
-        if answers:
-            yield BROADCAST_ANSWERED.on(rows[answers], 0, rows["function"][answers])
-        networked = view.column("protocol") == Protocol.TCP
+        answers = view.right(view.to_all)
+        answers = answers[rows.kind[answers] == Kind.RESPONSE]
+        if len(answers):
+            yield BROADCAST_ANSWERED.on(rows[answers], 0, rows.function[answers])
+        networked = view.rows.protocol == Protocol.TCP
         for number in view.strays.tolist():
             if networked[number]:
                 yield from self._judge_tcp(view, number)
-            elif rows["unit"][number] and (self._requested or (len(asks) and number > asks[0])):
+            elif rows.unit[number] and (self._requested or (len(asks) and number > asks[0])):
                 yield from self._judge(view, number)
         self._requested = self._requested or len(asks) > 0
-        self._asking.update(np.unique(view.column("port")[asks[networked[asks]]]).tolist())
+        self._asking.update(np.unique(view.rows.port[asks[networked[asks]]]).tolist())
 
     def _judge_tcp(self, view: DiagnosisStep, number: int) -> Iterator[Findings]:
         """A response over Modbus TCP whose transaction is not open, or asked for something else."""
@@ -139,11 +141,11 @@ class Strangers:
             if before.row.kind == Kind.REQUEST:
                 yield MISMATCH.on(stray, row.unit, row.function)
             else:
-                waited = (row.t_start - before.row.t_end) / 1e6
+                waited = (row.t_start_ns - before.row.t_end_ns) / 1e6
                 yield DUPLICATE.on(stray, row.unit, waited if view.timed else np.nan)
             return
         asks = view.requests
-        if row.port in self._asking or (view.column("port")[asks[asks < number]] == row.port).any():
+        if row.port in self._asking or (view.rows.port[asks[asks < number]] == row.port).any():
             yield UNEXPECTED.on(stray, row.unit, row.function)
 
     def _judge(self, view: DiagnosisStep, number: int) -> Iterator[Findings]:
@@ -159,7 +161,7 @@ class Strangers:
         elif request.row.unit != unit or (answered is not None and not _fits(request, answer)):
             yield UNEXPECTED.on(stray, unit, function)
         elif answered is not None:
-            waited = (answer.row.t_start - answered.row.t_end) / 1e6
+            waited = (answer.row.t_start_ns - answered.row.t_end_ns) / 1e6
             yield DUPLICATE.on(stray, unit, waited if view.timed else np.nan)
         elif _fits(request, answer):
             yield UNEXPECTED.on(stray, unit, function)
@@ -169,7 +171,7 @@ class Strangers:
     def _request_before(self, view: DiagnosisStep, number: int) -> _Before:
         """What stands before a row; where many strays follow each other none looks further back than to the last."""
         before = self._search_back(view, number)
-        self._newest = int(view.rows["index"][number]), before
+        self._newest = int(view.rows.index[number]), before
         return before
 
     def _search_back(self, view: DiagnosisStep, number: int) -> _Before:

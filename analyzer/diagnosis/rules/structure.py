@@ -206,13 +206,13 @@ def limits(view: DiagnosisStep) -> Iterator[Findings]:
 @looks_for(PADDING)
 def padding(view: DiagnosisStep) -> Iterator[Findings]:
     """Answers whose last byte holds more bits than the request asked for, and not as zeros."""
-    functions = view.column("function")[view.responses]
+    functions = view.rows.function[view.responses]
     for code in where(np.bincount(functions)).tolist():
         for relation in relations(code):
             if not isinstance(relation, RequestedByteCount) or not relation.bits:
                 continue
             answers = view.responses[functions == code]
-            answers = answers[(view.column("request")[answers] >= 0) & (view.function_bytes(answers) == code)]
+            answers = answers[(view.rows.request[answers] >= 0) & (view.function_bytes(answers) == code)]
             quantity = view.asked(answers, relation.quantity_offset)
             last = view.data.take(view.last_byte(answers))
             used = quantity & 7
@@ -224,10 +224,10 @@ def padding(view: DiagnosisStep) -> Iterator[Findings]:
 @looks_for(RESERVED_UNIT, RESERVED_FUNCTION, INVALID_FUNCTION, TOO_LONG)
 def codes(view: DiagnosisStep) -> Iterator[Findings]:
     """Units, function codes and lengths that the specification does not know."""
-    unit = where((view.column("unit") > LAST_UNIT) & (view.column("protocol") != Protocol.TCP))  # 255 is usual there
+    unit = where((view.rows.unit > LAST_UNIT) & (view.rows.protocol != Protocol.TCP))  # 255 is usual there
     if len(unit):
         rows = view.rows[view.right(unit)]
-        yield RESERVED_UNIT.on(rows, rows["unit"])
+        yield RESERVED_UNIT.on(rows, rows.unit)
     for code in view.asked_functions:
         if code & EXCEPTION or not code:
             yield INVALID_FUNCTION.on(view.rows[view.requests[view.requested == code]], code)
@@ -237,11 +237,11 @@ def codes(view: DiagnosisStep) -> Iterator[Findings]:
         code = int(view.data[view.plain.at[row] + 1])
         if code and not code & EXCEPTION and _reserved(code, revision()):
             yield RESERVED_FUNCTION.on(view.rows[row : row + 1], code)
-    long = where(view.column("length") > MAX_ADU)
+    long = where(view.rows.length > MAX_ADU)
     if len(long):
         rows = view.rows[view.right(long)]
-        rows = rows[rows["protocol"] == Protocol.RTU]
-        yield TOO_LONG.on(rows, rows["length"])
+        rows = rows[rows.protocol == Protocol.RTU]
+        yield TOO_LONG.on(rows, rows.length)
 
 
 @lru_cache(maxsize=512)

@@ -118,15 +118,15 @@ class Timing:
 
     @property
     def open_from(self) -> int | None:
-        return int(self._waiting[0][0]["index"][0]) if self._waiting else None
+        return int(self._waiting[0][0].index[0]) if self._waiting else None
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         rows, suspects = view.rows, _suspects(view)
-        self._frames += int(np.count_nonzero(view.column("protocol")[view.frames] != Protocol.TCP))
+        self._frames += int(np.count_nonzero(view.rows.protocol[view.frames] != Protocol.TCP))
         if len(suspects):
             before = rows[np.maximum(suspects - 1, 0)]
             if suspects[0] == 0:
-                before[0] = view.trail.newest[0]
+                before.put(slice(1), view.trail.newest)
             self._waiting.append((rows[suspects], before))
         if view.clock.known:
             yield from self._judge(view)
@@ -142,7 +142,7 @@ class Timing:
     def _judge(self, view: DiagnosisStep) -> Iterator[Findings]:
         waiting, self._waiting = self._waiting, []
         for rows, before in waiting:
-            verdicts = [view.clock.verdict(index) for index in rows["index"].tolist()]
+            verdicts = [view.clock.verdict(index) for index in rows.index.tolist()]
             fine = np.array([v.fine for v in verdicts])
             if fine.any():
                 jitter = np.array([v.jitter_ns for v in verdicts])[fine]
@@ -157,12 +157,12 @@ def _suspects(view: DiagnosisStep) -> NDArray[np.intp]:
     suspects = _after_broadcasts(view)
     t15, t35 = silences(view.line, view.options)
     if t15 < UNKNOWN and (view.clock.best().fine or not view.clock.known):
-        before = view.column("gap_before")
-        odd = (view.column("gap_most") > t15) | ((before < t35) & (before != NO_GAP))
+        before = view.rows.gap_before_ns
+        odd = (view.rows.gap_most_ns > t15) | ((before < t35) & (before != NO_GAP))
         suspects = np.union1d(suspects, where(odd))
     if len(suspects):
         rows = view.rows[suspects]
-        suspects = suspects[(rows["kind"] != Kind.NOISE) & rows["check"] & (rows["protocol"] == 0)]
+        suspects = suspects[(rows.kind != Kind.NOISE) & rows.check & (rows.protocol == 0)]
     return suspects
 
 
@@ -170,11 +170,11 @@ def _after_broadcasts(view: DiagnosisStep) -> NDArray[np.intp]:
     """Rows right behind a broadcast; but a device's answer to it is no request that came too soon."""
     rows, following = view.rows, []
     newest = view.trail.newest
-    if newest["unit"][0] == 0 and newest["kind"][0] == Kind.REQUEST:
+    if newest.unit[0] == 0 and newest.kind[0] == Kind.REQUEST:
         sent = next(view.trail.back(view.batch, 0))
         following += [0] if view.bytes_of(0)[1:-2] != sent.captured[1:-2] else []
     for row in view.to_all.tolist():
-        if rows["kind"][row] == Kind.REQUEST and row + 1 < len(rows):
+        if rows.kind[row] == Kind.REQUEST and row + 1 < len(rows):
             following += [row + 1] if view.bytes_of(row + 1)[1:-2] != view.bytes_of(row)[1:-2] else []
     return np.array(following, np.intp)
 
@@ -182,27 +182,28 @@ def _after_broadcasts(view: DiagnosisStep) -> NDArray[np.intp]:
 def _silences(view: DiagnosisStep, rows: Rows, before: Rows, jitter: NDArray[np.float64]) -> Iterator[Findings]:
     t15, t35 = silences(view.line, view.options)
     character = view.line.nominal_character_ns or UNKNOWN
-    off = np.maximum(-rows["gap_least"], jitter) + _TOLERANCE * t15
-    inside = where((rows["gap_most"] != NO_GAP) & (rows["gap_most"] - off > t15))
+    off = np.maximum(-rows.gap_least_ns, jitter) + _TOLERANCE * t15
+    inside = where((rows.gap_most_ns != NO_GAP) & (rows.gap_most_ns - off > t15))
     if len(inside):
-        gaps = rows["gap_most"][inside]
-        yield GAP_INSIDE.on(rows[inside], gaps / 1e6, gaps / character, rows["gap_at"][inside], t35 / 1e6)
-    short = before["check"] & (before["kind"] != Kind.NOISE) & (before["port"] == rows["port"])
-    alike = np.logical_and.reduce([rows[name] == before[name] for name in ("kind", "unit", "function", "length")])
+        gaps = rows.gap_most_ns[inside]
+        yield GAP_INSIDE.on(rows[inside], gaps / 1e6, gaps / character, rows.gap_at[inside], t35 / 1e6)
+    short = before.check & (before.kind != Kind.NOISE) & (before.port == rows.port)
+    alike = (rows.kind == before.kind) & (rows.unit == before.unit)
+    alike &= (rows.function == before.function) & (rows.length == before.length)
     short &= ~alike  # the tap shows it twice: no master and no unit sends so soon
-    short &= (rows["gap_before"] != NO_GAP) & (rows["gap_before"] + jitter + _TOLERANCE * t35 < t35)
+    short &= (rows.gap_before_ns != NO_GAP) & (rows.gap_before_ns + jitter + _TOLERANCE * t35 < t35)
     early = where(short)
     if len(early):
-        gaps = rows["gap_before"][early]
-        response = rows["kind"][early] == Kind.RESPONSE
+        gaps = rows.gap_before_ns[early]
+        response = rows.kind[early] == Kind.RESPONSE
         yield GAP_SHORT.on(rows[early], gaps / 1e6, gaps / character, t35 / 1e6, response)
 
 
 def _turnarounds(view: DiagnosisStep, rows: Rows, before: Rows, off: NDArray[np.float64]) -> Iterator[Findings]:
     due = view.options.turnaround_ns
-    after = (rows["kind"] == Kind.REQUEST) & before["check"] & (before["kind"] == Kind.REQUEST)
-    after &= (before["unit"] == 0) & (before["port"] == rows["port"]) & (off < _TIMER_NS)
-    pause = rows["t_start"] - before["t_end"]
+    after = (rows.kind == Kind.REQUEST) & before.check & (before.kind == Kind.REQUEST)
+    after &= (before.unit == 0) & (before.port == rows.port) & (off < _TIMER_NS)
+    pause = rows.t_start_ns - before.t_end_ns
     early = where(after & (pause + np.where(after, off, 0) < due))
     if len(early):
         yield TURNAROUND.on(rows[early], pause[early] / 1e6, due / 1e6)

@@ -41,13 +41,13 @@ COLLISION: Final = Rule(
 @looks_for(COLLISION)
 def inner_windows(view: DiagnosisStep) -> Iterator[Findings]:
     """Frames with such a window inside them."""
-    rows, contested = view.rows, view.right(where(view.column("contested")))
+    rows, contested = view.rows, view.right(where(view.rows.contested))
     if not len(contested):
         return
-    lengths = rows["length"][contested]
+    lengths = rows.length[contested]
     ends = np.cumsum(lengths)
     begins = ends - lengths
-    data = view.batch.data[np.repeat(rows["at"][contested] - begins, lengths) + np.arange(int(ends[-1]))]
+    data = view.batch.data[np.repeat(rows.at[contested] - begins, lengths) + np.arange(int(ends[-1]))]
     crc = crc_windows(data)
     candidates = search_candidates(data, crc)
     heads = np.repeat(begins, lengths)

@@ -34,33 +34,33 @@ class Envelope:
     def put_head(self, rows: Rows, row_numbers: Ints, source: BatchBytes, cursor: Cursor) -> None:
         """`HEAD` pieces of each of these rows of a batch, `"hex"` the last of them, its quote not closed."""
         cursor.put(b'{"index":')
-        cursor.put_numbers(rows["index"])
+        cursor.put_numbers(rows.index)
         cursor.put(b',"start":')
-        cursor.put_numbers(rows["start"])
-        cursor.put(self._length.take(rows["length"]))
-        cursor.put_numbers(rows["t_start"])
+        cursor.put_numbers(rows.start)
+        cursor.put(self._length.take(rows.length))
+        cursor.put_numbers(rows.t_start_ns)
         cursor.put(b',"t_end_ns":')
-        cursor.put_numbers(rows["t_end"])
-        kind, protocol, unit = (rows[name].astype(np.int64) for name in ("kind", "protocol", "unit"))
+        cursor.put_numbers(rows.t_end_ns)
+        kind, protocol, unit = (rows.column(name).astype(np.int64) for name in ("kind", "protocol", "unit"))
         cursor.put(self._unit.take(kind << 10 | protocol << 8 | unit))
-        function, exception, check = (rows[name].astype(np.int64) for name in ("function", "exception", "check"))
+        function, exception, check = (rows.column(name).astype(np.int64) for name in ("function", "exception", "check"))
         check[protocol == Protocol.TCP] = _NO_CHECK
         cursor.put(self._function.take(function << 10 | exception << 2 | check))
-        cursor.put_known(rows["request_start"], b"null")
+        cursor.put_known(rows.request_start, b"null")
         cursor.put(b',"response_time_ns":')
-        cursor.put_known(np.where(rows["request_start"] >= 0, rows["response_ns"], -1), b"null")
+        cursor.put_known(np.where(rows.request_start >= 0, rows.response_ns, -1), b"null")
         cursor.put(b',"hex":"')
         plain = protocol != Protocol.ASCII
         texts = np.empty(len(rows), np.int64)
-        texts[plain] = source.hex(rows["at"][plain], rows["length"][plain], cursor.sheet)
+        texts[plain] = source.hex(rows.at[plain], rows.length[plain], cursor.sheet)
         captured = ((source.pdus.batch.bytes_of(int(row)), Protocol.ASCII) for row in row_numbers[~plain])
         texts[~plain] = cursor.sheet.texts([adu_of(*each).data.hex().encode() for each in captured])
         cursor.put(texts)
 
     def put_tail(self, rows: Rows, row_numbers: Ints, batch: Batch, cursor: Cursor) -> None:
         """`TAIL` pieces of each row: the line's end is the last of them."""
-        cursor.put(self._confidence.take(rows["confidence"].view(np.uint32).astype(np.int64)))
-        ends = self._end.take(rows["port"].astype(np.int64))
+        cursor.put(self._confidence.take(rows.confidence.view(np.uint32).astype(np.int64)))
+        ends = self._end.take(rows.port.astype(np.int64))
         special = np.arange(len(rows)) if self._explain else np.flatnonzero(batch.finding_counts[row_numbers])
         if len(special):
             ends[special] = cursor.sheet.texts([self._special(batch, row) for row in row_numbers[special].tolist()])
@@ -68,7 +68,7 @@ class Envelope:
 
     def _special(self, batch: Batch, row: int) -> bytes:
         line: dict[str, Any] = {"findings": [finding.to_json() for finding in batch.findings_of(row)]}
-        if port := int(batch.rows["port"][row]):
+        if port := int(batch.rows.port[row]):
             line["port"] = port
         if self._explain:
             line["explain"] = explain_json(batch.frame(row))
@@ -146,17 +146,17 @@ class Whole:
 
 def noise_json(batch: Batch, row: int) -> dict[str, Any]:
     """A stretch of noise as a mapping."""
-    values = batch.rows[row]
+    values = batch.rows.row(row)
     line = {
         "kind": "noise",
-        "start": int(values["start"]),
-        "length": int(values["length"]),
-        "t_start_ns": int(values["t_start"]),
-        "t_end_ns": int(values["t_end"]),
+        "start": values.start,
+        "length": values.length,
+        "t_start_ns": values.t_start_ns,
+        "t_end_ns": values.t_end_ns,
         "hex": batch.bytes_of(row).hex(),
     }
-    if values["port"]:
-        line["port"] = int(values["port"])
+    if values.port:
+        line["port"] = values.port
     if findings := batch.findings_of(row):
         line["findings"] = [finding.to_json() for finding in findings]
     return line
@@ -168,12 +168,12 @@ def explain_json(frame: Frame) -> dict[str, Any] | None:
     if evidence is None:
         return None
     weights: dict[str, Any] = {
-        key: round(float(evidence[key]), 2) for key in ("length", "crc", "silence", "conversation", "margin")
+        key: round(float(evidence.column(key)[0]), 2) for key in ("length", "crc", "silence", "conversation", "margin")
     }
-    kind = Kind(int(evidence["rival_kind"]))
-    if evidence["rival_start"] < 0 or kind == Kind.NOISE:
+    kind = Kind(int(evidence.rival_kind[0]))
+    if evidence.rival_start[0] < 0 or kind == Kind.NOISE:
         weights["runner_up"] = {"start": None, "length": None, "kind": "noise"}
     else:
-        start, length = int(evidence["rival_start"]), int(evidence["rival_length"])
+        start, length = int(evidence.rival_start[0]), int(evidence.rival_length[0])
         weights["runner_up"] = {"start": start, "length": length, "kind": Direction(kind).name}
     return weights

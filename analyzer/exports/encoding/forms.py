@@ -103,10 +103,8 @@ class Forms:
 
     def groups(self, rows: BatchRows, row_numbers: Ints, source: BatchBytes) -> list[Group]:
         """The rows, which are `row_numbers` of the batch, that are set from pieces, by form."""
-        able = np.flatnonzero(
-            (rows["kind"] != Kind.NOISE) & (rows["protocol"] == Envelope.RTU) & (rows["length"] >= _LEAST)
-        )
-        keys = rows["kind"][able].astype(np.int64) << 8 | source.octets(source.pdus.begins[row_numbers[able]])
+        able = np.flatnonzero((rows.kind != Kind.NOISE) & (rows.protocol == Envelope.RTU) & (rows.length >= _LEAST))
+        keys = rows.kind[able].astype(np.int64) << 8 | source.octets(source.pdus.begins[row_numbers[able]])
         groups = []
         for key in np.flatnonzero(np.bincount(keys)).tolist():
             if key not in self._forms:
@@ -184,11 +182,11 @@ class BatchBytes:
     @classmethod
     def of(cls, pdus: Pdus, frames: Rows) -> BatchBytes:
         """The bytes of some frames of a batch, as far as they are captured as bytes."""
-        plain = frames["protocol"] != Protocol.ASCII
+        plain = frames.protocol != Protocol.ASCII
         if not plain.any():
             return cls(pdus, 0, 0)
-        begins = frames["at"][plain]
-        return cls(pdus, int(begins.min()), int((begins + frames["length"][plain]).max()))
+        begins = frames.at[plain]
+        return cls(pdus, int(begins.min()), int((begins + frames.length[plain]).max()))
 
     def octets(self, at: Ints) -> Ints:
         """The byte at each place."""
@@ -218,7 +216,7 @@ class BatchBytes:
 def kept(batch: Batch, first: int, last: int, *, noise: bool) -> tuple[Ints, Rows]:
     """Of rows `first` to `last` (excluded) of a batch, their numbers and themselves; without `noise` only frames."""
     rows = batch.rows[first:last]
-    if noise or (rows["kind"] != Kind.NOISE).all():
+    if noise or (rows.kind != Kind.NOISE).all():
         return np.arange(first, last), rows
-    row_numbers = first + np.flatnonzero(rows["kind"] != Kind.NOISE)
+    row_numbers = first + np.flatnonzero(rows.kind != Kind.NOISE)
     return row_numbers, batch.rows[row_numbers]

@@ -52,7 +52,7 @@ class FrameJsonLines:
         if self._pdus is None or self._pdus.batch is not batch:
             self._pdus = Pdus(batch)
         row_numbers, rows = kept(batch, first, last, noise=self._noise)
-        silent = rows["kind"] == Kind.NOISE
+        silent = rows.kind == Kind.NOISE
         frames = np.flatnonzero(~silent)
         spoken = rows if len(frames) == len(rows) else rows[frames]
         sizes = np.where(silent, 1, HEAD + 1 + TAIL)
@@ -73,7 +73,7 @@ class FrameJsonLines:
             group.put(source, sheet.at(group.lines, HEAD + 2))
         formed = np.concatenate([np.zeros(0, np.int64), *(group.lines for group in groups)])
         self._put_around(rows, formed, source, sheet)
-        unformed = rows["kind"] != Kind.NOISE
+        unformed = rows.kind != Kind.NOISE
         unformed[formed] = False
         frames = (source.pdus.batch.frame(row) for row in row_numbers[unformed].tolist())
         texts = [b'","fields":' + self._field_texts.text(frame) for frame in frames]
@@ -81,16 +81,16 @@ class FrameJsonLines:
 
     def _put_around(self, rows: Rows, formed: Ints, source: BatchBytes, sheet: Sheet) -> None:
         """Unit and function, and the check value, of RTU frames."""
-        begins, lengths = rows["at"][formed], rows["length"][formed]
+        begins, lengths = rows.at[formed], rows.length[formed]
         head, tail = sheet.at(formed, HEAD), sheet.before_end(formed, TAIL + 2)
         head.put(self._unit.take(source.octets(begins)))
-        kind = rows["kind"][formed].astype(np.int64)
+        kind = rows.kind[formed].astype(np.int64)
         head.put(self._function.take(kind << 8 | source.octets(begins + 1)))
         at = lengths - _CHECK
         tail.put(self._check_offset.take(at))
         at += begins
         checks = self._check_value.take(source.octets(at) | source.octets(at + 1) << 8)
-        wrong = np.flatnonzero(~rows["check"][formed])
+        wrong = np.flatnonzero(~rows.check[formed])
         if len(wrong):
             spans = zip(begins[wrong].tolist(), lengths[wrong].tolist(), strict=True)
             frames = (source.pdus.data[begin : begin + length].tobytes() for begin, length in spans)

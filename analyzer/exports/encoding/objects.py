@@ -50,6 +50,6 @@ class FramesAhead:
     def _line_of(self, batch: Batch, first: int, last: int) -> bytes:
         """The line of row `first`; those up to `last` (excluded) are ready."""
         text = b"".join(self._lines.text(batch, first, last))
-        rows = first + np.flatnonzero(batch.rows["kind"][first:last] != Kind.NOISE)
+        rows = first + np.flatnonzero(batch.rows.kind[first:last] != Kind.NOISE)
         self._ready = dict(zip(rows.tolist(), text.splitlines(), strict=True))
         return self._ready[first]

@@ -123,9 +123,9 @@ class _CsvTable:
         if self._pdus is None or self._pdus.batch is not batch:
             self._pdus = Pdus(batch)
         if self._zero is None:
-            self._zero = int(batch.rows["t_start"][first])
+            self._zero = int(batch.rows.t_start_ns[first])
         row_numbers, rows = kept(batch, first, last, noise=self._options.noise)
-        silent = rows["kind"] == Kind.NOISE
+        silent = rows.kind == Kind.NOISE
         frames = np.flatnonzero(~silent)
         spoken = rows if len(frames) == len(rows) else rows[frames]
         source = BatchBytes.of(self._pdus, spoken)
@@ -159,24 +159,24 @@ class _CsvTable:
     def _put_head(self, rows: Rows, row_numbers: Ints, source: BatchBytes, cursor: Cursor) -> None:
         """Everything before the summary."""
         cursor.put(b"frame,")
-        cursor.put_numbers(rows["index"])
-        cursor.put(self._cell.take(rows["port"].astype(np.int64)))
-        cursor.put_numbers(rows["start"])
-        cursor.put(self._cell.take(rows["length"]))
+        cursor.put_numbers(rows.index)
+        cursor.put(self._cell.take(rows.port.astype(np.int64)))
+        cursor.put_numbers(rows.start)
+        cursor.put(self._cell.take(rows.length))
         self._put_times(rows, cursor)
-        kind, protocol, unit = (rows[name].astype(np.int64) for name in ("kind", "protocol", "unit"))
+        kind, protocol, unit = (rows.column(name).astype(np.int64) for name in ("kind", "protocol", "unit"))
         cursor.put(self._unit.take(kind << 10 | protocol << 8 | unit))
-        function, exception, check = (rows[name].astype(np.int64) for name in ("function", "exception", "check"))
+        function, exception, check = (rows.column(name).astype(np.int64) for name in ("function", "exception", "check"))
         check[protocol == Protocol.TCP] = _NO_CHECK
         cursor.put(self._function.take(function << 10 | exception << 2 | check))
         cursor.put(b",")
-        cursor.put_known(rows["request_start"], b"")
+        cursor.put_known(rows.request_start, b"")
         cursor.put(b",")
-        cursor.put_known(np.where(rows["request_start"] >= 0, rows["response_ns"], -1), b"")
-        cursor.put(self._confidence.take(rows["confidence"].view(np.uint32).astype(np.int64)))
+        cursor.put_known(np.where(rows.request_start >= 0, rows.response_ns, -1), b"")
+        cursor.put(self._confidence.take(rows.confidence.view(np.uint32).astype(np.int64)))
         plain = protocol != Protocol.ASCII
         texts = np.empty(len(rows), np.int64)
-        texts[plain] = source.spaced(rows["at"][plain], rows["length"][plain], cursor.sheet)
+        texts[plain] = source.spaced(rows.at[plain], rows.length[plain], cursor.sheet)
         ascii_frames = (source.pdus.batch.frame(int(row)) for row in row_numbers[~plain])
         texts[~plain] = cursor.sheet.texts([frame.adu.data.hex(" ").upper().encode() for frame in ascii_frames])
         cursor.put(texts)
@@ -187,14 +187,14 @@ class _CsvTable:
         if not self._timed:
             cursor.put(b",,")
             return
-        seconds, rest = _seconds(rows["t_start"] - (self._zero or 0), cursor.sheet)
+        seconds, rest = _seconds(rows.t_start_ns - (self._zero or 0), cursor.sheet)
         cursor.put(seconds)
         cursor.put(b".")
         cursor.put(rest)
         cursor.put(b",")
-        cursor.put_numbers(rows["t_start"])
+        cursor.put_numbers(rows.t_start_ns)
         cursor.put(b",")
-        cursor.put_numbers(rows["t_end"])
+        cursor.put_numbers(rows.t_end_ns)
 
     def _put_tail(self, rows: Rows, contents: _Spoken, batch: Batch, row_numbers: Ints, cursor: Cursor) -> None:
         """What is behind the summary, and the line's end."""
@@ -205,7 +205,7 @@ class _CsvTable:
             findings[odd] = cursor.sheet.texts(texts)
         cursor.put(findings)
         if self._timed:
-            self._put_clock(rows["t_start"], cursor)
+            self._put_clock(rows.t_start_ns, cursor)
         cursor.put(self._number.take(contents.address + 1))
         cursor.put(self._number.take(contents.quantity + 1))
         cursor.put(b",")
@@ -244,12 +244,12 @@ class _CsvTable:
         behind = len(COLUMNS) - 1 - COLUMNS.index("findings") + (len(EXPLAINED) if self._options.explain else 0)
         end = b"," * behind + b"\n"
         rows = batch.rows[row_numbers]
-        columns: list[list[Any]] = [rows[name].tolist() for name in ("port", "start", "length")]
+        columns: list[list[Any]] = [rows.column(name).tolist() for name in ("port", "start", "length")]
         form = b"noise,,%d,%d,%d,,,"
         if self._timed:
             form = b"noise,,%d,%d,%d,%.6f,%d,%d"
-            columns += [((rows["t_start"] - (self._zero or 0)) / 1e9).tolist()]
-            columns += [rows[name].tolist() for name in ("t_start", "t_end")]
+            columns += [((rows.t_start_ns - (self._zero or 0)) / 1e9).tolist()]
+            columns += [rows.column(name).tolist() for name in ("t_start_ns", "t_end_ns")]
         begins = [form % row for row in zip(*columns, strict=True)]
         hexes = [batch.bytes_of(row).hex(" ").upper().encode() for row in row_numbers.tolist()]
         findings = [b",," + _findings(batch.findings_of(row)) for row in row_numbers.tolist()]

@@ -102,16 +102,16 @@ class _PacketWriter:
 
     def rows(self, batch: Batch, first: int, last: int) -> None:
         """A packet a row."""
-        kinds = batch.rows["kind"][first:last]
+        kinds = batch.rows.kind[first:last]
         chosen = np.arange(first, last) if self._options.noise else first + np.flatnonzero(kinds != Kind.NOISE)
         if not len(chosen):
             return
-        ports = batch.rows["port"][chosen]
+        ports = batch.rows.port[chosen]
         for port in np.unique(ports).tolist():
             self._interface(port)
         interfaces = np.zeros(256, np.uint32)
         interfaces[list(self._interfaces)] = list(self._interfaces.values())
-        marks = marked_rows(self._notes, ports, batch.rows["start"][chosen])
+        marks = marked_rows(self._notes, ports, batch.rows.start[chosen])
         comments = _comments(batch, chosen, self._options.explain, marks)
         self._out.write(_packets(batch, chosen, interfaces[ports], comments))
 
@@ -144,7 +144,7 @@ def _interface(port: int, line: LineSettings) -> bytes:
 def _packets(batch: Batch, chosen: NDArray[np.intp], interfaces: Words, comments: dict[int, bytes]) -> bytes:
     """The blocks of some rows; `comments` holds options by a row's position in `chosen`."""
     rows = batch.rows[chosen]
-    lengths = np.minimum(rows["length"], _MOST)
+    lengths = np.minimum(rows.length, _MOST)
     extra = np.zeros(len(rows), np.int64)
     if comments:
         extra[list(comments)] = [len(option) // 4 for option in comments.values()]
@@ -155,26 +155,26 @@ def _packets(batch: Batch, chosen: NDArray[np.intp], interfaces: Words, comments
 
     sizes = 4 * words
     tags_size = 4 * _TAGGED
-    times = np.maximum(rows["t_end"], 0)  # the format has no times before its epoch
-    octets = (tags_size + lengths, tags_size + rows["length"])  # written, and as they were
+    times = np.maximum(rows.t_end_ns, 0)  # the format has no times before its epoch
+    octets = (tags_size + lengths, tags_size + rows.length)  # written, and as they were
     for i, column in enumerate((ng.ENHANCED_PACKET, sizes, interfaces, times >> 32, times & 0xFFFFFFFF, *octets)):
         packed[begins + i] = column
-    kinds = rows["kind"]
+    kinds = rows.kind
     tags = _RTU[kinds]
     for protocol, its in ((Protocol.ASCII, _PLAIN), (Protocol.TCP, _TCP_FRAME)):
-        if (mine := rows["protocol"] == protocol).any():
+        if (mine := rows.protocol == protocol).any():
             tags[mine] = its[kinds[mine]]
     for kind, at in ((Kind.REQUEST, _TO_AT), (Kind.RESPONSE, _FROM_AT)):
-        tags[kinds == kind, at] = rows["unit"][kinds == kind].astype(np.uint32) << 24  # its last byte
+        tags[kinds == kind, at] = rows.unit[kinds == kind].astype(np.uint32) << 24  # its last byte
     packed[(begins + _BEFORE)[:, None] + np.arange(_TAGGED)] = tags
-    _copy(batch.data, rows["at"], packed.view(np.uint8), 4 * (begins + _BEFORE + _TAGGED), lengths)
+    _copy(batch.data, rows.at, packed.view(np.uint8), 4 * (begins + _BEFORE + _TAGGED), lengths)
 
     behind = begins + ends
     for position, option in comments.items():
         packed[behind[position] : behind[position] + extra[position]] = np.frombuffer(option, "<u4")
     behind = behind + extra
     packed[behind] = 4 << 16 | ng.FLAGS  # the option's code, then its size
-    packed[behind + 1] = _WAYS[kinds] | np.where((kinds != Kind.NOISE) & ~rows["check"], _CRC_ERROR, 0)
+    packed[behind + 1] = _WAYS[kinds] | np.where((kinds != Kind.NOISE) & ~rows.check, _CRC_ERROR, 0)
     packed[behind + 3] = sizes
     return packed.tobytes()
 
@@ -193,11 +193,11 @@ def _comments(batch: Batch, chosen: NDArray[np.intp], explain: bool, marks: Mapp
     findings = batch.findings
     if findings is not None and len(findings):
         rows = batch.rows[chosen]
-        marked = np.isin(rows["start"], findings["start"])
+        marked = np.isin(rows.start, findings.start)
         for position in np.flatnonzero(marked).tolist():
             texts_by_row[position] = [finding_comment(finding) for finding in batch.findings_of(int(chosen[position]))]
     if explain and batch.evidence is not None:
-        for position in np.flatnonzero(batch.rows["kind"][chosen] != Kind.NOISE).tolist():
+        for position in np.flatnonzero(batch.rows.kind[chosen] != Kind.NOISE).tolist():
             if (why := explain_json(batch.frame(int(chosen[position])))) is not None:
                 weights = ", ".join(f"{key} {value}" for key, value in why.items() if key != "runner_up")
                 texts_by_row.setdefault(position, []).append(f"evidence in bits: {weights}")
@@ -231,7 +231,7 @@ class PacketStream:
     def row(self, batch: Batch, row: int, line: LineSettings) -> bytes:
         """A frame or noise, with what was found by now; `line` is what is known of the line."""
         chosen = np.array([row])
-        new, interface = self._interface(int(batch.rows["port"][row]), line)
+        new, interface = self._interface(int(batch.rows.port[row]), line)
         interfaces = np.array([interface], np.uint32)
         return new + _packets(batch, chosen, interfaces, _comments(batch, chosen, explain=False, marks={}))
 

@@ -97,11 +97,11 @@ class Metrics:
         self._losses.inc(sum(event.kind == "lost" for event in step.events))
         rows = step.batch.rows
         if len(rows):
-            noise = rows["kind"] == Kind.NOISE
-            self._noise.inc(int(rows["length"][noise].sum()))
-            self._damaged.inc(int(np.count_nonzero(~rows["check"] & ~noise)))
+            noise = rows.kind == Kind.NOISE
+            self._noise.inc(int(rows.length[noise].sum()))
+            self._damaged.inc(int(np.count_nonzero(~rows.check & ~noise)))
             for kind in (Kind.REQUEST, Kind.RESPONSE):
-                self._frames.labels(kind.name.lower()).inc(int(np.count_nonzero(rows["kind"] == kind)))
+                self._frames.labels(kind.name.lower()).inc(int(np.count_nonzero(rows.kind == kind)))
         for traffic in by_unit(step.analysed.transactions):
             unit = str(traffic.unit)
             for name, (source, _) in _OF_UNIT.items():
@@ -112,9 +112,9 @@ class Metrics:
             for t_ns in traffic.times_ns:
                 times.observe(t_ns / 1e9)
         declared = rules()
-        for finding in step.findings:
-            rule = declared[finding["rule"]]
-            about = evidence(rule, finding["numbers"].tolist()).get("unit")
+        for number, figures in zip(step.findings.rule.tolist(), step.findings.numbers.tolist(), strict=True):
+            rule = declared[number]
+            about = evidence(rule, figures).get("unit")
             self._findings.labels(rule.code, rule.severity.name.lower(), "" if about is None else f"{about:.0f}").inc()
 
     def close(self) -> None:

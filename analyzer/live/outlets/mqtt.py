@@ -27,7 +27,7 @@ from dissectors.maps.model import RegisterMap
 
 from ...exports.targets.mcap.mapped import topic_name
 from ...extras import needs
-from ...tables.findings import describe
+from ...tables.findings import described
 from ...tables.schema import Kind
 from ..lines import FrameCache, frame_readings
 from . import OutletError, Tell
@@ -136,8 +136,7 @@ class Mqtt:
                 self._stale.add(traffic.unit)
         for unit in [unit for unit in self._stale if step.t_ns - self._sent_at.get(unit, 0) >= _PERIOD_NS]:
             self._tell_health(unit, step.t_ns)
-        for row in step.findings:
-            finding = describe(row)
+        for finding in described(step.findings):
             event = {"t_ns": finding.t_ns, "index": finding.index, **finding.to_json()}
             self._mail.put(Letter(f"{self._base}/findings", json.dumps(event, ensure_ascii=False), state=False))
 
@@ -163,7 +162,7 @@ class Mqtt:
         rows = step.batch.rows
         if self._readings is None or not len(rows):
             return
-        for row in np.flatnonzero((rows["kind"] == Kind.RESPONSE) & rows["check"]).tolist():
+        for row in np.flatnonzero((rows.kind == Kind.RESPONSE) & rows.check).tolist():
             frame = step.batch.frame(row)
             for reading in self._readings.of(frame):
                 value = reading.value

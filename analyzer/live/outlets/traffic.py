@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...reports.summary import BY_STATUS
-from ...tables.schema import Rows
+from ...tables.transactions import TransactionRows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,15 +23,15 @@ class UnitTraffic:
     times_ns: tuple[int, ...] = ()
 
 
-def by_unit(settled: Rows) -> Iterator[UnitTraffic]:
+def by_unit(settled: TransactionRows) -> Iterator[UnitTraffic]:
     """Settled transactions, a unit at a time."""
-    for unit in np.unique(settled["unit"]).tolist():
-        mine = settled[settled["unit"] == unit]
+    for unit in np.unique(settled.unit).tolist():
+        mine = settled[settled.unit == unit]
         counts = Counter(requests=len(mine))
         for name in ("retry", "late"):
-            counts[{"retry": "retries"}.get(name, name)] = int(np.count_nonzero(mine[name]))
+            counts[{"retry": "retries"}.get(name, name)] = int(np.count_nonzero(mine.column(name)))
         for status, name in BY_STATUS.items():
-            counts[name] = int(np.count_nonzero(mine["status"] == status))
-        raised = Counter(mine["exception"][mine["exception"] > 0].tolist())
-        times = mine["response_ns"][mine["response_ns"] >= 0]
+            counts[name] = int(np.count_nonzero(mine.status == status))
+        raised = Counter(mine.exception[mine.exception > 0].tolist())
+        times = mine.response_ns[mine.response_ns >= 0]
         yield UnitTraffic(unit, counts, raised, tuple(times.tolist()))

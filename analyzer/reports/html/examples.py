@@ -48,26 +48,27 @@ class Examples:
 
     def add(self, batch: Batch, findings: Findings) -> None:
         """Keep what is still missing."""
-        for number in np.flatnonzero(np.bincount(findings["rule"])).tolist():
+        for number in np.flatnonzero(np.bincount(findings.rule)).tolist():
             examples = self._by_rule.setdefault(number, [])
-            mine = findings[(findings["rule"] == number) & (findings["start"] >= 0)] if len(examples) < _EACH else ()
-            for row in mine[: _EACH - len(examples)]:
-                example = _example(batch, row)
+            missing = _EACH - len(examples)
+            mine = np.flatnonzero((findings.rule == number) & (findings.start >= 0)) if missing > 0 else ()
+            for place in mine[: max(missing, 0)]:
+                example = _example(batch, findings[place : place + 1])
                 if example is not None:
                     examples.append(example)
                     self._by_code[example.finding.code] = examples
 
 
-def _example(batch: Batch, row: np.void) -> FindingExample | None:
+def _example(batch: Batch, one: Findings) -> FindingExample | None:
     """The finding with the row that holds its first byte; None where this batch has no such row."""
-    rows, start = batch.rows, row["start"]
-    number = int(rows_of_findings(rows, row.reshape(1))[0])
+    rows = batch.rows
+    number = int(rows_of_findings(rows, one)[0])
     if number < 0:
         return None
-    finding = describe(row)
-    if rows["kind"][number] != Kind.NOISE:
+    finding = describe(one, 0)
+    if rows.kind[number] != Kind.NOISE:
         return FindingExample(finding, batch.frame(number), b"", finding.length)
-    noise = batch.bytes_of(number)[int(start - rows["start"][number]) :]
+    noise = batch.bytes_of(number)[finding.start - int(rows.start[number]) :]
     return FindingExample(finding, None, noise[:_NOISE], len(noise))
 
 

@@ -55,12 +55,12 @@ class TroubleBins:
     def add(self, rows: Rows, findings: Findings) -> None:
         """Count rows in, nearly in order of time, and what was found on them."""
         if len(rows):
-            self._spread(rows, self._bins.reach(int(rows["t_start"].min()), int(rows["t_end"].max())))
-        placed = findings[findings["start"] >= 0]
+            self._spread(rows, self._bins.reach(int(rows.t_start_ns.min()), int(rows.t_end_ns.max())))
+        placed = findings[findings.start >= 0]
         if self.origin_ns is None or not len(placed):
             return
-        bins = self._bins.bins(placed["t"])
-        severities = np.array([rule.severity for rule in rules()])[placed["rule"]]
+        bins = self._bins.bins(placed.t_ns)
+        severities = np.array([rule.severity for rule in rules()])[placed.rule]
         for severity in Severity:
             self._bins.tables[severity] += np.bincount(bins[severities == severity], minlength=TROUBLE_BINS)
 
@@ -69,9 +69,9 @@ class TroubleBins:
         return min(TROUBLE_BINS, max(1, -(-span_ns // self.width_ns)))
 
     def _spread(self, rows: Rows, origin_ns: int) -> None:
-        passed = np.cumsum(rows["length"])
-        times = np.column_stack((rows["t_start"], rows["t_end"])).ravel() - origin_ns
-        sums = np.column_stack((passed - rows["length"], passed)).ravel()
+        passed = np.cumsum(rows.length)
+        times = np.column_stack((rows.t_start_ns, rows.t_end_ns)).ravel() - origin_ns
+        sums = np.column_stack((passed - rows.length, passed)).ravel()
         edges = np.arange(TROUBLE_BINS + 1) * float(self.width_ns)
         below = np.interp(edges, np.maximum.accumulate(times), sums)
         below[0], below[-1] = 0.0, passed[-1]  # nothing is lost before the first bin or on the last edge

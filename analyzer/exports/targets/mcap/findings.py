@@ -12,8 +12,7 @@ from captures.formats.mcap.packing import HEAD, Packed, PackedPart, Tails
 from captures.ragged import Ints
 
 from ....tables.batch import Batch, rows_of_findings
-from ....tables.findings import evidence, rules
-from ....tables.schema import Rows
+from ....tables.findings import Findings, evidence, rules
 from .schemas import LEVELS
 
 MAX_OF_A_KIND: Final = 20_000  # further ones are counted on their frames, not told
@@ -28,15 +27,15 @@ class Log:
         self._end = 0  # ns, of the rows so far
         self.left_out = 0
 
-    def messages(self, findings: Rows, batch: Batch) -> Packed:
+    def messages(self, findings: Findings, batch: Batch) -> Packed:
         """What was found about the rows of a batch, or about the bus as a whole, which comes at the end."""
-        findings = findings.take(self._room(findings))
-        times = findings["t"].copy()
+        findings = findings[self._room(findings)]
+        times = findings.t_ns.copy()
         if len(batch):
-            self._end = max(self._end, int(batch.rows["t_end"].max()))
+            self._end = max(self._end, int(batch.rows.t_end_ns.max()))
             rows = rows_of_findings(batch.rows, findings)
-            times[rows >= 0] = batch.rows["t_end"][rows[rows >= 0]]
-        times[findings["start"] < 0] = self._end
+            times[rows >= 0] = batch.rows.t_end_ns[rows[rows >= 0]]
+        times[findings.start < 0] = self._end
         order = np.argsort(times, kind="stable")
         texts = _texts(findings[order], times[order].tolist())
         sizes = np.array([len(text) for text in texts], np.int64)
@@ -44,11 +43,11 @@ class Log:
         heads = packing.heads(np.zeros(1, [("record", HEAD)]), len(texts))
         return packing.packed(self._channel, times[order], [PackedPart(None, heads)], tails)
 
-    def _room(self, findings: Rows) -> Ints:
+    def _room(self, findings: Findings) -> Ints:
         """Which of these are told."""
         fitting = np.ones(len(findings), np.bool_)
-        for rule in np.unique(findings["rule"]).tolist():
-            own = np.flatnonzero(findings["rule"] == rule)
+        for rule in np.unique(findings.rule).tolist():
+            own = np.flatnonzero(findings.rule == rule)
             before = self._counts.get(rule, 0)
             fitting[own[max(MAX_OF_A_KIND - before, 0) :]] = False
             self._counts[rule] = before + len(own)
@@ -56,11 +55,11 @@ class Log:
         return np.flatnonzero(fitting)
 
 
-def _texts(findings: Rows, times: list[int]) -> list[bytes]:
+def _texts(findings: Findings, times: list[int]) -> list[bytes]:
     """Their messages; times are in ns."""
     declared = rules()
     texts = []
-    for number, figures, t_ns in zip(findings["rule"].tolist(), findings["numbers"].tolist(), times, strict=True):
+    for number, figures, t_ns in zip(findings.rule.tolist(), findings.numbers.tolist(), times, strict=True):
         rule = declared[number]
         text = rule.words(rule.text, evidence(rule, figures))
         texts.append(log_message(t_ns, LEVELS[rule.severity], text, rule.code))

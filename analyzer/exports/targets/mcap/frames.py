@@ -17,9 +17,9 @@ from captures.ragged import Ints
 from ....tables.batch import Batch
 from ....tables.columns import Decoded
 from ....tables.frame import adu_of
-from ....tables.schema import Kind, Protocol, Rows
+from ....tables.schema import BoundaryEvidence, Kind, Protocol, Rows
 
-_RENAMED: Final = {"t_start_ns": "t_start", "direction": "kind", "crc_ok": "check"}
+_RENAMED: Final = {"direction": "kind", "crc_ok": "check"}
 _PLAIN: Final = ("index", "start", "length", "t_start_ns", "direction", "unit", "function", "crc_ok", "confidence")
 _RARE: Final = ("protocol", "exception", "port")  # left out where they are 0 on all rows
 
@@ -30,26 +30,26 @@ def frame_messages(
     batch: Batch, decoded: Decoded, message: Message, channel: int, findings: Ints | None
 ) -> Iterator[Packed]:
     """All frames of a batch; `findings` is how many there are on each row, None for none on any."""
-    frames = np.flatnonzero(batch.rows["kind"] != Kind.NOISE)
+    frames = np.flatnonzero(batch.rows.kind != Kind.NOISE)
     for first in range(0, len(frames), AT_ONCE):
         which = frames[first : first + AT_ONCE]
         gapless = int(which[-1]) - int(which[0]) == len(which) - 1  # no noise between: no need to pick
         pick: Any = slice(int(which[0]), int(which[-1]) + 1) if gapless else which
         rows = batch.rows[pick]
-        columns: _Columns = {name: rows[_RENAMED.get(name, name)] for name in (*_PLAIN, *_RARE)}
+        columns: _Columns = {name: rows.column(_RENAMED.get(name, name)) for name in (*_PLAIN, *_RARE)}
         columns |= {
             "findings": np.zeros(1, np.int64) if findings is None else findings[pick],
             "address": decoded.address[pick],
             "quantity": decoded.quantity[pick],
-            "request_start": rows["request_start"],
-            "response_time_ns": rows["response_ns"],
+            "request_start": rows.request_start,
+            "response_time_ns": rows.response_ns,
         }
         evidence = None if batch.evidence is None else batch.evidence[pick]
-        yield _packed(columns, evidence, rows["t_end"], _bytes(batch, which, rows), message, channel)
+        yield _packed(columns, evidence, rows.t_end_ns, _bytes(batch, which, rows), message, channel)
 
 
 def _packed(
-    columns: _Columns, evidence: Rows | None, times: Ints, tails: Tails, message: Message, channel: int
+    columns: _Columns, evidence: BoundaryEvidence | None, times: Ints, tails: Tails, message: Message, channel: int
 ) -> Packed:
     without = {name for name in (*_RARE, "findings") if not columns[name].any()}
     heads = packing.heads(message.layout(HEAD, without), len(times))
@@ -68,29 +68,29 @@ def _packed(
 
 def noise_messages(batch: Batch, channel: int) -> Packed:
     """All noise of a batch."""
-    rows = batch.rows.take(np.flatnonzero(batch.rows["kind"] == Kind.NOISE))
+    rows = batch.rows[batch.rows.kind == Kind.NOISE]
     heads = packing.heads(schemas.NOISE.layout(HEAD), len(rows))
     for name in ("start", "length", "t_start_ns", "port"):
-        heads[name] = rows[_RENAMED.get(name, name)]
-    tails = Tails(batch.data, rows["at"], rows["length"])
+        heads[name] = rows.column(_RENAMED.get(name, name))
+    tails = Tails(batch.data, rows.at, rows.length)
     heads["data"] = packed_length(tails.sizes)
-    return packing.packed(channel, rows["t_end"], [PackedPart(None, heads)], tails)
+    return packing.packed(channel, rows.t_end_ns, [PackedPart(None, heads)], tails)
 
 
-def _explain(heads: Rows, message: Message, evidence: Rows) -> None:
+def _explain(heads: NDArray[np.void], message: Message, evidence: BoundaryEvidence) -> None:
     for name in schemas.EVIDENCE:
-        heads[f"evidence_{name}"] = evidence[name]
-    kind, start = evidence["rival_kind"], evidence["rival_start"]
+        heads[f"evidence_{name}"] = evidence.column(name)
+    kind, start = evidence.rival_kind, evidence.rival_start
     rival = (start >= 0) & (kind != Kind.NOISE)
     heads["runner_up_kind"] = np.where(rival, kind, Kind.NOISE)
     message.put(heads, "runner_up_start", start, present=rival)
-    message.put(heads, "runner_up_length", evidence["rival_length"], present=rival)
+    message.put(heads, "runner_up_length", evidence.rival_length, present=rival)
 
 
 def _bytes(batch: Batch, which: Ints, rows: Rows) -> Tails:
     """The frames' bytes; those of ASCII mode are what their digits stand for."""
-    if not (rows["protocol"] == Protocol.ASCII).any():
-        return Tails(batch.data, rows["at"], rows["length"])
-    adus = [adu_of(batch.bytes_of(row), int(batch.rows["protocol"][row])).data for row in which.tolist()]
+    if not (rows.protocol == Protocol.ASCII).any():
+        return Tails(batch.data, rows.at, rows.length)
+    adus = [adu_of(batch.bytes_of(row), int(batch.rows.protocol[row])).data for row in which.tolist()]
     sizes = np.array([len(adu) for adu in adus], np.int64)
     return Tails(np.frombuffer(b"".join(adus), np.uint8), np.cumsum(sizes) - sizes, sizes)

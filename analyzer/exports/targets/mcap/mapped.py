@@ -46,7 +46,7 @@ class MappedTopics:
             readable = np.flatnonzero(~np.isnan(column.values))
             if len(readable):
                 channels.append(np.full(len(readable), self._channel(column.unit, column.row), np.uint16))
-                times.append(batch.rows["t_end"][column.answers[readable]])
+                times.append(batch.rows.t_end_ns[column.answers[readable]])
                 values.append(column.values[readable])
         if not channels:
             return None

@@ -39,8 +39,8 @@ class Stories:
     def batch(self, analysed: Analysed) -> None:
         """The next rows."""
         rows = analysed.batch.rows
-        for row, comment in marked_rows(self._notes, rows["port"], rows["start"]).items():
-            self._mark(int(rows["t_end"][row]), int(rows["index"][row]), comment)
+        for row, comment in marked_rows(self._notes, rows.port, rows.start).items():
+            self._mark(int(rows.t_end_ns[row]), int(rows.index[row]), comment)
         if self._ledger is not None:
             self._ledger.feed(analysed.batch, analysed.transactions)
 

@@ -56,7 +56,7 @@ class UnitAreas:
     def messages(self, batch: Batch, decoded: Decoded) -> Packed:
         """The values that the rows of a batch confirm."""
         confirmed = confirmed_values(batch, decoded)
-        keys = confirmed.area.astype(np.int64) << _UNIT_BITS | batch.rows["unit"][confirmed.rows]
+        keys = confirmed.area.astype(np.int64) << _UNIT_BITS | batch.rows.unit[confirmed.rows]
         _, addresses, _ = confirmed.spread()
         of_value = np.repeat(keys, confirmed.counts)
         numbers = np.zeros(len(addresses), np.int64)
@@ -74,7 +74,7 @@ class UnitAreas:
             numbers = numbers[fits[owner]]
             confirmed, channels = confirmed.taken(fits), channels[fits]
         heads = packing.heads(np.zeros(1, [("record", HEAD)]), len(channels))
-        times = batch.rows["t_end"][confirmed.rows]
+        times = batch.rows.t_end_ns[confirmed.rows]
         return packing.packed(channels, times, [PackedPart(None, heads)], _fields(confirmed, numbers))
 
     def _topic(self, key: int, addresses: Ints) -> _UnitArea:

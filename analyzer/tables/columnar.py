@@ -1,0 +1,119 @@
+"""Tables of typed columns: what a table of many rows is in memory. A column is one array, its values side by side.
+
+A subclass is a frozen dataclass that names its columns with their types, once:
+
+    @dataclass(frozen=True, slots=True, eq=False)
+    class Rows(Columns):
+        start: Int64s  # offset of its first byte in its port's stream
+        unit: UInt8s
+
+Which arrays a table has is settled; what stands in them may be written (`rows.unit[:] = 7`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Annotated, Any, Self, TypeAlias, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+Int64s: TypeAlias = NDArray[np.int64]
+Int32s: TypeAlias = NDArray[np.int32]
+Int16s: TypeAlias = NDArray[np.int16]
+UInt16s: TypeAlias = NDArray[np.uint16]
+UInt8s: TypeAlias = NDArray[np.uint8]
+Float64s: TypeAlias = NDArray[np.float64]
+Float32s: TypeAlias = NDArray[np.float32]
+Bools: TypeAlias = NDArray[np.bool_]
+Which: TypeAlias = slice | NDArray[np.integer[Any]] | NDArray[np.bool_]  # rows: a stretch, numbers, or a mask
+
+
+class Columns:
+    """A table. `Annotated[Float64s, 8]` is a column of eight figures a row."""
+
+    __slots__ = ()
+
+    @classmethod
+    def dtypes(cls) -> dict[str, np.dtype[Any]]:
+        """The type of each column by its name, in order."""
+        return _dtypes(cls)
+
+    @classmethod
+    def zeros(cls, size: int) -> Self:
+        """So many rows of nothing."""
+        return cls(*[np.zeros(size, dtype) for dtype in _dtypes(cls).values()])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Tables end to end. Of a single part, or of one that alone has rows, the arrays are that part's own."""
+        filled = [part for part in parts if len(part)]
+        if len(filled) < 2:
+            return filled[0] if filled else cls.zeros(0)
+        return cls(*[np.concatenate(columns) for columns in zip(*(part.columns() for part in filled), strict=True)])
+
+    def columns(self) -> list[NDArray[Any]]:
+        """The arrays, in the order of their names."""
+        return [getattr(self, name) for name in _dtypes(type(self))]
+
+    def column(self, name: str) -> NDArray[Any]:
+        """A column by its name, for what takes names: filters, exports."""
+        found: NDArray[Any] = getattr(self, name)
+        return found
+
+    def __len__(self) -> int:
+        return len(getattr(self, next(iter(_dtypes(type(self))))))
+
+    def __getitem__(self, which: Which) -> Self:
+        """Some rows: views of a stretch, copies of rows by number or mask."""
+        if isinstance(which, slice):
+            return type(self)(*[column[which] for column in self.columns()])
+        if not isinstance(which, np.ndarray):
+            raise TypeError("rows are given by a slice or an array; one row is `values(number)`")
+        if which.dtype == np.bool_:
+            which = which.nonzero()[0]
+        return type(self)(*[column.take(which, 0) for column in self.columns()])
+
+    def copy(self) -> Self:
+        """The same rows in arrays of their own."""
+        return type(self)(*[column.copy() for column in self.columns()])
+
+    def put(self, which: Which, rows: Columns) -> None:
+        """Write whole rows."""
+        for column, values in zip(self.columns(), rows.columns(), strict=True):
+            column[which] = values
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays."""
+        return sum(column.nbytes for column in self.columns())
+
+    def values(self, row: int) -> list[Any]:
+        """One row as Python's own values, in the order of the columns."""
+        return [column[row].item() if column.ndim == 1 else column[row].tolist() for column in self.columns()]
+
+    def tolist(self) -> list[tuple[Any, ...]]:
+        """All rows so."""
+        return list(zip(*(column.tolist() for column in self.columns()), strict=True))
+
+
+_TYPES: dict[type[Any], dict[str, np.dtype[Any]]] = {}
+
+
+def _dtypes(table: type[Any]) -> dict[str, np.dtype[Any]]:
+    known = _TYPES.get(table)
+    if known is None:
+        hints = get_type_hints(table, include_extras=True)
+        known = _TYPES[table] = {field.name: _dtype(hints[field.name]) for field in fields(table)}
+    return known
+
+
+def _dtype(hint: Any) -> np.dtype[Any]:
+    """The dtype of an annotation `NDArray[T]` or `Annotated[NDArray[T], n]`."""
+    if get_origin(hint) is Annotated:
+        array, width = get_args(hint)
+        return np.dtype((_dtype(array), (width,)))
+    _, scalar = get_args(hint)
+    dtype: np.dtype[Any] = np.dtype(get_args(scalar)[0])
+    return dtype

@@ -1,0 +1,72 @@
+"""Tables of columns: what their rows are after joining, picking, cutting and writing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analyzer.tables.columnar import Bools, Columns, Float64s, Int64s
+from analyzer.tables.findings import Findings
+from analyzer.tables.schema import BoundaryEvidence, Rows
+from analyzer.tables.transactions import TransactionRows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Marks(Columns):
+    """A table of every kind of column."""
+
+    place: Int64s
+    right: Bools
+    figures: Annotated[Float64s, 2]
+
+
+def marks(count: int, first: int = 0) -> Marks:
+    place = first + np.arange(count)
+    return Marks(place, place % 2 == 0, np.stack((place / 3, -place), axis=1).astype(float))
+
+
+@given(st.lists(st.integers(0, 9), max_size=5))
+def test_joined_tables_are_their_rows_in_order(counts: list[int]) -> None:
+    parts = [marks(count, 100 * number) for number, count in enumerate(counts)]
+    joined = Marks.joined(parts)
+    assert joined.tolist() == [row for part in parts for row in part.tolist()]
+    assert [column.dtype.base for column in joined.columns()] == [dtype.base for dtype in Marks.dtypes().values()]
+
+
+@given(st.lists(st.booleans(), max_size=30), st.integers(-40, 40), st.integers(-40, 40))
+def test_some_rows_are_those_of_a_list(mask: list[bool], first: int, last: int) -> None:
+    some = marks(len(mask))
+    rows, which = some.tolist(), np.array(mask, np.bool_)
+    assert some[which].tolist() == [row for row, chosen in zip(rows, mask, strict=True) if chosen]
+    numbers = np.flatnonzero(which)[::-1]
+    assert some[numbers].tolist() == [rows[number] for number in numbers.tolist()]
+    assert some[first:last].tolist() == rows[first:last]
+
+
+def test_a_stretch_is_a_view_and_picked_rows_are_copies() -> None:
+    some = marks(6)
+    some[2:4].place[:] = -1
+    assert some.place.tolist() == [0, 1, -1, -1, 4, 5]
+    some[np.array([0, 1])].place[:] = 9
+    some.copy().place[:] = 9
+    assert some.place.tolist() == [0, 1, -1, -1, 4, 5]
+    some.put(slice(0, 2), marks(2, 7))
+    assert some.tolist()[:2] == marks(2, 7).tolist()
+
+
+def test_a_single_row_is_no_table() -> None:
+    with pytest.raises(TypeError, match="one row is"):
+        marks(3)[1]  # type: ignore[index]
+
+
+@pytest.mark.parametrize("table", [Rows, TransactionRows, Findings, BoundaryEvidence])
+def test_the_tables_of_the_house_have_typed_columns_side_by_side(table: type[Columns]) -> None:
+    made = table.zeros(5)
+    assert len(made) == 5 and len(made[1:3]) == 2
+    for column, dtype in zip(made.columns(), table.dtypes().values(), strict=True):
+        assert column.dtype == dtype.base and column.flags.c_contiguous
