@@ -86,7 +86,7 @@ def test_every_function_reads_as_its_frames_do(code):
     @given(batches(code))
     @settings(deadline=None, max_examples=25)
     def check(batch):
-        assert without_contents(written(batch)) == due(batch, int(batch.rows["t_start"][0]))
+        assert without_contents(written(batch)) == due(batch, int(batch.rows.t_start_ns[0]))
 
     check()
 
@@ -98,7 +98,7 @@ def test_vendors_functions_read_as_their_frames_do(tmp_path_factory, data):
     file.write_text(VENDOR)
     with declared():
         batch = data.draw(vendor_batches([function.code for function in load_file(file)]))
-        assert without_contents(written(batch)) == due(batch, int(batch.rows["t_start"][0]))
+        assert without_contents(written(batch)) == due(batch, int(batch.rows.t_start_ns[0]))
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1"])

@@ -20,14 +20,14 @@ from dissectors.crc import lrc
 READ, ANSWER = adu("110300000002"), adu("110304000a0014")
 
 
-def transactions(feeds: Sequence[Chunk | Block]) -> np.ndarray:
+def transactions(feeds: Sequence[Chunk | Block]) -> TransactionRows:
     deframer, found = RtuDeframer(LINE), Transactions()
     batches = [*(deframer.feed(feed) for feed in feeds), deframer.close()]
-    return np.concatenate([TransactionRows.zeros(0), *(found.feed(b) for b in batches), found.close()])
+    return TransactionRows.joined([*(found.feed(b) for b in batches), found.close()])
 
 
 def statuses(pieces: list[bytes]) -> list[str]:
-    return [Status(s).name for s in transactions(spaced(pieces))["status"]]
+    return [Status(s).name for s in transactions(spaced(pieces)).status]
 
 
 def test_answered_exception_and_unanswered() -> None:
@@ -46,20 +46,20 @@ def test_a_damaged_answer_is_an_answer() -> None:
 def test_the_same_bytes_after_no_answer_are_a_retry_and_a_poll_is_not() -> None:
     other = adu("110300100002")
     found = transactions(spaced([READ, ANSWER, READ, READ, ANSWER, other, ANSWER, READ, ANSWER]))
-    assert found["retry"].tolist() == [False, False, True, False, False]
+    assert found.retry.tolist() == [False, False, True, False, False]
 
 
 def test_a_late_answer_belongs_to_the_older_request() -> None:
     other, its_answer = adu("050400000001"), adu("0504020007")
     found = transactions(spaced([READ, other, ANSWER, READ, ANSWER, other, its_answer]))
-    assert found["response"].tolist() == [2, -1, 4, 6]
-    assert found["late"].tolist() == [True, False, False, False]
+    assert found.response.tolist() == [2, -1, 4, 6]
+    assert found.late.tolist() == [True, False, False, False]
 
 
 def test_response_time_is_unknown_where_request_and_answer_came_in_one_read() -> None:
     found = transactions([Chunk(10**9, READ + ANSWER), Chunk(2 * 10**9, READ), Chunk(2 * 10**9 + 10**7, ANSWER)])
-    assert found["response_ns"][0] == -1
-    assert 0 < found["response_ns"][1] < 10**7
+    assert found.response_ns[0] == -1
+    assert 0 < found.response_ns[1] < 10**7
 
 
 @given(streams())
@@ -78,8 +78,8 @@ def test_a_request_behind_a_damaged_answer_ends_the_wait_for_it_in_any_batch(gap
     """Cost: time to the next request. A row a batch, the damaged answer had been settled before that came."""
     damaged = ANSWER[:-1] + bytes([ANSWER[-1] ^ 1])
     found = transactions(spaced([READ, damaged, READ, ANSWER], gap_ns))
-    assert found["status"].tolist() == [Status.DAMAGED, Status.ANSWERED]
-    assert found["t_next"][0] == found["t_start"][1]
+    assert found.status.tolist() == [Status.DAMAGED, Status.ANSWERED]
+    assert found.t_next[0] == found.t_start[1]
     assert_same_row_by_row(spaced([READ, damaged, READ, ANSWER], gap_ns))
 
 
@@ -109,8 +109,8 @@ def assert_same_row_by_row(chunks: list[Chunk]) -> None:
 @given(streams())
 def test_every_request_has_one_transaction_in_order(chunks: list[Chunk]) -> None:
     found = transactions(list(chunks))
-    assert (np.diff(found["request"]) > 0).all()
-    answers = found["response"][found["response"] >= 0]
+    assert (np.diff(found.request) > 0).all()
+    answers = found.response[found.response >= 0]
     assert len(set(answers.tolist())) == len(answers)
 
 
@@ -141,9 +141,9 @@ def test_a_shifted_series_is_put_right_when_an_answer_is_left_over() -> None:
     wire = [READ, ANSWER, asked[0], asked[1], values[0], asked[2], values[1], asked[3], values[2]]
     chunks = spaced([*wire, other, values[3], its_answer, READ, ANSWER])
     found = transactions(chunks)
-    assert found["response"].tolist() == [1, 4, 6, 8, 10, 11, 13]
-    assert found["late"].tolist() == [False, True, True, True, True, False, False]
-    assert found["mistaken"].tolist() == [False, True, True, True, False, False, False]
+    assert found.response.tolist() == [1, 4, 6, 8, 10, 11, 13]
+    assert found.late.tolist() == [False, True, True, True, True, False, False]
+    assert found.mistaken.tolist() == [False, True, True, True, False, False, False]
     assert_same_row_by_row(chunks)
 
 
@@ -153,6 +153,6 @@ def test_an_answer_beyond_three_waits_of_the_master_shifts_nothing() -> None:
     chunks = spaced([READ, asked, values, other], gap_ns=200_000_000)
     late = [replace(c, t_ns=c.t_ns + 60_000_000_000) for c in spaced([other, ANSWER, its_answer])]
     found = transactions(chunks + late)
-    assert found["status"].tolist()[:2] == [Status.UNANSWERED, Status.ANSWERED]
-    assert found["response"][1] == 2
-    assert not found["late"][1]
+    assert found.status.tolist()[:2] == [Status.UNANSWERED, Status.ANSWERED]
+    assert found.response[1] == 2
+    assert not found.late[1]
