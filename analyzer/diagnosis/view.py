@@ -215,6 +215,7 @@ class DiagnosisStep:
 
 
 _REACH: Final = 64  # rows
+_FEW: Final = 16  # of them, made at once
 
 
 class EarlierRow(NamedTuple):
@@ -233,6 +234,16 @@ class EarlierRow(NamedTuple):
         return self.row.kind != Kind.NOISE
 
 
+def _backwards(batch: Batch, number: int, most: int) -> Iterator[EarlierRow]:
+    """At most so many rows before row number `number` of a batch, the nearest first; made few by few."""
+    end = max(number - most, 0)
+    while number > end:
+        first = max(number - _FEW, end)
+        for before, row in zip(range(number - 1, first - 1, -1), reversed(list(batch.rows[first:number])), strict=True):
+            yield EarlierRow(row, batch.bytes_of(before))
+        number = first
+
+
 class LookBack:
     """Looks back from any row of a batch, at most some rows into the batches before."""
 
@@ -242,15 +253,13 @@ class LookBack:
 
     def back(self, batch: Batch, number: int) -> Iterator[EarlierRow]:
         """The last rows before row number `number`, the nearest first."""
-        for before in range(number - 1, max(number - 1 - _REACH, -1), -1):
-            yield EarlierRow.of(batch, before)
+        yield from _backwards(batch, number, _REACH)
         left = _REACH - number
         for earlier in reversed(self._earlier):
-            for before in range(len(earlier) - 1, max(len(earlier) - 1 - left, -1), -1):
-                yield EarlierRow.of(earlier, before)
-            left -= len(earlier)
             if left <= 0:
                 return
+            yield from _backwards(earlier, len(earlier), left)
+            left -= len(earlier)
 
     @property
     def newest(self) -> Rows:

@@ -82,11 +82,14 @@ class Batch:
 
     def frames(self, told: FrameTeller | None = None) -> Iterator[Frame]:
         """A view of each frame, noise left out; `told` as in `frame`."""
-        return (self.frame(row, told) for row in np.flatnonzero(self.rows.kind != Kind.NOISE).tolist())
+        framed = np.flatnonzero(self.rows.kind != Kind.NOISE)
+        return (self._frame(row, values, told) for row, values in zip(framed.tolist(), self.rows[framed], strict=True))
 
     def frame(self, row: int, told: FrameTeller | None = None) -> Frame:
         """A view of one row that is a frame; `told` makes its JSON object, or says None."""
-        values = self.rows.row(row)
+        return self._frame(row, self.rows.row(row), told)
+
+    def _frame(self, row: int, values: Row, told: FrameTeller | None) -> Frame:
         captured = self.data[values.at : values.at + values.length].tobytes()
         request = self.request_of(row, values.request) if values.request >= 0 else None
         evidence = None if self.evidence is None else self.evidence[row : row + 1]

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
+from operator import attrgetter
 from typing import Annotated, Any, Self, TypeAlias, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -53,9 +54,14 @@ class Columns:
             return filled[0] if filled else cls.zeros(0)
         return cls(*[np.concatenate(columns) for columns in zip(*(part.columns() for part in filled), strict=True)])
 
-    def columns(self) -> list[NDArray[Any]]:
+    def columns(self) -> tuple[NDArray[Any], ...]:
         """The arrays, in the order of their names."""
-        return [getattr(self, name) for name in _dtypes(type(self))]
+        table = type(self)
+        get = _GETTERS.get(table)
+        if get is None:
+            get = _GETTERS[table] = attrgetter(*_dtypes(table))
+        arrays: tuple[NDArray[Any], ...] = get(self)
+        return arrays
 
     def column(self, name: str) -> NDArray[Any]:
         """A column by its name, for what takes names: filters, exports."""
@@ -63,7 +69,7 @@ class Columns:
         return found
 
     def __len__(self) -> int:
-        return len(getattr(self, next(iter(_dtypes(type(self))))))
+        return len(self.columns()[0])
 
     def __getitem__(self, which: Which) -> Self:
         """Some rows: views of a stretch, copies of rows by number or mask."""
@@ -91,7 +97,7 @@ class Columns:
 
     def values(self, row: int) -> list[Any]:
         """One row as Python's own values, in the order of the columns."""
-        return [column[row].item() if column.ndim == 1 else column[row].tolist() for column in self.columns()]
+        return [column.item(row) if column.ndim == 1 else column[row].tolist() for column in self.columns()]
 
     def tolist(self) -> list[tuple[Any, ...]]:
         """All rows so."""
@@ -99,6 +105,7 @@ class Columns:
 
 
 _TYPES: dict[type[Any], dict[str, np.dtype[Any]]] = {}
+_GETTERS: dict[type[Any], attrgetter[tuple[NDArray[Any], ...]]] = {}
 
 
 def _dtypes(table: type[Any]) -> dict[str, np.dtype[Any]]:
