@@ -79,7 +79,7 @@ def test_a_request_behind_a_damaged_answer_ends_the_wait_for_it_in_any_batch(gap
     damaged = ANSWER[:-1] + bytes([ANSWER[-1] ^ 1])
     found = transactions(spaced([READ, damaged, READ, ANSWER], gap_ns))
     assert found.status.tolist() == [Status.DAMAGED, Status.ANSWERED]
-    assert found.t_next[0] == found.t_start[1]
+    assert found.t_next_ns[0] == found.t_start_ns[1]
     assert_same_row_by_row(spaced([READ, damaged, READ, ANSWER], gap_ns))
 
 

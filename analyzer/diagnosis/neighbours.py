@@ -25,11 +25,11 @@ class TransactionColumns(NamedTuple):
     length: int
     response_start: int
     response_length: int
-    t_start: int
-    t_request: int
-    t_response: int
+    t_start_ns: int
+    t_request_ns: int
+    t_response_ns: int
     response_ns: int
-    t_next: int
+    t_next_ns: int
     garbage: int
     unit: int
     function: int
@@ -51,7 +51,7 @@ class TransactionColumns(NamedTuple):
 
 def at_once(view: DiagnosisStep, before: TransactionColumns, this: TransactionColumns) -> bool:
     """Whether a request came right behind the one before, as an echo does."""
-    return this.t_start - before.t_request < _ECHO_NS + view.clock.verdict(this.request).wait_ns
+    return this.t_start_ns - before.t_request_ns < _ECHO_NS + view.clock.verdict(this.request).wait_ns
 
 
 def by_tap(view: DiagnosisStep, index: int, after_ns: int) -> bool:
@@ -74,7 +74,7 @@ def hasty(before: TransactionColumns | None, this: TransactionColumns, *, quick:
     """Whether a request of the same shape came right behind an unanswered one, sooner than a master gives up."""
     if before is None or not quick or before.status != _UNANSWERED or not again(before, this):
         return False
-    return this.t_start - before.t_request < HASTE_NS
+    return this.t_start_ns - before.t_request_ns < HASTE_NS
 
 
 def echoed(
@@ -87,18 +87,18 @@ def echoed(
 
     Clients repeat broadcasts, though after a pause, and those that make none send more than two.
     """
-    if not (again(before, this) and this.t_start - before.t_request < HASTE_NS):
+    if not (again(before, this) and this.t_start_ns - before.t_request_ns < HASTE_NS):
         return False
-    if before.again and earlier is not None and before.t_start - earlier.t_request < HASTE_NS:
+    if before.again and earlier is not None and before.t_start_ns - earlier.t_request_ns < HASTE_NS:
         return False
-    return behind is None or not (behind.again and behind.t_start - this.t_request < HASTE_NS)
+    return behind is None or not (behind.again and behind.t_start_ns - this.t_request_ns < HASTE_NS)
 
 
 def answers_broadcast(before: TransactionColumns | None, this: TransactionColumns, *, quick: bool) -> bool:
     """Whether this is the answer of a device to the broadcast before, which reads like a request to that device."""
     if before is None or not quick or before.unit or before.shape[1:] != this.shape[1:]:
         return False
-    soon = this.t_start - before.t_request < HASTE_NS
+    soon = this.t_start_ns - before.t_request_ns < HASTE_NS
     return soon and this.request == before.request + 1 and echoes(this.function)
 
 

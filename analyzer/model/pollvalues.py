@@ -35,7 +35,7 @@ class TransactionValues:
     changed: frozenset[int] = frozenset()
 
 
-class _Rows:
+class _CarriedRows:
     """Some rows, decoded."""
 
     def __init__(self, bus: Bus, rows: Sequence[int]) -> None:
@@ -64,7 +64,7 @@ def poll_values(bus: Bus, rows: Sequence[int]) -> list[TransactionValues]:
     partners = bus.table.take("partner", np.array(rows, np.int64))
     partners = np.where(partners < bus.count, partners, -1).tolist()  # live: the answer's row may not be whole yet
     before = [-1 if answer < 0 else _before(bus, answer) for answer in partners]
-    carried = _Rows(bus, [*rows, *partners, *before])
+    carried = _CarriedRows(bus, [*rows, *partners, *before])
     polls = []
     for row, answer, last in zip(rows, partners, before, strict=True):
         area, address, quantity = carried.address(row)

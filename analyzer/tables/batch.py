@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .findings import Finding, Findings, describe
 from .frame import Frame
-from .schema import BoundaryEvidence, Kind, Rows
+from .schema import BoundaryEvidence, Kind, Row, Rows
 
 _NEAR = 16  # rows back: where nearly all requests stand
 

@@ -3,11 +3,11 @@
 A subclass is a frozen dataclass that names its columns with their types, once:
 
     @dataclass(frozen=True, slots=True, eq=False)
-    class Rows(Columns):
+    class Marks(Columns):
         start: Int64s  # offset of its first byte in its port's stream
         unit: UInt8s
 
-Which arrays a table has is settled; what stands in them may be written (`rows.unit[:] = 7`).
+Which arrays a table has is settled; what stands in them may be written (`marks.unit[:] = 7`).
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ WORDS: Final = {
 
 
 @dataclass
-class _Findings:
+class _FindingCount:
     """Counts findings of some rules."""
 
     wanted: NDArray[np.bool_]  # by the number of the rule
@@ -99,7 +99,7 @@ def _counted(words: list[Token], most: int, line: LineSettings) -> Start:
             f"nothing is called {' '.join(words)!r}{near or '; rtuscope help findings has all codes'}", at(words[0])
         )
     mask = np.array([code == name for code in codes()])
-    return lambda: _Findings(mask, most)
+    return lambda: _FindingCount(mask, most)
 
 
 @form("no-findings", '"no"i "findings"i ["of"i "severity"i WORD]', "nothing was found; or nothing so grave or graver",
@@ -110,7 +110,7 @@ def no_findings(line: LineSettings, severity: Token | None) -> Start:  # noqa: A
         raise CheckError(f"severities are {', '.join(grades)}, not {str(severity)!r}", at(severity))
     least = Severity.NOTE if severity is None else grades[severity.lower()]
     mask = np.array([rule.severity >= least for rule in rules()])
-    return lambda: _Findings(mask, 0)
+    return lambda: _FindingCount(mask, 0)
 
 
 @form("no", '"no"i thing', "this never happens", "no crc errors", "no late-response")

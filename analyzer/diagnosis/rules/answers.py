@@ -142,7 +142,7 @@ class Outcomes:
         """What became of a request without an answer, or of one that repeats the one before."""
         this, before = transactions[i], transactions[i - 1] if i else None
         if this.protocol == Protocol.TCP:  # no echoes, no broadcasts
-            return NO_RESPONSE if this.status == _UNANSWERED and this.t_next != NEVER else None
+            return NO_RESPONSE if this.status == _UNANSWERED and this.t_next_ns != NEVER else None
         hasty = neighbours.hasty(before, this, quick=quick)
         if this.again and before is not None:
             behind = transactions[i + 1] if i + 1 < len(transactions) else None
@@ -152,7 +152,7 @@ class Outcomes:
             if this.status != _UNANSWERED:
                 self._rewritten.add(this.unit)
             elif self._second_echo(view, before, this, behind):
-                soon = this.t_start - before.t_response < HASTE_NS if quick else this.unit not in self._rewritten
+                soon = this.t_start_ns - before.t_response_ns < HASTE_NS if quick else this.unit not in self._rewritten
                 return DUPLICATE if soon else self._silence(view, transactions, i, quick=quick)
         if this.retry and before is not None:
             again = neighbours.again(before, this)
@@ -160,7 +160,7 @@ class Outcomes:
                 again and not quick and self._echoing(this.number)
             ):
                 twice = neighbours.echoes(this.function) and this.status == _ANSWERED and not self._echoing(this.number)
-                twice = twice and not neighbours.by_tap(view, this.request, this.t_start - before.t_request)
+                twice = twice and not neighbours.by_tap(view, this.request, this.t_start_ns - before.t_request_ns)
                 return DUPLICATE if twice else ECHO  # thrice the same at once: a write and two echoes of it
         if this.status != _UNANSWERED:
             return None
@@ -183,7 +183,7 @@ class Outcomes:
             return False
         if behind is not None and behind.retry and neighbours.at_once(view, this, behind):
             return False  # a request, which the tap shows twice
-        return not neighbours.by_tap(view, before.request, before.t_response - before.t_request)
+        return not neighbours.by_tap(view, before.request, before.t_response_ns - before.t_request_ns)
 
     def _silence(
         self, view: DiagnosisStep, transactions: Sequence[TransactionColumns], i: int, *, quick: bool
@@ -201,7 +201,7 @@ class Outcomes:
         quick: bool,
     ) -> bool:
         """Whether something else explains that this request has no answer."""
-        if this.t_next == NEVER or this.garbage >= _STRAY or this.request in view.explained:
+        if this.t_next_ns == NEVER or this.garbage >= _STRAY or this.request in view.explained:
             return True
         if behind is not None and neighbours.hasty(this, behind, quick=quick):
             if behind.retry:
