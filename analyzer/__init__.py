@@ -5,7 +5,7 @@
     bus = analyzer.open("bus.jsonl")
     for frame in bus.frames():
         print(frame.t_start_ns, frame.summary())
-    rows = bus.rows()                       # the same as a numpy structured array
+    rows = bus.rows()                       # the same as numpy columns
     slow = bus.transactions().response_ns.max()
 
 Live: `analyzer.Deframer(line)` takes chunks as they come (`feed`, `tick`, `close`) and gives batches of rows.
