@@ -16,7 +16,7 @@ from captures.chunks import Block, Chunk
 from captures.line import LineSettings
 from dissectors.crc import crc16
 
-_SAME = ("port", "start", "length", "kind", "check", "request", "index", "t_start", "t_end", "response_ns")
+_SAME = ("port", "start", "length", "kind", "check", "request", "index", "t_start_ns", "t_end_ns", "response_ns")
 
 random_streams = st.lists(
     st.tuples(st.sampled_from([0, CHAR_NS, 5_000_000, 60_000_000, 5_000_000_000]), st.binary(min_size=1, max_size=80)),

@@ -14,7 +14,7 @@ from captures.chunks import Block, Chunk
 from captures.line import LineSettings
 from dissectors.crc import lrc
 
-_SAME = ("port", "start", "length", "kind", "check", "request", "index", "t_start", "t_end", "response_ns")
+_SAME = ("port", "start", "length", "kind", "check", "request", "index", "t_start_ns", "t_end_ns", "response_ns")
 
 
 def text_of(frame: bytes) -> bytes:

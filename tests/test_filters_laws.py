@@ -91,8 +91,8 @@ def one(batch: Batch, decoded: Decoded, row: int, told: dict[int, Any], late: se
     values["exception"] = [line["exception"]] if line["exception"] else []
     values["text"] = [frame.summary().casefold()]
     transaction = told.get(frame.index)
-    values["retry"] = [transaction is not None and transaction["retry"]]
-    values["unanswered"] = [transaction is not None and transaction["status"] == 2]
+    values["retry"] = [transaction is not None and bool(transaction.retry[0])]
+    values["unanswered"] = [transaction is not None and bool(transaction.status[0] == 2)]
     values["late"] = [frame.index in late]
     first, count = int(decoded.address[row]), max(int(decoded.quantity[row]), 1)
     if decoded.quantity[row] >= 0:

@@ -101,8 +101,8 @@ def assert_same_row_by_row(chunks: list[Chunk]) -> None:
     batch = join_batches(batches)
     whole, single = Transactions(), Transactions()
     rows = [replace(batch, rows=batch.rows[i : i + 1]) for i in range(len(batch))]
-    at_once = np.concatenate([whole.feed(batch), whole.close()])
-    row_by_row = np.concatenate([*(single.feed(row) for row in rows), single.close()])
+    at_once = TransactionRows.joined([whole.feed(batch), whole.close()])
+    row_by_row = TransactionRows.joined([*(single.feed(row) for row in rows), single.close()])
     assert at_once.tolist() == row_by_row.tolist()
 
 
@@ -128,9 +128,9 @@ def test_only_the_same_write_is_the_same_again_whatever_the_envelope(envelope: s
         pieces += [frame, frame]
     found, deframer = Transactions(), Deframer(LINE)
     batches = [deframer.feed(Block.from_chunks(spaced(pieces))), deframer.close()]
-    told = np.concatenate([*(found.feed(batch) for batch in batches), found.close()])
-    assert told["status"].tolist() == [Status.ANSWERED] * 3
-    assert told["again"].tolist() == [False, False, True]
+    told = TransactionRows.joined([*(found.feed(batch) for batch in batches), found.close()])
+    assert told.status.tolist() == [Status.ANSWERED] * 3
+    assert told.again.tolist() == [False, False, True]
 
 
 def test_a_shifted_series_is_put_right_when_an_answer_is_left_over() -> None:

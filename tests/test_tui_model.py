@@ -189,7 +189,7 @@ def test_a_table_over_several_pieces() -> None:
     kinds[5::9] = 0
     columns = {name: np.zeros(n, kind) for name, kind in COLUMNS.items()}
     columns["kind"], columns["frame"] = kinds, (np.cumsum(kinds > 0) - (kinds > 0)).astype(np.uint32)
-    columns["start"] = columns["t_start"] = np.arange(n, dtype=np.int64) * 10
+    columns["start"] = columns["t_start_ns"] = np.arange(n, dtype=np.int64) * 10
     columns["length"][:] = 4
     for first in range(0, n, 50_000):
         table.append({name: column[first : first + 50_000] for name, column in columns.items()})
@@ -302,7 +302,7 @@ def test_go_to_takes_numbers_times_steps_and_shares(troubled: Bus) -> None:
     assert troubled.frame(goto.place("12", troubled, 0)).index == 12
     assert goto.place("100%", troubled, 0) == last
     row = goto.place("5s", troubled, 0)
-    assert troubled.table.value("t_start", row) <= troubled.t_first + 5_000_000_000
+    assert troubled.table.value("t_start_ns", row) <= troubled.t_first + 5_000_000_000
     assert goto.place("+10s", troubled, row) > row
     assert goto.place("-1min", troubled, row) == 0
     assert goto.place("08:29:55", troubled, 0) > 0

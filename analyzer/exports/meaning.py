@@ -63,7 +63,7 @@ def _records(batch: Batch, column: MappedColumn) -> list[tuple[Any, ...]]:
         column.answers.tolist(), column.words.tolist(), column.values.tolist(), strict=True
     ):
         reading = read_mapped(row, words, None if row.scale_address is not None else 0)
-        about = batch.rows[answer]
+        about = batch.rows.row(answer)
         raw = (
             sum(word << 16 * (len(words) - 1 - position) for position, word in enumerate(words))
             if len(words) <= 4
@@ -72,7 +72,7 @@ def _records(batch: Batch, column: MappedColumn) -> list[tuple[Any, ...]]:
         number = None if np.isnan(value) else value
         text = reading.text if row.type in ("enum", "bits", "text", "time") else None
         records.append(
-            (answer, int(about.t_end_ns), int(about.port), column.unit, row.area, row.address, raw, len(words),
-             row.name, number, row.unit or None, text, int(about.index))
+            (answer, about.t_end_ns, about.port, column.unit, row.area, row.address, raw, len(words),
+             row.name, number, row.unit or None, text, about.index)
         )  # fmt: skip
     return records
