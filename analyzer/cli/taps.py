@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from ..version import __version__
 from .exits import UsageError
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from captures.recording.recorder import Recorder
 
     from ..live.tapsource import TapSource
+
+_RATE_DIGITS: Final = 8
 
 
 def add_tap_arguments(parser: argparse.ArgumentParser) -> None:
@@ -130,6 +132,6 @@ def recorder_of(arguments: argparse.Namespace, tell: Callable[[str], None]) -> R
 def _baud(text: str) -> int | None:
     if text == "auto":
         return None
-    if not text.isdecimal() or not 50 <= int(text) <= 12_000_000:
+    if not text.isdecimal() or len(text) > _RATE_DIGITS or not 50 <= int(text) <= 12_000_000:
         raise UsageError(f"--baud {text} is not a rate in bit/s, nor auto")
     return int(text)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import cache
@@ -11,6 +13,7 @@ from random import Random
 from typing import TYPE_CHECKING, Any, Final
 
 import captures
+from analyzer.settingfiles import OVERRIDE
 from attack import sentences
 from attack.inputs import spoilt
 from attack.target import LINE, Target, conversation, folder
@@ -35,6 +38,11 @@ _SETTINGS: Final = (
     b'[maps]\n17 = "meter.csv"\nall = "xy-md02"\n[filters]\nmine = "unit == 17"\n',
     b'line.baud = "auto"\ntiming = { t35_ms = 4, turnaround_ms = 100 }\n',
 )
+_VALUES: Final = (
+    "9600", "19200", '"auto"', '"E"', "1.5", "2", "8", "-1", "1e999", "nan", "0", "true", "[]", '["a.py", ""]', "{}",
+    '"UTC"', '"Europe/Nowhere"', '"dark"', '"xy-md02"', '"unit == 1"', '"@mine"', '"~nobody-there/x"', "2026-11-21",
+    '""', '"' + "x" * 300 + '"', r'"\u001b[2J\n"', r'"\u0000"', "9" * 400, "0x" + "F" * 300,
+)  # fmt: skip
 _PREFERENCES: Final = (
     b'{"version": 1, "filters": [{"name": "a", "filter": "unit == 1", "colour": "red"}], "past": ["noise"], '
     b'"hidden": ["gap"], "keys": {"quit": "q"}}',
@@ -138,13 +146,49 @@ def _rules_file(data: bytes, _: Random) -> None:
 
 
 def _settings(data: bytes, chance: Random) -> None:
-    """A settings file as the user's or a project's, then as the defaults of a command."""
+    """A settings file as the user's or a project's, and as the defaults of a command."""
     from analyzer import settings
+    from analyzer.cli.exits import UsageError
+    from analyzer.cli.settling import settled
 
     path = folder() / chance.choice(("rtuscope.toml", "config.toml"))
     path.write_bytes(data)
-    for value in settings._read(str(path), project=path.name == "rtuscope.toml"):
+    os.environ[OVERRIDE] = str(path)
+    name = chance.choice(("sniff", "open", "parse"))
+    with suppress(UsageError):  # the command says it in one line
+        settled(_parser(name), name, ["--filter", "@mine"] if name == "sniff" else [])
+    for value in settings.read_settings().values.values():
         assert value.key and "\n" not in value.where
+
+
+def _settings_text(chance: Random) -> bytes:
+    """Settings that there are, with values of their kind or not; one in three spoilt files as well."""
+    from analyzer.settings import SETTINGS
+
+    if chance.random() < 1 / 3:
+        return spoilt(chance, _SETTINGS, (b"line.", b"[line]", b"= 1e999\n"))
+    chosen = [(setting.key, setting.kind) for setting in chance.sample(SETTINGS, chance.randint(1, 4))]
+    chosen += chance.sample([("maps.17", str), ("maps.all", str), ("filters.mine", str)], chance.choice((0, 0, 1, 2)))
+    lines = []
+    for key, kind in chosen:
+        fitting = [text for text in _VALUES if isinstance(_read_value(text), kind)]
+        lines.append(f"{key} = {chance.choice(fitting if chance.random() < 0.9 else _VALUES)}")
+    return "\n".join(lines).encode()
+
+
+@cache
+def _read_value(text: str) -> object:
+    return tomllib.loads(f"a = {text}")["a"]
+
+
+def _parser(name: str) -> argparse.ArgumentParser:
+    """Of one command, new: settings change it."""
+    from analyzer.cli.app import Parser
+    from analyzer.cli.commands import load
+
+    parser = Parser(prog=f"rtuscope {name}")
+    load(name).configure(parser)
+    return parser
 
 
 def _preferences(data: bytes, _: Random) -> None:
@@ -186,8 +230,7 @@ def _bus() -> Bus:
 @cache
 def _flags() -> Sequence[tuple[argparse.ArgumentParser, argparse.Action]]:
     """Every argument of every command that reads its value in a way of its own."""
-    from analyzer.cli.app import Parser
-    from analyzer.cli.commands import COMMANDS, load
+    from analyzer.cli.commands import COMMANDS
 
     def inside(parser: argparse.ArgumentParser) -> Iterator[tuple[argparse.ArgumentParser, argparse.Action]]:
         for action in parser._actions:
@@ -197,12 +240,7 @@ def _flags() -> Sequence[tuple[argparse.ArgumentParser, argparse.Action]]:
             elif action.type is not None:
                 yield parser, action
 
-    found = []
-    for name in COMMANDS:
-        parser = Parser(prog=name)
-        load(name).configure(parser)
-        found += inside(parser)
-    return found
+    return [each for name in COMMANDS for each in inside(_parser(name))]
 
 
 def _given(data: bytes, chance: Random) -> None:
@@ -249,9 +287,7 @@ def language_targets() -> list[Target]:
         Target("rules", rules, _rule, (CheckError, FilterError), _WORDS, 30),
         Target("rules derived", rules, _rule, (CheckError, FilterError), share=30, make=derived_rules),
         Target("rule files", lambda: _RULES_FILES, _rules_file, (RulesFileError,), _WORDS, 5),
-        Target(
-            "settings files", lambda: _SETTINGS, _settings, (SettingsError,), (b"line.", b"[line]", b"= 1e999\n"), 5
-        ),
+        Target("settings files", lambda: _SETTINGS, _settings, (SettingsError,), share=5, make=_settings_text),
         Target("preferences", lambda: _PREFERENCES, _preferences, share=5),
         Target("notes beside", lambda: _NOTES, _notes, (NotesError,), share=5),
         Target("given values", lambda: _GIVEN, _given, said, (*_GIVEN[:12], b"e", b".", b"-", b"+"), 5),
