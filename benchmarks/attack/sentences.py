@@ -171,7 +171,7 @@ def _items_of(name: str) -> tuple[Sequence[str], Sequence[str]]:
 
     field, chance, values = by_name()[name], Random(name), _values_of(name)
     ranges = [f"{chance.choice(values)}..{chance.choice(values)}" for _ in range(100)]
-    good, others = [], []
+    good, others = list[str](), list[str]()
     charts = maps()
     for item in (*values, *ranges):
         sign = "in" if "in" in field.kind.operators or ".." in item else field.kind.operators[0]
