@@ -351,7 +351,7 @@ def test_bytes_that_were_lost_are_told_last_and_by_the_status(monkeypatch, capfd
 class Scripted:
     """A source on which nothing comes."""
 
-    line, waits = LineSettings(), False
+    line, waits, lost = LineSettings(), False, 0
     items = staticmethod(lambda: iter(()))
     judge = close = lambda *_: None
 
