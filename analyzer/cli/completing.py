@@ -32,7 +32,13 @@ def _ports(_: str) -> Iterable[str]:
     listed = []
     with suppress(CaptureError):
         listed = ports()
-    return [*(port.device for port in listed), *(port.link for port in listed if port.link), "socket://", "rfc2217://"]
+    return [
+        *(port.device for port in listed),
+        *(port.link for port in listed if port.link),
+        "socket://",
+        "rfc2217://",
+        "tap://",
+    ]
 
 
 def _filter(text: str) -> Iterable[str]:
