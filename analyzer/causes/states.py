@@ -22,6 +22,7 @@ _BITS: Final = (1, 2)
 _POLLS: Final = 512
 _COLUMNS: Final = 256  # values of a poll
 _FROM: Final = 1  # hits, before which nothing need be followed
+_NOT_0: Final = "not 0"
 _SWITCHES: Final = 2  # changes of state, at the least
 
 
@@ -160,7 +161,7 @@ class StateTable:
                     number >> 40 & 0xFF,
                     number >> 32 & 0xFF,
                     (number >> 16 & 0xFFFF) + column % words,
-                    "not 0" if column >= words and value else value,
+                    _NOT_0 if column >= words and value else value,
                     hits[bad],
                     trials[bad],
                     hits[1 - bad],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from statistics import median
 from typing import Final
 
 from ...tables.findings import Severity
@@ -227,7 +228,7 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     "unit-restarts",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} goes silent for about {length:.3g} s again and again: {spells} times, {silent} requests",
+    text="Unit {unit} goes silent for about {length:.3g} {measure} again and again: {spells} times, {silent} requests",
     share="{silent} of {asked} requests to unit {unit}, in {spells} spells",
     deciding_test="Watch the unit's power and its running light, or its uptime register, when it goes silent next",
     remedy="Check the unit's supply and its connector; a watchdog that resets it points to its firmware or to interference",
@@ -241,7 +242,6 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
             continue
         runs = len(unit.silences.all) + unit.silences.single + unit.silences.more
         begins = [each.begin for each in spells]
-        lengths = [each.end - each.begin for each in spells]
         lost, lost_ms = evidence.cost(unit, Ending.SILENT)
         timed = evidence.ledger.timed
         yield Suspicion(
@@ -253,7 +253,10 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
                 "spells": len(spells) + unit.silences.more,
                 "silent": silent,
                 "asked": unit.asked,
-                "length": sorted(lengths)[len(lengths) // 2] / 1e9,
+                "length": median(each.end - each.begin for each in spells) / 1e9
+                if timed
+                else median(each.count for each in spells),
+                "measure": "s" if timed else "requests in a row",
             },
             since=begins[0],
             until=spells[-1].end,
