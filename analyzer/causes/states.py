@@ -180,7 +180,8 @@ def _telling(number: int, states: _States) -> list[int]:
     if _of_words(number):
         half = len(told) // 2
         told[half:] &= states.many[:half]
-    return np.flatnonzero(told).tolist()
+    columns: list[int] = np.flatnonzero(told).tolist()
+    return columns
 
 
 def answered_values(stretch: Stretch, places: NDArray[np.intp]) -> NDArray[np.int64]:
