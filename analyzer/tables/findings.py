@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
 
 import numpy as np
 
+from ..html_text import html_page, html_table
 from ..registry import Registry
 from .columnar import Columns, Float64s, Int16s, Int64s, UInt8s
 
@@ -71,6 +72,11 @@ class Finding:
     length: int
     port: int
     t_ns: int
+
+    def _repr_html_(self) -> str:
+        """For notebooks."""
+        lines = [(name, getattr(self, name)) for name in ("cause", "remedy", "clause") if getattr(self, name)]
+        return html_page(f"{self.severity.name.lower()}: {self.code}: {self.text}", html_table((), lines))
 
     def to_json(self) -> dict[str, Any]:
         """The object that stands in a frame's JSON line."""
