@@ -1,8 +1,9 @@
 """The tables of a lake: those of an export, with the line beside each row, and what a fleet needs besides.
 
 A large table lies in Parquet files `TABLE/site=SITE/day=YYYY-MM-DD/NAME.parquet`; the day is that of the row's own
-time, UTC, and captures without a clock count from 1970-01-01. A small one has a file a task, `TABLE/site=SITE/NAME.parquet`:
-by days as well it would be files of a few rows, and opening them all that a question costs.
+time, UTC, and captures without a clock count from 1970-01-01. A small one has a file a task,
+`TABLE/site=SITE/NAME.parquet`: by days as well it would be files of a few rows, and opening them all that a question
+costs.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """A lake, read: its tables as DuckDB views, polars lazy frames, Dask dataframes. Only what the manifest names is read.
 
-    lake = analyzer.lake("lake")
-    lake.sql("SELECT site, count(*) FROM frames GROUP BY site").show()
-    lake.polars("transactions").filter(...).collect()
+lake = analyzer.lake("lake")
+lake.sql("SELECT site, count(*) FROM frames GROUP BY site").show()
+lake.polars("transactions").filter(...).collect()
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Lake:
                 raise FleetError("only one query at a time, and nothing but queries: SELECT, or WITH ... SELECT")
             return connection.sql(text, params=parameters) if parameters else connection.sql(text)
         except duckdb.Error as error:
-            raise FleetError(" ".join(str(error).split())) from error
+            raise FleetError(_words(error)) from error
 
     def arrow(self, text: str, parameters: dict[str, Any] | None = None) -> Any:
         """The answer to a query as an Arrow table. Raises FleetError as `sql` does."""
@@ -68,7 +68,7 @@ class Lake:
             relation = self.sql(text, parameters)
             return relation.to_arrow_table()
         except duckdb.Error as error:
-            raise FleetError(" ".join(str(error).split())) from error
+            raise FleetError(_words(error)) from error
 
     def polars(self, table: str) -> Any:
         """A polars LazyFrame."""
@@ -110,6 +110,11 @@ def _connected(lake: Lake) -> Any:
         connection.execute("SET enable_external_access = false")
     connection.execute("SET lock_configuration = true")
     return connection
+
+
+def _words(error: Exception) -> str:
+    """What DuckDB says, in a line; not all the functions that it has instead."""
+    return " ".join(str(error).partition("Candidate functions:")[0].split())
 
 
 def quoted(text: str) -> str:

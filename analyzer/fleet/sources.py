@@ -7,6 +7,7 @@ the option, the pattern of `--site-from`, a folder named `site=NAME`, else the f
 from __future__ import annotations
 
 import re
+import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -63,6 +64,12 @@ def found(sources: Iterable[str]) -> list[SourceFile]:
             raise FleetError(f"{source}: no capture there")
         files |= here
     return [files[url] for url in sorted(files)]
+
+
+def settled(files: Iterable[SourceFile], quiet_s: float) -> list[SourceFile]:
+    """Those of this machine that nobody wrote to for so long; in an object store a file is there when it is whole."""
+    until_ns = time.time_ns() - round(quiet_s * 1e9)
+    return [file for file in files if is_remote(file.url) or int(file.stamp) <= until_ns]
 
 
 def lines_of(files: Iterable[SourceFile], site: str | None = None, pattern: str | None = None) -> list[LineFiles]:
@@ -138,7 +145,7 @@ def _local(source: str) -> Iterator[SourceFile]:
     path = Path(source.removeprefix("file://"))
     try:
         if path.is_dir():
-            inside = (each for each in path.rglob("*") if _wanted(each.name) and each.is_file())
+            inside: Iterator[Path] = (each for each in path.rglob("*") if _wanted(each.name) and each.is_file())
         elif _GLOB.search(source) and not path.exists():
             anchor = Path(path.anchor)
             inside = (each for each in anchor.glob(str(path.relative_to(anchor))) if each.is_file())
