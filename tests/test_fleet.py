@@ -94,7 +94,7 @@ def test_hours_add_up_to_the_transactions(fleet, tmp_path):
     assert len(one) > 5 and one == two
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=6, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     st.integers(0, 50),
     st.lists(st.floats(0, 1), min_size=1, max_size=6),
@@ -204,7 +204,7 @@ def test_killed_at_any_moment_nothing_is_lost_or_doubled(fleet, tmp_path):
     batch(tmp_path / "whole", fleet)
     command = [sys.executable, "-m", "analyzer.cli", "batch", str(fleet), "-o", str(tmp_path / "lake"), "--resume"]
     chance, killed, quiet = random.Random(1), 0, subprocess.DEVNULL
-    for _ in range(40):
+    for _ in range(12):
         process = subprocess.Popen(
             [*command, "--workers", "1"], stdout=quiet, stderr=quiet, cwd=Path(__file__).parents[1]
         )
@@ -240,7 +240,8 @@ def test_only_one_batch_writes_a_lake(fleet, tmp_path):
 def test_a_worker_that_dies_is_tried_again_and_then_told(fleet, tmp_path):
     functions = tmp_path / "dies.py"  # declarations are code, run in the worker
     functions.write_text(
-        "import os, pathlib\n"
+        "import os, pathlib\nfrom construct import Pass\nfrom dissectors import Function\n"
+        "OFFERED = Function(101, 'Good', Pass, Pass)\n"
         f"flag = pathlib.Path({str(tmp_path / 'deaths')!r})\n"
         "flag.mkdir(exist_ok=True)\n"
         "if len(list(flag.iterdir())) < 2:\n"

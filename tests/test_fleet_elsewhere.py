@@ -94,7 +94,7 @@ def test_a_cluster_makes_the_same_lake_though_workers_die(folder, tmp_path):
         captures.write(folder / "site1" / f"more{line}.jsonl", bus(seed=20 + line, transactions=60))
     batch(tmp_path / "local", folder)
     with cluster(3) as (local, client):
-        runner, deaths = DaskCluster(client), []
+        runner, deaths = DaskCluster(client), list[int]()
 
         def runs_and_kills(tasks):
             for outcome in runner(tasks):

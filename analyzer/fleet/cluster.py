@@ -49,7 +49,8 @@ class DaskCluster:
             yield task, future.result() if future.status == "finished" else _error(future)
 
     def _room(self) -> int:
-        return _AHEAD * max(sum(self.client.nthreads().values()), 1)
+        threads: int = sum(self.client.nthreads().values())
+        return _AHEAD * max(threads, 1)
 
 
 def _error(future: Any) -> Exception:

@@ -35,11 +35,12 @@ class ProcessPool:
     def __call__(self, tasks: Iterable[LineTask]) -> Generator[Outcome, None, None]:
         coming, again, deaths = iter(tasks), deque[LineTask](), Counter[tuple[str, str]]()
         while True:
-            running: dict[Future[dict[str, Any]], LineTask] = {}
+            begun: list[LineTask] = []
+            alone = bool(again)
             try:
-                yield from self._run(again, 1, running) if again else self._run(coming, self.workers, running)
+                yield from self._run(again, 1, begun) if alone else self._run(coming, self.workers, begun)
             except BrokenProcessPool as death:
-                for task in running.values():
+                for task in begun:
                     key = (task.site, task.line)
                     deaths[key] += 1
                     if deaths[key] < TRIES:
@@ -47,23 +48,27 @@ class ProcessPool:
                     else:
                         yield task, RuntimeError(f"its worker died {TRIES} times: {death}")
             else:
-                if not again:
+                if not alone:
                     return
 
     def _run(
-        self, tasks: Iterator[LineTask] | deque[LineTask], workers: int, running: dict[Future[dict[str, Any]], LineTask]
+        self, tasks: Iterator[LineTask] | deque[LineTask], workers: int, begun: list[LineTask]
     ) -> Iterator[Outcome]:
-        """Outcomes until all is done. Raises BrokenProcessPool where a worker dies; `running` is what was begun."""
+        """Outcomes until all is done. Raises BrokenProcessPool where a worker dies; `begun` then has no outcome yet."""
+        running: dict[Future[dict[str, Any]], LineTask] = {}
         with ProcessPoolExecutor(workers, get_context("spawn"), _heed_no_interrupt) as pool:
             while True:
-                while len(running) < workers and (task := _next(tasks)) is not None:
+                while len(begun) < workers and (task := _next(tasks)) is not None:
+                    begun.append(task)
                     running[pool.submit(run_task, task)] = task
-                if not running:
+                if not begun:
                     return
                 done, _ = wait(running, return_when=FIRST_COMPLETED)
                 for future in done:
                     outcome = _outcome(future)
-                    yield running.pop(future), outcome
+                    task = running.pop(future)
+                    begun.remove(task)
+                    yield task, outcome
 
 
 def _next(tasks: Iterator[LineTask] | deque[LineTask]) -> LineTask | None:

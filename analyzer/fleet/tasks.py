@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -65,12 +66,18 @@ def line_key(site: str, line: str) -> str:
 
 def run_task(task: LineTask) -> dict[str, Any]:
     """Do it; what the manifest is to say, but for the entry's number."""
+    _declare(task.options.functions)
+    return _Run(task).entry()
+
+
+@cache
+def _declare(files: tuple[str, ...]) -> None:
+    """Functions that plug-ins and these files declare, once a process."""
     from dissectors.functions import load_entry_points, load_file
 
     load_entry_points()
-    for path in task.options.functions:
+    for path in files:
         load_file(path)
-    return _Run(task).entry()
 
 
 class _Run:
