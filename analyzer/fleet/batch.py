@@ -14,7 +14,7 @@ from .errors import FleetError
 from .manifest import LakeLine, Manifest, writing
 from .runners import Runner
 from .sources import LineFiles, SourceFile
-from .stores import Store
+from .stores import LakeStore
 from .tasks import BatchOptions, LineTask
 
 _FOLDERS = ("frames", "transactions", "values", "findings", "causes", "captures", "hours", "state", "scratch")
@@ -102,7 +102,7 @@ def _continued(before: LakeLine, plain: LineTask, fresh: tuple[SourceFile, ...],
 
 
 def run_batch(
-    store: Store,
+    store: LakeStore,
     lines: Sequence[LineFiles],
     options: BatchOptions,
     runner: Runner,

@@ -24,7 +24,7 @@ from ..extras import needs
 from .errors import FleetError
 
 if TYPE_CHECKING:
-    from .stores import Store
+    from .stores import LakeStore
 
 try:
     import pyarrow as pa
@@ -146,7 +146,7 @@ class _DayFile:
 class LakeFiles:
     """Rows of one line into files of a lake, a file a table and day; memory holds a row group of each."""
 
-    def __init__(self, store: Store, site: str, line: str, prefix: str) -> None:
+    def __init__(self, store: LakeStore, site: str, line: str, prefix: str) -> None:
         self._store, self._site, self._prefix = store, site, prefix
         self._line = pa.array([line], pa.string())
         self._open: dict[tuple[str, int | None], _DayFile] = {}

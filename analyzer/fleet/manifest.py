@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from .errors import FleetError
-from .stores import FolderStore, Store
+from .stores import FolderStore, LakeStore
 
 FOLDER: Final = "manifest"
 
@@ -56,7 +56,7 @@ class LakeLine:
 class Manifest:
     """The entries of a lake, read once; `add` writes one more."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: LakeStore) -> None:
         self.store = store
         self.lines: dict[tuple[str, str], LakeLine] = {}
         self.newest = 0
@@ -65,7 +65,7 @@ class Manifest:
                 self._take(_number(name), _entry(store, name))
 
     @classmethod
-    def of(cls, store: Store) -> Manifest:
+    def of(cls, store: LakeStore) -> Manifest:
         """That of a lake. Raises FleetError where there is none."""
         manifest = cls(store)
         if not manifest.newest:
@@ -106,7 +106,7 @@ def _number(name: str) -> int:
     return int(stem) if stem.isdecimal() else 0
 
 
-def _entry(store: Store, name: str) -> dict[str, Any]:
+def _entry(store: LakeStore, name: str) -> dict[str, Any]:
     try:
         entry = json.loads(store.read(name))
         if isinstance(entry, dict) and {"site", "line", "after", "slices", "files", "tail", "state"} <= entry.keys():
@@ -117,7 +117,7 @@ def _entry(store: Store, name: str) -> dict[str, Any]:
 
 
 @contextmanager
-def writing(store: Store) -> Iterator[None]:
+def writing(store: LakeStore) -> Iterator[None]:
     """Only one batch writes a lake at a time, as far as the system can tell. Raises FleetError where one does."""
     if not isinstance(store, FolderStore):
         yield

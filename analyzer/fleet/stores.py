@@ -22,7 +22,7 @@ from .errors import FleetError
 PART = ".part"  # the end of names of files that are not whole yet
 
 
-class Store(Protocol):
+class LakeStore(Protocol):
     """Files of a lake by name."""
 
     root: str
@@ -72,7 +72,7 @@ def filesystem(url: str) -> tuple[Any, str]:
     return system, str(path)
 
 
-def store(url: str) -> Store:
+def store(url: str) -> LakeStore:
     """The store at a path or a URL."""
     return ObjectStore(url) if is_remote(url) else FolderStore(url.removeprefix("file://"))
 

@@ -23,7 +23,7 @@ from .datasets import CAPTURES, LakeFiles
 from .errors import FleetError
 from .linestate import LineState, resumed
 from .sources import SourceFile
-from .stores import Store, fetched, store
+from .stores import LakeStore, fetched, store
 
 _PIECE: Final = 1 << 20
 
@@ -67,7 +67,7 @@ def line_key(site: str, line: str) -> str:
 def run_task(task: LineTask) -> dict[str, Any]:
     """Do it; what the manifest is to say, but for the entry's number."""
     _declare(task.options.functions)
-    return _Run(task).entry()
+    return _TaskRun(task).entry()
 
 
 @cache
@@ -80,12 +80,12 @@ def _declare(files: tuple[str, ...]) -> None:
         load_file(path)
 
 
-class _Run:
+class _TaskRun:
     """One task on its way."""
 
     def __init__(self, task: LineTask) -> None:
         self.task = task
-        self.store: Store = store(task.lake)
+        self.store: LakeStore = store(task.lake)
         self.state = resumed(self.store.read(task.state)) if task.state else None
         self._before = (self.state.frames, self.state.octets) if self.state else (0, 0)
         self.files = LakeFiles(self.store, task.site, task.line, line_key(task.site, task.line))
@@ -122,7 +122,7 @@ class _Run:
     def _slice(self, file: SourceFile) -> dict[str, Any]:
         """Take in one file, whatever it is; what is known of it."""
         about: dict[str, Any] = {**file.to_json(), "sha256": None, "state": "unreadable", "damage": []}
-        span = _Span()
+        span = _SliceSpan()
         capture: Capture | None = None
         try:
             with fetched(file.url) as path:
@@ -149,7 +149,7 @@ class _Run:
             self.state = LineState(capture.line, self.task.options.analysis, self.task.options.noise)
         return self.state.slice(capture, self.files)
 
-    def _tell(self, about: dict[str, Any], span: _Span, capture: Capture | None) -> None:
+    def _tell(self, about: dict[str, Any], span: _SliceSpan, capture: Capture | None) -> None:
         """The row of the table `captures`."""
         import pyarrow as pa
 
@@ -176,7 +176,7 @@ class _Run:
 
 
 @dataclass(slots=True)
-class _Span:
+class _SliceSpan:
     """What blocks come to."""
 
     octets: int = 0
