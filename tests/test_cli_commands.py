@@ -279,3 +279,11 @@ def test_the_share_is_that_of_the_file(tmp_path):
         file.read(250)
         assert share_read() == 0.25
     assert share_read() is None
+
+
+@pytest.mark.parametrize(
+    ("flag", "text"), [("--rotate-size", "9" * 400 + "GB"), ("--keep", "9" * 400 + "d"), ("--baud", "9" * 5000)]
+)
+def test_numbers_beyond_all_bounds_are_one_line(capsys, tmp_path, flag, text):
+    said = refused(capsys, "record", "/dev/nowhere", "-o", tmp_path / "bus.mcap", flag, text)
+    assert flag in said and "defect" not in said
