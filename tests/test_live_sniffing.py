@@ -14,11 +14,10 @@ import socket
 import subprocess
 import sys
 import time
-import tty
 
 import pytest
 from buses import adu
-from livebus import Running, TeeBus, eventually, pty, served
+from livebus import Running, TeeBus, eventually, pty, raw_pty, served
 from pymodbus.client import ModbusSerialClient
 from running import START, environment, ran, refused
 
@@ -154,8 +153,7 @@ def test_a_silent_bus_holds_no_frame():
 def test_a_pseudo_terminal_that_is_closed_has_ended(tmp_path, command):
     """Its number is given to the next one, which is somebody else's: nobody waits for that, takes its bytes and locks
     it. A listener left behind by one test did so to the others."""
-    master, slave = os.openpty()
-    tty.setraw(slave)
+    master, slave = raw_pty()
     running = Running(command, os.ttyname(slave), "-o", tmp_path / "bus.mcap")
     os.write(master, REQUEST)
     assert eventually(lambda: recorded(tmp_path / "bus.mcap.part") == REQUEST)
@@ -279,8 +277,7 @@ def test_sigterm_ends_it_soon_where_the_analysis_is_far_behind(tmp_path):
 
 def test_an_adapter_unplugged_while_recording_is_a_gap_in_the_record(tmp_path):
     link = tmp_path / "tty"
-    first = os.openpty()
-    tty.setraw(first[1])
+    first = raw_pty()
     link.symlink_to(os.ttyname(first[1]))
     record = Running("record", link, "--baud", "9600", "-o", tmp_path / "bus.mcap")
     os.write(first[0], REQUEST)
