@@ -207,7 +207,7 @@ class Counting:
     def _rhythm(self, high: Ints, low: Ints) -> Ints:
         """Of every second register to either side of a pair: how many in line with its high word stand at zero, and
         how many in line with its low word do not (of either 0 there are none, 1 to 4 from few to all)."""
-        zero = ~self.words.any(axis=0)
+        zero = (self.words == 0).all(axis=0)
         seen, zeros, others = (np.zeros(len(high), np.int64) for _ in range(3))
         for away in _BESIDE:
             there = (low + away >= self._first[low]) & (high + away >= self._first[high])
