@@ -208,7 +208,7 @@ def plug_in(folder: Path, group: str, name: str, source: str) -> None:
     (about / "entry_points.txt").write_text(f"[{group}]\n{name} = {name}:OFFERED\n")
 
 
-@pytest.mark.skipif(sys.flags.ignore_environment, reason="this Python reads no PYTHONPATH")
+@pytest.mark.skipif(bool(sys.flags.ignore_environment), reason="this Python reads no PYTHONPATH")
 def test_a_broken_plug_in_is_named_and_left_out_and_the_others_are_not(tmp_path: Path) -> None:
     plug_in(tmp_path, "rtuscope.functions", "broken_vendor", "1 / 0\n")
     good = "from construct import Pass\nfrom dissectors import Function\nOFFERED = Function(101, 'Good', Pass, Pass)\n"

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from captures.recording.notes import Note
 
     from ..tables.batch import Batch
-    from ..tables.schema import Rows
+    from ..tables.transactions import TransactionRows
 
 _NOTES: Final = 4096  # of a line remembered, the newest
 _OURS: Final = ("analyzer.", "captures.", "dissectors.")
@@ -127,7 +127,7 @@ class LineState:
     def _take(self, parts: Iterable[Analysed], files: LakeFiles) -> None:
         for analysed in parts:
             frames = record_batch(analysed.batch, noise=self.noise)
-            self.frames += len(frames) if not self.noise else int((analysed.batch.rows["index"] >= 0).sum())
+            self.frames += len(frames) if not self.noise else int((analysed.batch.rows.index >= 0).sum())
             files.add("frames", frames)
             for name, table in TABLES.items():
                 records = record_arrow(record_schema(table), table.columns(analysed))
@@ -137,11 +137,11 @@ class LineState:
             for batch, transactions in _days(analysed):
                 self._explain(batch, transactions, files)
 
-    def _explain(self, batch: Batch, transactions: Rows, files: LakeFiles) -> None:
+    def _explain(self, batch: Batch, transactions: TransactionRows, files: LakeFiles) -> None:
         """Rows of one day into the ledger of that day."""
         if not len(batch):
             return
-        begun = int(batch.rows["t_start"][0])
+        begun = int(batch.rows.t_start_ns[0])
         if self._ledger is None or begun // DAY_NS > self._day:
             self._close_day(files)
             self._ledger, self._day, self._begun_ns = Ledger(self.line, self.options), begun // DAY_NS, begun
@@ -173,10 +173,10 @@ def _settings(line: LineSettings) -> LineSettings:
     return replace(line, tap=None, notes={})
 
 
-def _days(analysed: Analysed) -> Iterator[tuple[Batch, Rows]]:
+def _days(analysed: Analysed) -> Iterator[tuple[Batch, TransactionRows]]:
     """The rows of each day, with the transactions that they began. A day begins with its first row and never again."""
     batch, transactions = analysed.batch, analysed.transactions
-    days = np.maximum.accumulate(batch.rows["t_start"] // DAY_NS)
+    days = np.maximum.accumulate(batch.rows.t_start_ns // DAY_NS)
     begins = (np.flatnonzero(np.diff(days)) + 1).tolist()
     if not begins:
         yield batch, transactions
@@ -184,8 +184,8 @@ def _days(analysed: Analysed) -> Iterator[tuple[Batch, Rows]]:
     first = begun = 0
     for last in [*begins, len(batch)]:
         rows = batch.rows[first:last]
-        indices = rows["index"][rows["index"] >= 0]
-        after = int(np.searchsorted(transactions["request"], indices.max(initial=-1), side="right"))
+        indices = rows.index[rows.index >= 0]
+        after = int(np.searchsorted(transactions.request, indices.max(initial=-1), side="right"))
         end = len(transactions) if last == len(batch) else max(after, begun)
         earlier = {**batch.earlier, **dict(_asked_before(batch, first, last, int(indices.min(initial=1 << 62))))}
         yield replace(batch, rows=rows, earlier=earlier, evidence=None, findings=None), transactions[begun:end]
@@ -194,7 +194,7 @@ def _days(analysed: Analysed) -> Iterator[tuple[Batch, Rows]]:
 
 def _asked_before(batch: Batch, first: int, last: int, index: int) -> Iterator[tuple[int, bytes]]:
     """The requests before `index` that these rows answer, and that stand in this batch."""
-    asked = batch.rows["request"][first:last]
+    asked = batch.rows.request[first:last]
     for row in np.flatnonzero((asked >= 0) & (asked < index)).tolist():
         if (request := batch.request_of(first + row, int(asked[row]))) is not None:
             yield int(asked[row]), request
