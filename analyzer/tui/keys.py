@@ -39,7 +39,7 @@ GROUPS: Final[tuple[Group, ...]] = (
         key("N", "find_on(True)", "Previous hit", "the hit before", id="previous"),
         key("full_stop", "door('.')", "Next of", "the next row of this unit, register, poll", as_=".", id="door.next"),
         key("g,ctrl+g", "goto", "Go to", "a frame's number, a time, +200ms, 50%", shown=True, as_="g"),
-        key("c", "counterpart", "Answer", "from a request to its answer and back", shown=True),
+        key("c", "counterpart", "Answer", "from a request to its answer and back"),
         key("right_square_bracket", "finding(1)", "Finding", "the next finding", shown=True, as_="]",
             id="finding.next"),
         key("left_square_bracket", "finding(-1)", "Previous finding", "the finding before", as_="[",
@@ -50,12 +50,12 @@ GROUPS: Final[tuple[Group, ...]] = (
     )),
     ("See", (
         key("w", "why", "Why", "why this frame's boundaries stand where they do", shown=True),
-        key("t", "time_base", "Time", "times since the start, date and time, since the row before, since the reference",
-            shown=True),
+        key("t", "time_base", "Time", "times since the start, date and time, since the row before, since the reference"),
         key("r", "reference", "Reference", "make this row the time reference; again takes it back"),
         key("Z", "zoom", "Zoom", "the pane with the keys alone, and back"),
         key("less_than_sign", "size(-10)", "Smaller", "less room for the frame below", as_="<", id="size.less"),
         key("greater_than_sign", "size(10)", "Larger", "more room for the frame below", as_=">", id="size.more"),
+        key("C", "columns", "Columns", "which columns the list of transactions or frames has"),
         key("D", "app.theme_flip", "Dark or light", "dark or light"),
     )),
     ("Keep", (
