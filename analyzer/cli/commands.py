@@ -19,6 +19,7 @@ COMMANDS: Final[dict[str, str]] = {
     "map": "register maps: list, show, check, import, infer, diff",
     "sniff": "listen to a tap and show frames as they come; record them with -o",
     "record": "only record a tap, unattended, for days",
+    "tap": "let others listen to a port over the network, with the times of its bytes",
     "replay": "play a capture in its own time into the view of sniff, or onto a port",
     "ports": "list the serial ports that are there, with what is known of them",
     "wireshark": "have Wireshark list this machine's taps among its interfaces",

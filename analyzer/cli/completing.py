@@ -28,7 +28,13 @@ def _ports(_: str) -> Iterable[str]:
     from captures.live.ports import ports
 
     listed = ports()
-    return [*(port.device for port in listed), *(port.link for port in listed if port.link), "socket://", "rfc2217://"]
+    return [
+        *(port.device for port in listed),
+        *(port.link for port in listed if port.link),
+        "socket://",
+        "rfc2217://",
+        "tap://",
+    ]
 
 
 def _filter(text: str) -> Iterable[str]:

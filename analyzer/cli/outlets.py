@@ -22,7 +22,7 @@ def add_outlet_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--metrics",
         metavar="[HOST:]PORT",
-        type=_address,
+        type=address,
         help="OpenMetrics for Prometheus, at http://HOST:PORT/metrics",
     )
     group.add_argument(
@@ -31,7 +31,7 @@ def add_outlet_arguments(parser: argparse.ArgumentParser) -> None:
         help="values by --map, units' health and findings to a broker: mqtt://[USER@]HOST[:PORT][/TOPIC], mqtts://",
     )
     group.add_argument(
-        "--foxglove", metavar="[HOST:]PORT", type=_address, help="the topics of an MCAP export, live at ws://HOST:PORT"
+        "--foxglove", metavar="[HOST:]PORT", type=address, help="the topics of an MCAP export, live at ws://HOST:PORT"
     )
 
 
@@ -48,14 +48,14 @@ def outlets_of(
         host, port = arguments.metrics
         metrics = Metrics(host, port, recorded if getattr(arguments, "output", None) else None)
         begun.append(metrics)
-        tell(f"metrics: http://{_shown(host)}:{metrics.port}/metrics")
+        tell(f"metrics: http://{shown_host(host)}:{metrics.port}/metrics")
     if arguments.foxglove is not None:
         from ..live.outlets.foxglove import Foxglove
 
         host, port = arguments.foxglove
         foxglove = Foxglove(host, port, chosen_charts(arguments))
         begun.append(foxglove)
-        tell(f"foxglove: ws://{_shown(host)}:{foxglove.port}")
+        tell(f"foxglove: ws://{shown_host(host)}:{foxglove.port}")
     if arguments.mqtt is not None:
         from ..live.outlets.mqtt import Mqtt
 
@@ -63,12 +63,14 @@ def outlets_of(
     return begun
 
 
-def _address(text: str) -> tuple[str, int]:
+def address(text: str) -> tuple[str, int]:
+    """`[HOST:]PORT` as host and port; for argparse."""
     host, colon, port = text.rpartition(":")
     if not port.isdecimal() or int(port) > 65535 or (colon and not host):
         raise argparse.ArgumentTypeError(f"{text!r} is neither a port nor HOST:PORT")
     return host.strip("[]") or _LOCAL, int(port)
 
 
-def _shown(host: str) -> str:
+def shown_host(host: str) -> str:
+    """A host as an URL has it."""
     return f"[{host}]" if ":" in host else host

@@ -33,7 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
         for line in _lines(port):
             print(harmless(line))
     if not listed:
-        print("no serial port here; others: socket://HOST:PORT of a gateway, rfc2217://HOST:PORT")
+        print("no serial port here; others: socket://HOST:PORT of a gateway, rfc2217://HOST:PORT, tap://HOST")
     return DONE
 
 

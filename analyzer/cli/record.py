@@ -12,14 +12,16 @@ from .inputs import add_functions_argument, add_limit_arguments, load_functions
 from .maps import add_map_argument
 from .outlets import add_outlet_arguments, outlets_of
 from .quantities import seconds
-from .taps import add_recording_arguments, add_tap_arguments, recorder_of, tap_of
+from .taps import add_recording_arguments, add_tap_arguments, add_viewer_arguments, lost_words, recorder_of, tap_of
 from .telling import Teller
 from .watching import ended_by_signals
 
 if TYPE_CHECKING:
+    from captures.live.tapviewer import TapViewer
     from captures.recording.recorder import Recorder
 
     from ..live.outlets import Outlet
+    from ..live.tapsource import TapSource
 
 EXAMPLE = """\
 rtuscope record /dev/ttyUSB0 --baud 19200 --parity E -o bus.mcap
@@ -30,6 +32,7 @@ rtuscope record /dev/ttyUSB0 -o bus.mcap --metrics 9617 --mqtt mqtt://localhost 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_tap_arguments(parser)
+    add_viewer_arguments(parser)
     add_recording_arguments(parser, needed=True)
     add_limit_arguments(parser, only="--idle-ms")
     add_outlet_arguments(parser)
@@ -47,15 +50,18 @@ def run(arguments: argparse.Namespace) -> int:
         recorder = recorder_of(arguments, tell)
         assert recorder is not None  # -o is needed
         recorders.append(recorder)
+        source = tap_of(arguments, watched=False)
         if outlets:
-            _analysed(arguments, recorder, outlets, tell)
+            _analysed(arguments, source, recorder, outlets, tell)
         else:
-            _plain(arguments, recorder, tell)
+            _plain(arguments, source, recorder, tell)
         tell(recorder.result)
-    return FAILED if recorder.lost else DONE
+        if source.lost:
+            tell(lost_words(source.lost))
+    return FAILED if recorder.lost or source.lost else DONE
 
 
-def _plain(arguments: argparse.Namespace, recorder: Recorder, tell: Teller) -> None:
+def _plain(arguments: argparse.Namespace, source: TapSource | TapViewer, recorder: Recorder, tell: Teller) -> None:
     from captures.chunks import Block
     from captures.live.wire import PortEvent
     from captures.recording.notes import Note
@@ -63,7 +69,6 @@ def _plain(arguments: argparse.Namespace, recorder: Recorder, tell: Teller) -> N
     begun = time.monotonic()
     heard = 0
     try:
-        source = tap_of(arguments, watched=False)
         with ended_by_signals(source.close):
             for item in source.items():
                 if isinstance(item, Block):
@@ -83,11 +88,17 @@ def _plain(arguments: argparse.Namespace, recorder: Recorder, tell: Teller) -> N
         recorder.close()
 
 
-def _analysed(arguments: argparse.Namespace, recorder: Recorder, outlets: Sequence[Outlet], tell: Teller) -> None:
+def _analysed(
+    arguments: argparse.Namespace,
+    source: TapSource | TapViewer,
+    recorder: Recorder,
+    outlets: Sequence[Outlet],
+    tell: Teller,
+) -> None:
     """The same through a session, whose other thread records whatever the analysis does."""
     from ..live.session import Session
 
-    session = Session(tap_of(arguments, watched=False), recorder=recorder, outlets=outlets)
+    session = Session(source, recorder=recorder, outlets=outlets)
     begun = time.monotonic()
     heard = missed = 0
     with session, ended_by_signals(session.stop):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, BinaryIO, Final
 from .exits import FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_language_argument, add_limit_arguments, chosen_limits, load_functions
 from .outlets import add_outlet_arguments, outlets_of
-from .taps import add_recording_arguments, add_tap_arguments, recorder_of, tap_of
+from .taps import add_recording_arguments, add_tap_arguments, add_viewer_arguments, lost_words, recorder_of, tap_of
 from .telling import Teller
 from .watching import Watch, add_view_arguments, ended_by_signals
 
@@ -32,6 +32,7 @@ rtuscope sniff COM3 --json --filter 'exception' --duration 1h"""
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_tap_arguments(parser)
+    add_viewer_arguments(parser)
     parser.add_argument(
         "--protocol", choices=("auto", "rtu", "ascii"), default="auto", help="what the line speaks (auto)"
     )
@@ -72,8 +73,9 @@ def listen(arguments: argparse.Namespace, out: BinaryIO | None = None) -> int:
         if recorder is not None and arguments.trigger is not None:
             sink = triggered = TriggeredSink(recorder, int(arguments.before * 1e9), int(arguments.after * 1e9))
             fire = triggered.fire
+        source = tap_of(arguments)
         session = Session(
-            tap_of(arguments),
+            source,
             recorder=sink,
             options=replace(chosen_limits(arguments), protocol=arguments.protocol),
             outlets=outlets,
@@ -87,6 +89,9 @@ def listen(arguments: argparse.Namespace, out: BinaryIO | None = None) -> int:
             status = watch.run()
         if recorder is not None and recorder.lost:
             tell(recorder.result)
+            return FAILED
+        if source.lost:
+            tell(lost_words(source.lost))
             return FAILED
     return status
 

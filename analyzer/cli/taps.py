@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from ..version import __version__
 from .exits import UsageError
@@ -13,15 +14,20 @@ from .outputs import add_overwrite_argument, to_be_overwritten
 from .quantities import octets, seconds, time_or_size
 
 if TYPE_CHECKING:
+    from captures.live.tapviewer import TapViewer
     from captures.recording.recorder import Recorder
 
     from ..live.tapsource import TapSource
+
+_TOKEN_VARIABLE: Final = "RTUSCOPE_TAP_TOKEN"
 
 
 def add_tap_arguments(parser: argparse.ArgumentParser) -> None:
     """PORT and how to listen to it."""
     parser.add_argument(
-        "port", metavar="PORT", help="a serial port, or socket://HOST:PORT, rfc2217://HOST:PORT; never sent to"
+        "port",
+        metavar="PORT",
+        help="a serial port, or socket://HOST:PORT, rfc2217://HOST:PORT, tap://HOST of `rtuscope tap`; never sent to",
     )
     taps = parser.add_argument_group("the tap")
     taps.add_argument("-b", "--baud", default="auto", metavar="N", help="bit/s; auto finds it by listening (default)")
@@ -40,6 +46,22 @@ def add_tap_arguments(parser: argparse.ArgumentParser) -> None:
     )
     taps.add_argument("--wait", action="store_true", help="wait for a port that is not there yet")
     taps.add_argument("--blocking-read", action="store_true", help=argparse.SUPPRESS)
+
+
+def add_token_argument(parser: argparse._ArgumentGroup) -> None:
+    """The secret of a tap and its viewers."""
+    parser.add_argument(
+        "--token-file",
+        metavar="FILE",
+        help=f"a file with the secret that a tap and its viewers share; else {_TOKEN_VARIABLE} of the environment",
+    )
+
+
+def add_viewer_arguments(parser: argparse.ArgumentParser) -> None:
+    """How to get at a tap elsewhere."""
+    group = parser.add_argument_group("a tap elsewhere (tap://HOST[:PORT], taps:// with TLS); its line settings count")
+    add_token_argument(group)
+    group.add_argument("--tls-ca", metavar="FILE", help="trust this certificate (PEM), in place of the system's")
 
 
 def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) -> None:
@@ -66,8 +88,30 @@ def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) ->
     )
 
 
-def tap_of(arguments: argparse.Namespace, *, watched: bool = True) -> TapSource:
+def token_of(arguments: argparse.Namespace) -> str | None:
+    """The secret that was given; None where there is none."""
+    from captures.live.tapstream import checked_token, read_token
+
+    if arguments.token_file:
+        return read_token(arguments.token_file)
+    token = os.environ.get(_TOKEN_VARIABLE)
+    return checked_token(token, _TOKEN_VARIABLE) if token else None
+
+
+def _viewer_of(arguments: argparse.Namespace) -> TapViewer:
+    from captures.live.tapviewer import TapViewer
+
+    if arguments.port2 or arguments.seek_remote:
+        raise UsageError("a tap elsewhere has its own ports and settings: --port2 and --seek-remote are for it")
+    return TapViewer(arguments.port, token=token_of(arguments), authority=arguments.tls_ca, wait=arguments.wait)
+
+
+def tap_of(arguments: argparse.Namespace, *, watched: bool = True) -> TapSource | TapViewer:
     """The tap that was asked for, listening. `watched`: somebody looks, who should not wait."""
+    from captures.live.tapstream import is_tap_url
+
+    if is_tap_url(arguments.port):
+        return _viewer_of(arguments)
     from captures.live.listening import HOLD_NS, IDLE_NS, RECORD_HOLD_NS
     from captures.live.settings import PortSettings
 
@@ -81,6 +125,8 @@ def tap_of(arguments: argparse.Namespace, *, watched: bool = True) -> TapSource:
     }
     settings = {name: value for name, value in settings.items() if value is not None}
     urls = [arguments.port, *([arguments.port2] if arguments.port2 else [])]
+    if any(map(is_tap_url, urls)):
+        raise UsageError("a tap elsewhere is listened to alone: --port2 is for that tap")
     if len(set(urls)) < len(urls):
         raise UsageError("--port2 is the same port as PORT")
     ports = [PortSettings(url, **settings, remote_changes=tuple(settings)) for url in urls]
@@ -95,6 +141,11 @@ def tap_of(arguments: argparse.Namespace, *, watched: bool = True) -> TapSource:
         blocking=arguments.blocking_read,
         seek_remote=arguments.seek_remote,
     )
+
+
+def lost_words(octets: int) -> str:
+    """What is said at the end of bytes that were lost between a tap elsewhere and here."""
+    return f"LOST on the way: {octets:,} bytes of the line, which the tap did not keep for so long"
 
 
 def recorder_of(arguments: argparse.Namespace, tell: Callable[[str], None]) -> Recorder | None:

@@ -33,6 +33,7 @@ class TapSource:
     """
 
     waits = False
+    lost = 0  # nothing lies between a port here and the reader
 
     def __init__(
         self,

@@ -64,9 +64,14 @@ def connected(url: str) -> socket.socket:
     except (OSError, UnicodeError) as error:
         reason = os_reason(error) if isinstance(error, OSError) else str(error)
         raise PortError(f"{url}: cannot be opened: {reason}") from error
+    keep_alive(connection)
+    return connection
+
+
+def keep_alive(connection: socket.socket) -> None:
+    """Have the system notice when the other end is gone."""
     with suppress(OSError):
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         for name, value in _ALIVE.items():
             if hasattr(socket, name):
                 connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
-    return connection

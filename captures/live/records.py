@@ -15,6 +15,7 @@ HEAD: Final = struct.Struct("<BBqI")  # kind, port, t_ns, bytes that follow
 READS: Final = 1
 TICK: Final = 2
 EVENT: Final = 3
+POSITION: Final = 4  # over a network: which record comes next, JSON
 COUNTS: Final = struct.Struct("<II")  # of READS: reads, bytes with an error; then the columns of `reads_record`
 
 _BACKLOG: Final = 64 << 20  # bytes kept for a listener that does not take them
@@ -46,6 +47,12 @@ def event_record(t_ns: int, port: int, kind: str, text: str, **more: Any) -> byt
     """Something happened to a port."""
     said = json.dumps({"kind": kind, "text": text, **more}).encode()
     return HEAD.pack(EVENT, port, t_ns, len(said)) + said
+
+
+def position_record(t_ns: int, position: dict[str, Any]) -> bytes:
+    """From here on another place in the stream: see `tapstream`."""
+    said = json.dumps(position).encode()
+    return HEAD.pack(POSITION, 0, t_ns, len(said)) + said
 
 
 class Commands:

@@ -1,0 +1,108 @@
+"""`rtuscope tap`: a port that others listen to over the network, with the times at which its bytes came."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Final
+
+from .exits import DONE, UsageError
+from .inputs import add_functions_argument, add_limit_arguments, load_functions
+from .outlets import address, shown_host
+from .quantities import octets, seconds
+from .taps import add_tap_arguments, add_token_argument, tap_of, token_of
+from .telling import Teller
+from .watching import ended_by_signals
+
+if TYPE_CHECKING:
+    from captures.live.tapserver import TapServer
+
+EXAMPLE = """\
+rtuscope tap /dev/ttyUSB0
+rtuscope tap /dev/ttyUSB0 --baud 19200 --parity E --listen 0.0.0.0:9616 --token-file token
+rtuscope sniff tap://192.168.1.7 --token-file token"""
+
+_LEAST: Final = 10**6
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    add_tap_arguments(parser)
+    viewers = parser.add_argument_group("the viewers: `rtuscope sniff tap://HOST`, also record")
+    viewers.add_argument(
+        "--listen", metavar="[HOST:]PORT", type=address, default="9616", help="where they are let in (127.0.0.1:9616)"
+    )
+    add_token_argument(viewers)
+    viewers.add_argument("--tls-cert", metavar="FILE", help="serve taps:// with this certificate (PEM)")
+    viewers.add_argument("--tls-key", metavar="FILE", help="its key, where that is not in the same file")
+    viewers.add_argument(
+        "--buffer",
+        metavar="SIZE",
+        type=octets,
+        default="64MB",
+        help="memory for what a viewer whose connection broke still gets (64MB: 40 min of a saturated line)",
+    )
+    add_limit_arguments(parser, only="--idle-ms")
+    add_functions_argument(parser)
+    parser.add_argument("--duration", type=seconds, metavar="TIME", help="stop after this time: 90s, 15min, 12h")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Listen, and let others have it."""
+    from captures.live.tapstream import is_tap_url
+
+    if is_tap_url(arguments.port):
+        raise UsageError("a tap of a tap: viewers of this one can listen to that one themselves")
+    load_functions(arguments)
+    with Teller() as tell:
+        server = _server(arguments, tell)
+        try:
+            heard = _serve(arguments, server, tell)
+        finally:
+            server.close()
+        tell(f"{heard:,} bytes heard")
+    return DONE
+
+
+def _server(arguments: argparse.Namespace, tell: Teller) -> TapServer:
+    from captures.live.tapserver import TapServer
+    from captures.live.tapstream import is_local, serving_context
+
+    host, port = arguments.listen
+    token = token_of(arguments)
+    if token is None and not is_local(host):
+        raise UsageError(
+            f"--listen {host} is open to other machines: give --token-file FILE (`openssl rand -hex 16 > FILE`), or "
+            "leave it at 127.0.0.1 and come by ssh -L"
+        )
+    if arguments.tls_key and not arguments.tls_cert:
+        raise UsageError("--tls-key is the key of --tls-cert, which is not given")
+    if arguments.buffer < _LEAST:
+        raise UsageError("--buffer is 1MB at the least")
+    tls = serving_context(arguments.tls_cert, arguments.tls_key) if arguments.tls_cert else None
+    server = TapServer(host, port, tell=tell, token=token, tls=tls, keep_bytes=arguments.buffer)
+    scheme = "tap" if tls is None else "taps"
+    tell(f"viewers: rtuscope sniff {scheme}://{shown_host(host)}:{server.port}")
+    return server
+
+
+def _serve(arguments: argparse.Namespace, server: TapServer, tell: Teller) -> int:
+    """Until the end; the bytes that were heard."""
+    import time
+
+    from captures.chunks import Block
+    from captures.live.wire import PortEvent
+
+    begun = time.monotonic()
+    heard = 0
+    source = tap_of(arguments)
+    with ended_by_signals(source.close):
+        for item in source.items():
+            server.feed(item, source.line)
+            if isinstance(item, Block):
+                heard += len(item.data)
+            elif isinstance(item, PortEvent) and item.kind != "settings":
+                tell(item.text)
+            tell.status(f"{heard:,} bytes heard, viewers: {server.viewers}")
+            if arguments.duration and time.monotonic() - begun >= arguments.duration:
+                source.close()
+    return heard
