@@ -125,24 +125,6 @@ def test_a_float_is_listed_and_plotted_as_a_float(tmp_path: Path) -> None:
         assert "types" not in json.loads((tmp_path / "meter.jsonl.rtuscope.json").read_text())
 
 
-def test_a_mark_and_a_pause_typed_at_once_while_rows_come(tmp_path: Path) -> None:
-    import captures
-    from analyzer.simulation import Scenario, simulate
-    from captures.chunks import Capture
-
-    made = simulate(Scenario("noisy", "precise", transactions=900, seed=3))
-    captures.write(tmp_path / "bus.jsonl", Capture.of(made.line, made.chunks))
-    with Watched("replay", "bus.jsonl", "--tui", columns=100, rows=30, cwd=tmp_path) as terminal:
-        terminal.until("frames/s").settle(0.5, most=2)
-        terminal.press(f"2Mpump on{ENTER}P").until("PAUSED")
-        held = terminal.picture.lines()[2:15]
-        terminal.settle(5, most=2)
-        assert terminal.picture.lines()[2:15] == held, "what comes is not shown"
-        terminal.press("PPP").until("PAUSED")
-        terminal.press("P").until(lambda: "PAUSED" not in terminal.shown())
-        terminal.press("'").until('"pump on"')
-
-
 def test_a_file_that_grows_is_followed_to_its_end(capture: Path, tmp_path: Path) -> None:
     lines = capture.read_text().splitlines(keepends=True)
     growing = tmp_path / "growing.jsonl"

@@ -179,6 +179,7 @@ def test_filters_of_the_settings_stand_among_the_kept_ones(
 ) -> None:
     (tmp_path / "rtuscope.toml").write_text('[filters]\nsick = "exception or unanswered"\n')
     monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("RTUSCOPE_CONFIG", raising=False)
 
     async def work(sitting: Seat) -> None:
         await sitting.press("S")
@@ -200,7 +201,7 @@ def test_without_colours_the_cursor_stands_in_reverse(capture: Path, monkeypatch
             colour is None or colour.is_default for style in styles for colour in (style.color, style.bgcolor)
         )
         turned = ["".join(s.text for s in strip if s.style is not None and s.style.reverse).strip() for strip in strips]
-        (row,) = [text for text in turned if "read 3 holding registers" in text]
+        row, *_ = [text for text in turned if "read 3 holding registers" in text]
         assert row.startswith("0"), "the line under the cursor, whole"
 
     using(opened(capture), work)

@@ -118,7 +118,7 @@ class Rtuscope(App[NextFile | None]):
 
     def action_command_palette(self) -> None:
         """Every command by name."""
-        if self.use_command_palette and not CommandPalette.is_open(self):
+        if self.use_command_palette and not isinstance(self.screen, CommandPalette):
             self.push_screen(CommandPalette(placeholder=tr("Search for commands…"), id="--command-palette"))
 
     def use_16_colours(self) -> None:

@@ -50,7 +50,8 @@ GROUPS: Final[tuple[Group, ...]] = (
     )),
     ("See", (
         key("w", "why", "Why", "why this frame's boundaries stand where they do", shown=True),
-        key("t", "time_base", "Time", "times since the start, date and time, since the row before, since the reference"),
+        key("t", "time_base", "Time",
+            "times since the start, date and time, since the row before, since the reference"),
         key("r", "reference", "Reference", "make this row the time reference; again takes it back"),
         key("Z", "zoom", "Zoom", "the pane with the keys alone, and back"),
         key("less_than_sign", "size(-10)", "Smaller", "less room for the frame below", as_="<", id="size.less"),
