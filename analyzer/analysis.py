@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from captures.chunks import Capture, Damage
 from captures.line import LineSettings
 
 from .core import Analysed, analyse, deframe
+from .html_text import ShownList, Stream, html_page, html_table
 from .options import Options
 from .tables.batch import Batch
 from .tables.findings import Finding, describe
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from .exports.records import RecordTable
     from .exports.running import Exported
     from .filters import Filter
+    from .plots import Plots
     from .reports.model import Report
 
 
@@ -54,6 +56,27 @@ class Analysis:
         name = self.capture.path.name if self.capture.path is not None else "in memory"
         narrowed = f", only {self.only.text}" if self.only is not None else ""
         return f"<Analysis of {name}: {self.capture.format}, {self.line.baud or 'unknown'} bit/s{narrowed}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: what it is, and its first frames."""
+        line = self.line
+        known = [
+            ("format", self.capture.format),
+            ("bit/s", line.baud),
+            ("parity", line.parity),
+            ("tap", line.tap),
+            ("only", self.only.text if self.only is not None else None),
+        ]
+        about = html_table((), [each for each in known if each[1] is not None])
+        name = self.capture.path.name if self.capture.path is not None else "capture in memory"
+        return html_page(name, about, self.frames()._repr_html_())
+
+    @property
+    def plot(self) -> Plots:
+        """Pictures of it: `timeline()`, `response_times()`, `register(unit, address)`. Needs `rtuscope[plot]`."""
+        from .plots import Plots
+
+        return Plots(self)
 
     def filter(self, text: str) -> Analysis:
         """The same capture narrowed to what passes a display filter. Raises FilterError where the filter is wrong."""
@@ -116,20 +139,27 @@ class Analysis:
 
         return filtered(stream, self.only, self.line)
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Stream[Frame]:
         """Every frame, in wire order, with its findings."""
         from .exports.encoding import FramesAhead
 
-        told = FramesAhead().of
-        return (frame for analysed in self.analysed() for frame in analysed.batch.frames(told))
+        def frames() -> Iterator[Frame]:
+            told = FramesAhead().of
+            return (frame for analysed in self.analysed() for frame in analysed.batch.frames(told))
 
-    def findings(self) -> Iterator[Finding]:
+        return Stream(frames, ("frame", "t_start_ns", "direction", "unit", "summary", "findings"), _frame_line)
+
+    def findings(self) -> Stream[Finding]:
         """What is wrong, in wire order batch by batch; what concerns the bus as a whole comes last."""
-        return (describe(row) for analysed in self.analysed() for row in analysed.findings)
+        return Stream(
+            lambda: (describe(row) for analysed in self.analysed() for row in analysed.findings),
+            ("severity", "finding", "frame", "text"),
+            lambda finding: (finding.severity.name.lower(), finding.code, finding.index, finding.text),
+        )
 
-    def causes(self) -> list[Cause]:
+    def causes(self) -> ShownList[Cause]:
         """What explains the findings, best first; nothing on a healthy bus, nor of one that is narrowed by a filter."""
-        return list(self.report().causes)
+        return ShownList(self.report().causes)
 
     def rows(self) -> Rows:
         """All frames and noise as one structured array (dtype `schema.ROW`); `at` is for batches only."""
@@ -143,12 +173,19 @@ class Analysis:
         parts = [open_ones.feed(batch) for batch in self.batches()]
         return join_rows([np.zeros(0, TRANSACTION), *parts, open_ones.close()])
 
-    def records(self, table: str) -> Iterator[dict[str, Any]]:
+    def records(self, table: str) -> Stream[dict[str, Any]]:
         """The rows of a table (`transactions`, `values`, `findings`) as dictionaries, as `--table` writes them."""
+
+        def records() -> Iterator[dict[str, Any]]:
+            for columns in self.columns(table):
+                yield from (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
+
+        return Stream(records, tuple(self._table(table).kinds), lambda record: tuple(record.values()))
+
+    def columns(self, table: str) -> Iterator[Mapping[str, list[Any]]]:
+        """The same as columns, part by part."""
         columns_of = self._table(table).columns
-        for part in self.analysed():
-            columns = columns_of(part)
-            yield from (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
+        return (columns_of(part) for part in self.analysed())
 
     def to_arrow(self, table: str = "frames", *, noise: bool = False) -> Any:
         """All frames as a pyarrow Table with the columns of `exports.arrow`, with `noise` the bytes between too; or
@@ -179,6 +216,11 @@ class Analysis:
         """The same as a pandas DataFrame."""
         _installed("pandas")
         return self.to_arrow(noise=noise).to_pandas()
+
+
+def _frame_line(frame: Frame) -> tuple[object, ...]:
+    found = ", ".join(finding.code for finding in frame.findings)
+    return frame.index, frame.t_start_ns, frame.direction, frame.unit, frame.summary(), found
 
 
 def _installed(name: str) -> Any:

@@ -102,6 +102,8 @@ def _read(file: str, *, project: bool) -> Iterator[SetValue]:
         raise SettingsError(f"{file}: {(error.strerror or str(error)).lower()}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"{file}: {error}") from error
+    except RecursionError as error:
+        raise SettingsError(f"{file}: nested too deeply") from error
     known = {setting.key: setting for setting in SETTINGS}
     for key, value in _flat(content):
         at = SetValue(key, value, file, _line_of(text, key))
@@ -155,5 +157,8 @@ def _resolved(file: str, name: str) -> str:
     """A file named in settings, from the folder that they stand in; other names as they are."""
     from pathlib import Path
 
-    path = Path(file).absolute().parent / Path(name).expanduser()
-    return str(path) if path.exists() else name
+    try:
+        path = Path(file).absolute().parent / Path(name).expanduser()
+        return str(path) if path.exists() else name
+    except (OSError, ValueError, RuntimeError):  # no name of a file: too long, with a NUL, of a user who is not there
+        return name

@@ -7,6 +7,15 @@ exception: see `captures.chunks.Damage`.
 
 from __future__ import annotations
 
+from typing import Final
+
+# Windows' numbers for a file that somebody has open: it can be neither renamed nor replaced nor removed meanwhile.
+OPEN_ELSEWHERE: Final = {
+    5: "access denied: it may be open in another program",
+    32: "open in another program",
+    33: "open in another program",
+}
+
 
 class CaptureError(Exception):
     """Input or output that can't be used at all; `str()` is one line for a person."""
@@ -14,4 +23,6 @@ class CaptureError(Exception):
 
 def os_reason(error: OSError) -> str:
     """What the operating system said, without the number and the path that `str(error)` carries."""
+    if (number := getattr(error, "winerror", None)) in OPEN_ELSEWHERE:
+        return OPEN_ELSEWHERE[number]
     return (error.strerror or str(error) or type(error).__name__).lower()

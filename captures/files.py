@@ -10,16 +10,18 @@ import os
 import re
 import stat
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from .errors import CaptureError, os_reason
+from .errors import OPEN_ELSEWHERE, CaptureError, os_reason
 
 HEAD_BYTES = 1 << 16  # what formats are recognised by
 LINE_LIMIT = 64 << 20  # bytes: a longer line is no line of text
 _HEADER_LIMIT = 1 << 20
+_WAITS_S: Final = (0.05, 0.1, 0.2, 0.4)  # between attempts to rename
 _PIECE = 1 << 16
 _SOURCE = "open the capture that it was made from"
 
@@ -178,7 +180,7 @@ def replacing(path: Path | str) -> Iterator[BinaryIO]:
             with os.fdopen(handle, "wb") as part:
                 yield part
             Path(name).chmod(mode)
-            Path(name).replace(target)
+            patiently(lambda: Path(name).replace(target))
         except BaseException:
             with suppress(OSError):
                 Path(name).unlink()
@@ -187,6 +189,19 @@ def replacing(path: Path | str) -> Iterator[BinaryIO]:
         raise CaptureError(f"{path}: cannot be written: no such folder as {path.parent}") from error
     except OSError as error:
         raise CaptureError(f"{path}: cannot be written: {os_reason(error)}") from error
+
+
+def patiently(rename: Callable[[], object]) -> None:
+    """Rename a file; on Windows one that is open elsewhere is waited for: virus scanners open what is new. OSError."""
+    for wait_s in _WAITS_S:
+        try:
+            rename()
+            return
+        except PermissionError as error:
+            if getattr(error, "winerror", None) not in OPEN_ELSEWHERE:
+                raise
+        time.sleep(wait_s)
+    rename()
 
 
 def _umask() -> int:

@@ -12,7 +12,21 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs POSIX")
 
 
 @pytest.mark.parametrize(
-    "only", ["reader", "text", "filters", "rules", "rule files", "notes beside", "analysis", "exporters", "report"]
+    "only",
+    [
+        "reader",
+        "text",
+        "filters",
+        "rules",
+        "rule files",
+        "settings",
+        "preferences",
+        "given",
+        "notes",
+        "analysis",
+        "exporters",
+        "report",
+    ],
 )
 def test_no_input_of_the_fuzz_harms(only: str) -> None:
     """Patient: how fast this machine is today is no matter of tests."""

@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 import captures
-from captures import CaptureError, Chunk, LineSettings
+from captures import CaptureError, Chunk, LineSettings, files
+from captures.errors import os_reason
 
 READS = [Chunk(1000, b"\x11\x03"), Chunk(2000, b"\x00\x6b")]
 
@@ -219,3 +220,29 @@ def test_a_header_of_any_length(tmp_path: Path) -> None:
     path.write_text(json.dumps(header) + '\n{"t_ns": 1, "hex": "1103"}\n')
     with pytest.raises(captures.CaptureError, match="line 1"):
         captures.open(path)
+
+
+def test_a_file_that_is_open_elsewhere_is_waited_for_and_named_as_such(monkeypatch):
+    monkeypatch.setattr(files, "_WAITS_S", (0, 0))
+
+    class HeldError(PermissionError):
+        winerror = 32
+
+    held = HeldError(13, "Zugriff verweigert")
+    answers: list[PermissionError | None] = [held, held, None]
+
+    def rename():
+        answer = answers.pop(0)
+        if answer:
+            raise answer
+
+    files.patiently(rename)
+    assert not answers
+    answers += [held] * 3
+    with pytest.raises(PermissionError) as refused:
+        files.patiently(rename)
+    assert os_reason(refused.value) == "open in another program"
+    answers += [PermissionError(13, "denied"), None]
+    with pytest.raises(PermissionError):  # no matter of waiting
+        files.patiently(rename)
+    assert answers == [None]

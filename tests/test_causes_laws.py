@@ -82,13 +82,14 @@ def test_the_same_story_however_it_was_read(name: str) -> None:
     assert [(c.cause, c.units, c.lost_answers) for c in pieces] == [(c.cause, c.units, c.lost_answers) for c in whole]
 
 
-@pytest.mark.parametrize("name", ["absent-units", "bias", "driver-enabled-late"])
+@pytest.mark.parametrize("name", ["absent-units", "bias", "driver-enabled-late", "unit-restarts"])
 def test_without_times_no_time_is_said(name: str) -> None:
     made = field_cases()[name].capture("untimed", 4)
     causes = causes_in(capture_of(made))
     assert causes
     for cause in causes:
         assert (cause.since_ns, cause.until_ns, cause.period_s, cause.lost_ms) == (None,) * 4
+        assert " s " not in cause.text
 
 
 def test_answers_that_run_into_what_is_sent_next_are_late_and_no_second_master() -> None:
@@ -96,3 +97,30 @@ def test_answers_that_run_into_what_is_sent_next_are_late_and_no_second_master()
     found = causes_in(capture_of(made))
     assert [(cause.cause, cause.units[:1]) for cause in found[:1]] == [("timeout-too-short", made.expected.units)]
     assert "two-masters" not in [cause.cause for cause in found]
+
+
+@pytest.mark.parametrize("tap", ["precise", "untimed"])
+def test_damage_of_the_unit_behind_a_silent_one_is_no_late_answer(tap: str) -> None:
+    found = causes_in(capture_of(field_cases()["duplicate-beside-dead"].capture(tap, 7001)))
+    assert {cause.cause for cause in found[:2]} == {"duplicate-address", "dead-unit"}
+
+
+def test_two_units_at_fault_are_no_interference() -> None:
+    found = causes_in(capture_of(field_cases()["duplicate-beside-settings"].capture("ftdi16", 7001)))
+    assert {cause.cause for cause in found[:2]} == {"duplicate-address", "unit-line-settings"}
+
+
+def test_a_request_inside_an_answer_tells_a_second_master() -> None:
+    found = causes_in(capture_of(field_cases()["two-masters"].capture("ftdi16", 500)))
+    assert [cause.cause for cause in found] == ["two-masters"]
+
+
+def test_an_answer_that_runs_into_its_own_request_once_more_is_late() -> None:
+    found = causes_in(capture_of(field_cases()["timeout-too-short-shifted"].capture("precise", 7001)))
+    assert [cause.cause for cause in found[:1]] == ["timeout-too-short"]
+
+
+def test_a_speed_that_is_not_0_goes_with_the_damage() -> None:
+    found = causes_in(capture_of(field_cases()["emi-drive"].capture("precise", 501)))
+    assert found[0].cause == "emi-drive"
+    assert "is not 0" in found[0].text

@@ -199,6 +199,7 @@ def test_a_file_of_rules_and_the_results_for_ci(capsys: pytest.CaptureFixture[st
     [
         ("rule = 3", "[[rule]]"),
         ("[[rule", "no TOML"),
+        ("rule = " + "[" * 5000, "nested too deeply"),
         ("[[rule]]\nname = 'x'", "needs check"),
         ("[[rule]]\nchek = 'x'", "no key 'chek'"),
         ("[[rule]]\ncheck = 3", "text in quotes"),

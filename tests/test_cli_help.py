@@ -24,7 +24,7 @@ def test_a_page_is_printed(topic: str, capsys: pytest.CaptureFixture[str]) -> No
 
 def test_without_a_topic_all_pages_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     listed = {line.split()[0] for line in ran(capsys, "help").out.split("\n\n")[0].splitlines()}
-    assert listed == {page.stem for page in DOCS.glob("*.md")}
+    assert listed == {page.stem for page in DOCS.glob("*.md")} - {"index"}  # the first page of the site
 
 
 def test_a_command_is_helped_with_too(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,5 +1,6 @@
 """Where an export goes: whole or not at all."""
 
+import contextlib
 import io
 import os
 import sys
@@ -34,8 +35,9 @@ def test_the_capture_being_read_is_not_written_over(tmp_path):
     source = tmp_path / "bus.jsonl"
     source.write_bytes(b"precious")
     link = tmp_path / "link.jsonl"
-    link.symlink_to(source)
-    for name in (source, link):
+    with contextlib.suppress(OSError):  # not for everybody on Windows
+        link.symlink_to(source)
+    for name in (source, *([link] if link.exists() else [])):
         with pytest.raises(ExportError, match="is the capture that is being read"), output(name, source=source):
             pass
     assert source.read_bytes() == b"precious"
@@ -60,7 +62,7 @@ def test_standard_output_counts_what_a_pipe_cannot_tell(monkeypatch):
     assert Stdout.buffer.getvalue() == b"abc"
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")  # noqa: PTH110
+@pytest.mark.skipif(os.name != "posix" or not os.path.exists("/dev/full"), reason="no /dev/full here")  # noqa: PTH110
 def test_a_device_is_written_to_and_not_replaced():
     with pytest.raises((ExportError, CaptureError), match="no space left on device"), output("/dev/full") as stream:
         stream.write(b"abc")

@@ -190,7 +190,7 @@ def test_absolute_times() -> None:
     rows = troubled()
     first, last = int(rows.whole.rows["t_start"][0]), int(rows.whole.rows["t_start"][-1])
     moment = np.datetime64((first + last) // 2, "ns").astype("datetime64[us]")
-    expected = np.flatnonzero(rows.whole.rows["t_start"] >= moment.astype("datetime64[ns]").astype(int)).tolist()
+    expected = np.flatnonzero(rows.whole.rows["t_start"] >= moment.astype("datetime64[ns]").astype(np.int64)).tolist()
     assert 0 < len(expected) < len(rows)
     assert passed(f'time >= "{moment}"', rows) == passed(f"time >= '{moment}Z'", rows) == expected
     assert passed('time > "0001-01-01" and time < "9999-12-31"', rows) == list(range(len(rows)))

@@ -7,14 +7,13 @@ import subprocess
 import sys
 import threading
 import time
-import tty
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from livebus import eventually, pty
+from livebus import eventually, pty, raw_pty
 from running import environment
 
 from captures.chunks import Block
@@ -204,8 +203,7 @@ def test_an_adapter_that_is_unplugged_comes_back_by_itself(tmp_path, blocking):
     plugged = []
 
     def plug():
-        pair = os.openpty()
-        tty.setraw(pair[1])
+        pair = raw_pty()
         link.unlink(missing_ok=True)
         link.symlink_to(os.ttyname(pair[1]))
         plugged.append(pair)

@@ -101,7 +101,7 @@ def test_reads_come_when_their_time_has_come():
             assert at >= number * 0.2 / speed - 0.005
     (at, hours), _ = played(apart(3600 * 10**9), None)
     assert len(hours) == 4
-    assert at < 1
+    assert at < 3600
 
 
 def test_silences_are_told_as_a_tap_tells_them():

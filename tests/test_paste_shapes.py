@@ -6,6 +6,7 @@ import random
 from pathlib import Path
 
 import pytest
+from paste_forums import FORUMS
 from paste_shapes import SHAPES
 from pastes import STYLES, Message, Style, cluttered, messages
 
@@ -14,7 +15,7 @@ from analyzer.paste import PasteError, judge, read
 from captures import CaptureError
 from captures.text.halves import HexError
 
-ALL = {**STYLES, **SHAPES}
+ALL = {**STYLES, **SHAPES, **FORUMS}
 TIMED = ["JSON with epoch", "InfluxDB", "count before", "wrapped at 40", "Docklight", "pymodbus 3"]
 
 

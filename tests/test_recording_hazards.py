@@ -13,6 +13,7 @@ import tracemalloc
 from types import SimpleNamespace
 
 import pytest
+from livebus import raw_pty
 from running import START, environment
 
 import captures
@@ -344,10 +345,8 @@ def test_a_repaired_file_says_what_is_missing_in_it(tmp_path):
 @posix
 def test_bytes_that_a_full_disk_cost_are_told_last_with_a_status(tmp_path):
     import resource
-    import tty
 
-    master, slave = os.openpty()
-    tty.setraw(slave)
+    master, slave = raw_pty()
     process = subprocess.Popen(
         [sys.executable, "-c", START, "record", os.ttyname(slave), "--baud", "115200", "-o", tmp_path / "bus.mcap"],
         stderr=subprocess.PIPE,

@@ -75,6 +75,11 @@ def test_maps_by_unit_from_the_folder_of_the_file(files):
     assert "Active power" not in given
 
 
+def test_a_map_of_a_home_that_nobody_has_is_one_line(capsys, files):
+    files('[maps]\n17 = "~nobody-has-this-name/map.csv"\n')
+    assert "defect" not in refused(capsys, "report", TROUBLED)
+
+
 def test_filters_by_name(capsys, files):
     files('[filters]\ntrouble = "not crc_ok"\n')
     plain = ran(capsys, "export", TROUBLED, "--filter", "not crc_ok").out
@@ -92,6 +97,7 @@ def test_filters_by_name(capsys, files):
         ("port = \n", "(at line 1, column 8)"),
         ("[line]\nbaud = true\n", "line 2: line.baud is True"),
         ("line = 9600\n", "line 1: no setting 'line'"),
+        ("line = " + "[" * 5000, "nested too deeply"),
     ],
 )
 def test_mistakes_name_their_line(capsys, files, text, said):

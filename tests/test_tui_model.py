@@ -306,7 +306,7 @@ def test_go_to_takes_numbers_times_steps_and_shares(troubled: Bus) -> None:
     assert goto.place("+10s", troubled, row) > row
     assert goto.place("-1min", troubled, row) == 0
     assert goto.place("08:29:55", troubled, 0) > 0
-    for wrong in ("", "abc", "9999999", "25:00:00", "5 apples"):
+    for wrong in ("", "abc", "9999999", "25:00:00", "5 apples", "9" * 5000, "9" * 400 + "%", "9" * 400 + "s"):
         with pytest.raises(goto.GotoError):
             goto.place(wrong, troubled, 0)
 

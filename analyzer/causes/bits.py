@@ -94,13 +94,12 @@ def _powers(
 ) -> NDArray[np.float64]:
     """The squared length of the sum of the phases of each stretch, a row a frequency."""
     rows = max(1, _AT_ONCE // len(times))
-    return np.concatenate(
-        [
-            np.abs(np.add.reduceat(np.exp(2j * np.pi * np.outer(frequencies[i : i + rows], times)), starts, axis=1))
-            ** 2
-            for i in range(0, len(frequencies), rows)
-        ]
-    )
+    powers = []
+    for i in range(0, len(frequencies), rows):
+        phases = 2 * np.pi * np.outer(frequencies[i : i + rows], times)
+        parts = (np.add.reduceat(part(phases), starts, axis=1) for part in (np.cos, np.sin))
+        powers.append(sum(np.square(part) for part in parts))
+    return np.concatenate(powers)
 
 
 def _log_bessel(x: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -20,13 +20,12 @@ from .foreign import PROTOCOLS
 from .ledger import Ledger
 from .polls import Poll
 from .registry import Explained, Symptom
-from .signatures import AnswerDamage, Behind, Signature, signature
+from .signatures import AnswerDamage, Behind, KnownRequests, Signature, signature
 from .thinned import densest
 from .unitledger import UnitLedger
 
 HEALTHY: Final = 0.004  # damaged exchanges of a line on which nothing is wrong
 _WAITS: Final = 3  # that tell a timeout
-_TAIL_BYTES: Final = 3
 _SHORT_CUT: Final = 4  # bytes
 _LONG: Final = 6
 _RARE: Final = 0.01
@@ -36,7 +35,7 @@ _FOREIGN_FRAMES: Final = 3
 
 # How damage spreads over kinds where it strikes anywhere, by chance.
 _ANYWHERE: Final[Mapping[str, float]] = {
-    "head": 0.12, "tail": 0.03, "cut-short": 0.05, "cut": 0.08, "bits": 0.24, "bits-tail": 0.03, "middle": 0.2,
+    "head": 0.09, "ahead": 0.03, "tail": 0.03, "cut-short": 0.05, "cut": 0.08, "bits": 0.24, "bits-tail": 0.03, "middle": 0.2,
     "long": 0.06, "convention": 0.002, "count": 0.005, "crossed": 0.03, "other": 0.02, "whole": 0.13, "none": 0.003,
 }  # fmt: skip
 
@@ -45,6 +44,8 @@ def kind_of(reading: Signature) -> str:
     """The kind of damage, places at the end told apart."""
     if reading.damage is AnswerDamage.CUT:
         return "cut-short" if reading.bytes <= _SHORT_CUT else "cut"
+    if reading.damage is AnswerDamage.HEAD and reading.length > reading.due:
+        return "ahead"  # something else stands before it
     if reading.damage is AnswerDamage.BITS and reading.at >= reading.due - 1:
         return "bits-tail"
     return str(reading.damage.value)
@@ -143,12 +144,12 @@ class Evidence:
 
         assert isinstance(sample, Sample)
         off = self.verdict.wait_ns if self.ledger.timed else UNKNOWN
-        return signature(sample, self.ledger.char_ns, self.request_ends, off_ns=off)
+        return signature(sample, self.ledger.char_ns, self.requests, off_ns=off)
 
     @cached_property
-    def request_ends(self) -> frozenset[bytes]:
-        """The last bytes of requests, by which a damaged one is known again."""
-        return frozenset(request[-_TAIL_BYTES:] for request in self.ledger.polls.requests)
+    def requests(self) -> KnownRequests:
+        """What is asked on this bus, by which a request that collides with something is known again."""
+        return KnownRequests.of(self.ledger.polls.requests)
 
     @cached_property
     def polls(self) -> list[Poll]:
@@ -191,12 +192,15 @@ class Evidence:
 
     @cached_property
     def timeout_ns(self) -> float | None:
-        """What the master waits for an answer, to its next request: the densest of the waits that ended in silence."""
+        """What the master waits for an answer, to its next request: the densest of the waits that ended in silence, and
+        no less than it does wait for answers."""
         waits = [unit.waits.numbers for unit in self.ledger.units.values() if len(unit.waits)]
         numbers = np.concatenate(waits) if waits else np.zeros(0)
         if np.count_nonzero(numbers > 0) < _WAITS or not self.ledger.timed:
             return None
-        return densest(numbers)
+        slow = max((unit.delays.quantile(0.9) or 0.0 for unit in self.units), default=0.0)
+        patient = numbers[numbers > slow]
+        return densest(patient if np.count_nonzero(patient > 0) >= _WAITS else numbers)
 
     def cost(self, unit: UnitLedger, *outcomes: Ending) -> tuple[int, float | None]:
         """Answers lost by these outcomes, and the time (ms) that the master waited for them; None where nobody knows."""

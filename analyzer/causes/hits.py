@@ -9,6 +9,7 @@ import numpy as np
 
 from .bits import likelihood_bits
 from .evidence import Evidence
+from .registry import Symptom
 from .signatures import Behind
 
 _NEARLY_ALL: Final = 0.9
@@ -17,7 +18,7 @@ _MOST_HIT: Final = 0.98
 _ABOUT: Final = 20.0  # bytes
 
 # How damage spreads over kinds where it strikes all senders alike.
-ALIKE: Final = {"bits": 0.24, "bits-tail": 0.03, "head": 0.12, "middle": 0.2, "whole": 0.13, "long": 0.06, "tail": 0.03,
+ALIKE: Final = {"bits": 0.24, "bits-tail": 0.03, "head": 0.09, "ahead": 0.03, "middle": 0.2, "whole": 0.13, "long": 0.06, "tail": 0.03,
                  "cut": 0.08, "cut-short": 0.05, "crossed": 0.02, "convention": 0.001, "count": 0.002, "other": 0.01}  # fmt: skip
 
 
@@ -54,7 +55,7 @@ class Hits:
 
 def evenness_bits(evidence: Evidence) -> float:
     """How much less likely the damage of units is, each as it is, if all share one rate a byte; never more than 0."""
-    units = [unit for unit in evidence.units if unit.asked]
+    units = [unit for unit in evidence.units if unit.asked and evidence.is_open(Symptom.DAMAGE, unit.unit)]
     if len(units) < 2:
         return 0.0
     hits = [min(evidence.damaged(unit), unit.asked) for unit in units]

@@ -26,6 +26,7 @@ from .exchanges import ANSWERED, Ending, ExchangeBuilder, RowColumns, Stretch, U
 from .polls import PollTable
 from .samples import sampled
 from .states import StateTable
+from .successors import SuccessorTable
 from .thinned import Thinned
 from .timegrid import TimeGrid
 from .unitledger import NEEDED, UnitLedger
@@ -86,9 +87,8 @@ class Ledger:
         self.begin: int | None = None
         self.end = 0
         self.exchanges = 0
-        self.next_asked, self.next_hit = (np.zeros(256, np.int64) for _ in range(2))  # see `_count_neighbours`
+        self.successors = SuccessorTable()
         self.breaches: Sequence[LimitBreach] = ()  # of a map's limits, where values were looked at
-        self._newest_unit = 0
         self.answered = 0
         self._echo_before = False  # the newest request is to come once more
         self._echo_repeats = False
@@ -229,7 +229,7 @@ class Ledger:
         gaps = exchanges["gap_before"][1:][clean[:-1]]
         self.request_gaps.add(gaps[gaps != NO_GAP])
         self._count_broadcasts(exchanges, outcome == _BROADCAST)
-        self._count_neighbours(exchanges["unit"], odd)
+        self.successors.add(exchanges["unit"], outcome == _SILENT, odd)
         self.grid.add("asked", times)
         self.grid.add("damage", times[(outcome == _GARBAGE) | (exchanges["noise"] > 0)])
 
@@ -246,16 +246,6 @@ class Ledger:
         if self.timed:
             known = to_all & (exchanges["t_next"] != NEVER)
             self.turnarounds.add((exchanges["t_next"] - exchanges["t_asked"])[known])
-
-    def _count_neighbours(self, units: NDArray[np.uint8], odd: NDArray[np.bool_]) -> None:
-        """Whose exchanges are right behind whose."""
-        before = np.empty_like(units)
-        before[0], before[1:] = self._newest_unit, units[:-1]
-        self._newest_unit = int(units[-1])
-        follows = units != before
-        self.next_asked += np.bincount(before[follows], minlength=256)
-        if odd.any():
-            self.next_hit += np.bincount(before[follows & odd], minlength=256)
 
     def _count_echoes(self, exchanges: ColumnTable) -> None:
         """Requests without an answer that come again at once and are answered then; and let go of them, where nearly

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+from ..html_text import html_page, html_table
+
 if TYPE_CHECKING:
     from .registry import Symptom
 
@@ -38,6 +40,19 @@ class Cause:
     frames: tuple[int, ...]
     bits: float
     explains: frozenset[tuple[Symptom, int | None]] = frozenset()  # for `links`: which findings point here
+
+    def _repr_html_(self) -> str:
+        """For notebooks."""
+        lines = [
+            ("share", self.share),
+            ("likely", f"{self.confidence:.0%}" + (f", else {self.runner_up}" if self.runner_up else "")),
+            ("lost answers", self.lost_answers),
+            ("to be sure", self.deciding_test),
+            ("remedy", self.remedy),
+            ("frames", ", ".join(map(str, self.frames))),
+        ]
+        told = [line for line in lines if line[1] not in (None, "")]
+        return html_page(f"{self.severity}: {self.cause}: {self.text}", html_table((), told))
 
     def to_json(self) -> dict[str, Any]:
         """As plain values."""

@@ -8,6 +8,7 @@ themselves do not tell: whether the rest is whole when the first ones are put ri
 from __future__ import annotations
 
 import builtins
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
@@ -25,7 +26,9 @@ from .samples import Sample, SampleRow
 
 _HEAD_MOST: Final = 12  # bytes that may be put right
 _LEAST: Final = 4
-_ENDING: Final = 3  # bytes by which a damaged request is known again: `Evidence.request_ends`
+_ENDING: Final = 3  # bytes by which a damaged request is known again
+_INSIDE: Final = 4  # and within other bytes
+_MOST_REQUESTS: Final = 256
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
 _TAIL_BITS: Final = 2  # bits of a byte that must have come before its driver let go
 _LOCAL: Final = 0.55  # share of bytes like those of a good answer: the damage is somewhere, not everywhere
@@ -86,9 +89,34 @@ class Signature:
     request: builtins.bytes = b""
 
 
-def signature(sample: Sample, char_ns: float, requests: frozenset[bytes], *, off_ns: float) -> Signature:
-    """Read a sample. `requests`: last bytes of requests of this bus, by which a damaged one is known again; `off_ns`: by
-    how much silences may be wrong, infinite where nobody knows."""
+@dataclass(frozen=True, slots=True)
+class KnownRequests:
+    """Requests of a bus, by their last bytes."""
+
+    endings: frozenset[bytes] = frozenset()
+    within: tuple[bytes, ...] = ()
+
+    @classmethod
+    def of(cls, requests: Sequence[bytes]) -> KnownRequests:
+        """A request of each poll."""
+        endings = frozenset(request[-_ENDING:] for request in requests)
+        return cls(endings, tuple({request[-_INSIDE:] for request in requests[:_MOST_REQUESTS]}))
+
+    def end(self, data: bytes) -> bool:
+        """Whether these bytes end like one of them."""
+        return data[-_ENDING:] in self.endings
+
+    def are_in(self, data: bytes, but: bytes = b"") -> bool:
+        """Whether one of them ends within these bytes or at their end; `but`: one that may."""
+        own = but[-_ENDING:]
+        return (self.end(data) and data[-_ENDING:] != own) or any(
+            ending in data for ending in self.within if ending != but[-_INSIDE:]
+        )
+
+
+def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns: float) -> Signature:
+    """Read a sample. `requests`: those of this bus, by which a damaged one is known again; `off_ns`: by how much silences
+    may be wrong, infinite where nobody knows."""
     if sample.outcome in (Ending.OK, Ending.EXCEPTION):
         kind, t = _behind(sample, requests)
         before = next((i for i, piece in enumerate(sample.pieces) if piece.answers), 0)
@@ -157,7 +185,7 @@ class _SignatureSums:
     detail: str = ""
 
 
-def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: frozenset[bytes]) -> _SignatureSums:
+def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: KnownRequests) -> _SignatureSums:
     due, header = sample.due, _header(sample.request)
     if crc16(data) == 0 and len(data) > _LEAST and data[:2] == header[:2]:
         return _SignatureSums(AnswerDamage.COUNT if len(burst) == 1 or len(data) != due else AnswerDamage.NONE, 1, 2)
@@ -166,13 +194,15 @@ def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: frozens
     refused = bytes((sample.unit, sample.function | EXCEPTION))
     if due < _LEAST or len(header) < 2:
         return _SignatureSums(AnswerDamage.WHOLE, len(data), 0)
+    echo = b""  # the answer is the request once more
     if len(header) == due - 2:
         header += crc_bytes(header)
+        echo = sample.request if header == sample.request else echo
     for length, head in ((due, header), (5, refused)):
         found = _of_length(sample, data, length, head)
         if found is not None:
             return found
-    if data[-_ENDING:] in requests or any(piece.kind == Kind.REQUEST for piece in burst[1:]):
+    if requests.are_in(data, echo) or any(piece.kind == Kind.REQUEST for piece in burst[1:]):
         return _SignatureSums(AnswerDamage.CROSSED, 1, 0)
     begins = data.startswith(header[:3]) if len(data) >= 3 else data == header[: len(data)]
     if begins and len(data) < due:
@@ -280,7 +310,7 @@ def _first_burst(pieces: tuple[SampleRow, ...], apart_ns: float) -> tuple[list[S
     return list(pieces), []
 
 
-def _behind(sample: Sample, requests: frozenset[bytes]) -> tuple[Behind, int]:
+def _behind(sample: Sample, requests: KnownRequests) -> tuple[Behind, int]:
     at = next((i for i, piece in enumerate(sample.pieces) if piece.answers), -1)
     rest = [piece for i, piece in enumerate(sample.pieces) if i > at]
     if not rest:
@@ -288,7 +318,7 @@ def _behind(sample: Sample, requests: frozenset[bytes]) -> tuple[Behind, int]:
     return _kind_of(rest, sample, requests), rest[0].t_start
 
 
-def _kind_of(rest: list[SampleRow], sample: Sample, requests: frozenset[bytes]) -> Behind:
+def _kind_of(rest: list[SampleRow], sample: Sample, requests: KnownRequests) -> Behind:
     if any(piece.check and piece.kind == Kind.RESPONSE and piece.unit == sample.unit for piece in rest):
         return Behind.ANSWER
     if all(piece.check for piece in rest):
@@ -303,6 +333,6 @@ def _kind_of(rest: list[SampleRow], sample: Sample, requests: frozenset[bytes]) 
     header = _header(sample.request)[:_COUNTED]
     if len(header) == _COUNTED and header != sample.request[:_COUNTED] and data.startswith(header):
         return Behind.ANSWER
-    if data[-_ENDING:] in requests or any(piece.kind == Kind.REQUEST for piece in rest):
+    if requests.end(data) or any(piece.kind == Kind.REQUEST for piece in rest):
         return Behind.REQUEST
     return Behind.NOISE

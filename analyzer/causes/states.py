@@ -1,7 +1,8 @@
 """Whether damage goes with a value on the bus: of each register and coil that has two states, hits in either state.
 
 Between two reads of a value that are alike the value is taken to have stood still; what was hit meanwhile is counted
-for its state. Values that take more than two are let go of, for a measured value means nothing here.
+for its state. A register that takes more than two values has two states all the same: 0, and anything else, as a speed
+has; further states of a measured value mean nothing here.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ _BITS: Final = (1, 2)
 _POLLS: Final = 512
 _COLUMNS: Final = 256  # values of a poll
 _FROM: Final = 1  # hits, before which nothing need be followed
+_NOT_0: Final = "not 0"
 _SWITCHES: Final = 2  # changes of state, at the least
 
 
@@ -30,7 +32,7 @@ class _States:
 
     one: NDArray[np.int64]
     two: NDArray[np.int64]  # -1 until it is seen
-    many: NDArray[np.bool_]  # more than two: no state
+    many: NDArray[np.bool_]  # more than two: no state; of words, the second half tells 0 from the rest
     hits: NDArray[np.int64]  # (2, columns)
     trials: NDArray[np.int64]
     switches: NDArray[np.int64]
@@ -46,7 +48,7 @@ class DamageState:
     unit: int
     function: int
     address: int
-    value: int
+    value: int | str
     hits: int
     trials: int
     other_hits: int
@@ -78,7 +80,10 @@ class StateTable:
             if number not in self._polls and len(self._polls) >= _POLLS:
                 continue
             mine = places[numbers == number]
-            self._follow(number, answered_values(stretch, mine), hits[mine], trials[mine])
+            values = answered_values(stretch, mine)
+            if _of_words(number):
+                values = np.concatenate((values, values != 0), axis=1)
+            self._follow(number, values, hits[mine], trials[mine])
         self._hits, self._trials = int(hits[-1]), int(trials[-1])
 
     def _follow(
@@ -138,10 +143,11 @@ class StateTable:
         return found if found is not None and found.bits > 0 else None
 
     def _all(self) -> Iterator[DamageState]:
-        columns = sum(int(np.count_nonzero(states.switches >= _SWITCHES)) for states in self._polls.values())
-        price = np.log2(max(columns, 1)) + 1
-        for number, states in self._polls.items():
-            for column in np.flatnonzero((states.switches >= _SWITCHES) & ~states.many).tolist():
+        found = [(number, states, _telling(number, states)) for number, states in self._polls.items()]
+        price = np.log2(max(sum(len(columns) for _, _, columns in found), 1)) + 1
+        for number, states, columns in found:
+            words = len(states.one) // 2 if _of_words(number) else len(states.one)
+            for column in columns:
                 hits, trials = states.hits[:, column].tolist(), states.trials[:, column].tolist()
                 trials = [max(pair) for pair in zip(hits, trials, strict=True)]
                 if not min(trials):
@@ -150,17 +156,32 @@ class StateTable:
                 own = sum(likelihood_bits(h, n, r) for h, n, r in zip(hits, trials, rates, strict=True))
                 bits = own - likelihood_bits(sum(hits), sum(trials), (sum(hits) + 0.25) / (sum(trials) + 0.5))
                 bad = int(rates[1] > rates[0])
+                value = int((states.one, states.two)[bad][column])
                 yield DamageState(
                     number >> 40 & 0xFF,
                     number >> 32 & 0xFF,
-                    (number >> 16 & 0xFFFF) + column,
-                    int((states.one, states.two)[bad][column]),
+                    (number >> 16 & 0xFFFF) + column % words,
+                    _NOT_0 if column >= words and value else value,
                     hits[bad],
                     trials[bad],
                     hits[1 - bad],
                     trials[1 - bad],
                     float(bits - price),
                 )
+
+
+def _of_words(number: int) -> bool:
+    return (number >> 32 & 0xFF) in _WORDS
+
+
+def _telling(number: int, states: _States) -> list[int]:
+    """Columns with two states that change; 0 or not only where a register takes more than two values."""
+    told = (states.switches >= _SWITCHES) & ~states.many
+    if _of_words(number):
+        half = len(told) // 2
+        told[half:] &= states.many[:half]
+    columns: list[int] = np.flatnonzero(told).tolist()
+    return columns
 
 
 def answered_values(stretch: Stretch, places: NDArray[np.intp]) -> NDArray[np.int64]:

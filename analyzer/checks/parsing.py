@@ -36,7 +36,7 @@ def compile_check(
     if len(text) > LONGEST:
         raise CheckError(f"a rule has at most {LONGEST:,} characters", LONGEST)
     try:
-        tree = _grammar().parse(text)
+        tree = grammar().parse(text)
     except UnexpectedInput as error:
         raise _explained(text, error) from None
     form = forms()[int(str(tree.data).removeprefix("form_"))]
@@ -53,7 +53,7 @@ def compile_check(
 
 
 @cache
-def _grammar() -> Lark:
+def grammar() -> Lark:
     rules = "".join(f"form_{number}: {form.grammar}\n" for number, form in enumerate(forms()))
     start = "?start: " + " | ".join(f"form_{number}" for number in range(len(forms())))
     return Lark(f"{start}\n{rules}{TERMINALS}", parser="lalr", maybe_placeholders=True)
@@ -78,7 +78,7 @@ def _explained(text: str, error: UnexpectedInput) -> CheckError:
         assert isinstance(error, UnexpectedToken)
         position = len(text.rstrip()) if error.token.type == "$END" else at(error.token)
         awaited = error.accepts or error.expected
-    literal = {terminal.name: terminal.pattern for terminal in _grammar().terminals}
+    literal = {terminal.name: terminal.pattern for terminal in grammar().terminals}
     names = ("$END" if name == "<END-OF-FILE>" else name for name in awaited if name != "WS")
     listed = sorted(dict.fromkeys(SHOWN.get(name) or f"'{literal[name].value}'" for name in names))
     expected = " or ".join([*filter(None, [", ".join(listed[:-1])]), *listed[-1:]])

@@ -32,6 +32,8 @@ def load_rules(path: str | Path, line: LineSettings | None = None, charts: UnitM
         document = tomllib.loads(Path(path).read_bytes().decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RulesFileError(f"{path}: is no TOML: {error}") from error
+    except RecursionError as error:
+        raise RulesFileError(f"{path}: nested too deeply") from error
     rules = document.get("rule")
     if set(document) != {"rule"} or not isinstance(rules, list) or not all(isinstance(rule, dict) for rule in rules):
         raise RulesFileError(f'{path}: holds [[rule]] tables alone, each with check = "no crc errors"')

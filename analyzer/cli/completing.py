@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any, Final
 
 
@@ -25,9 +26,12 @@ def _completer(words: Callable[[str], Iterable[str]]) -> Callable[..., list[str]
 
 
 def _ports(_: str) -> Iterable[str]:
+    from captures.errors import CaptureError
     from captures.live.ports import ports
 
-    listed = ports()
+    listed = []
+    with suppress(CaptureError):
+        listed = ports()
     return [
         *(port.device for port in listed),
         *(port.link for port in listed if port.link),

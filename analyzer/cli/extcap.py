@@ -10,9 +10,11 @@ import argparse
 import os
 import stat
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from captures.errors import CaptureError
 from captures.network.links import UPPER_PDU
 
 from ..version import __version__
@@ -57,7 +59,9 @@ def _parser() -> argparse.ArgumentParser:
 def _interfaces() -> list[tuple[str, str]]:
     from captures.live.ports import ports
 
-    taps = [(f"{_OF_PORT}{port.device}", port) for port in ports()]
+    taps = []
+    with suppress(CaptureError):  # that by name is there all the same
+        taps = [(f"{_OF_PORT}{port.device}", port) for port in ports()]
     listed = [(name, " ".join(filter(None, ("Modbus RTU:", port.device, port.description)))) for name, port in taps]
     return [*listed, (_ANY, "Modbus RTU: a port, gateway or port server by name")]
 

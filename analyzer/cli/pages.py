@@ -12,4 +12,4 @@ _CLONE: Final = Path(__file__).parents[2] / "docs"  # of a clone
 def pages() -> dict[str, Path]:
     """The pages, by name."""
     folder = _INSTALLED if _INSTALLED.is_dir() else _CLONE
-    return {page.stem: page for page in folder.glob("*.md")}
+    return {page.stem: page for page in folder.glob("*.md") if page.stem != "index"}  # the site's own

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from ..live.tapsource import TapSource
 
+_RATE_DIGITS: Final = 8
 _TOKEN_VARIABLE: Final = "RTUSCOPE_TAP_TOKEN"
 
 
@@ -181,6 +182,6 @@ def recorder_of(arguments: argparse.Namespace, tell: Callable[[str], None]) -> R
 def _baud(text: str) -> int | None:
     if text == "auto":
         return None
-    if not text.isdecimal() or not 50 <= int(text) <= 12_000_000:
+    if not text.isdecimal() or len(text) > _RATE_DIGITS or not 50 <= int(text) <= 12_000_000:
         raise UsageError(f"--baud {text} is not a rate in bit/s, nor auto")
     return int(text)

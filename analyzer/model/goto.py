@@ -11,7 +11,10 @@ from ..words import is_clock
 from .bus import Bus
 
 _UNITS: Final = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000, "min": 60_000_000_000, "h": 3_600_000_000_000}
-_STEP: Final = re.compile(r"([+-]?)(\d+(?:\.\d+)?)\s*(us|ms|s|min|h)")
+_DIGITS: Final = r"\d{1,12}(?:\.\d{1,12})?"
+_FRAME: Final = re.compile(r"#?\d{1,18}")
+_SHARE: Final = re.compile(rf"({_DIGITS})\s*%")
+_STEP: Final = re.compile(rf"([+-]?)({_DIGITS})\s*(us|ms|s|min|h)")
 _DAY: Final = re.compile(r"(?:(\d{4}-\d{2}-\d{2})[ t])?(\d{1,2}):(\d{2})(?::(\d{2})(?:\.(\d{1,9}))?)?")
 FORMS: Final = "frame 120, time 12.5s, step +200ms or -5s, clock 08:29:51.5 or 2026-11-21 08:29, share 50%"
 
@@ -20,7 +23,7 @@ SPANS: Final = "14:00-16:00, yesterday 14-16 (or y), today 8-9:30, 2026-11-21 14
 _SPAN: Final = re.compile(
     r"(?:(y|yesterday|t|today|\d{4}-\d{2}-\d{2})\s+)?(\d{1,2})(?::(\d{2}))?\s*-\s*(\d{1,2})(?::(\d{2}))?"
 )
-_SECONDS: Final = re.compile(r"(\d+(?:\.\d+)?)\s*(us|ms|s|min|h)?\s*-\s*(\d+(?:\.\d+)?)\s*(us|ms|s|min|h)")
+_SECONDS: Final = re.compile(rf"({_DIGITS})\s*(us|ms|s|min|h)?\s*-\s*({_DIGITS})\s*(us|ms|s|min|h)")
 
 
 class GotoError(ValueError):
@@ -30,8 +33,7 @@ class GotoError(ValueError):
 def is_place(text: str) -> bool:
     """Whether a text has the form of a place, wherever that may be."""
     text = text.strip().lower()
-    forms = (r"#?\d+", r"\d+(?:\.\d+)?\s*%", _STEP, _DAY)
-    return any(re.fullmatch(form, text) for form in forms)
+    return any(form.fullmatch(text) for form in (_FRAME, _SHARE, _STEP, _DAY))
 
 
 def place(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
@@ -39,12 +41,12 @@ def place(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
     text = text.strip().lower()
     if not bus.count:
         raise GotoError(tr("no frame is there yet"))
-    if re.fullmatch(r"#?\d+", text):
+    if _FRAME.fullmatch(text):
         target = bus.table.row_of_frame(int(text.lstrip("#")))
         if target < 0:
             raise GotoError(tr("no frame {text}: they are 0 to {last:,}", text=text, last=bus.frames - 1))
         return target
-    if match := re.fullmatch(r"(\d+(?:\.\d+)?)\s*%", text):
+    if match := _SHARE.fullmatch(text):
         return min(bus.count - 1, int(bus.count * float(match[1]) / 100))
     if not bus.timed:
         raise GotoError(tr("this capture has no times: go to a frame's number or a share such as 50%"))

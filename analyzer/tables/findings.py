@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..html_text import html_page, html_table
 from ..registry import Registry
 
 if TYPE_CHECKING:
@@ -68,6 +69,11 @@ class Finding:
     length: int
     port: int
     t_ns: int
+
+    def _repr_html_(self) -> str:
+        """For notebooks."""
+        lines = [(name, getattr(self, name)) for name in ("cause", "remedy", "clause") if getattr(self, name)]
+        return html_page(f"{self.severity.name.lower()}: {self.code}: {self.text}", html_table((), lines))
 
     def to_json(self) -> dict[str, Any]:
         """The object that stands in a frame's JSON line."""

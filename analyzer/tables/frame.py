@@ -14,6 +14,7 @@ from dissectors.fields import Field
 from dissectors.functions import function_name
 from dissectors.length_rules import Role
 
+from ..html_text import html_page, html_table
 from .findings import Finding
 from .schema import Kind, Protocol, Row
 
@@ -120,6 +121,13 @@ class Frame:
     def summary(self) -> str:
         """The frame in words, on one line."""
         return summary(self.adu, self.role, self.context)
+
+    def _repr_html_(self) -> str:
+        """For notebooks: its fields, and what was found."""
+        fields = [(field.start, field.raw, field.name, field.text, field.problem) for field in self.fields()]
+        title = f"frame {self.index}, {self.direction}, unit {self.unit}: {self.summary()}"
+        found = "".join(finding._repr_html_() for finding in self.findings)
+        return html_page(title, html_table(("offset", "bytes", "field", "value", "problem"), fields), found)
 
     def to_json(self, *, fields: bool = True) -> dict[str, Any]:
         """The frame as the JSON line that `rtuscope export` writes."""

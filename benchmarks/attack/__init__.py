@@ -6,7 +6,8 @@
     python benchmarks/attack fuzz --only filters --seed 7 --first 1234 --inputs 1    one input again
     python benchmarks/attack fuzz --account campaign.jsonl --inputs 10000000    goes on where the account ends
 
-Each attack is a file: `fuzz` (readers, pasted text, filters, rules, files beside a capture, the analysis, exporters),
+Each attack is a file: `fuzz` (readers, pasted text and log lines, filters and rules, spoilt and derived from their own
+grammars, settings and files beside a capture, flags and prompts, maps, the analysis, exporters),
 `kills` (kill -9 while recording), `damage` (cuts at every byte, bad sectors, flipped bits), `storms` (a recorder under
 full and failing disks, files taken away, clocks that are set, restarts), `lines` (gateways that restart, adapters
 that are unplugged). Prints a line for each with its figures, and what did not hold with what brings it back.

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from random import Random
 from typing import Final
 
-from attack.targets import Target, folder
+from attack.target import Target, folder
 
 HA = """
 modbus:

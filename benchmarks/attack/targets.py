@@ -3,75 +3,24 @@
 from __future__ import annotations
 
 import io
-import os
-import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache, partial
-from itertools import pairwise
-from pathlib import Path
 from random import Random
 from typing import Final, Literal
 
 import numpy as np
 
 import captures
+from attack.languages import rules
+from attack.loglines import log_lines
 from attack.seedfiles import repacked, seeds_of
+from attack.target import LINE, Target, conversation, folder
 from captures import Capture, CaptureError, Chunk, LineSettings, Mark
 from captures.chunks import TIME_LIMIT
 from captures.formats import formats
 from captures.text.halves import HexError
 
 _ZIPPED: Final = ("sigrok", "saleae-session")
-LINE: Final = LineSettings(baud=19200, char_bits=11, parity="E", tap="irq")
-_FRAMES: Final = (
-    "1103006b00037687",
-    "110306ae415652434049ad",
-    "118302c134",
-    "0b0100130025",
-    "110105cd6bb20e1b45e6",
-    "110500acff004e8b",
-    "11100001000204000a0102c6f0",
-    "0006000100039a1a",
-    "112b0e01003f44",
-    "011700030006000e00030600ff00ff00ff",
-)
-FRAMES: Final = tuple(bytes.fromhex(text) for text in _FRAMES)
-
-
-@dataclass(frozen=True)
-class Target:
-    """`take` gets an input, with chances of its own; `errors` are what a user is told. `share` of all inputs.
-
-    `seconds` of CPU is the most that an input may take.
-    """
-
-    name: str
-    seeds: Callable[[], Sequence[bytes]]
-    take: Callable[[bytes, Random], None]
-    errors: tuple[type[Exception], ...] = ()
-    tokens: tuple[bytes, ...] = ()
-    share: int = 10
-    seconds: float = 1.0
-
-
-@cache
-def folder() -> Path:
-    """Where files are for a moment: in memory, where there is such a place."""
-    memory = Path("/dev/shm")
-    return Path(tempfile.mkdtemp(dir=memory if os.access(memory, os.W_OK) else None))
-
-
-def conversation(chance: Random, count: int = 20) -> list[Chunk]:
-    """Frames with times, ports and marks, not all of them sensible."""
-    wild, now, chunks = chance.random() < 0.1, chance.choice((0, 10**18, -(10**15))), []
-    for _ in range(count):
-        now += chance.choice((1, 10**6, 10**7, 3 * 10**9))
-        t_ns = chance.choice((now, 1 - TIME_LIMIT, TIME_LIMIT - 1, 0)) if wild else now
-        data = chance.choice((*FRAMES, chance.randbytes(chance.randint(1, 40))))
-        errors = (chance.randrange(len(data)),) if chance.random() < 0.1 else ()
-        chunks.append(Chunk(t_ns, data, chance.choice((0, 0, 1)), chance.choice(tuple(Mark)), errors))
-    return chunks
 
 
 def _capture_seeds(name: str) -> Sequence[bytes]:
@@ -146,94 +95,6 @@ def _parse(data: bytes, chance: Random) -> None:
             pass
 
 
-_WORDS: Final = (
-    b" and ",
-    b" or ",
-    b"not ",
-    b"(",
-    b")",
-    b" in ",
-    b"..",
-    b" ms",
-    b" chars",
-    b" unit ",
-    b" where ",
-    b":",
-    b"17",
-    b"%",
-)
-_RULES_FILES: Final = (
-    b'[[rule]]\nname = "x"\ncheck = "no crc errors"\nseverity = "warning"\n',
-    b'[[rule]]\ncheck = "every poll answered"\n[[rule]]\ncheck = "p95 response_time < 80 ms"\n',
-)
-_NOTES: Final = (
-    b'{"version": 1, "bookmarks": [{"port": 0, "start": 5, "comment": "x"}], '
-    b'"time_reference": {"port": 0, "start": 5}}',
-)
-
-
-@cache
-def _filters() -> Sequence[bytes]:
-    """The examples of the language's own reference, and some of them joined."""
-    from analyzer.filters.fields import FIELDS
-
-    examples = [field.example for field in FIELDS]
-    joined = [f"({one} or not {two}) and {one}" for one, two in pairwise(examples)]
-    return [text.encode() for text in (*examples, *joined)]
-
-
-@cache
-def _rules() -> Sequence[bytes]:
-    from analyzer.checks.forms import forms
-
-    return [example.encode() for form in forms() for example in form.examples]
-
-
-@cache
-def _table() -> object:
-    from analyzer.core import analyse
-    from analyzer.filters import BatchTable
-    from captures.samples import path
-
-    capture = captures.open(path("troubled.jsonl"))
-    analysed = next(iter(analyse(capture)))
-    return BatchTable(analysed.batch, capture.line, transactions=analysed.transactions)
-
-
-def _filter(data: bytes, chance: Random) -> None:
-    from analyzer.filters import check, compile_filter
-
-    text = data.decode(errors="replace")[:5000]
-    if chance.random() < 0.2:
-        check(text, LineSettings())
-    compiled = compile_filter(text, LINE)
-    compiled.mask(_table())  # type: ignore[arg-type]
-
-
-def _rule(data: bytes, chance: Random) -> None:
-    from analyzer.checks import compile_check, run
-
-    rule = compile_check(data.decode(errors="replace")[:5000], LINE)
-    if chance.random() < 0.1:
-        run(Capture.of(LINE, conversation(chance)), [rule])
-
-
-def _rules_file(data: bytes, _: Random) -> None:
-    from analyzer.checks import load_rules
-
-    path = folder() / "rules.toml"
-    path.write_bytes(data)
-    load_rules(path, LINE)
-
-
-def _beside(data: bytes, _: Random) -> None:
-    from analyzer.usernotes import Notes
-
-    path = folder() / "bus.mcap"
-    path.with_name("bus.mcap.rtuscope.json").write_bytes(data)
-    Notes.beside(path)
-
-
 def _hostile_capture(data: bytes, chance: Random) -> Capture:
     """These bytes as reads."""
     chunks, now, at = [], chance.choice((0, 10**18, TIME_LIMIT - 10**10)), 0
@@ -272,7 +133,7 @@ def _export(data: bytes, chance: Random) -> None:
 def _report(data: bytes, chance: Random) -> None:
     from analyzer.checks import compile_check, run
 
-    run(_hostile_capture(data[:20_000], chance), [compile_check(chance.choice(_rules()).decode(), LINE)])
+    run(_hostile_capture(data[:20_000], chance), [compile_check(chance.choice(rules()).decode(), LINE)])
 
 
 def _bytes() -> Sequence[bytes]:
@@ -282,12 +143,10 @@ def _bytes() -> Sequence[bytes]:
 
 def targets() -> dict[str, Target]:
     """All of them by name: a reader for each format that there is."""
-    from analyzer.checks.errors import CheckError
-    from analyzer.checks.rulesfile import RulesFileError
     from analyzer.exports import ExportError
     from analyzer.filters import FilterError
     from analyzer.paste import PasteError
-    from analyzer.usernotes import NotesError
+    from attack.languages import language_targets
     from attack.mapfiles import map_targets
 
     readers = [
@@ -296,12 +155,9 @@ def targets() -> dict[str, Target]:
     ]
     others = [
         Target("text", lambda: TEXTS, _parse, (PasteError, HexError), (b"11 83 02 C1 34", b" TX: ", b"0x", b":11"), 30),
-        Target("filters", _filters, _filter, (FilterError,), _WORDS, 30),
-        Target("rules", _rules, _rule, (CheckError, FilterError), _WORDS, 30),
-        Target("rule files", lambda: _RULES_FILES, _rules_file, (RulesFileError,), _WORDS, 5),
-        Target("notes beside", lambda: _NOTES, _beside, (NotesError,), share=5),
+        Target("text lines", lambda: TEXTS, _parse, (PasteError, HexError), share=30, make=log_lines),
         Target("analysis", cache(_bytes), _analyse, share=1, seconds=10.0),
         Target("exporters", cache(_bytes), _export, (ExportError,), share=1, seconds=10.0),
         Target("report", cache(_bytes), _report, (FilterError,), share=1, seconds=10.0),
     ]
-    return {target.name: target for target in (*readers, *others, *map_targets())}
+    return {target.name: target for target in (*readers, *others, *language_targets(), *map_targets())}

@@ -15,6 +15,11 @@ _GROUPS: Final = frozenset({"dialout", "uucp", "plugdev", "serial"})
 _RULE: Final = "give it to group dialout by a udev rule (docs/live.md, `A device that may not be opened`)"
 
 
+def real_device(device: str) -> str:
+    """The device that a name leads to. On Windows the name itself: to ask where it leads would open the port."""
+    return device.upper() if os.name == "nt" else os.path.realpath(device)
+
+
 def may_listen(device: str) -> bool:
     """Whether this user may open it for reading; where that is not told by a file's mode, it is taken to be so."""
     return os.name == "nt" or os.access(device, os.R_OK)
@@ -41,7 +46,7 @@ def _serial_group(device: str) -> str | None:
 
 def programs_using(device: str) -> list[str]:
     """Other programs that have this device open, as far as /proc shows them to this user: `name (process)`."""
-    return programs_by_device().get(os.path.realpath(device), [])
+    return programs_by_device().get(real_device(device), [])
 
 
 def programs_by_device() -> dict[str, list[str]]:
@@ -57,6 +62,8 @@ def programs_by_device() -> dict[str, list[str]]:
 
 
 def _open_devices() -> Iterator[tuple[Path, str]]:
+    if not sys.platform.startswith("linux"):
+        return
     own = str(os.getpid())
     with suppress(OSError):
         for process in Path("/proc").glob("[0-9]*"):

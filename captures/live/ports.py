@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from .access import access_advice, may_listen, programs_by_device
+from .access import access_advice, may_listen, programs_by_device, real_device
 from .settings import PortSettings
-from .tap import latency_ms
+from .tap import PortError, latency_ms
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +39,9 @@ class PortInfo:
 
 
 def ports() -> list[PortInfo]:
-    """The ports that are there, by name; those of a mainboard only where there is hardware behind them."""
-    from serial.tools import list_ports
-
+    """The ports that are there, by name; those of a mainboard only where there is hardware behind them. PortError."""
     links, users = _links(), programs_by_device()
-    return sorted((_info(port, links, users) for port in list_ports.comports()), key=lambda info: info.device)
+    return sorted((_info(port, links, users) for port in _listed()), key=lambda info: info.device)
 
 
 def _info(port: Any, links: dict[str, str], users: dict[str, list[str]]) -> PortInfo:
@@ -58,11 +56,11 @@ def _info(port: Any, links: dict[str, str], users: dict[str, list[str]]) -> Port
         serial=known(port.serial_number),
         manufacturer=known(port.manufacturer),
         driver=None if driver == "driver" else driver,
-        link=links.get(os.path.realpath(port.device)),
+        link=links.get(real_device(port.device)),
         latency_ms=latency_ms(port.device),
         allowed=may_listen(port.device),
         advice=None if may_listen(port.device) else access_advice(port.device),
-        used_by=users.get(os.path.realpath(port.device), []),
+        used_by=users.get(real_device(port.device), []),
     )
 
 
@@ -71,32 +69,45 @@ def _links() -> dict[str, str]:
     links: dict[str, str] = {}
     with suppress(OSError):
         for link in sorted(Path("/dev/serial/by-id").iterdir()):
-            links.setdefault(os.path.realpath(link), str(link))
+            links.setdefault(real_device(str(link)), str(link))
     return links
 
 
 @dataclass
 class Identity:
-    """Which adapter a port was, so that it is found again when it comes back under another name."""
+    """Which adapter a port was, so that it is found again when it comes back under another name.
+
+    A convenience: where the system cannot list its adapters, a port is only known by its name.
+    """
 
     _usb: tuple[Any, ...] | None = None
 
     def learn(self, settings: PortSettings) -> None:
         """Remember what is open now."""
         if settings.is_device:
-            self._usb = next((usb for device, usb in _usb_adapters() if device == os.path.realpath(settings.url)), None)
+            self._usb = next((usb for device, usb in _usb_adapters() if device == real_device(settings.url)), None)
 
     def found(self, settings: PortSettings) -> PortSettings:
         """The settings with the name that the adapter has now; as they are where it has none, or its own."""
-        if self._usb is None or Path(settings.url).exists():
+        if self._usb is None or (os.name == "posix" and Path(settings.url).exists()):
             return settings
         names = [device for device, usb in _usb_adapters() if usb == self._usb]
         return replace(settings, url=names[0]) if len(names) == 1 else settings
 
 
 def _usb_adapters() -> list[tuple[str, tuple[Any, ...]]]:
-    """USB ports by device, with what tells one adapter from another."""
-    from serial.tools import list_ports
+    """USB ports by device, with what tells one adapter from another; none where they cannot be listed."""
+    with suppress(PortError):
+        adapters = [port for port in _listed() if port.vid is not None and port.serial_number]
+        return [(real_device(p.device), (p.vid, p.pid, p.serial_number, p.interface)) for p in adapters]
+    return []
 
-    adapters = [port for port in list_ports.comports() if port.vid is not None and port.serial_number]
-    return [(os.path.realpath(p.device), (p.vid, p.pid, p.serial_number, p.interface)) for p in adapters]
+
+def _listed() -> list[Any]:
+    """pyserial's list of ports, which asks the system by many ways; each can fail in its own: PortError."""
+    try:
+        from serial.tools import list_ports
+
+        return list(list_ports.comports())
+    except Exception as error:
+        raise PortError(f"this computer's serial ports cannot be listed: {type(error).__name__}: {error}") from error

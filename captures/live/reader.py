@@ -180,8 +180,9 @@ def main(arguments: str) -> None:
     settings = [PortSettings.from_json(values) for values in options["ports"]]
     desk.listen_for(max(each.silence_ns for each in settings))
     ports = [Port(number, each, desk, options["wait"]) for number, each in enumerate(settings)]
+    by_threads = options["blocking"] or os.name != "posix"
     try:
-        if options["blocking"] or os.name != "posix":
+        if by_threads:
             _by_threads(ports, desk)
         else:
             _by_waiting(ports, desk, out)
@@ -196,6 +197,8 @@ def main(arguments: str) -> None:
                 port.tap.close()
         with suppress(OSError):
             out.drain()
+    if by_threads:
+        os._exit(0)  # at its own end Python fails where a thread still waits for standard input
 
 
 def _by_waiting(ports: list[Port], desk: ReadBatching, out: Pipe) -> None:
@@ -294,9 +297,9 @@ def _command(brought: queue.SimpleQueue[tuple[Any, ...]]) -> None:
 
 
 def _prefer() -> None:
-    """Be scheduled before others, where that is allowed; Ctrl-C is the listener's business."""
+    """Be scheduled before others, where that is allowed; Ctrl-C and Ctrl-Break are the listener's business."""
     sys.setswitchinterval(_SWITCH_S)
-    for name in ("SIGINT", "SIGHUP", "SIGTERM"):
+    for name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     with suppress(AttributeError, OSError, ValueError):

@@ -21,13 +21,14 @@ from typing import Any, Final
 import serial
 
 from ..errors import CaptureError, os_reason
-from .access import access_advice, programs_using
+from .access import access_advice, programs_using, real_device
 from .settings import FALLBACK_BAUD, PortSettings
 
 READ_BYTES: Final = 4096
 WAIT_S: Final = 0.2  # of a blocking read, after which it looks whether it should end
 _POSIX: Final = os.name == "posix"
 _IN_USE: Final = "end that first, or listen through a tap of its own"
+_TIMED_OUT: Final = re.compile(r"\b1460\b")  # ERROR_TIMEOUT of Windows in pyserial's words: some drivers, and Wine
 
 
 class PortError(CaptureError):
@@ -136,11 +137,14 @@ class DeviceTap(Tap):
         return data
 
     def _burst(self) -> bytes:
+        data: bytes = b""
         try:
-            data: bytes = self._port.read(1)
+            data = self._port.read(1)
             while data and len(data) < READ_BYTES and (waiting := self._port.in_waiting):
                 data += self._port.read(min(waiting, READ_BYTES - len(data)))
         except (serial.SerialException, OSError, TypeError) as error:  # TypeError: pyserial's, closed while it waits
+            if not _POSIX and _TIMED_OUT.search(str(error)):
+                return data
             raise PortGoneError(_words(error)) from error
         return data
 
@@ -207,7 +211,7 @@ def _words(error: Exception) -> str:
 
 def _kind(settings: PortSettings) -> str:
     """The kind of tap: usb, uart or pty."""
-    real = os.path.realpath(settings.url)
+    real = real_device(settings.url)
     if real.startswith(("/dev/pts/", "/dev/ttys")):
         return "pty"
     driver = os.path.realpath(f"/sys/class/tty/{os.path.basename(real)}/device")  # noqa: PTH119
@@ -267,7 +271,7 @@ PROMPT_MS: Final = 1
 
 def latency_timer(device: str) -> Path | None:
     """The file with the latency timer (ms) of an FTDI adapter; None where there is none."""
-    path = Path("/sys/bus/usb-serial/devices") / Path(os.path.realpath(device)).name / "latency_timer"
+    path = Path("/sys/bus/usb-serial/devices") / Path(real_device(device)).name / "latency_timer"
     return path if path.exists() else None
 
 

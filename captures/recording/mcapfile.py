@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Final
 
 from ..chunks import Block
+from ..errors import OPEN_ELSEWHERE
+from ..files import patiently
 from ..formats.mcap.channel import ChunkChannel
 from ..formats.mcap.writer import ArrayWriter
 from ..line import LineSettings
@@ -163,7 +165,7 @@ class RecordingFile:
     def take_name(self, others: Iterable[Path], *, instead_of: FileIdentity = ()) -> Path:
         """Gives it its name; where another file has that, the first of `others` that is free, unless it is this one."""
         if instead_of and file_identity(self.path) == instead_of:
-            self.part.replace(self.path)
+            patiently(lambda: self.part.replace(self.path))
             path = self.path
         else:
             path = move_to_free_name(self.part, chain((self.path,), others))
@@ -191,7 +193,7 @@ def move_to_free_name(source: Path, names: Iterable[Path]) -> Path:
 
 def _rename_without_overwriting(source: Path, target: Path) -> None:
     if os.name == "nt":
-        source.rename(target)
+        patiently(lambda: source.rename(target))
         return
     try:
         os.link(source, target)
@@ -209,11 +211,15 @@ def _rename_without_overwriting(source: Path, target: Path) -> None:
 
 
 def is_written(path: Path) -> bool:
-    """Whether a `CommittedFile` of some process is writing this file now; False where the system can't tell."""
-    try:
-        import fcntl
-    except ImportError:
+    """Whether a `CommittedFile` of some process is writing this file now; on Windows, whether anybody has it open."""
+    if os.name == "nt":
+        try:
+            path.rename(path)
+        except OSError as error:
+            return getattr(error, "winerror", None) in OPEN_ELSEWHERE
         return False
+    import fcntl
+
     with suppress(OSError), path.open("rb") as file:
         try:
             fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)

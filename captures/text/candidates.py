@@ -60,9 +60,12 @@ class TextLine(NamedTuple):
 H: Final = "[0-9A-Fa-f]"
 EDGE: Final = r"(?<![0-9A-Za-z_.])"
 END: Final = r"(?![0-9A-Za-z_])"
-_DIGIT: Final = re.compile(r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?![A-Za-z])|\\|[A-Za-z+/]{6}=")
+_DIGIT: Final = re.compile(
+    r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?![A-Za-z])|\\|><|[A-Za-z+/]{6}=|"
+    r"(?<![\w+/])(?=[A-Za-z+/]*[a-z/+][A-Z])(?:[A-Za-z+/]{4}){2,}(?![\w+/])"  # base64 may have no digit
+)
 _SHORT: Final = re.compile(rf"(?<![0-9A-Za-z]){H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
-_CLOSED: Final = re.compile(r"^[\s\d,]+[\])}]")
+_CLOSED: Final = re.compile(r"^\s*\d[\s\d,]*(?:[\])}]|$)")
 _BIG: Final = re.compile(r"[A-Za-z0-9+/]{6}[A-Za-z0-9+/=]{2}")
 _WRAPPING: Final = " \t\r\n,;:|=>[](){}\"'-._*◇◆□■#/$`"
 _SOLID: Final = re.compile(f"[^{re.escape(_WRAPPING)}]")
@@ -89,4 +92,10 @@ def holds_digits(text: str) -> bool:
 def holds_several(text: str) -> bool:
     """Whether there are enough of them for a frame, in any shape."""
     least = 0 if _CLOSED.search(text) else _SOME  # the last row of an array may be short
-    return len(text) > LONG or "\\" in text or len(_SHORT.findall(text)) > least or _BIG.search(text) is not None
+    return (
+        len(text) > LONG
+        or "\\" in text
+        or "><" in text
+        or len(_SHORT.findall(text)) > least
+        or _BIG.search(text) is not None
+    )

@@ -105,6 +105,7 @@ class Experience:
     met: dict[tuple[str, str], int] = field(default_factory=dict)
     reports: set[tuple[str, ...]] = field(default_factory=set)  # labels and shapes of two reports of the same bytes
     columns: dict[str, tuple[int, str]] = field(default_factory=dict)  # of lines alike: which number, read how
+    numbers: dict[str, tuple[int, str]] = field(default_factory=dict)  # the same of lines without words
     in_vain: int = 0  # rows of numbers whose columns were searched without finding anything
     right: dict[tuple[str, str], int] = field(default_factory=dict)
     threshold: Writing = Writing.BYTES
@@ -143,7 +144,7 @@ def runs_in(line: TextLine, judge: Judge, experience: Experience) -> list[ByteRu
         entry for entry in ranked if (entry.candidate.start - _PAIR_AND_BLANK, entry.candidate.shape) not in rows
     ]
     offsets = {entry.candidate.lead for entry in ranked if entry.candidate.offset is not None}
-    ranked.sort(key=lambda entry: (entry.candidate.start not in offsets, *entry.rank), reverse=True)
+    ranked.sort(key=lambda entry: (entry.whole or entry.candidate.start not in offsets, *entry.rank), reverse=True)
     occupied: list[tuple[int, int, ByteRun]] = []  # of the runs chosen, in order
     for _, candidate, checked, whole in ranked:
         at = bisect_left(occupied, (candidate.lead,))

@@ -10,22 +10,25 @@ from typing import Final, NamedTuple
 from .candidates import H, Writing
 from .choosing import ByteRun, Checked, Experience, Judge, label_in
 from .loglines import LogLine
+from .othershapes import unescape
 
 COLUMN_SHAPE: Final = "column"
 MOST_ROWS: Final = 600  # of one column, or of one array
 _FRAME: Final = 260  # bytes
+_FEW: Final = 4  # bytes, up to which numbers beside one another may look like them
 _COLUMN: Final = 4  # lines, or fields, that can hold a frame a byte each
 _MOST_COLUMNS: Final = 4  # from either side of a line
 _STEP: Final = 16  # rows at which a judge, shown the column from one on, looks for frames
 _TOKEN: Final = re.compile(
-    rf"(?<![\w.])(?:(0[xX]|(?:[A-Z]+#)?16#|\$)({H}{{1,2}}(?!{H})|{H}{{4}})|(-?\d{{1,3}}|{H}{{1,2}}|(?:{H}{{2}}){{2,8}})[hH]?)"
+    r"b(?P<quote>['\"])(?P<char>\\x[0-9a-f]{2}|\\?[^\\])(?P=quote)|"
+    rf"(?<![\w.])(?:(?P<sign>0[xX]|(?:[A-Z]+#)?16#|\$)(?P<signed>{H}{{1,2}}(?!{H})|{H}{{4}})|(?P<plain>-?\d{{1,3}}|{H}{{1,2}}|(?:{H}{{2}}){{2,256}})[hH]?)"
     r"(?!\w|\.\d|=\s*\w)"
 )
-_FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,16}}[hH]?(?!\w)")
+_FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)")
 _LETTERS: Final = re.compile(r"[g-zG-Z]")
 _PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is looked for in the columns of a text
-_LONGEST_ROW: Final = 512  # characters
-_NUMBER: Final = re.compile(rf"0[xX]{H}+|(?<![^\W_]){H}{{1,4}}(?![^\W_])|\d+")
+_LONGEST_ROW: Final = 2048  # characters
+_NUMBER: Final = re.compile(rf"0[xX]{H}+|(?<![^\W_]){H}{{1,4}}(?![^\W_])|\d+|'[^']'")
 
 
 def settle_columns(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> None:
@@ -36,8 +39,7 @@ def settle_columns(lines: Sequence[LogLine], judge: Judge, experience: Experienc
             continue
         if line is not None and not _is_right(line) and _TOKEN.search(line.clean) is not None:
             named = not _holds_bytes(line) or _LETTERS.search(line.clean) is not None
-            if named and len(_FIELD.findall(line.clean)) >= _COLUMN:
-                _fields_of(line, _tokens(line), judge)
+            _fields_of(line, _tokens(line), judge, named=named)
             if not _holds_bytes(line):
                 group.append(line)
                 if len(group) < MOST_ROWS:
@@ -52,16 +54,20 @@ def _is_right(line: LogLine) -> bool:
 
 
 def _holds_bytes(line: LogLine) -> bool:
-    return any(run.taken and (len(run.data) > 2 or run.checked or run.sure) for run in line.runs)
+    return any(run.taken and (len(run.data) > _FEW or run.checked or run.sure) for run in line.runs)
 
 
 class _Token(NamedTuple):
-    """A number of one byte, or of several in hex; `signed` where a sign before it says that it is hex."""
+    """A number of one byte, or of several in hex; `signed` where a sign before it says that it is hex.
+
+    `octet`: Python's `b'k'`, which says what byte it is.
+    """
 
     start: int
     end: int
     digits: str
     signed: bool
+    octet: bytes | None = None
 
     @property
     def is_name(self) -> bool:
@@ -72,6 +78,8 @@ class _Token(NamedTuple):
     def hexadecimal(self) -> bytes | None:
         """The bytes that it is in hex."""
         digits = self.digits
+        if self.octet is not None:
+            return self.octet
         if digits[0] == "-" or len(digits) == 3:
             return None
         return bytes.fromhex(digits if len(digits) % 2 == 0 else f"0{digits}")
@@ -89,17 +97,33 @@ def _tokens(line: LogLine) -> list[_Token]:
     if len(line.clean) > _LONGEST_ROW:
         return []
     return [
-        _Token(match.start(), match.end(), match[2] or match[3], match[1] is not None)
+        _Token(
+            match.start(),
+            match.end(),
+            match["signed"] or match["plain"] or "",
+            match["sign"] is not None,
+            None if match["char"] is None else unescape(match["char"]),
+        )
         for match in _TOKEN.finditer(line.clean)
     ]
 
 
-def _fields_of(line: LogLine, tokens: list[_Token], judge: Judge) -> None:
-    """`ID=01 FC=03 ADDR=0000 LEN=000A CRC=C5CD`, `ID 01 | FC 03 | 00 00 00 0A | CRC C5 CD`"""
+def _fields_of(line: LogLine, tokens: list[_Token], judge: Judge, *, named: bool) -> None:
+    """`ID=01 FC=03 ADDR=0000 LEN=000A CRC=C5CD`, `ID 01 | FC 03 | 00 00 00 0A | CRC C5 CD`
+
+    Only of fields that are `named` one may be a name.
+    """
     if (counted := _counted(tokens)) is not None:
         tokens = counted
+        values = [token.decimal for token in tokens]
+        if None not in values and _exactly(data := b"".join(filter(None, values)), judge):
+            _take_tokens(line, tokens, data)
+            return
+    elif len(_FIELD.findall(line.clean)) < _COLUMN and sum(token.octet is not None for token in tokens) < _COLUMN:
+        return
     plain = [token for token in tokens if not token.is_name]
-    for some in (tokens, tokens[1:], plain, plain[1:]) if len(plain) < len(tokens) else (tokens, tokens[1:]):
+    ways = (tokens, tokens[1:], plain, plain[1:]) if len(plain) < len(tokens) else (tokens, tokens[1:])
+    for some in ways if named else (tokens,):
         parts = [token.hexadecimal for token in some]
         if None in parts:
             continue
@@ -111,8 +135,10 @@ def _fields_of(line: LogLine, tokens: list[_Token], judge: Judge) -> None:
 
 def _counted(tokens: list[_Token]) -> list[_Token] | None:
     """The values of `[0]=01 [1]=03`, `0:0x01 1:0x03`; None of other lines."""
+    if len(tokens) < 2 * _COLUMN or len(tokens) % 2:
+        return None
     for first in (0, 1):
-        if [token.digits for token in tokens[::2]] == [str(i) for i in range(first, first + (len(tokens) + 1) // 2)]:
+        if [token.digits for token in tokens[::2]] == [str(i) for i in range(first, first + len(tokens) // 2)]:
             return tokens[1::2]
     return None
 
@@ -123,27 +149,44 @@ def _exactly(data: bytes, judge: Judge) -> bool:
 
 
 def _column_of(lines: list[LogLine], judge: Judge, experience: Experience) -> None:
-    """One number of each line, always the same one, where those are frames."""
-    for skeleton, same in groupby(lines, _skeleton):
-        alike = list(same)
+    """One number of each line, always the same one, where those are frames.
+
+    Of lines that are alike first, whether one below the other or with others between; then of all.
+    """
+    adjacent = [list(same) for _, same in groupby(lines, _skeleton)]
+    apart: dict[str, list[LogLine]] = {}
+    for line in lines:
+        apart.setdefault(_skeleton(line), []).append(line)
+    tried = {tuple(map(id, alike)) for alike in adjacent}
+    for alike in (*adjacent, *(some for some in apart.values() if tuple(map(id, some)) not in tried)):
+        skeleton = _skeleton(alike[0])
         if skeleton in experience.columns:
             _take_column(alike, *experience.columns[skeleton])
         elif experience.in_vain > _PATIENCE:
             continue
         elif (found := _one_column(alike, judge, alike=True)) is not None:
             experience.columns[skeleton] = found
-    if any(run.taken for line in lines for run in line.runs):
-        experience.in_vain = 0
-    elif experience.in_vain <= _PATIENCE:
-        experience.in_vain += len(lines)
+    if 2 * _taken(lines) < len(lines) and experience.in_vain <= _PATIENCE:
         found = _one_column(lines, judge, alike=False)
         signs = {skeleton for line in lines if not any(map(str.isalpha, skeleton := _skeleton(line)))}
         if found is not None:
-            experience.columns.update(dict.fromkeys(signs, found))
+            experience.numbers.update(dict.fromkeys(signs, found))
+    for line in lines:
+        if not _taken([line]) and (known := experience.numbers.get(_skeleton(line))) is not None:
+            _take_column([line], *known)
+    if _taken(lines):
+        experience.in_vain = 0
+    elif experience.in_vain <= _PATIENCE:
+        experience.in_vain += len(lines)
+
+
+def _taken(lines: Sequence[LogLine]) -> int:
+    """How many of these lines are bytes of a column."""
+    return sum(any(run.taken and run.shape == COLUMN_SHAPE for run in line.runs) for line in lines)
 
 
 def _skeleton(line: LogLine) -> str:
-    """A line without its numbers."""
+    """A line without its numbers and the characters that they are."""
     return " ".join(_NUMBER.sub("", line.clean).split())
 
 
@@ -157,6 +200,7 @@ def _one_column(lines: list[LogLine], judge: Judge, *, alike: bool) -> tuple[int
     table = [_tokens(line) for line in lines]
     fewest = min(max(map(len, table)), _MOST_COLUMNS)
     tried: list[list[bytes | None]] = []  # of lines with as many numbers each, every column comes twice
+    best: tuple[int, int, str, list[bool]] | None = None  # that of the most lines
     for i in (*range(-1, -1 - fewest, -1), *range(fewest)):
         for reading in ("hexadecimal", "decimal"):
             parts = [getattr(tokens[i], reading) if -len(tokens) <= i < len(tokens) else None for tokens in table]
@@ -164,14 +208,17 @@ def _one_column(lines: list[LogLine], judge: Judge, *, alike: bool) -> tuple[int
                 continue
             tried.append(parts)
             inside = _inside_frames(parts, judge)
-            if not any(inside):
-                continue
-            first, last = inside.index(True), len(inside) - inside[::-1].index(True)
-            for row, (line, tokens, part) in enumerate(zip(lines, table, parts, strict=True)):
-                if part is not None and (inside[row] or (alike and first <= row < last)):
-                    _take_tokens(line, [tokens[i]], part)
-            return i, reading
-    return None
+            if any(inside) and (best is None or sum(inside) > best[0]):
+                best = sum(inside), i, reading, inside
+    if best is None:
+        return None
+    _, i, reading, inside = best
+    first, last = inside.index(True), len(inside) - inside[::-1].index(True)
+    for row, (line, tokens) in enumerate(zip(lines, table, strict=True)):
+        part = getattr(tokens[i], reading) if -len(tokens) <= i < len(tokens) else None
+        if part is not None and (inside[row] or (alike and first <= row < last)):
+            _take_tokens(line, [tokens[i]], part)
+    return i, reading
 
 
 def _inside_frames(parts: Sequence[bytes | None], judge: Judge) -> list[bool]:

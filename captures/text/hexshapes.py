@@ -27,9 +27,9 @@ _WORDS: Final = re.compile(
     rf"(?<![0-9A-Za-z_.#@])(?:{H}{{2}}){{2,}}(?:(?P<gap>[ \t]{{1,2}})(?:{H}{{2}})+(?:(?P=gap)(?:{H}{{2}})+)*)?{_GLUED}"
 )
 _PREFIXED: Final = re.compile(
-    rf"{EDGE}(?P<sign>{_SIGN})(?P<first>{H}+)['\"]?(?:[\s,;|'\"\\]{{0,4}}(?P=sign){H}+['\"]?)*{_GLUED}"
+    rf"{EDGE}(?P<sign>{_SIGN})(?P<first>{H}+)[uU]?['\"]?(?:[\s,;|'\"\\]{{0,4}}(?P=sign){H}+[uU]?['\"]?)*{_GLUED}"
 )
-_SUFFIXED: Final = re.compile(rf"{EDGE}{H}{{2}}[hH](?:[\s,;]+{H}{{2}}[hH])+{END}")
+_SUFFIXED: Final = re.compile(rf"{EDGE}(?:0(?=[A-Fa-f]))?{H}{{2}}[hH](?:[\s,;-]+(?:0(?=[A-Fa-f]))?{H}{{2}}[hH])+{END}")
 _ASCII: Final = re.compile(rf"(?<![0-9A-Za-z_]):((?:{H}{{2}}){{3,300}}){END}")
 _ASCII_APART: Final = re.compile(rf"(?:^|[:>|=])[ \t]*(?P<frame>:(?:[ \t]?{H}{{2}}){{3,300}}){END}")
 _ROW_OF_WORDS: Final = re.compile(rf"{H}{{7,8}} +{H}{{4}}\s*$")
@@ -37,6 +37,7 @@ _COMMON_SIGNS: Final = ("%", "$", "x", "X", "h", "H")
 _GAP: Final = re.compile(r"[ \t]+")
 _SOME: Final = 3  # bytes: fewer say nothing
 _MAC_LENGTH: Final = 6
+_BYTEA: Final = 8  # digits behind one `\\x`, as databases write bytes
 _WORD_LENGTH: Final = 8  # bytes: no address of a machine is longer
 
 
@@ -164,7 +165,7 @@ def _prefixed(line: TextLine) -> Iterator[HexWindow]:
     text = line.text
     for match in _PREFIXED.finditer(text):
         sign, start, end = match["sign"], match.start(), match.end()
-        if sign in ("x", "X") and text[start - 1 : start] == "\\":
+        if sign in ("x", "X") and text[start - 1 : start] == "\\" and len(match["first"]) < _BYTEA:
             continue  # an escape
         tokens = re.findall(rf"{re.escape(sign)}({H}+)", match[0])
         if len(tokens[-1]) > 2 and len(tokens) > 2 and all(len(token) < 3 for token in tokens[:-1]):
@@ -194,7 +195,7 @@ def _prefixed_words(line: TextLine, match: re.Match[str], tokens: list[str]) -> 
 def _suffixed(text: str) -> Iterator[HexWindow]:
     """`11h 03h`"""
     for match in _SUFFIXED.finditer(text):
-        data = bytes.fromhex(re.sub(r"[hH,;\s]", "", match[0]))
+        data = bytes.fromhex("".join(re.findall(rf"({H}{{2}})[hH]", match[0])))
         yield HexWindow(data, *match.span(), "h", Writing.BYTES if len(data) > 2 else Writing.LIKELY)
 
 

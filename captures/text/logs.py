@@ -15,7 +15,7 @@ from datetime import tzinfo
 from itertools import islice
 from typing import Final
 
-from .candidates import Writing
+from .candidates import H, Writing
 from .choosing import Experience, Judge, no_judge
 from .halves import halves
 from .loglines import LineReader, LogLine
@@ -30,6 +30,10 @@ _LEARNT_LINES: Final = 800  # of a text's beginning,
 _LEARNT: Final = 1 << 16  # and characters
 # What is taken for bytes unchecked, from the plainest on, as far as a text has nothing plainer.
 _STANDARDS: Final = ((Writing.BYTES, False), (Writing.LIKELY, False), (Writing.BYTES, True))
+_WINDOW: Final = 38  # columns that a window has at least
+_PAIRS_WIDE: Final = 14  # characters of a few pairs
+_BROKEN: Final = re.compile(rf"(?: {H}{{2}}){{4}} {H}$")
+_BEGUN: Final = re.compile(rf"{H}(?:(?: {H}{{2}}){{2}}|(?: {H}{{2}})?\s*$)")
 _STRETCH: Final = 512  # lines that are settled together
 _MOST: Final = 1 << 18  # characters of a line that is searched at once
 _PORTION: Final = re.compile(rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST}}}")
@@ -100,7 +104,9 @@ class LogReader:
         """Look at the beginning of a text, which is given again with `feed`; gives what it holds."""
         experience = self._experience = Experience()
         reader = self._line_reader()
-        read = [part for number, line in enumerate(_beginning(lines), 1) for part in _read(reader, line, number)]
+        read = [
+            part for number, line in _mended(enumerate(_beginning(lines), 1)) for part in _read(reader, line, number)
+        ]
         for run in (run for line in read for run in line.runs):
             experience.note(run)
         for experience.threshold, experience.decimals in _STANDARDS[only_bytes(read) :]:
@@ -116,7 +122,7 @@ class LogReader:
 
     def feed(self, lines: Iterable[tuple[int, str]]) -> Iterator[Piece | UnreadLine]:
         """Lines with their numbers; gives what has been settled."""
-        for number, line in lines:
+        for number, line in _mended(lines):
             for part in _read(self._lines, line, number):
                 self._waiting.append(part)
                 for run in part.runs:
@@ -145,6 +151,26 @@ def read_lines(
     reader = LogReader(judge, zone, sample_rate)
     reader.learn(lines)
     return [*reader.feed(enumerate(lines, 1)), *reader.close()]
+
+
+def _mended(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    """Lines, with a byte that a terminal's edge broke in two whole at the end of the first."""
+    held: tuple[int, str] | None = None
+    for number, line in lines:
+        text = line.rstrip("\r\n")
+        if held is not None:
+            if _BEGUN.match(text):
+                yield held[0], held[1] + text[0]
+                text = line = text[1:]
+            else:
+                yield held
+            held = None
+        if _BROKEN.search(text, max(len(text) - _PAIRS_WIDE, 0)) and len(text) >= _WINDOW:
+            held = number, text
+        else:
+            yield number, line
+    if held is not None:
+        yield held
 
 
 def _beginning(lines: Iterable[str]) -> Iterator[str]:

@@ -16,6 +16,7 @@ from .candidates import EDGE, END, H, HexWindow, TextLine, Writing
 _LONG: Final = 1 << 16  # characters: these shapes are not looked for in a longer line
 _ESCAPES: Final = re.compile(r"\\(?:x[0-9A-Fa-f]{2}|u00[0-9A-Fa-f]{2}|u\{[0-9A-Fa-f]{1,2}\}|\d{1,3})")
 _QUOTE: Final = re.compile(r"\\.|([\"'])", re.DOTALL)
+_INNER: Final = re.compile(r"\\([\"'])(.*?)\\\1")  # within another string
 _BARE: Final = re.compile(r"\\[xu\d]\S*(?: (?=\S{0,20}\\(?:x|\d{3}))\S*)*")
 _NUL: Final = re.compile(r"(?<!\\)\\0(?=\d)")
 _HALF: Final = re.compile(r"\\x(?![0-9A-Fa-f]{2})")
@@ -23,19 +24,20 @@ _ESCAPE: Final = re.compile(
     r"\\(?:x([0-9A-Fa-f]{1,2})|u00([0-9A-Fa-f]{2})|u\{([0-9A-Fa-f]{1,2})\}|([0-7]{1,3})|(.))|([^\\])", re.DOTALL
 )
 _DECIMAL_ESCAPE: Final = re.compile(r"()()()\\(\d{1,3})|\\(.)|([^\\])", re.DOTALL)
-_SIMPLE_ESCAPES: Final = {"0": 0, "a": 7, "b": 8, "t": 9, "n": 10, "v": 11, "f": 12, "r": 13, "e": 27}
+_SIMPLE_ESCAPES: Final = {"0": 0, "a": 7, "b": 8, "t": 9, "n": 10, "v": 11, "f": 12, "r": 13, "e": 27, "s": 32}
 _WORD: Final = 300  # characters before an escape that may be bytes, too
 _DECIMALS: Final = (
     re.compile(r"(?<![\w.+-])-?\d{1,3}(?:[ \t]{1,8}-?\d{1,3}){3,}+"),
     re.compile(
-        r"(?<![\w.+-])-?\d{1,3}[ \t]*(?P<sign>[,;|:./]|\][ \t]?\[|>[ \t]?<|\}[ \t]?\{|[\"'],[ \t]?[\"'])[ \t]{0,4}"
+        r"(?<![\w.+-])-?\d{1,3}[ \t]*(?P<sign>[,;|:./#]|\][ \t]?\[|>[ \t]?<|\}[ \t]?\{|[\"'],[ \t]?[\"'])[ \t]{0,4}"
         r"-?\d{1,3}(?:[ \t]*(?P=sign)[ \t]{0,4}-?\d{1,3}){2,}+"
     ),
     re.compile(r"(?<![\w.+-])\d{1,3}(?P<dash>-)\d{1,3}(?:-\d{1,3}){2,}+"),
 )
-_LAST_ROW: Final = re.compile(r"^\s*(\d{1,3}(?:\s*,\s*\d{1,3}){0,2})\s*[\])}]")  # of an array
+_LAST_ROW: Final = re.compile(r"^\s*(\d{1,3}(?:\s*,\s*\d{1,3}){0,2})\s*(?:[\])}]|,?\s*$)")  # of an array
+_ROW_END: Final = re.compile(r"^[0-7]{7} {1,4}(\d{1,3}(?: {1,3}\d{1,3}){0,2})\s*$")  # of od
 _GOES_ON: Final = re.compile(r"\w|[.,]\d|-\d")
-_LEAST_DECIMALS: Final = 4
+_LEAST_BYTES: Final = 4
 _NODE_JSON: Final = re.compile(r'"type"\s*:\s*"Buffer"\s*,\s*"data"\s*:\s*\[\s*$')
 _DIGITS: Final = (
     re.compile(rf"{EDGE}{H}{{1,2}}(?:[ \t]{{1,4}}{H}{{1,2}}){{3,}}{END}"),
@@ -43,6 +45,18 @@ _DIGITS: Final = (
 )
 _BINARY: Final = re.compile(r"(?<![\w.])(?P<sign>(?:0b)?)[01]{8}(?:[\s,;|]{1,3}(?P=sign)[01]{8})*(?!\w)")
 _BASE64: Final = re.compile(r"(?<![\w+/=])(?:[A-Za-z0-9+/]{4})+(?:[A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=)?(?![\w+/=])")
+_HEX_ESCAPE: Final = re.compile(r"\\([0-9A-F]{2})()()()|\\([bfnrst\\])|([^\\\s])")
+_HEX_ESCAPES: Final = re.compile(rf"(?:{_HEX_ESCAPE.pattern.replace('(', '(?:')}){{4,}}")
+_NAMES: Final = (
+    "NUL SOH STX ETX EOT ENQ ACK BEL BS HT LF VT FF CR SO SI DLE DC1 DC2 DC3 DC4 NAK SYN ETB CAN EM SUB ESC FS GS RS US"
+)
+_CONTROLS: Final = {name: code for code, name in enumerate(_NAMES.split())} | {"TAB": 9, "DEL": 127}
+_CONTROL: Final = re.compile(rf"<(?:({'|'.join(_CONTROLS)})|({H}{{2}}))>|([^<])")
+_NAMED: Final = re.compile(rf"(?<!\S)\S{{0,300}}?<(?:{'|'.join(_CONTROLS)})>.*<(?:{'|'.join(_CONTROLS)}|{H}{{2}})>\S*")
+_WITH_CHARACTERS: Final = re.compile(rf"(?<!\w)(?:{H}{{2}} ?\[.\][ ,]{{0,3}}){{4,}}")
+_IN_BRACKETS: Final = re.compile(rf"\((0[xX]{H}{{1,2}}|\d{{1,3}})\)")
+_LOOK_ALIKE: Final = str.maketrans("OoIlАВСЕаесО", "0011ABCEaec0")  # typed by hand, in Cyrillic, too
+_MISTYPED: Final = re.compile(r"(?<!\w)[0-9A-Fa-fOoIlАВСЕаесО]{2}(?:[ \t,-]{1,2}[0-9A-Fa-fOoIlАВСЕаесО]{2}){3,}(?!\w)")
 _PLAIN_WORD: Final = re.compile(r"[A-Za-z]?(?:[a-z]*|[A-Z]*)|[a-z/]+")
 _LEAST_BASE64: Final = 8  # characters
 
@@ -54,8 +68,15 @@ def other_candidates(line: TextLine) -> Iterator[HexWindow]:
         return
     if "\\" in text:
         yield from _strings(text)
+        yield from _hex_escapes(text)
+    if "<" in text:
+        yield from _control_names(text)
     yield from _decimals(text)
+    if max(text.count("("), text.count("[")) >= _LEAST_BYTES:
+        yield from _in_brackets(text)
+    yield from _mistyped(text)
     yield from _end_of_array(text)
+    yield from _last_row(text)
     yield from _digits(text)
     if "000" in text:
         yield from _binary(text)
@@ -75,6 +96,8 @@ def _strings(text: str) -> Iterator[HexWindow]:
                 first = None  # all of the line is a candidate once
             if start < end:
                 yield from _string(text[start:end], start, end)
+                for inner in _INNER.finditer(text, start, end):
+                    yield from _string(inner[2], *inner.span(2))
                 for first, last in _quoted(text[start:end]):  # a string in a string
                     if _ESCAPES.search(text, start + first, start + last) is not None:
                         yield from _string(text[start + first : start + last], start + first, start + last)
@@ -88,7 +111,8 @@ def _unquoted(text: str, start: int, end: int, first: int | None) -> Iterator[He
     if start + len(body) < end:
         yield HexWindow(unescape(text[start:end]), start, end, "\\x", Writing.NUMBER)
     word = text.rfind(" ", max(start - _WORD, 0), start) + 1 or (0 if start < _WORD else start)
-    for begin in {word} | ({first} if first is not None else set()):
+    begins = {word} | ({first} if first is not None else set())
+    for begin in begins | {begin - 1 for begin in begins if text[begin - 1 : begin] == " "}:  # which may be a byte
         if begin == start:
             continue
         rest = text[begin:] if begin != word else text[begin : start + len(body)]
@@ -117,8 +141,46 @@ def _string(body: str, start: int, end: int) -> Iterator[HexWindow]:
     yield HexWindow(unescape(body), start, end, "\\x", level)
     if _NUL.search(body):  # as Rust and JavaScript have it
         yield HexWindow(unescape(_NUL.sub(r"\\x00", body)), start, end, "\\0", Writing.NUMBER)
-    if not hexadecimal:  # as Lua has it
+    if not hexadecimal:  # as Lua and Haskell have it
         yield HexWindow(unescape(body, _DECIMAL_ESCAPE, 10), start, end, "\\decimal", Writing.NUMBER)
+
+
+def _hex_escapes(text: str) -> Iterator[HexWindow]:
+    r"""`\01\03\00k\C5\CD`, as LabVIEW writes them."""
+    for match in _HEX_ESCAPES.finditer(text):
+        if match[0].count("\\") < _LEAST_BYTES - 1:
+            continue
+        data = unescape(match[0], _HEX_ESCAPE)
+        yield HexWindow(data, *match.span(), "\\hex", Writing.NUMBER)
+
+
+def _control_names(text: str) -> Iterator[HexWindow]:
+    """`<SOH><ETX><NUL>k<C5>`, as terminals show characters without a shape."""
+    for match in _NAMED.finditer(text):
+        data = b"".join(
+            bytes((_CONTROLS[name],)) if name else bytes.fromhex(digits) if digits else _octets(char)
+            for name, digits, char in _CONTROL.findall(match[0])
+        )
+        yield HexWindow(data, *match.span(), "<NUL>", Writing.NUMBER)
+
+
+def _in_brackets(text: str) -> Iterator[HexWindow]:
+    """`k(107) .(000)`, `0b00000001 (0x01)`, `6B [k]`: bytes beside another writing of them."""
+    for match in _WITH_CHARACTERS.finditer(text):
+        digits = re.findall(rf"({H}{{2}}) ?\[.\]", match[0])
+        yield HexWindow(bytes.fromhex("".join(digits)), *match.span(), "pair [.]", Writing.NUMBER)
+    found = list(_IN_BRACKETS.finditer(text))
+    values = [int(match[1], 16 if match[1][:2] in ("0x", "0X") else 10) for match in found]
+    if len(values) >= _LEAST_BYTES and max(values) < 256:
+        yield HexWindow(bytes(values), found[0].start(1), found[-1].end(1), "(byte)", Writing.NUMBER)
+
+
+def _mistyped(text: str) -> Iterator[HexWindow]:
+    """`O1 03 СD`: letters in place of digits that look like them."""
+    for match in _MISTYPED.finditer(text):
+        if (typed := match[0].translate(_LOOK_ALIKE)) != match[0]:
+            data = bytes.fromhex("".join(re.findall(rf"{H}{{2}}", typed)))
+            yield HexWindow(data, *match.span(), "look-alikes", Writing.NUMBER)
 
 
 def unescape(text: str, escape: re.Pattern[str] = _ESCAPE, base: int = 8) -> bytes:
@@ -129,6 +191,8 @@ def unescape(text: str, escape: re.Pattern[str] = _ESCAPE, base: int = 8) -> byt
             out.append(int(digits or wide or braced, 16))
         elif number:
             out.append(int(number, base) & 0xFF)
+        elif letter == "&" and base != 8:  # Haskell's, which parts an escape from a digit
+            continue
         elif letter in _SIMPLE_ESCAPES:
             out.append(_SIMPLE_ESCAPES[letter])
         else:
@@ -153,7 +217,7 @@ def _decimals(text: str) -> Iterator[HexWindow]:
             dashed = "dash" in match.groupdict()
             end = _list_end(text, *match.span())
             values = [int(word) for word in re.findall(r"\d+" if dashed else r"-?\d+", text[match.start() : end])]
-            if len(values) < _LEAST_DECIMALS:
+            if len(values) < _LEAST_BYTES:
                 continue
             if max(values) < 256 and min(values) > -129 and not (min(values) < 0 and max(values) > 127):
                 node = _NODE_JSON.search(text, max(match.start() - 40, 0), match.start())
@@ -165,6 +229,14 @@ def _end_of_array(text: str) -> Iterator[HexWindow]:
     """`194,  25, 164], dtype=uint8`"""
     if (match := _LAST_ROW.match(text)) is not None:
         values = [int(word) for word in re.findall(r"\d+", match[1])]
+        if max(values) < 256:
+            yield HexWindow(bytes(values), *match.span(1), "decimal", Writing.NUMBER)
+
+
+def _last_row(text: str) -> Iterator[HexWindow]:
+    """`0000020  93 211`: what is left for the last row of a dump in decimals."""
+    if (match := _ROW_END.match(text)) is not None:
+        values = [int(word) for word in match[1].split()]
         if max(values) < 256:
             yield HexWindow(bytes(values), *match.span(1), "decimal", Writing.NUMBER)
 
@@ -199,7 +271,8 @@ def _binary(text: str) -> Iterator[HexWindow]:
 def _base64(text: str) -> Iterator[HexWindow]:
     """`EQMAawADdoc=`"""
     for match in _BASE64.finditer(text):
-        if len(match[0]) < _LEAST_BASE64 or _PLAIN_WORD.fullmatch(match[0]):
+        word = _PLAIN_WORD.fullmatch(match[0]) and not (match[0].isupper() and text[match.start() - 1] in "\"'")
+        if len(match[0]) < _LEAST_BASE64 or word:
             continue
         from base64 import b64decode
 

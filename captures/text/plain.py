@@ -29,6 +29,7 @@ _PLAIN: Final = str.maketrans(
 )
 _CELL: Final = re.compile(r"(?:</?(?:td|th|tr|li|p|br|div|dd|dt)\b[^<>]*>\s*)+", re.IGNORECASE)
 _TAG: Final = re.compile(r"</?(?:code|span|pre|b|i|em|strong|font|a|tt|ul|ol|table|tbody)\b[^<>]*>", re.IGNORECASE)
+_OCTET: Final = re.compile(r"<[0-9A-Fa-f]{2}>")
 _ENTITY: Final = re.compile(r"&(?:nbsp|lt|gt|quot|amp|#\d+|rarr|larr);")
 _EMPHASIS: Final = re.compile(
     r"(?<![0-9A-Za-z*_~])[*_~]{1,4}([0-9A-Fa-f]{2}[0-9A-Fa-f ,:x-]*)[*_~]{1,4}(?![0-9A-Za-z*_~])"
@@ -38,7 +39,7 @@ _SIGN_EXTENDED: Final = re.compile(
     r"(?<![0-9A-Za-z])(0[xX])?[fF]{6}([89A-Fa-f][0-9A-Fa-f])(?![0-9A-Za-z])"
 )  # %02x of a char
 _SMALL_HEX: Final = re.compile(r"(?<![0-9A-Za-z])(?:0[xX])?[0-9A-Fa-f]{1,2}(?![0-9A-Za-z])")
-_SOME: Final = 3  # numbers that make a list
+_SOME: Final = 3  # numbers that make a list, or a frame
 _ESCAPED_ONCE: Final = re.compile(r"(?<!\\)(?:\\\\)*\\x")
 _CAST: Final = re.compile(r"\(\s*(?:unsigned |signed )?(?:byte|sbyte|char|u?int8(?:_t)?|u8|BYTE)\s*\)\s*")
 
@@ -50,7 +51,7 @@ def plain(line: str) -> str:
         text = _ANSI.sub("", text)
     if not text.isascii() or "\x00" in text:
         text = text.translate(_PLAIN)
-    if "<" in text and ">" in text:
+    if "<" in text and ">" in text and len(_OCTET.findall(text)) < _SOME:  # <DD> is a tag as well
         text = _TAG.sub("", _CELL.sub(" | ", text))
     if "&" in text and ";" in text and _ENTITY.search(text):
         text = html.unescape(text).replace("\u00a0", " ")

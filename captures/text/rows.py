@@ -6,20 +6,22 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-ROWS: Final = ("pairs", "words", "swapped words", "binary")  # shapes of the rows of dumps
+ROWS: Final = ("pairs", "words", "swapped words", "binary", "decimal")  # shapes of the rows of dumps
 _ROW: Final = 8  # bytes, after which dumps leave a gap
-_COLUMN_NUMBERS: Final = tuple(
-    [form(number) for number in range(first, first + count)]
-    for count in (8, 16)
-    for first in (0, 1)
-    for form in ("{:02X}".format, "{:02x}".format, "{:02d}".format)
-)
+_PAIR: Final = re.compile(r"[0-9A-Fa-f]{2}")
+_RULER: Final = 6  # numbers, each one more than that before it
 DIGITS_ABOVE: Final = ("0123456789ABCDEF", "0123456789")  # columns of characters in a dump
 
 
 def is_ruler(tokens: Sequence[str]) -> bool:
-    """Whether these are the numbers that dumps write above their columns."""
-    return list(tokens) in _COLUMN_NUMBERS
+    """Whether these are the numbers that dumps and tables write above their columns."""
+    if len(tokens) < _RULER or not all(_PAIR.fullmatch(token) for token in tokens):
+        return False
+    for base in (16, 10) if all(token.isdigit() for token in tokens) else (16,):
+        first = int(tokens[0], base)
+        if [int(token, base) for token in tokens] == [*range(first, first + len(tokens))]:
+            return True
+    return False
 
 
 def before_characters(text: str, start: int, end: int) -> int:

@@ -178,18 +178,21 @@ def _readings(run: ByteRun) -> dict[str, ByteRun | HexWindow]:
 
 def _tails(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> None:
     open_runs: list[bytes] = []  # taken, but with no right check value yet
-    since = 0
+    since, shape = 0, ""
     for line in lines:
         if line.number - since > _TAIL_LINES:
             open_runs = []
-        for run in line.runs:
+        alike = line.runs if len(line.runs) == 1 else sorted(line.runs, key=lambda run: run.shape != shape)
+        for run in alike:
             if not run.taken and open_runs and len(run.data) <= _TAIL and _completes(run, open_runs, judge):
                 key = (run.label, run.shape)
                 experience.right[key] = experience.right.get(key, 0) + 1
                 open_runs = []
             elif run.taken:
-                open_runs = [] if run.checked else [*open_runs[1 - _TAIL_RUNS :], run.data[-_TAIL:]]
-                since = line.number
+                joint = b"".join(open_runs) + run.data
+                whole = run.checked or (open_runs and any(span.end == len(joint) for span in judge(joint)))
+                open_runs = [] if whole else [*open_runs[1 - _TAIL_RUNS :], run.data[-_TAIL:]]
+                since, shape = line.number, run.shape
 
 
 def _completes(run: ByteRun, open_runs: Sequence[bytes], judge: Judge) -> bool:

@@ -198,9 +198,19 @@ def _midnight(year: int, month: int, day: int, written: str | None, zone: tzinfo
     moment = datetime(year, month, day, hour)
     if written:
         moment = moment.replace(tzinfo=_zone(written))
+    elif zone is not None:
+        moment = moment.replace(tzinfo=zone)
     else:
-        moment = moment.replace(tzinfo=zone) if zone is not None else moment.astimezone()
+        moment = _local(moment)
     return (moment - _EPOCH_DAY) // timedelta(seconds=1) - hour * 3600
+
+
+def _local(moment: datetime) -> datetime:
+    """A time of this machine's clock, aware. Windows has none before 1970: there the clock is as in 1972."""
+    try:
+        return moment.astimezone()
+    except OSError:
+        return moment.replace(tzinfo=moment.replace(year=1972).astimezone().tzinfo)
 
 
 def _zone(text: str) -> timezone:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
-import pty
 import re
 import select
 import signal
 import struct
 import sys
-import termios
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from rich.cells import get_character_cell_size
 from running import ROOT
 
@@ -96,8 +94,12 @@ class Watched:
     """A command on a pty, seen through a `Picture`; `count` are the bytes that came since it was last set to 0."""
 
     def __init__(self, *arguments: str, columns: int = 80, rows: int = 24, cwd: Path | None = None, **env: str) -> None:
+        pty = pytest.importorskip("pty", reason="pseudo-terminals are POSIX")
         self.pid, self.fd = pty.fork()
         if self.pid == 0:
+            import fcntl
+            import termios
+
             fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
             os.environ.pop("NO_COLOR", None)
             os.environ.update(

@@ -11,19 +11,26 @@ import subprocess
 import sys
 import threading
 import time
-import tty
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import pytest
 from running import START, environment
 from scripts import script
 
 
-def pty() -> tuple[int, str]:
-    """A raw pseudo-terminal: the master's descriptor, and the name of what a port would be. Its slave stays open."""
+def raw_pty() -> tuple[int, int]:
+    """Both ends of a raw pseudo-terminal, master and slave; where there are none the test is skipped."""
+    tty = pytest.importorskip("tty", reason="pseudo-terminals are POSIX")
     master, slave = os.openpty()
     tty.setraw(slave)
+    return master, slave
+
+
+def pty() -> tuple[int, str]:
+    """A raw pseudo-terminal: the master's descriptor, and the name of what a port would be. Its slave stays open."""
+    master, slave = raw_pty()
     _SLAVES.append(slave)
     return master, os.ttyname(slave)
 

@@ -22,7 +22,7 @@ _MET: Final = 3  # times, that two are seen to send at once or to know nothing o
 _SENT_INTO: Final = 0.15  # of damaged answers
 _HASTY: Final = 0.35  # of the timeout: nobody gives up so soon
 _COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.22, "long": 0.07, "other": 0.03,
-                    "middle": 0.03, "tail": 0.02, "head": 0.02, "bits": 0.01}  # fmt: skip
+                    "middle": 0.03, "tail": 0.02, "head": 0.02, "ahead": 0.06, "bits": 0.01}  # fmt: skip
 _ON_FRAMES: Final = 0.93  # of what collides
 _TOO_SOON: Final = 0.9  # of t3.5
 _MOSTLY: Final = 0.5

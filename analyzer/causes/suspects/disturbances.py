@@ -23,6 +23,8 @@ _ON_FRAMES: Final = 0.05
 _IDLE_BITS: Final = 20.0
 _OVERLAID: Final = 3.0  # bits for or against, of a damaged answer of quite another length
 _SOME_OVERLAID: Final = 0.12  # of the damaged answers
+_UNLIKE_BITS: Final = 100.0
+_UNLIKE: Final = 0.1  # of what is in favour of it
 _LOAD: Final = 0.4  # where nobody knows it
 _SURE_BITS: Final = 14.0  # that a phase, a state or hours must add
 _MAINS: Final = ((50.0, 0.15), (60.0, 0.18))  # Hz, and how far it strays
@@ -36,8 +38,12 @@ def _all_explained(evidence: Evidence) -> Explained:
 
 
 def _place_bits(hits: Hits, on_frames: float) -> float:
-    """How much likelier hits of frames and of the idle line are, so many of each, if this share should meet frames."""
-    return likelihood_bits(hits.frames, hits.all, on_frames) - likelihood_bits(hits.frames, hits.all, 0.5)
+    """How much likelier hits of frames and of the idle line are, so many of each, if this share should meet frames.
+
+    That fewer meet the idle line says little against it: a line at rest may be held better than a driven one.
+    """
+    bits = likelihood_bits(hits.frames, hits.all, on_frames) - likelihood_bits(hits.frames, hits.all, 0.5)
+    return max(bits, -_IDLE_BITS) if hits.frames > on_frames * hits.all else bits
 
 
 def _load(evidence: Evidence) -> float:
@@ -56,7 +62,10 @@ def _anywhere(evidence: Evidence) -> tuple[Hits, float]:
     if hits.frames < _ON_FRAMES * hits.all:  # what hardly meets a frame would be on the idle line alone
         bits -= _IDLE_BITS
     bits += _OVERLAID * (_SOME_OVERLAID * len(readings) - overlaid(readings))
-    return hits, bits + min(kind_bits(readings, ALIKE), 0.0) + evenness_bits(evidence)
+    unlike = -evenness_bits(evidence)
+    if unlike > max(_UNLIKE_BITS, _UNLIKE * bits):
+        return hits, 0.0  # it spares some units: it is not everybody's
+    return hits, bits + min(kind_bits(readings, ALIKE), 0.0) - unlike
 
 
 def _suspicion(evidence: Evidence, hits: Hits, bits: float, more: Mapping[str, Any], **times: Any) -> Suspicion:

@@ -22,6 +22,7 @@ _BACKGROUND: Final = 0.003
 _MOSTLY: Final = 0.6  # of all late answers
 _SURE_BITS: Final = 16.0
 _RUN_INTO_BITS: Final = 30.0
+_CONTRAST: Final = 8  # exchanges of a unit behind others, or behind answers
 _SOONER: Final = 0.85
 _SILENT: Final = 0.02
 _OTHERS: Final = 2
@@ -64,8 +65,8 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         others = [other for other in evidence.units if other.unit != unit.unit]
         behind, run_into = _run_into(evidence, unit)
         mine, rest = max(late[unit.unit], run_into), sum(late[other.unit] for other in others)
-        if mine < _LEAST or mine < _MOSTLY * (mine + rest):
-            continue
+        if mine < _LEAST or mine < _MOSTLY * (mine + rest) or mine > unit.asked + _LEAST:
+            continue  # more than it was asked for are no late answers
         background = max(_BACKGROUND, (rest + 0.5) / (sum(other.asked for other in others) + 100))
         silent = surplus_bits(evidence.silent(unit), unit.asked, _SILENT) / 2
         garbled = max(kind_bits(evidence.readings(unit), _KINDS), 0.0)
@@ -99,14 +100,26 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
 
 
 def _run_into(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
-    """How much likelier the damage right behind a unit's exchanges is its doing (bits), and how many of its answers ran
-    into what was sent next: no more than it left requests silent, and none where that is not sure."""
-    asked, hits = evidence.ledger.next_asked, evidence.ledger.next_hit
-    mine, trials = int(hits[unit.unit]), int(asked[unit.unit])
-    elsewhere = max(HEALTHY, float((hits.sum() - mine + 0.5) / (asked.sum() - trials + 50)))
-    bits = surplus_bits(mine, trials, elsewhere)
+    """How much likelier the damage right behind a unit's silent exchanges is its doing (bits), and how many of its
+    answers ran into what was sent next: no more than it left requests silent, and none where that is not sure.
+
+    What is asked there may suffer from something of its own: it is held against what it suffers elsewhere, and where it
+    only ever comes behind silence of this unit, its damage must be such as a second transmitter does.
+    """
+    successors, ledgers = evidence.ledger.successors, evidence.ledger.units
+    bits, mine, by_chance = 0.0, 0, 0.0
+    for behind in successors.behind(unit.unit):
+        then, then_of, other, other_of = successors.rates(behind, unit.unit)
+        elsewhere = max(HEALTHY, (other + 0.5) / (other_of + 50))
+        if other_of < _CONTRAST and (
+            behind not in ledgers or kind_bits(evidence.readings(ledgers[behind]), _KINDS) <= 0
+        ):
+            continue
+        bits += surplus_bits(then, then_of, elsewhere)
+        mine += then
+        by_chance += elsewhere * then_of
     sure = bits >= _RUN_INTO_BITS and mine <= evidence.silent(unit) and evidence.is_open(Symptom.LATENESS, unit.unit)
-    return bits, round(mine - elsewhere * trials) if sure else 0
+    return bits, round(mine - by_chance) if sure else 0
 
 
 def _late(evidence: Evidence, unit: UnitLedger) -> int:

@@ -73,6 +73,7 @@ _SHARE: Final = "{damaged} of {answers} answers of unit {unit}, {others_damaged}
 
 
 _BYTE: Final = 8.0
+_OWN_BITS: Final = 6.0
 _BEGINNING: Final = 3  # bytes of garbage that count
 _LOST_BITS: Final = 24  # more than two characters
 _SPREAD: Final = (0.88, 1.12)  # of the delay, from answer to answer
@@ -210,15 +211,21 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         background = max(HEALTHY, (noisy + 0.5) / (sum(other.answered for other in rest) + 50))
         bits = surplus_bits(min(doubles + crossed, unit.asked), unit.asked, background)
         if len(readings) >= _LEAST:
-            expected = {"whole": 0.35, "middle": 0.22, "long": 0.2, "cut": 0.06, "cut-short": 0.03, "crossed": 0.02,
-                        "head": 0.12, "tail": 0.02, "bits": 0.03}  # fmt: skip
-            bits += evidence.surplus(unit) + kind_bits(readings, expected)
+            kinds = kind_bits(readings, _MIXED)
+            if crossed >= _LEAST:  # the weaker one begins first, and may be heard behind the other
+                kinds = max(kinds, kind_bits(readings, _OVERTAKEN))
+            bits += evidence.surplus(unit) + kinds
             bits -= _SHORT_BITS * _shortened(readings)
         if bits <= 0 or doubles + len(readings) < _LEAST:
             continue
         found = damage_suspicion(evidence, unit, bits, {"doubles": doubles})
         explains = found.explains | {(kind, unit.unit) for kind in (Symptom.DOUBLES, Symptom.BEHIND, Symptom.LATENESS)}
         yield replace(found, explains=explains)
+
+
+_MIXED: Final = {"whole": 0.35, "middle": 0.22, "long": 0.2, "cut": 0.06, "cut-short": 0.03, "crossed": 0.02,
+                 "head": 0.08, "ahead": 0.04, "tail": 0.02, "bits": 0.03}  # fmt: skip
+_OVERTAKEN: Final = {"head": 0.6, "ahead": 0.05, "middle": 0.1, "whole": 0.1, "long": 0.08, "cut": 0.03, "bits": 0.02}
 
 
 def _shortened(readings: list[Signature]) -> int:
@@ -255,7 +262,10 @@ def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
         if requests < _LEAST or requests < 0.3 * spoilt:
             continue
         background = max(HEALTHY, (others_spoilt + 0.5) / (others_answered + 50))
-        bits = surplus_bits(spoilt, max(unit.answered, 1), background) + requests
+        bits = surplus_bits(spoilt, max(unit.answered, 1), background)
+        if bits < _OWN_BITS:
+            continue  # requests behind all units' answers are damaged alike
+        bits += requests
         yield Suspicion(
             (unit.unit,),
             bits,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import log2
 from typing import Any, Final
 
@@ -22,17 +23,23 @@ _BYTE: Final = 8.0
 _MOST_BYTES: Final = 3  # that count for a sample
 _SAME, _OTHER = log2(0.96 / 0.5), log2(0.04 / 0.5)  # bits: garbage that is like that of the same poll before, or not
 _EXPECTED: Final = {"whole": 0.83, "middle": 0.06, "cut": 0.03, "long": 0.03, "head": 0.02}
+_GARBAGE: Final = "are garbage of about the right length, never silence"
 _MARKED: Final = 0.2  # of good answers
+_LEAST_ASKED: Final = 6
+_SEVERAL: Final = 2  # polls: one alone may be asked more often than the others on purpose
+_NEARLY_ALL: Final = 0.9
+_REPEATED: Final = (0.4, 0.85)  # of the requests of each poll
+_HOLE_CHARS: Final = 2.0
+_MOST_REFUSED: Final = 90.0
 
 
 @suspect(
     "unit-line-settings",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} does not send as the line is set ({settings}): {damaged} of its {answers} answers are garbage of "
-    "about the right length, never silence",
+    text="Unit {unit} does not send as the line is set ({settings}): {damaged} of its {answers} answers {how}",
     share="{damaged} of {answers} answers of unit {unit}, {others_damaged} of {others_answers} of others",
-    deciding_test="Listen to unit {unit} alone at {settings}: its answers must then read well",
+    deciding_test="Listen to unit {unit} alone at other settings ({settings}): its answers must then read well",
     remedy="Set the unit's baud rate, parity and stop bits to those of the line; a clock that is off by some per cent "
     "(an RC oscillator) wants another device",
 )
@@ -44,9 +51,10 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
             bits, words = _fitting(evidence, readings)
             bits += evidence.surplus(unit) + kind_bits(readings, _EXPECTED) + _steadiness(unit)
             if bits > 0:
-                yield damage_suspicion(evidence, unit, bits, {"settings": words})
+                yield damage_suspicion(evidence, unit, bits, {"settings": words, "how": _GARBAGE})
         elif evidence.is_open(Symptom.MARKS, unit.unit):
             yield from _marked(evidence, unit)
+            yield from _refused(evidence, unit)
 
 
 def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, str]:
@@ -99,7 +107,7 @@ def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
     background = max(HEALTHY, (sum(o.marked for o in others) + 0.5) / (sum(o.answered for o in others) + 50))
     if unit.marked < max(_LEAST, _MARKED * unit.answered):
         return
-    numbers: Mapping[str, Any] = {"settings": "another parity"}
+    numbers: Mapping[str, Any] = {"settings": "another parity", "how": "have right bytes and marks of the UART"}
     found = damage_suspicion(evidence, unit, surplus_bits(unit.marked, unit.answered, background), numbers)
     yield Suspicion(
         found.units,
@@ -108,5 +116,36 @@ def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
         {**found.numbers, "damaged": unit.marked, "others_damaged": sum(o.marked for o in others)},
         since=unit.first,
         until=unit.last,
+        frames=tuple(unit.examples.get(Ending.OK, [])),
+    )
+
+
+def _refused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
+    """Answers that are well, as far as the tap tells, and whose requests the master repeats all the same: each of several
+    polls so many times, and those of no other unit. A tap that marks no parity errors hears them so."""
+    polls = [poll for poll in evidence.polls_of(unit.unit) if poll.asked >= _LEAST_ASKED]
+    others = [poll for poll in evidence.polls if poll.unit not in (0, unit.unit)]
+    repeats, asked = sum(poll.repeats for poll in polls), sum(poll.asked for poll in polls)
+    others_repeats, others_asked = sum(poll.repeats for poll in others), sum(poll.asked for poll in others)
+    if (
+        len(polls) < _SEVERAL
+        or not others_asked
+        or any(poll.count(Ending.OK) < _NEARLY_ALL * poll.asked for poll in polls)
+        or not all(_REPEATED[0] * poll.asked <= poll.repeats <= _REPEATED[1] * poll.asked for poll in polls)
+        or unit.behind > (1 - _NEARLY_ALL) * unit.answered
+        or others_repeats > (1 - _NEARLY_ALL) * others_asked
+        or (evidence.verdict.fine and unit.holes.above(_HOLE_CHARS * evidence.ledger.char_ns) > 1 - _NEARLY_ALL)
+    ):
+        return
+    bits = min(surplus_bits(repeats, asked, max(HEALTHY, (others_repeats + 0.5) / (others_asked + 50))), _MOST_REFUSED)
+    words = {"settings": "another parity, which this tap does not mark", "how": "are whole, and the master asks again"}
+    found = damage_suspicion(evidence, unit, bits, words)
+    yield replace(
+        found,
+        numbers={**found.numbers, "damaged": repeats, "answers": asked},
+        since=unit.first,
+        until=unit.last,
+        lost_answers=repeats,
+        lost_ms=None,
         frames=tuple(unit.examples.get(Ending.OK, [])),
     )

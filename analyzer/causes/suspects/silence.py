@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from statistics import median
 from typing import Final
 
 from ...tables.findings import Severity
@@ -13,12 +14,14 @@ from ..registry import Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 5  # requests without an answer
+_LEAST_OF_SEVERAL: Final = 3
 _STRAYS: Final = 0.05  # of requests: bytes that may be noise, not answers
 _BACKGROUND: Final = 0.02
 _MANY_TRIES: Final = 4.5  # a poll
 _SPELL: Final = 3  # requests in a row
 _TO_THE_END: Final = 8
 _END_SHARE: Final = 0.1  # of the capture
+_LONG_SPELL: Final = 20
 _AS_LATE: Final = 0.95
 _ALL: Final = 0.5
 _NO_ANSWER_BEHIND: Final = 11  # the exception by which a gateway says that its target failed to respond
@@ -27,15 +30,16 @@ _NEARLY_ALL: Final = 0.95
 
 def _never(evidence: Evidence) -> list[UnitLedger]:
     """Units of which nothing was ever heard."""
-    return [
+    found = [
         unit
         for unit in evidence.units
-        if evidence.silent(unit) >= _LEAST
+        if evidence.silent(unit) >= _LEAST_OF_SEVERAL
         and (not unit.answered or _only_repeats(unit))
         and not unit.strays
         and not unit.late
         and unit.count(Ending.GARBAGE) <= _STRAYS * unit.asked
     ]
+    return found if len(found) > 1 else [unit for unit in found if evidence.silent(unit) >= _LEAST]
 
 
 def _only_repeats(unit: UnitLedger) -> bool:
@@ -54,7 +58,8 @@ def _died(evidence: Evidence, unit: UnitLedger) -> int | None:
     before = max((each.count for each in unit.silences.all if each is not spell), default=0)
     span = evidence.ledger.grid.width_ns * 256 if not evidence.ledger.timed else evidence.ledger.span_ns
     lasted = (spell.end - spell.begin) / max(span, 1)
-    return spell.begin if spell.count >= max(_TO_THE_END, 3 * before) and lasted >= _END_SHARE else None
+    long = lasted >= _END_SHARE or spell.count >= _LONG_SPELL
+    return spell.begin if long and spell.count >= max(_TO_THE_END, 3 * before) else None
 
 
 def _tries(unit: UnitLedger) -> float:
@@ -223,7 +228,7 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     "unit-restarts",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} goes silent for about {length:.3g} s again and again: {spells} times, {silent} requests",
+    text="Unit {unit} goes silent for about {length:.3g} {measure} again and again: {spells} times, {silent} requests",
     share="{silent} of {asked} requests to unit {unit}, in {spells} spells",
     deciding_test="Watch the unit's power and its running light, or its uptime register, when it goes silent next",
     remedy="Check the unit's supply and its connector; a watchdog that resets it points to its firmware or to interference",
@@ -237,7 +242,6 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
             continue
         runs = len(unit.silences.all) + unit.silences.single + unit.silences.more
         begins = [each.begin for each in spells]
-        lengths = [each.end - each.begin for each in spells]
         lost, lost_ms = evidence.cost(unit, Ending.SILENT)
         timed = evidence.ledger.timed
         yield Suspicion(
@@ -249,7 +253,10 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
                 "spells": len(spells) + unit.silences.more,
                 "silent": silent,
                 "asked": unit.asked,
-                "length": sorted(lengths)[len(lengths) // 2] / 1e9,
+                "length": median(each.end - each.begin for each in spells) / 1e9
+                if timed
+                else median(each.count for each in spells),
+                "measure": "s" if timed else "requests in a row",
             },
             since=begins[0],
             until=spells[-1].end,

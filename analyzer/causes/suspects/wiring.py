@@ -45,7 +45,7 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     if hits.idle < _LEAST:
         return
     readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]
-    touched = hits.damaged * share_of(readings, "head")  # noise that runs into the beginning of an answer
+    touched = hits.damaged * share_of(readings, "head", "ahead")  # noise that runs into the beginning of an answer
     idle, frames = hits.idle + touched, hits.frames - touched
     bits = surplus_bits(idle, max(hits.exchanges, idle), HEALTHY)
     bits += likelihood_bits(frames, idle + frames, _WELL) - likelihood_bits(frames, idle + frames, 0.5)

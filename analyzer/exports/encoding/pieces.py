@@ -33,7 +33,7 @@ _UNKNOWN: Final = 0  # no piece: the store's first byte is not used
 
 def pieces(begins: Ints, sizes: Ints) -> Pieces:
     """Pieces from where they begin and how many bytes they have."""
-    return begins << _SIZE_BITS | sizes
+    return np.asarray(begins, np.int64) << _SIZE_BITS | sizes
 
 
 def begins_of(pieces: Pieces) -> Ints:

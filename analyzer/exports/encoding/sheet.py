@@ -97,7 +97,7 @@ class Cursor:
 
     def put_known(self, numbers: Ints, otherwise: bytes) -> None:
         """A number a line, or another text where it is negative."""
-        texts = np.full(len(numbers), self.sheet.store.fixed(otherwise))
+        texts = np.full(len(numbers), self.sheet.store.fixed(otherwise), np.int64)
         valid = numbers >= 0
         texts[valid] = self.sheet.numbers(numbers[valid])
         self.put(texts)

@@ -198,7 +198,7 @@ class _CsvTable:
 
     def _put_tail(self, rows: Rows, contents: _Spoken, batch: Batch, row_numbers: Ints, cursor: Cursor) -> None:
         """What is behind the summary, and the line's end."""
-        findings = np.full(len(row_numbers), self._store.fixed(b'",,'))
+        findings = np.full(len(row_numbers), self._store.fixed(b'",,'), np.int64)
         odd = np.flatnonzero(batch.finding_counts[row_numbers])
         if len(odd):
             texts = [b'",' + _findings(batch.findings_of(row)) + b"," for row in row_numbers[odd].tolist()]
@@ -218,7 +218,7 @@ class _CsvTable:
 
     def _put_clock(self, t_ns: Ints, cursor: Cursor) -> None:
         """ISO 8601 in UTC to the microsecond; nothing for times that no clock of ours gave."""
-        second, fraction, zone = np.full((3, len(t_ns)), self._store.fixed(b""))
+        second, fraction, zone = np.full((3, len(t_ns)), self._store.fixed(b""), np.int64)
         clocked = np.flatnonzero(is_clock(t_ns))
         if len(clocked):
             seconds, rest = np.divmod(t_ns[clocked] // 1000, 1_000_000)

@@ -11,7 +11,7 @@ stretches are composed of levels and read bit by bit.
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from random import Random
@@ -55,7 +55,7 @@ class Burst:
     def level(self, t: float) -> int:
         if not self.times:
             self.times, self.levels = waveform(self.uart, self.data, self.starts)
-        i = bisect_left(self.times, t + 1e-3) - 1
+        i = bisect_right(self.times, t) - 1
         return self.levels[i] if i >= 0 else int(not self.uart.inverted)
 
 

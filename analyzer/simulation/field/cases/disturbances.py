@@ -6,7 +6,7 @@ from random import Random
 
 from ..bench import SECOND, Bench, Expected, read_pdu, site
 from ..master import FieldPoll
-from ..registers import steps
+from ..registers import analog, steps
 from ..units import FieldUnit
 from ..wire import Burst, Pulse
 from .registry import BYTES, TIMED, Site, field_case
@@ -92,7 +92,12 @@ def emi_drive(random: Random, tap: str) -> Site:
     def on(at: float) -> bool:
         return any(begin <= at < end for begin, end in spells)
 
-    if random.random() < 0.5:
+    kind = random.random()
+    if kind < 0.2:  # a speed, which is told from 0 only
+        speed = analog(random)
+        unit.holdings.words[address] = lambda at: speed(at) if on(at) else 0
+        bench.master.polls.append(FieldPoll(unit.unit, read_pdu(random.choice((3, 4)), address, 2)))
+    elif kind < 0.6:
         unit.bits.words[address] = lambda at: int(on(at))
         bench.master.polls.append(FieldPoll(unit.unit, read_pdu(random.choice((1, 2)), address, 8)))
     else:

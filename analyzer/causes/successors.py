@@ -1,0 +1,41 @@
+"""What is right behind requests that nobody answered, and how much of it was hit: pairs of units, not frames."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+_UNITS = 256
+
+
+@dataclass(slots=True)
+class SuccessorTable:
+    """Counts by (unit, unit of a silent exchange right before it); 0 where the exchange before got an answer."""
+
+    asked: Counter[tuple[int, int]] = field(default_factory=Counter)
+    hit: Counter[tuple[int, int]] = field(default_factory=Counter)
+    _newest: int = 0
+
+    def add(self, units: NDArray[np.uint8], silent: NDArray[np.bool_], odd: NDArray[np.bool_]) -> None:
+        """The next exchanges: `silent` those without an answer, `odd` those that were hit."""
+        before = np.empty(len(units), np.int64)
+        before[0], before[1:] = self._newest, np.where(silent, units, 0)[:-1]
+        self._newest = int(units[-1]) if silent[-1] else 0
+        pairs = units * np.int64(_UNITS) + before
+        for counts, which in ((self.asked, pairs), (self.hit, pairs[odd])):
+            for pair, count in zip(*(each.tolist() for each in np.unique(which, return_counts=True)), strict=True):
+                counts[divmod(pair, _UNITS)] += count
+
+    def behind(self, before: int) -> list[int]:
+        """The units that were asked right behind a silent exchange of one, itself included."""
+        return sorted(unit for unit, other in self.asked if other == before)
+
+    def rates(self, unit: int, before: int) -> tuple[int, int, int, int]:
+        """Hits and exchanges of a unit right behind a silent one of that one, and else."""
+        hit = sum(count for (mine, _), count in self.hit.items() if mine == unit)
+        asked = sum(count for (mine, _), count in self.asked.items() if mine == unit)
+        then, then_of = self.hit[unit, before], self.asked[unit, before]
+        return then, then_of, hit - then, asked - then_of
