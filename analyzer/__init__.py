@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .core import Analysed, analyse, deframe
     from .deframing.protocols import Deframer
     from .diagnosis.running import Diagnosis
+    from .fleet.lake import lake
     from .options import Options
     from .tables.batch import Batch
     from .tables.findings import Finding, Severity
@@ -43,6 +44,7 @@ _HOMES = {
     "Transactions": "tables.transactions",
     "analyse": "core",
     "deframe": "core",
+    "lake": "fleet.lake",
     "open": "analysis",
 }
 
@@ -60,6 +62,7 @@ __all__ = [
     "__version__",
     "analyse",
     "deframe",
+    "lake",
     "open",
 ]
 

@@ -111,6 +111,10 @@ class Analyzer:
         self._notes = [*self._notes[1 - _NOTES :], note]
         self._outages[:] = deaf_times(self._notes)
 
+    def deafen(self, outages: Sequence[Deaf]) -> None:
+        """Times in which nothing was heard, all of them, where more have become known."""
+        self._outages[:] = outages
+
     def restart(self, line: LineSettings, missed: Mapping[int, int] | None = None) -> list[Analysed]:
         """Bytes were missed (so many, by port), or the line is another from now on; gives what was certain before."""
         last = self.close()
@@ -290,18 +294,38 @@ class _ObservedSource:
 
 
 def _evenly(blocks: Iterable[Block], room: int) -> Iterator[Block]:
-    """The same chunks in blocks whose ends hang on the chunks alone, so that a capture reads alike from any format."""
-    parts: list[Block] = []
+    """All chunks as `EvenBlocks` cuts them."""
+    even = EvenBlocks(room)
     for block in blocks:
+        yield from even.feed(block)
+    yield from even.close()
+
+
+class EvenBlocks:
+    """The same chunks in blocks whose ends hang on the chunks alone, so that a capture reads alike from any format.
+
+    `room`: bytes of the first block.
+    """
+
+    def __init__(self, room: int = _BLOCK) -> None:
+        self._room = room
+        self._parts: list[Block] = []
+
+    def feed(self, block: Block) -> Iterator[Block]:
+        """The blocks that these chunks complete."""
         first = 0
         while first < len(block):
-            last = int(np.searchsorted(block.offsets, block.offsets[first] + room))
+            last = int(np.searchsorted(block.offsets, block.offsets[first] + self._room))
             part = block.slice(first, min(max(last, first + 1), len(block)))
-            parts.append(part)
-            room -= len(part.data)
+            self._parts.append(part)
+            self._room -= len(part.data)
             first += len(part)
-            if room <= 0:
-                yield Block.joined(parts)
-                parts, room = [], _BLOCK
-    if parts:
-        yield Block.joined(parts)
+            if self._room <= 0:
+                yield from self.close()
+                self._room = _BLOCK
+
+    def close(self) -> Iterator[Block]:
+        """What is left, if anything."""
+        parts, self._parts = self._parts, []
+        if parts:
+            yield Block.joined(parts)

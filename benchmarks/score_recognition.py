@@ -1,7 +1,7 @@
 """Scores the recognition of devices by their traffic: how often a device that has a shipped map is named, how often
 rightly, and how often a stranger is taken for one.
 
-    python benchmarks/score_recognition.py [--polls N] [--seeds N] [--wrong] [--layouts FOLDER]
+    python benchmarks/score_recognition.py [--polls N] [--seeds N] [--wild SHARE] [--wrong] [--layouts FOLDER]
 
 Devices of the shipped maps stand at their own addresses and say nothing of themselves, as most devices on a bus do; the
 strangers are the layouts beside this file, which no shipped map describes, at their own addresses too. With `--telling`
@@ -39,6 +39,9 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--polls", type=int, default=60)
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--first-seed", type=int, default=9000)
+    parser.add_argument(
+        "--wild", type=float, default=0.0, metavar="SHARE", help="of values that are not as their names"
+    )
     parser.add_argument("--layouts", type=Path, default=LAYOUTS, metavar="FOLDER", help="the strangers")
     parser.add_argument("--wrong", action="store_true", help="print each wrong answer, and each device not named")
     parser.add_argument("--telling", action="store_true", help="devices say of themselves what their maps match")
@@ -47,7 +50,9 @@ def main(arguments: list[str]) -> int:
     for seed in range(options.first_seed, options.first_seed + options.seeds):
         for name in shipped_names():
             chart = shipped_map(name)
-            device = made_device(name, chart, Random(f"recognise {name} {seed}"), options.polls, move=False, wild=0.0)
+            device = made_device(
+                name, chart, Random(f"recognise {name} {seed}"), options.polls, move=False, wild=options.wild
+            )
             said = named(device, chart if options.telling else None)
             what = "silent" if said is None else "right" if said[0] == name else "wrong"
             counts[what] += 1
@@ -56,7 +61,7 @@ def main(arguments: list[str]) -> int:
                 print(f"{name}: {what} {said or ''}: {len(device.truth)} blocks, {asked}")
         for path in sorted(options.layouts.rglob("*.csv")):
             device = made_device(path.stem, read_map(path), Random(f"stranger {path.stem} {seed}"), options.polls,
-                                 move=False, wild=0.0)  # fmt: skip
+                                 move=False, wild=options.wild)  # fmt: skip
             said = named(device)
             counts["strangers"] += 1
             counts["stranger named"] += said is not None

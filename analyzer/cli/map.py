@@ -6,6 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from ..extras import needs
 from .exits import DONE, FAILED, NO_FRAME, UsageError
 from .inputs import load_functions, tell_damage
 from .outputs import add_overwrite_argument, to_be_overwritten
@@ -214,12 +215,16 @@ def _import(arguments: argparse.Namespace) -> int:
     from dissectors.maps.files import map_bytes
     from dissectors.maps.importers import import_maps
     from dissectors.maps.importers.sunspec import moved
+    from dissectors.maps.model import MissingLibraryError
 
     path = Path(arguments.file)
     to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=path)
     _check_suffix(arguments.output)
     data = map_bytes(path)
-    imported = import_maps(arguments.file, data, name=arguments.format)
+    try:
+        imported = import_maps(arguments.file, data, name=arguments.format)
+    except MissingLibraryError as missing:
+        raise UsageError(needs(missing.what, missing.library, missing.extra)) from missing
     names = [one.chart.device for one in imported]
     if arguments.device is not None:
         imported = [one for one in imported if one.chart.device == arguments.device]

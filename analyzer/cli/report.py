@@ -6,7 +6,7 @@ import argparse
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME
+from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_capture_arguments,
     add_check_argument,
@@ -61,6 +61,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print it."""
+    if is_lake(arguments.capture):
+        return write_fleet(arguments)
     load_functions(arguments)
     limits = chosen_limits(arguments)
     capture = open_capture(arguments)
@@ -92,6 +94,30 @@ def run(arguments: argparse.Namespace) -> int:
         values=values,
         more=more,
     )
+
+
+def is_lake(path: str) -> bool:
+    """Whether what was named as a capture is what `rtuscope batch` makes."""
+    if "://" in path:
+        return True
+    from pathlib import Path
+
+    return (Path(path) / "manifest").is_dir()
+
+
+def write_fleet(arguments: argparse.Namespace) -> int:
+    """The page of a fleet."""
+    if arguments.html is None:
+        raise UsageError(f"{arguments.capture}: is a lake: --html FILE writes a page of it, rtuscope ask answers")
+    from ..exports.output import output
+    from ..fleet.lake import Lake
+    from ..fleet.pages import fleet_page
+
+    lake = Lake(arguments.capture)
+    to_be_overwritten(arguments.html, overwrite=arguments.overwrite)
+    with output(arguments.html) as file:
+        file.write(fleet_page(lake).encode())
+    return DONE
 
 
 @dataclass(frozen=True, slots=True)

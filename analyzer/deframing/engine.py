@@ -32,6 +32,9 @@ _SLICE: Final = 1 << 20  # bytes searched at once
 _MUCH: Final = 1 << 16  # bytes: fed at once, more will follow, or a quiet line
 _LOOKS_AHEAD: Final = 16  # bytes behind its end that a search may want to see of a short frame
 _NOWHERE: Final = (-1, -1)
+_CROWD: Final = 64  # bytes that a look left undecided: the next is made when so many more have come,
+_MORE: Final = 4  # or one for so many of them, or the line falls quiet
+_QUIET: Final = 2  # stages of a quiet line
 
 
 class Engine:
@@ -47,6 +50,7 @@ class Engine:
         self._decider = Decider(self.buffer, self.statistics, options, role)
         self._searched = -1  # bytes of the stream up to which candidates are known
         self._found = Candidates.none()  # those, with offsets in the stream
+        self._left = 0  # bytes that the newest look left undecided
         self._waiting = False  # the last frame was a request that wants an answer
         self._waited = False  # the same of the last frame learnt from
         self._asked = _NOWHERE  # offsets: where a request that was taken without the lattice began and ended
@@ -69,8 +73,9 @@ class Engine:
         """
         self.buffer.append(data, sizes, times, marks, errors)
         if now_ns is None:
-            self.buffer.close(over=False)
-            self._work(self.buffer.ready, 0)
+            if self._look_pays(0):
+                self.buffer.close(over=False)
+                self._work(self.buffer.ready, 0)
         else:
             self.tick(now_ns)
 
@@ -79,6 +84,8 @@ class Engine:
         buffer, options = self.buffer, self.options
         silence = now_ns - buffer.last_time
         if not len(buffer) or silence < 0:
+            return
+        if not self._look_pays(_QUIET if silence >= options.idle_ns else 1):
             return
         ready, stages = buffer.ready, 0
         buffer.close(over=True)
@@ -104,6 +111,11 @@ class Engine:
         """The time of the first byte that is not decided, or None."""
         return int(self.buffer.time[0]) if len(self.buffer) else None
 
+    def _look_pays(self, stages: int) -> bool:
+        """Whether to look at once: what is crowded is dear to look at, and decided later it is decided the same."""
+        new, left = len(self.buffer) - self._left, self._left
+        return stages >= _QUIET or left < _CROWD or len(self.buffer) >= WINDOWS[-1] or new >= max(_CROWD, left // _MORE)
+
     def _work(self, ready: int, stages: int) -> None:
         """Decide as much of the first `ready` bytes of the buffer as can be; `stages` of the silence behind them."""
         buffer = self.buffer
@@ -123,6 +135,7 @@ class Engine:
                 StreamSegments(buffer.base, buffer.data[:begin], decided, buffer.reads(decided.start, decided.end))
             )
             buffer.drop(begin)
+        self._left = len(buffer)
 
     def _slice(self, begin: int, upto: int, stop: int, stages: int) -> int:
         """Decide bytes [begin, upto) of the buffer, as far as `stop` bytes at least; how many were."""

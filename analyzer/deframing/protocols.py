@@ -96,14 +96,26 @@ class Deframer(PortsDeframer):
     """
 
     def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
-        named = line.notes.get(PROTOCOLS_NOTE, "").split(",")
+        super().__init__(line, options, _EngineOfPort(line, options))
 
-        def engine(port: int) -> PortEngine:
-            noted = named[port].strip() if port < len(named) else ""
-            known = _BY_NAME.get(options.protocol, _BY_NAME.get(noted))
-            return _UndecidedPort(line, options, port) if known is None else known.engine(line, options, port)
 
-        super().__init__(line, options, engine)
+@dataclass(frozen=True, slots=True)
+class _EngineOfPort:
+    """Makes the engine of a port, of the protocol that the options or the line's notes name, if they do.
+
+    No closure: a deframer is kept between the slices of a recording (`analyzer.fleet`).
+    """
+
+    line: LineSettings
+    options: Options
+
+    def __call__(self, port: int) -> PortEngine:
+        named = self.line.notes.get(PROTOCOLS_NOTE, "").split(",")
+        noted = named[port].strip() if port < len(named) else ""
+        known = _BY_NAME.get(self.options.protocol, _BY_NAME.get(noted))
+        if known is None:
+            return _UndecidedPort(self.line, self.options, port)
+        return known.engine(self.line, self.options, port)
 
 
 class _UndecidedPort:

@@ -20,6 +20,7 @@ that its header predicts, or nearly.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Collection, Iterator, Sequence, Set
 from functools import lru_cache
 from heapq import heappop, heappush
@@ -297,6 +298,7 @@ def damaged_answers(
         (c.end, data[c.start : c.end]) for c in candidates if c.role == Role.REQUEST and c.declared and data[c.start]
     ]
     found: dict[tuple[int, int], Candidate] = {}
+    ends = sorted(edges.ends)
     for begin, request in asked:
         starts = _starts(data, begin, request[:2], taken)
         if not starts:
@@ -306,10 +308,10 @@ def damaged_answers(
         for start in starts:
             if data.startswith(header, start):
                 length = predicted_length(data, start, Role.RESPONSE) or MAX_ADU
-                for end in edges.ends:
-                    most = start + (2 * length + _MORE if len(header) >= _LEAST else length)
-                    least = start + (_LEAST if len(header) >= _LEAST else length)
-                    if least <= end <= most and not edges.parted(start, end):
+                most = start + (2 * length + _MORE if len(header) >= _LEAST else length)
+                least = start + (_LEAST if len(header) >= _LEAST else length)
+                for end in ends[bisect_left(ends, least) : bisect_right(ends, most)]:
+                    if not edges.parted(start, end):
                         found[start, end] = Candidate(
                             start, end, Role.RESPONSE, _bits(end - start, length), damaged=True
                         )

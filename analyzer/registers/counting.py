@@ -23,6 +23,7 @@ NONE: Final = -1  # the hypothesis does not reach so far
 
 _GAINS: Final = np.array([-24, -8, -3, -0.5, 0.5, 3, 8, 16, 32, 64, 128, 256, 512])  # bits
 _COSTS: Final = np.array([2.5, 4, 6, 8, 10, 12, 13.5, 15])  # bits a change
+_BESIDE: Final = (-8, -6, -4, -2, 2, 4, 6, 8)
 _SHARES: Final = np.array([0.02, 0.1, 0.3, 0.7, 0.95])
 _SIZES: Final = np.array([1, 4, 7, 9, 11, 13, 15])  # bits
 _RANGES: Final = np.array([1, 3, 5, 7, 9, 11, 13, 15, 15.9])  # bits
@@ -35,7 +36,7 @@ SIZES: Final[Mapping[str, int]] = {
     "i32": 4, "i32 gain": 14 * 2, "i32 words": 9 * 10, "i32 high": 16 * 2, "i32 low": 6 * 8 * 3,
     "i32 low range": 6 * 10, "i32 low cost": 6 * 9, "i32 high only": 16 * 4, "i32 quiet": 16 * 16,
     "i32 as float": 2 * 8 * 2, "i32 carries": 16, "i32 sign": 6 * 3, "i32 wraps": 12,
-    "i32 low manner": 6 * MANNERS, "i32 manners": MANNERS * MANNERS,
+    "i32 low manner": 6 * MANNERS, "i32 manners": MANNERS * MANNERS, "i32 rhythm": 2 * 5 * 5,
     # of two, as a float
     "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
     # of four
@@ -199,8 +200,23 @@ class Counting:
             "i32 as float": np.where(case > 0, (both * 8 + kinds) * 2 + few, NONE),
             "i32 carries": np.where(both, self._carries(high, steps), NONE),
             "i32 wraps": np.where(low_only | both, self._carried(high, low), NONE),
+            "i32 rhythm": np.where(low_only, (group == 0) * 25 + self._rhythm(high, low), NONE),
             "i32 block": self._edges(2),
         }
+
+    def _rhythm(self, high: Ints, low: Ints) -> Ints:
+        """Of every second register to either side of a pair: how many in line with its high word stand at zero, and
+        how many in line with its low word do not (of either 0 there are none, 1 to 4 from few to all)."""
+        zero = (self.words == 0).all(axis=0)
+        seen, zeros, others = (np.zeros(len(high), np.int64) for _ in range(3))
+        for away in _BESIDE:
+            there = (low + away >= self._first[low]) & (high + away >= self._first[high])
+            there &= (low + away <= self._last[low]) & (high + away <= self._last[high])
+            seen += there
+            zeros += there & zero[np.where(there, high + away, 0)]
+            others += there & ~zero[np.where(there, low + away, 0)]
+        shares = [np.digitize(count / np.maximum(seen, 1), (0.2, 0.6, 0.9)) + 1 for count in (zeros, others)]
+        return np.where(seen > 0, shares[0] * 5 + shares[1], 0)
 
     def _carried(self, high: Ints, low: Ints) -> Ints:
         """Whether the high word counts each time that the low word runs over, and at no other time.

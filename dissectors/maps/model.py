@@ -42,6 +42,14 @@ class MapError(ValueError):
     """A map that cannot be used; `str()` is one line: file, row, column, and what was expected."""
 
 
+class MissingLibraryError(MapError):
+    """A file of maps needs a `library` that is not installed, and that an `extra` of this package brings."""
+
+    def __init__(self, what: str, library: str, extra: str) -> None:
+        super().__init__(f"{what} needs {library}")
+        self.what, self.library, self.extra = what, library, extra
+
+
 @dataclass(frozen=True, slots=True)
 class MappedValue:
     """One value of a device.

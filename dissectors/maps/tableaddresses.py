@@ -12,6 +12,7 @@ _NUMBER: Final = re.compile(
     r"0[xX][0-9A-Fa-f]+|[0134][xX]\d+|\b[0-9][0-9A-Fa-f]*[hH]\b|\b[A-Fa-f][0-9A-Fa-f]*[hH]\b|\d+"
 )
 _BIT: Final = re.compile(r"(?P<place>.*[0-9A-Fa-f][hH]?)\s*[.:]\s*(?:bit\s*)?(?P<bit>\d|0\d|1[0-5])", re.IGNORECASE)
+_AREA_APART: Final = re.compile(r"([0134]) (?=\d{4,5}(?!\d))")  # 4 0001
 _THOUSANDS: Final = re.compile("(?<=\\d)[ \u00a0\u202f'](?=\\d{3}(?!\\d))")
 
 
@@ -68,7 +69,7 @@ def address_of(cell: str, form: AddressForm) -> TableAddress | None:
 
 def together(cell: str) -> str:
     """A cell whose numbers have no gaps at their thousands."""
-    return _THOUSANDS.sub("", cell.strip())
+    return _AREA_APART.sub(r"\1", _THOUSANDS.sub("", cell.strip()))
 
 
 def _whole(text: str) -> int:

@@ -18,16 +18,16 @@ _HEADINGS: Final[Mapping[str, str]] = {
     r"offset ?\(hex\)|hex|dec|modbus|номер регистра|(start|anfangs|register)?adresse|register-?nr",
     "end": r"(end(ing)?|last|кон\w*|посл\w*) (address|addr|adr|register|reg|адрес|регистр)|endadresse",
     "name": r"name|parameter|signal|variable|tag|quantity|measurement|object|description|наименование|название|"
-    r"параметр|имя|величина|описание|bezeichnung|messgr|größe|beschreibung",
+    r"параметр|имя|величина|описание|bezeichnung|messgr\w*|größe|beschreibung",
     "type": r"(data ?)?type|format|datatype|data format|тип( данных)?|формат|datentyp|typ",
     "length": r"length|len|size|words|count|quantity of reg|registers|number of registers|nr\.? of reg|длина|размер|"
     r"количество|кол-во|кол\.|länge|anzahl",
-    "scale": r"scal(e|ing)|factor|multiplier|resolution|coefficient|gain|множитель|коэфф|масштаб|цена|дискрет|"
+    "scale": r"scal(e|ing)|factor|multiplier|resolution|coefficient|gain|множитель|коэфф\w*|масштаб|цена|дискрет|"
     r"skalierung|faktor|auflösung|multiplikator",
     "divisor": r"divisor|divider|делитель|teiler",
     "offset": r"offset|смещение|сдвиг",
-    "unit": r"units?|uom|eng\.? ?units?|measure|ед\.?( ?изм\.?)?|единиц|размерность|einheit",
-    "values": r"values|enum|states|options|значени|состояни|werte|zustände",
+    "unit": r"units?|uom|eng\.? ?units?|measure|ед\.?( ?изм\.?)?|единиц\w*|размерность|einheit",
+    "values": r"values|enum|states|options|значени\w*|состояни\w*|werte|zustände",
     "access": r"access|r/w|rw|mode|permission|attribute|доступ|чтение|режим|zugriff",
     "range": r"(value |data |setting )?range|limits|диапазон|пределы|wertebereich|messbereich|grenzen",
     "min": r"min(imum)?|lower|мин\w*|untergrenze",
@@ -63,6 +63,8 @@ def headings(row: Sequence[str]) -> dict[str, int]:
     texts = [" ".join(cell.lower().split()).strip(" :.") for cell in row]
     if "№" in texts and not any(_means(text, "address", exact=False) for text in texts):
         texts[texts.index("№")] = "address"
+    if "registers" in texts and not any(_means(text, "address", exact=True) for text in texts):
+        texts[texts.index("registers")] = "address"  # beside an address it is how many
     if not any(_means(text, "address", exact=False) for text in texts):
         return {}
     for exact in (True, False):

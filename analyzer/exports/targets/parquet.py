@@ -21,11 +21,25 @@ _VARIED: Final = ("response_time_ns", "bytes", "values")  # of which a dictionar
 _SOUGHT: Final = (*_GROWING, "response_time_ns", "unit", "function", "address")  # least and greatest let readers skip
 
 
+def frames_writer(out: Any, schema: Any, **settings: Any) -> Any:
+    """A ParquetWriter of frames, its columns encoded as their values are; `settings` are further ones of pyarrow's."""
+    from pyarrow.parquet import ParquetWriter
+
+    few = [name for name in schema.names if name not in (*_GROWING, *_VARIED)]
+    return ParquetWriter(
+        out,
+        schema,
+        use_dictionary=[*few, "findings.list.element"],
+        column_encoding=dict.fromkeys((*_GROWING, "values.list.element"), "DELTA_BINARY_PACKED"),
+        write_statistics=list(_SOUGHT),
+        **settings,
+    )
+
+
 class _Groups:
     def __init__(self, out: OutputStream, options: ExportOptions) -> None:
         try:
             from pyarrow import PythonFile, Table
-            from pyarrow.parquet import ParquetWriter
 
             from analyzer.exports import arrow
         except ImportError as error:
@@ -37,14 +51,7 @@ class _Groups:
         self._table = Table.from_batches
         self._parts: list[Any] = []
         self._count = 0
-        few = [name for name in self._schema.names if name not in (*_GROWING, *_VARIED)]
-        self._writer = ParquetWriter(
-            PythonFile(out, mode="w"),
-            self._schema,
-            use_dictionary=[*few, "findings.list.element"],
-            column_encoding=dict.fromkeys((*_GROWING, "values.list.element"), "DELTA_BINARY_PACKED"),
-            write_statistics=list(_SOUGHT),
-        )
+        self._writer = frames_writer(PythonFile(out, mode="w"), self._schema)
 
     def block(self, block: Block) -> None:
         """Raw chunks are not in this format."""

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 from ..cells import area_and_address, one_line
-from ..model import VALUE_TYPES, MapArea, MapError
+from ..model import VALUE_TYPES, MapArea, MapError, MissingLibraryError
 from ..table import csv_rows
 from ..tableaddresses import AddressForm, address_form, address_of
 from ..tablewords import (
@@ -77,6 +77,9 @@ def _sheet(source: MapSource, sheet: str, rows: Sequence[Sequence[str]]) -> Impo
             addresses = [
                 below[heading["address"]] for below in _until_heading(rows[number:]) if heading["address"] < len(below)
             ]
+            if _is_divisor(row, heading, rows[number:]):
+                heading["divisor"] = heading.pop("scale")
+                builder.note("gains from 1 up were taken for what raw values are divided by")
             function = "area" in heading and is_function(row[heading["area"]])
             form = address_form(row[heading["address"]], addresses)
             if form.is_hex and not form.is_said:
@@ -94,6 +97,16 @@ def _sheet(source: MapSource, sheet: str, rows: Sequence[Sequence[str]]) -> Impo
     if builder.rows or builder.bits:
         builder.note("columns were told by their headings: look the map over, its address base above all")
     return builder.built() if columns else None
+
+
+def _is_divisor(row: Sequence[str], heading: dict[str, int], below: Sequence[Sequence[str]]) -> bool:
+    """Whether a column of gains says how many steps a unit has: none is below 1, as a factor would be."""
+    at = heading.get("scale")
+    if at is None or "divisor" in heading or not row[at].lower().startswith("gain"):
+        return False
+    cells = [other[at].strip() for other in _until_heading(below) if at < len(other)]
+    numbers = [int(cell) if cell.isdecimal() else 0 for cell in cells if cell]
+    return bool(numbers) and min(numbers) >= 1 and max(numbers) > 1
 
 
 def _until_heading(rows: Sequence[Sequence[str]]) -> Iterator[Sequence[str]]:
@@ -172,9 +185,7 @@ def _sheets(source: MapSource) -> list[tuple[str, list[list[str]]]]:
     try:
         import openpyxl
     except ImportError as error:
-        raise MapError(
-            f"{source.name}: a workbook needs openpyxl: pip install 'rtuscope[xlsx]', or save it as CSV"
-        ) from error
+        raise MissingLibraryError(f"{source.name}: a workbook (or save it as CSV)", "openpyxl", "xlsx") from error
     try:
         with zipfile.ZipFile(io.BytesIO(source.data)) as packed:
             if sum(part.file_size for part in packed.infolist()) > _UNPACKED:

@@ -1,0 +1,136 @@
+"""`rtuscope ask`: questions to a lake, ready ones or in SQL."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING, Any, Final
+
+from dissectors.values import harmless
+
+from .exits import DONE, UsageError
+from .quantities import seconds
+from .terminal import put_json
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+EXAMPLE = """\
+rtuscope simulate bus.jsonl --wire noisy
+rtuscope batch bus.jsonl -o lake --site plant-1
+rtuscope ask lake worst-units
+rtuscope ask lake 'SELECT site, name, count(*) FROM frames GROUP BY ALL' --csv"""
+_WIDEST: Final = 60  # characters of a cell on a terminal
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("lake", metavar="LAKE", help="what rtuscope batch made")
+    parser.add_argument(
+        "question",
+        metavar="QUESTION",
+        help="SQL on frames, transactions, values, findings, causes, captures, hours; or one of worst-units, "
+        "new-causes, drift, register UNIT ADDRESS [AREA], silent, compare SITE SITE, damaged",
+    )
+    parser.add_argument("words", nargs="*", metavar="WORD", help="what a ready question takes")
+    parser.add_argument("--since", type=seconds, metavar="TIME", help="of the newest 12h, 7d ... that the lake has")
+    parser.add_argument("--site", metavar="NAME", help="of this site alone (ready questions)")
+    parser.add_argument("--limit", type=int, default=20, metavar="N", help="rows of a ready question (20)")
+    shape = parser.add_mutually_exclusive_group()
+    shape.add_argument("--json", action="store_true", help="an array of objects")
+    shape.add_argument("--csv", action="store_true", help="comma-separated, with a heading")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Answer."""
+    from ..fleet.lake import Lake
+    from ..fleet.questions import QUESTIONS, Asked, ready
+
+    if arguments.limit < 1:
+        raise UsageError("--limit takes a number from 1")
+    lake = Lake(arguments.lake)
+    if arguments.question in QUESTIONS:
+        asked = Asked(tuple(arguments.words), arguments.since, arguments.site, arguments.limit)
+        answer = ready(lake, arguments.question, asked)
+    elif " " not in arguments.question.strip():
+        from ..meant import did_you_mean
+
+        near = did_you_mean(arguments.question, QUESTIONS)
+        raise UsageError(f"no question {arguments.question!r}{near}: there are {', '.join(QUESTIONS)}, or SQL")
+    elif arguments.words or arguments.since is not None or arguments.site is not None:
+        raise UsageError("further words, --since and --site go with ready questions: SQL says it all by itself")
+    else:
+        answer = lake.arrow(arguments.question)
+    if arguments.json:
+        put_json(_plain(answer))
+    elif arguments.csv:
+        _put_csv(answer)
+    else:
+        _put_table(answer)
+    return DONE
+
+
+def _plain(answer: Any) -> list[dict[str, Any]]:
+    names = answer.column_names
+    return [dict(zip(names, row, strict=True)) for row in _rows(answer, keep=True)]
+
+
+def _rows(answer: Any, *, keep: bool = False) -> Iterable[list[Any]]:
+    """Rows of plain values; without `keep` all of them text. Times as ISO 8601 with all nanoseconds."""
+    import pyarrow as pa
+
+    columns = []
+    for column in answer.columns:
+        if pa.types.is_temporal(column.type) or pa.types.is_decimal(column.type) or pa.types.is_dictionary(column.type):
+            column = column.cast(pa.string())
+        values = column.to_pylist()
+        columns.append([_json(value) if keep else "" if value is None else _text(value) for value in values])
+    return (list(row) for row in zip(*columns, strict=True))
+
+
+def _json(value: Any) -> Any:
+    if isinstance(value, bytes):
+        return value.hex(" ").upper()
+    if isinstance(value, list):
+        return [_json(each) for each in value]
+    if isinstance(value, float) and value != value:  # JSON has no NaN
+        return None
+    return value if isinstance(value, str | int | float | bool | dict) or value is None else str(value)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bytes):
+        return value.hex(" ").upper()
+    if isinstance(value, list):
+        return " ".join(map(_text, value))
+    return str(value)
+
+
+def _put_csv(answer: Any) -> None:
+    import csv
+
+    from ..exports.targets.csv import safe
+
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer.writerow(answer.column_names)
+    writer.writerows([safe(cell) if _words(cell) else cell for cell in row] for row in _rows(answer))
+
+
+def _words(cell: str) -> bool:
+    """Whether it is no number: a minus sign at its beginning is none that a spreadsheet would run."""
+    try:
+        float(cell)
+    except ValueError:
+        return True
+    return False
+
+
+def _put_table(answer: Any) -> None:
+    rows = [[harmless(cell) for cell in row] for row in _rows(answer)]
+    rows = [[cell if len(cell) <= _WIDEST else cell[: _WIDEST - 1] + "…" for cell in row] for row in rows]
+    heads = [harmless(name) for name in answer.column_names]
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+    for row in [heads, *rows]:
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    if not rows:
+        print("(nothing)")

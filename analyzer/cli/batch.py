@@ -1,0 +1,144 @@
+"""`rtuscope batch`: many captures, analysed into a lake."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from .exits import DONE, FAILED, INTERRUPTED, UsageError
+from .inputs import add_functions_argument, add_limit_arguments, add_reading_arguments, chosen_limits
+from .terminal import interruptible, places, say_in_place, tell
+
+if TYPE_CHECKING:
+    from ..fleet.batch import BatchResult, BatchStep
+    from ..fleet.runners import Runner
+    from ..fleet.tasks import BatchOptions
+
+EXAMPLE = """\
+rtuscope simulate bus.jsonl --wire noisy
+rtuscope batch bus.jsonl -o lake --site plant-1
+rtuscope ask lake worst-units"""
+_TOLD = 20  # troubles; the rest are counted
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument(
+        "source", metavar="SOURCE", nargs="+", help="captures: files, folders, globs, s3://, gs:// ... (needs fsspec)"
+    )
+    parser.add_argument("-o", "--output", metavar="LAKE", required=True, help="the lake: a folder or an object store")
+    parser.add_argument("--resume", action="store_true", help="go on with a lake that is there: nothing is done twice")
+    parser.add_argument(
+        "--redo", action="store_true", help="with --resume: make anew what another version or other options made"
+    )
+    add_fleet_arguments(parser)
+
+
+def add_fleet_arguments(parser: argparse.ArgumentParser) -> None:
+    """What `batch` and `watch` have in common."""
+    parser.add_argument("--site", metavar="NAME", help="site of all of them; by default the folder that each is in")
+    parser.add_argument(
+        "--site-from",
+        metavar="REGEX",
+        help="a pattern on paths with a group (?P<site>...), and (?P<line>...) if need be",
+    )
+    parser.add_argument(
+        "--workers", type=_workers, metavar="N", help="processes of this machine (by default as many as it has cores)"
+    )
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="a Dask cluster's instead: tcp://HOST:8786")
+    parser.add_argument("--noise", action="store_true", help="keep the bytes between frames too")
+    add_reading_arguments(parser)
+    add_functions_argument(parser)
+    add_limit_arguments(parser)
+
+
+def _workers(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 1024:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of processes, 1 to 1024")
+    return int(text)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Make it, or go on with it."""
+    from ..fleet.batch import run_batch
+    from ..fleet.manifest import Manifest
+    from ..fleet.sources import found, lines_of
+    from ..fleet.stores import store
+
+    lake = store(arguments.output)
+    if not arguments.resume and Manifest(lake).newest:
+        raise UsageError(f"{arguments.output}: is a lake already: go on with it by --resume")
+    lines = lines_of(found(arguments.source), arguments.site, arguments.site_from)
+    with interruptible() as stop:
+        result = run_batch(
+            lake,
+            lines,
+            batch_options(arguments),
+            chosen_runner(arguments),
+            redo=arguments.redo,
+            progress=show_step if places(sys.stderr) else None,
+            stop=stop,
+        )
+    tell_result(result)
+    if not arguments.redo and result.outdated:
+        tell(f"{result.outdated} lines were made by another version or other options: --redo makes them anew")
+    if result.partial:
+        tell("stopped by Ctrl-C; what was done is kept: --resume goes on")
+        return INTERRUPTED
+    return FAILED if result.failed or result.damaged else DONE
+
+
+def batch_options(arguments: argparse.Namespace) -> BatchOptions:
+    """How the captures are to be read and analysed, as was asked for."""
+    from pathlib import Path
+
+    from ..fleet.tasks import BatchOptions
+
+    names = ("baud", "parity", "bits", "stop", "polarity", "tz", "sample_rate")
+    reading = {name: value for name in names if (value := getattr(arguments, name)) is not None}
+    if arguments.input_format is not None:
+        reading["format"] = arguments.input_format
+    functions = tuple(str(Path(path).resolve()) for path in arguments.functions)
+    return BatchOptions(reading, chosen_limits(arguments), functions, arguments.noise)
+
+
+def chosen_runner(arguments: argparse.Namespace) -> Runner:
+    """Where the work is done."""
+    from ..fleet.runners import ProcessPool, in_this_process
+
+    if arguments.scheduler is not None:
+        from ..fleet.cluster import DaskCluster
+
+        return DaskCluster(arguments.scheduler)
+    workers = (
+        arguments.workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
+    return in_this_process if workers == 1 else ProcessPool(workers)
+
+
+def show_step(step: BatchStep) -> None:
+    """How far it is, on a terminal."""
+    share = step.done / step.total if step.total else 1.0
+    left = step.seconds * (1 - share) / share if share else 0.0
+    minutes, seconds = divmod(round(left), 60)
+    pace = step.done / 1e6 / max(step.seconds, 1e-3)
+    say_in_place(
+        f"batch: {share:.0%}, {step.frames:,} frames, {pace:,.1f} MB/s of captures, {minutes}:{seconds:02d} left"
+    )
+
+
+def tell_result(result: BatchResult) -> None:
+    """What was done, and what could not be."""
+    if places(sys.stderr):
+        say_in_place("")
+    for trouble in result.troubles[:_TOLD]:
+        tell(trouble)
+    if len(result.troubles) > _TOLD:
+        tell(f"and {len(result.troubles) - _TOLD:,} more (rtuscope ask LAKE damaged lists captures)")
+    skipped = f", {result.skipped:,} were there already" if result.skipped else ""
+    print(
+        f"{result.captures:,} captures of {result.lines:,} lines taken in{skipped}: {result.frames:,} frames, "
+        f"{result.octets / 1e6:,.1f} MB of the line in {result.seconds:,.1f} s"
+    )

@@ -1,0 +1,73 @@
+"""`rtuscope watch`: new captures into a lake as they come."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+from .batch import add_fleet_arguments, batch_options, chosen_runner, show_step, tell_result
+from .exits import DONE
+from .quantities import seconds
+from .terminal import Stop, interruptible, places, tell
+
+EXAMPLE = """\
+rtuscope simulate bus.jsonl
+rtuscope watch lake --from bus.jsonl --site plant-1 --once"""
+_STEP_S = 0.2  # how soon Ctrl-C is heeded
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("lake", metavar="LAKE", help="the lake: a folder or an object store")
+    parser.add_argument(
+        "--from",
+        dest="source",
+        metavar="SOURCE",
+        action="append",
+        required=True,
+        help="where captures come: a folder, a glob, s3:// ...; may be given again",
+    )
+    parser.add_argument("--every", type=seconds, default=60.0, metavar="TIME", help="how often to look (60s)")
+    parser.add_argument("--once", action="store_true", help="look once and end")
+    add_fleet_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Take them in until Ctrl-C."""
+    from ..fleet.batch import run_batch
+    from ..fleet.errors import FleetError
+    from ..fleet.sources import found, lines_of, settled
+    from ..fleet.stores import store
+
+    lake, options, runner = store(arguments.lake), batch_options(arguments), chosen_runner(arguments)
+    told: set[str] = set()
+    with interruptible() as stop:
+        while not stop():
+            try:
+                files = settled(found(arguments.source), 0.0 if arguments.once else min(arguments.every, 10.0))
+                lines = lines_of(files, arguments.site, arguments.site_from)
+                result = run_batch(
+                    lake, lines, options, runner, progress=show_step if places(sys.stderr) else None, stop=stop
+                )
+            except FleetError as error:  # a network that is down now is up again later
+                if arguments.once:
+                    raise
+                if str(error) not in told:
+                    tell(str(error))
+                told.add(str(error))
+            else:
+                result.troubles = [each for each in result.troubles if each not in told]
+                told.update(result.troubles)
+                if result.captures or result.troubles:
+                    tell_result(result)
+            if arguments.once:
+                break
+            _wait(arguments.every, stop)
+    return DONE
+
+
+def _wait(period_s: float, stop: Stop) -> None:
+    end = time.monotonic() + period_s
+    while not stop() and time.monotonic() < end:
+        time.sleep(min(_STEP_S, period_s))

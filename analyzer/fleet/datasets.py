@@ -1,0 +1,213 @@
+"""The tables of a lake: those of an export, with the line beside each row, and what a fleet needs besides.
+
+A large table lies in Parquet files `TABLE/site=SITE/day=YYYY-MM-DD/NAME.parquet`; the day is that of the row's own
+time, UTC, and captures without a clock count from 1970-01-01. A small one has a file a task,
+`TABLE/site=SITE/NAME.parquet`: by days as well it would be files of a few rows, and opening them all that a question
+costs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import quote
+from uuid import uuid4
+
+import numpy as np
+
+from ..exports.records import TABLES
+from ..extras import needs
+from .errors import FleetError
+
+if TYPE_CHECKING:
+    from .stores import LakeStore
+
+try:
+    import pyarrow as pa
+    from pyarrow.parquet import ParquetWriter
+
+    from ..exports.arrow import SCHEMA
+    from ..exports.record_files import record_schema
+    from ..exports.targets.parquet import frames_writer
+except ImportError as error:
+    raise FleetError(needs("a lake", "pyarrow", "fleet")) from error
+
+DAY_NS: Final = 86_400_000_000_000
+_GROUP: Final = 1 << 16  # rows of a row group, at least
+_TIME: Final = pa.timestamp("ns", "UTC")
+_LINE: Final = pa.field("line", pa.dictionary(pa.int8(), pa.string()))
+
+CAUSES: Final = pa.schema(
+    [
+        ("t_ns", _TIME),  # since when, as far as that is known; else the beginning of what was looked at
+        ("cause", pa.string()),
+        ("severity", pa.string()),
+        ("units", pa.list_(pa.uint8())),
+        ("blame", pa.string()),
+        ("text", pa.string()),
+        ("share", pa.string()),
+        ("since_ns", _TIME),
+        ("until_ns", _TIME),
+        ("period_s", pa.float64()),
+        ("confidence", pa.float64()),
+        ("runner_up", pa.string()),
+        ("deciding_test", pa.string()),
+        ("remedy", pa.string()),
+        ("lost_answers", pa.int64()),
+        ("lost_ms", pa.float64()),
+        ("frames", pa.list_(pa.int64())),
+        ("bits", pa.float64()),
+    ]
+)
+CAPTURES: Final = pa.schema(
+    [
+        ("t_ns", _TIME),  # of the first byte
+        ("t_last_ns", _TIME),
+        ("source", pa.string()),
+        ("sha256", pa.string()),
+        ("size", pa.int64()),
+        ("format", pa.string()),
+        ("bytes", pa.int64()),  # of the line
+        ("baud", pa.int64()),
+        ("char_bits", pa.int64()),
+        ("parity", pa.string()),
+        ("tap", pa.string()),
+        ("version", pa.string()),  # that analysed it
+        ("state", pa.string()),  # whole, damaged, unreadable or twice
+        ("damage_count", pa.int64()),
+        ("damage", pa.list_(pa.string())),  # the first hundred
+    ]
+)
+HOURS: Final = pa.schema(
+    [
+        ("t_ns", _TIME),  # when the hour began
+        ("unit", pa.uint8()),
+        ("requests", pa.int64()),
+        ("answered", pa.int64()),  # what became of them, as the column `status` of transactions
+        ("exception", pa.int64()),
+        ("unanswered", pa.int64()),
+        ("broadcast", pa.int64()),
+        ("damaged", pa.int64()),
+        ("unheard", pa.int64()),
+        ("retries", pa.int64()),
+        ("late", pa.int64()),
+        ("timed", pa.int64()),  # answers of which is known how long they took, or between what
+        ("response_time_low_sum_ns", pa.int64()),  # the same sum twice where all are exact
+        ("response_time_high_sum_ns", pa.int64()),
+        ("response_time_high_max_ns", pa.int64()),
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Dataset:
+    """A table of a lake: its columns, and for a large one that by whose time a row has its day."""
+
+    schema: Any
+    time: str | None = None
+
+
+def _with_line(schema: Any) -> Any:
+    return pa.schema([_LINE, *schema])
+
+
+DATASETS: Final[Mapping[str, Dataset]] = {
+    "frames": Dataset(_with_line(SCHEMA), "t_start_ns"),
+    "transactions": Dataset(_with_line(record_schema(TABLES["transactions"])), "t_start_ns"),
+    "values": Dataset(_with_line(record_schema(TABLES["values"])), "t_ns"),
+    "findings": Dataset(_with_line(record_schema(TABLES["findings"])), "t_ns"),
+    "causes": Dataset(_with_line(CAUSES)),
+    "captures": Dataset(_with_line(CAPTURES)),
+    "hours": Dataset(_with_line(HOURS)),
+}
+
+
+@cache
+def day_name(day: int) -> str:
+    """`2026-11-22`, of a day since the epoch."""
+    return f"{datetime.fromtimestamp(day * 86_400, UTC):%Y-%m-%d}"
+
+
+@dataclass(slots=True)
+class _DayFile:
+    """A file being written."""
+
+    path: Path
+    writer: Any
+    parts: list[Any]
+    waiting: int = 0
+    rows: int = 0
+
+
+class LakeFiles:
+    """Rows of one line into files of a lake, a file a table and day; memory holds a row group of each."""
+
+    def __init__(self, store: LakeStore, site: str, line: str, prefix: str) -> None:
+        self._store, self._site, self._prefix = store, site, prefix
+        self._line = pa.array([line], pa.string())
+        self._open: dict[tuple[str, int | None], _DayFile] = {}
+        self._days: dict[str, int] = {}  # the newest, by table
+        self._done: dict[str, list[tuple[str, int]]] = {}
+
+    def add(self, table: str, part: Any) -> None:
+        """A RecordBatch of rows of a table, its column `line` left out."""
+        if not len(part):
+            return
+        dataset = DATASETS[table]
+        none = pa.DictionaryArray.from_arrays(pa.array(np.zeros(len(part), np.int8)), self._line)
+        part = pa.record_batch([none, *part.columns], schema=dataset.schema)
+        if dataset.time is None:
+            self._add(table, None, part)
+            return
+        times = part.column(dataset.time).view(pa.int64()).to_numpy(zero_copy_only=False)
+        days = times // DAY_NS
+        for day in np.unique(days).tolist():
+            mine = days == day
+            self._add(table, day, part if mine.all() else part.filter(pa.array(mine)))
+
+    def _add(self, table: str, day: int | None, part: Any) -> None:
+        if day is not None:
+            newest = self._days.get(table, day)
+            for of, old in list(self._open):
+                if of == table and old is not None and old < newest < day:
+                    self._close(of, old)  # a line's times hardly ever go back, and no further than a day
+            self._days[table] = max(newest, day)
+        file = self._open.get((table, day))
+        if file is None:
+            file = self._open[table, day] = self._begin(table)
+        file.parts.append(part)
+        file.waiting += len(part)
+        if file.waiting >= _GROUP:
+            _flush(file, DATASETS[table].schema)
+
+    def _begin(self, table: str) -> _DayFile:
+        path = self._store.scratch()
+        make: Callable[..., Any] = frames_writer if table == "frames" else ParquetWriter
+        return _DayFile(path, make(str(path), DATASETS[table].schema, compression="zstd"), [])
+
+    def _close(self, table: str, day: int | None) -> None:
+        file = self._open.pop((table, day))
+        _flush(file, DATASETS[table].schema)
+        file.writer.close()
+        folder = f"{table}/site={quote(self._site, safe='')}" + ("" if day is None else f"/day={day_name(day)}")
+        name = f"{folder}/{self._prefix}-{uuid4().hex[:12]}.parquet"
+        self._store.put(name, file.path)
+        self._done.setdefault(table, []).append((name, file.rows))
+
+    def close(self) -> dict[str, list[tuple[str, int]]]:
+        """The names of all files by table, each with its count of rows."""
+        for key in list(self._open):
+            self._close(*key)
+        done, self._done, self._days = self._done, {}, {}
+        return done
+
+
+def _flush(file: _DayFile, schema: Any) -> None:
+    if file.parts:
+        file.writer.write_table(pa.Table.from_batches(file.parts, schema), row_group_size=2 * _GROUP)
+    file.rows += file.waiting
+    file.parts, file.waiting = [], 0

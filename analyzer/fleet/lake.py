@@ -1,0 +1,149 @@
+"""A lake, read: its tables as DuckDB views, polars lazy frames, Dask dataframes. Only what the manifest names is read.
+
+lake = analyzer.lake("lake")
+lake.sql("SELECT site, count(*) FROM frames GROUP BY site").show()
+lake.polars("transactions").filter(...).collect()
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from os import PathLike, fspath
+from typing import Any, Final
+
+from ..extras import needs
+from .datasets import DATASETS
+from .errors import FleetError
+from .manifest import Manifest
+from .stores import FolderStore, filesystem, store
+
+MEMORY: Final = "1500MB"  # that DuckDB may take; beyond it works on the disk
+
+
+class Lake:
+    """A lake as it is now; open it anew to see what a batch added since."""
+
+    def __init__(self, path: str) -> None:
+        """Raises FleetError where there is no lake."""
+        self.store = store(path)
+        self.manifest = Manifest.of(self.store)
+        self._connection: Any = None
+
+    def __repr__(self) -> str:
+        return f"<Lake {self.store.root}: {len(self.manifest.lines)} lines>"
+
+    @property
+    def sites(self) -> list[str]:
+        """Their names."""
+        return sorted({site for site, _ in self.manifest.lines})
+
+    def files(self, table: str) -> list[str]:
+        """The Parquet files of a table, as paths or URLs. Raises FleetError where there is no such table."""
+        if table not in DATASETS:
+            raise FleetError(f"no table {table!r}: there are {', '.join(DATASETS)}")
+        return [self.store.url(name) for name in self.manifest.files(table)]
+
+    def duckdb(self) -> Any:
+        """A DuckDB connection with a view a table. It reads the lake and no other file, and writes none."""
+        if self._connection is None:
+            self._connection = _connected(self)
+        return self._connection
+
+    def sql(self, text: str, parameters: dict[str, Any] | None = None) -> Any:
+        """The relation that a query gives. Raises FleetError for what is no query, or a wrong one."""
+        duckdb = _duckdb()
+        connection = self.duckdb()
+        try:
+            statements = connection.extract_statements(text)
+            if len(statements) != 1 or statements[0].type not in _reads(duckdb):
+                raise FleetError("only one query at a time, and nothing but queries: SELECT, or WITH ... SELECT")
+            return connection.sql(text, params=parameters) if parameters else connection.sql(text)
+        except duckdb.Error as error:
+            raise FleetError(_words(error)) from error
+
+    def arrow(self, text: str, parameters: dict[str, Any] | None = None) -> Any:
+        """The answer to a query as an Arrow table. Raises FleetError as `sql` does."""
+        duckdb = _duckdb()
+        try:
+            relation = self.sql(text, parameters)
+            return relation.to_arrow_table()
+        except duckdb.Error as error:
+            raise FleetError(_words(error)) from error
+
+    def polars(self, table: str) -> Any:
+        """A polars LazyFrame."""
+        polars = _imported("polars")
+        files = self.files(table)
+        if not files:
+            return polars.from_arrow(_empty(table)).lazy()
+        return polars.scan_parquet(files, hive_partitioning=True)
+
+    def dask(self, table: str) -> Any:
+        """A Dask dataframe, on whatever cluster there is."""
+        return _imported("dask.dataframe").read_parquet(self.files(table), filesystem="fsspec")
+
+
+def lake(path: str | PathLike[str]) -> Lake:
+    """The lake at a path or URL. Raises FleetError where there is none."""
+    return Lake(fspath(path))
+
+
+def _connected(lake: Lake) -> Any:
+    duckdb = _duckdb()
+    connection = duckdb.connect(":memory:", config={"memory_limit": MEMORY, "autoinstall_known_extensions": "false"})
+    local = isinstance(lake.store, FolderStore)
+    if not local:
+        connection.register_filesystem(filesystem(lake.store.root)[0])
+    connection.execute("SET TimeZone = 'UTC'")
+    for table, dataset in DATASETS.items():
+        files = lake.files(table)
+        types = "'site': VARCHAR" + ("" if dataset.time is None else ", 'day': DATE")
+        if files:
+            listed = ", ".join(map(quoted, files))
+            rows = f"read_parquet([{listed}], hive_partitioning = true, hive_types = {{{types}}})"
+        else:
+            connection.register(f"empty_{table}", _empty(table))
+            rows = f"empty_{table}"
+        connection.execute(f"CREATE VIEW {table} AS SELECT * FROM {rows}")
+    if local:
+        connection.execute(f"SET allowed_directories = [{quoted(lake.store.root + '/')}]")
+        connection.execute("SET enable_external_access = false")
+    connection.execute("SET lock_configuration = true")
+    return connection
+
+
+def _words(error: Exception) -> str:
+    """What DuckDB says, in a line; not all the functions that it has instead."""
+    return " ".join(str(error).partition("Candidate functions:")[0].split())
+
+
+def quoted(text: str) -> str:
+    """A text as SQL has it."""
+    return "'" + text.replace("'", "''") + "'"
+
+
+def _empty(table: str) -> Any:
+    import pyarrow as pa
+
+    dataset = DATASETS[table]
+    more = [("site", pa.string())] + ([] if dataset.time is None else [("day", pa.date32())])
+    return pa.schema([*dataset.schema, *(pa.field(*each) for each in more)]).empty_table()
+
+
+def _reads(duckdb: Any) -> tuple[Any, ...]:
+    return (duckdb.StatementType.SELECT, duckdb.StatementType.EXPLAIN)
+
+
+def _duckdb() -> Any:
+    try:
+        return import_module("duckdb")
+    except ImportError as error:
+        raise FleetError(needs("asking a lake", "duckdb", "fleet")) from error
+
+
+def _imported(name: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError as error:
+        library = name.partition(".")[0]
+        raise ImportError(f"this needs {library}: pip install {library}", name=library) from error

@@ -1,0 +1,227 @@
+"""The analysis of one line, slice after slice, kept between them: what comes out is what one pass gives.
+
+Blocks are cut by the chunks alone, across the slices' seams, and fed to one `Analyzer`; so a line whose newest slice
+was analysed goes on with the next one, years after, without reading anything anew. `kept` is the whole state as bytes
+(a pickle, of nothing but this project's and numpy's classes), `resumed` makes it again.
+"""
+
+from __future__ import annotations
+
+import io
+import pickle
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pyarrow as pa
+
+from captures.spacing import INFERRED
+from captures.time_order import CLOCK_STEP_NS, TimeOrder
+
+from ..causes.ledger import Ledger
+from ..causes.reasoning import causes_of
+from ..core import Analysed, Analyzer, EvenBlocks
+from ..exports.arrow import record_batch
+from ..exports.record_files import record_arrow, record_schema
+from ..exports.records import TABLES
+from ..options import Options
+from ..outages import deaf_times
+from ..tables.transactions import NEVER
+from .datasets import CAUSES, DAY_NS, LakeFiles
+from .errors import FleetError
+from .hours import UnitHours
+
+if TYPE_CHECKING:
+    from captures import Block, Capture
+    from captures.line import LineSettings
+    from captures.recording.notes import Note
+
+    from ..tables.batch import Batch
+    from ..tables.schema import Rows
+
+_NOTES: Final = 4096  # of a line remembered, the newest
+_OURS: Final = ("analyzer.", "captures.", "dissectors.")
+_OTHERS: Final = frozenset(
+    {
+        ("builtins", "complex"),
+        ("builtins", "frozenset"),
+        ("builtins", "set"),
+        ("builtins", "slice"),
+        ("builtins", "bytearray"),
+        ("builtins", "range"),
+        ("collections", "Counter"),
+        ("collections", "OrderedDict"),
+        ("collections", "defaultdict"),
+        ("collections", "deque"),
+    }
+)
+_PLAIN: Final = frozenset({"int", "float", "list", "dict", "set", "tuple", "str", "bytes", "bool"})
+
+
+@dataclass(slots=True)
+class LineState:
+    """One line so far. `frames` and `octets` were given to the lake, or wait in it to be."""
+
+    line: LineSettings
+    options: Options
+    noise: bool
+    analyzer: Analyzer = field(init=False)
+    even: EvenBlocks = field(init=False, default_factory=EvenBlocks)
+    order: TimeOrder = field(init=False, default_factory=TimeOrder)
+    notes: list[Note] = field(init=False, default_factory=list)
+    hours: UnitHours = field(init=False, default_factory=UnitHours)
+    frames: int = 0
+    octets: int = 0
+    _until_ns: int = NEVER  # of the newest byte
+    _ledger: Ledger | None = None
+    _day: int = 0  # of the ledger, since the epoch
+    _begun_ns: int = 0  # of its first row
+
+    def __post_init__(self) -> None:
+        self.analyzer = Analyzer(self.line, self.options)
+
+    def slice(self, capture: Capture, files: LakeFiles) -> Iterator[tuple[int, int, int]]:
+        """Take in a slice: of each block, as it comes, its bytes, first and last time. Raises CaptureError."""
+        self.notes = [*self.notes, *capture.notes()][-_NOTES:]
+        self.analyzer.deafen(deaf_times(self.notes))
+        if INFERRED not in capture.line.notes and _settings(capture.line) != _settings(self.line):
+            self._restart(capture.line, files)
+        for raw in capture.blocks():
+            block = self._in_order(raw, files)
+            self.octets += len(block.data)
+            yield len(block.data), int(block.t_ns.min()), int(block.t_ns.max())
+            for part in self.even.feed(block):
+                self._take(self.analyzer.feed(part), files)
+
+    def _in_order(self, block: Block, files: LakeFiles) -> Block:
+        """The same with times that go on from the slice before; anew where a clock was set back in between."""
+        if not block.timed:
+            return block
+        if int(block.t_ns.min()) < self._until_ns - CLOCK_STEP_NS:
+            self._restart(self.line, files)
+        block = replace(block, t_ns=self.order.mend(block.t_ns, block.port))
+        self._until_ns = int(block.t_ns.max())
+        return block
+
+    def broken(self, files: LakeFiles) -> None:
+        """A slice is missing here: what follows begins anew, so that nothing is paired across the hole."""
+        self._restart(self.line, files)
+
+    def _restart(self, line: LineSettings, files: LakeFiles) -> None:
+        for part in self.even.close():
+            self._take(self.analyzer.feed(part), files)
+        self.even, self.order, self._until_ns = EvenBlocks(), TimeOrder(), NEVER
+        self._take(self.analyzer.restart(line), files)
+        self._close_day(files)
+        self.line = line
+
+    def close(self, files: LakeFiles) -> None:
+        """No more comes, as far as is known: the rest of the rows. The state is of no use any more."""
+        for part in self.even.close():
+            self._take(self.analyzer.feed(part), files)
+        self._take(self.analyzer.close(), files)
+        self._close_day(files)
+        files.add("hours", self.hours.close())
+
+    def _take(self, parts: Iterable[Analysed], files: LakeFiles) -> None:
+        for analysed in parts:
+            frames = record_batch(analysed.batch, noise=self.noise)
+            self.frames += len(frames) if not self.noise else int((analysed.batch.rows["index"] >= 0).sum())
+            files.add("frames", frames)
+            for name, table in TABLES.items():
+                records = record_arrow(record_schema(table), table.columns(analysed))
+                files.add(name, records)
+                if name == "transactions":
+                    files.add("hours", self.hours.feed(records))
+            for batch, transactions in _days(analysed):
+                self._explain(batch, transactions, files)
+
+    def _explain(self, batch: Batch, transactions: Rows, files: LakeFiles) -> None:
+        """Rows of one day into the ledger of that day."""
+        if not len(batch):
+            return
+        begun = int(batch.rows["t_start"][0])
+        if self._ledger is None or begun // DAY_NS > self._day:
+            self._close_day(files)
+            self._ledger, self._day, self._begun_ns = Ledger(self.line, self.options), begun // DAY_NS, begun
+        self._ledger.feed(batch, transactions)
+
+    def _close_day(self, files: LakeFiles) -> None:
+        if self._ledger is None:
+            return
+        self._ledger.close()
+        rows = [
+            {**cause.to_json(), "t_ns": self._begun_ns if cause.since_ns is None else cause.since_ns}
+            for cause in causes_of(self._ledger)
+        ]
+        columns = [_cells(field.type, [row[field.name] for row in rows]) for field in CAUSES]
+        files.add("causes", pa.record_batch(columns, schema=CAUSES))
+        self._ledger = None
+
+    def kept(self) -> bytes:
+        """The whole of it, to go on from."""
+        return pickle.dumps(self, protocol=5)
+
+
+def _cells(kind: Any, values: list[Any]) -> Any:
+    return pa.array([list(each) if isinstance(each, tuple) else each for each in values], kind)
+
+
+def _settings(line: LineSettings) -> LineSettings:
+    """What a restart hangs on: another note in a header is no other line."""
+    return replace(line, tap=None, notes={})
+
+
+def _days(analysed: Analysed) -> Iterator[tuple[Batch, Rows]]:
+    """The rows of each day, with the transactions that they began. A day begins with its first row and never again."""
+    batch, transactions = analysed.batch, analysed.transactions
+    days = np.maximum.accumulate(batch.rows["t_start"] // DAY_NS)
+    begins = (np.flatnonzero(np.diff(days)) + 1).tolist()
+    if not begins:
+        yield batch, transactions
+        return
+    first = begun = 0
+    for last in [*begins, len(batch)]:
+        rows = batch.rows[first:last]
+        indices = rows["index"][rows["index"] >= 0]
+        after = int(np.searchsorted(transactions["request"], indices.max(initial=-1), side="right"))
+        end = len(transactions) if last == len(batch) else max(after, begun)
+        earlier = {**batch.earlier, **dict(_asked_before(batch, first, last, int(indices.min(initial=1 << 62))))}
+        yield replace(batch, rows=rows, earlier=earlier, evidence=None, findings=None), transactions[begun:end]
+        first, begun = last, end
+
+
+def _asked_before(batch: Batch, first: int, last: int, index: int) -> Iterator[tuple[int, bytes]]:
+    """The requests before `index` that these rows answer, and that stand in this batch."""
+    asked = batch.rows["request"][first:last]
+    for row in np.flatnonzero((asked >= 0) & (asked < index)).tolist():
+        if (request := batch.request_of(first + row, int(asked[row]))) is not None:
+            yield int(asked[row]), request
+
+
+class _OwnPickles(pickle.Unpickler):
+    """Makes objects of this project's classes and of numpy's arrays alone: a lake may come from elsewhere."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        numpy_own = module.split(".")[0] == "numpy" and name in (
+            "_reconstruct", "ndarray", "dtype", "scalar", "_frombuffer", "int64", "uint8", "float64"
+        )  # fmt: skip
+        own = module.startswith(_OURS) and "." not in name
+        if not (numpy_own or own or (module, name) in _OTHERS or (module == "builtins" and name in _PLAIN)):
+            raise pickle.UnpicklingError(f"{module}.{name} has no business in a line's state")
+        found = super().find_class(module, name)
+        if own and not isinstance(found, type) and getattr(found, "__module__", module) != module:
+            raise pickle.UnpicklingError(f"{module}.{name} is not that module's own")
+        return found
+
+
+def resumed(data: bytes) -> LineState:
+    """What `kept` gave. Raises FleetError where these bytes are something else, or of another version."""
+    try:
+        state = _OwnPickles(io.BytesIO(data)).load()
+    except Exception as error:
+        raise FleetError(f"the state of a line cannot be used: {error}") from error
+    if not isinstance(state, LineState):
+        raise FleetError("the state of a line is something else")
+    return state

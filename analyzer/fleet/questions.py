@@ -1,0 +1,183 @@
+"""Ready questions of a fleet: a name, what it says, and the SQL that any of them can be copied from.
+
+Times are told from the newest byte that the lake has, not from today: a lake may be old. A unit's response time lies
+between the two figures that are given of it; they are one where its tap tells times exactly.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from .errors import FleetError
+from .lake import Lake
+
+_NEWEST: Final = "(SELECT max(t_last_ns)::TIMESTAMPTZ FROM captures)"  # an interval is not taken from nanoseconds
+_BAD: Final = "exception + unanswered + damaged"
+UNIT_COLUMNS: Final = """sum(requests) - sum(broadcast) - sum(unheard) AS asked,
+  sum(exception) AS exceptions, sum(unanswered) AS unanswered, sum(damaged) AS damaged, sum(retries) AS retries,
+  round(100.0 * sum(exception + unanswered + damaged)
+    / nullif(sum(requests) - sum(broadcast) - sum(unheard), 0), 3) AS bad_percent,
+  round(sum(response_time_low_sum_ns) / nullif(sum(timed), 0) / 1e6, 3) AS mean_ms_low,
+  round(sum(response_time_high_sum_ns) / nullif(sum(timed), 0) / 1e6, 3) AS mean_ms_high"""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A question as somebody asks it. `since_s`: seconds before the newest byte; `site` where one is meant."""
+
+    words: Sequence[str] = ()
+    since_s: float | None = None
+    site: str | None = None
+    limit: int = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A ready question: what is said after its name, what it tells, and the table that answers it."""
+
+    usage: str
+    help: str
+    answer: Callable[[Lake, Asked], Any]  # an Arrow table
+
+
+def _within(asked: Asked, column: str = "t_ns") -> str:
+    since = "" if asked.since_s is None else f" AND {column}::TIMESTAMPTZ >= {_NEWEST} - to_seconds($since)"
+    return ("WHERE true" if asked.site is None else "WHERE site = $site") + since
+
+
+def _parameters(asked: Asked, **more: Any) -> dict[str, Any]:
+    given = {"site": asked.site, "since": asked.since_s}
+    return {name: value for name, value in {**given, **more}.items() if value is not None}
+
+
+def _worst_units(lake: Lake, asked: Asked) -> Any:
+    """By the least share of bad answers that the count makes likely (Wilson, 95 %): one of one is not the worst."""
+    return lake.arrow(
+        f"""WITH units AS (SELECT site, line, unit, {UNIT_COLUMNS}
+    FROM hours {_within(asked)} AND unit > 0 GROUP BY ALL),
+  judged AS (SELECT *, (exceptions + unanswered + damaged) / asked AS p FROM units WHERE asked > 0)
+SELECT site, line, unit, asked, exceptions, unanswered, damaged, retries, bad_percent, mean_ms_low, mean_ms_high
+FROM judged WHERE p > 0
+ORDER BY (p + 1.92 / asked - 1.96 * sqrt(p * (1 - p) / asked + 0.96 / asked / asked)) / (1 + 3.84 / asked) DESC,
+  site, line, unit
+LIMIT {asked.limit}""",
+        _parameters(asked),
+    )
+
+
+def _new_causes(lake: Lake, asked: Asked) -> Any:
+    """Causes whose line and units did not have them before."""
+    asked = asked if asked.since_s is not None else Asked(asked.words, 7 * 86_400.0, asked.site, asked.limit)
+    site = "" if asked.site is None else "WHERE site = $site"
+    return lake.arrow(
+        f"""WITH first AS (SELECT site, line, cause, units, min(t_ns) AS since, max(until_ns) AS until,
+    count(*) AS days, arg_max(severity, t_ns) AS severity, arg_max(text, t_ns) AS text,
+    arg_max(remedy, t_ns) AS remedy, sum(lost_answers) AS lost_answers, sum(bits) AS bits
+  FROM causes {site} GROUP BY site, line, cause, units)
+SELECT since, site, line, cause, units, severity, days, lost_answers, text, remedy
+FROM first WHERE since::TIMESTAMPTZ >= {_NEWEST} - to_seconds($since)
+ORDER BY bits DESC, site, line, cause LIMIT {asked.limit}""",
+        _parameters(asked),
+    )
+
+
+def _silent(lake: Lake, asked: Asked) -> Any:
+    """Units that answered once and then nothing more that was asked, and lines of which nothing came any more."""
+    quiet = asked.since_s if asked.since_s is not None else 86_400.0
+    where = "" if asked.site is None else "WHERE site = $site"
+    return lake.arrow(
+        f"""WITH units AS (SELECT site, line, unit,
+    max(t_ns) FILTER (WHERE answered + exception + damaged > 0) AS heard, max(t_ns) AS asked
+  FROM hours {where} GROUP BY ALL),
+  asked_since AS (SELECT site, line, unit, sum(requests)::BIGINT AS requests_since
+    FROM hours JOIN units USING (site, line, unit) WHERE heard IS NULL OR t_ns > heard GROUP BY ALL),
+  lines AS (SELECT site, line, max(t_last_ns) AS heard FROM captures {where} GROUP BY ALL)
+SELECT site, line, unit, heard AS last_heard, requests_since,
+  if(heard IS NULL, 'never answered', 'answers no more') AS what
+FROM units JOIN asked_since USING (site, line, unit) WHERE unit > 0 AND requests_since > 0
+UNION ALL BY NAME
+SELECT site, line, NULL AS unit, heard AS last_heard, NULL AS requests_since, 'nothing recorded any more' AS what
+FROM lines WHERE heard::TIMESTAMPTZ < {_NEWEST} - to_seconds($since)
+ORDER BY what, requests_since DESC NULLS LAST, site, line, unit LIMIT {asked.limit}""",
+        {**_parameters(asked), "since": quiet},
+    )
+
+
+def _compare(lake: Lake, asked: Asked) -> Any:
+    one, two = asked.words
+    for site in (one, two):
+        if site not in lake.sites:
+            raise FleetError(f"no site {site!r} in the lake: there are {', '.join(lake.sites[:20])}")
+    return lake.arrow(
+        f"""SELECT site, count(DISTINCT line) AS lines, count(DISTINCT (line, unit)) FILTER (WHERE unit > 0) AS units,
+  {UNIT_COLUMNS},
+  (SELECT count(DISTINCT (line, cause)) FROM causes WHERE causes.site = hours.site) AS causes,
+  (SELECT sum(bytes)::BIGINT FROM captures WHERE captures.site = hours.site) AS bytes
+FROM hours WHERE site IN ($one, $two) GROUP BY site ORDER BY site = $two""",
+        {"one": one, "two": two},
+    )
+
+
+_REGISTER_AREAS: Final = ("coil", "discrete", "input", "holding")
+
+
+def _register(lake: Lake, asked: Asked) -> Any:
+    """Every value that the bus said, in order; the area where the address has one of several."""
+    unit, address, *area = asked.words
+    if not (unit.isdecimal() and address.isdecimal()) or (area and area[0] not in _REGISTER_AREAS):
+        raise FleetError(f"register takes UNIT ADDRESS [{'|'.join(_REGISTER_AREAS)}], numbers from 0")
+    day = "" if asked.since_s is None else f" AND day >= ({_NEWEST} - to_seconds($since))::DATE"
+    return lake.arrow(
+        f"""SELECT t_ns, site, line, area, raw FROM values {_within(asked)}{day}
+  AND unit = $unit AND address = $address {"AND area = $area" if area else ""}
+ORDER BY site, line, t_ns, "index", area""",
+        _parameters(asked, unit=int(unit), address=int(address), area=area[0] if area else None),
+    )
+
+
+def _damaged(lake: Lake, asked: Asked) -> Any:
+    where = _within(asked)
+    return lake.arrow(
+        f"""SELECT site, line, source, state, damage_count, damage[1] AS first FROM captures {where}
+  AND state IN ('damaged', 'unreadable') ORDER BY site, line, source LIMIT {asked.limit}""",
+        _parameters(asked),
+    )
+
+
+def _drift(lake: Lake, asked: Asked) -> Any:
+    from .drift import drifts
+
+    hours = lake.arrow(
+        f"""SELECT site, line, unit, t_ns, requests - broadcast - unheard AS asked, {_BAD} AS bad, timed,
+  response_time_low_sum_ns AS low, response_time_high_sum_ns AS high
+FROM hours {_within(asked)} AND unit > 0 ORDER BY site, line, unit, t_ns""",
+        _parameters(asked),
+    )
+    return drifts(hours).slice(0, asked.limit)
+
+
+QUESTIONS: Final[Mapping[str, Question]] = {
+    "worst-units": Question("", "units whose requests most often had no good answer", _worst_units),
+    "new-causes": Question("", "causes that began since then (--since, a week if not given)", _new_causes),
+    "drift": Question("", "units whose response time or bad answers changed for good, and when", _drift),
+    "register": Question("UNIT ADDRESS [AREA]", "all values of a register or bit, in order", _register),
+    "silent": Question("", "units that answer no more, lines of which nothing comes (--since, a day)", _silent),
+    "compare": Question("SITE SITE", "two sites side by side", _compare),
+    "damaged": Question("", "captures of which something could not be read", _damaged),
+}
+_WORDS: Final = re.compile(r"\S+")
+
+
+def ready(lake: Lake, name: str, asked: Asked) -> Any:
+    """The answer to a ready question as an Arrow table. Raises FleetError for words that it does not take."""
+    question = QUESTIONS[name]
+    takes = _WORDS.findall(question.usage)
+    least = sum(not word.startswith("[") for word in takes)
+    if not least <= len(asked.words) <= len(takes):
+        raise FleetError(f"{name} takes {question.usage or 'no further words'}")
+    if asked.site is not None and asked.site not in lake.sites:
+        raise FleetError(f"no site {asked.site!r} in the lake: there are {', '.join(lake.sites[:20])}")
+    return question.answer(lake, asked)

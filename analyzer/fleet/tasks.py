@@ -1,0 +1,212 @@
+"""A task: slices of one line into files of a lake. A pure function, so it may run anywhere, and twice.
+
+Its files have names that no other run gives; until the manifest names them they are nobody's. So a worker that dies, a
+scheduler that tries again and two that do the same leave nothing in the lake but waste, which the next batch removes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import captures
+from captures.chunks import Capture
+from captures.errors import CaptureError
+
+from ..options import Options
+from ..version import __version__
+from .datasets import CAPTURES, LakeFiles
+from .errors import FleetError
+from .linestate import LineState, resumed
+from .sources import SourceFile
+from .stores import LakeStore, fetched, store
+
+_PIECE: Final = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class BatchOptions:
+    """How captures are read: keywords of `captures.open`, options of the analysis, files that declare functions."""
+
+    reading: Mapping[str, Any] = field(default_factory=dict)
+    analysis: Options = field(default_factory=Options)
+    functions: tuple[str, ...] = ()
+    noise: bool = False
+
+    def mark(self) -> str:
+        """What tells these options from others: rows made with others are others."""
+        return hashlib.sha256(
+            repr((sorted(self.reading.items()), self.analysis, self.functions, self.noise)).encode()
+        ).hexdigest()[:12]
+
+
+@dataclass(frozen=True, slots=True)
+class LineTask:
+    """The slices of one line to be taken in, after those that `state` remembers."""
+
+    lake: str
+    site: str
+    line: str
+    files: tuple[SourceFile, ...]
+    options: BatchOptions
+    known: frozenset[str] = frozenset()  # sha256 of captures that the lake has of this site
+    state: str | None = None  # name of the file in the lake
+    sliced: bool = False  # more of the line may come
+    after: int | None = None  # the manifest's entry that this one goes on from
+
+
+def line_key(site: str, line: str) -> str:
+    """A short name of a line, for files."""
+    return hashlib.sha256(f"{site}\0{line}".encode()).hexdigest()[:12]
+
+
+def run_task(task: LineTask) -> dict[str, Any]:
+    """Do it; what the manifest is to say, but for the entry's number."""
+    _declare(task.options.functions)
+    return _TaskRun(task).entry()
+
+
+@cache
+def _declare(files: tuple[str, ...]) -> None:
+    """Functions that plug-ins and these files declare, once a process."""
+    from dissectors.functions import load_entry_points, load_file
+
+    load_entry_points()
+    for path in files:
+        load_file(path)
+
+
+class _TaskRun:
+    """One task on its way."""
+
+    def __init__(self, task: LineTask) -> None:
+        self.task = task
+        self.store: LakeStore = store(task.lake)
+        self.state = resumed(self.store.read(task.state)) if task.state else None
+        self._before = (self.state.frames, self.state.octets) if self.state else (0, 0)
+        self.files = LakeFiles(self.store, task.site, task.line, line_key(task.site, task.line))
+        self.slices: list[dict[str, Any]] = []
+        self._known = set(task.known)
+
+    def entry(self) -> dict[str, Any]:
+        task = self.task
+        for file in task.files:
+            self.slices.append(self._slice(file))
+        done = self.files.close()
+        state = None
+        if self.state is not None:
+            if task.sliced:
+                state = f"state/{line_key(task.site, task.line)}-{hashlib.sha256(repr(done).encode()).hexdigest()[:12]}"
+                self.store.write(state, self.state.kept())
+            self.state.close(self.files)
+        tail = self.files.close()
+        frames, octets = (self.state.frames, self.state.octets) if self.state else (0, 0)
+        return {
+            "site": task.site,
+            "line": task.line,
+            "version": __version__,
+            "options": task.options.mark(),
+            "after": task.after,
+            "slices": self.slices,
+            "files": done,
+            "tail": tail,
+            "state": state,
+            "frames": frames - self._before[0],
+            "bytes": octets - self._before[1],
+        }
+
+    def _slice(self, file: SourceFile) -> dict[str, Any]:
+        """Take in one file, whatever it is; what is known of it."""
+        about: dict[str, Any] = {**file.to_json(), "sha256": None, "state": "unreadable", "damage": []}
+        span = _SliceSpan()
+        capture: Capture | None = None
+        try:
+            with fetched(file.url) as path:
+                about["sha256"] = _digest(path)
+                if about["sha256"] in self._known:
+                    about["state"] = "twice"
+                else:
+                    capture = _opened(path, self.task.options)
+                    for octets, first, last in self._fed(capture):
+                        span.add(octets, first, last)
+                    about["state"] = "damaged" if capture.damage_count else "whole"
+                    self._known.add(about["sha256"])
+        except (CaptureError, FleetError, OSError) as error:
+            about["damage"] = [_without(str(error), file)]
+            about["state"] = "damaged" if span.octets else "unreadable"
+            if self.state is not None:
+                self.state.broken(self.files)
+        self._tell(about, span, capture)
+        about["bytes"] = span.octets
+        return about
+
+    def _fed(self, capture: Capture) -> Iterator[tuple[int, int, int]]:
+        if self.state is None:
+            self.state = LineState(capture.line, self.task.options.analysis, self.task.options.noise)
+        return self.state.slice(capture, self.files)
+
+    def _tell(self, about: dict[str, Any], span: _SliceSpan, capture: Capture | None) -> None:
+        """The row of the table `captures`."""
+        import pyarrow as pa
+
+        if capture is not None:
+            about["damage"] += [str(each) for each in capture.damage]
+        line = None if capture is None else capture.line
+        row = {
+            "t_ns": span.first or 0,
+            "t_last_ns": span.last,
+            "source": about["url"],
+            "sha256": about["sha256"],
+            "size": about["size"],
+            "format": None if capture is None else capture.format,
+            "bytes": span.octets,
+            **{name: getattr(line, name, None) for name in ("baud", "char_bits", "parity", "tap")},
+            "version": __version__,
+            "state": about["state"],
+            "damage_count": max(len(about["damage"]), 0 if capture is None else capture.damage_count),
+            "damage": about["damage"],
+        }
+        self.files.add(
+            "captures", pa.record_batch([pa.array([row[f.name]], f.type) for f in CAPTURES], schema=CAPTURES)
+        )
+
+
+@dataclass(slots=True)
+class _SliceSpan:
+    """What blocks come to."""
+
+    octets: int = 0
+    first: int | None = None
+    last: int | None = None
+
+    def add(self, octets: int, first: int, last: int) -> None:
+        self.octets += octets
+        self.first = first if self.first is None else min(self.first, first)
+        self.last = last if self.last is None else max(self.last, last)
+
+
+def _opened(path: Path, options: BatchOptions) -> Capture:
+    from ..paste import judge
+
+    return captures.open(path, judge=judge, **options.reading)
+
+
+def _digest(path: Path) -> str:
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while piece := file.read(_PIECE):
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+def _without(text: str, file: SourceFile) -> str:
+    """A complaint that begins with a temporary file's name, with the source's."""
+    return (
+        text
+        if file.url in text or not (at := text.find(f"{file.name}: ")) >= 0
+        else f"{file.url}: {text[at + len(file.name) + 2 :]}"
+    )

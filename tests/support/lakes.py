@@ -1,0 +1,60 @@
+"""Lakes for tests: buses over days, rings that are cut, batches, rows to compare."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+import captures
+from analyzer.fleet.batch import run_batch
+from analyzer.fleet.datasets import DATASETS
+from analyzer.fleet.lake import Lake
+from analyzer.fleet.runners import in_this_process
+from analyzer.fleet.sources import found, lines_of
+from analyzer.fleet.stores import store
+from analyzer.fleet.tasks import BatchOptions
+from analyzer.simulation import Scenario, simulate
+
+DAY_NS = 86_400_000_000_000
+BEGIN_NS = 1_790_000_000_000_000_000  # in September 2026
+
+
+def bus(wire="noisy", seed=1, transactions=120, *, begin_ns=BEGIN_NS, span_ns=None):
+    """A simulated bus at a date; `span_ns` spreads it over so long."""
+    made = simulate(Scenario(wire, "precise", transactions=transactions, seed=seed, baud=9600))
+    factor = 1.0 if span_ns is None else span_ns / made.chunks[-1].t_ns
+    pauses = np.diff([0, *(chunk.t_ns for chunk in made.chunks)])
+    times = np.cumsum(np.where(pauses > 5_000_000, pauses * factor, pauses).astype(np.int64)) + begin_ns
+    chunks = [captures.Chunk(int(t), chunk.data) for t, chunk in zip(times, made.chunks, strict=True)]
+    return captures.Capture.of(made.line, chunks)
+
+
+def sliced(capture, cuts, folder, name="bus"):
+    """The files of a ring that holds these chunks, cut where `cuts` (0 to 1) say."""
+    chunks = list(capture.chunks())
+    bounds = sorted({0, len(chunks), *(int(cut * len(chunks)) for cut in cuts)})
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for number, (first, last) in enumerate(pairwise(bounds)):
+        path = folder / f"{name}-20260921T{number:06d}.000Z.jsonl"
+        captures.write(path, captures.Capture.of(capture.line, chunks[first:last]))
+        paths.append(path)
+    return paths
+
+
+def batch(lake, *sources, runner=in_this_process, options=None, **more):
+    lines = lines_of(found(map(str, sources)), more.pop("site", None))
+    return run_batch(store(str(lake)), lines, options or BatchOptions(), runner, **more)
+
+
+def rows(lake, table):
+    """All rows of a table but for what says where they are from, in an order that hangs on the rows alone."""
+    answer = Lake(str(lake)).arrow(f"SELECT * FROM {table} ORDER BY ALL").to_pylist()
+    return [{k: v for k, v in row.items() if k not in ("source", "size", "sha256")} for row in answer]
+
+
+def same(one, two, tables=tuple(DATASETS)):
+    for table in tables:
+        assert rows(one, table) == rows(two, table), table
+    return True
