@@ -123,3 +123,20 @@ def test_a_float_is_listed_and_plotted_as_a_float(tmp_path: Path) -> None:
         assert kept == {"1:3:0": "f32 CDAB"}
         terminal.press("x").until("300 readings")
         assert "types" not in json.loads((tmp_path / "meter.jsonl.rtuscope.json").read_text())
+
+
+def test_a_file_that_grows_is_followed_to_its_end(capture: Path, tmp_path: Path) -> None:
+    lines = capture.read_text().splitlines(keepends=True)
+    growing = tmp_path / "growing.jsonl"
+    growing.write_text("".join(lines[:200]))
+    whole = bus_of(capture).frames
+    with Watched("open", str(growing), columns=100, rows=30, cwd=tmp_path) as terminal:
+        terminal.until(" frames").settle(1.0)
+        assert f"{whole} frames" not in terminal.shown()
+        terminal.press("2F").settle(0.5)
+        for i in range(200, len(lines), 100):
+            with growing.open("a") as file:
+                file.write("".join(lines[i : i + 100]))
+            terminal.settle(0.3, most=1.5)
+        terminal.until(f"{whole} frames")
+        terminal.until(lambda: any(line[2:].lstrip().startswith(f"{whole - 1} ") for line in terminal.picture.lines()))

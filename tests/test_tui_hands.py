@@ -16,6 +16,7 @@ from analyzer.tui.app import Rtuscope
 from analyzer.tui.help import Help
 from analyzer.tui.keys import BINDINGS
 from analyzer.tui.openfiles import NextFile
+from analyzer.tui.preferences import Preferences
 from captures.recording.notes import MARK, Note
 
 
@@ -77,7 +78,7 @@ def test_no_view_is_wider_than_the_terminal(capture: Path, width: int) -> None:
             await sitting.press(view)
             lines = sitting.shown().splitlines()
             assert len(lines) == 24 and {len(line) for line in lines} == {width}, view
-            assert sitting.screen.panes[0].size.width > 0
+            assert sitting.screen.panes.all[0].size.width > 0
 
     using(opened(capture), work, size=(width, 24))
 
@@ -148,3 +149,59 @@ def test_a_capture_is_read_out_in_plain_lines(capture: Path) -> None:
     assert done.stdout.splitlines() == lines
     wrong = subprocess.run([*command, "unit ="], capture_output=True, text=True, check=False)
     assert wrong.returncode == 2 and len(wrong.stderr.splitlines()) == 1
+
+
+def test_columns_are_hidden_and_stay_so(capture: Path, tmp_path: Path) -> None:
+    kept = tmp_path / "interface.json"
+
+    async def work(sitting: Seat) -> None:
+        wishes = sitting.app.desk.wishes
+        wishes.path = kept
+        head = sitting.shown().splitlines()[2]
+        assert "gap" in head
+        await sitting.press("C", "3")
+        await sitting.until(lambda: "frames.gap" in wishes.hidden)
+        await sitting.press("escape")
+        lines = sitting.shown().splitlines()
+        assert "gap" not in lines[2]
+        assert lines[2].index("what") == head.index("what") - 7
+        await sitting.press("1")
+        assert "register" in sitting.shown().splitlines()[2]
+        await sitting.press("C", "down", "down", "down", "down", "enter", "escape")
+        assert "register" not in sitting.shown().splitlines()[2]
+
+    using(opened(capture), work)
+    assert Preferences.read(kept).hidden == {"frames.gap", "transactions.register"}
+
+
+def test_filters_of_the_settings_stand_among_the_kept_ones(
+    capture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "rtuscope.toml").write_text('[filters]\nsick = "exception or unanswered"\n')
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("RTUSCOPE_CONFIG", raising=False)
+
+    async def work(sitting: Seat) -> None:
+        await sitting.press("S")
+        await sitting.until(lambda: "sick: exception or unanswered" in sitting.shown())
+        assert "drop one" not in sitting.shown(), "they are the file's"
+        await sitting.press("1")
+        await sitting.until(lambda: 0 < sitting.screen.frames.count() < sitting.bus.count)
+
+    using(opened(capture), work)
+
+
+def test_without_colours_the_cursor_stands_in_reverse(capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NO_COLOR", "1")
+
+    async def work(sitting: Seat) -> None:
+        strips = list(sitting.app.screen._compositor.render_strips())
+        styles = [segment.style for strip in strips for segment in strip if segment.style is not None]
+        assert styles and all(
+            colour is None or colour.is_default for style in styles for colour in (style.color, style.bgcolor)
+        )
+        turned = ["".join(s.text for s in strip if s.style is not None and s.style.reverse).strip() for strip in strips]
+        row, *_ = [text for text in turned if "read 3 holding registers" in text]
+        assert row.startswith("0"), "the line under the cursor, whole"
+
+    using(opened(capture), work)

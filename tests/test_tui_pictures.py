@@ -1,4 +1,7 @@
-"""The main screens look as they did, on 80x24 and 160x50, dark and light; documentation's pictures are made here."""
+"""The main screens look as they did: 80x24, 120x40, 200x60; dark, light, 16 colours. The documentation's pictures too.
+
+RTUSCOPE_PICTURES=1 makes them; RTUSCOPE_PICTURES=FOLDER puts an SVG of each there as well, to be looked at.
+"""
 
 from __future__ import annotations
 
@@ -30,18 +33,24 @@ _STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("report", ("7",)),
     ("paste", ("8",)),
 )
+_SHOWN = {("light", "frames"), ("16", "transactions")}  # in the documentation beside the dark ones
 _PASTED = "11 03 00 6B 00 03 76 87\n11 03 06 AE 41 56 52 43 40 49 AD"
 
 
-@pytest.mark.parametrize("light", [False, True], ids=["dark", "light"])
-@pytest.mark.parametrize("size", [(80, 24), (160, 50)], ids=["80x24", "160x50"])
-def test_screens_look_as_they_did(size: tuple[int, int], light: bool) -> None:
-    asyncio.run(_look(size, light))
+@pytest.mark.parametrize(
+    ("size", "colours"),
+    [((80, 24), "dark"), ((80, 24), "light"), ((80, 24), "16"), ((120, 40), "dark"), ((120, 40), "light"),
+     ((200, 60), "dark")],
+)  # fmt: skip
+def test_screens_look_as_they_did(size: tuple[int, int], colours: str) -> None:
+    asyncio.run(_look(size, colours))
 
 
-async def _look(size: tuple[int, int], light: bool) -> None:
+async def _look(size: tuple[int, int], colours: str) -> None:
     source = CaptureSource(captures.open(samples.path("troubled.jsonl")), "troubled.jsonl")
-    app = Rtuscope(source, light=light)
+    app = Rtuscope(source, light=colours == "light")
+    if colours == "16":
+        app.use_16_colours()
     app.animation_level = "none"
     async with app.run_test(size=size) as pilot:
         screen = app.screen
@@ -63,14 +72,18 @@ async def _look(size: tuple[int, int], light: bool) -> None:
             while name == "registers" and "readings" not in screen.query_one(Plot).title:
                 await pilot.pause(0.01)
             if name != "report":  # its text is compared elsewhere
-                compare(f"{name}-{size[0]}x{size[1]}-{'light' if light else 'dark'}", screen)
-            if os.environ.get("RTUSCOPE_PICTURES") and size[0] == (160 if name == "frames" else 80):
-                _keep(app, name, light)
+                compare(f"{name}-{size[0]}x{size[1]}-{colours}", screen)
+            _keep(app, name, size[0], colours)
 
 
-def _keep(app: Rtuscope, name: str, light: bool) -> None:
-    """A picture for the documentation, where that shows it."""
-    _DOCS.mkdir(exist_ok=True)
-    if not light or name == "frames":
-        svg = app.export_screenshot(title="rtuscope", simplify=True)
-        (_DOCS / f"{name}{'-light' if light else ''}.svg").write_text(svg, encoding="utf-8")
+def _keep(app: Rtuscope, name: str, width: int, colours: str) -> None:
+    """A picture for the documentation, where that shows it; and for who looks at all of them."""
+    wanted = os.environ.get("RTUSCOPE_PICTURES")
+    if not wanted:
+        return
+    svg = app.export_screenshot(title="rtuscope", simplify=True)
+    if wanted != "1":
+        (Path(wanted) / f"{name}-{width}-{colours}.svg").write_text(svg, encoding="utf-8")
+    if width == (120 if name == "frames" else 80) and (colours == "dark" or (colours, name) in _SHOWN):
+        _DOCS.mkdir(exist_ok=True)
+        (_DOCS / f"{name}{'' if colours == 'dark' else f'-{colours}'}.svg").write_text(svg, encoding="utf-8")

@@ -96,10 +96,13 @@ def _with_settings(parser: argparse.ArgumentParser, arguments: list[str]) -> arg
         from .settling import settled
 
         parsed = settled(parser, arguments[0], arguments[1:])
-    if getattr(parsed, "lang", None):
-        from ..languages import use
+    chosen = getattr(parsed, "lang", None) or os.environ.get("RTUSCOPE_LANG")
+    if chosen:
+        from ..languages import LANGUAGES, use
 
-        use(parsed.lang)
+        if chosen not in LANGUAGES:
+            raise UsageError(f"RTUSCOPE_LANG is {chosen!r}: {' or '.join(LANGUAGES)}")
+        use(chosen)
     return parsed
 
 

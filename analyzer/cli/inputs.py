@@ -55,7 +55,9 @@ def add_capture_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
 
 def add_language_argument(parser: argparse.ArgumentParser) -> None:
     """--lang, which `app` heeds."""
-    parser.add_argument("--lang", choices=("en", "ru"), help="language of causes and of the report's words (en)")
+    parser.add_argument(
+        "--lang", choices=("en", "ru"), help="language of the interface, of causes and of the report's words (en)"
+    )
 
 
 def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = True) -> None:

@@ -13,6 +13,7 @@ from .exits import DONE, UsageError
 from .inputs import (
     CAPTURE_HELP,
     add_functions_argument,
+    add_language_argument,
     add_limit_arguments,
     add_reading_arguments,
     chosen_limits,
@@ -53,6 +54,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", type=port, default=_PORT, help=f"with --web: port to listen at ({_PORT})")
     add_reading_arguments(parser)
     add_functions_argument(parser)
+    add_language_argument(parser)
     add_map_argument(parser)
     add_limit_arguments(parser)
 
@@ -130,6 +132,7 @@ def in_a_browser(arguments: argparse.Namespace) -> list[str]:
     """The command that shows the same to a browser: no module of the folder that it is started in gets into it (-P)."""
     command = [sys.executable, "-P", "-m", "analyzer.cli", "open"]
     command += ["--light"] if arguments.light else []
+    command += [f"--lang={arguments.lang}"] if arguments.lang else []
     command += [f"--functions={path}" for path in arguments.functions]
     command += [f"--map={name}" for name in arguments.map]
     command += given_reading(arguments)

@@ -1,7 +1,9 @@
 """The language in which reports and causes are told: one catalogue a language, English being the words in the code.
 
-A catalogue is a TOML file of this package: `page` (words of the report, by their English), `fragments` (words that are
-filled into others) and `causes` (by id: text, share, test, remedy). What a catalogue lacks is told in English.
+A catalogue is the TOML files of this package that begin with the language's name: `page` (words of the report, by their
+English), `fragments` (words that are filled into others), `causes` (by id: text, share, test, remedy), `interface`
+(words of the interface, by their English) and `counted` (nouns behind a number, by their English singular, in all their
+forms). What a catalogue lacks is told in English.
 """
 
 from __future__ import annotations
@@ -12,6 +14,8 @@ from contextvars import ContextVar
 from functools import cache
 from importlib.resources import files
 from typing import Any, Final
+
+from ..words import plural
 
 LANGUAGES: Final = ("en", "ru")
 _language: ContextVar[str] = ContextVar("language", default="en")
@@ -24,18 +28,43 @@ def use(language: str) -> None:
     _language.set(language)
 
 
+def in_use() -> str:
+    """The language in use here: a new thread begins in English."""
+    return _language.get()
+
+
 @cache
 def catalogue(language: str) -> Mapping[str, Any]:
     """The words of a language; none of English, whose words are in the code."""
     if language == "en":
         return {}
-    return tomllib.loads(files(__name__).joinpath(f"{language}.toml").read_text(encoding="utf-8"))
+    words: dict[str, Any] = {}
+    for file in files(__name__).iterdir():
+        if file.name.startswith(f"{language}.") and file.name.endswith(".toml"):
+            for table, own in tomllib.loads(file.read_text(encoding="utf-8")).items():
+                words.setdefault(table, {}).update(own)
+    return words
 
 
 def page_words(english: str) -> str:
     """Words of the report page."""
     words = catalogue(_language.get()).get("page", {})
     return str(words.get(english, english))
+
+
+def tr(english: str, /, **numbers: object) -> str:
+    """Words of the interface, in the language in use; a template is filled with its numbers."""
+    words: str = catalogue(_language.get()).get("interface", {}).get(english, english)
+    return words.format_map(numbers) if numbers else words
+
+
+def counted(number: int, one: str, many: str) -> str:
+    """A number of things: `1 byte`, `2 bytes`; in Russian `1 байт`, `2 байта`, `5 байтов`."""
+    forms = catalogue(_language.get()).get("counted", {}).get(one)
+    if forms is None:
+        return plural(number, one, many)
+    last, teens = number % 10, number % 100 // 10 == 1
+    return f"{number:,} {forms[0 if last == 1 and not teens else 1 if last in (2, 3, 4) and not teens else 2]}"
 
 
 def cause_words(cause: str, part: str, english: str) -> str:

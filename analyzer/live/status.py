@@ -23,7 +23,7 @@ class LineStatus:
     def __init__(self, line: LineSettings) -> None:
         self.line = line
         self.bytes = self.frames = self.errors = self.marked = self.missed = 0
-        self._recent: deque[tuple[int, int, int]] = deque()  # time, bytes, frames
+        self._recent: deque[tuple[int, int, int]] = deque()  # time, bytes, frames; told from another thread: copy it
         self._first: int | None = None
 
     def feed(self, step: SessionStep) -> None:
@@ -50,7 +50,7 @@ class LineStatus:
     @property
     def frames_per_s(self) -> float:
         """Of the last two seconds."""
-        return sum(frames for *_, frames in self._recent) / self._span_s
+        return sum(frames for *_, frames in tuple(self._recent)) / self._span_s
 
     @property
     def load(self) -> float | None:
@@ -58,7 +58,7 @@ class LineStatus:
         character_ns = self.line.character_ns
         if character_ns is None:
             return None
-        octets = sum(heard for _, heard, _ in self._recent)
+        octets = sum(heard for _, heard, _ in tuple(self._recent))
         return min(1.0, octets * character_ns / 1e9 / self._span_s)
 
     def __str__(self) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..languages import tr
 from ..tables.findings import Severity
 from ..tables.schema import Kind
 
@@ -62,5 +63,10 @@ def bands(
     units = np.flatnonzero(by_unit[0].any(axis=1)).tolist()
     return [
         *(Band(name, by_test[0, k], by_test[1, k]) for k, (name, _) in enumerate(named)),
-        *(Band(f"unit{unit}" if unit > 99 else f"unit {unit}", by_unit[0, unit], by_unit[1, unit]) for unit in units),
+        *(Band(_called(unit), by_unit[0, unit], by_unit[1, unit]) for unit in units),
     ]
+
+
+def _called(unit: int) -> str:
+    """A unit in seven characters."""
+    return tr("unit {number}", number=unit) if unit < 100 else tr("unit{number}", number=unit)

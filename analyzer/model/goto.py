@@ -6,6 +6,7 @@ import re
 from datetime import UTC, datetime, timedelta, tzinfo
 from typing import Final
 
+from ..languages import tr
 from ..words import is_clock
 from .bus import Bus
 
@@ -39,16 +40,16 @@ def place(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
     """The row that `text` names, seen from `row`; times of day are those of `zone`. Raises GotoError."""
     text = text.strip().lower()
     if not bus.count:
-        raise GotoError("no frame is there yet")
+        raise GotoError(tr("no frame is there yet"))
     if _FRAME.fullmatch(text):
         target = bus.table.row_of_frame(int(text.lstrip("#")))
         if target < 0:
-            raise GotoError(f"no frame {text}: they are 0 to {bus.frames - 1:,}")
+            raise GotoError(tr("no frame {text}: they are 0 to {last:,}", text=text, last=bus.frames - 1))
         return target
     if match := _SHARE.fullmatch(text):
         return min(bus.count - 1, int(bus.count * float(match[1]) / 100))
     if not bus.timed:
-        raise GotoError("this capture has no times: go to a frame's number or a share such as 50%")
+        raise GotoError(tr("this capture has no times: go to a frame's number or a share such as 50%"))
     if match := _STEP.fullmatch(text):
         ns = round(float(match[2]) * _UNITS[match[3]])
         if not match[1]:
@@ -56,7 +57,7 @@ def place(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
         return bus.table.row_at_time(bus.table.value("t_start_ns", row) + (ns if match[1] == "+" else -ns))
     if match := _DAY.fullmatch(text):
         return bus.table.row_at_time(_on_the_day(match, bus, text, zone))
-    raise GotoError(f"{text[:40]!r} is no place: {FORMS}")
+    raise GotoError(tr("{text!r} is no place: {forms}", text=text[:40], forms=tr(FORMS)))
 
 
 def span(text: str, bus: Bus, zone: tzinfo = UTC, now: datetime | None = None) -> tuple[int, int]:
@@ -66,15 +67,15 @@ def span(text: str, bus: Bus, zone: tzinfo = UTC, now: datetime | None = None) -
     """
     text = text.strip().lower()
     if not bus.timed or not bus.count:
-        raise GotoError("this capture has no times")
+        raise GotoError(tr("no times in this capture"))
     if match := _SECONDS.fullmatch(text):
         low, high = (round(float(match[i]) * _UNITS[match[j] or match[4]]) for i, j in ((1, 2), (3, 4)))
         return _some(bus.t_first + low, bus.t_first + high)
     match = _SPAN.fullmatch(text)
     if match is None:
-        raise GotoError(f"{text[:40]!r} is no span: {SPANS}")
+        raise GotoError(tr("{text!r} is no span: {forms}", text=text[:40], forms=tr(SPANS)))
     if not is_clock(bus.t_first):
-        raise GotoError("this capture's clock has no time of day: give seconds since its start, such as 10s-25s")
+        raise GotoError(tr("this capture's clock has no time of day: give seconds since its start, such as 10s-25s"))
     now = now or datetime.now(zone)
     newest = datetime.fromtimestamp(bus.t_last // 1_000_000_000, zone)
     try:
@@ -87,7 +88,7 @@ def span(text: str, bus: Bus, zone: tzinfo = UTC, now: datetime | None = None) -
         if not match[1] and low > bus.t_last:
             low, high = (_at(day - timedelta(days=1), int(match[i]), int(match[i + 1] or 0)) for i in (2, 4))
     except ValueError as error:
-        raise GotoError(f"{text[:40]!r} is no time of day") from error
+        raise GotoError(tr("{text!r} is no time of day", text=text[:40])) from error
     return _some(low, high)
 
 
@@ -100,21 +101,21 @@ def _at(day: datetime, hour: int, minute: int) -> int:
 
 def _some(low: int, high: int) -> tuple[int, int]:
     if high <= low:
-        raise GotoError("it ends before it begins")
+        raise GotoError(tr("it ends before it begins"))
     return low, high
 
 
 def _on_the_day(match: re.Match[str], bus: Bus, text: str, zone: tzinfo) -> int:
     """A time of day, on the first day of the capture that has it."""
     if not is_clock(bus.t_first):
-        raise GotoError("this capture's clock has no time of day: give a time since its start, such as 12.5s")
+        raise GotoError(tr("this capture's clock has no time of day: give a time since its start, such as 12.5s"))
     first = datetime.fromtimestamp(bus.t_first / 1e9, zone)
     try:
         if match[1]:
             first = datetime.fromisoformat(match[1]).replace(tzinfo=zone)
         moment = first.replace(hour=int(match[2]), minute=int(match[3]), second=int(match[4] or 0), microsecond=0)
     except ValueError as error:
-        raise GotoError(f"{text!r} is no time of day") from error
+        raise GotoError(tr("{text!r} is no time of day", text=text)) from error
     ns = int(moment.timestamp()) * 1_000_000_000 + int((match[5] or "0").ljust(9, "0"))
     day = int(timedelta(days=1).total_seconds()) * 1_000_000_000
     return ns if match[1] or ns + 1_000_000_000 >= bus.t_first else ns + day

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..languages import tr
 from ..tables.columns import decode
 from .bus import Bus
 from .selection import Test
@@ -57,11 +58,12 @@ def wanted(text: str) -> Wanted:
 def _as(kind: str, text: str) -> Wanted:
     if kind == "bytes":
         data = _octets(text)
-        return Wanted(f"the bytes {data.hex(' ').upper()}", for_bytes(text), data)
+        return Wanted(tr("the bytes {hex}", hex=data.hex(" ").upper()), for_bytes(text), data)
     if kind == "value":
-        where = "a register, or a bit" if "." not in text and "e" not in text.lower().removeprefix("0x") else "a float"
-        return Wanted(f"the value {text} of {where}", for_value(text))
-    return Wanted(f'the text "{text}"', for_text(text), text.encode())
+        whole = "." not in text and "e" not in text.lower().removeprefix("0x")
+        where = tr("a register, or a bit") if whole else tr("a float")
+        return Wanted(tr("the value {text} of {where}", text=text, where=where), for_value(text))
+    return Wanted(tr('the text "{text}"', text=text), for_text(text), text.encode())
 
 
 def _octets(text: str) -> bytes:
@@ -83,7 +85,7 @@ def for_bytes(text: str) -> Hits:
 def for_text(text: str) -> Hits:
     """Rows whose bytes, as characters, or whose words in the list hold this text; case does not matter."""
     if not text.strip():
-        raise SearchError("nothing to look for")
+        raise SearchError(tr("nothing to look for"))
     pattern = re.compile(re.escape(text.encode()), re.IGNORECASE)
     folded = text.casefold()
 

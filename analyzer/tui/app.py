@@ -10,11 +10,15 @@ from textual import events
 from textual._compositor import CompositorUpdate
 from textual.app import App, SystemCommand
 from textual.binding import BindingType
+from textual.command import CommandPalette
+from textual.filter import Monochrome
 from textual.screen import Screen
 
+from ..languages import tr
 from ..model.bus import Bus
 from ..usernotes import Notes, NotesError
 from .burst import KeyQueue
+from .colourless import COLOURLESS
 from .desk import ViewState
 from .keptfilters import rules_of
 from .openfiles import NextFile
@@ -79,7 +83,8 @@ class Rtuscope(App[NextFile | None]):
         self.HORIZONTAL_BREAKPOINTS = [(0, "-slim"), (_NARROW, "-narrow"), (_WIDE, "-wide")]
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        return [*super().get_line_filters(), HARMLESS]
+        own = (COLOURLESS if isinstance(each, Monochrome) else each for each in super().get_line_filters())
+        return [*own, HARMLESS]
 
     def get_default_screen(self) -> Screen[None]:
         return BusScreen(self.desk, self.wire, view=self._view, resumed=self._resumed)
@@ -107,10 +112,19 @@ class Rtuscope(App[NextFile | None]):
             self.desk.notes.path = None  # whoever has the page writes no file of this machine
         self.set_keymap(self.desk.wishes.keys)
         if not self.is_headless and self.console.color_system in _FEW_COLOURS:
-            self._themes = DARK_16, LIGHT_16
-            self.theme = self._themes[self._light].name
+            self.use_16_colours()
         if self._trouble:
             self.notify(self._trouble, severity="error", markup=False)
+
+    def action_command_palette(self) -> None:
+        """Every command by name."""
+        if self.use_command_palette and not isinstance(self.screen, CommandPalette):
+            self.push_screen(CommandPalette(placeholder=tr("Search for commands…"), id="--command-palette"))
+
+    def use_16_colours(self) -> None:
+        """Those that every terminal has."""
+        self._themes = DARK_16, LIGHT_16
+        self.theme = self._themes[self._light].name
 
     def action_theme_flip(self) -> None:
         """From dark to light and back."""
@@ -120,9 +134,15 @@ class Rtuscope(App[NextFile | None]):
     def get_system_commands(self, screen: Screen[None]) -> Iterable[SystemCommand]:
         if isinstance(screen, BusScreen):
             for name, words, action in _COMMANDS:
-                yield SystemCommand(name, words, lambda action=action: self.call_later(screen.run_action, action))
+                yield SystemCommand(
+                    tr(name), tr(words), lambda action=action: self.call_later(screen.run_action, action)
+                )
             for view in VIEWS:
-                yield SystemCommand(f"View: {view.title}", "show it", lambda name=view.name: screen.action_view(name))
-        yield SystemCommand("Dark or light", "change the theme", self.action_theme_flip)
-        yield SystemCommand("Screenshot", "an SVG picture of the screen", self.action_screenshot)
-        yield SystemCommand("Quit", "leave", self.exit)
+                yield SystemCommand(
+                    tr("View: {title}", title=tr(view.title)),
+                    tr("show it"),
+                    lambda name=view.name: screen.action_view(name),
+                )
+        yield SystemCommand(tr("Dark or light"), tr("change the theme"), self.action_theme_flip)
+        yield SystemCommand(tr("Screenshot"), tr("an SVG picture of the screen"), self.action_screenshot)
+        yield SystemCommand(tr("Quit"), tr("leave"), self.exit)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from captures import CaptureError
 
+from ..languages import tr
 from ..words import TimeBase
 from .frames import FrameList
 from .prompts import Ask
@@ -32,10 +33,11 @@ class Bookmarks:
         def change() -> None:
             comment = notes.comments.get(place)
             if notes.toggle(place):
-                where = "until you leave" if notes.path is None else f"in {notes.path.name}"
-                screen.tell(f"bookmark kept {where}; ' goes to the next")
+                where = tr("until you leave") if notes.path is None else tr("in {file}", file=notes.path.name)
+                screen.tell(tr("bookmark kept {where}; ' goes to the next", where=where))
             else:
-                screen.tell(f"{'bookmark and comment' if comment else 'bookmark'} taken away; u brings it back")
+                gone = tr("bookmark and comment") if comment else tr("bookmark")
+                screen.tell(tr("{gone} taken away; u brings it back", gone=gone))
 
         self._noted(change)
 
@@ -45,7 +47,7 @@ class Bookmarks:
         def change() -> None:
             place = self._desk.notes.undo()
             row = -1 if place is None else self._desk.bus.table.row_of_byte(*place)
-            self._screen.tell("nothing to take back" if place is None else "taken back")
+            self._screen.tell(tr("nothing to take back") if place is None else tr("taken back"))
             if row >= 0:
                 self._screen.jumps.go(row)
 
@@ -55,7 +57,7 @@ class Bookmarks:
         """Make the row the time reference; again takes it back."""
         screen, notes = self._screen, self._desk.notes
         if screen.row is None or not self._desk.bus.timed:
-            screen.tell("no times here")
+            screen.tell(tr("no times here"))
             return
         place = self._desk.place(screen.row)
         again = notes.reference == place
@@ -68,8 +70,8 @@ class Bookmarks:
         if screen.row is None:
             return
         place = self._desk.place(screen.row)
-        hint = f"Enter keeps it {'beside the capture' if notes.path else 'until you leave'}"
-        text = await screen.app.push_screen_wait(Ask("Comment", hint, value=notes.comments.get(place, "")))
+        hint = tr("Enter keeps it beside the capture") if notes.path else tr("Enter keeps it until you leave")
+        text = await screen.app.push_screen_wait(Ask(tr("Comment"), hint, value=notes.comments.get(place, "")))
         if text is not None:
             self._noted(lambda: notes.comment(place, text))
 
@@ -78,15 +80,16 @@ class Bookmarks:
         screen, bus = self._screen, self._desk.bus
         mark = getattr(self._desk.source, "mark", None)
         if mark is None or bus.whole:
-            screen.tell("marks go into a recording, while it runs; ; comments a row")
+            screen.tell(tr("marks go into a recording, while it runs; ; comments a row"))
             return
         row = bus.count - 1
-        text = await screen.app.push_screen_wait(Ask("Mark this moment in the recording", "what happens now"))
+        text = await screen.app.push_screen_wait(Ask(tr("Mark this moment in the recording"), tr("what happens now")))
         if text:
             recorded = mark(text)
             if row >= 0:
                 self._desk.notes.comments[self._desk.place(row)] = text
-            screen.tell("marked in the recording" if recorded else "marked here until you leave: nothing is recorded")
+            kept = tr("marked in the recording")
+            screen.tell(kept if recorded else tr("marked here until you leave: nothing is recorded"))
             screen.repaint_lists()
 
     def next(self) -> None:
@@ -94,7 +97,7 @@ class Bookmarks:
         table = self._desk.bus.table
         rows = sorted(row for row in (table.row_of_byte(*place) for place in self._desk.notes.comments) if row >= 0)
         if not rows:
-            self._screen.tell("no bookmarks yet: m sets one")
+            self._screen.tell(tr("no bookmarks yet: m sets one"))
             return
         current = -1 if self._screen.row is None else self._screen.row
         self._screen.jumps.go(next((row for row in rows if row > current), rows[0]))
@@ -105,7 +108,7 @@ class Bookmarks:
         try:
             change()
         except CaptureError as error:
-            screen.tell(f"kept until you quit only: {error}", wrong=True)
+            screen.tell(tr("kept until you quit only: {error}", error=error), wrong=True)
         for each in screen.query(FrameList):
             each.unpaint()
         if screen.row is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..languages import counted, tr
 from ..words import duration
 from .items import FrameDetail, Item
 
@@ -13,28 +14,30 @@ if TYPE_CHECKING:
 
 def of_cause(cause: Cause) -> FrameDetail:
     """The cause as something to look at."""
-    return FrameDetail(f"cause: {cause.cause}", b"", _cause_items(cause))
+    return FrameDetail(tr("cause: {name}", name=cause.cause), b"", _cause_items(cause))
 
 
 def whose(cause: Cause) -> str:
     """Whose fault it is, in words."""
     if cause.blame == "unit" and cause.units:
-        return "unit " + ", ".join(str(unit) for unit in cause.units[:3]) + (" …" if len(cause.units) > 3 else "")
-    return {"master": "the master", "line": "the line", "tap": "the tap"}.get(cause.blame, cause.blame)
+        units = ", ".join(str(unit) for unit in cause.units[:3]) + (" …" if len(cause.units) > 3 else "")
+        return tr("unit {unit}", unit=units)
+    return tr({"master": "the master", "line": "the line", "tap": "the tap"}.get(cause.blame, cause.blame))
 
 
 def _cause_items(cause: Cause) -> tuple[Item, ...]:
-    fault = f"{whose(cause)}, {cause.confidence:.0%} sure"
+    fault = f"{whose(cause)}, {tr('{share:.0%} sure', share=cause.confidence)}"
     if cause.runner_up:
-        fault += f"; else {cause.runner_up}"
-    lost = "" if not cause.lost_answers else f"{cause.lost_answers:,} answers"
+        fault += tr("; else {name}", name=cause.runner_up)
+    lost = "" if not cause.lost_answers else counted(cause.lost_answers, "answer", "answers")
     if cause.lost_ms:
         lost += f"{', ' if lost else ''}{duration(round(cause.lost_ms * 1e6))}"
-    again = "" if cause.period_s is None else f"every {cause.period_s:.4g} s"
+    again = "" if cause.period_s is None else tr("every {seconds:.4g} s", seconds=cause.period_s)
     facts = (
         ("what", cause.text), ("fault", fault), ("seen", cause.share), ("again", again), ("lost", lost),
         ("to be sure", cause.deciding_test), ("do", cause.remedy),
-        ("frames", ", ".join(f"{index:,}" for index in cause.frames) + "   Enter goes there" if cause.frames else ""),
+        ("frames", ", ".join(f"{index:,}" for index in cause.frames) + tr("   Enter goes there") if cause.frames
+         else ""),
     )  # fmt: skip
     kinds = {"what": "strong", "do": "good"}
-    return tuple(Item(name, text, kind=kinds.get(name, ""), label=f"{name:<11}") for name, text in facts if text)
+    return tuple(Item(name, text, kind=kinds.get(name, ""), label=f"{tr(name):<11}") for name, text in facts if text)

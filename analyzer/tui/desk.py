@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..languages import tr
 from ..model.bus import Bus
 from ..model.scope import Scope, ScopedFigures
 from ..model.table import PIECE
@@ -64,8 +65,8 @@ class ViewState:
     def emptied(self, otherwise: str) -> str:
         """Why a view is empty: the scope, or else this."""
         if not self.scope.narrows or not self.bus.count:
-            return otherwise
-        return f"nothing here passes {self.scope_words()}; Esc takes it back"
+            return tr(otherwise)
+        return tr("nothing here passes {scope}; Esc takes it back", scope=self.scope_words())
 
     def tint(self, row: int) -> str:
         """The component class of the first colour rule that a row passes."""
@@ -78,12 +79,12 @@ class ViewState:
         words = [] if scope.filter is None else [scope.filter.text]
         if scope.span is not None:
             words.append(f"{self.when(scope.span[0])} + {short(scope.span[1] - scope.span[0])}")
-        return " in ".join(words)
+        return tr(" in ").join(words)
 
     def when(self, t_ns: int) -> str:
         """A time by itself, as times are shown."""
         if not self.bus.timed:
-            return f"row {t_ns:,}"
+            return tr("row {number:,}", number=t_ns)
         return (
             date_and_time(t_ns, self.zone)[:19]
             if is_clock(self.bus.t_first)

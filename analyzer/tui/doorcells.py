@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from dissectors.functions import function_code
 
+from ..languages import tr
 from ..model.pollvalues import poll_values
 
 if TYPE_CHECKING:
@@ -35,15 +36,16 @@ def cells_of_row(screen: BusScreen) -> list[DoorCell]:
     if row < 0 or not bus.count:
         return []
     if bus.is_noise(row):
-        return [DoorCell("n", "noise", "noise")]
+        return [DoorCell("n", tr("noise"), "noise")]
     frame = bus.frame(row)
     cells = []
     item = screen.detail.fields.item
     place = "" if item is None else item.text.partition(":")[0]
     if screen.detail.fields.has_focus and item is not None and item.length and place.isdecimal() and len(place) > 4:
-        cells.append(DoorCell("v", f"register {place} of unit {frame.unit}", register_text(frame.unit, place)))
+        words = tr("register {register} of unit {unit}", register=place, unit=frame.unit)
+        cells.append(DoorCell("v", words, register_text(frame.unit, place)))
     cells += [
-        DoorCell("u", f"unit {frame.unit}", f"unit == {frame.unit}"),
+        DoorCell("u", tr("unit {unit}", unit=frame.unit), f"unit == {frame.unit}"),
         DoorCell("f", f"{function_code(frame.function)} {frame.name}", f"function == {frame.function}"),
     ]
     partner = bus.partner(row)
@@ -51,11 +53,12 @@ def cells_of_row(screen: BusScreen) -> list[DoorCell]:
     poll = poll_values(bus, [asked])[0]
     if poll.register:
         register = register_text(frame.unit, poll.register)
-        cells.append(DoorCell("r", f"register {poll.register} of unit {frame.unit}", register))
+        words = tr("register {register} of unit {unit}", register=poll.register, unit=frame.unit)
+        cells.append(DoorCell("r", words, register))
         whole = f"{register} and function == {frame.function} and quantity == {poll.quantity}"
-        cells.append(DoorCell("p", f"this poll: {poll.register} ×{poll.quantity} of unit {frame.unit}", whole))
+        cells.append(DoorCell("p", tr("this poll: {words}", words=f"×{poll.quantity}, {words}"), whole))
     if frame.exception:
-        cells.append(DoorCell("x", f"exception {frame.exception}", f"exception == {frame.exception}"))
+        cells.append(DoorCell("x", tr("exception {code}", code=frame.exception), f"exception == {frame.exception}"))
     codes = dict.fromkeys(finding.code for each in {row, asked, partner} - {None} for finding in bus.findings(each))  # type: ignore[arg-type]
     cells += [DoorCell("cdeghij"[i], code, f'finding == "{code}"') for i, code in enumerate(list(codes)[:7])]
     return cells

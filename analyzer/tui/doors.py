@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from ..languages import tr
 from ..model.filtering import compiled
 from ..model.search import for_test
 from .doorcells import DoorCell
@@ -28,11 +29,13 @@ class Doors:
         screen = self._screen
         cells = BY_NAME[screen.view].cells(screen)
         if not cells:
-            screen.tell("nothing under the cursor to filter by")
+            screen.tell(tr("nothing under the cursor to filter by"))
             return
         which: int | None = 0
         if len(cells) > 1:
-            which = await screen.app.push_screen_wait(Choose(_ASKS[sign], [(cell.key, cell.words) for cell in cells]))
+            which = await screen.app.push_screen_wait(
+                Choose(tr(_ASKS[sign]), [(cell.key, cell.words) for cell in cells])
+            )
         if which is not None:
             self._through(sign, cells[which])
 

@@ -16,6 +16,7 @@ from dissectors.maps.model import RegisterMap
 from dissectors.maps.units import UnitMaps
 
 from ..filters import Completion, FilterError, check, complete
+from ..languages import tr
 from ..model.filtering import compiled
 from .lines import Lines
 from .messages import FilterChanged, FilterLeft, LineEntered
@@ -49,7 +50,7 @@ class Completions(Lines):
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         own = self.found[line]
-        return fitted([StyledText(f" {own.text.strip():<20} "), StyledText(own.help, "dim")], width)
+        return fitted([StyledText(f" {own.text.strip():<20} "), StyledText(tr(own.help), "dim")], width)
 
 
 class FilterInput(Input):
@@ -105,8 +106,8 @@ class FilterBar(Vertical):
 
     def compose(self) -> ComposeResult:
         with Horizontal(id="filter-line"):
-            yield Label("Filter ", id="filter-label")
-            yield FilterInput(placeholder="/ to type, e.g.  unit == 17 and exception", id="filter", compact=True)
+            yield Label(tr("Filter "), id="filter-label")
+            yield FilterInput(placeholder=tr("/ to type, e.g.  unit == 17 and exception"), id="filter", compact=True)
             yield Label("", id="filter-trouble", markup=False)
             yield Label("", id="filter-span", markup=False)
         yield Completions(id="completions")

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from textual.binding import Binding, BindingType
 
 from ..causes.links import cause_of
+from ..languages import counted, tr
 from ..model.selection import Selection
 from ..tables.findings import Severity, codes
-from ..words import plural
 from .causeitems import of_cause
 from .lines import Lines
 from .look import at_finding, finding_name
@@ -29,7 +29,9 @@ if TYPE_CHECKING:
     from .desk import ViewState
     from .screen import BusScreen
 
-_LEAST: Final = {Severity.NOTE: "all", Severity.WARNING: "warnings and errors", Severity.ERROR: "errors"}
+_LEAST: Final = {
+    Severity.NOTE: "showing all", Severity.WARNING: "showing warnings and errors", Severity.ERROR: "showing errors",
+}  # fmt: skip
 _AGAIN_S: Final = 2.0  # between two reckonings of causes while rows come
 _PAUSE_S: Final = 0.3  # between two countings while rows come
 
@@ -200,15 +202,15 @@ class FindingList(Lines):
 
     def heads(self, y: int, width: int) -> Sequence[StyledText]:
         if y:
-            return [StyledText(f"  {'time':>12} {'frame':>8}  {'code':<20} what was seen")]
+            return [StyledText(f"  {tr('time'):>12} {tr('frame'):>8}  {tr('code'):<20} {tr('what was seen')}")]
         log = self.desk.bus.found
         counts = [
-            f"{log.by_severity[level]:,} {level.name.lower()}{'' if log.by_severity[level] == 1 else 's'}"
+            counted(log.by_severity[level], level.name.lower(), f"{level.name.lower()}s")
             for level in sorted(Severity, reverse=True)
         ]
-        which = f"showing {_LEAST[self.least]}" + (f", {self.code} only" if self.code else "")
+        which = tr(_LEAST[self.least]) + (tr(", {code} only", code=self.code) if self.code else "")
         if self.grouped:
-            which += " by cause"
+            which += tr(" by cause")
         return fitted([StyledText(f"  {', '.join(counts)}   "), StyledText(f"{which}: {len(self._numbers):,}")], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
@@ -219,13 +221,13 @@ class FindingList(Lines):
 
     def _heading(self, block: _LineBlock) -> list[StyledText]:
         total = sum(len(each.numbers) for each in self._blocks if each.cause == block.cause)
-        counted = f"{plural(total, 'finding', 'findings')}"
+        findings = counted(total, "finding", "findings")
         if block.cause is None:
-            return [StyledText("· "), StyledText(f"no cause explains {counted}", "strong")]
+            return [StyledText("· "), StyledText(tr("no cause explains {findings}", findings=findings), "strong")]
         cause = self.causes[block.cause]
         letter = cause.severity[:1].upper()
         kind = cause.severity
-        return [StyledText(f"{letter} ", kind), StyledText(f"{counted}: ", "dim"), StyledText(cause.text, "strong")]
+        return [StyledText(f"{letter} ", kind), StyledText(f"{findings}: ", "dim"), StyledText(cause.text, "strong")]
 
     def _counted(self, block: _LineBlock) -> list[StyledText]:
         log = self.desk.bus.found
@@ -241,7 +243,7 @@ class FindingList(Lines):
     def _row_words(self, number: int) -> str:
         bus = self.desk.bus
         row = bus.found.row(number)
-        return "bus" if row < 0 else "noise" if bus.is_noise(row) else str(bus.table.value("frame", row))
+        return tr("bus") if row < 0 else tr("noise") if bus.is_noise(row) else str(bus.table.value("frame", row))
 
     def _finding_line(self, number: int) -> list[StyledText]:
         bus = self.desk.bus

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
+from ..languages import tr
 from ..model.selection import Everything, ListRows
 from ..words import TimeBase, short, zone_name
 from . import rows as words
@@ -27,11 +28,12 @@ class FrameList(Lines):
     """Rows of the bus, all or a selection of them."""
 
     EMPTY = "no frames yet"
+    COLUMNS: ClassVar[tuple[str, ...]] = ("number", "time", "gap", "unit", "function", "answer")
 
     @property
     def empty(self) -> str:
         if self.desk.bus.count and self.desk.scope.only_changed and not self.desk.scope.narrows:
-            return "no answer changed; d shows all"
+            return tr("no answer changed; d shows all")
         return self.desk.emptied(self.EMPTY)
 
     def __init__(self, desk: ViewState, *, id: str) -> None:
@@ -89,13 +91,23 @@ class FrameList(Lines):
         """What stands over the times."""
         desk, base = self.desk, self.desk.base
         title = {TimeBase.START: "time s", TimeBase.REFERENCE: "from R s", TimeBase.PREVIOUS: "delta"}.get(base)
-        return "" if not desk.bus.timed else title or f"date, {zone_name(desk.bus.t_first, desk.zone)}"
+        dated = tr("date, {zone}", zone=zone_name(desk.bus.t_first, desk.zone)) if desk.bus.timed else ""
+        return dated if title is None or not dated else tr(title)
+
+    def shown(self, cells: Sequence[tuple[str, StyledText]]) -> list[StyledText]:
+        """Cells by column, without those of columns that the user hid."""
+        hidden = self.desk.wishes.hidden
+        return [cell for column, cell in cells if f"{self.id}.{column}" not in hidden]
 
     def head(self, width: int) -> Sequence[StyledText]:
         number, time, answer = self.columns(width)
-        answers = f"{'answer':>{answer}} " if answer else ""
-        gap = f" {'gap':>6}" if width >= _NARROW else ""
-        return [StyledText(f"  {'#':>{number}} {self.time_title():>{time}}{gap}     unit  fn {answers} what")]
+        heads = (
+            ("", "  "), ("number", f"{'#':>{number}} "), ("time", f"{self.time_title():>{time}} "),
+            ("gap", f"{tr('gap'):>6} " if width >= _NARROW else ""), ("", "    "),
+            ("unit", f"{tr('unit'):>4} "), ("function", f"{tr('fn'):>3} "),
+            ("answer", f"{tr('answer'):>{answer}}  " if answer else " "), ("", tr("what")),
+        )  # fmt: skip
+        return self.shown([(column, StyledText(text)) for column, text in heads])
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         return self.row_pieces(self.rows.row(line), self.rows.row(line - 1) if line else None, width)
@@ -109,24 +121,23 @@ class FrameList(Lines):
         index = "" if noise else str(table.value("frame", row))
         unit = "" if noise else str(table.value("unit", row))
         function = "" if noise else str(table.value("function", row))
-        parts = [
-            words.marks(desk, row),
-            StyledText(f"{index:>{number}} ", "dim"),
-            StyledText(f"{desk.time(row, before):>{time}} "),
-            StyledText(f"{short(desk.bus.gap_ns(row)):>6} " if width >= _NARROW else "", "dim"),
-            StyledText(f" {words.joint(desk, row)} ", kind),
-            StyledText(f"{unit:>4} {function:>3} ", kind),
-        ]
         ended = words.ended(desk, row)
-        if answer:
-            parts.append(StyledText(f"{ended.text:>{answer}}  ", ended.kind))
-        else:
-            parts.append(StyledText(" "))
+        parts = self.shown([
+            ("", words.marks(desk, row)),
+            ("number", StyledText(f"{index:>{number}} ", "dim")),
+            ("time", StyledText(f"{desk.time(row, before):>{time}} ")),
+            ("gap", StyledText(f"{short(desk.bus.gap_ns(row)):>6} " if width >= _NARROW else "", "dim")),
+            ("", StyledText(f" {words.joint(desk, row)} ", kind)),
+            ("unit", StyledText(f"{unit:>4} ", kind)),
+            ("function", StyledText(f"{function:>3} ", kind)),
+            ("answer", StyledText(f"{tr(ended.text):>{answer}}  ", ended.kind) if answer else StyledText(" ")),
+        ])  # fmt: skip
         content, about = words.words(desk, row)
         if not answer and ended.text == words.UNHEARD:
-            about.append(StyledText("  answer not heard", "dim"))
+            about.append(StyledText(f"  {tr('answer not heard')}", "dim"))
         elif not answer and ended.kind == "error" and not about:
-            about.append(StyledText(f"  {'unanswered' if ended.text == 'none' else 'bad answer'}", "error"))
+            why = tr("unanswered") if ended.text == "none" else tr("bad answer")
+            about.append(StyledText(f"  {why}", "error"))
         used = sum(len(part.text) for part in parts)
         return [*parts, *words.shared(content, about, max(0, width - used))]
 

@@ -14,6 +14,7 @@ from textual.screen import ModalScreen
 from textual.widget import Widget
 from textual.widgets import Static
 
+from ..languages import tr
 from .details import Details
 from .filterbar import FilterInput
 from .findings import FindingList
@@ -71,10 +72,10 @@ class Help(ModalScreen[None]):
 def _keys(mine: Mapping[str, str]) -> Iterator[tuple[str, Sequence[tuple[str, str]]]]:
     """Every binding there is: the screen's by group, then those of each widget."""
     for title, group in GROUPS:
-        yield title, [(_shown(binding, mine), binding.tooltip or binding.description) for binding in group]
+        yield title, [(_shown(each, mine), tr(each.tooltip or each.description)) for each in group]
     for title, widget in _WIDGETS:
         own = [each for each in widget.BINDINGS if isinstance(each, Binding)]
-        yield title, [(_shown(each, mine), each.tooltip or each.description) for each in own]
+        yield title, [(_shown(each, mine), tr(each.tooltip or each.description)) for each in own]
 
 
 def _shown(binding: Binding, mine: Mapping[str, str]) -> str:
@@ -90,13 +91,13 @@ def _page(mine: Mapping[str, str]) -> Table:
     page = Table.grid(padding=(0, 2))
     page.add_column(no_wrap=True)
     page.add_column()
-    for title, keys in (*_keys(mine), ("In the list", MARKS)):
-        page.add_row(Text(title, "bold"), "")
+    for title, keys in (*_keys(mine), ("In the list", [(sign, tr(words)) for sign, words in MARKS])):
+        page.add_row(Text(tr(title), "bold"), "")
         for key, words in keys:
             page.add_row(Text(f"  {key}"), Text(words))
     from ..model.filtering import EXAMPLES
 
-    page.add_row(Text("Filters", "bold"), "")
+    page.add_row(Text(tr("Filters"), "bold"), "")
     for example in EXAMPLES:
         page.add_row("", Text(example))
     return page

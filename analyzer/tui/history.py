@@ -8,6 +8,7 @@ from typing import Final
 
 from textual.strip import Strip
 
+from ..languages import tr
 from .paint import Painted, StyledText, fitted
 
 _BLOCKS: Final = " ▁▂▃▄▅▆▇█"
@@ -49,7 +50,7 @@ class History(Painted):
             return self.strip(fitted([StyledText(self.title, "strong")], width), width, base)
         numbers = [number for _, number in self._points if not math.isnan(number)]
         if not numbers or height < 3:
-            return self.strip([StyledText(" no reading" if y == 1 else "", "dim")], width, base)
+            return self.strip([StyledText(tr(" no reading") if y == 1 else "", "dim")], width, base)
         low, high = 0.0 if self._from_zero else min(numbers), max(numbers)
         rows = height - 1
         label = self._written(high) if y == 1 else self._written(low) if y == rows and high > low else ""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from ..languages import counted, tr
 from ..words import compact, duration, short
 from .causeitems import of_cause, whose
 from .doorcells import DoorCell
@@ -96,38 +97,44 @@ class HomeList(Lines):
             return fitted(self._verdict(), width)
         room = max(1, width - _LABEL - 11)
         if not bus.count or not bus.timed:
-            return fitted([StyledText("" if bus.timed else "  no times in this capture")], width)
+            return fitted([StyledText("" if bus.timed else f"  {tr('no times in this capture')}")], width)
         bins = self.desk.figures.over(bus.t_first, max(bus.t_last, bus.t_first + 1), room)
         if y == 1:
             most = ""
             if bus.char_ns:
-                most = f"{min(1.0, float((bins.octets * bus.char_ns / bins.width_ns).max())):>5.0%} most"
-            return fitted([StyledText(f"{'load':>{_LABEL - 1}} "), *_bars(bins.octets, room), StyledText(most)], width)
+                most = tr(
+                    "{share:>5.0%} most", share=min(1.0, float((bins.octets * bus.char_ns / bins.width_ns).max()))
+                )
+            return fitted(
+                [StyledText(f"{tr('load'):>{_LABEL - 1}} "), *_bars(bins.octets, room), StyledText(most)], width
+            )
         marks = "".join(" " if not n else "▪" if n < 3 else "█" for n in bins.troubles.tolist())
-        return fitted([StyledText(f"{'trouble':>{_LABEL - 1}} "), StyledText(marks, "error")], width)
+        return fitted([StyledText(f"{tr('trouble'):>{_LABEL - 1}} "), StyledText(marks, "error")], width)
 
     def _verdict(self) -> list[StyledText]:
         bus, state = self.desk.bus, self.state
-        span = f" in {duration(bus.t_last - bus.t_first)}" if bus.timed and bus.count else ""
-        totals = StyledText(f"   {bus.frames:,} frames{span}, {bus.found.count:,} findings", "dim")
+        span = tr(" in {time}", time=duration(bus.t_last - bus.t_first)) if bus.timed and bus.count else ""
+        frames, findings = counted(bus.frames, "frame", "frames"), counted(bus.found.count, "finding", "findings")
+        totals = StyledText(f"   {frames}{span}, {findings}", "dim")
         if self.desk.scope.narrows:
-            totals = StyledText(f"   {self.desk.figures.frames:,} of {bus.frames:,} frames{span}", "dim")
+            shown = tr("{some:,} of {frames}", some=self.desk.figures.frames, frames=frames)
+            totals = StyledText(f"   {shown}{span}", "dim")
         if state is None:
-            return [StyledText("  reading …"), totals]
+            return [StyledText(f"  {tr('reading …')}"), totals]
         wrong = len(state.causes)
         if wrong:
-            verdict = "One thing explains what is wrong" if wrong == 1 else f"{wrong} things explain what is wrong"
+            verdict = tr("{things} what is wrong", things=counted(wrong, "thing explains", "things explain"))
             return [StyledText(f"  {verdict}", "error"), totals]
         grave = sum(count for level, count in bus.found.by_severity.items() if level > 1)
         if grave:
-            return [StyledText("  Single troubles, with no cause behind them", "warning"), totals]
-        return [StyledText("  Nothing is wrong", "good"), totals]
+            return [StyledText(f"  {tr('Single troubles, with no cause behind them')}", "warning"), totals]
+        return [StyledText(f"  {tr('Nothing is wrong')}", "good"), totals]
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         assert self.state is not None
         causes = self.state.causes
         if line < len(causes):
-            return fitted(_cause_line(causes[line]), width)
+            return fitted(_cause_line(causes[line], max(len(whose(cause)) for cause in causes)), width)
         return fitted(self._unit_line(self.state.report.units[line - len(causes)], width), width)
 
     def _unit_line(self, unit: UnitRow, width: int) -> list[StyledText]:
@@ -137,13 +144,17 @@ class HomeList(Lines):
         kind = "error" if rate > _MANY else "warning" if bad else "good"
         load = ""
         if bus.char_ns and bus.timed and bus.t_last > bus.t_first:
-            load = f"load {self.desk.figures.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first):.0%}"
-        answers = f"{short(times.p50_ns)} to {short(times.p95_ns)}" if times.count else "no answer times"
-        health = "sound" if not bad else f"{rate:.0%} bad" if rate >= 0.005 else "<1% bad"
+            share = self.desk.figures.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first)
+            load = tr("load {share:.0%}", share=share)
+        answers = tr("no answer times")
+        if times.count:
+            answers = tr("{low} to {high}", low=short(times.p50_ns), high=short(times.p95_ns))
+        health = tr("{share:>4} bad", share=f"{rate:.0%}" if rate >= 0.005 else "<1%") if bad else tr("sound")
         parts = [
-            StyledText(f"  unit {unit.unit:>3} "),
+            StyledText(tr("  unit {unit:>3} ", unit=unit.unit)),
             StyledText(f"{health:>8} ", kind),
-            StyledText(f"{compact(counts.requests):>6} asked  {load:>8}  answers {answers:<16}"),
+            StyledText(tr("{asked:>6} asked  {load:>8}  ", asked=compact(counts.requests), load=load)),
+            StyledText(tr("answers {times:<16}", times=answers)),
         ]
         room = width - sum(len(part.text) for part in parts) - 2
         if room > 7:
@@ -156,7 +167,7 @@ class HomeList(Lines):
         if cause is not None:
             return of_cause(cause)
         if unit is not None and self.state is not None:
-            return FrameDetail(f"unit {unit.unit}", b"", _unit_items(unit, self.state.causes))
+            return FrameDetail(tr("unit {unit}", unit=unit.unit), b"", _unit_items(unit, self.state.causes))
         return FrameDetail("", b"", ())
 
 
@@ -170,11 +181,12 @@ def _bars(octets: np.ndarray[tuple[int], np.dtype[np.int64]], width: int) -> lis
     return [StyledText(f"{sparkline(octets.astype(float), width):<{width}}", "request")]
 
 
-def _cause_line(cause: Cause) -> list[StyledText]:
+def _cause_line(cause: Cause, width: int) -> list[StyledText]:
+    """`width`: columns of whose fault it is."""
     return [
         StyledText(f"{_LETTERS.get(cause.severity, ' ')} ", cause.severity),
-        StyledText(f"{whose(cause):<10} "),
-        StyledText(f"{cause.confidence:>4.0%} sure  ", "dim"),
+        StyledText(f"{whose(cause):<{width}} "),
+        StyledText(f"{tr('{share:.0%} sure', share=cause.confidence):>9}  ", "dim"),
         StyledText(cause.text),
     ]
 
@@ -188,18 +200,21 @@ def _unit_items(unit: UnitRow, causes: Sequence[Cause]) -> tuple[Item, ...]:
     items = [
         Item(
             "asked",
-            f"{counts.requests:,}: " + ", ".join(f"{number:,} {word}" for number, word in ended if number),
-            label=f"{'asked':<11}",
+            f"{counts.requests:,}: " + ", ".join(f"{tr(word)} {number:,}" for number, word in ended if number),
+            label=f"{tr('asked'):<11}",
         )
     ]
     if times.count:
-        shares = f"half within {short(times.p50_ns)}, 95% within {short(times.p95_ns)}, {short(times.max_ns)} at most"
-        items.append(Item("answers", shares, label=f"{'answers':<11}"))
+        shares = tr(
+            "half within {half}, 95% within {most}, {all} at most",
+            half=short(times.p50_ns), most=short(times.p95_ns), all=short(times.max_ns),
+        )  # fmt: skip
+        items.append(Item("answers", shares, label=f"{tr('answers'):<11}"))
     mine = [cause for cause in causes if unit.unit in cause.units]
     items += [
-        Item(f"cause {i}", cause.text, kind=cause.severity, label=f"{'cause':<11}") for i, cause in enumerate(mine)
+        Item(f"cause {i}", cause.text, kind=cause.severity, label=f"{tr('cause'):<11}") for i, cause in enumerate(mine)
     ]
-    items.append(Item("Enter", "its rows alone", kind="dim", label=f"{'Enter':<11}"))
+    items.append(Item("Enter", tr("its rows alone"), kind="dim", label=f"{'Enter':<11}"))
     return tuple(items)
 
 
@@ -259,13 +274,17 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
     home = screen.query_one(HomeList)
     if home.unit is not None:
         unit, times = home.unit.unit, home.unit.times
-        cells = [DoorCell("u", f"unit {unit}", f"unit == {unit}")]
+        cells = [DoorCell("u", tr("unit {unit}", unit=unit), f"unit == {unit}")]
         if times.p95_ns:
             slow = f"unit == {unit} and response_time >= {times.p95_ns / 1e6:.6g}ms"
-            cells.append(DoorCell("s", f"its slow answers: {short(times.p95_ns)} and more, one in twenty", slow))
+            cells.append(
+                DoorCell("s", tr("its slow answers: {time} and more, one in twenty", time=short(times.p95_ns)), slow)
+            )
         return cells
     units = () if home.cause is None else home.cause.units
-    return [DoorCell("ubcdefgh"[i], f"unit {unit}", f"unit == {unit}") for i, unit in enumerate(units[:8])]
+    return [
+        DoorCell("ubcdefgh"[i], tr("unit {unit}", unit=unit), f"unit == {unit}") for i, unit in enumerate(units[:8])
+    ]
 
 
 VIEW: Final = View(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from ..words import plural
+from ..languages import counted, tr
 
 if TYPE_CHECKING:
     from dissectors.fields import Field
@@ -43,9 +43,10 @@ class FrameDetail:
     def spot(self, start: int, length: int) -> str:
         """Bytes in words: `bytes 3-4 of 11`."""
         if not length:
-            return plural(len(self.data), "byte", "bytes")
-        where = f"byte {start}" if length == 1 else f"bytes {start}-{start + length - 1}"
-        return f"{where} of {len(self.data)}"
+            return counted(len(self.data), "byte", "bytes")
+        if length == 1:
+            return tr("byte {at} of {all}", at=start, all=len(self.data))
+        return tr("bytes {at}-{to} of {all}", at=start, to=start + length - 1, all=len(self.data))
 
 
 NOTHING: Final = FrameDetail("", b"", ())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 from textual.worker import get_current_worker
 
+from ..languages import in_use, tr, use
 from ..model.scope import Scope, ScopedFigures
 from ..model.selection import Everything, Selection
 from ..model.source import Grave
@@ -73,7 +74,13 @@ class Jobs:
         self._start(group, thread, exclusive=exclusive)
 
     def _start(self, group: str, thread: Callable[[], None], *, exclusive: bool = False) -> None:
-        self._screen.run_worker(thread, thread=True, group=group, exclusive=exclusive, exit_on_error=False)
+        language = in_use()
+
+        def told() -> None:
+            use(language)
+            thread()
+
+        self._screen.run_worker(told, thread=True, group=group, exclusive=exclusive, exit_on_error=False)
 
     # Reading
 
@@ -100,7 +107,9 @@ class Jobs:
     def _rows_came(self) -> None:
         live = self._source.live
         self.doing = (
-            ("" if is_gone(self._source) else "listening") if live else f"reading, {self._bus.store.size / 1e6:,.0f} MB"
+            ("" if is_gone(self._source) else tr("listening"))
+            if live
+            else tr("reading, {size:,.0f} MB", size=self._bus.store.size / 1e6)
         )
         self._first_row()
         if live:
@@ -143,10 +152,10 @@ class Jobs:
         self._screen.files.read(self._source)
         self._screen.resume()
         if trouble:
-            self._screen.tell(f"reading ended: {trouble}", wrong=True)
+            self._screen.tell(tr("reading ended: {trouble}", trouble=trouble), wrong=True)
         self._tell_notices()
         if not self._bus.frames and not trouble and self._screen.view != "paste":
-            self._screen.tell("no Modbus frame was found", wrong=True)
+            self._screen.tell(tr("no Modbus frame was found"), wrong=True)
 
     # Testing rows
 
@@ -188,7 +197,7 @@ class Jobs:
         self._count_scope()
         if self.selection is not None and self._bus.whole:
             tested, count = self.selection.done, self._bus.count
-            self.doing = f"filtering {tested / max(1, count):.0%}" if tested < count else ""
+            self.doing = tr("filtering {share:.0%}", share=tested / max(1, count)) if tested < count else ""
         self._paint()
 
     # Counting

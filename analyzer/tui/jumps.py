@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
+from ..languages import tr
 from ..model import goto, search
 from .burst import FINDING
 from .frames import FrameList
@@ -38,7 +39,8 @@ class Jumps:
             screen.list_view = listed
         listing = screen.query_one(f"#{shown}", FrameList)
         if not listing.go(row):
-            screen.tell("that row is not among those shown (Esc takes the filter back); this one comes before it")
+            words = "that row is not among those shown (Esc takes the filter back); this one comes before it"
+            screen.tell(tr(words))
         listing.focus()
         self._arrived = listing.row, row
 
@@ -55,7 +57,7 @@ class Jumps:
         """From a request to its answer, from an answer to its request."""
         partner = None if self.here < 0 else self._bus.partner(self.here)
         if partner is None:
-            self._screen.tell("no counterpart is known")
+            self._screen.tell(tr("no counterpart is known"))
         else:
             self.go(partner)
 
@@ -65,7 +67,7 @@ class Jumps:
         rows = self._bus.found.rows_beyond(begin, step)
         row = next((row for row in rows.tolist() if shown.row(shown.position(row)) == row), None)
         if row is None:
-            self._screen.tell("no finding further on" if step > 0 else "no finding before this")
+            self._screen.tell(tr("no finding further on") if step > 0 else tr("no finding before this"))
         else:
             self.go(row)
 
@@ -80,7 +82,7 @@ class Jumps:
                 return str(error)
             return ""
 
-        text = await self._screen.app.push_screen_wait(Ask("Go to", goto.FORMS, wrong=wrong))
+        text = await self._screen.app.push_screen_wait(Ask(tr("Go to"), tr(goto.FORMS), wrong=wrong))
         if text is not None:
             self.go(goto.place(text, self._bus, begin, self._screen.desk.zone))
 
@@ -95,9 +97,9 @@ class Jumps:
                 return str(error)
             return ""
 
-        text = await self._screen.app.push_screen_wait(Ask("Only the time", goto.SPANS, wrong=wrong))
+        text = await self._screen.app.push_screen_wait(Ask(tr("Only the time"), tr(goto.SPANS), wrong=wrong))
         if text is not None:
-            self._screen.narrow_to(goto.span(text, self._bus, zone))
+            self._screen.narrowing.to_span(goto.span(text, self._bus, zone))
 
     async def ask_what(self) -> None:
         """Ask what to look for, tell what is understood while it is typed, and look; a place is gone to."""
@@ -105,11 +107,11 @@ class Jumps:
 
         def understood(text: str) -> str:
             if not text.strip():
-                return _HINT
+                return tr(_HINT)
             if _names_row(text):
-                return f"goes to {text.strip()}"
+                return tr("goes to {place}", place=text.strip())
             try:
-                return f"looks for {search.wanted(text).words}"
+                return tr("looks for {what}", what=search.wanted(text).words)
             except search.SearchError as error:
                 return str(error)
 
@@ -124,7 +126,7 @@ class Jumps:
             return ""
 
         text = await self._screen.app.push_screen_wait(
-            Ask("Find", _HINT, value=self._sought, wrong=wrong, understood=understood)
+            Ask(tr("Find"), tr(_HINT), value=self._sought, wrong=wrong, understood=understood)
         )
         if text is None:
             return
@@ -152,7 +154,7 @@ class Jumps:
             return
         self._waiting.append(back)
         if len(self._waiting) == 1:
-            screen.jobs.doing = f"looking for {wanted.words[:30]}"
+            screen.jobs.doing = tr("looking for {what}", what=wanted.words[:30])
             screen.say()
             self._seek(wanted, back=back)
 
@@ -174,10 +176,10 @@ class Jumps:
         back = self._waiting.popleft()
         if row is None:
             self._waiting.clear()
-            screen.tell(f"{wanted.words[:50]}: nowhere here")
+            screen.tell(tr("{what}: nowhere here", what=wanted.words[:50]))
         else:
             if wrapped:
-                screen.tell(f"from the {'end' if back else 'beginning'} again")
+                screen.tell(tr("from the end again") if back else tr("from the beginning again"))
             self._light(row, wanted.data)
             self.go(row)
         if self._waiting:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ..filters import FilterError
+from ..languages import tr
 from ..model.filtering import compiled
 from .filterbar import FilterBar
 from .preferences import COLOURS, KeptFilter
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
     from .desk import ViewState
     from .screen import BusScreen
 
-_SHOWN = 9
+_SHOWN = 9  # of the user's own, and of the settings files' as many
+_KEYS = "123456789abcefghij"
 
 
 class KeptFilters:
@@ -30,14 +32,15 @@ class KeptFilters:
         screen = self._screen
         wishes, ask = screen.desk.wishes, screen.app.push_screen_wait
         bar = screen.query_one(FilterBar)
-        shown = wishes.filters[:_SHOWN]
-        choices = [(str(i), _words(entry)) for i, entry in enumerate(shown, 1)]
-        choices += [("k", f"keep the filter in use: {bar.text}")] if bar.text else []
-        choices += [("d", "drop one")] if shown else []
+        own = wishes.filters[:_SHOWN]
+        shown = [*own, *wishes.presets][: 2 * _SHOWN]
+        choices = [(_KEYS[i], _words(entry)) for i, entry in enumerate(shown)]
+        choices += [("k", tr("keep the filter in use: {filter}", filter=bar.text))] if bar.text else []
+        choices += [("d", tr("drop one"))] if own else []
         if not choices:
-            screen.tell("no filter is kept yet: use one, then S keeps it")
+            screen.tell(tr("no filter is kept yet: use one, then S keeps it"))
             return
-        which = await ask(Choose("Kept filters", choices))
+        which = await ask(Choose(tr("Kept filters"), choices))
         if which is None:
             return
         if which < len(shown):
@@ -45,14 +48,14 @@ class KeptFilters:
         elif choices[which][0] == "k":
             await self._keep(bar.text)
         else:
-            gone = await ask(Choose("Drop", choices[: len(shown)]))
+            gone = await ask(Choose(tr("Drop"), choices[: len(own)]))
             if gone is not None:
-                wishes.drop(shown[gone].name)
+                wishes.drop(own[gone].name)
         self._again()
 
     async def _keep(self, text: str) -> None:
-        hint = f"a name; a colour behind it lights its rows: {', '.join(COLOURS)}"
-        answer = await self._screen.app.push_screen_wait(Ask("Keep as", hint, wrong=_no_name))
+        hint = tr("a name; a colour behind it lights its rows: {colours}", colours=", ".join(COLOURS))
+        answer = await self._screen.app.push_screen_wait(Ask(tr("Keep as"), hint, wrong=_no_name))
         if answer is None:
             return
         name, _, colour = answer.strip().rpartition(" ")
@@ -91,4 +94,4 @@ def _words(entry: KeptFilter) -> str:
 
 
 def _no_name(text: str) -> str:
-    return "" if text.strip() else "a name is needed"
+    return "" if text.strip() else tr("a name is needed")

@@ -17,6 +17,7 @@ from textual.geometry import Offset, Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
+from ..languages import tr
 from .messages import LineChosen, LineEntered
 from .paint import Painted, StyledText
 
@@ -52,7 +53,7 @@ class Lines(Painted, ScrollView, can_focus=True):
     @property
     def empty(self) -> str:
         """What stands there where there is no line."""
-        return self.EMPTY
+        return tr(self.EMPTY)
 
     def count(self) -> int:
         """Lines now."""

@@ -10,6 +10,7 @@ from captures.line import LineSettings
 from captures.recording.notes import Note
 
 from ..core import Analysed
+from ..languages import counted, tr
 from ..live.session import Session
 from ..live.status import LineStatus
 from ..model.source import Grave
@@ -76,7 +77,9 @@ class LiveSource:
 
     def notices(self) -> Sequence[str]:
         """The newest events, and bytes that were not analysed."""
-        missed = [Grave(f"{self._missed:,} bytes were not analysed live")] if self._missed else []
+        missed = (
+            [Grave(tr("{bytes} not analysed", bytes=counted(self._missed, "byte", "bytes")))] if self._missed else []
+        )
         return [*missed, *self._notices[-_NOTICES:]]
 
     @property
@@ -97,25 +100,26 @@ class LiveSource:
         """How the session does, in words that stay on the screen, each with its kind."""
         words: list[tuple[str, str]] = []
         if self.gone:
-            words.append(("UNPLUGGED", "error"))
+            words.append((tr("UNPLUGGED"), "error"))
         record = self.recording
         if record is None:
-            words.append(("not recorded", "dim"))
+            words.append((tr("not recorded"), "dim"))
         else:
             name = "" if record.path is None else f" {record.path.name}"
             paused = record.paused
             words.append(
                 (
-                    f"{'RECORDING PAUSED' if paused else 'REC'}{name} {record.bytes / 1e6:,.1f} MB",
+                    f"{tr('RECORDING PAUSED') if paused else tr('REC')}{name} {record.bytes / 1e6:,.1f} MB",
                     "error" if paused else "good",
                 )
             )
             if record.lost:
-                words.append((f"LOST {record.lost:,} bytes", "error"))
+                words.append((tr("LOST {bytes}", bytes=counted(record.lost, "byte", "bytes")), "error"))
         if self._missed:
-            words.append((f"{self._missed:,} bytes not analysed", "error"))
+            words.append((tr("{bytes} not analysed", bytes=counted(self._missed, "byte", "bytes")), "error"))
         load = self._status.load
-        words.append((f"{self._status.frames_per_s:.0f} frames/s" + ("" if load is None else f", load {load:.0%}"), ""))
+        rate = tr("{rate:.0f} frames/s", rate=self._status.frames_per_s)
+        words.append((rate + ("" if load is None else f", {tr('load {share:.0%}', share=load)}"), ""))
         return words
 
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Final
 from dissectors.fields import Field
 from dissectors.values import harmless, readings
 
+from ..languages import counted, tr
 from ..model.polls import changed
 from ..paste.model import PastedFrame, PastedNoise
-from ..words import date_and_time, plural, seconds, short
+from ..words import date_and_time, seconds, short
 from .items import NOTHING, FrameDetail, Item, chosen
 from .rows import LETTER, SEVERITY
 from .why import why
@@ -31,18 +32,19 @@ def at_row(desk: ViewState, row: int) -> FrameDetail:
     if bus.is_noise(row):
         data = bus.captured(row)
         head = Item("noise", _unexplained(data), 0, len(data), "noise", children=_facts(desk, row), ready=False)
-        return FrameDetail("noise", data, (head, *_findings(bus.findings(row)), *why(bus, row)))
+        return FrameDetail(tr("noise"), data, (head, *_findings(bus.findings(row)), *why(bus, row)))
     frame = bus.frame(row)
     fields = frame.fields()
+    title = tr("frame {number}", number=frame.index)
     items = (
-        Item("frame", _heading(frame), kind="strong", label=f"frame {frame.index}", children=_facts(desk, row, frame),
+        Item("frame", _heading(frame), kind="strong", label=title, children=_facts(desk, row, frame),
              ready=False),
         *_findings(frame.findings),
         *_versus(desk, row, fields),
         *why(bus, row),
         *_fields(fields),
     )  # fmt: skip
-    title = f"frame {frame.index}" + (", ASCII mode: its bytes decoded" if frame.protocol == "ascii" else "")
+    title += tr(", ASCII mode: its bytes decoded") if frame.protocol == "ascii" else ""
     return FrameDetail(title, frame.adu.data, items, fields)
 
 
@@ -56,14 +58,17 @@ def _versus(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[It
     pairs = list(changed(earlier.fields(), fields))
     ago = ""
     if bus.timed:
-        ago = f", {short(bus.table.value('t_start_ns', row) - bus.table.value('t_start_ns', before))} before"
-    difference = plural(len(pairs), "value differs", "values differ") if pairs else "nothing differs"
+        time = short(bus.table.value("t_start_ns", row) - bus.table.value("t_start_ns", before))
+        ago = tr(", {time} before", time=time)
+    difference = counted(len(pairs), "value differs", "values differ") if pairs else tr("nothing differs")
     kind = "accent" if pairs else "dim"
     yield Item(
-        "versus", f"{difference} from frame {earlier.index}{ago}", kind=kind, label="versus", ready=False,
+        "versus", tr("{difference} from frame {number}", difference=difference, number=earlier.index) + ago, kind=kind,
+        label=tr("versus"), ready=False,
         children=tuple(
             Item(
-                f"{i} {new.name}", f"{new.text}, was {old.text.rpartition(': ')[2]}", new.start, new.length,
+                f"{i} {new.name}", tr("{new}, was {old}", new=new.text, old=old.text.rpartition(": ")[2]),
+                new.start, new.length,
                 label=new.name,
             )
             for i, (old, new) in enumerate(pairs[:_DIFFERENT])
@@ -74,7 +79,7 @@ def _versus(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[It
 def at_piece(pasted: PastedFrame | PastedNoise) -> FrameDetail:
     """A piece of a paste."""
     if isinstance(pasted, PastedNoise):
-        return FrameDetail("in no frame", pasted.data, (Item("noise", _unexplained(pasted.data),
+        return FrameDetail(tr("in no frame"), pasted.data, (Item("noise", _unexplained(pasted.data),
                                                      0, pasted.length, "noise"),))  # fmt: skip
     from ..paste.trees import heading, trouble
 
@@ -88,20 +93,26 @@ def at_piece(pasted: PastedFrame | PastedNoise) -> FrameDetail:
     if pasted.also is not None:
         others = pasted.fields(pasted.also)
         same = others == fields
-        text = "field by field the same" if same else heading(pasted, pasted.also)
+        text = tr("field by field the same") if same else heading(pasted, pasted.also)
         name = pasted.also.name.lower()
         items.append(
-            Item("also", text, label=f"or {name}", ready=False, children=() if same else tuple(_fields(others)))
+            Item(
+                "also",
+                text,
+                label=tr("or {name}", name=name),
+                ready=False,
+                children=() if same else tuple(_fields(others)),
+            )
         )
-    return FrameDetail(f"at {pasted.start}", pasted.adu.data, tuple(items), fields)
+    return FrameDetail(tr("at {start}", start=pasted.start), pasted.adu.data, tuple(items), fields)
 
 
 def _unexplained(data: bytes) -> str:
-    return f"{plural(len(data), 'byte', 'bytes')} that no frame explains"
+    return tr("{bytes} that no frame explains", bytes=counted(len(data), "byte", "bytes"))
 
 
 def _heading(frame: Frame) -> str:
-    return f"{frame.direction}, unit {frame.unit}: {frame.summary()}"
+    return f"{tr(frame.direction)}, {tr('unit {unit}', unit=frame.unit)}: {frame.summary()}"
 
 
 def _facts(desk: ViewState, row: int, frame: Frame | None = None) -> tuple[Item, ...]:
@@ -116,30 +127,31 @@ def _facts(desk: ViewState, row: int, frame: Frame | None = None) -> tuple[Item,
         facts.append(("on the wire", short(table.value("t_end_ns", row) - t)))
         gap = bus.gap_ns(row)
         if gap is not None:
-            chars = f", {gap / bus.char_ns:.1f} characters" if bus.char_ns else ""
+            chars = tr(", {count:.1f} characters", count=gap / bus.char_ns) if bus.char_ns else ""
             facts.append(("gap before", f"{short(gap)}{chars}"))
-    where = f"byte {table.value('start', row):,} of its stream"
-    facts.append(("place", where + (f", tap {table.value('port', row)}" if table.value("port", row) else "")))
+    port = table.value("port", row)
+    where = tr("byte {at:,} of its stream", at=table.value("start", row))
+    facts.append(("place", where + (tr(", tap {port}", port=port) if port else "")))
     errors = table.value("errors", row)
     if errors:
-        facts.append(("UART errors", f"{errors} bytes came with a parity or framing error"))
+        facts.append(("UART errors", tr("with a parity or framing error: {count}", count=errors)))
     if frame is not None:
         partner = bus.partner(row)
         if partner is not None:
             index = table.value("frame", partner)
-            facts.append(("answers" if frame.row.request >= 0 else "answered by", f"frame {index}"))
+            facts.append(("answers" if frame.row.request >= 0 else "answered by", tr("frame {number}", number=index)))
         if frame.response_time_ns is not None:
             facts.append(("answer took", short(frame.response_time_ns)))
         facts.append(("confidence", f"{frame.confidence:.4g}"))
     comment = desk.notes.comments.get(desk.place(row))
     if comment:
         facts.append(("comment", harmless(comment)))
-    return tuple(Item(name, text, kind="dim") for name, text in facts)
+    return tuple(Item(name, text, kind="dim", label=tr(name)) for name, text in facts)
 
 
 def at_finding(finding: Finding) -> FrameDetail:
     """A finding about the bus as a whole."""
-    return FrameDetail("the bus as a whole", b"", tuple(_findings((finding,))))
+    return FrameDetail(tr("the bus as a whole"), b"", tuple(_findings((finding,))))
 
 
 def finding_name(finding: Finding) -> str:
@@ -156,7 +168,7 @@ def _findings(findings: Iterable[Finding]) -> Iterator[Item]:
         yield Item(
             name, finding.text, kind=SEVERITY[finding.severity],
             label=f"{LETTER[finding.severity]} {finding.code}",
-            children=tuple(Item(name, text) for name, text in more if text),
+            children=tuple(Item(name, text, label=tr(name)) for name, text in more if text),
         )  # fmt: skip
 
 
@@ -195,7 +207,9 @@ def _readings(fields: Sequence[Field], first: int) -> Iterator[Item]:
         orders = dict.fromkeys(reading.order for reading in interpretations if reading.order is not None)
         for order in orders:
             text = "  ".join(f"{r.kind} {r.text}" for r in interpretations if r.order == order)
-            yield Item(f"{size} {order}", text, start, size * _PAIR, label=f"{size} regs {order}")
+            yield Item(
+                f"{size} {order}", text, start, size * _PAIR, label=tr("{count} regs {order}", count=size, order=order)
+            )
 
 
 __all__ = ["NOTHING", "FrameDetail", "Item", "at_finding", "at_piece", "at_row", "chosen", "finding_name"]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from captures.recording.notes import MARK
 
+from ..languages import tr
 from ..outages import notes_of
 from .prompts import Ask
 
@@ -69,13 +70,13 @@ class OpenFiles:
             self.again(follow=True)
         elif not self._announced:
             self._announced = True
-            self._screen.tell("the file has grown: Ctrl+R reads it anew, F follows its end")
+            self._screen.tell(tr("the file has grown: Ctrl+R reads it anew, F follows its end"))
 
     def again(self, *, follow: bool = False) -> None:
         """Read it anew: the same view, filter and row."""
         screen = self._screen
         if self.path is None:
-            screen.tell("there is no file to read anew")
+            screen.tell(tr("there is no file to read anew"))
             return
         scope = screen.desk.scope
         text = "" if scope.filter is None else scope.filter.text
@@ -85,7 +86,7 @@ class OpenFiles:
         """Another file."""
         screen = self._screen
         folder = "" if self.path is None else f"{self.path.parent}/"
-        question = Ask("Open", "a capture of any format", value=folder, wrong=_no_capture, selected=False)
+        question = Ask(tr("Open"), tr("a capture of any format"), value=folder, wrong=_no_capture, selected=False)
         text = await screen.app.push_screen_wait(question)
         if text is not None:
             screen.app.exit(NextFile(Path(text).expanduser()))
@@ -97,7 +98,7 @@ def _no_capture(text: str) -> str:
 
     path = Path(text).expanduser()
     if not path.is_file():
-        return f"no such file as {text}"
+        return tr("no such file as {file}", file=text)
     try:
         captures.open(path)
     except captures.CaptureError as error:

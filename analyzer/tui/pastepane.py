@@ -13,6 +13,7 @@ from textual.widgets import Label, TextArea
 
 from captures.text.halves import HexError
 
+from ..languages import counted, tr
 from ..paste import Paste, PasteError, read
 from ..paste.model import PastedFrame, PastedNoise
 from ..paste.trees import heading, shown, trouble
@@ -75,9 +76,8 @@ class PieceList(Lines):
         pasted = self.paste.pieces[line]
         at = StyledText(f"{pasted.start:>5}  ", "dim")
         if isinstance(pasted, PastedNoise):
-            return fitted(
-                [at, StyledText(f"in no frame, {pasted.length} bytes: {shown(pasted.data, 12)}", "noise")], width
-            )
+            length = counted(pasted.length, "byte", "bytes")
+            return fitted([at, StyledText(f"{tr('in no frame')}, {length}: {shown(pasted.data, 12)}", "noise")], width)
         wrong = trouble(pasted)
         parts = [at, StyledText(heading(pasted), pasted.role.name.lower())]
         return fitted([*parts, StyledText(f"  {wrong}", "error")] if wrong else parts, width)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..exports.output import OutputStream
+from ..languages import counted, tr
 from ..model.selection import Selection
 from .copying import WAYS
 from .jobs import Stop
@@ -75,16 +76,18 @@ class PickedRows:
         screen = self._screen
         data = self._octets()
         if not data:
-            screen.tell("no bytes to copy")
+            screen.tell(tr("no bytes to copy"))
             return
         if len(data) > _COPIED:
-            screen.tell(f"{len(data):,} bytes are more than a clipboard takes: e writes them to a file")
+            octets = counted(len(data), "byte", "bytes")
+            screen.tell(tr("{bytes} are more than a clipboard takes: e writes them to a file", bytes=octets))
             return
-        ways = [(each.key, each.name) for each in WAYS]
-        which = await screen.app.push_screen_wait(Choose(f"Copy {len(data)} bytes as", ways))
+        ways = [(each.key, tr(each.name)) for each in WAYS]
+        question = tr("Copy {bytes} as", bytes=counted(len(data), "byte", "bytes"))
+        which = await screen.app.push_screen_wait(Choose(question, ways))
         if which is not None:
             screen.app.copy_to_clipboard(WAYS[which].write(data))
-            screen.tell("copied, if the terminal allows it (OSC 52)")
+            screen.tell(tr("copied, if the terminal allows it (OSC 52)"))
 
     def _octets(self) -> bytes:
         """The picked rows' bytes, those of the field that has the keys, or the frame's."""
@@ -97,23 +100,23 @@ class PickedRows:
         screen, app = self._screen, self._screen.app
         rows = self._rows_to_save()
         if not len(rows):
-            screen.tell("no rows to export")
+            screen.tell(tr("no rows to export"))
             return
-        subject = f"the {len(rows):,} rows {'selected' if self.anchor is not None else 'shown'}"
-        question = f"Download {subject} as" if app.is_web else f"Export {subject} to"
+        subject = counted(len(rows), "row", "rows") + (tr(" shown") if self.anchor is None else tr(" selected"))
+        question = tr("Download {rows} as", rows=subject) if app.is_web else tr("Export {rows} to", rows=subject)
         wrong = _no_download if app.is_web else _no_file
         text = await app.push_screen_wait(
-            Ask(question, "a file; its suffix tells the format", wrong=wrong, value="frames.csv")
+            Ask(question, tr("a file; its suffix tells the format"), wrong=wrong, value="frames.csv")
         )
         if not text:
             return
         path = Path(text).expanduser()
         if not app.is_web and path.exists():
-            choices = [("n", "leave it as it is"), ("o", "overwrite it")]
-            if not await app.push_screen_wait(Choose(f"{path.name} is there already", choices)):
-                screen.tell(f"{path.name} left as it is")
+            choices = [("n", tr("leave it as it is")), ("o", tr("overwrite it"))]
+            if not await app.push_screen_wait(Choose(tr("{file} is there already", file=path.name), choices)):
+                screen.tell(tr("{file} left as it is", file=path.name))
                 return
-        screen.jobs.doing = "exporting"
+        screen.jobs.doing = tr("exporting")
         screen.say()
         screen.jobs.run(
             "export", lambda stop: self._save(rows, path, stop), lambda saved: self._saved(path, saved), exclusive=False
@@ -139,28 +142,30 @@ class PickedRows:
             return _Saved(0, str(error) or type(error).__name__)
 
     def _saved(self, path: Path, saved: _Saved) -> None:
-        screen = self._screen
+        screen, rows = self._screen, counted(saved.rows, "row", "rows")
         screen.jobs.doing = ""
         screen.say()
         if saved.trouble:
             screen.tell(saved.trouble, wrong=True)
         elif saved.file is not None:
             screen.app.deliver_binary(saved.file, save_filename=path.name)
-            screen.tell(f"{saved.rows:,} rows handed to the browser as {path.name}")
+            screen.tell(tr("{rows} handed to the browser as {file}", rows=rows, file=path.name))
         else:
-            screen.tell(f"{saved.rows:,} rows written to {path}")
+            screen.tell(tr("{rows} written to {file}", rows=rows, file=path))
 
 
 def _no_file(text: str) -> str:
     """Why an export cannot go to a file of that name; empty where it can."""
     path = Path(text).expanduser()
-    return _no_format(path) or ("" if path.parent.is_dir() else f"no such folder as {Path(text).parent}")
+    return _no_format(path) or (
+        "" if path.parent.is_dir() else tr("no such folder as {folder}", folder=Path(text).parent)
+    )
 
 
 def _no_download(text: str) -> str:
     """Why a browser cannot be given a file of that name; empty where it can."""
     if not _PLAIN.fullmatch(text):
-        return "a plain name, such as frames.csv: where it goes is the browser's business"
+        return tr("a plain name, such as frames.csv: where it goes is the browser's business")
     return _no_format(Path(text))
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from textual.strip import Strip
 
+from ..languages import tr
 from .paint import Painted, StyledText, fitted
 
 _DOTS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # of a braille cell: row, column
@@ -144,7 +145,7 @@ class Plot(Painted):
     def _legend(self, number: int) -> list[StyledText]:
         series = self.series[number]
         reach = series.range
-        values = "no number" if reach is None else f"{reach[0]:.6g} to {reach[1]:.6g}"
+        values = tr("no number") if reach is None else tr("{low:.6g} to {high:.6g}", low=reach[0], high=reach[1])
         return [
             StyledText(" ━ ", _KINDS[number % len(_KINDS)]),
             StyledText(f"{series.name}: {values}{self._read(series)}"),
@@ -156,7 +157,7 @@ class Plot(Painted):
         if self.cursor is None or span is None:
             return ""
         number = series.at(self._time(span))
-        return "" if number is None else f", here {number:.7g}"
+        return "" if number is None else tr(", here {number:.7g}", number=number)
 
     def _time(self, span: tuple[int, int]) -> int:
         return span[0] + round((span[1] - span[0]) * (self.cursor or 0.0))
@@ -191,7 +192,7 @@ class Plot(Painted):
         for position in np.unique(positions).tolist():
             marks[position] = "▴"
         return [
-            StyledText(f"{'findings' if len(positions) else '':>{_LABEL}} ", "dim"),
+            StyledText(f"{tr('findings') if len(positions) else '':>{_LABEL}} ", "dim"),
             StyledText("".join(marks), "error"),
         ]
 

@@ -7,13 +7,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import captures
 
+from ..languages import tr
 from ..settingfiles import user_folder
+from ..settings import SettingsError, read_settings
 
 COLOURS: Final = ("red", "yellow", "green", "blue", "violet")
 _VERSION: Final = 1
@@ -39,12 +42,17 @@ class Preferences:
     past: list[str] = field(default_factory=list)  # filters that were used, the newest last
     hidden: set[str] = field(default_factory=set)  # columns
     keys: dict[str, str] = field(default_factory=dict)  # by the id of a binding
+    presets: list[KeptFilter] = field(default_factory=list)  # of the settings files; not dropped here
     trouble: str = ""  # why they could not be read
 
     @classmethod
     def of_user(cls) -> Preferences:
         """Those of whoever runs this."""
-        return cls.read(Path(user_folder()) / "interface.json")
+        own = cls.read(Path(user_folder()) / "interface.json")
+        with suppress(SettingsError):  # the command line has told it
+            filters = read_settings().table("filters").items()
+            own.presets = [KeptFilter(name, str(value.value)) for name, value in filters]
+        return own
 
     @classmethod
     def read(cls, path: Path) -> Preferences:
@@ -54,7 +62,7 @@ class Preferences:
                 return cls(path)
             return cls._from(json.loads(path.read_text(encoding="utf-8")), path)
         except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-            return cls(None, trouble=f"{path} holds no settings of this program: left alone")
+            return cls(None, trouble=tr("{file} holds no settings of this program: left alone", file=path))
 
     @classmethod
     def _from(cls, stored: Mapping[str, Any], path: Path) -> Preferences:
@@ -98,7 +106,7 @@ class Preferences:
             with captures.replacing(self.path) as out:
                 out.write((json.dumps(stored, indent=2, ensure_ascii=False) + "\n").encode(errors="backslashreplace"))
         except (OSError, captures.CaptureError) as error:
-            self.path, self.trouble = None, f"settings last until you quit: {error}"
+            self.path, self.trouble = None, tr("settings last until you quit: {error}", error=error)
 
 
 def _colour(name: object) -> str:

@@ -84,9 +84,10 @@ class Choose(ModalScreen[int | None]):
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(None)", "Cancel", show=False)]
 
-    def __init__(self, question: str, choices: Sequence[tuple[str, str]]) -> None:
+    def __init__(self, question: str, choices: Sequence[tuple[str, str]], *, at: int = 0) -> None:
+        """`at`: the choice that the cursor begins on."""
         super().__init__()
-        self._question, self._choices = question, choices
+        self._question, self._choices, self._at = question, choices, at
 
     def compose(self) -> ComposeResult:
         with Vertical(classes="prompt"):
@@ -96,7 +97,9 @@ class Choose(ModalScreen[int | None]):
             yield choices
 
     def on_mount(self) -> None:
-        self.query_one(Choices).focus()
+        choices = self.query_one(Choices)
+        choices.cursor = self._at
+        choices.focus()
 
     def on_key(self, event: object) -> None:
         key = getattr(event, "character", None)

@@ -13,6 +13,7 @@ from textual.containers import Vertical
 from captures import CaptureError
 from dissectors.values import AREAS, logical
 
+from ..languages import counted, tr
 from ..model.meanings import AREA_WORDS, CHOICES, PLAIN, Meaning, Spot, chosen, told
 from ..model.registers import RegisterSeries, WatchedRegister
 from ..registers.pace import is_due
@@ -109,8 +110,9 @@ class RegisterList(Lines):
 
     def head(self, width: int) -> Sequence[StyledText]:
         name = _name_width(width)
-        text = f"  unit register {'what':<{name}} {'value':>18}  {'before':>12} {'age':>6} type"
-        return fitted([StyledText(text)], width)
+        place = f"{tr('unit'):>6} {tr('register'):>8} {tr('what'):<{name}}"
+        value = f"{tr('value'):>18}  {tr('before'):>12} {tr('age'):>6} {tr('type')}"
+        return fitted([StyledText(f"{place} {value}")], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         register = self._registers[line]
@@ -118,7 +120,7 @@ class RegisterList(Lines):
         meaning = self.meaning(spot)
         bit = register.area < _BIT_AREAS
         members = self._members(register, meaning)
-        name = meaning.name or AREA_WORDS[register.area]
+        name = meaning.name or tr(AREA_WORDS[register.area])
         room = _name_width(width)
         name = name if len(name) <= room else name[: room - 1] + "…"
         parts = [
@@ -130,7 +132,7 @@ class RegisterList(Lines):
         if spot in self._parts:
             owner = self._parts[spot]
             of = logical(owner[2], _AREA_NAMES[owner[1]])
-            return fitted([*parts, StyledText(f"{f'└ of {of}':>18}", "dim")], width)
+            return fitted([*parts, StyledText(f"{tr('└ of {register}', register=of):>18}", "dim")], width)
         changed = any(member.changed for member in members)
         before = ""
         if all(member.before is not None for member in members):
@@ -144,7 +146,7 @@ class RegisterList(Lines):
                 StyledText("* " if changed else "  ", "warning"),
                 StyledText(f"{before:>12} ", "dim"),
                 StyledText(f"{age:>6} ", "dim"),
-                StyledText("bit" if bit else meaning.type),
+                StyledText(tr("bit") if bit else meaning.type),
                 StyledText(f" {_SOURCES[meaning.source]}", "dim"),
             ],
             width,
@@ -169,7 +171,7 @@ class RegisterList(Lines):
         meaning = self.meaning(spot)
         name = f" {meaning.name}" if meaning.name else ""
         kind = "" if spot[1] < _BIT_AREAS else f", {meaning.type}"
-        return f"unit {spot[0]}, {logical(spot[2], _AREA_NAMES[spot[1]])}{name}{kind}"
+        return f"{tr('unit {unit}', unit=spot[0])}, {logical(spot[2], _AREA_NAMES[spot[1]])}{name}{kind}"
 
     def action_type(self, step: int) -> None:
         register = self.register
@@ -189,7 +191,7 @@ class RegisterList(Lines):
         try:
             self.desk.notes.choose_type(spot, type_words)
         except CaptureError as error:
-            self.app.notify(f"kept until you quit only: {error}", markup=False)
+            self.app.notify(tr("kept until you quit only: {error}", error=error), markup=False)
         self._find_parts()
         self.move_to(self._line_of.get(spot, self.cursor))
         self.unpaint()
@@ -205,7 +207,7 @@ class RegisterList(Lines):
         elif len(self.pins) < _PINS:
             self.pins.append(spot)
         else:
-            self.app.notify(f"{_PINS} are pinned already: Space on one of them takes it out")
+            self.app.notify(tr("{count} are pinned already: Space on one of them takes it out", count=_PINS))
         self.unpaint()
         self._tell()
 
@@ -214,8 +216,8 @@ class RegisterList(Lines):
 
     async def _ask_place(self) -> None:
         """Go to the next register of a number, of any unit; `17 40108` says of which."""
-        hint = "a register such as 40108; 17 40108: of unit 17"
-        text = await self.app.push_screen_wait(Ask("Go to", hint, wrong=self._no_register))
+        hint = tr("a register such as 40108; 17 40108: of unit 17")
+        text = await self.app.push_screen_wait(Ask(tr("Go to"), hint, wrong=self._no_register))
         if text is not None:
             self.move_to(self._numbered(text)[0], middle=True)
 
@@ -229,7 +231,9 @@ class RegisterList(Lines):
         return sorted(lines, key=lambda line: (line <= self.cursor, line))
 
     def _no_register(self, text: str) -> str:
-        return "" if self._numbered(text) else f"no register {text.strip()[:20]} was seen here"
+        if self._numbered(text):
+            return ""
+        return tr("no register {number} was seen here", number=text.strip()[:20])
 
     def action_cursor(self, step: int) -> None:
         self.screen.query_one(Plot).move(step)
@@ -293,8 +297,14 @@ def _plotted(screen: BusScreen) -> None:
                 numbers = meaning.numbers(registers) if meaning.is_number else registers[:, 0].astype(float)
                 series.append(Series(listing.label(spot), t_ns if bus.timed else rows, numbers))
         count = len(series[-1].t_ns) if series else 0
-        span = f" over {short(int(series[-1].t_ns[-1] - series[-1].t_ns[0]))}" if count > 1 and bus.timed else ""
-        plot.show(f" {listing.label(own)}: {count:,} readings{span}", series, bus.found.times(bus.table, own[0]))
+        span = ""
+        if count > 1 and bus.timed:
+            span = tr(" over {time}", time=short(int(series[-1].t_ns[-1] - series[-1].t_ns[0])))
+        plot.show(
+            f" {listing.label(own)}: {counted(count, 'reading', 'readings')}{span}",
+            series,
+            bus.found.times(bus.table, own[0]),
+        )
 
     screen.jobs.run("history", lambda stop: [each.extend(bus, stop) for each in wanted], show)
 
@@ -339,9 +349,10 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
     if register is None:
         return []
     number = logical(register.address, _AREA_NAMES[register.area])
+    words = tr("register {register} of unit {unit}", register=number, unit=register.unit)
     return [
-        DoorCell("r", f"register {number} of unit {register.unit}", register_text(register.unit, number)),
-        DoorCell("u", f"unit {register.unit}", f"unit == {register.unit}"),
+        DoorCell("r", words, register_text(register.unit, number)),
+        DoorCell("u", tr("unit {unit}", unit=register.unit), f"unit == {register.unit}"),
     ]
 
 

@@ -9,6 +9,7 @@ from rich.cells import cell_len
 
 from dissectors.values import harmless
 
+from ..languages import counted, tr
 from ..model.table import RowState
 from ..tables.schema import Kind
 from ..tables.transactions import Status
@@ -65,12 +66,12 @@ def words(desk: ViewState, row: int) -> tuple[list[StyledText], list[StyledText]
     if bus.is_noise(row):
         octets = bus.captured(row)
         shown = octets[:_NOISE_BYTES].hex(" ").upper() + (" …" if len(octets) > _NOISE_BYTES else "")
-        content = [StyledText(f"noise, {len(octets)} {'byte' if len(octets) == 1 else 'bytes'}: {shown}", "noise")]
+        content = [StyledText(f"{tr('noise')}, {counted(len(octets), 'byte', 'bytes')}: {shown}", "noise")]
         findings = bus.findings(row)
     else:
         frame = bus.frame(row)
         findings = frame.findings
-        content = [StyledText("" if frame.crc_ok else "CRC wrong: ", "error"), StyledText(frame.summary())]
+        content = [StyledText("" if frame.crc_ok else tr("CRC wrong: "), "error"), StyledText(frame.summary())]
     return content, _about(desk, row, findings)
 
 

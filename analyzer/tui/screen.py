@@ -2,24 +2,27 @@
 
 What happens here is only who is told what. The views are records (`views`): the screen makes their widgets, and asks
 the record what a line that is chosen or opened means. Jumping about is in `jumps`, notes in `bookmarks`, rows that are
-copied or exported in `picking`, work in threads in `jobs`; each is a member that is handed the screen.
+copied or exported in `picking`, what narrows the rows in `narrowing`, what has the keys and the room in `panes`, work
+in threads in `jobs`; each is a member that is handed the screen.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.app import ComposeResult
-from textual.binding import BindingType
+from textual.binding import ActiveBinding, BindingType
 from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import ContentSwitcher, Footer
 
 from dissectors.values import harmless
 
-from ..words import short
+from ..languages import counted, tr
 from .bookmarks import Bookmarks
 from .burst import ASKING
+from .columns import ShownColumns
 from .detailpane import DetailPane
 from .doors import Doors
 from .filterbar import FilterBar
@@ -40,7 +43,9 @@ from .messages import (
     SpanChosen,
     ViewWanted,
 )
+from .narrowing import Narrowing
 from .openfiles import NextFile, OpenFiles
+from .panes import Panes
 from .picking import PickedRows
 from .prompts import Choose
 from .status import StatusLine
@@ -80,6 +85,9 @@ class BusScreen(Screen[None]):
         self.doors = Doors(self)
         self.kept = KeptFilters(self)
         self.files = OpenFiles(self)
+        self.narrowing = Narrowing(self)
+        self.panes = Panes(self)
+        self.shown_columns = ShownColumns(self)
 
     def compose(self) -> ComposeResult:
         yield Tabs(id="tabs")
@@ -137,13 +145,6 @@ class BusScreen(Screen[None]):
     def detail(self) -> DetailPane:
         return self.query_one(DetailPane)
 
-    @property
-    def panes(self) -> list[Widget]:
-        """What can have the keys in the view shown, its list first."""
-        part = self.query_one(f"#{self.view}")
-        panes = [widget for widget in (part, *part.query("*")) if widget.focusable]
-        return [*panes, self.detail.fields, self.detail.octets] if BY_NAME[self.view].detail else panes
-
     # Views
 
     def action_view(self, view: str, row: int | None = None) -> None:
@@ -163,7 +164,7 @@ class BusScreen(Screen[None]):
         record.shown(self)
         self.refresh_view()
         self.refresh_bindings()
-        self.panes[0].focus()
+        self.panes.all[0].focus()
 
     def refresh_view(self) -> None:
         """The view that is shown, with what came since."""
@@ -173,14 +174,14 @@ class BusScreen(Screen[None]):
     def say(self) -> None:
         """The status line, as things are."""
         bus, frames = self.desk.bus, self.frames
-        where = f"{bus.frames:,} frames" + (f", {bus.noise:,} noise" if bus.noise else "")
+        where = counted(bus.frames, "frame", "frames") + (tr(", noise {count:,}", count=bus.noise) if bus.noise else "")
         if self.jobs.selection is not None:
-            where = f"{frames.rows.count:,} of {bus.count:,} rows shown"
+            where = tr("{some:,} of {rows} shown", some=frames.rows.count, rows=counted(bus.count, "row", "rows"))
         waiting = frames.count() - 1 - frames.cursor
         if frames.live and not bus.whole:
-            where += ", following" if frames.following else f", {waiting:,} below (F follows)"
+            where += tr(", following") if frames.following else tr(", {count:,} below (F follows)", count=waiting)
         if self.picked.anchor is not None:
-            where += f", {len(self.picked.rows()):,} selected"
+            where += tr(", selected {count:,}", count=len(self.picked.rows()))
         self.query_one(StatusLine).say(where, self.jobs.doing)
 
     def study_row(self, row: int, *, to: tuple[str, ...] = ()) -> None:
@@ -223,34 +224,23 @@ class BusScreen(Screen[None]):
         self.refresh_view()
 
     def on_only_changed(self) -> None:
-        scope = self.jobs.scope
-        scope.only_changed = not scope.only_changed
-        self.jobs.reselect()
-        self.tell("only what changed since the last same poll; d shows all" if scope.only_changed else "all shown")
+        self.narrowing.only_changed()
 
     def on_filter_left(self, event: FilterLeft) -> None:
         event.stop()
-        self.panes[0].focus()
+        self.panes.all[0].focus()
 
     def on_span_chosen(self, event: SpanChosen) -> None:
-        self.narrow_to((event.t_start, event.t_end))
+        self.narrowing.to_span((event.t_start, event.t_end))
         self.action_view(self.list_view)
 
-    def narrow_to(self, span: tuple[int, int]) -> None:
-        """Only this span of time from now on."""
-        self.jobs.scope.span = span
-        self._say_span()
-        self.jobs.reselect()
-        self.refresh_view()
-
-    def _say_span(self) -> None:
-        """The span stands on the scope's line, beside the filter."""
-        span = self.jobs.scope.span
-        desk = self.desk
-        words = "" if span is None else f"{desk.when(span[0])} + {short(span[1] - span[0])}, Esc removes it"
-        self.query_one(FilterBar).say_span(words)
-
     # Keys
+
+    @property
+    def active_bindings(self) -> dict[str, ActiveBinding]:
+        """Those that the footer shows, in the language in use."""
+        active = super().active_bindings
+        return {key: _in_language(each) if each.binding.show else each for key, each in active.items()}
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Keys that mean nothing in a view are not shown there."""
@@ -264,50 +254,23 @@ class BusScreen(Screen[None]):
         self.query_one(FilterBar).line.focus()
 
     def action_whole(self) -> None:
-        """Take back what narrows the list: the selection, then span and filter."""
-        scope = self.jobs.scope
-        if self.picked.anchor is not None:
-            self.picked.drop()
-        elif scope.filter is not None:
-            self.query_one(FilterBar).use("")
-        elif scope.span is not None:
-            scope.span = None
-            self.jobs.reselect()
-        self._say_span()
-        self.panes[0].focus()
+        self.narrowing.take_back()
+
+    def action_noise(self) -> None:
+        self.narrowing.noise()
 
     def action_pane(self, step: int) -> None:
-        """From the list to the fields, to the bytes, and round."""
-        panes = self.panes
-        at = next((i for i, pane in enumerate(panes) if pane.has_focus), -1)
-        panes[(at + step) % len(panes) if at >= 0 else 0].focus()
+        self.panes.step(step)
 
     def action_zoom(self) -> None:
-        """The list alone, or the frame below alone; again both."""
-        views, detail = self.query_one("#views"), self.detail
-        if not (views.display and detail.display) and BY_NAME[self.view].detail:
-            views.display = detail.display = True
-            detail.set_class(False, "-zoomed")
-        elif detail.has_focus_within:
-            views.display = False
-            detail.set_class(True, "-zoomed")
-        else:
-            detail.display = False
+        self.panes.zoom()
 
     def action_size(self, step: int) -> None:
-        """More or less room for the frame below, in percent of the screen."""
-        share = round(100 * self.detail.size.height / max(1, self.size.height)) + step
-        self.detail.styles.height = f"{max(15, min(80, share))}%"
+        self.panes.size(step)
 
     def action_time_base(self) -> None:
         self.desk.next_base()
         self.repaint_lists()
-
-    def action_noise(self) -> None:
-        scope = self.jobs.scope
-        scope.hide_noise = not scope.hide_noise
-        self.jobs.reselect()
-        self.tell("noise hidden; z shows it" if scope.hide_noise else "noise shown in place")
 
     def action_follow(self) -> None:
         wanted = not self.query_one(f"#{self.list_view}", FrameList).following
@@ -319,7 +282,7 @@ class BusScreen(Screen[None]):
     def action_pause(self) -> None:
         """What comes is not shown until the same key again."""
         if not self.desk.source.live or self.desk.bus.whole:
-            self.tell("nothing comes that could be held up")
+            self.tell(tr("nothing comes that could be held up"))
             return
         self.desk.paused = not self.desk.paused
         if self.desk.paused:
@@ -347,6 +310,9 @@ class BusScreen(Screen[None]):
 
     def action_door(self, way: str) -> None:
         self.run_worker(self.doors.go(way), group=ASKING)
+
+    def action_columns(self) -> None:
+        self.run_worker(self.shown_columns.choose(), group=ASKING)
 
     def action_kept(self) -> None:
         self.run_worker(self.kept.choose(), group=ASKING)
@@ -401,8 +367,8 @@ class BusScreen(Screen[None]):
         record = getattr(self.desk.source, "recording", None)
         if record is not None and not self.desk.bus.whole:
             name = "" if record.path is None else f" {harmless(record.path.name)}"
-            choices = [("s", "stay, it goes on"), ("q", "end it and quit")]
-            if not await self.app.push_screen_wait(Choose(f"The recording{name} would end", choices)):
+            choices = [("s", tr("stay, it goes on")), ("q", tr("end it and quit"))]
+            if not await self.app.push_screen_wait(Choose(tr("The recording{name} would end", name=name), choices)):
                 return
         self.app.exit()
 
@@ -416,6 +382,11 @@ class BusScreen(Screen[None]):
         self.notify(
             harmless(text), severity="error" if wrong else "information", markup=False, timeout=6 if wrong else 3
         )
+
+
+def _in_language(active: ActiveBinding) -> ActiveBinding:
+    binding = replace(active.binding, description=tr(active.binding.description))
+    return active._replace(binding=binding, tooltip=tr(active.tooltip))
 
 
 def _view_of(widget: Widget) -> View | None:

@@ -9,6 +9,7 @@ from textual.strip import Strip
 
 from dissectors.values import harmless
 
+from ..languages import tr
 from ..tables.findings import Severity
 from .paint import Painted, StyledText, fitted
 
@@ -46,7 +47,7 @@ class StatusLine(Painted):
             return Strip.blank(width, self.base)
         left = [StyledText(f" {self._called(max(12, width // 3))} ", "strong"), StyledText(f"{self._speed()}  ", "dim")]
         if self.desk.paused:
-            left.append(StyledText("PAUSED, P goes on  ", "warning"))
+            left.append(StyledText(f"{tr('PAUSED, P goes on')}  ", "warning"))
         if self.doing:
             left.append(StyledText(f"{_SPIN[self._turn % len(_SPIN)]} {self.doing}  ", "accent"))
         state = getattr(self.desk.source, "state", None)
@@ -65,7 +66,7 @@ class StatusLine(Painted):
     def _speed(self) -> str:
         line = self.desk.source.line
         if not line.baud:
-            return "baud not known"
+            return tr("baud not known")
         stop = f"{line.stop_bits:g}" if line.stop_bits else ""
         return f"{line.baud}{f' 8{line.parity}{stop}' if line.parity else ''}"
 
@@ -73,5 +74,5 @@ class StatusLine(Painted):
         counts = self.desk.bus.found.by_severity
         kinds = ((Severity.ERROR, "E", "error"), (Severity.WARNING, "W", "warning"), (Severity.NOTE, "N", "note"))
         counted = [StyledText(f" {counts[level]:,}{letter}", kind) for level, letter, kind in kinds if counts[level]]
-        lost = [StyledText(f" !{self.desk.losses:,} lost", "error")] if self.desk.losses else []
+        lost = [StyledText(f" {tr('!{count:,} lost', count=self.desk.losses)}", "error")] if self.desk.losses else []
         return [*lost, *counted, StyledText(" ")]

@@ -6,6 +6,7 @@ from rich.text import Text
 from textual import events
 from textual.widgets import Static
 
+from ..languages import tr
 from .messages import ViewWanted
 from .view import View
 from .views import VIEWS
@@ -35,7 +36,7 @@ class Tabs(Static):
         ]
 
     def _word(self, view: View, *, narrow: bool) -> str:
-        title = _short(view) if narrow else view.title
+        title = _short(view) if narrow else tr(view.title)
         return f" {_digit(view)} {title}{' ' if not narrow or view.name == self.chosen else ''}"
 
     def render(self) -> Text:
@@ -59,4 +60,4 @@ def _digit(view: View) -> str:
 
 
 def _short(view: View) -> str:
-    return view.short or view.title
+    return tr(view.short or view.title)

@@ -12,8 +12,9 @@ from textual import events
 from textual.binding import Binding, BindingType
 from textual.strip import Strip
 
+from ..languages import counted, tr
 from ..model.bands import Band, bands
-from ..words import plural, short
+from ..words import short
 from .keptfilters import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen
 from .paint import Painted, StyledText, fitted
@@ -99,7 +100,7 @@ class Timeline(Painted, can_focus=True):
         base = self.base
         bins = self._bins
         if bins is None:
-            why = "no times in this capture" if not self.desk.bus.timed else "nothing captured yet"
+            why = tr("nothing captured yet") if self.desk.bus.timed else tr("no times in this capture")
             return self.strip([StyledText(f"  {why}" if y == 0 else "", "dim")], width, base)
         room = max(0, height - _ABOVE - _BELOW - _LEAST_PLOT)
         plot = max(1, height - _ABOVE - _BELOW - min(len(self.bands), room))
@@ -115,9 +116,9 @@ class Timeline(Painted, can_focus=True):
             return self._bars(y, plot, bins)
         y -= plot
         if y == 0:
-            return [StyledText(f"{'trouble':>{_LABEL}}", "error"), *self._marks(bins.troubles, "error", "▪█")]
+            return [StyledText(f"{tr('trouble') + ' ':>{_LABEL}}", "error"), *self._marks(bins.troubles, "error", "▪█")]
         if y == 1:
-            return [StyledText(f"{'noise':>{_LABEL}}", "noise"), *self._marks(bins.noise, "noise", "·▪")]
+            return [StyledText(f"{tr('noise') + ' ':>{_LABEL}}", "noise"), *self._marks(bins.noise, "noise", "·▪")]
         room = max(0, self.content_size.height - _ABOVE - _BELOW - plot)
         shown = self.bands[:room]
         if 2 <= y < 2 + len(shown):
@@ -134,11 +135,13 @@ class Timeline(Painted, can_focus=True):
 
     def _title(self, bins: Bins) -> list[StyledText]:
         load = self._loads(bins)
-        unit = "share of the line's capacity" if self.desk.bus.char_ns else "bytes (baud not known)"
-        most = f", at most {load.max():.0%}" if self.desk.bus.char_ns else ""
+        title = (
+            tr(" load, share of the line's capacity") if self.desk.bus.char_ns else tr(" load, bytes (baud not known)")
+        )
+        most = tr(", at most {share:.0%}", share=load.max()) if self.desk.bus.char_ns else ""
         return [
-            StyledText(f" load, {unit}", "strong"),
-            StyledText(f"   a column is {short(round(bins.width_ns))}{most}", "dim"),
+            StyledText(title, "strong"),
+            StyledText(tr("   a column is {time}", time=short(round(bins.width_ns))) + most, "dim"),
         ]
 
     def _scale(self) -> str:
@@ -215,13 +218,13 @@ class Timeline(Painted, can_focus=True):
     def _under_cursor(self, bins: Bins) -> list[StyledText]:
         i = self.cursor
         at = (self.time_at(i) - self.desk.bus.t_first) / 1e9
-        load = f", load {self._loads(bins)[i]:.0%}" if self.desk.bus.char_ns else ""
-        frames, troubles = int(bins.frames[i]), int(bins.troubles[i])
-        words = f" at {at:.6f} s: {plural(frames, 'frame', 'frames')}{load}, {plural(troubles, 'trouble', 'troubles')}"
+        load = f", {tr('load {share:.0%}', share=self._loads(bins)[i])}" if self.desk.bus.char_ns else ""
+        frames = counted(int(bins.frames[i]), "frame", "frames")
+        words = f" {at:.6f} s: {frames}{load}, {counted(int(bins.troubles[i]), 'trouble', 'troubles')}"
         span = self._span()
         if i in self._deaf_columns():
-            words += "; the recorder heard nothing here"
-        more = f"   span {short(span[1] - span[0])}, enter shows it" if span else ""
+            words += tr("; the recorder heard nothing here")
+        more = tr("   span {time}, Enter shows it", time=short(span[1] - span[0])) if span else ""
         return [StyledText(words), StyledText(more, "accent")]
 
     def _span(self) -> tuple[int, int] | None:

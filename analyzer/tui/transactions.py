@@ -9,6 +9,7 @@ from rich.cells import cell_len
 from textual.binding import Binding, BindingType
 from textual.cache import LRUCache
 
+from ..languages import tr
 from ..model.pollvalues import TransactionValues, poll_values
 from ..model.selection import ListRows, Selection, Unfolded, transactions
 from ..tables.schema import Kind
@@ -33,6 +34,7 @@ class TransactionList(FrameList):
     """Requests, each with its answer on the same line."""
 
     EMPTY = "no requests yet"
+    COLUMNS = ("number", "time", "unit", "function", "register", "quantity", "answer")
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("right,l", "fold(True)", "Unfold", tooltip="Its frames, the noise and the bytes, below the line"),
         Binding("left,h", "fold(False)", "Fold", show=False),
@@ -107,7 +109,12 @@ class TransactionList(FrameList):
     def head(self, width: int) -> Sequence[StyledText]:
         number, time, _ = self.columns(width)
         title = "" if time == 1 else self.time_title()
-        return [StyledText(f"  {'#':>{number}} {title:>{time}} unit  fn register qty      ms  what came of it")]
+        heads = (
+            ("", "  "), ("number", f"{'#':>{number}} "), ("time", f"{title:>{time}} "), ("unit", f"{tr('unit'):>4} "),
+            ("function", f"{tr('fn'):>3} "), ("register", f"{tr('register'):>8} "),
+            ("quantity", f"{tr('qty'):<5}"), ("answer", f"{'ms':>6}  "), ("", tr("what came of it")),
+        )  # fmt: skip
+        return self.shown([(column, StyledText(text)) for column, text in heads])
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         row, below = self._lines.place(line)
@@ -122,15 +129,16 @@ class TransactionList(FrameList):
         mark = words.marks(desk, row)
         took = table.value("response_ns", answer) if answer >= 0 else -1
         quantity = "" if carried.quantity < 0 else f"×{carried.quantity}"
-        parts = [
-            StyledText(words.LETTER[grave] + mark.text[1], words.SEVERITY[grave] or mark.kind),
-            StyledText(f"{table.value('frame', row):>{number}} ", "dim"),
-            StyledText(f"{desk.time(row, self.row_at(line - 1) if line else None):>{time}} "),
-            StyledText(f"{table.value('unit', row):>4} {table.value('function', row):>3} ", "request"),
-            StyledText(f"{carried.register:>8} ", "accent"),
-            StyledText(f"{quantity:<5}", "dim"),
-            StyledText(f"{pointed_ms(took)}  "),
-        ]
+        parts = self.shown([
+            ("", StyledText(words.LETTER[grave] + mark.text[1], words.SEVERITY[grave] or mark.kind)),
+            ("number", StyledText(f"{table.value('frame', row):>{number}} ", "dim")),
+            ("time", StyledText(f"{desk.time(row, self.row_at(line - 1) if line else None):>{time}} ")),
+            ("unit", StyledText(f"{table.value('unit', row):>4} ", "request")),
+            ("function", StyledText(f"{table.value('function', row):>3} ", "request")),
+            ("register", StyledText(f"{carried.register:>8} ", "accent")),
+            ("quantity", StyledText(f"{quantity:<5}", "dim")),
+            ("answer", StyledText(f"{pointed_ms(took)}  ")),
+        ])  # fmt: skip
         room = max(0, width - sum(cell_len(part.text) for part in parts))
         return [*parts, *self._outcome(carried, ended, room)]
 
@@ -146,7 +154,7 @@ class TransactionList(FrameList):
         if answer < 0 and not ended.text and desk.bus.whole:
             return words.shared(words.words(desk, row)[0], about, room)  # nobody can say what became of it
         if answer < 0 and words.direction(desk, row) == "request":
-            outcome = [StyledText(_OUTCOMES.get(ended.text, ended.text), ended.kind)]
+            outcome = [StyledText(tr(_OUTCOMES.get(ended.text, ended.text)), ended.kind)]
             if carried.register and carried.values:
                 outcome += [StyledText(": "), *_columns(carried)]
         elif carried.values and not bad:

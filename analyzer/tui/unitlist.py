@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from textual.containers import Vertical
 
+from ..languages import tr
 from ..words import compact, short
 from .doorcells import DoorCell
 from .filterbar import FilterBar
@@ -74,7 +75,7 @@ class UnitList(Lines):
             return "", [], str
         means = self.desk.figures.units.means(unit)
         return (
-            f" unit {unit}: mean answer time over the capture",
+            tr(" unit {unit}: mean answer time over the capture", unit=unit),
             list(enumerate(means.tolist())),
             lambda ns: short(round(ns)),
         )
@@ -83,9 +84,9 @@ class UnitList(Lines):
         return len(self.report.units) if self.report else 0
 
     def head(self, width: int) -> Sequence[StyledText]:
-        counts = "".join(f"{name:>6}" for name, _ in _COLUMNS)
-        text = f" unit  load asked{counts}   err    p50    p95    max"
-        return fitted([StyledText(f"{text}  answer times over the capture" if width >= 100 else text)], width)
+        counts = "".join(f"{tr(name):>6}" for name, _ in _COLUMNS)
+        text = f"{tr(' unit  load asked')}{counts}{tr('   err    p50    p95    max')}"
+        return fitted([StyledText(text + (tr("  answer times over the capture") if width >= 100 else ""))], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         assert self.report is not None
@@ -137,7 +138,7 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
 
 def _cells(screen: BusScreen) -> list[DoorCell]:
     unit = screen.query_one(UnitList).unit
-    return [] if unit is None else [DoorCell("u", f"unit {unit}", f"unit == {unit}")]
+    return [] if unit is None else [DoorCell("u", tr("unit {unit}", unit=unit), f"unit == {unit}")]
 
 
 VIEW: Final = View(

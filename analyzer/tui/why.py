@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 from ..diagnosis.tap_clock import silences
+from ..languages import counted, tr
 from ..tables.schema import NO_GAP, Kind
-from ..words import plural, short
+from ..words import short
 from .items import Item
 
 if TYPE_CHECKING:
@@ -28,11 +29,11 @@ def why(bus: Bus, row: int) -> Iterator[Item]:
     if weighed is None:
         return
     if weighed.margin > 0:
-        verdict = f"{weighed.margin:.0f} bits likelier than {_rival(bus, row, weighed)}"
+        verdict = tr("{bits:.0f} bits likelier than {rival}", bits=weighed.margin, rival=_rival(bus, row, weighed))
     else:
-        verdict = "nothing else was weighed"
+        verdict = tr("nothing else was weighed")
     yield Item(
-        "why", verdict, kind="dim", label="why", ready=False,
+        "why", verdict, kind="dim", label=tr("why"), ready=False,
         children=(*_ruled(bus, row), *_weights(weighed)),
     )  # fmt: skip
 
@@ -40,10 +41,16 @@ def why(bus: Bus, row: int) -> Iterator[Item]:
 def _rival(bus: Bus, row: int, weighed: RowEvidence) -> str:
     """What would stand here instead."""
     if weighed.rival_kind == Kind.NOISE or not weighed.rival_length:
-        return "noise"
+        return tr("noise")
     ahead = weighed.rival_start - bus.table.value("start", row)
-    where = "from here on" if not ahead else f"{plural(abs(ahead), 'byte', 'bytes')} {'on' if ahead > 0 else 'before'}"
-    return f"a {Kind(weighed.rival_kind).name.lower()} of {plural(weighed.rival_length, 'byte', 'bytes')} {where}"
+    where = tr("from here on")
+    if ahead:
+        octets = counted(abs(ahead), "byte", "bytes")
+        where = tr("{bytes} on", bytes=octets) if ahead > 0 else tr("{bytes} before", bytes=octets)
+    kind = tr(Kind(weighed.rival_kind).name.lower())
+    return tr(
+        "a {kind} of {bytes} {where}", kind=kind, bytes=counted(weighed.rival_length, "byte", "bytes"), where=where
+    )
 
 
 def _weights(weighed: RowEvidence) -> Iterator[Item]:
@@ -51,13 +58,15 @@ def _weights(weighed: RowEvidence) -> Iterator[Item]:
     for name, label in _WEIGHED:
         bits = float(getattr(weighed, name))
         bar = ("█" if bits > 0 else "▒") * min(_BAR, round(abs(bits) / _BITS))
-        yield Item(name, f"{bits:+6.1f} {bar or 'tells nothing'}", kind="" if bits >= 0 else "warning", label=label)
+        yield Item(
+            name, f"{bits:+6.1f} {bar or tr('tells nothing')}", kind="" if bits >= 0 else "warning", label=tr(label)
+        )
 
 
 def _ruled(bus: Bus, row: int) -> Iterator[Item]:
     """The silences before, inside and after, each on a ruler with t1.5 and t3.5."""
     if not bus.timed:
-        yield Item("silences", "this capture has no times", kind="dim")
+        yield Item("silences", tr("no times in this capture"), kind="dim", label=tr("silences"))
         return
     table = bus.table
     inside = table.value("gap_most_ns", row)
@@ -69,13 +78,19 @@ def _ruled(bus: Bus, row: int) -> Iterator[Item]:
     )
     t15, t35 = silences(bus.line, bus.options)
     if math.isfinite(t35):
-        yield Item("ruler", f"t1.5 {short(round(t15))}, t3.5 {short(round(t35))}", kind="dim", label="limits")
+        yield Item("ruler", f"t1.5 {short(round(t15))}, t3.5 {short(round(t35))}", kind="dim", label=tr("limits"))
     for name, gap in gaps:
         if gap is None:
-            yield Item(name, "the tap cannot tell" if name != "after" else "nothing follows", kind="dim")
+            yield Item(
+                name,
+                tr("the tap cannot tell") if name != "after" else tr("nothing follows"),
+                kind="dim",
+                label=tr(name),
+            )
             continue
         line = f"{ruler(gap, t15, t35)} " if math.isfinite(t35) else ""
-        yield Item(name, f"{line}{short(gap)}", kind="warning" if name == "inside" and gap > t15 else "")
+        yield Item(name, f"{line}{short(gap)}", kind="warning" if name == "inside" and gap > t15 else "",
+                   label=tr(name))  # fmt: skip
 
 
 def ruler(gap_ns: int, t15_ns: float, t35_ns: float) -> str:

@@ -124,7 +124,7 @@ class Watched:
         while time.monotonic() < end and self._read(quiet):
             pass
 
-    def until(self, wanted: str | Callable[[], bool], seconds: float = 20) -> Watched:
+    def until(self, wanted: str | Callable[[], bool], seconds: float = 60) -> Watched:
         """Wait for something to be shown, or to be so."""
         end = time.monotonic() + seconds
         while not (wanted() if callable(wanted) else wanted in self.shown()):

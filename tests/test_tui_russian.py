@@ -1,0 +1,194 @@
+"""The interface in Russian: one catalogue holds every word of it, and no English is left on a screen."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from string import Formatter
+
+import pytest
+from pictures import compare
+from seats import Seat, opened, sample_in, using
+
+import analyzer
+from analyzer import languages
+from analyzer.causes.registry import suspects
+from analyzer.languages import counted, tr
+from analyzer.tui.filterbar import FilterBar
+from analyzer.tui.pastepane import PasteText
+from analyzer.tui.registerlist import RegisterList
+
+_SOURCES = [path for part in ("tui", "model") for path in (Path(analyzer.__file__).parent / part).glob("*.py")]
+_PASTED = "11 03 00 6B 00 03 76 87"
+_TERMS = re.compile(
+    r"""
+    [a-z]+(?:_[a-z]+)+ | [a-z]+(?:-[a-z]+)+                 # names of fields, codes of findings
+    | (?:Read|Write|Mask|Diagnostics|Report|Get|Encapsulated)\b.*   # functions, as the specification calls them
+    | \b(?:CRC|LRC|UART|ADU|PDU|TCP|RTU|ASCII|Modbus|UTC|MHz|bit|s)\b
+    | \b(?:[NEO]\d?|p50|p95|R|W)\b
+    | \b(?:Esc|Tab|Enter|Ctrl|Shift|Space|Home|End|PgUp|PgDn|Alt|F1|palette|space)\b
+    | \b\d+(?:\.\d+)?(?:us|ms|s|m\d+s|h\d+m|d|k|M|MB)\b | \b(?:us|ms|kB|MB|min|h|d)\b
+    | \b[uisf]\d+(?:\s[A-D]{2,8})?\b
+    | \b(?:hex|float|text|bits|Python|rtuscope|parse|fromhex|bytes\.|C|OSC|coil|on|off)\b
+    | \bt[13]\.5\b | \b[0-9A-F]{2}\b | 0x[0-9A-F]+
+    """,
+    re.VERBOSE,
+)
+
+
+@pytest.fixture(autouse=True)
+def _english() -> Iterator[None]:
+    yield
+    languages.use("en")
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    return sample_in(tmp_path)
+
+
+def _calls(name: str) -> Iterator[tuple[str, ast.Call]]:
+    for path in _SOURCES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == name:
+                yield path.name, node
+
+
+def _text(node: ast.expr) -> str | None:
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
+
+
+def _places(template: str) -> set[str]:
+    return {name for _, name, _, _ in Formatter().parse(template) if name}
+
+
+@pytest.mark.parametrize("language", [each for each in languages.LANGUAGES if each != "en"])
+def test_every_word_of_the_interface_is_in_the_catalogue(language: str) -> None:
+    known = languages.catalogue(language)
+    words = {text: call for _, call in _calls("tr") if (text := _text(call.args[0]))}
+    assert len(words) > 200
+    assert not set(words) - set(known["interface"])
+    for english, call in words.items():
+        if call.keywords:
+            given = {keyword.arg for keyword in call.keywords}
+            assert _places(known["interface"][english]) <= given, english
+    nouns = {text for _, call in _calls("counted") if (text := _text(call.args[1]))}
+    assert nouns and not nouns - set(known["counted"])
+    assert all(len(forms) == 3 for forms in known["counted"].values())
+
+
+def test_nouns_agree_with_their_number() -> None:
+    languages.use("ru")
+    said = [counted(number, "byte", "bytes") for number in (1, 2, 5, 11, 12, 21, 22, 111, 1_003)]
+    assert said == [
+        "1 байт", "2 байта", "5 байтов", "11 байтов", "12 байтов", "21 байт", "22 байта", "111 байтов", "1,003 байта",
+    ]  # fmt: skip
+    languages.use("en")
+    assert (counted(1, "byte", "bytes"), counted(2, "byte", "bytes"), tr("Home")) == ("1 byte", "2 bytes", "Home")
+
+
+class _Asked(dict[str, str]):
+    """A catalogue that knows what it was asked for in vain."""
+
+    def __init__(self, words: Mapping[str, str]) -> None:
+        super().__init__(words)
+        self.missed: set[str] = set()
+
+    def get(self, key: str, default: str = "") -> str:  # type: ignore[override]
+        if key not in self and re.search(r"[A-Za-z]{3}", key):
+            self.missed.add(key)
+        return super().get(key, default)
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> _Asked:
+    words = languages.catalogue("ru")
+    asked = _Asked(words["interface"])
+    told = {**words, "interface": asked}
+    monkeypatch.setattr(languages, "catalogue", lambda language: told if language == "ru" else {})
+    return asked
+
+
+def _english_left(shown: str, foreign: Callable[[str], str]) -> list[str]:
+    """Latin words that are neither terms nor data."""
+    left = []
+    for line in shown.splitlines():
+        rest = _TERMS.sub(" ", foreign(line))
+        left += [f"{word} in {line.strip()}" for word in re.findall(r"\b[A-Za-z]{2,}\b", rest)]
+    return left
+
+
+_PROMPTS = ("g", "f", "T", "S", "C", "equals_sign", "y", "e", "semicolon", "M", "ctrl+o", "question_mark", "ctrl+p")
+
+
+def test_no_english_is_left_on_a_screen(capture: Path, asked: _Asked) -> None:
+    languages.use("ru")
+
+    def foreign(line: str) -> str:
+        """Without what is data or of another layer: the file, filters, findings' own texts, fields' names."""
+        line = re.sub(r"troubled\S*|frames\.csv|/\S*|unit ==[^│]*|'[^']*'", " ", line)
+        line = re.sub("|".join(suspect.cause for suspect in suspects()), " ", line)
+        return re.sub(r"(?<=[а-яё│]) [a-z][a-z ,]+\d.*$", " ", line)
+
+    async def work(sitting: Seat) -> None:
+        left: list[str] = []
+        for view in "0124568":
+            await sitting.press(view)
+            if view == "0":
+                await sitting.until(lambda: "объясня" in sitting.shown())
+            if view == "5":
+                await sitting.until(lambda: "показани" in sitting.shown())
+                assert sitting.screen.query_one(RegisterList).count()
+            if view == "8":
+                sitting.screen.query_one(PasteText).load_text(_PASTED)
+                sitting.screen.query_one("#pieces").focus()
+                await sitting.settle()
+            lines = sitting.shown().splitlines()
+            # what a frame says is Modbus; the lists' heads, the footer and the line of state are ours
+            ours = "\n".join([*lines[:3], *lines[-2:]]) if view in "128" else "\n".join(lines)
+            left += _english_left(ours, foreign)
+            assert len(lines[0].rstrip()) <= 120 and "Обзор" in lines[0]
+        assert not left, "\n".join(left)
+        await sitting.press("1", "home")
+        for key in _PROMPTS:
+            await sitting.press(key)
+            if len(sitting.app.screen_stack) > 1:
+                await sitting.press("escape")
+        for key in ("m", "m", "u", "n", "escape", "r", "r", "t", "z", "z", "d", "d", "P", "c", "2", "w", "right"):
+            await sitting.press(key)
+        sitting.screen.query_one(FilterBar).use("unit == 99")
+        await sitting.settle()
+        for view in "01234567":
+            await sitting.press(view)
+        for key in ("/", "u"):
+            await sitting.press({"/": "slash"}.get(key, key))
+        assert not asked.missed, asked.missed
+
+    using(opened(capture), work, size=(120, 40), view=None)
+
+
+@pytest.mark.parametrize("width", [40, 80, 120])
+def test_russian_fits_where_english_does(capture: Path, width: int) -> None:
+    languages.use("ru")
+
+    async def work(sitting: Seat) -> None:
+        for view in "012345678":
+            await sitting.press(view)
+            lines = sitting.shown().splitlines()
+            assert {len(line) for line in lines} == {width}, view
+            assert view in lines[0], "each tab has its number in sight"
+
+    using(opened(capture), work, size=(width, 24))
+
+
+def test_home_looks_as_it_did_in_russian(capture: Path) -> None:
+    languages.use("ru")
+
+    async def work(sitting: Seat) -> None:
+        await sitting.press("0")
+        await sitting.until(lambda: "объясня" in sitting.shown())
+        compare("home-80x24-russian", sitting.screen)
+
+    using(opened(capture), work, size=(80, 24), view=None)
