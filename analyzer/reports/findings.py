@@ -71,7 +71,8 @@ def _group_lines(row: FindingRow) -> Iterator[str]:
     """The groups of a finding, the commonest first: what was seen, of how many, when; cause and remedy once each."""
     printed: set[str] = set()
     for group in row.groups[:_GROUPS]:
-        yield from _wrapped(f"{group.text} ({', '.join(where(group, row))})", "   ")
+        beside = ", ".join(where(group, row))
+        yield from _wrapped(f"{group.text} ({beside})" if beside else group.text, "   ")
         for label, words in (("likely", group.cause), ("do", group.remedy)):
             if words and words not in printed:
                 yield from _labelled(label, words)

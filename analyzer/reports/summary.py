@@ -20,11 +20,11 @@ from ..core import observed
 from ..diagnosis.tap_clock import TapClock
 from ..options import Options
 from ..outages import deaf_times, notes_of
+from ..tables.percentiles import Histogram
 from ..tables.schema import Kind, Rows
 from ..tables.transactions import Status, TransactionRows
 from ..usernotes import Notes, marked_rows
 from .model import BookmarkRow, Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
-from .percentiles import Histogram
 from .troubles import Troubles
 
 if TYPE_CHECKING:
@@ -213,7 +213,12 @@ class Summary:
         return FunctionRow(function, function_name(function), counts, self._timed(self._by_function.get(function)))
 
     def _timed(self, histogram: Histogram | None) -> Times:
-        return Times() if histogram is None else replace(histogram.times(), off_ns=self._off_ns)
+        if not histogram:
+            return Times()
+        p50, p95, p99 = histogram.quantiles(0.50, 0.95, 0.99)
+        return Times(
+            len(histogram), histogram.least, p50, p95, p99, histogram.most, histogram.mean, off_ns=self._off_ns
+        )
 
     def _counted(self, pick: Callable[[NDArray[np.int64]], np.int64]) -> Counts:
         return Counts(*(int(pick(self._counts[name])) for name in _COUNTERS))

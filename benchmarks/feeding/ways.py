@@ -21,7 +21,13 @@ _PAUSES: Final = (8_000_000, 50_000_000, 700_000_000, 3_000_000_000)  # ns of si
 _OCTETS: Final = 120  # of a stream that are fed one by one: the rest read by read
 _HOLD_NS: Final = 20_000_000  # reads are gathered for so long
 _BY_BATCH: Final = {"at", "confidence"}  # columns of rows that tell of their batch; see docs/deframing.md, Laws
-_BY_READ: Final = {"gap_before_ns", "gap_most_ns", "gap_least_ns", "gap_at", "reads"}  # columns that tell how reads were cut
+_BY_READ: Final = {
+    "gap_before_ns",
+    "gap_most_ns",
+    "gap_least_ns",
+    "gap_at",
+    "reads",
+}  # columns that tell how reads were cut
 
 
 @dataclass(frozen=True)

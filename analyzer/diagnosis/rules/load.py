@@ -21,6 +21,7 @@ from dissectors.limits import Bound, RequestedByteCount
 from dissectors.registry import revision
 
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
+from ...tables.percentiles import Histogram
 from ...tables.schema import Kind, Protocol
 from ..spread import ColumnQueue, Spread
 from ..tap_clock import UNKNOWN
@@ -89,7 +90,7 @@ class Pace:
     """Response times by unit: all of them, the first ones, and those of late."""
 
     def __init__(self) -> None:
-        self._all: dict[int, Spread] = {}
+        self._all: dict[int, Histogram] = {}
         self._early: dict[int, Spread] = {}
         self._late: dict[int, Spread] = {}
         self._waiting = ColumnQueue()  # units and response times
@@ -110,7 +111,7 @@ class Pace:
         bins = Spread.bins(times)
         for unit in where(np.bincount(units)).tolist():
             own = bins[units == unit]
-            self._all.setdefault(unit, Spread()).count(own)
+            self._all.setdefault(unit, Histogram()).add(times[units == unit])
             early = self._early.setdefault(unit, Spread())
             first = max(0, _EARLY - len(early))
             early.count(own[:first])
@@ -132,7 +133,9 @@ class Pace:
         """Units that stand out."""
         self._count()
         off = view.clock.newest().wait_ns
-        medians = {unit: spread.quantile(0.5) or 0.0 for unit, spread in self._all.items() if len(spread) >= _ANSWERS}
+        medians: dict[int, float] = {
+            unit: times.quantiles(0.5)[0] for unit, times in self._all.items() if len(times) >= _ANSWERS
+        }
         for unit, own in sorted(medians.items()):
             others = [value for peer, value in medians.items() if peer != unit]
             usual, past = (median(others), False) if others else (UNKNOWN, False)
@@ -141,7 +144,7 @@ class Pace:
                 usual, past = self._early[unit].quantile(0.5) or UNKNOWN, True
                 if self._late[unit].weight < _EARLY / 2 or not _slower(own, usual, off):
                     continue
-            slow = (self._late if past else self._all)[unit].quantile(0.95) or own
+            slow = (self._late[unit].quantile(0.95) or own) if past else self._all[unit].quantiles(0.95)[0]
             yield SLOW.of_bus(view.now, unit, own / 1e6, slow / 1e6, usual / 1e6, past)
 
 
