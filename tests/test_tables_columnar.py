@@ -16,7 +16,7 @@ from analyzer.tables.schema import BoundaryEvidence, Rows
 from analyzer.tables.transactions import TransactionRows
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Marks(Columns):
     """A table of every kind of column."""
 
@@ -57,6 +57,14 @@ def test_a_stretch_is_a_view_and_picked_rows_are_copies() -> None:
     assert some.place.tolist() == [0, 1, -1, -1, 4, 5]
     some.put(slice(0, 2), marks(2, 7))
     assert some.tolist()[:2] == marks(2, 7).tolist()
+
+
+def test_a_table_shows_itself_in_a_line_and_its_first_rows_in_a_notebook() -> None:
+    some = marks(30)
+    assert repr(some) == "<Marks: 30 rows of place, right, figures>"
+    shown = some._repr_html_()
+    assert shown.count("<tr>") == 1 + 20 and "the first 20 of 30" in shown
+    assert "the first" not in some[:20]._repr_html_()
 
 
 def test_a_single_row_is_no_table() -> None:

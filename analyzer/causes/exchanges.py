@@ -48,7 +48,7 @@ class Ending(IntEnum):
     ECHO = 7  # the next request once more, as an adapter shows what it sends
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Exchanges(Columns):
     """Requests with all that followed them, in order."""
 

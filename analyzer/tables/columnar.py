@@ -2,7 +2,7 @@
 
 A subclass is a frozen dataclass that names its columns with their types, once:
 
-    @dataclass(frozen=True, slots=True, eq=False)
+    @dataclass(frozen=True, slots=True, eq=False, repr=False)
     class Marks(Columns):
         start: Int64s  # offset of its first byte in its port's stream
         unit: UInt8s
@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields
 from operator import attrgetter
-from typing import Annotated, Any, Self, TypeAlias, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Final, Self, TypeAlias, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,8 @@ Float64s: TypeAlias = NDArray[np.float64]
 Float32s: TypeAlias = NDArray[np.float32]
 Bools: TypeAlias = NDArray[np.bool_]
 Which: TypeAlias = slice | NDArray[np.integer[Any]] | NDArray[np.bool_]  # rows: a stretch, numbers, or a mask
+
+_SHOWN: Final = 20  # rows in a notebook
 
 
 class Columns:
@@ -89,6 +91,16 @@ class Columns:
         """Write whole rows."""
         for column, values in zip(self.columns(), rows.columns(), strict=True):
             column[which] = values
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {len(self):,} rows of {', '.join(self.dtypes())}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the first rows."""
+        from ..html_text import html_table
+
+        more = f"<p>the first {_SHOWN} of {len(self):,}</p>" if len(self) > _SHOWN else ""
+        return html_table(tuple(self.dtypes()), self[:_SHOWN].tolist()) + more
 
     @property
     def nbytes(self) -> int:

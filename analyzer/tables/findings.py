@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 NUMBERS: Final = 8  # figures of evidence that a finding carries at most
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Findings(Columns):
     """Findings as figures."""
 

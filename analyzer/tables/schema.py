@@ -38,7 +38,7 @@ class Direction(IntEnum):
 NO_GAP = -(1 << 62)  # a silence of which nothing is known
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Rows(Columns):
     """Rows: frames and noise."""
 
@@ -108,7 +108,7 @@ class Row:
     foreign: int = 0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class BoundaryEvidence(Columns):
     """Why rows stand where they do, in bits of evidence (log2 of a likelihood ratio); made when asked for."""
 

@@ -51,7 +51,7 @@ class Status(IntEnum):
     UNHEARD = 5  # it may have been answered while the recorder heard nothing (`analyzer.outages`)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class TransactionRows(Columns):
     """Requests, and what became of them."""
 
