@@ -15,6 +15,7 @@ from running import ROOT, START, environment, ran, refused, spawned
 
 from analyzer.cli.app import Parser
 from analyzer.cli.commands import COMMANDS, load
+from analyzer.cli.exits import MEANINGS
 from analyzer.cli.manpage import man_page
 from analyzer.cli.terminal import progress_words
 from analyzer.version import __version__
@@ -38,6 +39,8 @@ def test_help_tells_the_example(capsys, command):
     assert done.status == 0
     for line in load(command).EXAMPLE.splitlines():
         assert f"  {line}\n" in done.out
+    for status, meaning in MEANINGS:
+        assert f"  {status:<5}{meaning}\n" in done.out
 
 
 # Those need a tap, or write into the user's folders of Wireshark (tests/test_wireshark.py).

@@ -13,6 +13,7 @@ from .inputs import (
     CAPTURE_HELP,
     add_functions_argument,
     add_reading_arguments,
+    capture_format,
     load_functions,
     opened_capture,
     tell_damage,
@@ -43,7 +44,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_overwrite_argument(parser, "OUT")
     parser.add_argument(
-        "--to-format", metavar="F", help="serial-chunks, mcap, pcapng, bin or text; by default OUT's suffix tells"
+        "--to-format",
+        type=capture_format,
+        metavar="F",
+        help="serial-chunks, mcap, pcapng, bin or text; by default OUT's suffix tells, else serial-chunks",
     )
     cut = parser.add_argument_group("what is kept (all, if nothing is given)")
     cut.add_argument(
