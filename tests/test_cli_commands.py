@@ -271,6 +271,9 @@ def test_progress_tells_share_rate_and_time_left():
     assert progress_words(0.25, 1000, 3_000_000, 5.0) == (
         "25%, 1,000 frames, 3.0 MB of the line, 200 frames/s, 0:15 left"
     )
+    assert progress_words(0.5, 100, 1_000_000, 2.0, "reads") == (
+        "50%, 100 reads, 1.0 MB of the line, 50 reads/s, 0:02 left"
+    )
     assert "left" not in progress_words(0.25, 10, 1000, 0.5)
     assert progress_words(None, 10, 1000, 1.0) == "10 frames, 0.0 MB of the line, 10 frames/s"
 

@@ -20,7 +20,7 @@ from .inputs import (
 )
 from .moments import moment, time_span
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import interruptible, tell
+from .terminal import Progress, interruptible, tell
 
 if TYPE_CHECKING:
     from captures import Block, Capture
@@ -93,12 +93,14 @@ def run(arguments: argparse.Namespace) -> int:
     opened = [opened_capture(path, arguments) for path in paths]
     for capture in opened:
         to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=capture.path)
-    written = _Written()
+    progress = Progress(f"convert {paths[0]}", "reads")
+    written = _Written(progress)
     with interruptible() as stop:
         edited = _cut(_merged(opened, arguments), arguments)
         out = sys.stdout.buffer if arguments.output == "-" else arguments.output
         captures.write(out, observed(edited, look=written.count, stop=stop), format=chosen.name)
         stopped = stop()
+    progress.clear()
     for path, capture in zip(paths, opened, strict=True):
         tell_damage(path, capture)
     if lost := _lost(edited, chosen, written):
@@ -112,9 +114,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 class _Written:
-    """How much was written."""
+    """How much was written, told as it grows."""
 
-    def __init__(self) -> None:
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
         self.reads = self.bytes = 0
         self.ports = self.errors = False
 
@@ -124,6 +127,7 @@ class _Written:
         self.bytes += len(block.data)
         self.ports = self.ports or bool(block.port.any())
         self.errors = self.errors or bool(len(block.errors))
+        self._progress(self.reads, self.bytes)
 
 
 def _format(arguments: argparse.Namespace) -> Format:
