@@ -361,3 +361,10 @@ def test_the_reference_is_of_this_table() -> None:
             assert check(line, charts=CHARTS) is None, line
     for quoted in re.findall(r"`([a-z_]+ (?:==|!=|in|>|<) [^`]+)`", made):
         assert check(quoted) is None, quoted
+
+
+def test_an_error_stays_on_one_line_whatever_was_typed() -> None:
+    for text in ('crc_ok == "a\nb"', 'unit == "a\x1b[3m\n"', 'retry == "x\r\ny"'):
+        with pytest.raises(FilterError) as refused:
+            compile_filter(text)
+        assert str(refused.value).isprintable()

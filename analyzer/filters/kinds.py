@@ -13,6 +13,7 @@ from fnmatch import fnmatchcase
 from typing import Final, Protocol
 
 from ..tables.columns import AREA_CODES, AreaCode
+from ..terminal_text import harmless
 from .errors import FilterError, meant
 from .tree import Bound, BytesWanted, Chars, Since, Span, Spans, TextPart, TextWanted, Wanted
 
@@ -37,8 +38,8 @@ class Literal:
 
     @property
     def shown(self) -> str:
-        """As the user wrote it, nearly."""
-        return f"{self.text} {self.unit}".rstrip()
+        """As the user wrote it, nearly: on one line."""
+        return harmless(f"{self.text} {self.unit}".rstrip())
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +125,7 @@ class NumberKind(Ordered):
     def bound(self, literal: Literal, *, exact: bool = True) -> Bound:
         number = plain_number(literal, "a number")
         if self.whole and number != int(number):
-            raise FilterError(f"a whole number is needed, not {literal.text}", literal.column)
+            raise FilterError(f"a whole number is needed, not {literal.shown}", literal.column)
         if exact and not self.least <= number <= self.most:
             raise FilterError(f"{literal.text} is outside {self.values.removeprefix('number, ')}", literal.column)
         return int(number) if self.whole else float(number)

@@ -48,9 +48,19 @@ def batch(lake, *sources, runner=in_this_process, options=None, **more):
     return run_batch(store(str(lake)), lines, options or BatchOptions(), runner, **more)
 
 
+def plain(answer):
+    """The rows of an Arrow table, times as ns: Python's own times know no nanoseconds."""
+    import pyarrow as pa
+
+    for i, field in enumerate(answer.schema):
+        if pa.types.is_timestamp(field.type):
+            answer = answer.set_column(i, field.name, answer.column(i).cast(pa.int64()))
+    return answer.to_pylist()
+
+
 def rows(lake, table):
     """All rows of a table but for what says where they are from, in an order that hangs on the rows alone."""
-    answer = Lake(str(lake)).arrow(f"SELECT * FROM {table} ORDER BY ALL").to_pylist()
+    answer = plain(Lake(str(lake)).arrow(f"SELECT * FROM {table} ORDER BY ALL"))
     return [{k: v for k, v in row.items() if k not in ("source", "size", "sha256")} for row in answer]
 
 
