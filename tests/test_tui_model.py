@@ -27,6 +27,7 @@ from analyzer.model import goto, search
 from analyzer.model.bus import Bus
 from analyzer.model.polls import changed
 from analyzer.model.registers import RegisterSeries
+from analyzer.model.scope import ScopedFigures
 from analyzer.model.selection import Everything, Selection, frames_only, transactions, within
 from analyzer.model.source import CaptureSource
 from analyzer.model.table import COLUMNS, PIECE, ByteStore, RowTable, ShortTimes
@@ -233,6 +234,18 @@ def test_every_finding_on_a_row_is_marked_there_and_can_be_jumped_to(wire: str, 
     last = max(standing)
     assert found.rows_beyond(last, 1).tolist() == []
     assert found.rows_beyond(last, -1).tolist() == sorted(standing - {last}, reverse=True)
+
+
+@pytest.mark.parametrize("tap", ["precise", "irq", "ftdi16", "gateway"])
+def test_response_times_of_the_model_are_those_of_the_report(tap: str) -> None:
+    made = simulate(Scenario("clean", tap, transactions=200, seed=5))
+    capture = Capture.of(made.line, made.chunks)
+    bus, source = read(capture), CaptureSource(capture, "bus")
+    due = analyzer.Analysis(capture).report()
+    whole = ScopedFigures(bus, np.arange(bus.table.count))
+    for found in (bus.report(source), whole.report(source)):
+        assert found.times == due.times
+        assert [unit.times for unit in found.units] == [unit.times for unit in due.units]
 
 
 def test_causes_are_those_of_the_analysis(troubled: Bus) -> None:

@@ -69,7 +69,7 @@ class Bus:
         self._count = 0
         self.whole = False  # nothing more comes
         self.t_first = self.t_last = 0
-        self._summary = Summary(self.char_ns)
+        self._summary = Summary.of(line)
         self.options = Options()
         self._ledger = Ledger(line)
         self._lock = threading.Lock()
@@ -275,6 +275,9 @@ class Bus:
         """A summary of this bus, or of some of its rows, as a page."""
         from captures.chunks import Capture
 
+        if summary is not self._summary:  # rows of this table do not tell what the tap's times are worth
+            with self._lock:
+                summary.off_ns = self._summary.known_off_ns()
         capture = getattr(source, "capture", None) or Capture.of(source.line, (), timed=source.timed)
         return summary.report(capture, source=source.name, partial=partial)
 

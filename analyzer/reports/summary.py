@@ -73,7 +73,7 @@ class Summary:
         self._first: int | None = None
         self._last: int | None = None
         self._busy = _Busiest()
-        self._off_ns: int | None = 0  # `Times.off_ns`
+        self.off_ns: int | None = 0  # `Times.off_ns`
 
     @classmethod
     def of(cls, line: LineSettings) -> Summary:
@@ -87,6 +87,13 @@ class Summary:
     @property
     def bytes(self) -> int:
         return self._bytes
+
+    def known_off_ns(self) -> int | None:
+        """By how much response times may be wrong, as far as is known by now: see `Times.off_ns`."""
+        if self._clock is None:
+            return self.off_ns
+        self._clock.close()
+        return None if self._clock.off_ns is None else round(self._clock.off_ns)
 
     def hear(self, stream: Iterator[Analysed]) -> Iterator[Analysed]:
         """The same, while the clock learns from all of it rather than from what is counted."""
@@ -130,9 +137,7 @@ class Summary:
     def report(self, capture: Capture, *, source: str = "", partial: bool = False) -> Report:
         """What it comes to."""
         notes = notes_of(capture)
-        if self._clock is not None:
-            self._clock.close()
-            self._off_ns = None if self._clock.off_ns is None else round(self._clock.off_ns)
+        self.off_ns = self.known_off_ns()
         return Report(
             source=source,
             format=capture.format,
@@ -216,9 +221,7 @@ class Summary:
         if not histogram:
             return Times()
         p50, p95, p99 = histogram.quantiles(0.50, 0.95, 0.99)
-        return Times(
-            len(histogram), histogram.least, p50, p95, p99, histogram.most, histogram.mean, off_ns=self._off_ns
-        )
+        return Times(len(histogram), histogram.least, p50, p95, p99, histogram.most, histogram.mean, off_ns=self.off_ns)
 
     def _counted(self, pick: Callable[[NDArray[np.int64]], np.int64]) -> Counts:
         return Counts(*(int(pick(self._counts[name])) for name in _COUNTERS))
