@@ -15,6 +15,7 @@ from running import ROOT, START, environment, ran, refused, spawned
 
 from analyzer.cli.app import Parser
 from analyzer.cli.commands import COMMANDS, load
+from analyzer.cli.exits import MEANINGS
 from analyzer.cli.manpage import man_page
 from analyzer.cli.terminal import progress_words
 from analyzer.version import __version__
@@ -38,6 +39,8 @@ def test_help_tells_the_example(capsys, command):
     assert done.status == 0
     for line in load(command).EXAMPLE.splitlines():
         assert f"  {line}\n" in done.out
+    for status, meaning in MEANINGS:
+        assert f"  {status:<5}{meaning}\n" in done.out
 
 
 # Those need a tap, or write into the user's folders of Wireshark (tests/test_wireshark.py).
@@ -267,6 +270,9 @@ def test_the_recorder_s_sample_and_the_workflows_are_what_they_should_be():
 def test_progress_tells_share_rate_and_time_left():
     assert progress_words(0.25, 1000, 3_000_000, 5.0) == (
         "25%, 1,000 frames, 3.0 MB of the line, 200 frames/s, 0:15 left"
+    )
+    assert progress_words(0.5, 100, 1_000_000, 2.0, "reads") == (
+        "50%, 100 reads, 1.0 MB of the line, 50 reads/s, 0:02 left"
     )
     assert "left" not in progress_words(0.25, 10, 1000, 0.5)
     assert progress_words(None, 10, 1000, 1.0) == "10 frames, 0.0 MB of the line, 10 frames/s"

@@ -11,6 +11,7 @@ from running import ran, refused
 
 import analyzer
 from analyzer.reference.causes import markdown
+from captures.formats import foreign_formats, formats
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 
@@ -47,3 +48,47 @@ def test_the_product_has_the_public_names() -> None:
     assert set(analyzer.__all__) <= set(dir(rtuscope))
     done = subprocess.run([sys.executable, "-m", "rtuscope", "--version"], capture_output=True, text=True, check=True)
     assert analyzer.__version__ in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "near"),
+    [
+        (("report", "bus.jsonl", "--format", "txet"), "text"),
+        (("convert", "bus.jsonl", "-o", "-", "--to-format", "serial-chunk"), "serial-chunks"),
+        (("export", "bus.jsonl", "--format", "cvs"), "csv"),
+        (("export", "bus.jsonl", "-o", "frames.jsnl"), "jsonl"),
+        (("export", "bus.jsonl", "-Y", "unt == 3"), "unit"),
+        (("check", "bus.jsonl", "--rule", "evry poll answered"), "every"),
+        (("report", "bus.jsonl", "--map", "eastron-sdm63"), "eastron-sdm630"),
+        (("report", "bus.jsonl", "--turnaroud-ms", "3"), "--turnaround-ms"),
+        (("exprt", "bus.jsonl"), "export"),
+    ],
+)
+def test_a_mistyped_name_is_told_with_what_was_meant(
+    arguments: tuple[str, ...],
+    near: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert ran(capsys, "simulate", "bus.jsonl", "--transactions", "5").status == 0
+    assert f"did you mean {near}?" in refused(capsys, *arguments)
+
+
+def test_the_help_names_every_format_that_is_read(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = " ".join(ran(capsys, "report", "--help").out.split())
+    names = ", ".join(sorted([*formats(), *foreign_formats()]))
+    assert names in shown.replace("saleae- ", "saleae-").replace("serial- ", "serial-")
+
+
+def test_short_options_of_tshark_are_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert ran(capsys, "simulate", "bus.jsonl", "-b", "9600", "--transactions", "5").status == 0
+    assert ran(capsys, "convert", "-r", "bus.jsonl", "-w", "bus.mcap").status == 0
+    assert ran(capsys, "convert", "-r", "bus.jsonl", "-r", "bus.mcap", "-w", "both.jsonl").status == 0
+    assert ran(capsys, "export", "-r", "bus.mcap", "-Y", "function < 200", "-w", "frames.csv").status == 0
+    assert ran(capsys, "open", "-r", "bus.mcap", "--plain", "-Y", "function < 200").status == 0
+    assert ran(capsys, "repair", "bus.mcap", "-w", "whole.mcap").status == 0

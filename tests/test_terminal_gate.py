@@ -12,7 +12,9 @@ import json
 import re
 import subprocess
 import sys
+import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from buses import adu
@@ -22,6 +24,7 @@ from running import START, Ran, environment, ran, spawned
 from seats import Seat, opened, using
 from terminals import Terminal, posix
 
+from analyzer.cli.commands import COMMANDS
 from analyzer.model.source import CaptureSource
 from analyzer.terminal_text import ERASE_LINE, TerminalGate, TerminalText, gated_streams, painted, terminal_text
 from analyzer.tui.filterbar import FilterBar
@@ -39,6 +42,7 @@ CANARY = (
     "\nFORGED\t[red]x[/red][@click=app.quit]y[/]"
 )
 NAME = CANARY.replace("/", "")
+ONE_LINE = CANARY.replace("\n", " ")  # line ends pass the streams: those of a command are its own
 OURS = re.compile(r"\x1b\[(?:0|1|2|4|31|32|33|36|1;31)m|\r\x1b\[K")  # what the program itself sends
 
 
@@ -309,12 +313,53 @@ def test_a_widget_that_forgets_is_caught_on_the_way_out() -> None:
         from rich.text import Text
         from textual.widgets import Label
 
-        await sitting.screen.mount(Label(Text(CANARY.replace("\n", " "))))
+        await sitting.screen.mount(Label(Text(ONE_LINE)))
         await sitting.pilot.pause()
         assert "CANARY" in sitting.shown()
         assert not foreign(sitting.shown()), sitting.shown()
 
     using(source, work, size=(120, 30))
+
+
+SPOKEN = "\n".join(f"print({ONE_LINE!r}, file={file})" for file in ("sys.stdout", "sys.stderr"))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("parse", "11 03 00 6B 00 03 76 87"), ("report",), ("check", "--rule", "no exceptions"), ("export", "-o", "-"),
+     ("replay", "--speed", "max")],
+)  # fmt: skip
+def test_what_declared_functions_say_is_caught_on_the_way_out(
+    arguments: tuple[str, ...], capture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Code of others writes to the streams itself: only the streams are between it and the terminal."""
+    path = tmp_path / "functions.py"
+    source = (
+        f"import sys, construct\nfrom dissectors import Function\n{SPOKEN}\nsys.stderr.writelines([{ONE_LINE!r}])\n"
+    )
+    path.write_text(source + "A = Function(65, 'A', construct.Pass, construct.Pass)\n", encoding="utf-8")
+    command, *options = arguments
+    given_to = [] if command == "parse" else [capture]
+    done = clean(ran(capsys, command, *given_to, *options, "--functions", path))
+    assert (done.out.count("]52;c;aGk="), done.err.count("]52;c;aGk=")) >= (1, 2), done
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_that_forgets_is_caught_on_the_way_out(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def forgets(_: object) -> int:
+        print(ONE_LINE)
+        sys.stdout.write(ONE_LINE)
+        warnings.warn(ONE_LINE, stacklevel=1)
+        print(ONE_LINE, file=sys.stderr)
+        raise RuntimeError(ONE_LINE)
+
+    command = SimpleNamespace(EXAMPLE="", configure=lambda _: None, run=forgets)
+    monkeypatch.setattr("analyzer.cli.app.load", lambda _: command)
+    done = ran(capsys, name)
+    assert not foreign(done.out) and not foreign(done.err), done
+    assert (done.status, done.out.count("CANARY"), done.err.count("CANARY")) == (2, 2, 3)
 
 
 @given(st.lists(st.text() | st.builds(painted, st.text(), st.sampled_from(("", "31")))))

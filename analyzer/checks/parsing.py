@@ -13,6 +13,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 from captures.line import LineSettings
 
 from ..filters.errors import FilterError
+from ..meant import did_you_mean
 from .errors import CheckError
 from .forms import CHARTS, SHOWN, TERMINALS, forms
 from .model import Check
@@ -83,4 +84,7 @@ def _explained(text: str, error: UnexpectedInput) -> CheckError:
     listed = sorted(dict.fromkeys(SHOWN.get(name) or f"'{literal[name].value}'" for name in names))
     expected = " or ".join([*filter(None, [", ".join(listed[:-1])]), *listed[-1:]])
     word = _WORD.match(text, position)
-    return CheckError(f"expected {expected}, not {word[0]!r}" if word else f"expected {expected}", position)
+    if not word:
+        return CheckError(f"expected {expected}", position)
+    near = did_you_mean(word[0], (name.strip("'") for name in listed if name.startswith("'")))
+    return CheckError(f"expected {expected}, not {word[0]!r}{near}", position)

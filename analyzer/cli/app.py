@@ -19,7 +19,7 @@ from ..settingfiles import found_files
 from ..terminal_text import gated_streams
 from ..version import __version__
 from .commands import COMMANDS, Command, load
-from .exits import DONE, INTERRUPTED, UNUSABLE, UsageError
+from .exits import DONE, INTERRUPTED, MEANINGS, UNUSABLE, UsageError
 from .terminal import tell
 
 _OURS: Final = frozenset({"analyzer", "captures", "dissectors"})
@@ -35,8 +35,8 @@ class Parser(argparse.ArgumentParser):
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """argparse's, but an option that is not known is told with the one that was meant."""
         words = list(sys.argv[1:] if args is None else args)
-        if "-r" in words and any(action.dest == "capture" for action in self._get_positional_actions()):
-            words.remove("-r")  # as tshark names the file to read
+        if any(action.dest in ("capture", "captures") for action in self._get_positional_actions()):
+            words = [word for word in words if word != "-r"]  # as tshark names the file to read
         parsed, left = self.parse_known_args(words, namespace)
         if left:
             near = did_you_mean(left[0].partition("=")[0], self._option_string_actions)
@@ -164,7 +164,10 @@ def _help_style(name: str, command: Command) -> dict[str, Any]:
     words = COMMANDS[name]
     return {
         "description": f"{words[0].upper()}{words[1:]}.",
-        "epilog": "example:\n" + "".join(f"  {line}\n" for line in command.EXAMPLE.splitlines()),
+        "epilog": "exit status:\n"
+        + "".join(f"  {status:<5}{meaning}\n" for status, meaning in MEANINGS)
+        + "\nexample:\n"
+        + "".join(f"  {line}\n" for line in command.EXAMPLE.splitlines()),
         "formatter_class": argparse.RawDescriptionHelpFormatter,
     }
 

@@ -13,13 +13,14 @@ from .inputs import (
     CAPTURE_HELP,
     add_functions_argument,
     add_reading_arguments,
+    capture_format,
     load_functions,
     opened_capture,
     tell_damage,
 )
 from .moments import moment, time_span
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import interruptible, tell
+from .terminal import Progress, interruptible, tell
 
 if TYPE_CHECKING:
     from captures import Block, Capture
@@ -43,7 +44,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_overwrite_argument(parser, "OUT")
     parser.add_argument(
-        "--to-format", metavar="F", help="serial-chunks, mcap, pcapng, bin or text; by default OUT's suffix tells"
+        "--to-format",
+        type=capture_format,
+        metavar="F",
+        help="serial-chunks, mcap, pcapng, bin or text; by default OUT's suffix tells, else serial-chunks",
     )
     cut = parser.add_argument_group("what is kept (all, if nothing is given)")
     cut.add_argument(
@@ -89,12 +93,14 @@ def run(arguments: argparse.Namespace) -> int:
     opened = [opened_capture(path, arguments) for path in paths]
     for capture in opened:
         to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=capture.path)
-    written = _Written()
+    progress = Progress(f"convert {paths[0]}", "reads")
+    written = _Written(progress)
     with interruptible() as stop:
         edited = _cut(_merged(opened, arguments), arguments)
         out = sys.stdout.buffer if arguments.output == "-" else arguments.output
         captures.write(out, observed(edited, look=written.count, stop=stop), format=chosen.name)
         stopped = stop()
+    progress.clear()
     for path, capture in zip(paths, opened, strict=True):
         tell_damage(path, capture)
     if lost := _lost(edited, chosen, written):
@@ -108,9 +114,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 class _Written:
-    """How much was written."""
+    """How much was written, told as it grows."""
 
-    def __init__(self) -> None:
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
         self.reads = self.bytes = 0
         self.ports = self.errors = False
 
@@ -120,6 +127,7 @@ class _Written:
         self.bytes += len(block.data)
         self.ports = self.ports or bool(block.port.any())
         self.errors = self.errors or bool(len(block.errors))
+        self._progress(self.reads, self.bytes)
 
 
 def _format(arguments: argparse.Namespace) -> Format:

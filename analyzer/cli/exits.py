@@ -1,7 +1,6 @@
 """How a command ends: its exit status, and the error of those who typed it.
 
-0: done. 1: the input holds no frame, what was asserted of it does not hold, or a recording lost bytes. 2: unusable
-arguments or input. 130: ended by Ctrl-C, or by a signal before all was shown; what was done is kept.
+`MEANINGS` says what each tells; help and the manual page print it.
 """
 
 from __future__ import annotations
@@ -13,6 +12,15 @@ NO_FRAME: Final = 1
 FAILED: Final = 1
 UNUSABLE: Final = 2
 INTERRUPTED: Final = 130
+MEANINGS: Final = (
+    (DONE, "done"),
+    (
+        FAILED,
+        "the input holds no frame, an assertion fails, a recording lost bytes, or a capture of a batch is damaged",
+    ),
+    (UNUSABLE, "unusable arguments or input, with one line that says why"),
+    (INTERRUPTED, "ended by Ctrl-C, or by a signal before all was shown; what was done is kept"),
+)
 
 
 class UsageError(Exception):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from captures.line import POLARITIES
 
+from ..meant import did_you_mean
 from .exits import UsageError
 from .terminal import tell
 
@@ -65,7 +66,12 @@ def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
     group = parser.add_argument_group("reading the capture (by default as it says itself, else as its bytes tell)")
     flags = ["--format", "--input-format"] if format_flag else ["--input-format"]
     group.add_argument(
-        *flags, dest="input_format", metavar="NAME", help="its format: text, bin, pcap ... (rtuscope help formats)"
+        *flags,
+        dest="input_format",
+        type=capture_format,
+        metavar="NAME",
+        help="its format: bin, mcap, pcap, pcapng, saleae, saleae-binary, saleae-edges, saleae-session, serial-chunks, "
+        "sigrok, text, vcd (rtuscope help formats)",
     )
     group.add_argument("-b", "--baud", type=int, metavar="N", help="bit/s of the line")
     group.add_argument("-P", "--parity", choices=("N", "E", "O", "M", "S"), help="none, even, odd, mark, space")
@@ -74,6 +80,18 @@ def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
     group.add_argument("--polarity", choices=POLARITIES, help="of a logic analyser's edges: inverted is low when idle")
     add_zone_argument(group)
     group.add_argument("--sample-rate", type=float, metavar="HZ", help="of a log that counts samples (sigrok-cli -A)")
+
+
+def capture_format(text: str) -> str:
+    """The name of a capture format; for argparse."""
+    from captures import CaptureError
+    from captures.formats import by_name, foreign_formats, formats
+
+    try:
+        return by_name(text).name
+    except CaptureError as error:
+        near = did_you_mean(text, [*formats(), *foreign_formats()])
+        raise argparse.ArgumentTypeError(f"no capture format named {text!r}{near}" if near else str(error)) from None
 
 
 def add_zone_argument(parser: argparse._ActionsContainer) -> None:

@@ -7,13 +7,8 @@ from collections.abc import Iterator
 
 from .app import command_line
 from .commands import COMMANDS, load
+from .exits import MEANINGS
 
-_EXITS = (
-    ("0", "done"),
-    ("1", "the input holds no frame, an assertion fails, or a recording lost bytes"),
-    ("2", "unusable arguments or input, with one line that says why"),
-    ("130", "ended by Ctrl-C; what was done is kept"),
-)
 _FILES = (
     ("~/.config/rtuscope/config.toml", "your settings; `rtuscope config path` prints where they are elsewhere"),
     ("rtuscope.toml", "a project's, in the working folder or above it"),
@@ -38,7 +33,8 @@ def man_page() -> str:
         lines += [".P", "Example:", ".nf"]
         lines += [rf"\&    {_text(line)}" for line in load(name).EXAMPLE.splitlines()]
         lines += [".fi"]
-    for title, entries in (("EXIT STATUS", _EXITS), ("FILES", _FILES), ("ENVIRONMENT", _ENVIRONMENT)):
+    exits = tuple((str(status), words) for status, words in MEANINGS)
+    for title, entries in (("EXIT STATUS", exits), ("FILES", _FILES), ("ENVIRONMENT", _ENVIRONMENT)):
         lines.append(f".SH {title}")
         for term, words in entries:
             lines += [".TP", f".B {_text(term)}", _text(words)]

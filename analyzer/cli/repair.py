@@ -21,6 +21,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="a recording that was cut or damaged; it is left as it is")
     parser.add_argument(
         "-o",
+        "-w",
         "--output",
         metavar="OUT",
         help="file to write: by default NAME for NAME.part, else NAME.repaired.mcap",

@@ -23,7 +23,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "output", metavar="OUT", help="capture to write, .jsonl or .mcap; its truth goes beside it, .truth.jsonl"
     )
     add_overwrite_argument(parser, "OUT or its truth")
-    parser.add_argument("--wire", choices=tuple(WIRES), default="clean", help="what the wire does to the frames")
+    parser.add_argument(
+        "--wire", choices=tuple(WIRES), default="clean", help="what the wire does to the frames (clean)"
+    )
     parser.add_argument(
         "--defect",
         choices=tuple(defects()),
@@ -37,9 +39,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="a server with this register map, a file or one of `rtuscope map list`; may be given again",
     )
-    parser.add_argument("--tap", choices=tuple(TAPS), default="precise", help="how the tap tells times")
+    parser.add_argument("--tap", choices=tuple(TAPS), default="precise", help="how the tap tells times (precise)")
     parser.add_argument("--transactions", type=int, default=400, metavar="N", help="requests to make (400)")
-    parser.add_argument("--baud", type=int, help="bit/s; drawn by chance if not given")
+    parser.add_argument("-b", "--baud", type=int, help="bit/s; drawn by chance if not given")
     parser.add_argument("--char-bits", type=int, default=11, help="start, data, parity and stop bits together (11)")
     parser.add_argument("--units", type=int, help="servers on the bus; drawn by chance if not given")
     parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same bus (0)")

@@ -27,13 +27,13 @@ _LEAST_S = 1.0
 class Progress:
     """A line on a terminal's standard error that tells how far long work has come; silent elsewhere."""
 
-    def __init__(self, label: str) -> None:
-        self._label = label
+    def __init__(self, label: str, counted: str = "frames") -> None:
+        self._label, self._counted = label, counted
         self._shown = False
         self._begun = time.monotonic()
         self._next = self._begun + 2 * _PERIOD_S if places(sys.stderr) else float("inf")
 
-    def __call__(self, frames: int, octets: int) -> None:
+    def __call__(self, count: int, octets: int) -> None:
         """Say it, if the last time is long enough ago."""
         now = time.monotonic()
         if now < self._next:
@@ -42,7 +42,8 @@ class Progress:
 
         self._next = now + _PERIOD_S
         self._shown = True
-        say_in_place(f"{self._label}: {progress_words(share_read(), frames, octets, now - self._begun)}")
+        words = progress_words(share_read(), count, octets, now - self._begun, self._counted)
+        say_in_place(f"{self._label}: {words}")
 
     def clear(self) -> None:
         """Take the line away."""
@@ -51,11 +52,11 @@ class Progress:
             self._shown = False
 
 
-def progress_words(share: float | None, frames: int, octets: int, elapsed_s: float) -> str:
+def progress_words(share: float | None, count: int, octets: int, elapsed_s: float, counted: str = "frames") -> str:
     """How far it is, how fast, and about how long it still takes; a share of nothing or of all says neither."""
     measurable = share is not None and _LEAST_SHARE <= share < 1
     parts = [f"{share:.0%}"] if share is not None and measurable else []
-    parts += [f"{frames:,} frames", f"{octets / 1e6:,.1f} MB of the line", f"{frames / elapsed_s:,.0f} frames/s"]
+    parts += [f"{count:,} {counted}", f"{octets / 1e6:,.1f} MB of the line", f"{count / elapsed_s:,.0f} {counted}/s"]
     if share is not None and measurable and elapsed_s >= _LEAST_S:
         left = elapsed_s * (1 - share) / share
         minutes, seconds = divmod(round(left), 60)

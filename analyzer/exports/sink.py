@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Protocol, cast
 
+from ..meant import did_you_mean
 from ..registry import module_names
 from . import targets
 from .output import ExportError, OutputStream
@@ -83,6 +84,8 @@ def format_name(path: str | PurePath, name: str | None = None) -> str:
     if name is None:
         name = "jsonl" if str(path) == "-" else PurePath(path).suffix.removeprefix(".").lower()
     if name not in formats():
-        which = f"no format {name!r}" if name else f"{path}: no suffix to tell the format by"
+        which = (
+            f"no format {name!r}{did_you_mean(name, formats())}" if name else f"{path}: no suffix to tell the format by"
+        )
         raise ExportError(f"{which}; formats are {', '.join(formats())} (by suffix or --format)")
     return name

@@ -12,8 +12,9 @@ from decimal import Decimal
 from fnmatch import fnmatchcase
 from typing import Final, Protocol
 
+from dissectors.values import harmless
+
 from ..tables.columns import AREA_CODES, AreaCode
-from ..terminal_text import harmless
 from .errors import FilterError, meant
 from .tree import Bound, BytesWanted, Chars, Since, Span, Spans, TextPart, TextWanted, Wanted
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import accumulate, groupby, takewhile
 from typing import Final, NamedTuple
 
@@ -28,6 +29,7 @@ _FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)")
 _LETTERS: Final = re.compile(r"[g-zG-Z]")
 _PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is looked for in the columns of a text
 _LONGEST_ROW: Final = 2048  # characters
+_REMEMBERED: Final = 512  # lines, as logs repeat themselves
 _NUMBER: Final = re.compile(rf"0[xX]{H}+|(?<![^\W_]){H}{{1,4}}(?![^\W_])|\d+|'[^']'")
 
 
@@ -93,10 +95,13 @@ class _Token(NamedTuple):
         return bytes((int(digits) & 0xFF,))
 
 
-def _tokens(line: LogLine) -> list[_Token]:
-    if len(line.clean) > _LONGEST_ROW:
-        return []
-    return [
+def _tokens(line: LogLine) -> Sequence[_Token]:
+    return _tokens_in(line.clean) if len(line.clean) <= _LONGEST_ROW else ()
+
+
+@lru_cache(_REMEMBERED)
+def _tokens_in(text: str) -> tuple[_Token, ...]:
+    return tuple(
         _Token(
             match.start(),
             match.end(),
@@ -104,11 +109,11 @@ def _tokens(line: LogLine) -> list[_Token]:
             match["sign"] is not None,
             None if match["char"] is None else unescape(match["char"]),
         )
-        for match in _TOKEN.finditer(line.clean)
-    ]
+        for match in _TOKEN.finditer(text)
+    )
 
 
-def _fields_of(line: LogLine, tokens: list[_Token], judge: Judge, *, named: bool) -> None:
+def _fields_of(line: LogLine, tokens: Sequence[_Token], judge: Judge, *, named: bool) -> None:
     """`ID=01 FC=03 ADDR=0000 LEN=000A CRC=C5CD`, `ID 01 | FC 03 | 00 00 00 0A | CRC C5 CD`
 
     Only of fields that are `named` one may be a name.
@@ -133,7 +138,7 @@ def _fields_of(line: LogLine, tokens: list[_Token], judge: Judge, *, named: bool
             return
 
 
-def _counted(tokens: list[_Token]) -> list[_Token] | None:
+def _counted(tokens: Sequence[_Token]) -> Sequence[_Token] | None:
     """The values of `[0]=01 [1]=03`, `0:0x01 1:0x03`; None of other lines."""
     if len(tokens) < 2 * _COLUMN or len(tokens) % 2:
         return None
@@ -187,7 +192,12 @@ def _taken(lines: Sequence[LogLine]) -> int:
 
 def _skeleton(line: LogLine) -> str:
     """A line without its numbers and the characters that they are."""
-    return " ".join(_NUMBER.sub("", line.clean).split())
+    return _skeleton_of(line.clean)
+
+
+@lru_cache(_REMEMBERED)
+def _skeleton_of(text: str) -> str:
+    return " ".join(_NUMBER.sub("", text).split())
 
 
 def _one_column(lines: list[LogLine], judge: Judge, *, alike: bool) -> tuple[int, str] | None:
@@ -244,7 +254,7 @@ def _take_column(lines: list[LogLine], i: int, reading: str) -> None:
             _take_tokens(line, [token], part)
 
 
-def _take_tokens(line: LogLine, tokens: list[_Token], data: bytes) -> None:
+def _take_tokens(line: LogLine, tokens: Sequence[_Token], data: bytes) -> None:
     start, end = tokens[0].start, tokens[-1].end
     mark = next((run.mark for run in line.runs if run.mark), 0)
     label = label_in(line.clean[max(start - 56, 0) : start])

@@ -11,9 +11,9 @@ dump, the midnight that a log of times of day passed.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import tzinfo
-from typing import Final
+from typing import Final, NamedTuple
 
 from captures.text import stamps
 
@@ -44,8 +44,7 @@ _REMEMBERED: Final = 2048  # lines
 _FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
 
 
-@dataclass(frozen=True, slots=True)
-class Heading:
+class Heading(NamedTuple):
     """What a line says of the rows of bytes below it."""
 
     mark: int
@@ -100,6 +99,7 @@ class LineReader:
     _received: bool = False  # pymodbus reports received bytes by themselves, not only those it processes
     _memory: dict[str, tuple[int, list[LineMark], list[ByteRun]]] = field(default_factory=dict)
     _empty: dict[str, tuple[int, str, str, str | None]] = field(default_factory=dict)  # lines that hold nothing
+    _shapeless: set[str] = field(default_factory=set)  # lines that are in no tool's layout
     _tools: list[Shape] = field(default_factory=lambda: list(SHAPES))
 
     def read(self, line: str, number: int) -> LogLine:
@@ -155,7 +155,7 @@ class LineReader:
             data = bytes.fromhex(body[1])[: heading.left]
             run = ByteRun(data, 1, 1 + len(body[1]), "pairs", Writing.BYTES, mark=heading.mark, sure=True)
             left = heading.left - len(data)
-            self._heading = replace(heading, left=left) if left else None
+            self._heading = heading._replace(left=left) if left else None
             return LogLine(number, text, text, [run], heading.t_ns, heading.fine, heading.port)
         self._heading = None
         parsed = self._tool_line(text, number) or self._any_line(text, number)
@@ -163,11 +163,17 @@ class LineReader:
         return parsed
 
     def _tool_line(self, text: str, number: int) -> LogLine | None:
-        for i, shape in enumerate(self._tools if len(text) >= _LEAST_SHAPED else ()):
+        if len(text) < _LEAST_SHAPED or text in self._shapeless:
+            return None
+        for i, shape in enumerate(self._tools):
             if (match := shape.pattern.match(text)) is not None:
                 if i and shape.role is not LineRole.NOTHING:  # a log is of one tool: its shapes first from now on
                     self._tools.insert(0, self._tools.pop(i))
                 return self._shaped(shape, match, number, text)
+        if len(text) <= _BARE_LEAST:
+            if len(self._shapeless) >= _REMEMBERED:
+                self._shapeless.clear()
+            self._shapeless.add(text)
         return None
 
     def _shaped(self, shape: Shape, match: re.Match[str], number: int, text: str) -> LogLine | None:
@@ -305,7 +311,7 @@ class LineReader:
             joins = heading.joins or (full and (heading.left is None or heading.left > 0))
             line.continues = goes_on or (joins and first.offset is None)
         left = None if heading.left is None else heading.left - size
-        self._heading = replace(heading, rows=heading.rows + 1, width=size, left=left)
+        self._heading = heading._replace(rows=heading.rows + 1, width=size, left=left)
         line.port = heading.port
         if line.t_ns is None:
             line.t_ns, line.fine = heading.t_ns, heading.fine
