@@ -46,6 +46,22 @@ def test_rtu_bytes_are_not_taken_for_ascii() -> None:
     assert ascii_after(READ + ANSWER)
 
 
+def test_garbage_for_answers_does_not_make_requests_in_ascii_rtu() -> None:
+    """A unit at another speed answers each request with bytes that no text has."""
+    garbage = bytes.fromhex("292139000127012d212171") + bytes(range(0x80, 0x90))
+    assert ascii_after((READ + garbage) * 4)
+    chunks = [Chunk(10**9 + i * 10**8, READ if i % 2 == 0 else garbage) for i in range(20)]
+    frames = [f for batch in deframe(Capture.of(LINE, chunks)) for f in batch.frames() if f.crc_ok]
+    assert [f.protocol for f in frames] == ["ascii"] * 10
+
+
+def test_rtu_among_frames_in_ascii_is_still_rtu() -> None:
+    spoken = bytes.fromhex("1103006b00037687110306ae415652434049ad")
+    chunks = [Chunk(10**9 + i * 10**8, READ if i % 2 == 0 else spoken * 2) for i in range(80)]
+    frames = [f for batch in deframe(Capture.of(LINE, chunks)) for f in batch.frames() if f.crc_ok]
+    assert {f.protocol for f in frames} == {"rtu"}
+
+
 @given(
     st.lists(st.one_of(st.sampled_from([READ, ANSWER, b":", b"\r\n"]), st.binary(max_size=40)), max_size=12),
     st.integers(1, 50),

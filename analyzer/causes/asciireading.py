@@ -6,14 +6,21 @@ request is known digit by digit; the LRC tells whether the rest is whole when th
 
 from __future__ import annotations
 
+import re
 from typing import Final
 
 from dissectors.crc import lrc
 
 COLON: Final = b":"
 _END: Final = b"\r\n"
+_WRITTEN: Final = re.compile(rb":[0-9A-Fa-f]+\r?\n?")
 _HEAD_MOST: Final = 12  # characters that may be put right
 _LRC_DIGITS: Final = 2
+
+
+def is_in_ascii(request: bytes) -> bool:
+    """Whether a request is in ASCII mode: a colon alone is unit 58 in RTU."""
+    return _WRITTEN.fullmatch(bytes(byte & 0x7F for byte in request)) is not None
 
 
 def ascii_due(due: int) -> int:

@@ -200,7 +200,10 @@ class ExchangeBuilder:
         """No more rows come."""
         opened, self._open = self._open, None
         if opened is not None:
-            yield from self._all(opened)
+            for stretch in self._all(opened):
+                last = stretch.exchanges.outcome[-1:]
+                last[last == Ending.GARBAGE] = Ending.UNHEARD  # what the end of the capture cuts off is not damaged
+                yield stretch
 
     def _all(self, rows: RowColumns) -> Iterator[Stretch]:
         count = int(np.count_nonzero(asking(rows.rows)))

@@ -20,7 +20,7 @@ from dissectors.crc import byte_between, crc16, crc_bytes, flipped_bit, needed, 
 from dissectors.crc_variants import matching
 
 from ..tables.schema import Kind
-from .asciireading import COLON, ascii_due, read_ascii
+from .asciireading import COLON, ascii_due, is_in_ascii, read_ascii
 from .exchanges import Ending
 from .samples import Sample, SampleRow
 
@@ -123,7 +123,7 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
         marks = sum(piece.marks for piece in sample.pieces if piece.answers)
         detail = "before" if before else ""
         ahead = b"".join(piece.data for piece in sample.pieces[:before])
-        if before and kind is Behind.NOTHING and (sample.request[:1] != COLON or ahead.strip(b"\r\n")):
+        if before and kind is Behind.NOTHING and (not is_in_ascii(sample.request) or ahead.strip(b"\r\n")):
             kind = Behind.NOISE
         length = sum(len(piece.data) for i, piece in enumerate(sample.pieces) if i > before and not piece.answers)
         return Signature(AnswerDamage.NONE, kind, length=length, marks=marks, t_behind=t, detail=detail, due=sample.due)
@@ -135,7 +135,7 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
     echoed = data.startswith(sample.request) and len(data) > len(sample.request)
     data = data[len(sample.request) :] if echoed else data
     due = sample.due
-    if sample.request[:1] == COLON:
+    if is_in_ascii(sample.request):
         due = ascii_due(due)
         kind_word, count, at = read_ascii(data, due, _header(_rtu_of(sample.request)))
         found = _SignatureSums(AnswerDamage(kind_word), count, at)
@@ -151,7 +151,7 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
 
 def known_header(request: bytes) -> bytes:
     """The first bytes on the line of a right answer to a request, in RTU or in ASCII."""
-    if request[:1] == COLON:
+    if is_in_ascii(request):
         return COLON + _header(_rtu_of(request)).hex().upper().encode()
     return _header(request)
 
@@ -326,7 +326,7 @@ def _kind_of(rest: list[SampleRow], sample: Sample, requests: KnownRequests) -> 
     data = b"".join(piece.data for piece in rest)
     if crc16(data) == 0 and len(data) >= _LEAST:
         return Behind.NOTHING  # whole after all, in pieces
-    if sample.request[:1] == COLON and not data.strip(b"\r\n"):
+    if is_in_ascii(sample.request) and not data.strip(b"\r\n"):
         return Behind.NOTHING  # the end of a line, behind a pause of the tap's
     if not any(data) and len(data) <= 2:
         return Behind.ZEROS

@@ -16,8 +16,8 @@ from .thinned import Thinned
 from .timegrid import Spells
 
 _EXAMPLES: Final = 3
-_OK, _EXCEPTION, _SILENT, _GARBAGE = (
-    int(each) for each in (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE)
+_OK, _EXCEPTION, _SILENT, _GARBAGE, _UNHEARD = (
+    int(each) for each in (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE, Ending.UNHEARD)
 )
 BUSY: Final = np.isin(np.arange(256), (5, 6))  # acknowledge, server device busy
 
@@ -97,7 +97,8 @@ class UnitLedger:
             self.last_answer = int(times[len(good) - 1 - np.argmax(good[::-1])])
             self._add_answers(mine if every == len(mine) else mine[good], timed=timed, hole_ns=hole_ns)
         if counts[_SILENT] or self.silences.lasting is not None:
-            self.silences.add(outcome == _SILENT, times)
+            heard = outcome != _UNHEARD  # an answer that nobody could hear ends no silence
+            self.silences.add(outcome[heard] == _SILENT, times[heard])
         if counts[_EXCEPTION] or self.refusals.lasting is not None:
             busy = BUSY[mine.exception]
             self.busy += int(np.count_nonzero(busy))

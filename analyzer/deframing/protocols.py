@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from captures.line import PROTOCOLS_NOTE, LineSettings
 
 from ..options import Options
-from .ascii import AsciiEngine, ascii_after, is_ascii
+from .ascii import STRAY, AsciiEngine, ascii_after, begins_ascii, is_ascii
 from .buffer import Times
 from .directions import port_role
 from .engine import Engine
@@ -30,7 +30,6 @@ from .stream import PortEngine, PortsDeframer, character_time
 
 _HEAD: Final = 2048  # bytes: by then it is plain what a line speaks
 _FOREIGN: Final = re.compile(rb"[^:0-9A-Fa-f\r\n]")  # what no line in ASCII mode carries
-_STRAY: Final = 2  # such bytes that a line in ASCII mode may begin with: a driver's switching, a late start
 _BINARY: Final = 4  # one foreign byte in so many is no ASCII mode
 
 
@@ -53,13 +52,15 @@ def _foreign_after(head: bytes) -> int | None:
     foreign = np.zeros(len(head), np.int64)
     foreign[[match.start() for match in _FOREIGN.finditer(head)]] = 1
     count = np.cumsum(foreign)
-    sure = np.flatnonzero((count > _STRAY) & (_BINARY * count > np.arange(1, len(head) + 1)))
+    sure = np.flatnonzero((count > STRAY) & (_BINARY * count > np.arange(1, len(head) + 1)))
     return int(sure[0]) + 1 if len(sure) else None
 
 
 def _rtu_after(head: bytes) -> int | None:
-    """RTU is what has bytes that no text has, does not begin with an MBAP header, and the one that is left."""
+    """RTU is what has bytes that no text has, begins with no ASCII frame nor MBAP header, and the one that is left."""
     binary, (_, no_header) = _foreign_after(head), mbap_after(head)
+    if begins_ascii(head):
+        binary = None
     if binary is not None and no_header is not None:
         return max(binary, no_header)
     return _HEAD if len(head) >= _HEAD else None

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from ...tables.findings import Severity
-from ..asciireading import COLON
+from ..asciireading import is_in_ascii
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
 from ..exchanges import Ending
@@ -33,7 +33,6 @@ _HURRIED_NS: Final = 3e5
 _MANY_POLLS: Final = 8
 _LONG_ROUND_NS: Final = 0.9e9
 _FEW_POLLS: Final = 3
-_SLOW_ROUND_NS: Final = 1.0e9
 _FULL: Final = 0.8  # of the line's time
 _SECONDS_NS: Final = 8e9
 _STORM: Final = 30  # broadcasts
@@ -361,7 +360,7 @@ def overload(evidence: Evidence) -> Iterator[Suspicion]:
         or ledger.span_ns < _SECONDS_NS
         or not _BUSY <= load <= 1.02
         or ledger.exchanges < 30
-        or any(request[:1] == COLON for request in ledger.polls.requests)  # no silence is due in ASCII
+        or any(is_in_ascii(request) for request in ledger.polls.requests)  # no silence is due in ASCII
     ):
         return
     due = evidence.t35_ns
@@ -375,7 +374,9 @@ def overload(evidence: Evidence) -> Iterator[Suspicion]:
     )
     round_ns = intervals[len(intervals) // 2] if intervals else 0.0
     long_list = len(intervals) >= _MANY_POLLS and round_ns >= _LONG_ROUND_NS
-    if not long_list and (len(intervals) < _FEW_POLLS or round_ns < _SLOW_ROUND_NS or load < _FULL):
+    if load < _FULL and not (long_list and evidence.verdict.fine):
+        return  # a coarse clock does not tell whether a master keeps the pause that is due
+    if not long_list and (len(intervals) < _FEW_POLLS or round_ns < _LONG_ROUND_NS):
         return  # a master that goes through a short list without a pause does what it is told
     if evidence.verdict.fine and (ledger.request_gaps.quantile(0.5) or due) < _TOO_SOON * due:
         return  # one that does not even keep the pause that is due would never rest, whatever its list

@@ -11,6 +11,7 @@ from ..bits import clustering_bits, surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..registry import Suspicion, Symptom, suspect
+from ..timegrid import Spell
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 5  # requests without an answer
@@ -19,6 +20,8 @@ _STRAYS: Final = 0.05  # of requests: bytes that may be noise, not answers
 _BACKGROUND: Final = 0.02
 _MANY_TRIES: Final = 4.5  # a poll
 _SPELL: Final = 3  # requests in a row
+_PAIR: Final = 2  # and of those, more than retries, where so long is between them:
+_PAIR_TIMEOUTS: Final = 3
 _TO_THE_END: Final = 8
 _END_SHARE: Final = 0.1  # of the capture
 _LONG_SPELL: Final = 20
@@ -57,7 +60,8 @@ def _died(evidence: Evidence, unit: UnitLedger) -> int | None:
         return None
     before = max((each.count for each in unit.silences.all if each is not spell), default=0)
     span = evidence.ledger.grid.width_ns * 256 if not evidence.ledger.timed else evidence.ledger.span_ns
-    lasted = (spell.end - spell.begin) / max(span, 1)
+    since = spell.begin if unit.last_answer is None else unit.last_answer  # its silence begins behind its last answer
+    lasted = (evidence.ledger.end - since if evidence.ledger.timed else spell.end - spell.begin) / max(span, 1)
     long = lasted >= _END_SHARE or spell.count >= _LONG_SPELL
     return spell.begin if long and spell.count >= max(_TO_THE_END, 3 * before) else None
 
@@ -236,7 +240,7 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
 def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
     """Silence in spells, good answers before and behind."""
     for unit in evidence.units:
-        silent, spells = evidence.silent(unit), [each for each in unit.silences.all if each.count >= _SPELL]
+        silent, spells = evidence.silent(unit), [each for each in unit.silences.all if _is_spell(evidence, each)]
         inside = sum(each.count for each in spells)
         if len(spells) < 2 or not unit.answered or inside < 0.6 * silent or inside < 2 * _SPELL:
             continue
@@ -265,3 +269,11 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
             lost_ms=lost_ms,
             frames=tuple(unit.examples.get(Ending.SILENT, [])),
         )
+
+
+def _is_spell(evidence: Evidence, spell: Spell) -> bool:
+    """Whether a unit was silent for a while: to several requests, or to two that are no retry of one poll."""
+    if spell.count >= _SPELL:
+        return True
+    timeout = evidence.timeout_ns  # None without times
+    return spell.count == _PAIR and timeout is not None and spell.end - spell.begin >= _PAIR_TIMEOUTS * timeout

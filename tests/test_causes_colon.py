@@ -1,0 +1,29 @@
+"""Unit 58 in RTU: its number is the colon with which frames in ASCII mode begin."""
+
+from __future__ import annotations
+
+from analyzer.causes.asciireading import is_in_ascii
+from analyzer.causes.exchanges import Ending
+from analyzer.causes.samples import Sample, SampleRow
+from analyzer.causes.signatures import AnswerDamage, KnownRequests, known_header, signature
+from analyzer.tables.schema import Kind
+from dissectors.crc import crc_bytes
+
+_BODY = bytes.fromhex("3a0300640002")
+REQUEST = _BODY + crc_bytes(_BODY)
+_ANSWER = bytes.fromhex("3a030442471838")
+
+
+def test_a_colon_alone_makes_no_ascii_mode() -> None:
+    assert not is_in_ascii(REQUEST)
+    assert is_in_ascii(b":010400010010EA\r\n")
+    assert is_in_ascii(b":010400010010EA\r")  # its line feed came late
+    assert known_header(REQUEST) == bytes.fromhex("3a0304")
+
+
+def test_the_end_of_an_answer_of_unit_58_is_cut_off() -> None:
+    data = _ANSWER + crc_bytes(_ANSWER)[:1]
+    piece = SampleRow(int(Kind.NOISE), False, False, 58, 10_000_000, 12_000_000, 0, data)
+    sample = Sample(58, 3, REQUEST, 0, Ending.GARBAGE, 9, 0, 0, 500_000_000, 0, (piece,), None, False, 31)
+    found = signature(sample, 1e6, KnownRequests.of([REQUEST]), off_ns=0.0)
+    assert (found.damage, found.bytes, found.due) == (AnswerDamage.TAIL, 1, 9)
