@@ -55,8 +55,9 @@ async def _look(size: tuple[int, int], colours: str) -> None:
     async with app.run_test(size=size) as pilot:
         screen = app.screen
         assert isinstance(screen, BusScreen)
-        while not app.desk.bus.whole or screen.row is None:
-            await asyncio.sleep(0.01)
+        async with asyncio.timeout(60):
+            while not app.desk.bus.whole or screen.row is None:
+                await asyncio.sleep(0.01)
         for name, keys in _STEPS:
             await pilot.press(*keys)
             if name == "paste":
@@ -69,8 +70,9 @@ async def _look(size: tuple[int, int], colours: str) -> None:
                 if all(worker.is_finished for worker in app.workers):
                     break
             await pilot.pause(0.05)
-            while name == "registers" and "readings" not in screen.query_one(Plot).title:
-                await pilot.pause(0.01)
+            async with asyncio.timeout(60):
+                while name == "registers" and "readings" not in screen.query_one(Plot).title:
+                    await pilot.pause(0.01)
             if name != "report":  # its text is compared elsewhere
                 compare(f"{name}-{size[0]}x{size[1]}-{colours}", screen)
             _keep(app, name, size[0], colours)

@@ -6,6 +6,7 @@ one unit and area, where something was seen.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -113,21 +114,21 @@ class RegisterSeries:
 
     def __init__(self, unit: int, area: int, address: int, words: int = 1) -> None:
         self.unit, self.area, self.address, self.words = unit, area, address, words
-        self._t: list[_Ints] = []
-        self._rows: list[_Ints] = []
-        self._values: list[NDArray[np.uint16]] = []
+        self._parts: list[tuple[_Ints, _Ints, NDArray[np.uint16]]] = []
         self._last = np.full(words, -1, np.int64)
         self._rows_read = 0  # rows of the bus that were read
+        self._reading = threading.Lock()  # a reading that nobody waits for any more ends at its next slice
 
     def extend(self, bus: Bus, stop: Callable[[], bool] = lambda: False) -> RegisterSeries:
-        """Read on to the newest row, or until `stop`; belongs to one thread at a time."""
-        for number, low, high in bus.table.slices(self._rows_read, bus.count):
-            if stop():
-                break
-            own = np.flatnonzero(bus.table.column(number, "unit")[low:high] == self.unit) + low
-            for part in np.array_split(own, -(-len(own) // _AT_ONCE)) if len(own) else ():
-                self._add(bus.batch(part + number * PIECE), part + number * PIECE)
-            self._rows_read = number * PIECE + high
+        """Read on to the newest row, or until `stop`; of several threads one after the other."""
+        with self._reading:
+            for number, low, high in bus.table.slices(self._rows_read, bus.count):
+                if stop():
+                    break
+                own = np.flatnonzero(bus.table.column(number, "unit")[low:high] == self.unit) + low
+                for part in np.array_split(own, -(-len(own) // _AT_ONCE)) if len(own) else ():
+                    self._add(bus.batch(part + number * PIECE), part + number * PIECE)
+                self._rows_read = number * PIECE + high
         return self
 
     def _add(self, batch: Batch, rows: _Ints) -> None:
@@ -145,19 +146,15 @@ class RegisterSeries:
         table = np.take_along_axis(table, np.maximum.accumulate(newest), axis=0)
         self._last = table[-1]
         complete = (table[1:] >= 0).all(axis=1)
-        self._t.append(batch.rows.t_end_ns[answers[complete]])
-        self._rows.append(rows[answers[complete]])
-        self._values.append(table[1:][complete].astype(np.uint16))
+        answers = answers[complete]
+        self._parts.append((batch.rows.t_end_ns[answers], rows[answers], table[1:][complete].astype(np.uint16)))
 
     def readings(self) -> tuple[_Ints, _Ints, NDArray[np.uint16]]:
         """Times in ns, rows of the answers, and the registers, one line a reading; oldest first."""
         empty = np.zeros(0, np.int64)
-        registers = np.zeros((0, self.words), np.uint16)
-        return (
-            np.concatenate([empty, *self._t]),
-            np.concatenate([empty, *self._rows]),
-            np.concatenate([registers, *self._values]),
-        )
+        nothing = empty, empty, np.zeros((0, self.words), np.uint16)
+        t_ns, rows, values = zip(nothing, *self._parts, strict=True)
+        return np.concatenate(t_ns), np.concatenate(rows), np.concatenate(values)
 
 
 def _readings(batch: Batch) -> tuple[_Ints, _Ints, _Ints]:

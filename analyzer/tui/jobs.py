@@ -62,12 +62,17 @@ class Jobs:
     ) -> None:
         """Work in a thread, and what to do with what it gives; an `exclusive` one takes the place of its group's last.
 
-        `work` is given a function that says when its outcome is not wanted any more.
+        `work` is given a function that says when its outcome is not wanted any more. An error in it is told.
         """
 
         def thread() -> None:
             worker = get_current_worker()
-            outcome = work(lambda: worker.is_cancelled)
+            try:
+                outcome = work(lambda: worker.is_cancelled)
+            except Exception as error:
+                words = tr("this view could not be made: {trouble}", trouble=str(error) or type(error).__name__)
+                self._screen.call_later(self._screen.tell, words, wrong=True)
+                raise
             if not worker.is_cancelled:
                 self._screen.call_later(then, outcome)
 
