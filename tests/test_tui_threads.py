@@ -40,7 +40,7 @@ def test_readings_asked_for_by_several_threads_are_there_once() -> None:
 
 
 def test_an_error_in_a_thread_is_told(tmp_path: Path) -> None:
-    def fails(stop: object) -> None:
+    def fails(stop: object) -> None:  # noqa: ARG001
         raise ValueError("no such thing")
 
     async def work(sitting: Seat) -> None:
