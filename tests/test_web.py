@@ -77,7 +77,10 @@ class Browser:
 
     async def until(self, wanted: Callable[[], bool]) -> None:
         while not wanted():
-            message = await asyncio.wait_for(self.socket.receive(), 60)
+            try:
+                message = await asyncio.wait_for(self.socket.receive(), 60)
+            except TimeoutError:
+                pytest.fail("it did not come:\n" + "\n".join(self.picture.lines()))
             if message.type == aiohttp.WSMsgType.BINARY:
                 self.picture.feed(self.decoder.decode(message.data))
             elif message.type == aiohttp.WSMsgType.TEXT:
