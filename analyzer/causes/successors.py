@@ -1,4 +1,8 @@
-"""What is right behind requests that nobody answered, and how much of it was hit: pairs of units, not frames."""
+"""What is right behind requests that nobody answered in time, and how much of it was hit: pairs of units, not frames.
+
+A request is asked again when the client has given up; what comes then may be the answer to the first try, and the one
+to the second hits whatever is asked next. So all that is asked of a unit in a row hangs from the first silent one on.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ _UNITS = 256
 
 @dataclass(slots=True)
 class SuccessorTable:
-    """Counts by (unit, unit of a silent exchange right before it); 0 where the exchange before got an answer."""
+    """Counts by (unit, unit of a hanging exchange right before it); 0 where what is before got its answers in time."""
 
     asked: Counter[tuple[int, int]] = field(default_factory=Counter)
     hit: Counter[tuple[int, int]] = field(default_factory=Counter)
@@ -21,20 +25,25 @@ class SuccessorTable:
 
     def add(self, units: NDArray[np.uint8], silent: NDArray[np.bool_], odd: NDArray[np.bool_]) -> None:
         """The next exchanges: `silent` those without an answer, `odd` those that were hit."""
+        seen, another = np.cumsum(silent), np.diff(units, prepend=units[:1]) != 0
+        begins = np.maximum.accumulate(np.where(another, np.arange(len(units)), 0))  # of what is asked of one in a row
+        hangs = seen > np.where(begins, seen[begins - 1], 0)
+        if units[0] == self._newest:
+            hangs[begins == 0] = True
         before = np.empty(len(units), np.int64)
-        before[0], before[1:] = self._newest, np.where(silent, units, 0)[:-1]
-        self._newest = int(units[-1]) if silent[-1] else 0
+        before[0], before[1:] = self._newest, np.where(hangs, units, 0)[:-1]
+        self._newest = int(units[-1]) if hangs[-1] else 0
         pairs = units * np.int64(_UNITS) + before
         for counts, which in ((self.asked, pairs), (self.hit, pairs[odd])):
             for pair, count in zip(*(each.tolist() for each in np.unique(which, return_counts=True)), strict=True):
                 counts[divmod(pair, _UNITS)] += count
 
     def behind(self, before: int) -> list[int]:
-        """The units that were asked right behind a silent exchange of one, itself included."""
+        """The units that were asked right behind a hanging exchange of one, itself included."""
         return sorted(unit for unit, other in self.asked if other == before)
 
     def rates(self, unit: int, before: int) -> tuple[int, int, int, int]:
-        """Hits and exchanges of a unit right behind a silent one of that one, and else."""
+        """Hits and exchanges of a unit right behind a hanging one of that one, and else."""
         hit = sum(count for (mine, _), count in self.hit.items() if mine == unit)
         asked = sum(count for (mine, _), count in self.asked.items() if mine == unit)
         then, then_of = self.hit[unit, before], self.asked[unit, before]

@@ -176,9 +176,13 @@ def site(
     return bench
 
 
+def longest_answer_ms(uart: LineUart) -> float:
+    """More than any answer that a site's clients ask for takes on the line."""
+    return 140 * uart.char_ns / MS
+
+
 def _manners(random: Random, uart: LineUart, slowest_ms: float) -> Manners:
-    longest = 140 * uart.char_ns / MS
-    least = 4 * slowest_ms + longest
+    least = 4 * slowest_ms + longest_answer_ms(uart)
     base = random.choice((0.0, 2.0, 5.0, 10.0, 20.0, 50.0))
     spread = random.choice((0.0, 0.1, 0.5))
     cycle = random.choice((0.0, 0.0, 500.0, 1000.0, 2000.0))

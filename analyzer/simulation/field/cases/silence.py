@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
-from ..bench import Expected, read_pdu, site
+from ..bench import Expected, longest_answer_ms, read_pdu, site
 from ..master import FieldPoll
 from ..units import MS
 from .registry import ANY_TAP, LOCAL, Site, field_case
@@ -86,7 +86,7 @@ def timeout_too_short(random: Random, tap: str) -> Site:
     unit = bench.unit()
     manners = bench.master.manners
     others = max((one.delay_ms for one in bench.units.values() if one is not unit), default=0.0)
-    manners.timeout_ms = max(60.0, 1.5 * manners.timeout_ms / 4, 1.6 * others + 75 * bench.uart.char_ns / MS)
+    manners.timeout_ms = max(60.0, 1.5 * manners.timeout_ms / 4, 1.6 * others + longest_answer_ms(bench.uart))
     usual, often = manners.timeout_ms * random.uniform(1.05, 1.9), random.choice((0.2, 0.5, 1.0))
     unit.delay = lambda _pdu, _t: (
         usual * MS * random.uniform(0.95, 1.1) if random.random() < often else unit._usual_delay()
@@ -107,7 +107,7 @@ def timeout_too_short_shifted(random: Random, tap: str) -> Site:
         pdu = read_pdu(random.choice((3, 3, 3)), address + k * (quantity + 20), quantity)
         bench.master.polls.append(FieldPoll(unit.unit, pdu))
     others = max((one.delay_ms for one in bench.units.values() if one is not unit), default=0.0)
-    manners.timeout_ms = max(50.0, manners.timeout_ms / 3, 1.6 * others + 75 * bench.uart.char_ns / MS)
+    manners.timeout_ms = max(50.0, manners.timeout_ms / 3, 1.6 * others + longest_answer_ms(bench.uart))
     manners.retries = random.choice((0, 0, 1))
     request_ms = 8 * bench.uart.char_ns / MS
     late = manners.timeout_ms * random.uniform(1.08, 1.4)
