@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from dissectors.adu import EXCEPTION
 from dissectors.declaration import USER_DEFINED
 from dissectors.lengths import Role, rule
 
@@ -117,6 +118,15 @@ class Evidence:
             read = [self._read(sample) for sample in samples]
             self._readings[unit.unit] = [reading for reading in read if reading.damage is not AnswerDamage.NONE]
         return self._readings[unit.unit]
+
+    def begun_by(self, reading: Signature) -> int | None:
+        """Another unit that is polled, and by whose number and function a damaged answer begins; None for none."""
+        begin = bytes(reading.heard[:2])
+        return begin[0] if begin in self._begins and begin[0] != reading.request[0] else None
+
+    @cached_property
+    def _begins(self) -> frozenset[bytes]:
+        return frozenset(bytes((poll.unit, poll.function | error)) for poll in self.polls for error in (0, EXCEPTION))
 
     def followed(self, unit: UnitLedger) -> list[Signature]:
         """Samples of good answers with something behind them, read."""

@@ -10,12 +10,14 @@ import numpy as np
 from .bits import likelihood_bits
 from .evidence import Evidence
 from .registry import Symptom
-from .signatures import Behind
+from .signatures import Behind, known_header
+from .unitledger import UnitLedger
 
 _NEARLY_ALL: Final = 0.9
 _SURE_BITS: Final = 30.0
 _MOST_HIT: Final = 0.98
 _ABOUT: Final = 20.0  # bytes
+_HEADER: Final = 3  # bytes: unit, function, byte count
 
 # How damage spreads over kinds where it strikes all senders alike.
 ALIKE: Final = {"bits": 0.24, "bits-tail": 0.03, "head": 0.09, "ahead": 0.03, "middle": 0.2, "whole": 0.13, "long": 0.06, "tail": 0.03,
@@ -80,6 +82,21 @@ def is_one_units(evidence: Evidence) -> bool:
     at = hits.index(max(hits))
     share = exposed[at] / sum(exposed)  # by chance alone so many of the hits would be its
     return hits[at] >= _NEARLY_ALL * sum(hits) and -sum(hits) * log2(share) >= _SURE_BITS
+
+
+def spared_bits(evidence: Evidence, unit: UnitLedger) -> float:
+    """How much less likely the damage of a unit is if it strikes any byte, where it never strikes the header, which is
+    the same in all right answers to a request; 0 or less."""
+    readings = [reading for reading in evidence.readings(unit) if reading.due > _HEADER]
+    spared = [reading for reading in readings if reading.heard.startswith(known_header(reading.request)[:_HEADER])]
+    if not spared or len(spared) < _NEARLY_ALL * len(readings):
+        return 0.0
+    survive = log1p(-min(evidence.damaged(unit) / unit.asked, _MOST_HIT))
+    bits = 0.0
+    for reading in spared:
+        whole, header = exp(survive), exp(survive * _HEADER / reading.due)
+        bits += log2((header - whole) / (1 - whole))
+    return bits
 
 
 def _mean_due(evidence: Evidence, unit: int) -> float:

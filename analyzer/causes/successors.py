@@ -21,7 +21,10 @@ class SuccessorTable:
 
     asked: Counter[tuple[int, int]] = field(default_factory=Counter)
     hit: Counter[tuple[int, int]] = field(default_factory=Counter)
+    met: Counter[tuple[int, int]] = field(default_factory=Counter)  # of those that were hit: (unit, unit right before)
+    followed: Counter[tuple[int, int]] = field(default_factory=Counter)  # of all: (unit, unit right before)
     _newest: int = 0
+    _last: int = 0
 
     def add(self, units: NDArray[np.uint8], silent: NDArray[np.bool_], odd: NDArray[np.bool_]) -> None:
         """The next exchanges: `silent` those without an answer, `odd` those that were hit."""
@@ -34,7 +37,10 @@ class SuccessorTable:
         before[0], before[1:] = self._newest, np.where(hangs, units, 0)[:-1]
         self._newest = int(units[-1]) if hangs[-1] else 0
         pairs = units * np.int64(_UNITS) + before
-        for counts, which in ((self.asked, pairs), (self.hit, pairs[odd])):
+        beside = units * np.int64(_UNITS) + np.concatenate(([self._last], units[:-1]))
+        self._last = int(units[-1])
+        tables = ((self.asked, pairs), (self.hit, pairs[odd]), (self.followed, beside), (self.met, beside[odd]))
+        for counts, which in tables:
             for pair, count in zip(*(each.tolist() for each in np.unique(which, return_counts=True)), strict=True):
                 counts[divmod(pair, _UNITS)] += count
 
@@ -48,3 +54,8 @@ class SuccessorTable:
         asked = sum(count for (mine, _), count in self.asked.items() if mine == unit)
         then, then_of = self.hit[unit, before], self.asked[unit, before]
         return then, then_of, hit - then, asked - then_of
+
+    def share_of(self, unit: int) -> tuple[int, int, int, int]:
+        """Hits and exchanges of a unit and right behind it, and of all: (hits, exchanges, all hits, all exchanges)."""
+        mine = [sum(n for pair, n in table.items() if unit in pair) for table in (self.met, self.followed)]
+        return mine[0], mine[1], self.met.total(), self.followed.total()

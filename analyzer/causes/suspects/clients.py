@@ -23,6 +23,8 @@ _MET: Final = 3  # times, that two are seen to send at once or to know nothing o
 _SENT_INTO: Final = 0.15  # of damaged answers
 _NEARLY_ALL: Final = 0.9
 _ONE_LATE_BITS: Final = 12.0
+_ABOUT_ONE: Final = 0.98
+_ONE_UNIT_BITS: Final = 30.0
 _HASTY: Final = 0.35  # of the timeout: nobody gives up so soon
 _COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.22, "long": 0.07, "other": 0.03,
                     "middle": 0.03, "tail": 0.02, "head": 0.02, "ahead": 0.06, "bits": 0.01}  # fmt: skip
@@ -56,7 +58,7 @@ _HOLE_CHARS: Final = 1.5
 )
 def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     """Requests while an answer is due, and what collides with them, for all units alike."""
-    if not evidence.ordered or _broadcasts_answered(evidence):
+    if not evidence.ordered or _broadcasts_answered(evidence) or _is_about_one(evidence):
         return
     units = [unit for unit in evidence.units if evidence.is_open(Symptom.DAMAGE, unit.unit)]
     hasty = sum(_hasty(evidence, unit) for unit in units)
@@ -95,6 +97,16 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
         lost_ms=round(sum(known), 3) if known else None,
         frames=tuple(index for unit in hit for index in unit.examples.get(Ending.GARBAGE, []))[:6],
     )
+
+
+def _is_about_one(evidence: Evidence) -> bool:
+    """Whether nearly all that was hit is a unit's or right behind what it was asked, and that is not most of what is
+    sent: a second master meets whatever is on the line."""
+    for unit in evidence.units:
+        hits, exchanges, all_hits, every = evidence.ledger.successors.share_of(unit.unit)
+        if hits >= _ABOUT_ONE * all_hits and -hits * log2(max(exchanges, 1) / max(every, 1)) >= _ONE_UNIT_BITS:
+            return True
+    return False
 
 
 def _late_of_any(evidence: Evidence) -> int:

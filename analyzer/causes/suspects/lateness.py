@@ -58,8 +58,8 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
     late = {unit.unit: _late(evidence, unit) for unit in evidence.units}
     for unit in evidence.units:  # what is another's, it is late for
         for reading in evidence.readings(unit) if evidence.is_open(Symptom.LATENESS, unit.unit) else ():
-            sender = reading.heard[0] if reading.damage is AnswerDamage.OTHER and reading.heard else unit.unit
-            if sender != unit.unit and sender in late:
+            sender = evidence.begun_by(reading)
+            if sender in late:
                 late[sender] += 1
     for unit in evidence.units:
         others = [other for other in evidence.units if other.unit != unit.unit]

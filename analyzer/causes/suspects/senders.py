@@ -200,6 +200,8 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
     """Overlap, or two answers, for one unit alone."""
     for unit in evidence.units:
         readings = evidence.readings(unit)
+        if sum(evidence.begun_by(reading) is not None for reading in readings) >= max(_LEAST, _OFTEN * len(readings)):
+            continue  # another unit is still answering when this one is asked
         doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
         doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
         crossed = evidence.behind(unit, Behind.REQUEST, Behind.NOISE)

@@ -6,10 +6,13 @@ from collections.abc import Iterator
 from statistics import median
 from typing import Final
 
+import numpy as np
+
 from ...tables.findings import Severity
 from ..bits import clustering_bits, surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
+from ..ledger import ASKED, BAD
 from ..registry import Suspicion, Symptom, suspect
 from ..timegrid import Spell
 from ..unitledger import UnitLedger
@@ -29,6 +32,8 @@ _AS_LATE: Final = 0.95
 _ALL: Final = 0.5
 _NO_ANSWER_BEHIND: Final = 11  # the exception by which a gateway says that its target failed to respond
 _NEARLY_ALL: Final = 0.95
+_HARDLY: Final = 0.1
+_PARTS_APART: Final = 4
 
 
 def _never(evidence: Evidence) -> list[UnitLedger]:
@@ -240,7 +245,9 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
 def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
     """Silence in spells, good answers before and behind."""
     for unit in evidence.units:
-        silent, spells = evidence.silent(unit), [each for each in unit.silences.all if _is_spell(evidence, each)]
+        spells = [each for each in unit.silences.all if _is_spell(evidence, each)]
+        spells = [each for each in spells if not _are_all_silent(evidence, unit, each)]
+        silent = evidence.silent(unit)
         inside = sum(each.count for each in spells)
         if len(spells) < 2 or not unit.answered or inside < 0.6 * silent or inside < 2 * _SPELL:
             continue
@@ -277,3 +284,65 @@ def _is_spell(evidence: Evidence, spell: Spell) -> bool:
         return True
     timeout = evidence.timeout_ns  # None without times
     return spell.count == _PAIR and timeout is not None and spell.end - spell.begin >= _PAIR_TIMEOUTS * timeout
+
+
+def _are_all_silent(evidence: Evidence, unit: UnitLedger, spell: Spell) -> bool:
+    """Whether nobody else answered well either while a unit was silent, though others do at other times."""
+    grid = evidence.ledger.grid
+    others = [other.unit for other in evidence.units if other.unit != unit.unit and other.answered]
+    asked = sum((grid.counts((ASKED, other)) for other in others), start=np.zeros(grid.count, np.int64))
+    bad = sum((grid.counts((BAD, other)) for other in others), start=np.zeros(grid.count, np.int64))
+    first, last = grid.bins(np.array((spell.begin, spell.end))).tolist()
+    inside = slice(first, last + 1)
+    for wider in range(-1 if last - first > _PARTS_APART else 0, _PARTS_APART):  # to those asked just before and behind
+        inside = slice(max(first - wider, 0), last + 1 + wider)
+        if asked[inside].sum() >= _PAIR:
+            break
+    all_asked = int(asked[inside].sum())
+    return all_asked >= _PAIR and all_asked - int(bad[inside].sum()) <= _HARDLY * all_asked
+
+
+@suspect(
+    "all-silent",
+    Severity.ERROR,
+    blame="line",
+    text="Units {list} go silent for a while, all together: {silent} requests to them stayed without a byte, and nobody "
+    "else answered meanwhile",
+    share="{silent} of {asked} requests to units {list}",
+    deciding_test="Tap the line at the first unit when it happens next: if requests arrive there, look at what the units "
+    "share; if not, at the master's converter and the cable",
+    remedy="Check what the silent units have in common: the trunk cable and its terminals, the converter or gateway that "
+    "passes requests on, their supply",
+)
+def all_silent(evidence: Evidence) -> Iterator[Suspicion]:
+    """Silence in spells, of all units at once."""
+    found = []
+    for unit in evidence.units:
+        spells = [each for each in unit.silences.all if _is_spell(evidence, each)]
+        together = [each for each in spells if _are_all_silent(evidence, unit, each)]
+        if together and unit.answered and evidence.silent(unit):
+            found.append((unit, sum(each.count for each in together), together))
+    if len(found) < 2:
+        return
+    found.sort(key=lambda each: -each[1])
+    units = [unit for unit, _, _ in found]
+    costs = [(inside, *evidence.cost(unit, Ending.SILENT)) for unit, inside, _ in found]
+    known = [ms * inside / lost for inside, lost, ms in costs if ms is not None]
+    yield Suspicion(
+        (),
+        sum(
+            _bits(inside, unit.asked) + clustering_bits(inside, unit.asked, len(together))
+            for unit, inside, together in found
+        ),
+        frozenset((Symptom.SILENCE, unit.unit) for unit in evidence.units if unit.answered),
+        {
+            "list": ", ".join(str(number) for number in sorted(unit.unit for unit in units)),
+            "silent": sum(inside for _, inside, _ in found),
+            "asked": sum(unit.asked for unit in units),
+        },
+        since=min(each.begin for _, _, together in found for each in together),
+        until=max(each.end for _, _, together in found for each in together),
+        lost_answers=sum(inside for inside, _, _ in costs),
+        lost_ms=round(sum(known), 3) if known else None,
+        frames=tuple(index for unit in units for index in unit.examples.get(Ending.SILENT, []))[:6],
+    )

@@ -10,7 +10,7 @@ from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
 from ..exchanges import Ending
-from ..hits import ALIKE, Hits, span_of_hits
+from ..hits import ALIKE, Hits, span_of_hits, spared_bits
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Behind
 
@@ -85,6 +85,7 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
         early = sum(log2(8 * _EARLY[bit]) for bit in flips)
         bits = sum(surplus_bits(evidence.damaged(unit), unit.asked, background) for unit in far)
         bits += max(kind_bits(readings, _BENT), kind_bits(readings, _MUCH_BENT)) + early - _UNIT_BITS * (count - 1)
+        bits += sum(spared_bits(evidence, unit) for unit in far)
         single, several = share_of(readings, "bits", "bits-tail"), share_of(readings, "middle")
         if (single < _SINGLE and (count < 2 or single < _FEW or single + several < _MOST_BENT)) or len(
             readings
@@ -127,6 +128,7 @@ def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage of any kind, of one unit alone."""
     for unit in evidence.units if len(evidence.units) > 1 else ():
         bits = evidence.surplus(unit) + min(kind_bits(evidence.readings(unit), ALIKE), 0.0) - _UNIT_BITS
+        bits += spared_bits(evidence, unit)
         if bits > 0 and evidence.damaged(unit) >= _LEAST:
             others = [other for other in evidence.units if other.unit != unit.unit]
             lost, lost_ms = evidence.cost(unit, Ending.GARBAGE)
