@@ -125,8 +125,11 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience) -> _Ent
         if earlier.checked and not earlier.repeats:
             experience.reports.add(pair)
             return entry
-        reported = earlier.runs[0].shape != entry.runs[0].shape if same_line else marked or pair in experience.reports
-        return entry if reported else None
+        elsewise = earlier.runs[0].shape != entry.runs[0].shape  # the same bytes, written in another way
+        if same_line:
+            return entry if elsewise else None
+        buffered = elsewise and timed and not earlier.checked  # what was read, and the buffer that holds it
+        return entry if marked or buffered or pair in experience.reports else None
     if same_line and len(entry.data) == len(earlier.data):  # a string and its hex, in another encoding
         strings = [one for one in (earlier, entry) if one.runs[0].shape == "\\x"]
         same = sum(a == b for a, b in zip(earlier.data, entry.data, strict=True))
