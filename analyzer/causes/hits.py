@@ -15,6 +15,9 @@ from .unitledger import UnitLedger
 
 _NEARLY_ALL: Final = 0.9
 _SURE_BITS: Final = 30.0
+_ABOUT_ONE: Final = 0.98
+_SPARED: Final = 2  # units
+_ONE_LATE_BITS: Final = 12.0
 _MOST_HIT: Final = 0.98
 _ABOUT: Final = 20.0  # bytes
 _HEADER: Final = 3  # bytes: unit, function, byte count
@@ -82,6 +85,37 @@ def is_one_units(evidence: Evidence) -> bool:
     at = hits.index(max(hits))
     share = exposed[at] / sum(exposed)  # by chance alone so many of the hits would be its
     return hits[at] >= _NEARLY_ALL * sum(hits) and -sum(hits) * log2(share) >= _SURE_BITS
+
+
+def is_about_one(evidence: Evidence) -> bool:
+    """Whether nearly all that was hit is a unit's or right behind what it was asked, and that is no such share of the
+    bytes on the line: what comes from elsewhere, a second master too, meets whatever is sent.
+
+    Not told where but one other unit is spared: two cycles may keep step, and meet at the same place each time.
+    """
+    successors = evidence.ledger.successors
+    if len({unit.unit for unit in evidence.units} - {unit for unit, _ in successors.met}) < _SPARED:
+        return False
+    weights = {unit.unit: _mean_due(evidence, unit.unit) for unit in evidence.units}
+    every = sum(count * weights.get(unit, 0.0) for (unit, _), count in successors.followed.items())
+    for one in weights:
+        hits = sum(count for pair, count in successors.met.items() if one in pair)
+        exposed = sum(count * weights.get(pair[0], 0.0) for pair, count in successors.followed.items() if one in pair)
+        if hits >= _ABOUT_ONE * successors.met.total() and -hits * log2(max(exposed, 1) / every) >= _SURE_BITS:
+            return True
+    return False
+
+
+def late_of_any(evidence: Evidence) -> int:
+    """Answers that came behind another request, whoever sent them; 0 where it is one unit that is late, for a second
+    master's requests meet the answers of all."""
+    units = [unit for unit in evidence.units if evidence.is_open(Symptom.LATENESS, unit.unit)]
+    late = sum(unit.late for unit in units)
+    if not late:
+        return 0
+    latest = max(units, key=lambda unit: unit.late)
+    own = latest.late * log2(latest.late * sum(unit.asked for unit in units) / (late * latest.asked))
+    return 0 if latest.late >= _NEARLY_ALL * late and own >= _ONE_LATE_BITS else late
 
 
 def spared_bits(evidence: Evidence, unit: UnitLedger) -> float:

@@ -54,8 +54,3 @@ class SuccessorTable:
         asked = sum(count for (mine, _), count in self.asked.items() if mine == unit)
         then, then_of = self.hit[unit, before], self.asked[unit, before]
         return then, then_of, hit - then, asked - then_of
-
-    def share_of(self, unit: int) -> tuple[int, int, int, int]:
-        """Hits and exchanges of a unit and right behind it, and of all: (hits, exchanges, all hits, all exchanges)."""
-        mine = [sum(n for pair, n in table.items() if unit in pair) for table in (self.met, self.followed)]
-        return mine[0], mine[1], self.met.total(), self.followed.total()

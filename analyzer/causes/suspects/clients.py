@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import log2
 from typing import Final
 
 import numpy as np
@@ -13,7 +12,7 @@ from ..asciireading import is_in_ascii
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
 from ..exchanges import Ending
-from ..hits import evenness_bits
+from ..hits import evenness_bits, is_about_one, late_of_any
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Behind
 from ..unitledger import UnitLedger
@@ -21,10 +20,6 @@ from ..unitledger import UnitLedger
 _LEAST: Final = 5
 _MET: Final = 3  # times, that two are seen to send at once or to know nothing of each other
 _SENT_INTO: Final = 0.15  # of damaged answers
-_NEARLY_ALL: Final = 0.9
-_ONE_LATE_BITS: Final = 12.0
-_ABOUT_ONE: Final = 0.98
-_ONE_UNIT_BITS: Final = 30.0
 _HASTY: Final = 0.35  # of the timeout: nobody gives up so soon
 _COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.22, "long": 0.07, "other": 0.03,
                     "middle": 0.03, "tail": 0.02, "head": 0.02, "ahead": 0.06, "bits": 0.01}  # fmt: skip
@@ -58,11 +53,11 @@ _HOLE_CHARS: Final = 1.5
 )
 def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     """Requests while an answer is due, and what collides with them, for all units alike."""
-    if not evidence.ordered or _broadcasts_answered(evidence) or _is_about_one(evidence):
+    if not evidence.ordered or _broadcasts_answered(evidence) or is_about_one(evidence):
         return
     units = [unit for unit in evidence.units if evidence.is_open(Symptom.DAMAGE, unit.unit)]
     hasty = sum(_hasty(evidence, unit) for unit in units)
-    late = _late_of_any(evidence)
+    late = late_of_any(evidence)
     behind = sum(evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in units)
     damaged = sum(map(evidence.damaged, units))
     readings = [reading for unit in units for reading in evidence.readings(unit)]
@@ -97,28 +92,6 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
         lost_ms=round(sum(known), 3) if known else None,
         frames=tuple(index for unit in hit for index in unit.examples.get(Ending.GARBAGE, []))[:6],
     )
-
-
-def _is_about_one(evidence: Evidence) -> bool:
-    """Whether nearly all that was hit is a unit's or right behind what it was asked, and that is not most of what is
-    sent: a second master meets whatever is on the line."""
-    for unit in evidence.units:
-        hits, exchanges, all_hits, every = evidence.ledger.successors.share_of(unit.unit)
-        if hits >= _ABOUT_ONE * all_hits and -hits * log2(max(exchanges, 1) / max(every, 1)) >= _ONE_UNIT_BITS:
-            return True
-    return False
-
-
-def _late_of_any(evidence: Evidence) -> int:
-    """Answers that came behind another request, whoever sent them; 0 where it is one unit that is late, for a second
-    master's requests meet the answers of all."""
-    units = [unit for unit in evidence.units if evidence.is_open(Symptom.LATENESS, unit.unit)]
-    late = sum(unit.late for unit in units)
-    if not late:
-        return 0
-    latest = max(units, key=lambda unit: unit.late)
-    own = latest.late * log2(latest.late * sum(unit.asked for unit in units) / (late * latest.asked))
-    return 0 if latest.late >= _NEARLY_ALL * late and own >= _ONE_LATE_BITS else late
 
 
 def _broadcasts_answered(evidence: Evidence) -> bool:
