@@ -180,6 +180,63 @@ def test_a_cut_frame_after_whole_ones():
     assert paste.holds_a_frame
 
 
+@pytest.mark.parametrize("size", [9, 12, 16, 18])
+def test_an_answer_that_the_end_of_the_paste_cuts_has_no_wrong_crc(size):
+    whole = adu("11030E" + bytes(range(14)).hex())
+    paste = read(f"Tx: {adu('1103006B0007').hex(' ')}\nRx: {whole[:size].hex(' ')}")
+    _, answer = paste.frames()
+    assert (answer.missing, answer.length_known, answer.role) == (len(whole) - size, True, Role.RESPONSE)
+    assert "CRC wrong" not in tree(paste) and f"cut: needs {len(whole) - size} more byte" in tree(paste)
+    assert [field.name for field in answer.fields()].count("crc") == (size == len(whole) - 1)
+
+
+def test_a_buffer_that_repeats_what_was_read_in_other_words_is_one_of_them():
+    read_bytes = bytes.fromhex("01 E8 48 A4 3D 01 00 00 A4 48 02")
+    stamp = "2024-09-13 15:37:09"
+    shown = "".join(f"\\x{byte:02x}" for byte in read_bytes)
+    paste = read(
+        f"{stamp}.734 DEBUG recv: {' '.join(map(hex, read_bytes))}\n{stamp}.734 DEBUG Frame - [b'{shown}'] not ready"
+    )
+    assert b"".join(piece.data for piece in paste.pieces if isinstance(piece, PastedNoise)) == read_bytes
+    assert "the same bytes as in line 1" in tree(paste)
+
+
+def test_a_frame_explained_field_by_field_is_no_answer_to_itself():
+    paste = read(
+        'I want to see "11 06 00 01 00 03 9A 9B"\n\nwhere:\n\n11: the unit\n06: the function\n0001: the register\n'
+        "0003: the value\n9A9B: the CRC"
+    )
+    assert [frame.role for frame in paste.frames()] == [Role.REQUEST]
+
+
+def test_frames_that_a_log_puts_on_one_line_are_all_read():
+    frames = [adu("010300800001"), adu("0103020400"), adu("010300810001")]
+    words = ["send", "recv", "send"]
+    paste = read(
+        " >>>>> ".join(f"{word}: {' '.join(map(hex, frame))}" for word, frame in zip(words, frames, strict=True))
+    )
+    assert [frame.adu.data for frame in paste.frames()] == frames
+
+
+def test_a_right_lrc_behind_a_colon_by_chance_is_no_ascii_frame():
+    paste = read("D (1994) POLL RCV buffer:: 03 04 15 39 43 68")
+    assert not list(paste.frames())
+    assert paste.pieces[0].data == bytes.fromhex("030415394368")
+
+
+def test_a_list_of_requests_says_nothing_of_answers():
+    requests = [adu(f"0103000{i}0001").hex() for i in range(4)]
+    listed = read("\n".join(f'Buffer.from("{request}", "hex"),' for request in requests))
+    assert not any(frame.findings for frame in listed.frames())
+    logged = read("\n".join(f"12:00:0{i}.000 modbus: {requests[0]}" for i in range(4)))
+    assert "no-response" in {found.code for frame in logged.frames() for found in frame.findings}
+
+
+def test_words_are_not_called_bytes():
+    paste = read("RTUutilsReceiver /dev/ttyUSB0 at 192.168.1.10\n11 03 00 6B 00 03 76 87")
+    assert "may be anything" not in tree(paste)
+
+
 def test_a_chance_prefix_with_a_right_crc_is_not_taken():
     answer = "04 03 1C 3F E9 15 18 03 02 00 01 02 02 00 03 18 02 00 03 0B 06 C6 39 07 01 01 00 00 00 00 00 0D EE"
     assert kinds(read(answer)) == [("response", True, 33)]
