@@ -33,7 +33,7 @@ def heard(pieces: list[bytes], tap: str, seed: int) -> list[Chunk]:
             data.append(byte)
             times.append(now)
         now += _PAUSE_NS
-    return TAPS[tap].deliver(bytes(data), times, Random(seed), CHAR_NS)
+    return list(TAPS[tap].deliver(bytes(data), times, Random(seed), CHAR_NS))
 
 
 @settings(deadline=None)

@@ -242,7 +242,7 @@ class Lattice:
         unit = self._units[adu[0]]
         if damaged:
             return unit, conversation  # nobody will answer it
-        if conversation.last == adu:  # its very bytes, as many as they are: not by chance
+        if adu in (conversation.last, self._before.last):  # its very bytes, as many as they are: not by chance
             same = min(FITS, 8.0 * (len(adu) - 2) - KNOWN)
             bits = same + (REPEATED if conversation.answered else self._unanswered)
         elif conversation.answered:
