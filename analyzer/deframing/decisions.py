@@ -30,8 +30,8 @@ from .conversation import Conversation
 from .crc_windows import possible_starts
 from .forced import ForcedRuns, SearchedBytes
 from .gaps import AGAINST, SILENT, GapStatistics, SpeakerTurn, classes_of, next_checkpoint
-from .lattice import LEAD, SURE, Lattice, PathStep
-from .looks import CUT, GAP, IDLE, NEVER, DecisionPoint, OpenLook
+from .lattice import LEAD, SURE, Lattice, PathStep, by_end
+from .looks import CUT, GAP, IDLE, NEVER, DecisionPoint, LaidPaths, OpenLook
 from .segments import NOISE, DecidedSegments
 from .unpredicted import (
     broken_windows,
@@ -170,9 +170,10 @@ class Decider:
             look.paid = True
         if look.everything is None:
             lattice = self._everything(look, stretch, at, point, stage)
+            tried = lattice.position  # up to there by the look before, in vain
             points = {p.position: p for p in look.points if p.stages > 1}
             for position in sorted({*points, *lattice.ends}):
-                if look.origin < position < point.position:
+                if tried < position < point.position:
                     lattice.advance(position)
                     before = points.get(position) or self._point(look, position)
                     decision = self._certain(look, lattice, before, before.stages - 1)
@@ -204,13 +205,20 @@ class Decider:
         more += damaged_requests(data, edges, declared)
         more += damaged_answers(data, edges, declared, look.conversation.open_requests)
         look.work += _DEAR * max(0, len(declared) + len(more) - len(data) // _SPARSE)
-        lattice = Lattice(look.offset, self._statistics, look.conversation, origin)
-        lattice.extend(look.data, look.classes)
-        lattice.add(c for c in look.candidates if c.start >= origin and c.end <= end)
-        lattice.add(
+        candidates = [c for c in look.candidates if c.start >= origin and c.end <= end]
+        candidates += [
             c._replace(start=c.start + origin, end=c.end + origin) for c in more if self._role in (None, c.role)
-        )
+        ]
+        candidates.sort(key=by_end)
+        if look.laid is not None and look.laid.position > origin + 1 and look.laid.pointed > origin:
+            look.laid.lattice.extend(look.data, look.classes)
+            lattice = look.laid.gone_on(candidates)
+        else:
+            lattice = Lattice(look.offset, self._statistics, look.conversation, origin)
+            lattice.extend(look.data, look.classes)
+            lattice.add(candidates)
         look.everything = lattice
+        look.laid = LaidPaths(lattice, candidates, end, look.pointed)
         return lattice
 
     def _certain(self, look: OpenLook, lattice: Lattice, point: DecisionPoint, stage: int) -> Decision:

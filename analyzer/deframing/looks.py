@@ -6,8 +6,9 @@ all. These stages are gone through in order, on a file as live, where a clock ti
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import Final
 
 from .conversation import Conversation
@@ -29,6 +30,27 @@ class DecisionPoint:
     silent: bool = False  # some gap
     plausible: bool = True  # that gap, or the lack of one, does not speak against a frame's end
     parted: bool = False  # a gap that may part frames, or a window's end
+
+
+@dataclass(slots=True)
+class LaidPaths:
+    """A lattice of all candidates up to a point, of which what comes leaves most as it is."""
+
+    lattice: Lattice
+    candidates: list[Candidate]  # by end
+    position: int  # of the point
+    pointed: int  # silences up to here are known
+
+    def gone_on(self, candidates: list[Candidate]) -> Lattice:
+        """The same lattice with these candidates (by end), back where they begin to differ from those that it had."""
+        same = min(self.position - 1, self.pointed)
+        for mine, other in zip_longest(self.candidates, candidates):
+            if mine != other:
+                same = min([same, *(one.end - 1 for one in (mine, other) if one is not None)])
+                break
+        self.lattice.rewind(same)
+        self.lattice.add(candidates[bisect_right(candidates, same, key=_end) :])
+        return self.lattice
 
 
 @dataclass(slots=True)
@@ -54,6 +76,7 @@ class OpenLook:
     affordable: bool = True  # to look at everything at that position
     paid: bool = False  # and that is counted
     everything: Lattice | None = None  # of all candidates up to that position
+    laid: LaidPaths | None = None  # what `everything` was last
 
     def next_point(self, limit: int) -> DecisionPoint | None:
         """The first point up to `limit` that was not looked at in all its stages."""
@@ -78,6 +101,11 @@ class OpenLook:
         self.origin = self.position = position
         self.conversation, self.stages, self.work = conversation, STAGES, 0  # no byte is left to be looked at there
         self.lattice.restart(position, conversation)
+        self.laid = None
+
+
+def _end(candidate: Candidate) -> int:
+    return candidate.end
 
 
 def _position(point: DecisionPoint) -> int:
