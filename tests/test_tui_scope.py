@@ -108,7 +108,6 @@ def test_every_view_obeys_the_scope_and_says_what_empties_it(capture: Path) -> N
         screen = sitting.screen
         await sitting.press("equals_sign", "u")
         assert screen.query_one(FilterBar).text == "unit == 1"
-        await sitting.until(lambda: sitting.app.desk.narrowed is not None)
         await sitting.press("4")
         units = screen.query_one(UnitList)
         await sitting.until(lambda: units.report is not None and [u.unit for u in units.report.units] == [1])

@@ -124,9 +124,11 @@ class Bus:
 
     def close(self) -> None:
         """Nothing more comes."""
-        with self._lock:
-            self._ledger.close()
-        self.whole = True
+        try:
+            with self._lock:
+                self._ledger.close()
+        finally:
+            self.whole = True
 
     def _append(self, batch: Batch) -> None:
         rows = batch.rows

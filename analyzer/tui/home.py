@@ -291,5 +291,5 @@ VIEW: Final = View(
     name="home", key="0,H", title="Home",
     make=lambda desk: HomeList(desk, id="home"), refresh=_refresh,
     chosen=_chosen, entered=_entered, shown=_shown, cells=_cells,
-    detail=True, without=("find", "find_on", "select", "counterpart"),
+    detail=True, without=("find", "find_on", "select", "counterpart"), figures=True,
 )  # fmt: skip

@@ -334,5 +334,5 @@ def _refresh(screen: BusScreen) -> None:
 VIEW: Final = View(
     name="timeline", key="6", title="Timeline", short="Time",
     make=lambda desk: Timeline(desk, id="timeline"), refresh=_refresh,
-    without=(*JUMPS, "select", "time_base"),
+    without=(*JUMPS, "select", "time_base"), figures=True,
 )  # fmt: skip

@@ -144,5 +144,5 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
 VIEW: Final = View(
     name="units", key="4", title="Units",
     make=_widget, refresh=_refresh, chosen=_chosen, entered=_entered, cells=_cells,
-    without=(*JUMPS, "select"),
+    without=(*JUMPS, "select"), figures=True,
 )  # fmt: skip
