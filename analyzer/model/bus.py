@@ -230,8 +230,12 @@ class Bus:
         out.request[:] = out.request_start[:] = -1
         out.request[answers] = self.table.take("frame", requests[answers])
         out.request_start[answers] = self.table.take("start", requests[answers])
-        away = np.unique(requests[answers][~np.isin(requests[answers], rows)]).tolist()
-        earlier = {self.table.value("frame", row): self.captured(row) for row in away}
+        asked = requests[answers]
+        if rows[-1] - rows[0] == len(rows) - 1:
+            away = asked[(asked < rows[0]) | (asked > rows[-1])]
+        else:
+            away = asked[~np.isin(asked, rows)]
+        earlier = {self.table.value("frame", row): self.captured(row) for row in np.unique(away).tolist()}
         data = self.store.get(int(at[0]), int(at[-1]) + int(out.length[-1]) - int(at[0]))
         return Batch(out, data, earlier, findings=self.found.on(rows))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final, TypeVar
 
 from textual.worker import get_current_worker
@@ -43,7 +43,7 @@ class Jobs:
         self.doing = ""
         self.scope: Scope = screen.desk.scope
         self.selection: Selection | None = None
-        self._transactions = self.scope.transactions(self._bus)
+        _, self._transactions = self.scope.selections(self._bus)
         self._waiting: Selection | None = None  # will be shown once it has come as far as the cursor
         self._counted_at: dict[str, float] = {}  # by view
         self._counted: Selection | None = None  # the selection whose figures were asked for, its rows, when again
@@ -202,8 +202,7 @@ class Jobs:
 
     def reselect(self) -> None:
         """The rows that the scope leaves."""
-        self._waiting = self.scope.rows(self._bus)
-        self._transactions = self.scope.transactions(self._bus)
+        self._waiting, self._transactions = self.scope.selections(self._bus)
         self.selection = self._waiting
         if self._waiting is None:
             self._screen.frames.use(Everything(self._bus))
@@ -223,9 +222,8 @@ class Jobs:
             worker = get_current_worker()
             while not worker.is_cancelled:
                 ended = self._bus.whole
-                for selection in selections:
-                    while not worker.is_cancelled and _extended(selection, lambda: worker.is_cancelled):
-                        self._screen.call_later(self._selection_grew)
+                while not worker.is_cancelled and _extended(selections, lambda: worker.is_cancelled):
+                    self._screen.call_later(self._selection_grew)
                 if ended:
                     self._screen.call_later(self._selection_grew)
                     return
@@ -280,8 +278,12 @@ class Jobs:
             self.run(f"report for {view}", lambda _: self._screen.desk.figures.report(self._source), then)
 
 
-def _extended(selection: Selection, stop: Stop) -> bool:
-    """Test rows for a little while; whether any were there to test."""
-    before, until = selection.done, time.monotonic() + _PERIOD_S
-    selection.extend(lambda: stop() or time.monotonic() > until)
-    return selection.done > before
+def _extended(selections: Sequence[Selection], stop: Stop) -> bool:
+    """Test rows for a little while, piece by piece for all; whether any were there to test."""
+    until, tested = time.monotonic() + _PERIOD_S, False
+    while not stop() and time.monotonic() < until:
+        grew = [selection.extend_by_piece() for selection in selections]
+        if not any(grew):
+            return tested
+        tested = True
+    return tested

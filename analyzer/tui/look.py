@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, Final
 
 from dissectors.fields import Field
@@ -12,7 +13,7 @@ from ..languages import counted, tr
 from ..model.polls import changed
 from ..paste.model import PastedFrame, PastedNoise
 from ..words import date_and_time, seconds, short
-from .items import NOTHING, FrameDetail, Item, chosen
+from .items import NOTHING, FrameDetail, Item, UnopenedItems, chosen
 from .rows import LETTER, SEVERITY
 from .why import why
 
@@ -174,16 +175,16 @@ def _findings(findings: Iterable[Finding]) -> Iterator[Item]:
 
 def _fields(fields: Sequence[Field]) -> Iterator[Item]:
     for i, field in enumerate(fields):
-        children = list(_fields(field.fields))
+        children: Sequence[Item] = tuple(_fields(field.fields))
         if field.problem:
-            children.insert(0, Item("problem", field.problem, field.start, field.length, "error", label="!"))
+            children = (Item("problem", field.problem, field.start, field.length, "error", label="!"), *children)
         if _is_register(field):
-            children.extend(_readings(fields, i))
+            children = UnopenedItems(lambda i=i, first=children: chain(first, _readings(fields, i)))  # type: ignore[misc]
         alone = sum(each.name == field.name for each in fields) == 1
         yield Item(
             field.name if alone else f"{field.name} {i}",
             field.text, field.start, field.length, "error" if field.problem else "",
-            label=field.name, children=tuple(children), ready=not _is_register(field), values=_is_register(field),
+            label=field.name, children=children, ready=not _is_register(field), values=_is_register(field),
         )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..tables.findings import Finding
     from .desk import ViewState
 
-SEVERITY: Final = ("", "note", "warning", "error")  # component class by mark
+SEVERITY: Final = ("", "note", "warning", "error")  # kind of text by mark
 LETTER: Final = (" ", "N", "W", "E")
 UNHEARD: Final = "unheard"  # an answer that the recording may have missed
 _NOISE_BYTES: Final = 12
@@ -56,7 +56,7 @@ def _mutual(desk: ViewState, row: int, partner: int) -> bool:
 
 
 def direction(desk: ViewState, row: int) -> str:
-    """The component class of a row's direction."""
+    """The kind of text of a row's direction."""
     return ("noise", "request", "response")[desk.bus.table.value("kind", row)]
 
 
