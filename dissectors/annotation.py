@@ -40,8 +40,7 @@ def annotate(adu: Adu, role: Role, context: Context = Context()) -> tuple[Field,
     data = adu.data
     head = header_fields(adu)
     at = sum(field.length for field in head)
-    width = _CHECK_WIDTH[adu.protocol] if adu.check_received is not None else 0
-    end = len(data) - width
+    end = at + len(adu.pdu)
     body = _pdu(data, at, end, role, context) if at < end else ()
     return (*head, *body, *check_fields(adu, end))
 
@@ -194,6 +193,9 @@ def check_fields(adu: Adu, at: int) -> tuple[Field, ...]:
     if not width or not adu.data:
         return ()
     name = "crc" if adu.protocol == "rtu" else "lrc"
+    if adu.check_received is None and at < len(adu.data):
+        raw = adu.data[at:].hex()
+        return (Field(name, at, len(adu.data) - at, None, raw, f"{raw.upper()} …", problem="cut: half of it is there"),)
     if adu.check_received is None or adu.check_computed is None:
         return (Field(name, at, 0, None, "", "missing", problem=f"{_plural(at, 'byte')} can't hold a frame"),)
     raw = adu.data[at:].hex()

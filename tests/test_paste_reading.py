@@ -180,6 +180,32 @@ def test_a_cut_frame_after_whole_ones():
     assert paste.holds_a_frame
 
 
+@pytest.mark.parametrize("size", [9, 12, 16, 18])
+def test_an_answer_that_the_end_of_the_paste_cuts_has_no_wrong_crc(size):
+    whole = adu("11030E" + bytes(range(14)).hex())
+    paste = read(f"Tx: {adu('1103006B0007').hex(' ')}\nRx: {whole[:size].hex(' ')}")
+    _, answer = paste.frames()
+    assert (answer.missing, answer.length_known, answer.role) == (len(whole) - size, True, Role.RESPONSE)
+    assert "CRC wrong" not in tree(paste) and f"cut: needs {len(whole) - size} more byte" in tree(paste)
+    assert [field.name for field in answer.fields()].count("crc") == (size == len(whole) - 1)
+
+
+def test_a_buffer_that_repeats_what_was_read_in_other_words_is_one_of_them():
+    read_bytes = bytes.fromhex("01 E8 48 A4 3D 01 00 00 A4 48 02")
+    stamp = "2024-09-13 15:37:09"
+    shown = "".join(f"\\x{byte:02x}" for byte in read_bytes)
+    paste = read(
+        f"{stamp}.734 DEBUG recv: {' '.join(map(hex, read_bytes))}\n{stamp}.734 DEBUG Frame - [b'{shown}'] not ready"
+    )
+    assert b"".join(piece.data for piece in paste.pieces if isinstance(piece, PastedNoise)) == read_bytes
+    assert "the same bytes as in line 1" in tree(paste)
+
+
+def test_words_are_not_called_bytes():
+    paste = read("RTUutilsReceiver ticks\n11 03 00 6B 00 03 76 87")
+    assert "may be anything" not in tree(paste)
+
+
 def test_a_chance_prefix_with_a_right_crc_is_not_taken():
     answer = "04 03 1C 3F E9 15 18 03 02 00 01 02 02 00 03 18 02 00 03 0B 06 C6 39 07 01 01 00 00 00 00 00 0D EE"
     assert kinds(read(answer)) == [("response", True, 33)]

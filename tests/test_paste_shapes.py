@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import random
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from paste_forums import FORUMS
+from paste_posts import POSTS
 from paste_shapes import SHAPES
-from pastes import STYLES, Message, Style, cluttered, messages
+from pastes import STYLES, Message, Style, cluttered, messages, spaced
 
 import captures
 from analyzer.paste import PasteError, judge, read
 from captures import CaptureError
 from captures.text.halves import HexError
 
-ALL = {**STYLES, **SHAPES, **FORUMS}
-TIMED = ["JSON with epoch", "InfluxDB", "count before", "wrapped at 40", "Docklight", "pymodbus 3"]
+ALL = {**STYLES, **SHAPES, **FORUMS, **POSTS}
+TIMED = [
+    *("JSON with epoch", "InfluxDB", "count before", "wrapped at 40", "Docklight", "pymodbus 3"),
+    *("comma seconds", "quoted seconds", "minutes", "plus ms", "two clocks", "list of packets", "tshark fields"),
+]
 
 
 def made(name: str, style: Style, seed: int) -> tuple[list[Message], str, random.Random]:
@@ -73,6 +78,16 @@ def test_times_of_a_log_are_used(name: str, tmp_path: Path) -> None:
     path.write_text(text, encoding="utf-8")
     times = {chunk.t_ns for chunk in captures.open(path, judge=judge).chunks()}
     assert len(times) == len(log)
+
+
+def test_a_log_written_newest_first_is_read_from_its_end(tmp_path: Path) -> None:
+    log = messages(random.Random(5), 4)
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join(f"{m.clock} {spaced(m.data)}" for m in reversed(log)), encoding="utf-8")
+    capture = captures.open(path, judge=judge)
+    assert [chunk.data for chunk in capture.chunks()] == [message.data for message in log]
+    times = [chunk.t_ns // 10**6 for chunk in captures.open(path, judge=judge).chunks()]
+    assert [later - earlier for earlier, later in pairwise(times)] == [b.ms - a.ms for a, b in pairwise(log)]
 
 
 @pytest.mark.parametrize("text", ["hello", "refused by 192.168.1.105:502", "temperature 3.14", "{'a': 1}"])

@@ -77,7 +77,10 @@ class Browser:
 
     async def until(self, wanted: Callable[[], bool]) -> None:
         while not wanted():
-            message = await asyncio.wait_for(self.socket.receive(), 60)
+            try:
+                message = await asyncio.wait_for(self.socket.receive(), 60)
+            except TimeoutError:
+                pytest.fail("it did not come:\n" + "\n".join(self.picture.lines()))
             if message.type == aiohttp.WSMsgType.BINARY:
                 self.picture.feed(self.decoder.decode(message.data))
             elif message.type == aiohttp.WSMsgType.TEXT:
@@ -212,7 +215,7 @@ def test_an_export_is_a_download_and_nothing_is_written_here(address: str, folde
         await tab.type("2")
         await tab.shows("holding registers")
         await tab.type("m")
-        await tab.shows(" *   0 ")
+        await tab.until(lambda: any(line.lstrip().startswith("*") for line in tab.picture.lines()))
         await tab.type(";")
         await tab.shows("Comment")
         await tab.answer("seen in a browser")

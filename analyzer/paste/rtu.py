@@ -9,7 +9,7 @@ from itertools import accumulate
 from typing import Final
 
 from dissectors.adu import EXCEPTION, MAX_ADU, MIN_ADU
-from dissectors.crc import crc_ends
+from dissectors.crc import crc_bytes, crc_ends
 from dissectors.envelopes import Adu, rtu
 from dissectors.functions import function
 from dissectors.length_rules import Role
@@ -80,13 +80,27 @@ def mended(pieces: Sequence[Piece], parts: Sequence[PastePart], roles: Sequence[
     marks = dict(zip(edges, (part.mark for part in parts), strict=False))
     frames = iter(by_marks([piece for piece in repaired if isinstance(piece, PastedFrame)], marks))
     repaired = _answering([next(frames) if isinstance(piece, PastedFrame) else piece for piece in repaired])
-    if repaired and isinstance(repaired[-1], PastedNoise) and repaired[-1].length >= _BEGINNING:
-        last = repaired[-1]
+    return [*repaired[:-1], _cut(repaired[-1], roles)] if repaired else repaired
+
+
+def _cut(last: Piece, roles: Sequence[Role]) -> Piece:
+    """The end of a paste as a frame that was cut, where it begins like one and is no whole one."""
+    if isinstance(last, PastedFrame):
+        length = predicted(last.adu.data, last.role)
+        missing = 1 if length is None else length - last.length
+        begun = (
+            length is None or missing > 1 or (missing == 1 and crc_bytes(last.adu.data[:-1])[:1] == last.adu.data[-1:])
+        )
+        if last.check_ok is not False or last.missing or not begun:
+            return last
+        cut = _frame(last.adu.data, last.start, last.role, missing)
+        return replace(last, adu=cut.adu, missing=missing, length_known=cut.length_known, confidence=cut.confidence)
+    if last.length >= _BEGINNING:
         for role in roles:
             missing = (predicted(last.data, role) or 0) - last.length
             if missing > 0 and not plausibility(last.data[1:], role) and function(last.data[1]) is not None:
-                return [*repaired[:-1], _frame(last.data, last.start, role, missing)]
-    return repaired
+                return _frame(last.data, last.start, role, missing)
+    return last
 
 
 def _answering(pieces: Sequence[Piece]) -> list[Piece]:
@@ -137,9 +151,10 @@ def _mended(noise: PastedNoise, edges: Sequence[int]) -> list[Piece]:
 
 def _frame(data: bytes, start: int, role: Role, missing: int) -> PastedFrame:
     adu = _placed(data, start)
-    if missing:  # its last two bytes are no check value yet
-        adu = replace(adu, pdu=data[1:], check_ok=False, check_received=None, check_computed=None)
     predictable = predicted(data, role) is not None
+    if missing:  # its last two bytes are no check value yet
+        half = 1 if missing == 1 and predictable else 0
+        adu = replace(adu, pdu=data[1 : len(data) - half], check_ok=False, check_received=None, check_computed=None)
     return PastedFrame(adu, role, start, len(data), missing=missing, length_known=predictable, confidence=0.5)
 
 

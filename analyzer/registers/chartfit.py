@@ -32,8 +32,9 @@ KINDS: Final = (
 """The kinds of evidence; `device` is 1, what a device without a word for or against it has."""
 _APART: Final = 16  # registers between two regions of a map
 _LONGEST: Final = 125
-_EDGES: Final[Mapping[str, float]] = {"group": 0.48, "value": 0.28, "within": 0.03, "none": 0.21}
-"""How often a request for the right map begins (or ends) at a group of values, at a value, within one, or elsewhere."""
+_PULL: Final[Mapping[str, float]] = {"group": 4.0, "value": 1.0, "within": 0.06, "none": 0.7}
+"""How much rather a request for the right map begins (or ends) at an address where a group of values does, a value
+behind another, one within a value, or elsewhere."""
 _TYPES: Final[Mapping[tuple[int, bool], float]] = {
     (1, False): 0.6, (2, False): 0.1, (2, True): 0.08, (4, False): 0.03, (4, True): 0.02,
 }  # fmt: skip
@@ -93,7 +94,7 @@ def _requests(chart: RegisterMap, blocks: Sequence[BlockReadings], evidence: dic
                 (layout.edge(block.address, begin=True), layout.begins(region)),
                 (layout.edge(end, begin=False), layout.ends(block.address)),
             ):
-                ratio = math.log2(_EDGES[here] / max(chance[here], 0.005))
+                ratio = math.log2(_PULL[here] / sum(_PULL[edge] * share for edge, share in chance.items()))
                 evidence["cuts" if here == "within" else "edges"] += ratio
         if region not in regions:
             regions.add(region)
@@ -121,7 +122,7 @@ class _AreaLayout:
         return cls([row for row in chart.rows if row.area == area])
 
     def edge(self, address: int, *, begin: bool) -> str:
-        """What a request has that begins at (or ends before) an address: an entry of `_EDGES`."""
+        """What a request has that begins at (or ends before) an address: an entry of `_PULL`."""
         edges, beyond = (self._starts, address - 1) if begin else (self._ends, address)
         if address in edges:
             return "value" if beyond in self.words else "group"
@@ -133,7 +134,7 @@ class _AreaLayout:
 
     def ends(self, address: int) -> Mapping[str, float]:
         """By chance, of one that begins there: of lengths the short ones are frequent."""
-        shares = dict.fromkeys(_EDGES, 0.0)
+        shares = dict.fromkeys(_PULL, 0.0)
         weights = 0.0
         for quantity in range(1, _LONGEST + 1):
             weight = 1 / (quantity + 4)
@@ -144,7 +145,7 @@ class _AreaLayout:
 
 def _shares(edges: Iterator[str]) -> Mapping[str, float]:
     found = list(edges)
-    return {edge: found.count(edge) / max(len(found), 1) for edge in _EDGES}
+    return {edge: found.count(edge) / max(len(found), 1) for edge in _PULL}
 
 
 def _types(chart: RegisterMap, values: Sequence[RegisterValue]) -> Iterator[float]:

@@ -25,13 +25,13 @@ from .sunspec import at_home, sunspec_chain, sunspec_map
 from .values import RegisterValue
 
 _TELLING: Final = {17: "server_id", 43: "identification"}
-_LEAST: Final = 0.7  # confidence below which nothing is said
+_LEAST: Final = 0.6  # confidence below which nothing is said
 _UNSAID: Final = 0.9  # the most where the device does not say what it is
 _CHAIN: Final = 0.99  # of a chain of SunSpec models that was walked
 _TEXT_BITS, _WORD_BITS, _POLL_BITS = 14.0, 5.0, 3.0
 _WEIGHTS: Final[Mapping[str, float]] = {
-    "device": -3.55, "region": 0.67, "edges": 0.09, "cuts": 0.49, "strays": 1.5, "unlisted": 1.5, "types": 0.1,
-    "values": 0.35, "contradictions": 0.53,
+    "device": -3.6, "region": 0.68, "edges": 0.12, "cuts": 0.53, "strays": 1.5, "unlisted": 1.5, "types": 0.1,
+    "values": 0.29, "contradictions": 0.49,
 }  # fmt: skip
 """What a bit of each kind of evidence is worth (in nats), by `benchmarks/fit_recognition.py`."""
 

@@ -145,7 +145,7 @@ class Lines(Painted, ScrollView, can_focus=True):
 
     def _into_sight(self, line: int, *, middle: bool) -> None:
         top, room = self.scroll_offset.y, self.room
-        if top <= line < top + room:
+        if top <= line < top + room or not self.scrollable_content_region.height:  # not laid out yet: `resized` comes
             return
         top = line - room // 2 if middle else line if line < top else line - room + 1
         self.scroll_to(y=max(0, top), animate=False, immediate=True)

@@ -3,8 +3,8 @@
 Each read that a line shows becomes a chunk, with the time and the direction mark that the log gives it; how text is
 read is known in `captures.text`. A log whose first bytes mostly lack times is taken as untimed. Speakers that a log
 names (jpnevulator) become ports, in the order of their first word, and so do protocols where check values show several
-in one log; what shows none is of the one before it. A line that is neither bytes nor anything known is
-noted with its number.
+in one log; what shows none is of the one before it. A log whose times only go back is read from its end. A line that is
+neither bytes nor anything known is noted with its number.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import tzinfo
 from functools import lru_cache
-from itertools import islice
+from itertools import chain, islice, pairwise
 from pathlib import Path
 from typing import BinaryIO, Final, cast
 
@@ -35,6 +35,8 @@ _JOIN_BYTES = 1 << 16  # a dump of any length comes in chunks of this size
 _BLOCK_CHUNKS = 1 << 14
 _SNIFFED = 1 << 14  # bytes by which a text is known
 _BATCH = 1 << 16  # bytes of text read at once
+_MOST_TURNED: Final = 1 << 17  # reads of a log written newest first
+_LEAST_STEPS: Final = 2  # of the clock that tell such a log
 
 
 _TIMED: Final = 3  # one of so many lines with bytes has a time at least: frames of a terminal go on in lines without
@@ -52,6 +54,7 @@ class _TextReader:
     zone: tzinfo | None
     sample_rate: float | None
     learnt: LogReader
+    newest_first: bool
 
     @property
     def mixed(self) -> bool:
@@ -60,7 +63,8 @@ class _TextReader:
 
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:
         with opened(self.path) as file:
-            chunks = self._chunks(joined(self._reads(file, note), _JOIN_BYTES), note)
+            reads = joined(self._reads(file, note), _JOIN_BYTES)
+            chunks = self._chunks(_turned(reads, note) if self.newest_first else reads, note)
             while batch := list(_up_to(chunks, max_bytes)):
                 yield Block.from_chunks(batch, timed=self.timed)
 
@@ -85,6 +89,22 @@ class _TextReader:
             who = (read.port, envelope if self.mixed else "")
             port = ports.setdefault(who, min(len(ports), 255)) if any(who) else 0
             yield Chunk(t_ns, read.data, port, Mark(read.mark))
+
+
+def _turned(reads: Iterator[Piece | UnreadLine], note: Note) -> Iterable[Piece | UnreadLine]:
+    """What is written newest first, oldest first."""
+    held = list(islice(reads, _MOST_TURNED))
+    more = next(reads, None)
+    if more is None:
+        return reversed(held)
+    note(f"line {held[0].line}", f"newest first, and too long to be turned round (over {_MOST_TURNED} reads)")
+    return chain(held, (more,), reads)
+
+
+def _newest_first(times: Sequence[int]) -> bool:
+    """Whether these times only ever go back."""
+    steps = [later - earlier for earlier, later in pairwise(times) if later != earlier]
+    return len(steps) >= _LEAST_STEPS and max(steps) < 0
 
 
 def _up_to(chunks: Iterator[Chunk], max_bytes: int) -> Iterator[Chunk]:
@@ -134,13 +154,19 @@ def _read(
         _refuse(path, [read for read in learnt if isinstance(read, UnreadLine)])
     times = [read.t_ns for read in reads if read.t_ns is not None]
     timed = _TIMED * len(times) >= len(reads)
-    notices = (f"times without a zone are read as {_zone_name(tz)}",) if timed and reader.zoneless else ()
+    notices = [f"times without a zone are read as {_zone_name(tz)}"] if timed and reader.zoneless else []
+    turned = timed and _newest_first(times)
+    if turned:
+        notices.append("the log is written newest first: it is read from its end")
     ports = _ports(reads)
     spoken = {number: envelope for (_, envelope), number in ports.items()}
     if not any(spoken.values()):
         spoken = dict.fromkeys(spoken, next((read.envelope for read in reads if read.envelope), ""))
     line = LineSettings(notes={PROTOCOLS_NOTE: ",".join(spoken.values())} if any(spoken.values()) else {})
-    return _TextReader(path, line, timed, times[0] if timed else 0, notices, ports, judge, tz, sample_rate, reader)
+    first_ns = (times[-1] if turned else times[0]) if timed else 0
+    return _TextReader(
+        path, line, timed, first_ns, tuple(notices), ports, judge, tz, sample_rate, reader, newest_first=turned
+    )
 
 
 def _ports(reads: Sequence[Piece]) -> dict[tuple[str, str], int]:

@@ -12,8 +12,11 @@ from .candidates import H, Writing
 from .choosing import ByteRun, Checked, Experience, Judge, label_in
 from .loglines import LogLine
 from .othershapes import unescape
+from .rows import is_ruler
 
 COLUMN_SHAPE: Final = "column"
+JOINED: Final = "joined"  # how numbers of a column are read, besides as hex or decimal bytes
+_BETWEEN: Final = (" ", "  ", ", ")  # bytes of one field
 MOST_ROWS: Final = 600  # of one column, or of one array
 _FRAME: Final = 260  # bytes
 _FEW: Final = 4  # bytes, up to which numbers beside one another may look like them
@@ -22,7 +25,7 @@ _MOST_COLUMNS: Final = 4  # from either side of a line
 _STEP: Final = 16  # rows at which a judge, shown the column from one on, looks for frames
 _TOKEN: Final = re.compile(
     r"b(?P<quote>['\"])(?P<char>\\x[0-9a-f]{2}|\\?[^\\])(?P=quote)|"
-    rf"(?<![\w.])(?:(?P<sign>0[xX]|(?:[A-Z]+#)?16#|\$)(?P<signed>{H}{{1,2}}(?!{H})|{H}{{4}})|(?P<plain>-?\d{{1,3}}|{H}{{1,2}}|(?:{H}{{2}}){{2,256}})[hH]?)"
+    rf"(?<![\w.])(?:(?P<sign>0[xX]|(?:[A-Z]+#)?16#|\$)(?P<signed>{H}{{1,2}}(?!{H})|(?:{H}{{2}}){{2,256}})|(?P<plain>-?\d{{1,3}}|{H}{{1,2}}|(?:{H}{{2}}){{2,256}})[hH]?)"
     r"(?!\w|\.\d|=\s*\w)"
 )
 _FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)")
@@ -30,25 +33,30 @@ _LETTERS: Final = re.compile(r"[g-zG-Z]")
 _PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is looked for in the columns of a text
 _LONGEST_ROW: Final = 2048  # characters
 _REMEMBERED: Final = 512  # lines, as logs repeat themselves
-_NUMBER: Final = re.compile(rf"0[xX]{H}+|(?<![^\W_]){H}{{1,4}}(?![^\W_])|\d+|'[^']'")
+_NUMBER: Final = re.compile(rf"0[xX]{H}+|(?<![^\W_]){H}{{1,4}}[hH]?(?![^\W_])|\d+|'[^']'")
 
 
 def settle_columns(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> None:
     """Frames written a byte or a field a line, or field by field in one line, found by their check values."""
     group: list[LogLine] = []
     for line in [*lines, None]:
-        if line is not None and line.clean.strip() == "" and not line.runs:
+        if line is not None and ((line.clean.strip() == "" and not line.runs) or _is_ruler(line)):
             continue
         if line is not None and not _is_right(line) and _TOKEN.search(line.clean) is not None:
             named = not _holds_bytes(line) or _LETTERS.search(line.clean) is not None
             _fields_of(line, _tokens(line), judge, named=named)
-            if not _holds_bytes(line):
+            if not _holds_bytes(line) or (group and named):
                 group.append(line)
                 if len(group) < MOST_ROWS:
                     continue
         if group:
             _column_of(group, judge, experience)
         group = []
+
+
+def _is_ruler(line: LogLine) -> bool:
+    tokens = _tokens(line)
+    return is_ruler([token.digits for token in tokens]) and not any(token.signed for token in tokens)
 
 
 def _is_right(line: LogLine) -> bool:
@@ -86,6 +94,10 @@ class _Token(NamedTuple):
             return None
         return bytes.fromhex(digits if len(digits) % 2 == 0 else f"0{digits}")
 
+    def value(self, reading: str) -> bytes | None:
+        """The bytes that it is."""
+        return self.decimal if reading == "decimal" else self.hexadecimal
+
     @property
     def decimal(self) -> bytes | None:
         """The byte that it is in decimal."""
@@ -95,8 +107,31 @@ class _Token(NamedTuple):
         return bytes((int(digits) & 0xFF,))
 
 
-def _tokens(line: LogLine) -> Sequence[_Token]:
-    return _tokens_in(line.clean) if len(line.clean) <= _LONGEST_ROW else ()
+def _tokens(line: LogLine, reading: str = "") -> Sequence[_Token]:
+    """The numbers of a line; those of one field as one where they are read `JOINED`."""
+    if len(line.clean) > _LONGEST_ROW:
+        return ()
+    return _joined_in(line.clean) if reading == JOINED else _tokens_in(line.clean)
+
+
+@lru_cache(_REMEMBERED)
+def _joined_in(text: str) -> tuple[_Token, ...]:
+    """`Starting address: 00 6B`: bytes beside one another as one number."""
+    joined: list[_Token] = []
+    for token in _tokens_in(text):
+        before = joined[-1] if joined else None
+        if (
+            before is not None
+            and before.signed == token.signed
+            and len(token.digits) == 2
+            and len(before.digits) % 2 == 0
+            and text[before.end : token.start] in _BETWEEN
+            and token.hexadecimal is not None
+        ):
+            joined[-1] = before._replace(end=token.end, digits=before.digits + token.digits)
+        else:
+            joined.append(token)
+    return tuple(joined)
 
 
 @lru_cache(_REMEMBERED)
@@ -207,50 +242,58 @@ def _one_column(lines: list[LogLine], judge: Judge, *, alike: bool) -> tuple[int
     """
     if len(lines) < _COLUMN:
         return None
-    table = [_tokens(line) for line in lines]
-    fewest = min(max(map(len, table)), _MOST_COLUMNS)
     tried: list[list[bytes | None]] = []  # of lines with as many numbers each, every column comes twice
-    best: tuple[int, int, str, list[bool]] | None = None  # that of the most lines
-    for i in (*range(-1, -1 - fewest, -1), *range(fewest)):
-        for reading in ("hexadecimal", "decimal"):
-            parts = [getattr(tokens[i], reading) if -len(tokens) <= i < len(tokens) else None for tokens in table]
+    best: tuple[int, int, str, list[int]] | None = None  # that of the most lines
+    for reading in ("hexadecimal", "decimal", JOINED):
+        table = [() if reading != JOINED and _holds_bytes(line) else _tokens(line, reading) for line in lines]
+        fewest = min(max(map(len, table)), _MOST_COLUMNS)
+        for i in (*range(-1, -1 - fewest, -1), *range(fewest)):
+            parts = [tokens[i].value(reading) if -len(tokens) <= i < len(tokens) else None for tokens in table]
             if parts in tried:
                 continue
             tried.append(parts)
             inside = _inside_frames(parts, judge)
-            if any(inside) and (best is None or sum(inside) > best[0]):
-                best = sum(inside), i, reading, inside
+            rows = len(inside) - inside.count(0)
+            if rows and (best is None or rows > best[0]):
+                best = rows, i, reading, inside
     if best is None:
         return None
     _, i, reading, inside = best
-    first, last = inside.index(True), len(inside) - inside[::-1].index(True)
-    for row, (line, tokens) in enumerate(zip(lines, table, strict=True)):
-        part = getattr(tokens[i], reading) if -len(tokens) <= i < len(tokens) else None
-        if part is not None and (inside[row] or (alike and first <= row < last)):
+    rows_inside = [row for row, frame in enumerate(inside) if frame]
+    first, last = rows_inside[0], rows_inside[-1] + 1
+    above: tuple[int, LogLine] = (0, lines[0])
+    for frame, line in zip(inside[first:last], lines[first:last], strict=True):
+        tokens = _tokens(line, reading)
+        part = tokens[i].value(reading) if -len(tokens) <= i < len(tokens) else None
+        if part is not None and (alike or frame):
             _take_tokens(line, [tokens[i]], part)
+            line.continues = frame > 0 and above[0] == frame and above[1].t_ns == line.t_ns
+            above = frame, line
     return i, reading
 
 
-def _inside_frames(parts: Sequence[bytes | None], judge: Judge) -> list[bool]:
-    """Which of these parts make up frames that begin and end with parts."""
-    inside = [False] * len(parts)
+def _inside_frames(parts: Sequence[bytes | None], judge: Judge) -> list[int]:
+    """Which of these parts make up frames that begin and end with parts: the frame's number from 1 on, or 0."""
+    inside = [0] * len(parts)
+    frames = 0
     row = 0
     while row < len(parts):
         some = list(takewhile(lambda part: part is not None, parts[row : row + _FRAME]))
         starts = [0, *accumulate(len(part) for part in some if part is not None)]
         spans = [span for span in judge(b"".join(part for part in some if part)) if {span.start, span.end} <= {*starts}]
         for span in spans:
+            frames += 1
             for k in range(starts.index(span.start), starts.index(span.end)):
-                inside[row + k] = True
+                inside[row + k] = frames
         row += starts.index(spans[-1].end) if spans else min(len(some), _STEP) + 1
     return inside
 
 
 def _take_column(lines: list[LogLine], i: int, reading: str) -> None:
     for line in lines:
-        tokens = _tokens(line)
+        tokens = _tokens(line, reading)
         token = tokens[i] if -len(tokens) <= i < len(tokens) else None
-        if token is not None and (part := getattr(token, reading)) is not None:
+        if token is not None and (part := token.value(reading)) is not None:
             _take_tokens(line, [token], part)
 
 

@@ -30,6 +30,11 @@ class _Entry:
         return any(run.checked for run in self.runs)
 
     @property
+    def repeats(self) -> bool:
+        """Whether an answer may be the same bytes, or the first of them."""
+        return any(span.repeats for run in self.runs for span in run.checked)
+
+    @property
     def template(self) -> tuple[str, str]:
         return self.runs[0].label or self.runs[0].heading, self.runs[0].shape
 
@@ -113,13 +118,18 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience) -> _Ent
     if entry.data in (earlier.data, earlier.decoded):
         marked = earlier.mark == entry.mark != 0 and not (earlier.runs[0].arrow and entry.runs[0].arrow)
         timed = earlier.last.t_ns is not None and entry.first.t_ns is not None
+        if entry.template[1] == COLUMN_SHAPE and entry.first.number - earlier.last.number == 1:
+            return entry  # field by field what the line above says
         if not (same_line or marked or timed) and entry.runs[0].heading:
             return None  # only the words above them differ: somebody shows the same frame again
-        if earlier.checked and not any(span.repeats for run in earlier.runs for span in run.checked):
+        if earlier.checked and not earlier.repeats:
             experience.reports.add(pair)
             return entry
-        reported = earlier.runs[0].shape != entry.runs[0].shape if same_line else marked or pair in experience.reports
-        return entry if reported else None
+        elsewise = earlier.runs[0].shape != entry.runs[0].shape  # the same bytes, written in another way
+        if same_line:
+            return entry if elsewise else None
+        buffered = elsewise and timed and not earlier.checked  # what was read, and the buffer that holds it
+        return entry if marked or buffered or pair in experience.reports else None
     if same_line and len(entry.data) == len(earlier.data):  # a string and its hex, in another encoding
         strings = [one for one in (earlier, entry) if one.runs[0].shape == "\\x"]
         same = sum(a == b for a, b in zip(earlier.data, entry.data, strict=True))
@@ -127,7 +137,7 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience) -> _Ent
             return strings[0]
     bytewise = earlier.template[1] == COLUMN_SHAPE
     if (bytewise or not entry.checked) and (entry.data in earlier.data or entry.data in earlier.decoded):
-        if earlier.checked:
+        if earlier.checked and not earlier.repeats:
             experience.reports.add(pair)
         return entry if pair in experience.reports else None
     if not earlier.checked and entry.checked and earlier.data in entry.data:

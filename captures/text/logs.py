@@ -229,9 +229,9 @@ def _why(line: LogLine) -> tuple[str, bool]:
     if (half := halves(line.clean)) is not None:
         return half, False
     run = max(line.runs, key=lambda run: (run.level, len(run.data)))
-    if len(run.data) < 3 and run.level is Writing.NUMBER:
-        return f"no bytes found in {quoted(line.text)}", True
     shown = line.clean[run.start : run.end]
+    if run.level is Writing.NUMBER and (len(run.data) < 3 or shown.isalpha()):
+        return f"no bytes found in {quoted(line.text)}", True
     return f"{quoted(shown)} may be anything: no check value says that these are bytes", False
 
 

@@ -45,6 +45,7 @@ _DIGITS: Final = (
 )
 _BINARY: Final = re.compile(r"(?<![\w.])(?P<sign>(?:0b)?)[01]{8}(?:[\s,;|]{1,3}(?P=sign)[01]{8})*(?!\w)")
 _BASE64: Final = re.compile(r"(?<![\w+/=])(?:[A-Za-z0-9+/]{4})+(?:[A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=)?(?![\w+/=])")
+_OD_CHARACTERS: Final = re.compile(r"^[0-7]{7}(?P<row>(?: {3}\S| {2}\\[0abtnvfr]| [0-7]{3}){1,16})\s*$")
 _HEX_ESCAPE: Final = re.compile(r"\\([0-9A-F]{2})()()()|\\([bfnrst\\])|([^\\\s])")
 _HEX_ESCAPES: Final = re.compile(rf"(?:{_HEX_ESCAPE.pattern.replace('(', '(?:')}){{4,}}")
 _NAMES: Final = (
@@ -69,6 +70,8 @@ def other_candidates(line: TextLine) -> Iterator[HexWindow]:
     if "\\" in text:
         yield from _strings(text)
         yield from _hex_escapes(text)
+    if text[:1] == "0":
+        yield from _od_characters(text)
     if "<" in text:
         yield from _control_names(text)
     yield from _decimals(text)
@@ -152,6 +155,17 @@ def _hex_escapes(text: str) -> Iterator[HexWindow]:
             continue
         data = unescape(match[0], _HEX_ESCAPE)
         yield HexWindow(data, *match.span(), "\\hex", Writing.NUMBER)
+
+
+def _od_characters(text: str) -> Iterator[HexWindow]:
+    r"""`0000000 001 003  \0   k  \0 001 365 326`, as `od -c` writes a row."""
+    if (match := _OD_CHARACTERS.match(text)) is not None:
+        start, end = match.span("row")
+        cells = [text[at : at + 4].strip() for at in range(start, end, 4)]
+        data = b"".join(unescape(f"\\{cell}" if len(cell) == len("001") else cell) for cell in cells)
+        yield HexWindow(
+            data, start + len(text[start:end]) - len(text[start:end].lstrip()), end, "od -c", Writing.NUMBER
+        )
 
 
 def _control_names(text: str) -> Iterator[HexWindow]:

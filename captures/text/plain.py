@@ -41,6 +41,13 @@ _SIGN_EXTENDED: Final = re.compile(
 _SMALL_HEX: Final = re.compile(r"(?<![0-9A-Za-z])(?:0[xX])?[0-9A-Fa-f]{1,2}(?![0-9A-Za-z])")
 _SOME: Final = 3  # numbers that make a list, or a frame
 _ESCAPED_ONCE: Final = re.compile(r"(?<!\\)(?:\\\\)*\\x")
+_CAST_BEHIND: Final = re.compile(  # of Kotlin and Rust
+    r"(?<=[0-9A-Fa-f])(?:\.to(?:UByte|Byte)\(\)|_?u8(?!\w)|\s+as\s+(?:u8|byte)(?!\w))"
+)
+_ESCAPE: Final = re.compile(r"\\(.)")
+_ESCAPED_BLANKS: Final = re.compile(r"\\[nrt]")
+_URL_BLANK: Final = re.compile(r"(?<!%[0-9A-Fa-f]{2})%20(?=[0-9A-Za-z])")
+_OF_WORDS: Final = frozenset("nrt\"'/")  # escapes in a string of words: no byte is written so
 _CAST: Final = re.compile(r"\(\s*(?:unsigned |signed )?(?:byte|sbyte|char|u?int8(?:_t)?|u8|BYTE)\s*\)\s*")
 
 
@@ -62,6 +69,12 @@ def plain(line: str) -> str:
         text = _SIGN_EXTENDED.sub(r"\1\2", text)
     if "\\\\x" in text and _ESCAPED_ONCE.search(text) is None:
         text = text.replace("\\\\", "\\")
+    if "\\" in text and set(_ESCAPE.findall(text)) <= _OF_WORDS:
+        text = _ESCAPED_BLANKS.sub("  ", text)
+    if "%20" in text:
+        text = _URL_BLANK.sub("   ", text)
+    if "u8" in text or "yte" in text:
+        text = _CAST_BEHIND.sub("", text)
     return _CAST.sub("", text) if "(" in text else text
 
 

@@ -8,12 +8,13 @@ fraction, and its parts are in range. A date without a zone is local time of the
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta, timezone, tzinfo
 from functools import lru_cache
 from typing import Final
 
 DAY_NS = 86_400_000_000_000
+_MINUTE_NS: Final = 60_000_000_000
 LIMIT_NS = 1 << 62  # the year 2116: nothing later is a time
 
 _MONTHS: Final = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
@@ -45,11 +46,14 @@ _LONG: Final = 4096  # characters: in a longer line times are looked for
 _HEAD: Final = 256  # in the first of them alone
 _DATE_LENGTH: Final = 40  # characters that a date and a zone take at most
 _DIGIT = re.compile(r"\d")
-_LEAD = r"^[\s\[(|]*"
-_SECONDS = re.compile(_LEAD + r"(\d{1,10})\.(\d{3,9})(?: ?s)?(?=[\s\]):,;>|]|-\D|$)")
+_LEAD = r"^[\s\[(|\"']*"
+_SECONDS = re.compile(_LEAD + r"(\d{1,10})\.(\d{3,9})(?: ?s)?(?=[\s\]):,;>|\"']|-\D|$)")
+_COMMA_SECONDS = re.compile(_LEAD + r"(\d{1,10}),(\d{1,9})(?: ?s)?(?=[;\t])")  # of a table in a comma's country
+_NUMBERED_SECONDS = re.compile(r"^\s*\d{1,9}[ \t]+(\d{1,10})\.(\d{6}|\d{9})(?=[ \t])")  # Wireshark's list of packets
+_MINUTES = re.compile(_LEAD + r"(\d{1,3}):([0-5]\d)\.(\d{1,6})(?=[\s\]):,;>|\"'])")  # since some start
 _EPOCH = re.compile(_LEAD + r"(1[2-9]\d{11}(?:\d{3}){0,2})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
 _EPOCH_SECONDS = re.compile(_LEAD + r"(1[2-9]\d{8})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
-_UNIT = re.compile(rf"{_LEAD}(?:[\w-]+\]\s*)?(\d+)(?:\.(\d{{1,9}}))? ?(ms|us|µs|μs|ns|s)(?=[\s\]):,;>|]|$)")
+_UNIT = re.compile(rf"{_LEAD}\+?(?:[\w-]+\]\s*)?(\d+)(?:\.(\d{{1,9}}))? ?(ms|us|µs|μs|ns|s)(?=[\s\]):,;>|]|$)")
 _TICKS = re.compile(  # milliseconds since a microcontroller began, as its logs write them
     r"^\s*(?:\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\]\[[EWIDV]\])"
 )
@@ -103,7 +107,7 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
         for match in _CLOCK.finditer(text, max(likely.start() - _DATE_LENGTH, 0), end + _DATE_LENGTH):
             end = max(end, match.end())
             if (clock := _of_clock(match, zone)) is not None:
-                stamp = stamp or clock
+                stamp = clock if stamp is None else _finer(stamp, clock)
                 text = _blanked(text, match)
         likely = _LIKELY_CLOCK.search(text, end)
     if _LIKELY_DATE.search(text):
@@ -112,6 +116,14 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
     if stamp is not None and abs(stamp.t_ns) >= LIMIT_NS:
         stamp = None
     return stamp, text
+
+
+def _finer(stamp: Stamp, clock: Stamp) -> Stamp:
+    """A time to the second with the fraction of the same second that stands elsewhere in its line."""
+    fraction = (clock.t_ns - stamp.t_ns) % _MINUTE_NS
+    if stamp.fine or not clock.fine or fraction >= 10**9:
+        return stamp
+    return replace(stamp, t_ns=stamp.t_ns + fraction, fine=True)
 
 
 def _blanked(text: str, match: re.Match[str]) -> str:
@@ -126,6 +138,10 @@ def _fraction(digits: str | None, unit_ns: int = 10**9) -> int:
 
 def _of_seconds(match: re.Match[str]) -> Stamp:
     return Stamp(int(match[1]) * 10**9 + _fraction(match[2]), of_day=False)
+
+
+def _of_minutes(match: re.Match[str]) -> Stamp:
+    return Stamp((int(match[1]) * 60 + int(match[2])) * 10**9 + _fraction(match[3]), of_day=False)
 
 
 def _of_epoch(match: re.Match[str]) -> Stamp:
@@ -147,6 +163,9 @@ def _of_ticks(match: re.Match[str]) -> Stamp:
 
 _COUNTS: Final = (
     (_SECONDS, _of_seconds),
+    (_COMMA_SECONDS, _of_seconds),
+    (_NUMBERED_SECONDS, _of_seconds),
+    (_MINUTES, _of_minutes),
     (_EPOCH, _of_epoch),
     (_EPOCH_SECONDS, _of_epoch),
     (_UNIT, _of_unit),

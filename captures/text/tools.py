@@ -87,13 +87,19 @@ _EAST: Final = (  # parts of words in scripts that put no spaces between them; t
 _ARROW_OF: Final = {">": TX, "→": TX, "⇒": TX, "▶": TX, "<": RX, "←": RX, "⇐": RX, "◀": RX}
 _CANDIDATE: Final = re.compile(
     r"(?<![^\W_])(?P<word>[^\W\d_]{1,16})(?![^\W\d_])"
-    r"(?P<sign>\s*[:\]>|)](?!\s*(?:0x)?\d+\s*(?:[,;)\]/]|$))|\s+\d+\s*(?:$|[Bb]ytes?\b))?|"
+    r"(?P<sign>\s*[:\]>|)](?!\s*(?:0x)?\d+\s*(?:[,;)\]/]|$))|\s+\d+\s*(?:$|[Bb]ytes?\b)|"
+    r"(?=\s+(?:[0-9A-F]{2} ){2}[0-9A-F]{2}))?|"
     r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*[<>](?=\s))"
+)
+_NAMES: Final = re.compile(  # `Master -> Slave`: who says it to whom
+    r"(?<![^\W_])(?P<one>[^\W\d_]{2,16})\s?(?P<way>-{1,2}>|=>|→|<-{1,2}|<=|←)\s?"
+    r"(?P<other>(?![0-9A-Fa-f]{2}(?!\w))[^\W\d_]{2,16})(?![^\W_])"
 )
 _PROMPT: Final = re.compile(r"^>>> ?(?=[A-Za-z_][\w.]*(?:\(| ?=|$))")  # of Python: no arrow
 _NAMED: Final = re.compile("地址|编号|号|名称|数量|个数|番号|アドレス|주소|번호")  # a station's, and no message
 _ASCII_WORD: Final = re.compile(r"[a-z]+")
 _ARROW: Final = re.compile(r"->|=>|>>|<-|<=|<<|^\s*[<>]\s")
+_OTHER: Final = {NONE: NONE, TX: RX, RX: TX}
 _MARKING: Final = frozenset((*_MARK_OF, *_SIGNED))
 
 
@@ -113,7 +119,16 @@ def marks(text: str) -> list[LineMark]:
     if text.isascii() and _MARKING.isdisjoint(_ASCII_WORD.findall(text.lower())) and not _ARROW.search(text):
         return line_marks  # in most lines of most logs
     prompt = _PROMPT.match(text)
-    for match in _CANDIDATE.finditer(text, prompt.end() if prompt is not None else 0):
+    begin = prompt.end() if prompt is not None else 0
+    if (names := _NAMES.search(text, begin)) is not None and not _MARK_OF.get(names["one"].lower()):
+        sender, addressee = names["one"], names["other"]
+        if names["way"][0] in "<←":
+            sender, addressee = addressee, sender
+        kind = _of_word(sender, signed=True) or _OTHER[_of_word(addressee, signed=True)]
+        if kind:
+            line_marks.append(LineMark(*names.span(), kind))
+        begin = names.end()
+    for match in _CANDIDATE.finditer(text, begin):
         word = match["word"]
         if word is None:
             arrow = match["arrow"].strip()
