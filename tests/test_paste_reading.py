@@ -201,8 +201,16 @@ def test_a_buffer_that_repeats_what_was_read_in_other_words_is_one_of_them():
     assert "the same bytes as in line 1" in tree(paste)
 
 
+def test_a_frame_explained_field_by_field_is_no_answer_to_itself():
+    paste = read(
+        'I want to see "11 06 00 01 00 03 9A 9B"\n\nwhere:\n\n11: the unit\n06: the function\n0001: the register\n'
+        "0003: the value\n9A9B: the CRC"
+    )
+    assert [frame.role for frame in paste.frames()] == [Role.REQUEST]
+
+
 def test_words_are_not_called_bytes():
-    paste = read("RTUutilsReceiver ticks\n11 03 00 6B 00 03 76 87")
+    paste = read("RTUutilsReceiver /dev/ttyUSB0 at 192.168.1.10\n11 03 00 6B 00 03 76 87")
     assert "may be anything" not in tree(paste)
 
 

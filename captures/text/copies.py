@@ -118,7 +118,7 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience) -> _Ent
     if entry.data in (earlier.data, earlier.decoded):
         marked = earlier.mark == entry.mark != 0 and not (earlier.runs[0].arrow and entry.runs[0].arrow)
         timed = earlier.last.t_ns is not None and entry.first.t_ns is not None
-        if entry.template[1] == COLUMN_SHAPE and entry.first.number - earlier.last.number == 1:
+        if entry.template[1] == COLUMN_SHAPE:
             return entry  # field by field what the line above says
         if not (same_line or marked or timed) and entry.runs[0].heading:
             return None  # only the words above them differ: somebody shows the same frame again

@@ -36,6 +36,7 @@ _BROKEN: Final = re.compile(rf"(?: {H}{{2}}){{4}} {H}$")
 _BEGUN: Final = re.compile(rf"{H}(?:(?: {H}{{2}}){{2}}|(?: {H}{{2}})?\s*$)")
 _STRETCH: Final = 512  # lines that are settled together
 _MOST: Final = 1 << 18  # characters of a line that is searched at once
+_ADDRESS: Final = re.compile(r"\d{1,3}(?:\.\d{1,3}){3}")  # of a network
 _PORTION: Final = re.compile(rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST}}}")
 
 
@@ -230,7 +231,7 @@ def _why(line: LogLine) -> tuple[str, bool]:
         return half, False
     run = max(line.runs, key=lambda run: (run.level, len(run.data)))
     shown = line.clean[run.start : run.end]
-    if run.level is Writing.NUMBER and (len(run.data) < 3 or shown.isalpha()):
+    if run.level is Writing.NUMBER and (len(run.data) < 3 or run.shape == "base64" or _ADDRESS.fullmatch(shown)):
         return f"no bytes found in {quoted(line.text)}", True
     return f"{quoted(shown)} may be anything: no check value says that these are bytes", False
 
