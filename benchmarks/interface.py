@@ -197,8 +197,10 @@ def measure(path: Path, frames: int) -> None:
     print(f"{'memory of the program':<64} {resident / 1e6:>10,.1f} MB, {bare / 1e6:,.1f} MB of it without a capture")
     print(f"{'':<64} {each:>10,.0f} bytes a frame, its own bytes (about 16) among them")
     for text in ("unit == 17", "not exception", "response_time > 8ms", "value > 65000"):
+        spent = terminal.cpu()
         seconds, shown = filtered(terminal, text.encode())
         told(f"filter: {text}, until {shown}", seconds)
+        told("  CPU time of it, with the typing", terminal.cpu() - spent)
     terminal.close()
 
 

@@ -21,6 +21,7 @@ from ..options import Options
 from ..outages import Deaf
 from ..reports.summary import Summary
 from ..tables.batch import Batch
+from ..tables.delays import bounds_of
 from ..tables.frame import Frame
 from ..tables.schema import NO_GAP, Kind, Row, Rows
 from ..tables.transactions import NEVER, OF_ANSWER, Status, TransactionRows
@@ -69,6 +70,7 @@ class Bus:
         self._count = 0
         self.whole = False  # nothing more comes
         self.t_first = self.t_last = 0
+        self.off_ns: int | None = None  # by how much response times may be wrong, as `reports.model.Times` has it
         self._summary = Summary.of(line)
         self.options = Options()
         self._ledger = Ledger(line)
@@ -120,12 +122,14 @@ class Bus:
             if self._ledger.line != self.line:  # a tap found it out: what was counted before was of another one
                 self._ledger = Ledger(self.line, self.options)
             self._ledger.feed(batch, analysed.transactions)
+            self.off_ns = self._summary.newest_off_ns
         self._count = self.table.count
 
     def close(self) -> None:
         """Nothing more comes."""
         try:
             with self._lock:
+                self.off_ns = self._summary.known_off_ns()
                 self._ledger.close()
         finally:
             self.whole = True
@@ -213,6 +217,11 @@ class Bus:
         """Silence before a row; None before the first one and where the tap cannot tell."""
         gap = self.table.value("gap_before_ns", row)
         return gap if self.timed and row > 0 and gap > NO_GAP else None
+
+    def response(self, row: int) -> tuple[int, int] | None:
+        """Between what the time (ns) lies that an answer took, twice the same where it is measured; None: unknown."""
+        took = self.table.value("response_ns", row)
+        return None if took < 0 else bounds_of(took, self.off_ns)
 
     def batch(self, rows: NDArray[np.int64]) -> Batch:
         """Rows, ascending, all of one piece, as what the pipeline gives; bytes between them are in its data too."""

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .screen import BusScreen
 
 _PERIOD_S: Final = 0.1  # between two tellings
+_SPELL_S: Final = 0.5  # the same of rows that are tested, once the first are told: each paints the list
 _RATE: Final = 1500  # bytes a second to the terminal from which on a live view is painted less often
 _QUIET_S: Final = 1.0  # between two while nothing comes
 _REPORT_S: Final = 1.0
@@ -188,6 +189,7 @@ class Jobs:
         if self.scope.settled:
             self.reselect()
         self._first_row()
+        self._screen.detail.fields.unpaint()
         self._screen.refresh_view()
         home.first(self._screen)
         self._screen.files.read(self._source)
@@ -220,10 +222,12 @@ class Jobs:
 
         def thread() -> None:
             worker = get_current_worker()
+            spell = _PERIOD_S
             while not worker.is_cancelled:
                 ended = self._bus.whole
-                while not worker.is_cancelled and _extended(selections, lambda: worker.is_cancelled):
+                while not worker.is_cancelled and _extended(selections, spell, lambda: worker.is_cancelled):
                     self._screen.call_later(self._selection_grew)
+                    spell = _SPELL_S
                 if ended:
                     self._screen.call_later(self._selection_grew)
                     return
@@ -278,9 +282,9 @@ class Jobs:
             self.run(f"report for {view}", lambda _: self._screen.desk.figures.report(self._source), then)
 
 
-def _extended(selections: Sequence[Selection], stop: Stop) -> bool:
-    """Test rows for a little while, piece by piece for all; whether any were there to test."""
-    until, tested = time.monotonic() + _PERIOD_S, False
+def _extended(selections: Sequence[Selection], seconds: float, stop: Stop) -> bool:
+    """Test rows for so long, piece by piece for all; whether any were there to test."""
+    until, tested = time.monotonic() + seconds, False
     while not stop() and time.monotonic() < until:
         grew = [selection.extend_by_piece() for selection in selections]
         if not any(grew):

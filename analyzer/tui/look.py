@@ -12,7 +12,7 @@ from dissectors.values import harmless, readings
 from ..languages import counted, tr
 from ..model.polls import changed
 from ..paste.model import PastedFrame, PastedNoise
-from ..words import date_and_time, seconds, short
+from ..words import between, date_and_time, seconds, short
 from .items import NOTHING, FrameDetail, Item, UnopenedItems, chosen
 from .rows import LETTER, SEVERITY
 from .why import why
@@ -141,8 +141,9 @@ def _facts(desk: ViewState, row: int, frame: Frame | None = None) -> tuple[Item,
         if partner is not None:
             index = table.value("frame", partner)
             facts.append(("answers" if frame.row.request >= 0 else "answered by", tr("frame {number}", number=index)))
-        if frame.response_time_ns is not None:
-            facts.append(("answer took", short(frame.response_time_ns)))
+        took = bus.response(row)
+        if took is not None:
+            facts.append(("answer took", short(took[0]) if took[0] == took[1] else between(*took)))
         facts.append(("confidence", f"{frame.confidence:.4g}"))
     comment = desk.notes.comments.get(desk.place(row))
     if comment:

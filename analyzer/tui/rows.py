@@ -13,7 +13,7 @@ from ..languages import counted, tr
 from ..model.table import RowState
 from ..tables.schema import Kind
 from ..tables.transactions import Status
-from ..words import short
+from ..words import short_bound
 from .paint import StyledText, fitted
 
 if TYPE_CHECKING:
@@ -104,8 +104,7 @@ def ended(desk: ViewState, row: int) -> StyledText:
     table = desk.bus.table
     kind = table.value("kind", row)
     if kind == Kind.RESPONSE:
-        time = table.value("response_ns", row)
-        return StyledText(short(time if time >= 0 else None), "")
+        return StyledText(short_bound(desk.bus.response(row)), "")
     if kind == Kind.REQUEST and table.value("partner", row) < 0:
         status = table.value("state", row) & RowState.STATUS
         if status:
