@@ -209,6 +209,29 @@ def test_a_frame_explained_field_by_field_is_no_answer_to_itself():
     assert [frame.role for frame in paste.frames()] == [Role.REQUEST]
 
 
+def test_frames_that_a_log_puts_on_one_line_are_all_read():
+    frames = [adu("010300800001"), adu("0103020400"), adu("010300810001")]
+    words = ["send", "recv", "send"]
+    paste = read(
+        " >>>>> ".join(f"{word}: {' '.join(map(hex, frame))}" for word, frame in zip(words, frames, strict=True))
+    )
+    assert [frame.adu.data for frame in paste.frames()] == frames
+
+
+def test_a_right_lrc_behind_a_colon_by_chance_is_no_ascii_frame():
+    paste = read("D (1994) POLL RCV buffer:: 03 04 15 39 43 68")
+    assert not list(paste.frames())
+    assert paste.pieces[0].data == bytes.fromhex("030415394368")
+
+
+def test_a_list_of_requests_says_nothing_of_answers():
+    requests = [adu(f"0103000{i}0001").hex() for i in range(4)]
+    listed = read("\n".join(f'Buffer.from("{request}", "hex"),' for request in requests))
+    assert not any(frame.findings for frame in listed.frames())
+    logged = read("\n".join(f"12:00:0{i}.000 modbus: {requests[0]}" for i in range(4)))
+    assert "no-response" in {found.code for frame in logged.frames() for found in frame.findings}
+
+
 def test_words_are_not_called_bytes():
     paste = read("RTUutilsReceiver /dev/ttyUSB0 at 192.168.1.10\n11 03 00 6B 00 03 76 87")
     assert "may be anything" not in tree(paste)

@@ -19,6 +19,7 @@ from ..tables.transactions import Transactions
 from .model import PastedFrame
 
 _MOST_FINDINGS: Final = 10_000  # findings: a paste is read by people
+_OF_AN_ANSWER: Final = ("no-response", "retry")  # a list of requests, without times, says nothing of answers
 
 
 def findings(frames: Sequence[PastedFrame]) -> list[tuple[Finding, ...]]:
@@ -31,8 +32,9 @@ def findings(frames: Sequence[PastedFrame]) -> list[tuple[Finding, ...]]:
     reported = diagnosis.feed(batch, transactions.feed(batch))
     reported = Findings.joined((reported, diagnosis.close(transactions.close())))
     by_frame: list[list[Finding]] = [[] for _ in frames]
+    one_sided = all(frame.role is Role.REQUEST and frame.t_start_ns is None for frame in frames)
     for finding in described(reported[:_MOST_FINDINGS]):
-        if finding.index is not None:
+        if finding.index is not None and not (one_sided and finding.code in _OF_AN_ANSWER):
             by_frame[examined[finding.index]].append(finding)
     return [tuple(each) for each in by_frame]
 

@@ -55,8 +55,8 @@ def read(
     size = sum(len(part.data) for part in parts)
     if size > LONGEST:
         raise PasteError(f"{size:,} bytes are too many to annotate; save them to a file and use rtuscope export")
-    paste = with_findings(read_parts(parts, envelope, _ROLES[role]))
-    return replace(paste, pieces=_with_times(paste.pieces, parts), unread=unread)
+    paste = read_parts(parts, envelope, _ROLES[role])
+    return with_findings(replace(paste, pieces=_with_times(paste.pieces, parts), unread=unread))
 
 
 def _with_times(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> tuple[Piece, ...]:

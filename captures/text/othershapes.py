@@ -109,7 +109,7 @@ def _strings(text: str) -> Iterator[HexWindow]:
 
 def _unquoted(text: str, start: int, end: int, first: int | None) -> Iterator[HexWindow]:
     """Escapes without quotes; the characters before the first may belong to them, and all from `first` on."""
-    body = text[start:end].rstrip("'\",)];")
+    body = text[start:end].rstrip("'`\",)];")
     yield from _string(body, start, start + len(body))
     if start + len(body) < end:
         yield HexWindow(unescape(text[start:end]), start, end, "\\x", Writing.NUMBER)

@@ -216,7 +216,8 @@ SHAPES = (
         "pymodbus",
         LineRole.BYTES,
         re.compile(
-            r"^(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?.*?\b(?P<mark>send|recv|processing): "
+            r"^(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?(?:(?!(?:send|recv): 0x).)*\b"
+            r"(?P<mark>send|recv|processing): "
             r"(?P<hex>(?:0x[0-9a-f]{1,2}(?: |$))*)\s*(?:(?:extra data|unexpected data|old_data):.*)?$",
             re.IGNORECASE,
         ),
