@@ -9,6 +9,7 @@ from importlib.resources import files as package_files
 from pathlib import Path
 from typing import Final
 
+from .encodings import decoded
 from .model import MapError, RegisterMap
 from .table import read_table, write_table
 
@@ -25,7 +26,9 @@ def read_map(name: str | os.PathLike[str]) -> RegisterMap:
             return shipped_map(str(name))
         raise MapError(_unknown(str(name)))
     data = map_bytes(path)
-    text = _decoded(data, path)
+    text = decoded(data)
+    if text is None:
+        raise MapError(f"{path}: bytes, not text: a map is a table in CSV or YAML")
     if path.suffix.lower() in _YAML:
         from .yamlform import read_yaml
 
@@ -78,20 +81,8 @@ def shipped_map(name: str) -> RegisterMap:
     return read_table(file.read_text(encoding="utf-8"), f"{name}.csv")
 
 
-def _decoded(data: bytes, path: Path) -> str:
-    """Text as spreadsheets save it: UTF-8, UTF-16 with its mark, else the Windows page of Russian."""
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return data.decode("utf-16", "replace")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        if b"\0" in data:
-            raise MapError(f"{path}: bytes, not text: a map is a table in CSV or YAML") from None
-        return data.decode("cp1251", "replace")
-
-
 def _unknown(name: str) -> str:
-    from difflib import get_close_matches
+    from difflib import get_close_matches  # as analyzer.meant does, which this floor may not import
 
     near = get_close_matches(name, shipped_names(), 1)
     hint = f"did you mean {near[0]}?" if near else "`rtuscope map list` names those that are shipped"

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from .cells import CellError, area_of
-from .model import MapArea
+from .model import AREA_WORDS, MapArea
 from .tableaddresses import together
 
 _HEADING: Final = 60  # characters
@@ -15,7 +15,8 @@ _HEADINGS: Final[Mapping[str, str]] = {
     "area": r"area|table|register type|reg\.? ?type|function|fc|func|код функции|функция|область|тип регистра|"
     r"таблица|funktion|registertyp|bereich",
     "address": r"(start(ing)? |first |begin |нач\w* |modbus )?(address|addr|adr|register|reg|адрес|регистр)|"
-    r"offset ?\(hex\)|hex|dec|modbus|номер регистра|(start|anfangs|register)?adresse|register-?nr",
+    r"(№ |номер )?(адрес|регистр|рег)|offset ?\(hex\)|hex|dec|modbus|номер регистра|"
+    r"(start|anfangs|register)?adresse|register-?nr",
     "end": r"(end(ing)?|last|кон\w*|посл\w*) (address|addr|adr|register|reg|адрес|регистр)|endadresse",
     "name": r"name|parameter|signal|variable|tag|quantity|measurement|object|description|наименование|название|"
     r"параметр|имя|величина|описание|bezeichnung|messgr\w*|größe|beschreibung",
@@ -37,30 +38,27 @@ _HEADINGS: Final[Mapping[str, str]] = {
     r"beschreibung|bemerkung|kommentar",
     "group": r"group|section|category|группа|раздел|gruppe",
 }
-_TYPES: Final = (
-    (r"u(nsigned)?[ _-]?(int|short|word)?[ _-]?64|uint64|qword|unsigned long long", "u64"),
-    (r"s?(igned)?[ _-]?int[ _-]?64|long long|s64|i64", "s64"),
-    (r"double|float ?64|f64|real ?64|lreal", "f64"),
-    (r"float|real|single|ieee|f32|fp32|с плавающей|плав|вещ", "f32"),
-    (r"bcd", "bcd16"),
-    (r"u(nsigned)?[ _-]?(int|long)?[ _-]?32|uint32|udint|dword|unsigned long|ulong|u32|беззнак\w* 32", "u32"),
-    (r"(signed )?s?int(eger)?[ _-]?32|dint|long|s32|i32|знак\w* 32", "s32"),
-    (r"bit ?(field|map|mask)|flags?|битов\w*|маска|bits", "bits"),
-    (r"bool\w*|bit|coil|бит|discrete", "bool"),
-    (r"string|text|char|ascii|строк\w*|текст|zeichen", "text"),
-    (r"enum\w*|перечисл\w*|list", "enum"),
-    (r"u(nsigned)?[ _-]?(int|short|word|integer)?[ _-]?(16)?|uint|word|ushort|слово|беззнак\w*", "u16"),
-    (r"(signed )?(int|short|integer|sint)[ _-]?(16)?|s16|i16|signed|знак\w*|целое", "s16"),
+_RAISED: Final = re.compile("([⁻-]?)([⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
+_SUPERSCRIPTS: Final = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
+_MEASURE: Final = (
+    r"[mkMGµμnмкМГ]?(?:VAr?h?|[Vv]arh?|Wh?|V|Ah?|Hz|Ohms?|Ω|Pa|bar|вар[·*]?ч?|ВА[·*]?ч?|Вт[·*]?ч?|В|А[·*]?ч?|Гц|Ом|Па|бар|"
+    r"s|с|l|л|m|м|g|г|t|т)|°\s?[CFС]|deg ?C|%|‰|rpm|об/мин|min|мин|h|ч|ppm|p[Hh]|lx|лк|dB|дБ|"
+    r"(?:[mм][3³]|l|л|kg|кг|t|т)/(?:h|ч|s|с|min|мин)|[mм][3³]|[mм]/[sс]|Гкал(?:/ч)?|Gcal(?:/h)?"
+)
+_NAMED_MEASURE: Final = re.compile(
+    rf"(?P<name>.*\S)\s*(?:,\s*(?P<plain>{_MEASURE})|[(\[]\s*(?P<held>{_MEASURE})\s*[)\]])"
 )
 _FUNCTIONS: Final[Mapping[int, MapArea]] = {1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding",
                                             16: "holding", 4: "input"}  # fmt: skip
 
 
-def headings(row: Sequence[str]) -> dict[str, int]:
-    """Columns by what their headings mean, empty where the row is no heading."""
+def headings(row: Sequence[str], below: Sequence[Sequence[str]] = ()) -> dict[str, int]:
+    """Columns by what their headings mean, and the cells `below` them; empty where the row is no heading."""
     columns: dict[str, int] = {}
     used: set[int] = set()
     texts = [" ".join(cell.lower().split()).strip(" :.") for cell in row]
+    if (area := _area_column(texts, below)) is not None:
+        texts[area] = "area"
     if "№" in texts and not any(_means(text, "address", exact=False) for text in texts):
         texts[texts.index("№")] = "address"
     if "registers" in texts and not any(_means(text, "address", exact=True) for text in texts):
@@ -78,6 +76,15 @@ def headings(row: Sequence[str]) -> dict[str, int]:
     return columns if {"address", "name"} <= set(columns) and len(columns) >= 2 else {}
 
 
+def _area_column(texts: Sequence[str], below: Sequence[Sequence[str]]) -> int | None:
+    """The column headed `type` whose cells are areas (AI, DO, holding), if one is."""
+    for at, text in enumerate(texts):
+        cells = [row[at].strip().lower() for row in below if at < len(row) and row[at].strip()]
+        if _means(text, "type", exact=False) and cells and all(cell in AREA_WORDS for cell in cells):
+            return at
+    return None
+
+
 def _means(text: str, column: str, *, exact: bool) -> bool:
     """Whether a heading means a column: by all of it, or by how it begins."""
     if not text or len(text) > _HEADING:
@@ -87,68 +94,59 @@ def _means(text: str, column: str, *, exact: bool) -> bool:
     return exactly or (not exact and re.match(rf"(?:{pattern})\b", text) is not None)
 
 
-def type_of(text: str, length: int | None) -> tuple[str, int | None]:
-    """The type that a cell means, and the registers that it takes."""
-    word = " ".join(text.lower().replace("_", " ").split())
-    kind = next((kind for pattern, kind in _TYPES if re.fullmatch(pattern, word)), None)
-    if kind is None:
-        kind = next((kind for pattern, kind in _TYPES if word and re.match(rf"(?:{pattern})", word)), None)
-    if kind in ("u16", "s16", None) and length in (2, 4):
-        kind = f"{'s' if kind == 's16' else 'u'}{16 * length}"
-    if kind == "f32" and length == 4:
-        kind = "f64"
-    if kind == "bcd16" and length == 2:
-        kind = "bcd32"
-    if kind == "text" and length is None:
-        digits = re.search(r"\d+", word)
-        length = max(1, int(digits[0]) // 2) if digits else 1
-    if kind == "bool":
-        kind = "bits"
-    return kind or "u16", length
-
-
-def order_of(text: str) -> str | None:
-    word = re.sub(r"\b(ab|cd|ba|dc)[ -](ab|cd|ba|dc)\b", r"\1\2", text.lower())
-    match = re.search(r"\b(abcd|cdab|badc|dcba)\b", word)
-    if match:
-        return match[1].upper()
-    digits = re.search(r"\b(1234|3412|2143|4321|3210|1032|0123|2301)\b", word)
-    if digits:
-        return {"1234": "ABCD", "3412": "CDAB", "2143": "BADC", "4321": "DCBA", "3210": "ABCD", "1032": "CDAB",
-                "0123": "DCBA", "2301": "BADC"}[digits[1]]  # fmt: skip
-    if re.search(r"(big|msb|high|старш\w*).*(endian|first|впер)", word) and "swap" not in word:
-        return "ABCD"
-    if re.search(r"(low|lsw|little|младш\w*).*(first|word|swap|впер)|word swap|swapped", word):
-        return "CDAB"
-    return None
-
-
 def scale_of(cells: Mapping[str, str]) -> str | None:
+    """The factor of a row: `0,1`, `/10`, `x0.1`, `1:10`, `10^-1`; the divisor or the power of ten of another column."""
     text = cells.get("scale", "").lower().replace(",", ".").replace("×", "x").replace("*", "x")
-    divisor = cells.get("divisor", "")
+    text = _RAISED.sub(lambda up: f"^{'-' if up[1] else ''}{up[2].translate(_SUPERSCRIPTS)}", text)
+    divisor, power = cells.get("divisor", ""), cells.get("power", "")
     if divisor and re.fullmatch(r"\d{1,12}(\.\d{1,12})?", divisor) and float(divisor):
         return f"1/{divisor}"
-    match = re.search(r"(?P<divide>[/÷:]\s*)?(?P<number>\d+(\.\d+)?(e-?\d+)?)(\s*/\s*(?P<below>\d+))?", text)
-    if not match or float(match["number"]) == 0:
+    if re.fullmatch(r"[-\u2212]?\d", power):
+        return f"{10.0 ** int(power.replace(chr(0x2212), '-')):g}"
+    if raised := re.search(r"\b10\s*(?:\^|xx)\s*(-?\d)\b", text):
+        return f"{10.0 ** int(raised[1]):g}"
+    match = re.search(
+        r"(?P<divide>[/÷:]\s*)?(?P<number>(?:^-)?\d+(\.\d+)?(e-?\d+)?)(\s*[/:]\s*(?P<below>\d+(\.\d+)?))?", text
+    )
+    if not match or float(match["number"]) == 0 or float(match["below"] or 1) == 0:
         return None
     if match["divide"]:
         return f"1/{match['number']}"
-    if re.fullmatch(r"10\s*\^\s*-?\d\d?", text.strip()):
-        return f"{10.0 ** int(text.partition('^')[2]):g}"
     return f"{match['number']}/{match['below']}" if match["below"] else match["number"]
 
 
 def values_of(text: str) -> str | None:
-    pairs = re.findall(r"(\d+)\s*[=:–-]\s*([^;,\n|]+)", text)
+    """States with names as a map writes them, where a cell has more than one."""
+    pairs = re.findall(r"(\d+)\s*[=:–-]\s*([^;,\n|]+?)\s*(?=[;,\n|]|$)", text)
     return "; ".join(f"{state}={name.strip()}" for state, name in pairs) if len(pairs) > 1 else None
 
 
+def measure_in(name: str) -> tuple[str, str]:
+    """A name without the unit of measure that stands behind it, and that unit: `Voltage L1, V`, `Ток [А]`."""
+    match = _NAMED_MEASURE.fullmatch(name)
+    return (match["name"], match["plain"] or match["held"]) if match else (name, "")
+
+
 def access_of(text: str) -> str | None:
-    word = text.lower().replace(" ", "")
+    """r, w or rw out of `R/W`, `read only`, `чтение/запись`."""
+    word = (
+        text.lower()
+        .replace(" ", "")
+        .replace("only", "")
+        .replace("write", "w")
+        .replace("schreib", "s")
+        .replace("wr", "w")
+    )
     if not word:
         return None
     reads, writes = bool(re.search(r"r|ч|l", word)), bool(re.search(r"w|з|s", word))
     return "rw" if reads and writes else "w" if writes else "r" if reads else None
+
+
+def is_powers(cells: Sequence[str]) -> bool:
+    """Whether a column of factors has powers of ten, as SunSpec: small whole numbers, some below 0."""
+    given = [cell.strip().replace("\u2212", "-") for cell in cells if cell.strip()]
+    return all(re.fullmatch(r"-?\d", cell) for cell in given) and any(re.fullmatch("-[1-9]", cell) for cell in given)
 
 
 def is_function(heading: str) -> bool:
@@ -208,7 +206,7 @@ def limits_of(cells: Mapping[str, str]) -> tuple[str | None, str | None]:
 def unit_of(cells: Mapping[str, str]) -> tuple[str | None, str | None]:
     """Scale and unit of measure; where no column has a scale it may stand before the unit (`0.1 V`, `x0,01 A`)."""
     measure = cells.get("unit", "")
-    if "scale" not in cells and "divisor" not in cells:
+    if not {"scale", "divisor", "power"} & set(cells):
         match = re.fullmatch(r"(?:[x×*]\s*)?(\d+(?:[.,]\d+)?)\s*[x×*]?\s*([^\d\s].*)?", measure)
         if match and float(match[1].replace(",", ".")):
             return match[1].replace(",", "."), match[2] or ""

@@ -12,7 +12,20 @@ _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class _Lenient(_Base):  # type: ignore[misc]
-    """Tags that a program defines for itself stand for their plain values."""
+    """Tags that a program defines for itself stand for their plain values; what they would merge in is left out."""
+
+    def flatten_mapping(self, node: yaml.MappingNode) -> None:
+        node.value = [pair for pair in node.value if not (_is_merge(pair[0]) and not _merges(pair[1]))]
+        super().flatten_mapping(node)
+
+
+def _is_merge(key: yaml.Node) -> bool:
+    return bool(key.tag == "tag:yaml.org,2002:merge")
+
+
+def _merges(value: yaml.Node) -> bool:
+    listed = value.value if isinstance(value, yaml.SequenceNode) else [value]
+    return all(isinstance(one, yaml.MappingNode) for one in listed)
 
 
 def _plain(loader: Any, _suffix: str, node: yaml.Node) -> Any:

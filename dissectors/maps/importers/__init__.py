@@ -6,6 +6,7 @@ A format's module has `NAME`, `recognises(source)` and `read(source)`, which giv
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import import_module
 from typing import Final, Protocol, cast
 
@@ -54,9 +55,23 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
             read = form.read(source)
             filled = [one for one in read if one.chart.rows]
             if filled:
-                return filled
+                return [_with_included(filled[0], source), *filled[1:]]
             why = next((f": {one.notes[0]}" for one in read if one.notes), "")
             raise MapError(f"{file}: read as {form.NAME}, but no register is in it{why}")
     if name is not None:
         raise MapError(f"{file}: is not {map_format(name).NAME}")
-    raise MapError(f"{file}: no known form of a register map: --format names one of {', '.join(FORMATS)}")
+    if source.problem:
+        raise MapError(f"{file}: {source.problem}")
+    if source.included:
+        raise MapError(f"{file}: no register is in it, but in what it includes: give {', '.join(source.included)}")
+    raise MapError(
+        f"{file}: no known form of a register map: a table needs a row of headings such as address, name, type;"
+        f" --format names one of {', '.join(FORMATS)}"
+    )
+
+
+def _with_included(imported: ImportedMap, source: MapSource) -> ImportedMap:
+    """A map with a note of what its file takes from others, which is not read."""
+    if not source.included:
+        return imported
+    return replace(imported, notes=(*imported.notes, f"what it includes is not read: {', '.join(source.included)}"))

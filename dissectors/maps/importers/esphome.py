@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from .source import ImportedMap, MapBuilder, MapSource, mappings, whole_in
+from .source import ImportedMap, MapBuilder, MapSource, mappings, number_in, whole_in
 
 NAME = "modbus_controller components of ESPHome"
 _PLATFORM: Final = "modbus_controller"
@@ -17,6 +18,9 @@ _TYPES: Final = {  # and the order of a value type, None where there is one word
 }  # fmt: skip
 _AREAS: Final = {"coil": "coil", "discrete_input": "discrete", "holding": "holding", "read": "input", "input": "input"}
 _BITS: Final = ("binary_sensor", "switch")
+_VARIABLE: Final = re.compile(r"\$(?:\{(\w+)\}|(\w+))")
+_FACTOR: Final = re.compile(r"\s*return\s*\(?\s*(?:\(float\)\s*)?x\s*(?:([*/])\s*(\d+\.?\d*|\.\d+)f?)?\s*\)?\s*;?\s*")
+_POINT: Final = re.compile(r"\s*(-?[\d.]+)\s*->\s*(-?[\d.]+)\s*")
 
 
 def recognises(source: MapSource) -> bool:
@@ -38,10 +42,19 @@ def _components(source: MapSource) -> Iterator[tuple[str, Mapping[str, Any]]]:
     content = source.yaml
     if not isinstance(content, Mapping):
         return
+    known = content.get("substitutions")
+    words = {str(key): str(word) for key, word in known.items()} if isinstance(known, Mapping) else {}
     for component, items in content.items():
         for item in mappings(items):
             if item.get("platform") == _PLATFORM:
-                yield str(component), item
+                yield str(component), {key: _substituted(value, words) for key, value in item.items()}
+
+
+def _substituted(value: Any, words: Mapping[str, str]) -> Any:
+    """A text with the file's own variables; others stay as they stand."""
+    if not isinstance(value, str):
+        return value
+    return _VARIABLE.sub(lambda found: words.get(found[1] or found[2], found[0]), value)
 
 
 def _item(builder: MapBuilder, component: str, item: Mapping[str, Any]) -> None:
@@ -52,6 +65,12 @@ def _item(builder: MapBuilder, component: str, item: Mapping[str, Any]) -> None:
     if address is None or area is None:
         builder.note(f"{name}: address {item.get('address')!r} of {item.get('register_type')!r} is not known")
         return
+    behind = whole_in(item.get("offset")) or 0  # octets from the address on
+    if area in ("input", "holding"):
+        if behind % 2:
+            builder.note(f"{name}: an offset of {behind} octets begins within a register")
+            return
+        address += behind // 2
     writable = component in ("number", "switch", "select", "output")
     common: dict[str, object] = {"area": area, "address": address, "name": name}
     if area in ("coil", "discrete"):
@@ -95,18 +114,16 @@ def _item(builder: MapBuilder, component: str, item: Mapping[str, Any]) -> None:
 def _filters(builder: MapBuilder, name: object, item: Mapping[str, Any]) -> tuple[float, float]:
     """What the filters make of a raw number, as scale and offset; `multiply` of a number divides it."""
     scale, offset = 1.0, 0.0
-    for step in mappings(item.get("filters")):
+    own = {"lambda": item["lambda"]} if "lambda" in item else {}
+    for step in (own, *mappings(item.get("filters"))):
         for key, value in step.items():
-            try:
-                number = float(value)
-            except (TypeError, ValueError):
-                number = None
-            if key == "multiply" and number is not None:
-                scale, offset = scale * number, offset * number
-            elif key == "offset" and number is not None:
-                offset += number
+            line = _line(key, step)
+            if line is not None:
+                scale, offset = scale * line[0], offset * line[0] + line[1]
             elif key == "lambda":
                 builder.note(f"{name}: what its lambda computes is not carried")
+            elif key in ("multiply", "offset") or str(key).startswith("calibrate"):
+                builder.note(f"{name}: {key} {str(value)[:60]} is not carried")
     multiply = item.get("multiply")
     if multiply is not None:
         try:
@@ -114,3 +131,20 @@ def _filters(builder: MapBuilder, name: object, item: Mapping[str, Any]) -> tupl
         except (TypeError, ValueError, ZeroDivisionError):
             builder.note(f"{name}: multiply {multiply!r} is not carried")
     return scale, offset
+
+
+def _line(key: object, step: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Factor and offset of one filter, None where it is no straight line."""
+    number = number_in(step, str(key), float("nan"))
+    if key in ("multiply", "offset") and number == number:
+        return (number, 0.0) if key == "multiply" else (1.0, number)
+    if key == "lambda" and (match := _FACTOR.fullmatch(str(step[key]))):
+        factor = float(match[2] or 1)
+        return (1 / factor if match[1] == "/" and factor else factor, 0.0)
+    if key == "calibrate_linear":
+        listed = step[key].get("datapoints") if isinstance(step[key], Mapping) else step[key]
+        points = [_POINT.fullmatch(str(one)) for one in listed] if isinstance(listed, list) else []
+        if len(points) == 2 and points[0] and points[1]:
+            (x, y), (x2, y2) = ((float(point[1]), float(point[2])) for point in points if point)
+            return None if x == x2 else ((y2 - y) / (x2 - x), y - x * (y2 - y) / (x2 - x))
+    return None

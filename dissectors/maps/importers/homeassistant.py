@@ -18,6 +18,7 @@ _AREAS: Final = {
     "discrete_input": "discrete", "discrete_inputs": "discrete",
 }  # fmt: skip
 _MOST_TURNS: Final = 250
+_PACKAGES: Final = 3  # homeassistant: packages: NAME:
 _ORDERS: Final = {"word": "CDAB", "byte": "BADC", "word_byte": "DCBA", "none": None}
 
 
@@ -41,12 +42,22 @@ def read(source: MapSource) -> list[ImportedMap]:
 
 
 def _hubs(source: MapSource) -> Iterator[Mapping[str, Any]]:
-    content = source.yaml
+    for content in _configurations(source.yaml):
+        for hub in mappings(content):
+            if any(isinstance(hub.get(kind), list) for kind in _LISTS):
+                yield hub
+
+
+def _configurations(content: Any, depth: int = 0) -> Iterator[Any]:
+    """What stands under `modbus:`, at the top or in a package; a file that is included has the hubs alone."""
     if isinstance(content, Mapping) and "modbus" in content:
-        content = content["modbus"]
-    for hub in mappings(content):
-        if any(isinstance(hub.get(kind), list) and kind != "registers" for kind in _LISTS):
-            yield hub
+        yield content["modbus"]
+    elif isinstance(content, Mapping) and depth < _PACKAGES:
+        for inner in content.values():
+            if isinstance(inner, Mapping):
+                yield from _configurations(inner, depth + 1)
+    if depth == 0 and not (isinstance(content, Mapping) and "modbus" in content):
+        yield content
 
 
 def _item(builder: MapBuilder, kind: str, item: Mapping[str, Any]) -> None:
@@ -57,7 +68,11 @@ def _item(builder: MapBuilder, kind: str, item: Mapping[str, Any]) -> None:
     if address is None or area is None:
         builder.note(f"{name}: address {item.get('address')!r} of {wanted!r} is not known")
         return
-    writable = kind not in ("sensors", "binary_sensors")
+    writable = kind not in ("sensors", "binary_sensors", "climates")
+    if kind == "climates" and (target := item.get("target_temp_register")) is not None:
+        first = target[0] if isinstance(target, list) and target else target
+        same = {key: value for key, value in item.items() if key != "target_temp_register"}
+        _item(builder, "targets", {**same, "address": first, "name": f"{name} target", "input_type": "holding"})
     if area in ("coil", "discrete"):
         builder.add({"area": area, "address": address, "name": name, "access": "rw" if writable else "r"}, name)
         return

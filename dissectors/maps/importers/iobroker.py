@@ -36,9 +36,18 @@ def read(source: MapSource) -> list[ImportedMap]:
     lines = source.text.splitlines()
     rows = csv_rows(lines, "\t" if "\t" in lines[0] else ",", source.name)
     names = [name.strip().lower() for name in next(rows)[1]]
-    for number, cells in rows:
-        row = dict(zip(names, (cell.strip() for cell in cells), strict=False))
-        _row(builder, row, named, number)
+    listed = [
+        (number, dict(zip(names, (cell.strip() for cell in cells), strict=False)))
+        for number, cells in rows
+        if any(cells)
+    ]
+    addresses = [whole_in(row.get("_address")) or 0 for _, row in listed if row.get("_address")]
+    aliases = all(any(base <= address < base + 0x10000 for base, area in _BASES if named in (None, area))
+                  for address in addresses)  # fmt: skip
+    if aliases and addresses:
+        builder.note("addresses were taken for aliases (40001), as all of them could be")
+    for number, row in listed:
+        _row(builder, row, named, number, aliases=aliases)
     return [builder.built()]
 
 
@@ -47,7 +56,7 @@ def _heading(source: MapSource) -> list[str]:
     return [cell.strip().strip('"').lower() for cell in (lines[0] if lines else "").replace(",", "\t").split("\t")]
 
 
-def _row(builder: MapBuilder, row: dict[str, str], named: str | None, number: int) -> None:
+def _row(builder: MapBuilder, row: dict[str, str], named: str | None, number: int, *, aliases: bool) -> None:
     position = row.get("_address") or row.get("address") or ""
     name = row.get("name") or row.get("description") or f"Register {position}"
     address = whole_in(position)
@@ -56,7 +65,7 @@ def _row(builder: MapBuilder, row: dict[str, str], named: str | None, number: in
         return
     area = named or "holding"
     for base, logical in _BASES:
-        if address >= base and named in (None, logical) and address - base < 0x10000 and row.get("_address") is None:
+        if address >= base and named in (None, logical) and address - base < 0x10000 and aliases:
             area, address = logical, address - base
             break
     word = (row.get("type") or "").lower()
@@ -66,6 +75,8 @@ def _row(builder: MapBuilder, row: dict[str, str], named: str | None, number: in
     if kind is None:
         builder.note(f"row {number}: {name}: type {word!r} is no type of a map")
         return
+    if (formula := row.get("formula", "")) not in ("", "x"):
+        builder.note(f"row {number}: {name}: formula {formula[:60]!r} is not carried")
     factor, offset = row.get("factor", ""), row.get("offset", "")
     plain = kind in ("bool", "text")
     builder.add(

@@ -50,8 +50,9 @@ def _metric(builder: MapBuilder, metric: Mapping[str, Any]) -> None:
     if kind == "bool" and area in ("input", "holding"):
         builder.add_bits(area, address, whole_in(metric.get("bitOffset")) or 0, 1, name)
         return
-    if area in ("coil", "discrete"):
-        kind = "bool"
+    if area in ("coil", "discrete") and kind != "bool":
+        builder.note(f"{name}: address {number} leads with the digit of {area}s, which hold no {metric['dataType']}")
+        return
     builder.add(
         {
             "area": area,

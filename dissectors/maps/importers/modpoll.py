@@ -16,6 +16,7 @@ _TYPES: Final = {
     "uint16": "u16", "int16": "s16", "uint32": "u32", "int32": "s32", "uint64": "u64", "int64": "s64",
     "float16": None, "float32": "f32", "float64": "f64", "bool": "bool",
 }  # fmt: skip
+_DELIMITERS: Final = (",", ";", "\t")
 _ORDERS: Final = {"BE_BE": "ABCD", "BE_LE": "CDAB", "LE_BE": "BADC", "LE_LE": "DCBA"}
 
 
@@ -23,8 +24,7 @@ def recognises(source: MapSource) -> bool:
     """Rows that begin with poll and ref."""
     if not source.is_text:
         return False
-    heads = {line.partition(",")[0].strip().lower() for line in source.text.splitlines()[:400]}
-    return {"poll", "ref"} <= heads
+    return any({"poll", "ref"} <= _heads(source, delimiter) for delimiter in _DELIMITERS)
 
 
 def read(source: MapSource) -> list[ImportedMap]:
@@ -32,7 +32,8 @@ def read(source: MapSource) -> list[ImportedMap]:
     builders: dict[str, MapBuilder] = {}
     builder = builders.setdefault("", MapBuilder(source.name))
     area, order = "holding", "ABCD"
-    for number, row in csv_rows(source.text.splitlines(), ",", source.name):
+    delimiter = next(one for one in _DELIMITERS if {"poll", "ref"} <= _heads(source, one))
+    for number, row in csv_rows(source.text.splitlines(), delimiter, source.name):
         cells = [cell.strip() for cell in row] + [""] * 8
         match cells[0].lower():
             case "device":
@@ -46,6 +47,10 @@ def read(source: MapSource) -> list[ImportedMap]:
             case "ref":
                 _reference(builder, cells, area, order, number)
     return [one.built() for one in builders.values()]
+
+
+def _heads(source: MapSource, delimiter: str) -> set[str]:
+    return {line.partition(delimiter)[0].strip().strip('"').lower() for line in source.text.splitlines()[:400]}
 
 
 def _reference(builder: MapBuilder, cells: list[str], area: str, order: str, number: int) -> None:

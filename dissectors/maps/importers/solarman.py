@@ -55,8 +55,7 @@ def _item(builder: MapBuilder, item: Mapping[str, Any], group: str, content: Map
     chosen = chosen.get("read") if isinstance(chosen, Mapping) else chosen
     area = _AREAS.get(whole_in(chosen) or _code_of(content, low) or code, "holding")
     length = len(listed)
-    lookup = {entry.get("key"): entry.get("value") for entry in mappings(item.get("lookup"))}
-    states = {key: _word(text) for key, text in lookup.items() if isinstance(key, int)}
+    states = _states(item)
     if kind in ("u", "s"):
         kind = "enum" if states else f"{kind}{16 * length}"
     bit = whole_in(item.get("bit"))
@@ -84,6 +83,17 @@ def _item(builder: MapBuilder, item: Mapping[str, Any], group: str, content: Map
         },
         name,
     )
+
+
+def _states(item: Mapping[str, Any]) -> dict[int, str]:
+    """Names of states; one may serve several keys."""
+    states: dict[int, str] = {}
+    for entry in mappings(item.get("lookup")):
+        key = entry.get("key")
+        for one in key if isinstance(key, list) else [key]:
+            if (state := whole_in(one)) is not None:
+                states[state] = _word(entry.get("value"))
+    return states
 
 
 def _code_of(content: Mapping[str, Any], address: int) -> int | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -11,11 +12,17 @@ from pathlib import PurePath
 from typing import Any, Final
 
 from ..cells import CellError, one_line, value_of
+from ..encodings import decoded
 from ..model import MapError, MappedValue, RegisterMap
 
 _MOST_NOTES: Final = 20
 _MOST_ROWS: Final = 20_000
 _MOST_TWINS: Final = 64
+_COMMENT: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
+_LAST_COMMA: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|,(?=\s*[}\]])')
+_INCLUDED: Final = re.compile(r"^[^#\n]*!include\w*\s+(?:\{?\s*file:\s*)?([^\s,}#]{1,100})", re.MULTILINE)
+_MOST_INCLUDED: Final = 5
+_TOO_DEEP: Final = "nested too deeply"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,33 +41,56 @@ class MapSource:
         self.data = data
         self.suffix = PurePath(name).suffix.lower()
         self.stem = PurePath(name).stem
+        self._problems: dict[str, str] = {}
+
+    @property
+    def problem(self) -> str:
+        """Why the file is not of the kind that its name or its beginning promises, with the line; empty if it is."""
+        begin = self.text.lstrip()[:1] if self.is_text else ""
+        if self.suffix in (".yaml", ".yml"):
+            kind = "YAML"
+        elif self.suffix in (".toml", ".conf"):
+            kind = "TOML"
+        else:
+            kind = "JSON" if self.suffix == ".json" or begin in ("{", "[") else ""
+        return f"no {kind}: {self._problems[kind]}" if kind in self._problems else ""
+
+    @cached_property
+    def included(self) -> list[str]:
+        """The files that a YAML text takes in, as it names them."""
+        return list(dict.fromkeys(_INCLUDED.findall(self.text)))[:_MOST_INCLUDED] if self.is_text else []
 
     @cached_property
     def text(self) -> str:
-        if self.data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-            return self.data.decode("utf-16", "replace").lstrip("\ufeff")
-        try:
-            return self.data.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            return self.data.decode("cp1251", "replace")
+        return decoded(self.data) or ""
 
     @cached_property
     def is_text(self) -> bool:
-        return b"\0" not in self.data[:4096] or self.data[:2] in (b"\xff\xfe", b"\xfe\xff")
+        return decoded(self.data[:4096]) is not None
 
     @cached_property
     def json(self) -> Any:
-        try:
-            return json.loads(self.text) if self.is_text and self.text.lstrip()[:1] in ("{", "[") else None
-        except (ValueError, RecursionError):
+        """The JSON content; comments and a comma behind the last of a list are no part of it."""
+        if not self.is_text or self.text.lstrip()[:1] not in ("{", "[", "/"):
             return None
+        bare = _COMMENT.sub(lambda found: found[1] or re.sub(r"[^\n]", "", found[0]), self.text)
+        try:
+            return json.loads(_LAST_COMMA.sub(lambda found: found[1] or "", bare))
+        except ValueError as error:
+            self._problems["JSON"] = _place(error)
+        except RecursionError:
+            self._problems["JSON"] = _TOO_DEEP
+        return None
 
     @cached_property
     def toml(self) -> Any:
         try:
             return tomllib.loads(self.text) if self.is_text and "=" in self.text else None
-        except (ValueError, RecursionError):
-            return None
+        except ValueError as error:
+            self._problems["TOML"] = one_line(error)[:200]
+        except RecursionError:
+            self._problems["TOML"] = _TOO_DEEP
+        return None
 
     @cached_property
     def yaml(self) -> Any:
@@ -71,7 +101,8 @@ class MapSource:
 
         try:
             return load_yaml(self.text, lenient=True)
-        except ValueError:
+        except ValueError as error:
+            self._problems["YAML"] = one_line(error)[:200]
             return None
 
 
@@ -139,16 +170,21 @@ class MapBuilder:
         return ImportedMap(chart, tuple(notes))
 
 
+def _place(error: ValueError) -> str:
+    """What is wrong with a JSON text, line first."""
+    return f"line {error.lineno}: {error.msg}" if isinstance(error, json.JSONDecodeError) else one_line(error)[:200]
+
+
 def scaled(scale: float, offset: float = 0.0) -> dict[str, object]:
     """Cells of value = raw * scale + offset, without the noise of binary fractions."""
     return {"scale": f"{scale:.10g}", "offset": f"{offset:.10g}" if offset else None}
 
 
 def number_in(mapping: Mapping[str, Any], key: str, default: float) -> float:
-    """A number of a mapping, the default where there is none."""
+    """A number of a mapping, also one with a decimal comma; the default where there is none."""
     value = mapping.get(key, default)
     try:
-        return float(value)
+        return float(value.replace(",", ".") if isinstance(value, str) else value)
     except (TypeError, ValueError, OverflowError):
         return default
 

@@ -17,16 +17,17 @@ from ..cells import area_and_address, one_line
 from ..model import VALUE_TYPES, MapArea, MapError, MissingLibraryError
 from ..table import csv_rows
 from ..tableaddresses import AddressForm, address_form, address_of
+from ..tabletypes import is_inverse, order_of, says_order, type_of
 from ..tablewords import (
     access_of,
     area_of_cell,
     area_words,
     headings,
     is_function,
+    is_powers,
     limits_of,
-    order_of,
+    measure_in,
     plain_number,
-    type_of,
     unit_of,
     values_of,
 )
@@ -35,6 +36,7 @@ from .source import ImportedMap, MapBuilder, MapSource, refused, whole_in
 NAME = "a table"
 _ZIP: Final = b"PK\x03\x04"
 _LOOK: Final = 60  # rows in which a heading is sought
+_FIRST_WORD: Final = {"CDAB": "least significant", None: "most significant"}
 _CELL: Final = 1000  # characters
 _MOST_ROWS, _MOST_COLUMNS, _UNPACKED = 70_000, 100, 256 << 20  # of a sheet; bytes of a workbook
 
@@ -72,14 +74,19 @@ def _sheet(source: MapSource, sheet: str, rows: Sequence[Sequence[str]]) -> Impo
         cells = [cell for cell in row if cell]
         if all(re.fullmatch("[-=:. ]+", cell) for cell in cells):  # a rule between rows
             continue
-        if heading := headings(row):
+        if headings(row):
+            below = list(_until_heading(rows[number:]))
+            heading = headings(row, below)
             columns, above = heading, ""
-            addresses = [
-                below[heading["address"]] for below in _until_heading(rows[number:]) if heading["address"] < len(below)
-            ]
-            if _is_divisor(row, heading, rows[number:]):
+            addresses = [other[heading["address"]] for other in below if heading["address"] < len(other)]
+            if _is_divisor(row, heading, below):
                 heading["divisor"] = heading.pop("scale")
                 builder.note("gains from 1 up were taken for what raw values are divided by")
+            elif "scale" in heading and is_powers(
+                [other[heading["scale"]] for other in below if heading["scale"] < len(other)]
+            ):
+                heading["power"] = heading.pop("scale")
+                builder.note("whole factors, some below 0, were taken for powers of ten")
             function = "area" in heading and is_function(row[heading["area"]])
             form = address_form(row[heading["address"]], addresses)
             if form.is_hex and not form.is_said:
@@ -104,7 +111,7 @@ def _is_divisor(row: Sequence[str], heading: dict[str, int], below: Sequence[Seq
     at = heading.get("scale")
     if at is None or "divisor" in heading or not row[at].lower().startswith("gain"):
         return False
-    cells = [other[at].strip() for other in _until_heading(below) if at < len(other)]
+    cells = [other[at].strip() for other in below if at < len(other)]
     numbers = [int(cell) if cell.isdecimal() else 0 for cell in cells if cell]
     return bool(numbers) and min(numbers) >= 1 and max(numbers) > 1
 
@@ -140,10 +147,16 @@ def _row(
         where, at = area_and_address(named, address)
         builder.add_bits(where, at, position.bit, 1, " ".join(name.split()))
         return
-    order = order_of(cells.get("order", "") + " " + cells.get("type", ""))
-    if order is None and cells.get("order") and VALUE_TYPES.get(kind, 0) > 1:
-        builder.note(f"row {number}: order {cells['order'][:30]!r} was taken for ABCD, most significant word first")
+    wide = VALUE_TYPES.get(kind, 0) > 1
+    said = f"{cells.get('order', '')} {cells.get('type', '')}".strip()
+    order = order_of(said) if wide else None
+    if wide and (cells.get("order") or says_order(said)) and (order is None or is_inverse(said)):
+        builder.note(
+            f"row {number}: order {said[:30]!r} was taken for {order or 'ABCD'}, {_FIRST_WORD[order]} word first"
+        )
     scale, measure = unit_of(cells)
+    if "unit" not in cells:
+        name, measure = measure_in(" ".join(name.split()))
     low, high = limits_of(cells)
     builder.add(
         {
@@ -156,7 +169,7 @@ def _row(
             "scale": scale if kind not in ("text", "bits", "enum", "bool") else None,
             "offset": plain_number(cells.get("offset", "")),
             "unit": measure,
-            "values": values_of(cells.get("values", "")) if kind in ("enum", "bits", "u16") else None,
+            "values": _states(cells, kind),
             "access": access_of(cells.get("access", "")),
             "min": low,
             "max": high,
@@ -167,6 +180,12 @@ def _row(
     )
 
 
+def _states(cells: dict[str, str], kind: str) -> str | None:
+    """Names of states or bits out of their column, else out of the remarks."""
+    states = values_of(cells.get("values", "")) if kind in ("enum", "bits", "u16") else None
+    return states or (values_of(cells.get("description", "")) if kind in ("enum", "bits") else None)
+
+
 def _logical(named: MapArea | None, number: int) -> bool:
     """Whether 40108 is a logical number: where the row says nothing else, or the same."""
     digit = str(number)[0]
@@ -175,8 +194,13 @@ def _logical(named: MapArea | None, number: int) -> bool:
 
 def _rows_of_text(text: str, file: str, most: int) -> list[list[str]]:
     lines = text.splitlines()[:most]
+    if lines and (named := re.fullmatch(r"\"?sep=(.)\"?", lines[0].strip(), re.IGNORECASE)):  # Excel's own line
+        return _cut(["", *lines[1:]], named[1], file)
     head = "\n".join(lines[:_LOOK])
-    delimiter = max("\t;,|", key=head.count)
+    return _cut(lines, max("\t;,|", key=head.count), file)
+
+
+def _cut(lines: Sequence[str], delimiter: str, file: str) -> list[list[str]]:
     rows = csv_rows(lines, delimiter, file)
     return [[cell.strip()[:_CELL] for cell in row[:_MOST_COLUMNS]] for _, row in rows]
 

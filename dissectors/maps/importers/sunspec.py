@@ -6,11 +6,12 @@ chain is these two have it; `moved` puts it elsewhere.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from .source import ImportedMap, MapBuilder, MapSource, mappings
+from .source import ImportedMap, MapBuilder, MapSource, mappings, whole_in
 
 NAME = "a SunSpec model"
 _BASES: Final = {1: 40002}
@@ -34,7 +35,7 @@ def recognises(source: MapSource) -> bool:
 def read(source: MapSource) -> list[ImportedMap]:
     """The model at its usual address."""
     model = source.json
-    number = model["id"] if isinstance(model["id"], int) else 0
+    number = whole_in(model["id"]) or 0
     base = _BASES.get(number, _AFTER_COMMON)
     group = model["group"]
     builder = MapBuilder(source.name, device=f"SunSpec model {number}: {group.get('label') or group.get('name', '')}")
@@ -64,7 +65,7 @@ def _group(builder: MapBuilder, group: Mapping[str, Any], at: int, prefix: str) 
     points = []
     for point in mappings(group.get("points")):
         size = point.get("size")
-        size = size if isinstance(size, int) and size > 0 else 1
+        size = size if isinstance(size, int) and size > 0 else _usual_size(point)
         addresses[str(point.get("name"))] = at
         points.append((point, at, size))
         at += size
@@ -84,6 +85,12 @@ def _group(builder: MapBuilder, group: Mapping[str, Any], at: int, prefix: str) 
             if at > _LAST or at == before:
                 break
     return at
+
+
+def _usual_size(point: Mapping[str, Any]) -> int:
+    """Registers of a point that does not say them: its type's bits; a text has one."""
+    digits = re.search(r"\d+$", str(point.get("type")))
+    return max(1, int(digits[0]) // 16) if digits else 1
 
 
 def _point(

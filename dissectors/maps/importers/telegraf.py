@@ -69,11 +69,19 @@ def _fields(plugin: Mapping[str, Any]) -> Iterator[tuple[object, str | None, str
 
 def _field(builder: MapBuilder, area: str, order: str | None, field: Mapping[str, Any]) -> None:
     name, address = field.get("name"), field.get("address")
+    if field.get("omit") is True:
+        return
     listed = [whole_in(one) for one in address] if isinstance(address, list) else [whole_in(address)]
     if not listed or listed[0] is None:
         builder.note(f"{name}: address {address!r} is not known")
         return
-    common: dict[str, object] = {"area": area, "address": listed[0], "name": name}
+    places = [place for place in listed if place is not None]
+    first = min(places)
+    turned = len(places) > 1 and places == list(range(places[0], first - 1, -1))
+    if len(places) != len(listed) or not (turned or places == list(range(first, first + len(places)))):
+        builder.note(f"{name}: address {address!r} does not lie side by side")
+        return
+    common: dict[str, object] = {"area": area, "address": first, "name": name}
     if area in ("coil", "discrete"):
         builder.add(common, name)
         return
@@ -83,17 +91,19 @@ def _field(builder: MapBuilder, area: str, order: str | None, field: Mapping[str
         kind = f"{_FIXED[word]}{16 * len(listed)}"
     if word in ("BIT",) or kind is None:
         if word == "BIT":
-            builder.add_bits(area, listed[0], whole_in(field.get("bit")) or 0, 1, str(name))
+            builder.add_bits(area, first, whole_in(field.get("bit")) or 0, 1, str(name))
         else:
             builder.note(f"{name}: type {word} is no type of a map")
         return
     byte_order = str(field.get("byte_order") or order or "ABCD").upper()
     wide = kind not in ("u16", "s16", "text")
+    chosen = _SHORT.get(byte_order, byte_order) or "ABCD"
+    chosen = chosen[2:] + chosen[:2] if turned else chosen  # the registers are listed last word first
     builder.add(
         {
             **common,
             "type": kind,
-            "order": _SHORT.get(byte_order, byte_order) if wide else None,
+            "order": chosen if wide else None,
             "length": field.get("length", len(listed)) if kind == "text" else None,
             "scale": f"{number_in(field, 'scale', 1.0) or 1.0:.10g}" if kind != "text" else None,
         },

@@ -5,10 +5,7 @@ The maker's own templates bind their users to its controllers: this reads the us
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import Any, Final
 
 from .source import ImportedMap, MapBuilder, MapSource, mappings, number_in, scaled, whole_in
@@ -23,38 +20,27 @@ _AREAS: Final = {
     "holding": "holding", "holding_single": "holding", "holding_multi": "holding", "input": "input", "coil": "coil",
     "discrete": "discrete",
 }  # fmt: skip
-_COMMENT: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
+_DEEPEST: Final = 200  # characters of the names of devices in devices
 _UNITS: Final = {
     "voltage": "V", "current": "A", "power": "W", "power_consumption": "kWh", "temperature": "°C", "rel_humidity": "%",
     "atmospheric_pressure": "mbar", "resistance": "Ohm", "lux": "lx", "sound_level": "dB", "concentration": "ppm",
 }  # fmt: skip
 
 
-@lru_cache(maxsize=4)
-def _content(text: str) -> Any:
-    """The template without its comments; None where it is no JSON."""
-    try:
-        return json.loads(_COMMENT.sub(lambda found: found[1] or "", text))
-    except (ValueError, RecursionError):
-        return None
-
-
 def recognises(source: MapSource) -> bool:
     """A device with channels."""
-    content = _content(source.text) if source.is_text and source.text.lstrip()[:1] in ("{", "/") else None
+    content = source.json
     device = content.get("device") if isinstance(content, Mapping) else None
     return isinstance(device, Mapping) and isinstance(device.get("channels"), list)
 
 
 def read(source: MapSource) -> list[ImportedMap]:
     """The channels and the parameters."""
-    content = _content(source.text)
+    content = source.json
     device = content["device"]
     builder = MapBuilder(source.name, device=str(content.get("title") or device.get("name") or source.stem))
-    for channel in mappings(device.get("channels")):
-        parts = channel.get("consists_of")
-        for item in mappings(parts) if parts else [channel]:
-            _channel(builder, item, str(channel.get("group") or ""))
+    inner = {str(one.get("title")): one.get("device") for one in mappings(device.get("subdevices"))}
+    _channels(builder, device, inner)
     parameters = device.get("parameters")
     listed = parameters.items() if isinstance(parameters, Mapping) else [(p.get("id"), p) for p in mappings(parameters)]
     for name, parameter in listed:
@@ -64,7 +50,23 @@ def read(source: MapSource) -> list[ImportedMap]:
     return [builder.built()]
 
 
-def _channel(builder: MapBuilder, item: Mapping[str, Any], group: str) -> None:
+def _channels(
+    builder: MapBuilder, device: Mapping[str, Any], inner: Mapping[str, Any], prefix: str = "", shift: int = 0
+) -> None:
+    """The channels of a device; one may be a device within it, `shift` addresses further."""
+    for channel in mappings(device.get("channels")):
+        parts = channel.get("consists_of")
+        within = inner.get(str(channel.get("device_type")))
+        if isinstance(within, Mapping) and len(prefix) < _DEEPEST:
+            further = shift + (whole_in(channel.get("shift")) or 0)
+            _channels(builder, within, inner, f"{prefix}{channel.get('name')} ", further)
+            continue
+        for item in mappings(parts) if parts else [channel]:
+            named = {**item, "name": f"{prefix}{item.get('name')}"} if prefix else item
+            _channel(builder, named, str(channel.get("group") or ""), shift)
+
+
+def _channel(builder: MapBuilder, item: Mapping[str, Any], group: str, shift: int = 0) -> None:
     name, area = item.get("name"), _AREAS.get(str(item.get("reg_type") or "holding"))
     position = str(item.get("address") if item.get("address") is not None else item.get("write_address") or "")
     first, *bits = position.split(":")
@@ -72,6 +74,7 @@ def _channel(builder: MapBuilder, item: Mapping[str, Any], group: str) -> None:
     if address is None or area is None:
         builder.note(f"{name}: {item.get('reg_type')} {position!r} is not known")
         return
+    address += shift
     if len(bits) == 2 and all(bit.isdigit() for bit in bits) and area in ("input", "holding"):
         builder.add_bits(area, address, int(bits[0]), int(bits[1]), str(name))
         return

@@ -1,0 +1,19 @@
+"""What an import found, written so that a test reads as the table that it is about."""
+
+from __future__ import annotations
+
+from dissectors.maps.importers.source import ImportedMap
+
+
+def row_texts(imported: ImportedMap) -> list[str]:
+    """The rows of an imported map, a text each, with only what is not the usual."""
+    texts = []
+    for row in imported.chart.rows:
+        states = "; ".join(f"{state}={name}" for state, name in row.values.items())
+        parts = (
+            row.area, row.address, row.type, row.order if row.order != "ABCD" and row.length > 1 else "",
+            f"x{row.scale:g}" if row.scale != 1 else "", f"+{row.offset:g}" if row.offset else "", row.unit,
+            row.access, f"{{{states}}}" if states else "", row.name,
+        )  # fmt: skip
+        texts.append(" ".join(str(part) for part in parts if part != ""))
+    return texts

@@ -1,0 +1,251 @@
+"""Files of other programs as their users keep them, one oddity each: what is read, and what is said about it."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from oddmaps import row_texts
+
+from dissectors.maps import MapError
+from dissectors.maps.importers import import_maps
+
+FILES: dict[str, tuple[str, bytes, list[str], str]] = {
+    "esphome: substitutions, a secret, an include, an anchor": (
+        "inverter.yaml",
+        b"""substitutions:
+  name: Roof
+  base: "0x3100"
+wifi: {ssid: !secret wifi_ssid, password: !secret wifi_password}
+packages: !include {file: common.yaml, vars: {a: 1}}
+.usual: &usual {platform: modbus_controller, modbus_controller_id: roof, register_type: read}
+sensor:
+  - <<: *usual
+    name: "${name} PV voltage"
+    address: ${base}
+    value_type: U_WORD
+    filters: [{multiply: 0.01}]
+    unit_of_measurement: V
+  - <<: *usual
+    name: $name current
+    address: 12545
+    value_type: S_WORD
+    filters:
+      - multiply: 0.01
+      - lambda: return max(x, 0);
+""",
+        ["input 12544 u16 x0.01 V Roof PV voltage", "input 12545 s16 x0.01 Roof current"],
+        "lambda",
+    ),
+    "esphome: a merge of what is in another file": (
+        "pump.yaml",
+        b"sensor:\n  - platform: modbus_controller\n    <<: !include defaults.yaml\n    name: Flow\n    address: 0x10\n"
+        b"    register_type: holding\n    value_type: FP32_R\n",
+        ["holding 16 f32 CDAB Flow"],
+        "",
+    ),
+    "esphome: bytes behind the address, factors as lambdas": (
+        "boiler.yaml",
+        b"""sensor:
+- platform: modbus_controller
+  name: T
+  address: 100
+  offset: 4
+  register_type: holding
+  lambda: "return x / 10.0;"
+- platform: modbus_controller
+  name: P
+  address: 110
+  register_type: holding
+  value_type: S_DWORD
+  lambda: |-
+    return x * 0.5f;
+- platform: modbus_controller
+  name: Q
+  address: 120
+  register_type: holding
+  lambda: !lambda 'return x > 5 ? x : 0;'
+""",
+        ["holding 102 u16 x0.1 T", "holding 110 s32 x0.5 P", "holding 120 u16 Q"],
+        "^Q: what its lambda",
+    ),
+    "esphome: two points of a line": (
+        "level.yaml",
+        b"sensor:\n  platform: modbus_controller\n  name: Level\n  address: 7\n  register_type: read\n  filters:\n"
+        b"    - calibrate_linear:\n        - 4000 -> 0\n        - 20000 -> 100\n",
+        ["input 7 u16 x0.00625 +-25 Level"],
+        "",
+    ),
+    "homeassistant: hubs in a package, lists in another file": (
+        "packages.yaml",
+        "heat:\n  modbus:\n    - name: plant\n      host: !secret host\n      sensors: !include a.yaml\n"
+        "      switches:\n        - {name: Насос, address: 0x07, write_type: coil, slave: 2}\n".encode(),
+        ["coil 7 bool rw Насос"],
+        "a.yaml",
+    ),
+    "homeassistant: decimal commas, structures, word swap": (
+        "configuration.yaml",
+        b"""modbus:
+  name: hub
+  sensors:
+    - name: "Energy"
+      slave: 1
+      address: "0x0156"
+      input_type: input
+      data_type: custom
+      structure: ">f"
+      count: 2
+      swap: word
+      scale: "0,001"
+    - {name: Temp, slave: 1, address: 7, scale: 0.1, offset: "-40", unit_of_measurement: \xc2\xb0C}
+    - {name: Both, slave: 1, address: 9, data_type: custom, structure: ">hh", count: 2}
+""",
+        ["input 342 f32 CDAB x0.001 Energy", "holding 7 s16 x0.1 +-40 °C Temp"],
+        "Both: .*>hh",
+    ),
+    "homeassistant: a climate": (
+        "climate.yaml",
+        b"- name: ac\n  climates:\n    - {name: Room, address: 117, target_temp_register: 2782, scale: 0.1}\n",
+        ["holding 2782 s16 x0.1 rw Room target", "holding 117 s16 x0.1 Room"],
+        "",
+    ),
+    "solarman: anchors, keys in hex, a list of lookups": (
+        "deye.yaml",
+        b"""requests: [{start: 0x0003, end: 0x00FF, mb_functioncode: 0x03}]
+.rule: &u16 {rule: 1, scale: 0.1}
+parameters:
+  - group: solar
+    items:
+      - {<<: *u16, name: PV1 Voltage, registers: [0x006D], uom: V}
+      - name: State
+        registers: ["0x003B"]
+        rule: 1
+        lookup:
+          - {key: 0x00, value: Standby}
+          - {key: [1, 2], value: Run}
+          - {key: default, value: Unknown}
+      - {name: Energy, rule: 3, scale: "0,1", registers: [0x60, 0x61], uom: kWh}
+      - {name: Clock, rule: 8, registers: [22, 23, 24]}
+""",
+        ["holding 109 u16 x0.1 V PV1 Voltage", "holding 59 enum {0=Standby; 1=Run; 2=Run} State",
+         "holding 96 u32 CDAB x0.1 kWh Energy"],
+        "Clock: rule 8",
+    ),
+    "modbus_exporter: a factor with a comma, an address that is short": (
+        "modbus.yml",
+        b"modules:\n- name: m\n  protocol: tcp/ip\n  metrics:\n"
+        b"  - {name: u, address: 30001, dataType: uint16, factor: '0,1', metricType: gauge}\n"
+        b"  - {name: e, address: 400011, dataType: uint32, endianness: yolo}\n"
+        b"  - {name: x, address: 17, dataType: int16}\n",
+        ["input 1 u16 x0.1 u", "holding 11 u32 CDAB e"],
+        "x: .*17",
+    ),
+    "telegraf: a hole in the environment, fields left out": (
+        "telegraf.conf",
+        b"""[agent]
+  interval = "10s"
+[[inputs.modbus]]
+  name = "meter"
+  controller = "tcp://${HOST}:502"
+  configuration_type = "request"
+  [[inputs.modbus.request]]
+    slave_id = 1
+    byte_order = "CDAB"
+    register = "input"
+    fields = [
+      { address=0, name="u", type="FLOAT32" },
+      { address=2, omit=true, type="INT32" },
+      { address=4, name="n", type="INT16", scale=0.1 },
+      { address=5, name="low", type="UINT8L" },
+    ]
+""",
+        ["input 0 f32 CDAB u", "input 4 s16 x0.1 n"],
+        "low: type UINT8L",
+    ),
+    "telegraf: registers in their own order": (
+        "old.toml",
+        b"[[inputs.modbus]]\nslave_id = 7\nholding_registers = [\n"
+        b' { name = "e", byte_order = "CDAB", data_type = "UFIXED", scale=0.01, address = [10,11]},\n'
+        b' { name = "swapped", byte_order = "ABCD", data_type = "INT32", scale=1.0, address = [21,20]},\n]\n',
+        ["holding 10 u32 CDAB x0.01 e", "holding 20 s32 CDAB swapped"],
+        "",
+    ),
+    "iobroker: decimal commas, aliases": (
+        "holdingRegs.tsv",
+        b"_address\tname\tdescription\tunit\ttype\tlen\tfactor\toffset\tformula\trole\troom\tpoll\twp\tcw\tisScale\n"
+        b"40001\tU\tVoltage\tV\tuint16be\t1\t0,1\t0\t\tvalue\t\ttrue\tfalse\tfalse\tfalse\n"
+        b"40010\tP\t\tkW\tint32sw\t2\t0,001\t-5\tx*2\tvalue\t\ttrue\ttrue\tfalse\tfalse\n\n",
+        ["holding 0 u16 x0.1 V U", "holding 9 s32 CDAB x0.001 +-5 kW rw P"],
+        r"row 3: P: formula 'x\*2'",
+    ),
+    "modpoll: semicolons of a spreadsheet": (
+        "modpoll.csv",
+        "\ufeffdevice;meter;1;;;;\r\npoll;input_register;30001;4;BE_LE;;\r\n;;;;;;\r\n# phase;;;;;;\r\n"
+        "ref;u;30001;float32;r;V;\r\nref;n;30003;uint16;r;\u00b0C;0,1\r\n".encode(),
+        ["input 0 f32 CDAB V r u", "input 2 u16 x0.1 °C r n"],
+        "",
+    ),
+    "modbus schema: comments, a field without its expression": (
+        "schema.yaml",
+        b"description: Meter\nblocks:\n- id: main\n  start: 3x1\n  fields:\n"
+        b"  # watts\n  - {id: p, expression: 'int32(3x0001 # 2) / 10', unit: W}\n  - {id: none}\n"
+        b"  - {id: u, expression: \"uint16(input-register:9)\"}\n",
+        ["input 0 s32 x0.1 W p", "input 9 u16 u"],
+        "none",
+    ),
+    "wirenboard: comments, a comma too many, texts as numbers": (
+        "config-x.json",
+        b"""// our own copy
+{ "title": "X", /* old */
+  "device": { "name": "x", "channels": [
+    { "name": "T", "reg_type": "input", "address": "0x0010", "type": "temperature", "format": "s16", "scale": "0,1", },
+    { "name": "E", "reg_type": "holding", "address": 20, "format": "u32", "word_order": "little_endian", },
+    { "name": "Door", "reg_type": "holding", "address": "30:3:1" },
+  ], } }""",
+        ["input 16 s16 x0.1 °C r T", "holding 20 u32 CDAB r E", "holding 30 bits {3=Door} Bits of 30"],
+        "",
+    ),
+    "wirenboard: devices within the device": (
+        "sub.json",
+        b"""{"title": "Y", "device": {"name": "y", "channels": [{"name": "In 1", "device_type": "s", "shift": 100}],
+  "subdevices": [{"title": "s", "device": {"channels": [{"name": "U", "reg_type": "input", "address": 2}]}}]}}""",
+        ["input 102 u16 r In 1 U"],
+        "",
+    ),
+    "sunspec: sizes that are missing, a mark, a number as text": (
+        "model_103.json",
+        """\ufeff{"id": "103", "group": {"name": "inv", "points": [{"name": "ID", "type": "uint16"},
+  {"name": "W", "type": "int32", "units": "W", "sf": -1}, {"name": "A", "type": "uint16", "sf": "A_SF"},
+  {"name": "A_SF", "type": "sunssf"}]}}""".encode(),
+        ["holding 40070 u16 r ID", "holding 40071 s32 x0.1 W r W", "holding 40073 u16 r A", "holding 40074 s16 r A_SF"],
+        "",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("oddity", FILES)
+def test_a_file_of_people(oddity: str) -> None:
+    file, data, expected, note = FILES[oddity]
+    (found,) = import_maps(file, data)
+    assert row_texts(found) == expected
+    if note:
+        assert any(re.search(note, said) for said in found.notes), found.notes
+
+
+REFUSED = {
+    "a unit that is no YAML": ("ha.yaml", "modbus:\n  - name: a\n    sensors:\n      - unit: %\n", "line 4"),
+    "a tab in YAML": ("esp.yaml", "sensor:\n  - platform: modbus_controller\n\taddress: 5\n", "line 3"),
+    "JSON that ends early": ("t.json", '{"device": {\n "channels": [{"name": "x"\n', "line 3"),
+    "TOML with a bare variable": ("t.conf", "[[inputs.modbus]]\n  slave_id = $UNIT\n", "line 2"),
+    "all of it elsewhere": ("configuration.yaml", "modbus: !include modbus.yaml\n", "modbus.yaml"),
+    "no headings": ("list.csv", "40001,Voltage,V\n40002,Current,A\n", "no known form.*headings"),
+    "a template of templates": ("x.json.jinja", '{% set a = 1 %}\n{"device": {"channels": []}}', "line 1"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_read_is_said_with_its_place(case: str) -> None:
+    file, text, expected = REFUSED[case]
+    with pytest.raises(MapError, match=expected) as raised:
+        import_maps(file, text.encode())
+    assert str(raised.value).startswith(f"{file}: ") and "\n" not in str(raised.value)
