@@ -8,19 +8,14 @@ decisions at the same offsets.
 At each point declared candidates compete alone first, in a lattice that grows as bytes come. Everything else that a
 stretch may hold (functions of unknown length, frames made wrong, frames that came damaged) is looked for only where
 those leave noise and the line falls silent, or a window is full: the price of such a look is that of all bytes up to
-the point, so few are made (`_Look.move`).
-
-What a silence tells grows with it: at a point there is first the gap, then a quiet line, then one so long that it ends
-all. These stages are gone through in order, on a file as live, where a clock ticks through them.
-
+the point, so few are made (`OpenLook.move`).
 """
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Final, NamedTuple
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -28,16 +23,16 @@ from dissectors.adu import MAX_ADU
 from dissectors.length_rules import Role
 
 from ..options import Options
-from ..tables.schema import BoundaryEvidence, Kind
 from .awaited import answer_may_come, frame_may_come
 from .buffer import ByteBuffer
-from .candidates import CRC_BITS
+from .certainty import UNDECIDED, Decision, evidence_of_steps, margins
 from .conversation import Conversation
 from .crc_windows import possible_starts
 from .forced import ForcedRuns, SearchedBytes
 from .gaps import AGAINST, SILENT, GapStatistics, SpeakerTurn, classes_of, next_checkpoint
-from .lattice import LEAD, SURE, Candidate, Lattice, Losers, PathStep
-from .segments import NOISE, DecidedSegments, evidence_rows
+from .lattice import LEAD, SURE, Lattice, PathStep, by_end
+from .looks import CUT, GAP, IDLE, NEVER, DecisionPoint, LaidPaths, OpenLook
+from .segments import NOISE, DecidedSegments
 from .unpredicted import (
     broken_windows,
     damaged_answers,
@@ -48,93 +43,10 @@ from .unpredicted import (
 )
 
 WINDOWS: Final = (96, 384, 2048)  # bytes looked at: mostly a few frames do; the last at most waits for a decision
-_KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}
 _ALONE: Final = 15.0  # bits that frames end to end with silence behind them need
 _AMID: Final = 48.0  # bits that frames need after noise, or with more bytes right behind them
-_LOOKED: Final = 5  # times the bytes up to a point that looks at everything may have gone over, those there included
-_LOOKED_FREELY: Final = 768  # and so many bytes besides
 _SPARSE: Final = 4  # bytes a candidate, on a line of short frames
 _DEAR: Final = 12  # bytes that each further one costs
-
-
-_GAP, _IDLE, _CUT = 0, 1, 2  # stages of a silence
-STAGES: Final = 3
-_NEVER: Final = 1 << 62
-
-
-@dataclass(frozen=True, slots=True)
-class DecisionPoint:
-    """A position at which to look, and what the silence there is."""
-
-    position: int
-    stages: int = 1  # how many it goes through: 2 when the line was quiet, 3 when no frame spans it
-    silent: bool = False  # some gap
-    plausible: bool = True  # that gap, or the lack of one, does not speak against a frame's end
-    parted: bool = False  # a gap that may part frames, or a window's end
-
-
-class Decision(NamedTuple):
-    """Certain steps from the lattice's first position on, and the paths that theirs beat where they ended."""
-
-    steps: list[PathStep]
-    rivals: Losers
-
-    @property
-    def only_frames(self) -> bool:
-        """Whether something was decided and no byte of it is noise."""
-        return bool(self.steps) and all(step.candidate is not None for step in self.steps)
-
-
-UNDECIDED: Final = Decision([], ())
-
-
-@dataclass(slots=True)
-class _Region:
-    """What is known from one undecided position on; offsets are from where the look began.
-
-    `origin` is the first byte that is not decided. A look is kept while nothing is decided there and more bytes come.
-    """
-
-    offset: int  # in the stream, of where it began
-    conversation: Conversation  # up to the origin
-    lattice: Lattice  # of declared candidates
-    origin: int = 0
-    data: bytes = b""
-    classes: list[int] = field(default_factory=list)
-    candidates: list[Candidate] = field(default_factory=list)  # declared ones
-    points: list[DecisionPoint] = field(default_factory=list)
-    pointed: int = 0  # the position up to which there are points
-    first_ends: dict[int, int] = field(default_factory=dict)  # of the candidates that begin at a position
-    position: int = 0  # the newest one looked at, and how many stages of it
-    stages: int = 0
-    work: int = 0  # bytes that looks at everything have gone over, and as many for what crowds there
-    affordable: bool = True  # to look at everything at that position
-    paid: bool = False  # and that is counted
-    everything: Lattice | None = None  # of all candidates up to that position
-
-    def next_point(self, limit: int) -> DecisionPoint | None:
-        """The first point up to `limit` that was not looked at in all its stages."""
-        first = bisect_left(self.points, self.position, key=_position)
-        for point in self.points[first : first + 2]:
-            if point.position <= limit and (point.position > self.position or point.stages > self.stages):
-                return point
-        return None
-
-    def move(self, point: DecisionPoint) -> range:
-        """Go to a point: the stages that were not looked at."""
-        first = self.stages if point.position == self.position else _GAP
-        if first == _GAP:
-            size = point.position - self.origin
-            self.affordable = point.parted and self.work + size <= _LOOKED * size + _LOOKED_FREELY
-            self.everything, self.paid = None, False
-        self.position, self.stages = point.position, max(first, point.stages)
-        return range(first, point.stages)
-
-    def go_on(self, position: int, conversation: Conversation) -> None:
-        """All before a position is decided."""
-        self.origin = self.position = position
-        self.conversation, self.stages, self.work = conversation, STAGES, 0  # no byte is left to be looked at there
-        self.lattice.restart(position, conversation)
 
 
 class Decider:
@@ -144,7 +56,7 @@ class Decider:
         """`role`: the only one that frames of this port have, where that is known."""
         self._buffer, self._statistics, self._options, self._role = buffer, statistics, options, role
         self._idle_class = int(classes_of(np.array([options.idle_ns]), buffer.char_ns)[0])
-        self._look: _Region | None = None
+        self._look: OpenLook | None = None
         self.heard: set[int] = set()  # functions that nobody has declared and this bus has used
 
     def decide(
@@ -157,7 +69,7 @@ class Decider:
         offset = self._buffer.base + stretch.begin + at
         look, self._look = self._look, None
         if look is None or look.offset != offset:
-            look = _Region(offset, conversation, Lattice(offset, self._statistics, conversation))
+            look = OpenLook(offset, conversation, Lattice(offset, self._statistics, conversation))
         settled = next_checkpoint(offset) - offset  # silences are worth the same up to here
         decisions: list[Decision] = []
         while (decision := self._next(look, stretch, at, stages)).steps:
@@ -170,7 +82,7 @@ class Decider:
             self._look = look
         return decisions
 
-    def _next(self, look: _Region, stretch: SearchedBytes, at: int, stages: int) -> Decision:
+    def _next(self, look: OpenLook, stretch: SearchedBytes, at: int, stages: int) -> Decision:
         """What is certain next."""
         size = len(stretch.data) - at
         while True:
@@ -190,7 +102,7 @@ class Decider:
             return self._decision(look, stretch, at, DecisionPoint(size, stages, silent=True, parted=True))
         return UNDECIDED
 
-    def _extend(self, look: _Region, stretch: SearchedBytes, at: int, limit: int) -> None:
+    def _extend(self, look: OpenLook, stretch: SearchedBytes, at: int, limit: int) -> None:
         """Let a look know the first `limit` bytes, at least, and the points there of which the silence is known."""
         buffer, begin, known = self._buffer, stretch.begin + at, len(look.data)
         size = len(stretch.data) - at
@@ -202,7 +114,7 @@ class Decider:
             look.lattice.extend(look.data, look.classes)
             look.lattice.add(new)
             for candidate in new:
-                look.first_ends[candidate.start] = min(candidate.end, look.first_ends.get(candidate.start, _NEVER))
+                look.first_ends[candidate.start] = min(candidate.end, look.first_ends.get(candidate.start, NEVER))
         else:
             limit = known
         last = limit if begin + limit < buffer.classed else limit - 1
@@ -211,7 +123,7 @@ class Decider:
             look.points += self._points(look, begin, look.pointed, last)
             look.pointed = max(look.pointed, last)
 
-    def _points(self, look: _Region, begin: int, low: int, high: int) -> list[DecisionPoint]:
+    def _points(self, look: OpenLook, begin: int, low: int, high: int) -> list[DecisionPoint]:
         """The points in (low, high] of a look that began at index `begin` of the buffer."""
         buffer, options = self._buffer, self._options
         idle = set((buffer.quiet(begin + low, begin + high + 1, options.idle_ns) - begin).tolist())
@@ -224,45 +136,44 @@ class Decider:
             for position in sorted(idle | cut | parted | ends)
         ]
 
-    def _point(self, look: _Region, position: int, stages: int = 1, parted: bool = False) -> DecisionPoint:
+    def _point(self, look: OpenLook, position: int, stages: int = 1, parted: bool = False) -> DecisionPoint:
         silence = look.classes[position]
         return DecisionPoint(
             position, stages, silence > 0 or stages > 1, self._statistics.most[silence] >= AGAINST, parted or stages > 1
         )
 
-    def _decision(self, look: _Region, stretch: SearchedBytes, at: int, point: DecisionPoint) -> Decision:
+    def _decision(self, look: OpenLook, stretch: SearchedBytes, at: int, point: DecisionPoint) -> Decision:
         """What is certain at a point, stage by stage."""
         overdue = point.position == look.origin + WINDOWS[-1]
         for stage in look.move(point):
             tiled = False
-            if look.first_ends.get(look.origin, _NEVER) <= point.position:  # else there is noise, whatever comes
+            if look.first_ends.get(look.origin, NEVER) <= point.position:  # else there is noise, whatever comes
                 look.lattice.advance(point.position)
                 decision = self._certain(look, look.lattice, point, stage)
                 if decision.only_frames:
                     return decision
-                tiled = stage == _GAP and not look.lattice.best.noisy and look.lattice.best.end == point.position
-            if (look.affordable and not tiled) or stage == _CUT or overdue:
+                tiled = stage == GAP and not look.lattice.best.noisy and look.lattice.best.end == point.position
+            if (look.affordable and not tiled) or stage == CUT or overdue:
                 decision = self._of_everything(look, stretch, at, point, stage)
                 if decision.steps:
                     return decision
-        return (
-            decide_overdue(self._everything(look, stretch, at, point, _GAP), point.position) if overdue else UNDECIDED
-        )
+        return decide_overdue(self._everything(look, stretch, at, point, GAP), point.position) if overdue else UNDECIDED
 
     def _of_everything(
-        self, look: _Region, stretch: SearchedBytes, at: int, point: DecisionPoint, stage: int
+        self, look: OpenLook, stretch: SearchedBytes, at: int, point: DecisionPoint, stage: int
     ) -> Decision:
         """What is certain at a stage of a point, or at a place before it, by all candidates that there are."""
-        if stage == _IDLE:
+        if stage == IDLE:
             look.everything = None  # what stands before the silence now stands between two
         if look.affordable and not look.paid:
             look.work += point.position - look.origin
             look.paid = True
         if look.everything is None:
             lattice = self._everything(look, stretch, at, point, stage)
+            tried = lattice.position  # up to there by the look before, in vain
             points = {p.position: p for p in look.points if p.stages > 1}
             for position in sorted({*points, *lattice.ends}):
-                if look.origin < position < point.position:
+                if tried < position < point.position:
                     lattice.advance(position)
                     before = points.get(position) or self._point(look, position)
                     decision = self._certain(look, lattice, before, before.stages - 1)
@@ -273,7 +184,7 @@ class Decider:
         lattice.advance(point.position)
         return self._certain(look, lattice, point, stage)
 
-    def _everything(self, look: _Region, stretch: SearchedBytes, at: int, point: DecisionPoint, stage: int) -> Lattice:
+    def _everything(self, look: OpenLook, stretch: SearchedBytes, at: int, point: DecisionPoint, stage: int) -> Lattice:
         """A lattice of all candidates up to a stage of a point."""
         if look.everything is not None:
             return look.everything
@@ -286,7 +197,7 @@ class Decider:
         ]
         quiet = [p.position - origin for p in look.points if p.stages > 1 and origin < p.position < end]
         quiet += [end - origin] * (point.silent and point.parted)
-        edges = possible_edges(data, classes, declared, quiet, self._statistics, over=stage > _GAP)
+        edges = possible_edges(data, classes, declared, quiet, self._statistics, over=stage > GAP)
         may = possible_starts(stretch.crc, at + origin, len(data))
         more = unknown_windows(data, stretch.crc, at + origin, edges, declared, self.heard, may)
         more += broken_windows(data, stretch.crc, at + origin, edges, declared + more, may)
@@ -294,20 +205,27 @@ class Decider:
         more += damaged_requests(data, edges, declared)
         more += damaged_answers(data, edges, declared, look.conversation.open_requests)
         look.work += _DEAR * max(0, len(declared) + len(more) - len(data) // _SPARSE)
-        lattice = Lattice(look.offset, self._statistics, look.conversation, origin)
-        lattice.extend(look.data, look.classes)
-        lattice.add(c for c in look.candidates if c.start >= origin and c.end <= end)
-        lattice.add(
+        candidates = [c for c in look.candidates if c.start >= origin and c.end <= end]
+        candidates += [
             c._replace(start=c.start + origin, end=c.end + origin) for c in more if self._role in (None, c.role)
-        )
+        ]
+        candidates.sort(key=by_end)
+        if look.laid is not None and look.laid.position > origin + 1 and look.laid.pointed > origin:
+            look.laid.lattice.extend(look.data, look.classes)
+            lattice = look.laid.gone_on(candidates)
+        else:
+            lattice = Lattice(look.offset, self._statistics, look.conversation, origin)
+            lattice.extend(look.data, look.classes)
+            lattice.add(candidates)
         look.everything = lattice
+        look.laid = LaidPaths(lattice, candidates, end, look.pointed)
         return lattice
 
-    def _certain(self, look: _Region, lattice: Lattice, point: DecisionPoint, stage: int) -> Decision:
+    def _certain(self, look: OpenLook, lattice: Lattice, point: DecisionPoint, stage: int) -> Decision:
         """What a lattice that was advanced to a point makes certain at a stage of it."""
-        if stage == _CUT:
+        if stage == CUT:
             return Decision(lattice.steps(), lattice.rivals())
-        if stage == _GAP and not _enough(lattice, point):
+        if stage == GAP and not _enough(lattice, point):
             return UNDECIDED
         steps = lattice.steps()
         frames = [s for s in steps if s.candidate is not None and not s.candidate.damaged]
@@ -317,7 +235,7 @@ class Decider:
 
     def _awaited(
         self,
-        look: _Region,
+        look: OpenLook,
         point: DecisionPoint,
         stage: int,
         frames: Sequence[PathStep],
@@ -326,10 +244,10 @@ class Decider:
     ) -> bool:
         """Whether a longer frame may still come that would explain the end better."""
         statistics, data = self._statistics, look.data[: point.position]
-        idle_bits = max(0.0, statistics.bits_by_turn[SpeakerTurn.REQUEST][self._idle_class]) * (stage == _IDLE)
+        idle_bits = max(0.0, statistics.bits_by_turn[SpeakerTurn.REQUEST][self._idle_class]) * (stage == IDLE)
         if answer_may_come(data, frames, steps, lattice, idle_bits):
             return True
-        if stage == _IDLE and statistics.parts()[self._idle_class]:
+        if stage == IDLE and statistics.parts()[self._idle_class]:
             return False
         return frame_may_come(data, frames, steps, lattice, idle_bits, self._role)
 
@@ -378,58 +296,3 @@ def decide_overdue(lattice: Lattice, position: int) -> Decision:
             break
         steps.append(step)
     return Decision(steps, lattice.rivals())
-
-
-def margins(decision: Decision) -> list[tuple[float, PathStep | None]]:
-    """For each step, by how much its path beat the best path without it, and what that path had there.
-
-    Where two paths met, the winner's steps since they parted are as sure as the difference (soft-output Viterbi).
-    """
-    steps = decision.steps
-    margin: list[tuple[float, PathStep | None]] = [(float("inf"), None)] * len(steps)
-    index = {_key(step): i for i, step in enumerate(steps)}
-    beaten = [(at, *rival) for at, step in enumerate(steps) for rival in step.losers]
-    beaten += [(len(steps), *rival) for rival in decision.rivals]
-    for at, difference, loser in beaten:
-        shared: set[int] = set()
-        parted = 0  # steps before it are those of both
-        segments: list[PathStep] = []
-        while loser is not None:
-            i = index.get(_key(loser))
-            if i is None:
-                segments.append(loser)
-            elif steps[i] is loser:
-                parted = i + 1
-                break
-            else:
-                shared.add(i)
-            loser = loser.before
-        for i in range(parted, at):
-            if i not in shared and difference < margin[i][0]:
-                mine = steps[i]
-                margin[i] = (difference, next((p for p in segments if p.start < mine.end and p.end > mine.start), None))
-    return margin
-
-
-def evidence_of_steps(
-    steps: Sequence[PathStep], found: Sequence[tuple[float, PathStep | None]], offset: int
-) -> BoundaryEvidence:
-    """The evidence of steps (their margins apart) that begin at a stream offset, with what `margins` found."""
-    why = evidence_rows(len(steps))
-    for i, (step, (_, other)) in enumerate(zip(steps, found, strict=True)):
-        why.silence[i], why.conversation[i] = step.gap_bits, step.conversation_bits
-        if step.candidate is not None:
-            why.length[i] = step.candidate.structure
-            why.crc[i] = 0.0 if step.candidate.damaged else CRC_BITS
-        if other is not None:
-            why.rival_start[i], why.rival_length[i] = offset + other.start, other.end - other.start
-            why.rival_kind[i] = _KINDS[other.candidate.role if other.candidate else NOISE]
-    return why
-
-
-def _key(step: PathStep) -> tuple[int, int, int]:
-    return step.start, step.end, step.candidate.role if step.candidate else -1
-
-
-def _position(point: DecisionPoint) -> int:
-    return point.position

@@ -20,10 +20,11 @@ from .buffer import ByteBuffer, CharacterTime, Times
 from .candidates import CRC_BITS, GLITCHES, Candidates, more_candidates, search_candidates
 from .conversation import REACH, ConversationTracker, FrameRun
 from .crc_windows import CrcWindows, crc_windows
-from .decisions import STAGES, WINDOWS, Decider
+from .decisions import WINDOWS, Decider
 from .forced import ForcedRuns, SearchedBytes, forced_runs, plain_evidence, plain_reach, without_tail
 from .gaps import GapStatistics, LearntFrames, SpeakerTurn, classes_of, next_checkpoint
 from .lattice import GLITCH_RUN, LOST
+from .looks import STAGES
 from .rules import Bytes, Index, Mask, length_tables
 from .segments import NOISE, DecidedSegments, StreamSegments, evidence_rows, join_segments
 

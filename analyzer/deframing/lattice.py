@@ -146,7 +146,7 @@ class Lattice:
     def add(self, candidates: Iterable[Candidate]) -> None:
         """Candidates that end behind the position advanced to."""
         self._waiting += candidates
-        self._waiting.sort(key=_by_end, reverse=True)
+        self._waiting.sort(key=by_end, reverse=True)
 
     def restart(self, position: int, conversation: Conversation) -> None:
         """What is before a position is decided; `conversation` is that up to there."""
@@ -156,6 +156,15 @@ class Lattice:
         self._landings = [position]
         self._scored.clear()
         self._survivors = [[Survivor(0.0, None, position, conversation)]]
+
+    def rewind(self, position: int) -> None:
+        """Back to a position, with nothing yet to come behind it."""
+        kept = bisect_right(self._landings, position)
+        del self._landings[kept:], self._survivors[kept:]
+        del self._candidates[bisect_right(self._candidates, position, key=_end) :]
+        self._waiting.clear()
+        self._scored.clear()
+        self.position = position
 
     def advance(self, position: int) -> None:
         """Extend all paths to `position`, by candidates that end at or before it."""
@@ -242,7 +251,8 @@ class Lattice:
         unit = self._units[adu[0]]
         if damaged:
             return unit, conversation  # nobody will answer it
-        if conversation.last == adu:  # its very bytes, as many as they are: not by chance
+        said = adu == conversation.last or (self._before.answered and adu == self._before.last)
+        if said:  # its very bytes, as many as they are: not by chance
             same = min(FITS, 8.0 * (len(adu) - 2) - KNOWN)
             bits = same + (REPEATED if conversation.answered else self._unanswered)
         elif conversation.answered:
@@ -388,7 +398,8 @@ def _end(candidate: Candidate) -> int:
     return candidate.end
 
 
-def _by_end(candidate: Candidate) -> tuple[int, int, int]:
+def by_end(candidate: Candidate) -> tuple[int, int, int]:
+    """The order in which candidates are taken."""
     return candidate.end, candidate.start, candidate.role
 
 

@@ -30,6 +30,17 @@ def bus(wire="noisy", seed=1, transactions=120, *, begin_ns=BEGIN_NS, span_ns=No
     return captures.Capture.of(made.line, chunks)
 
 
+def write_fleet(folder, transactions=40):
+    """Three sites with two lines each, over days; one of the files is text, to be damaged by hand."""
+    for site in range(3):
+        for line in range(2):
+            capture = bus("noisy" if site else "clean", site * 10 + line, transactions, span_ns=2 * DAY_NS)
+            path = folder / f"site{site}" / f"bus{line}.{'jsonl' if (site, line) == (2, 1) else 'mcap'}"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            captures.write(path, capture)
+    return folder
+
+
 def sliced(capture, cuts, folder, name="bus"):
     """The files of a ring that holds these chunks, cut where `cuts` (0 to 1) say."""
     chunks = list(capture.chunks())
@@ -37,7 +48,7 @@ def sliced(capture, cuts, folder, name="bus"):
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for number, (first, last) in enumerate(pairwise(bounds)):
-        path = folder / f"{name}-20260921T{number:06d}.000Z.jsonl"
+        path = folder / f"{name}-20260921T{number:06d}.000Z.mcap"
         captures.write(path, captures.Capture.of(capture.line, chunks[first:last]))
         paths.append(path)
     return paths
@@ -60,11 +71,13 @@ def plain(answer):
 
 def rows(lake, table):
     """All rows of a table but for what says where they are from, in an order that hangs on the rows alone."""
-    answer = plain(Lake(str(lake)).arrow(f"SELECT * FROM {table} ORDER BY ALL"))
+    lake = lake if isinstance(lake, Lake) else Lake(str(lake))
+    answer = plain(lake.arrow(f"SELECT * FROM {table} ORDER BY ALL"))
     return [{k: v for k, v in row.items() if k not in ("source", "size", "sha256")} for row in answer]
 
 
 def same(one, two, tables=tuple(DATASETS)):
+    one, two = Lake(str(one)), Lake(str(two))
     for table in tables:
         assert rows(one, table) == rows(two, table), table
     return True

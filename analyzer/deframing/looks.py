@@ -1,0 +1,112 @@
+"""A look at a stretch that is not decided: its points, in stream order, and what is known up to the newest of them.
+
+What a silence tells grows with it: at a point there is first the gap, then a quiet line, then one so long that it ends
+all. These stages are gone through in order, on a file as live, where a clock ticks through them.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass, field
+from itertools import zip_longest
+from typing import Final
+
+from .conversation import Conversation
+from .lattice import Candidate, Lattice
+
+GAP, IDLE, CUT = 0, 1, 2  # stages of a silence
+STAGES: Final = 3
+NEVER: Final = 1 << 62
+_LOOKED: Final = 5  # times the bytes up to a point that looks at everything may have gone over, those there included
+_LOOKED_FREELY: Final = 768  # and so many bytes besides
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionPoint:
+    """A position at which to look, and what the silence there is."""
+
+    position: int
+    stages: int = 1  # how many it goes through: 2 when the line was quiet, 3 when no frame spans it
+    silent: bool = False  # some gap
+    plausible: bool = True  # that gap, or the lack of one, does not speak against a frame's end
+    parted: bool = False  # a gap that may part frames, or a window's end
+
+
+@dataclass(slots=True)
+class LaidPaths:
+    """A lattice of all candidates up to a point, of which what comes leaves most as it is."""
+
+    lattice: Lattice
+    candidates: list[Candidate]  # by end
+    position: int  # of the point
+    pointed: int  # silences up to here are known
+
+    def gone_on(self, candidates: list[Candidate]) -> Lattice:
+        """The same lattice with these candidates (by end), back where they begin to differ from those that it had."""
+        same = min(self.position - 1, self.pointed)
+        for mine, other in zip_longest(self.candidates, candidates):
+            if mine != other:
+                same = min([same, *(one.end - 1 for one in (mine, other) if one is not None)])
+                break
+        self.lattice.rewind(same)
+        self.lattice.add(candidates[bisect_right(candidates, same, key=_end) :])
+        return self.lattice
+
+
+@dataclass(slots=True)
+class OpenLook:
+    """What is known from one undecided position on; offsets are from where the look began.
+
+    `origin` is the first byte that is not decided. A look is kept while nothing is decided there and more bytes come.
+    """
+
+    offset: int  # in the stream, of where it began
+    conversation: Conversation  # up to the origin
+    lattice: Lattice  # of declared candidates
+    origin: int = 0
+    data: bytes = b""
+    classes: list[int] = field(default_factory=list)
+    candidates: list[Candidate] = field(default_factory=list)  # declared ones
+    points: list[DecisionPoint] = field(default_factory=list)
+    pointed: int = 0  # the position up to which there are points
+    first_ends: dict[int, int] = field(default_factory=dict)  # of the candidates that begin at a position
+    position: int = 0  # the newest one looked at, and how many stages of it
+    stages: int = 0
+    work: int = 0  # bytes that looks at everything have gone over, and as many for what crowds there
+    affordable: bool = True  # to look at everything at that position
+    paid: bool = False  # and that is counted
+    everything: Lattice | None = None  # of all candidates up to that position
+    laid: LaidPaths | None = None  # what `everything` was last
+
+    def next_point(self, limit: int) -> DecisionPoint | None:
+        """The first point up to `limit` that was not looked at in all its stages."""
+        first = bisect_left(self.points, self.position, key=_position)
+        for point in self.points[first : first + 2]:
+            if point.position <= limit and (point.position > self.position or point.stages > self.stages):
+                return point
+        return None
+
+    def move(self, point: DecisionPoint) -> range:
+        """Go to a point: the stages that were not looked at."""
+        first = self.stages if point.position == self.position else GAP
+        if first == GAP:
+            size = point.position - self.origin
+            self.affordable = point.parted and self.work + size <= _LOOKED * size + _LOOKED_FREELY
+            self.everything, self.paid = None, False
+        self.position, self.stages = point.position, max(first, point.stages)
+        return range(first, point.stages)
+
+    def go_on(self, position: int, conversation: Conversation) -> None:
+        """All before a position is decided."""
+        self.origin = self.position = position
+        self.conversation, self.stages, self.work = conversation, STAGES, 0  # no byte is left to be looked at there
+        self.lattice.restart(position, conversation)
+        self.laid = None
+
+
+def _end(candidate: Candidate) -> int:
+    return candidate.end
+
+
+def _position(point: DecisionPoint) -> int:
+    return point.position
