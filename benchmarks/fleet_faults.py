@@ -54,9 +54,10 @@ def differing(one: Path, two: Path, harmed: frozenset[tuple[str, str]] = frozens
     return [table for table in DATASETS if _rows(one, table, harmed) != _rows(two, table, harmed)]
 
 
-def _rows(lake: Path, table: str, harmed: frozenset[tuple[str, str]]) -> list[tuple[object, ...]]:
-    rows: list[tuple[object, ...]] = (
-        Lake(str(lake)).sql(f"SELECT site, line, * EXCLUDE (site, line) FROM {table} ORDER BY ALL").fetchall()
+def _rows(lake: Path, table: str, harmed: frozenset[tuple[str, str]]) -> list[tuple[str, str, str]]:
+    """Site, line and the whole row as text, in order."""
+    rows: list[tuple[str, str, str]] = (
+        Lake(str(lake)).sql(f"SELECT site, line, {table}::VARCHAR FROM {table} ORDER BY ALL").fetchall()
     )
     return [row for row in rows if row[:2] not in harmed]
 

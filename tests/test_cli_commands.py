@@ -15,7 +15,7 @@ from running import ROOT, START, environment, ran, refused, spawned
 
 from analyzer.cli.app import Parser
 from analyzer.cli.commands import COMMANDS, load
-from analyzer.cli.exits import MEANINGS
+from analyzer.cli.exits import FAILURES, meanings
 from analyzer.cli.manpage import man_page
 from analyzer.cli.terminal import progress_words
 from analyzer.version import __version__
@@ -39,8 +39,9 @@ def test_help_tells_the_example(capsys, command):
     assert done.status == 0
     for line in load(command).EXAMPLE.splitlines():
         assert f"  {line}\n" in done.out
-    for status, meaning in MEANINGS:
+    for status, meaning in meanings(command):
         assert f"  {status:<5}{meaning}\n" in done.out
+    assert ("\n  1    " in done.out) == (command in FAILURES)
 
 
 # Those need a tap, or write into the user's folders of Wireshark (tests/test_wireshark.py).

@@ -62,6 +62,10 @@ def test_the_product_has_the_public_names() -> None:
         (("report", "bus.jsonl", "--map", "eastron-sdm63"), "eastron-sdm630"),
         (("report", "bus.jsonl", "--turnaroud-ms", "3"), "--turnaround-ms"),
         (("exprt", "bus.jsonl"), "export"),
+        (("report", "bus.jsonl", "--tz", "Europe/Moskow"), "Europe/Moscow"),
+        (("parse", "--tz", "Eurpoe/Berlin", "11 03 00 6B 00 03 76 87"), "Europe/Berlin"),
+        (("convert", "bus.jsonl", "-o", "bus.mcpa"), ".mcap"),
+        (("map", "import", "points.csv", "-o", "meter.csv", "--format", "sunspecs"), "sunspec"),
     ],
 )
 def test_a_mistyped_name_is_told_with_what_was_meant(

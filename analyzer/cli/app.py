@@ -19,7 +19,7 @@ from ..settingfiles import found_files
 from ..terminal_text import gated_streams
 from ..version import __version__
 from .commands import COMMANDS, Command, load
-from .exits import DONE, INTERRUPTED, MEANINGS, UNUSABLE, UsageError
+from .exits import DONE, INTERRUPTED, UNUSABLE, UsageError, meanings
 from .terminal import tell
 
 _OURS: Final = frozenset({"analyzer", "captures", "dissectors"})
@@ -165,7 +165,7 @@ def _help_style(name: str, command: Command) -> dict[str, Any]:
     return {
         "description": f"{words[0].upper()}{words[1:]}.",
         "epilog": "exit status:\n"
-        + "".join(f"  {status:<5}{meaning}\n" for status, meaning in MEANINGS)
+        + "".join(f"  {status:<5}{meaning}\n" for status, meaning in meanings(name))
         + "\nexample:\n"
         + "".join(f"  {line}\n" for line in command.EXAMPLE.splitlines()),
         "formatter_class": argparse.RawDescriptionHelpFormatter,

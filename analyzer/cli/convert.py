@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from dissectors.values import harmless
 
+from ..meant import did_you_mean
 from .exits import DONE, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     CAPTURE_HELP,
@@ -133,10 +134,18 @@ class _Written:
 def _format(arguments: argparse.Namespace) -> Format:
     from pathlib import Path
 
-    from captures.formats import by_name, for_writing
+    from captures import CaptureError
+    from captures.formats import by_name, for_writing, written_suffixes
 
     if arguments.to_format is None and arguments.output != "-":
-        return for_writing(Path(arguments.output))
+        path = Path(arguments.output)
+        try:
+            return for_writing(path)
+        except CaptureError:
+            near = did_you_mean(path.suffix, written_suffixes())
+            if not near:
+                raise
+            raise UsageError(f"{path}: no format to write with suffix {path.suffix!r}{near}") from None
     chosen = by_name(arguments.to_format or "serial-chunks")
     if chosen.write is None:
         raise UsageError(f"--to-format {chosen.name}: captures in this format can be read, but not written")

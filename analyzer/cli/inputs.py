@@ -97,8 +97,26 @@ def capture_format(text: str) -> str:
 def add_zone_argument(parser: argparse._ActionsContainer) -> None:
     """--tz."""
     parser.add_argument(
-        "--tz", metavar="ZONE", help="zone of times without one: Europe/Moscow, +03:00, UTC; by default this machine's"
+        "--tz",
+        type=zone_name,
+        metavar="ZONE",
+        help="zone of times without one: Europe/Moscow, +03:00, UTC; by default this machine's",
     )
+
+
+def zone_name(text: str) -> str:
+    """The name or the offset of a time zone that there is; for argparse."""
+    from captures import CaptureError
+    from captures.io import time_zone
+
+    try:
+        time_zone(text)
+    except CaptureError as error:
+        from zoneinfo import available_timezones
+
+        near = did_you_mean(text, available_timezones())
+        raise argparse.ArgumentTypeError(f"no time zone {text!r}{near}" if near else str(error)) from None
+    return text
 
 
 def add_functions_argument(parser: argparse.ArgumentParser) -> None:

@@ -7,6 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from ..extras import needs
+from ..meant import did_you_mean
 from .exits import DONE, FAILED, NO_FRAME, UsageError
 from .inputs import load_functions, tell_damage
 from .outputs import add_overwrite_argument, to_be_overwritten
@@ -43,7 +44,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     importing = actions.add_parser("import", help="a map out of a spreadsheet or of what another program has")
     importing.add_argument("file", metavar="FILE")
     _output_arguments(importing)
-    importing.add_argument("--format", metavar="F", help="the format of FILE, where its content does not tell")
+    importing.add_argument(
+        "--format", type=_import_format, metavar="F", help="the format of FILE, where its content does not tell"
+    )
     importing.add_argument("--device", metavar="NAME", help="which device, where FILE has several")
     importing.add_argument("--base", type=int, metavar="N", help="the address where a SunSpec model begins")
     inferring = actions.add_parser("infer", help="a map out of traffic")
@@ -207,6 +210,19 @@ def _chart_of(
         raise UsageError(f"which unit is the map of? --unit N: units with values: {', '.join(map(str, units))}")
     tell(f"taken for the map of unit {best}, which it fits best (--unit N says otherwise)")
     return {best: chart}
+
+
+def _import_format(text: str) -> str:
+    """The name of a format that maps are imported from; for argparse."""
+    from dissectors.maps.importers import FORMATS, map_format
+    from dissectors.maps.model import MapError
+
+    try:
+        map_format(text)
+    except MapError as error:
+        near = did_you_mean(text, FORMATS)
+        raise argparse.ArgumentTypeError(f"no map format {text!r}{near}" if near else str(error)) from None
+    return text
 
 
 def _import(arguments: argparse.Namespace) -> int:

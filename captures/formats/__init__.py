@@ -140,8 +140,12 @@ def for_writing(path: Path) -> Format:
         for candidate in registry().values():
             if path.suffix.lower() in _written(candidate):
                 return candidate
-    suffixes = [suffix for candidate in formats().values() for suffix in _written(candidate)]
-    raise CaptureError(f"{path}: no format to write with suffix {path.suffix!r}: use {_listed(suffixes)}")
+    raise CaptureError(f"{path}: no format to write with suffix {path.suffix!r}: use {_listed(written_suffixes())}")
+
+
+def written_suffixes() -> list[str]:
+    """The suffixes of files that the formats of this package write."""
+    return [suffix for candidate in formats().values() for suffix in _written(candidate)]
 
 
 def _written(format: Format) -> tuple[str, ...]:

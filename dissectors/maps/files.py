@@ -82,7 +82,7 @@ def shipped_map(name: str) -> RegisterMap:
 
 
 def _unknown(name: str) -> str:
-    from difflib import get_close_matches
+    from difflib import get_close_matches  # as analyzer.meant does, which this floor may not import
 
     near = get_close_matches(name, shipped_names(), 1)
     hint = f"did you mean {near[0]}?" if near else "`rtuscope map list` names those that are shipped"
