@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from datetime import UTC, datetime, tzinfo
 from enum import Enum
 from typing import TYPE_CHECKING, Final, overload
@@ -79,13 +80,25 @@ def short(ns: int | None) -> str:
     return f"{hours // 24}d" if hours < 24_000 else ">999d"
 
 
-def pointed_ms(ns: int) -> str:
-    """Milliseconds in nine columns, the point always in the same: `    4.21 `, `   12.3  `; blank where negative."""
-    if ns < 0:
-        return " " * 9
+def pointed_ms(low_ns: int, high_ns: int) -> str:
+    """Milliseconds in nine columns, the point always in the same: `    4.21 `, `   12.3  `; in ten between two:
+    `     9..17`, rounded outwards."""
+    if low_ns != high_ns:
+        digits = 2 if low_ns < 950_000 and high_ns < 9_950_000 else 1 if high_ns < 99_500_000 else 0
+        scale = 10**digits / 1e6
+        low, high = math.floor(low_ns * scale) / 10**digits, math.ceil(high_ns * scale) / 10**digits
+        return f"{low:.{digits}f}..{high:.{digits}f}".rjust(10)
+    ns = low_ns
     ms = ns / 1e6
     whole, _, rest = f"{ms:.{3 if ms < 1 else 2 if ms < 10 else 1 if ms < 100 else 0}f}".partition(".")
     return f"{whole:>5}{'.' if rest else ' '}{rest:<3}"
+
+
+def short_bound(bounds: tuple[int, int] | None) -> str:
+    """`short` of a time that lies between two: `12.3ms`, or what it is at most, `≤17ms`; a dash where it is unknown."""
+    if bounds is None:
+        return "-"
+    return short(bounds[0]) if bounds[0] == bounds[1] else f"≤{short(bounds[1])}"
 
 
 def moment(t_ns: int) -> str:

@@ -17,7 +17,8 @@ from analyzer.core import deframe
 from analyzer.registers.checking import check_map
 from analyzer.registers.drafting import drafted_map, map_differences
 from analyzer.registers.inference import infer
-from analyzer.registers.like import matches_of_series, matches_of_value, read_panel
+from analyzer.registers.like import matches_of_series, matches_of_value
+from analyzer.registers.panel import read_panel
 from analyzer.registers.readings import RegisterReadings
 from analyzer.registers.recognition import UnitTexts, recognised
 from analyzer.registers.values import RegisterValue

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -35,7 +37,6 @@ class Quiet(LiveSource):
     line = LineSettings(baud=19200, char_bits=10)
 
     def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:
-        import time
 
         while not stop():
             time.sleep(0.02)
@@ -85,7 +86,6 @@ def test_without_a_recording_it_is_said_and_left_at_once() -> None:
 @posix
 @pytest.mark.parametrize("view", ["1", "6"])
 def test_a_second_of_a_live_view_costs_little(view: str, tmp_path: Path) -> None:
-    import time
 
     from emulator import Watched
 
@@ -108,3 +108,35 @@ def test_a_second_of_a_live_view_costs_little(view: str, tmp_path: Path) -> None
             moved = moved or terminal.shown() != before
         assert moved, "it goes on"
         assert 50 < min(rates) < 10_000, rates
+
+
+@posix
+def test_marks_and_a_pause_typed_fast_on_a_live_line(tmp_path: Path) -> None:
+    from emulator import Watched
+    from livebus import pty
+
+    import captures
+    from dissectors.crc import crc_bytes
+
+    line, name = pty()
+
+    def say(units: range) -> None:
+        for unit in units:
+            asked = bytes([unit, 3, 0, 0, 0, 1])
+            os.write(line, asked + crc_bytes(asked))
+            time.sleep(0.03)
+
+    with Watched("sniff", name, "--baud", "19200", "--tui", "-o", "bus.mcap", cwd=tmp_path, columns=120) as terminal:
+        terminal.until("REC bus.mcap")
+        say(range(1, 9))
+        terminal.until("8 frames")
+        terminal.press("Mpump on\rMpump off\r2\x1b[H\x1b[B\x1b[BmP").until("PAUSED").until('"pump off"')
+        held = [each for each in terminal.picture.lines() if "read 1 holding register" in each]
+        say(range(9, 13))
+        terminal.until("12 frames")
+        assert [each for each in terminal.picture.lines() if "read 1 holding register" in each] == held
+        terminal.press("PPP").until(lambda: "PAUSED" not in terminal.shown())
+        terminal.press("Mvalve\r\x1b[F").until('"valve"')
+        terminal.press("qq", 1.0)
+    notes = [note.text for note in captures.open(tmp_path / "bus.mcap").notes() if note.kind == "mark"]
+    assert notes == ["pump on", "pump off", "valve"]

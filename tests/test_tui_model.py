@@ -38,7 +38,7 @@ from analyzer.tables.frame import Frame
 from analyzer.tables.schema import NO_GAP, Kind
 from analyzer.tui.saving import save
 from analyzer.usernotes import Notes, NotesError
-from analyzer.words import seconds, short
+from analyzer.words import pointed_ms, seconds, short
 from captures import samples
 from captures.chunks import Capture
 
@@ -498,3 +498,19 @@ def test_short_times_give_what_was_put_in(times: list[int]) -> None:
     column[np.array([0])] = times[-1]
     assert int(column[0]) == times[-1]
     assert column.nbytes == (8 if any(abs(t) >= 1 << 31 for t in times if t != NO_GAP) else 4) * (len(times) + 1)
+
+
+def test_answer_times_are_as_sure_as_the_report_has_them(troubled: Bus) -> None:
+    bus, source = troubled, CaptureSource(captures.open(samples.path("troubled.jsonl")), "troubled")
+    off_ns = bus.report(source).times.off_ns
+    assert off_ns and bus.off_ns == off_ns
+    took = {row: bus.table.value("response_ns", row) for row in range(bus.count)}
+    bounded = [row for row, ns in took.items() if ns >= 0 and bus.response(row) != (ns, ns)]
+    assert bounded, "some are near what the tap's clock carries"
+    for row in bounded:
+        low, high = bus.response(row) or (0, 0)
+        assert low <= took[row] <= high
+        first, last = pointed_ms(low, high).split("..")
+        assert float(first) * 1e6 <= low and float(last) * 1e6 >= high
+    assert bus.response(next(row for row, ns in took.items() if ns < 0)) is None
+    assert pointed_ms(12_340_000, 12_340_000) == "   12.3  "

@@ -44,7 +44,7 @@ def bus() -> Bus:
 def test_transactions_are_whole(bus: Bus, text: str) -> None:
     """A transaction is in the scope if its request or its answer is."""
     scope = Scope(compiled(text, bus.line))
-    rows, asked = scope.rows(bus), scope.transactions(bus)
+    rows, asked = scope.selections(bus)
     assert rows is not None
     rows.extend()
     asked.extend()
@@ -70,7 +70,7 @@ def test_the_figures_of_all_rows_are_those_of_the_bus(bus: Bus) -> None:
 
 
 def test_only_answers_that_changed(bus: Bus) -> None:
-    changed = Scope(only_changed=True).transactions(bus)
+    changed = Scope(only_changed=True).selections(bus)[1]
     changed.extend()
     newest: dict[bytes, bytes] = {}
     expected = []
@@ -85,7 +85,7 @@ def test_only_answers_that_changed(bus: Bus) -> None:
 
 
 def test_rows_fold_out_below_their_transaction(bus: Bus) -> None:
-    asked = Scope().transactions(bus)
+    asked = Scope().selections(bus)[1]
     asked.extend()
     lines = Unfolded(bus, asked)
     for line in (5, 2, 0):
@@ -108,7 +108,6 @@ def test_every_view_obeys_the_scope_and_says_what_empties_it(capture: Path) -> N
         screen = sitting.screen
         await sitting.press("equals_sign", "u")
         assert screen.query_one(FilterBar).text == "unit == 1"
-        await sitting.until(lambda: sitting.app.desk.narrowed is not None)
         await sitting.press("4")
         units = screen.query_one(UnitList)
         await sitting.until(lambda: units.report is not None and [u.unit for u in units.report.units] == [1])

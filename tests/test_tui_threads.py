@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import threading
+import time
+from collections.abc import Callable, Hashable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
+import pytest
+from numpy.typing import NDArray
 from seats import Seat, opened, sample_in, using
 
 import captures
+from analyzer.causes.ledger import Ledger
+from analyzer.model.activity import Activity
 from analyzer.model.bus import Bus
+from analyzer.model.filtering import CompiledTest
 from analyzer.model.registers import RegisterSeries
+from analyzer.model.scope import ScopedFigures
 from analyzer.model.source import CaptureSource
+from analyzer.tui.filterbar import FilterBar
 from captures import samples
 
 
@@ -35,8 +45,7 @@ def test_readings_asked_for_by_several_threads_are_there_once() -> None:
     with ThreadPoolExecutor(2) as threads:
         for task in [threads.submit(series.extend, bus, slow_stop) for _ in range(2)]:
             task.result()
-    for own, shared in zip(alone, series.readings(), strict=True):
-        assert own.tolist() == shared.tolist()
+    assert [each.tolist() for each in series.readings()] == [each.tolist() for each in alone]
 
 
 def test_an_error_in_a_thread_is_told(tmp_path: Path) -> None:
@@ -48,3 +57,127 @@ def test_an_error_in_a_thread_is_told(tmp_path: Path) -> None:
         await sitting.until(lambda: any("no such thing" in notice for notice in sitting.notices()))
 
     using(opened(sample_in(tmp_path)), work)
+
+
+def test_an_outcome_on_its_way_is_not_heard_once_another_one_is_wanted(tmp_path: Path) -> None:
+    heard, began, ends = list[str](), threading.Event(), threading.Event()
+
+    def first(stop: object) -> str:  # noqa: ARG001
+        began.set()
+        ends.wait()
+        return "old"
+
+    async def work(sitting: Seat) -> None:
+        jobs = sitting.screen.jobs
+        jobs.run("history", first, heard.append)
+        await sitting.until(began.is_set)
+        ends.set()
+        time.sleep(0.2)  # nobody draws meanwhile: the outcome waits to be heard
+        jobs.run("history", lambda _: "new", heard.append)
+        await sitting.until(lambda: "new" in heard)
+        assert heard == ["new"]
+
+    using(opened(sample_in(tmp_path)), work)
+
+
+def test_figures_of_a_filter_that_was_taken_back_are_not_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    began, ends, ended = threading.Event(), threading.Event(), threading.Event()
+
+    def slowly(bus: Bus, rows: NDArray[np.int64], stop: Callable[[], bool]) -> ScopedFigures:  # noqa: ARG001
+        began.set()
+        ends.wait()
+        try:
+            return ScopedFigures(bus, rows)
+        finally:
+            ended.set()
+
+    monkeypatch.setattr("analyzer.tui.jobs.ScopedFigures", slowly)
+
+    async def work(sitting: Seat) -> None:
+        bar = sitting.screen.query_one(FilterBar)
+        bar.use("unit == 2")
+        await sitting.until(began.is_set)
+        bar.use("")
+        await sitting.until(lambda: not sitting.screen.jobs.scope.narrows)
+        ends.set()
+        await sitting.until(ended.is_set)
+        await sitting.settle()
+        assert sitting.screen.desk.narrowed is None
+
+    using(opened(sample_in(tmp_path)), work, view="home")
+
+
+def test_a_search_that_fails_is_told_and_the_next_hit_is_looked_for(tmp_path: Path) -> None:
+    failing = [True]
+
+    def hits(bus: object, first: int, last: int) -> NDArray[np.int64]:  # noqa: ARG001
+        if failing.pop() if failing else False:
+            raise ValueError("no such bytes")
+        return np.array([row for row in (5,) if first <= row < last], np.int64)
+
+    async def work(sitting: Seat) -> None:
+        sitting.screen.jumps.find_by("row five", hits)
+        await sitting.until(lambda: any("no such bytes" in notice for notice in sitting.notices()))
+        await sitting.until(lambda: sitting.screen.jobs.doing == "")
+        await sitting.press("n")
+        await sitting.until(lambda: sitting.row == 5)
+
+    using(opened(sample_in(tmp_path)), work)
+
+
+def test_a_filter_that_fails_is_told_and_the_next_one_filters(tmp_path: Path) -> None:
+    def fails(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:  # noqa: ARG001
+        raise ValueError("no such column")
+
+    async def work(sitting: Seat) -> None:
+        jobs = sitting.screen.jobs
+        jobs.scope.filter = CompiledTest("broken", fails, False)
+        jobs.reselect()
+        await sitting.until(lambda: any("no such column" in notice for notice in sitting.notices()))
+        sitting.screen.query_one(FilterBar).use("unit == 2")
+        await sitting.until(lambda: 0 < sitting.screen.frames.count() < sitting.bus.count)
+
+    using(opened(sample_in(tmp_path)), work)
+
+
+def test_reading_ends_though_its_last_step_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(ledger: Ledger) -> None:  # noqa: ARG001
+        raise ValueError("no such ledger")
+
+    monkeypatch.setattr(Ledger, "close", fails)
+
+    async def work(sitting: Seat) -> None:
+        await sitting.until(lambda: any("no such ledger" in notice for notice in sitting.notices()))
+        assert sitting.bus.whole and sitting.screen.jobs.doing == ""
+
+    using(opened(sample_in(tmp_path)), work)
+
+
+def test_activity_asked_for_while_its_bins_merge_is_all_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = CaptureSource(captures.open(samples.path("healthy.jsonl")), "bus")
+    bus = Bus.of(source)
+    for analysed in source.steps(lambda: False):
+        bus.feed(analysed)
+    monkeypatch.setattr("analyzer.model.activity._FEW", -1)
+    whole, merging, asked = bus.batch(np.arange(bus.count)).rows, threading.Event(), threading.Event()
+    activity = Activity()
+    activity.feed(whole)
+
+    class Slowly(dict[Hashable, NDArray[np.int64]]):
+        def __setitem__(self, name: Hashable, table: NDArray[np.int64]) -> None:
+            merging.set()
+            asked.wait(0.3)
+            super().__setitem__(name, table)
+
+    before = activity.over(bus, bus.t_first, bus.t_last + 10**9, 50).frames.sum()
+    activity._bins.tables = Slowly(activity._bins.tables)
+    later = whole[-1:].copy()
+    later.t_start_ns[:] += 400_000_000_000
+    later.t_end_ns[:] += 400_000_000_000
+    with ThreadPoolExecutor(1) as thread:
+        fed = thread.submit(activity.feed, later)
+        assert merging.wait(5)
+        frames = activity.over(bus, bus.t_first, bus.t_last + 10**9, 50).frames.sum()
+        asked.set()
+        fed.result()
+    assert frames == before

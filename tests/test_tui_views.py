@@ -13,6 +13,7 @@ from seats import Seat, opened, sample_in, using
 import captures
 from analyzer.core import Analysed, deframe
 from analyzer.diagnosis.judge import Judge
+from analyzer.model.explained import by_cause
 from analyzer.model.source import CaptureSource, Nothing
 from analyzer.options import Options
 from analyzer.tables.batch import Batch
@@ -109,6 +110,25 @@ def test_the_timeline_zooms_and_chooses_a_span(capture: Path) -> None:
         assert sitting.row > sitting.bus.count // 2
 
     using(opened(capture), work)
+
+
+def test_the_timeline_has_a_row_for_each_cause(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("6")
+        timeline, bus = sitting.screen.query_one(Timeline), sitting.bus
+        causes = bus.causes()
+        await sitting.until(lambda: any(band.cause is not None for band in timeline.bands))
+        own = {band.cause: int(band.counts.sum()) for band in timeline.bands if band.cause is not None}
+        numbers = np.arange(bus.found.count)
+        for cause, by_code in by_cause(bus, numbers, causes):
+            rows = {bus.found.row(i) for each in by_code.values() for i in each.tolist()} - {-1}
+            if cause is not None:
+                assert own.get(cause, 0) == len(rows)
+        first = next(band for band in timeline.bands if band.cause == 0)
+        await sitting.press("home", *["right"] * int(np.flatnonzero(first.counts)[0]))
+        assert f"1 {causes[0].text[:30]}" in sitting.shown()
+
+    using(opened(capture), work, size=(120, 40))
 
 
 def test_pasting_reads_what_parse_reads_and_remembers() -> None:

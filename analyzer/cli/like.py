@@ -25,7 +25,8 @@ def find_like(arguments: argparse.Namespace, capture: Capture, limits: Options) 
     """Print the registers that showed it, best first."""
     from analyzer.core import deframe
     from analyzer.registers.inference import infer
-    from analyzer.registers.like import PanelError, matches_of_series, matches_of_value, read_panel
+    from analyzer.registers.like import matches_of_series, matches_of_value
+    from analyzer.registers.panel import PanelError, read_panel
     from analyzer.registers.readings import RegisterReadings
 
     wanted = str(arguments.like)
@@ -61,6 +62,8 @@ def find_like(arguments: argparse.Namespace, capture: Capture, limits: Options) 
 
 
 def _table_text(name: str) -> str:
+    from dissectors.maps.encodings import decoded
+
     if not name.strip():
         raise UsageError("--like: expected a number, or a table of times and values")
     path = Path(name)
@@ -70,9 +73,10 @@ def _table_text(name: str) -> str:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise UsageError(f"--like {name}: neither a number nor a table of times and values: {reason}") from error
-    if len(data) > _LONGEST or b"\0" in data[:4096]:
+    text = decoded(data) if len(data) <= _LONGEST else None
+    if text is None:
         raise UsageError(f"--like {name}: a table of times and values as CSV is expected")
-    return data.decode("utf-8-sig", "replace")
+    return text
 
 
 def _text(matches: list[Match], wanted: str) -> str:

@@ -108,6 +108,25 @@ class Several:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class RaggedValues:
+    """The same row after row: those of row i are `each` from `offsets[i]` to `offsets[i + 1]`."""
+
+    each: ValueSlice
+    offsets: NDArray[np.int64]
+
+    def known(self) -> Mask:
+        return self._of(self.each.known())
+
+    def passing(self, wanted: Wanted) -> Mask:
+        return self._of(self.each.passing(wanted))
+
+    def _of(self, good: Mask) -> Mask:
+        mask = np.zeros(len(self.offsets) - 1, np.bool_)
+        mask[np.searchsorted(self.offsets, np.flatnonzero(good), side="right") - 1] = True
+        return mask
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Bytes:
     """The bytes of each row; of ASCII mode, what its digits stand for."""
 
@@ -230,12 +249,7 @@ class TableSlice:
     @cached_property
     def each(self) -> Each:
         """Their values one by one."""
-        decoded = self.decoded
-        counts = np.diff(decoded.offsets)
-        rows = np.repeat(np.arange(len(counts)), counts)
-        first = decoded.value_address.astype(np.int64)[rows]
-        address = np.where(first < 0, -1, first + np.arange(len(rows)) - decoded.offsets[rows])
-        return Each(rows, len(counts), address, decoded.area[rows], decoded.values)
+        return Each(self.decoded)
 
     def summaries(self, requested: Mask | None) -> TextSlice:
         """The words of those frames that are asked for."""
@@ -252,16 +266,30 @@ class TableSlice:
         return TextSlice(texts, rows, len(self))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Each:
     """Single values: the row of each among `count`, its address (-1 unknown), its area and itself."""
 
-    rows: NDArray[np.intp]
-    count: int
-    address: NDArray[np.int64]
-    area: NDArray[np.uint8]
-    value: NDArray[np.uint16]
+    def __init__(self, decoded: Decoded) -> None:
+        self._decoded = decoded
+        self.value = decoded.values
+        self.count = len(decoded.offsets) - 1
 
-    def several(self, each: ValueSlice) -> Several:
+    @cached_property
+    def rows(self) -> NDArray[np.intp]:
+        """The row of each."""
+        return np.repeat(np.arange(self.count), np.diff(self._decoded.offsets))
+
+    @cached_property
+    def address(self) -> NDArray[np.int64]:
+        """The address of each, -1 unknown."""
+        first = self._decoded.value_address.astype(np.int64)[self.rows]
+        return np.where(first < 0, -1, first + np.arange(len(first)) - self._decoded.offsets[self.rows])
+
+    @cached_property
+    def area(self) -> NDArray[np.uint8]:
+        """The AreaCode of each."""
+        return self._decoded.area[self.rows]
+
+    def several(self, each: ValueSlice) -> RaggedValues:
         """A field of them as one of their rows."""
-        return Several(each, self.rows, self.count)
+        return RaggedValues(each, self._decoded.offsets)

@@ -5,6 +5,7 @@ For a span of few rows the counts are made from the rows themselves, so that one
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -44,13 +45,15 @@ class Activity:
     def __init__(self) -> None:
         self._bins = TimeBins(_BINS, _FIRST_BIN_NS)
         self._bins.tables["all"] = np.zeros((_TRACKS, _BINS), np.int64)
+        self._merging = threading.Lock()  # bins become wider while others ask for them
 
     def feed(self, rows: Rows) -> None:
         """Count rows in, where they end."""
         bins = self._bins
-        bins.reach(int(rows.t_start_ns[0]), int(rows.t_end_ns.max()))
         columns = (rows.length, rows.kind, rows.check, rows.exception)
-        bins.tables["all"] += _counted(*columns, bins.bins(rows.t_end_ns), _BINS)
+        with self._merging:
+            bins.reach(int(rows.t_start_ns[0]), int(rows.t_end_ns.max()))
+            bins.tables["all"] += _counted(*columns, bins.bins(rows.t_end_ns), _BINS)
 
     def over(self, bus: Bus, t_start: int, t_end: int, bins: int) -> Bins:
         """The span in this many bins."""
@@ -67,10 +70,11 @@ class Activity:
                 )
                 total += _counted(lengths, kinds, checks, exceptions, slots[inside], bins)
             return Bins(t_start, width, *total)
-        middles = (self._bins.begin_ns or 0) + (np.arange(_BINS) + 0.5) * self._bins.width_ns
-        at = ((middles - t_start) // width).astype(np.int64)
+        with self._merging:
+            begin_ns, width_ns, table = self._bins.begin_ns or 0, self._bins.width_ns, self._bins.tables["all"].copy()
+        at = ((begin_ns + (np.arange(_BINS) + 0.5) * width_ns - t_start) // width).astype(np.int64)
         inside = (at >= 0) & (at < bins)
-        tracks = [np.bincount(at[inside], track[inside], bins).astype(np.int64) for track in self._bins.tables["all"]]
+        tracks = [np.bincount(at[inside], track[inside], bins).astype(np.int64) for track in table]
         return Bins(t_start, width, *tracks)
 
 
@@ -108,6 +112,7 @@ class UnitActivity:
         self._bins = TimeBins(UNIT_BINS, _FIRST_UNIT_BIN_NS)
         self._bins.tables["sums"] = np.zeros((_UNITS, UNIT_BINS))
         self._bins.tables["counts"] = np.zeros((_UNITS, UNIT_BINS), np.int64)
+        self._merging = threading.Lock()
 
     def feed(self, rows: Rows) -> None:
         """Count rows in."""
@@ -118,15 +123,16 @@ class UnitActivity:
         if not len(times):
             return
         bins, size = self._bins, _UNITS * UNIT_BINS
-        bins.reach(int(times[0]), int(times.max()))
-        slots = units.astype(np.int64) * UNIT_BINS + bins.bins(times)
-        bins.tables["sums"] += np.bincount(slots, answers, size).reshape(_UNITS, UNIT_BINS)
-        bins.tables["counts"] += np.bincount(slots, minlength=size).reshape(_UNITS, UNIT_BINS)
+        with self._merging:
+            bins.reach(int(times[0]), int(times.max()))
+            slots = units.astype(np.int64) * UNIT_BINS + bins.bins(times)
+            bins.tables["sums"] += np.bincount(slots, answers, size).reshape(_UNITS, UNIT_BINS)
+            bins.tables["counts"] += np.bincount(slots, minlength=size).reshape(_UNITS, UNIT_BINS)
 
     def means(self, unit: int) -> NDArray[np.float64]:
         """Mean response time, ns, of each bin up to the last that holds one; NaN where there is none."""
-        counted = self._bins.tables["counts"]
-        used = np.flatnonzero(counted.any(axis=0))
-        last = int(used[-1]) + 1 if len(used) else 0
-        sums, counts = self._bins.tables["sums"][unit, :last], counted[unit, :last]
+        with self._merging:
+            used = np.flatnonzero(self._bins.tables["counts"].any(axis=0))
+            last = int(used[-1]) + 1 if len(used) else 0
+            sums, counts = (self._bins.tables[name][unit, :last].copy() for name in ("sums", "counts"))
         return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)

@@ -21,6 +21,7 @@ from ..options import Options
 from ..outages import Deaf
 from ..reports.summary import Summary
 from ..tables.batch import Batch
+from ..tables.delays import bounds_of
 from ..tables.frame import Frame
 from ..tables.schema import NO_GAP, Kind, Row, Rows
 from ..tables.transactions import NEVER, OF_ANSWER, Status, TransactionRows
@@ -69,6 +70,7 @@ class Bus:
         self._count = 0
         self.whole = False  # nothing more comes
         self.t_first = self.t_last = 0
+        self.off_ns: int | None = None  # by how much response times may be wrong, as `reports.model.Times` has it
         self._summary = Summary.of(line)
         self.options = Options()
         self._ledger = Ledger(line)
@@ -120,13 +122,17 @@ class Bus:
             if self._ledger.line != self.line:  # a tap found it out: what was counted before was of another one
                 self._ledger = Ledger(self.line, self.options)
             self._ledger.feed(batch, analysed.transactions)
+            self.off_ns = self._summary.newest_off_ns
         self._count = self.table.count
 
     def close(self) -> None:
         """Nothing more comes."""
-        with self._lock:
-            self._ledger.close()
-        self.whole = True
+        try:
+            with self._lock:
+                self.off_ns = self._summary.known_off_ns()
+                self._ledger.close()
+        finally:
+            self.whole = True
 
     def _append(self, batch: Batch) -> None:
         rows = batch.rows
@@ -212,6 +218,11 @@ class Bus:
         gap = self.table.value("gap_before_ns", row)
         return gap if self.timed and row > 0 and gap > NO_GAP else None
 
+    def response(self, row: int) -> tuple[int, int] | None:
+        """Between what the time (ns) lies that an answer took, twice the same where it is measured; None: unknown."""
+        took = self.table.value("response_ns", row)
+        return None if took < 0 else bounds_of(took, self.off_ns)
+
     def batch(self, rows: NDArray[np.int64]) -> Batch:
         """Rows, ascending, all of one piece, as what the pipeline gives; bytes between them are in its data too."""
         number = int(rows[0]) // PIECE
@@ -228,8 +239,12 @@ class Bus:
         out.request[:] = out.request_start[:] = -1
         out.request[answers] = self.table.take("frame", requests[answers])
         out.request_start[answers] = self.table.take("start", requests[answers])
-        away = np.unique(requests[answers][~np.isin(requests[answers], rows)]).tolist()
-        earlier = {self.table.value("frame", row): self.captured(row) for row in away}
+        asked = requests[answers]
+        if rows[-1] - rows[0] == len(rows) - 1:
+            away = asked[(asked < rows[0]) | (asked > rows[-1])]
+        else:
+            away = asked[~np.isin(asked, rows)]
+        earlier = {self.table.value("frame", row): self.captured(row) for row in np.unique(away).tolist()}
         data = self.store.get(int(at[0]), int(at[-1]) + int(out.length[-1]) - int(at[0]))
         return Batch(out, data, earlier, findings=self.found.on(rows))
 

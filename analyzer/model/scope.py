@@ -16,7 +16,16 @@ from ..tables.schema import Kind
 from .activity import Bins, UnitActivity, binned
 from .polls import ChangedAnswers
 from .registers import RegisterLog
-from .selection import Selection, Test, both, frames_only, transactions, transactions_with, within
+from .selection import (
+    Selection,
+    Test,
+    both,
+    frames_only,
+    remembered,
+    transactions,
+    transactions_with,
+    within,
+)
 from .table import PIECE
 
 if TYPE_CHECKING:
@@ -63,17 +72,18 @@ class Scope:
             tests.append(self.filter.test)
         return tests
 
-    def rows(self, bus: Bus) -> Selection | None:
-        """The rows that it leaves; None for all."""
-        tests = self.tests()
-        return Selection(bus, both(tests), lag=_LAG if self.settled else 0) if tests else None
+    def selections(self, bus: Bus) -> tuple[Selection | None, Selection]:
+        """The rows that it leaves, None for all; and the rows that begin transactions with a row that passes.
 
-    def transactions(self, bus: Bus) -> Selection:
-        """The rows that begin the transactions that it leaves: those with a row that passes."""
-        begins = transactions_with(both(self.tests())) if self.narrows else transactions
+        One thread extends both, piece by piece in turn.
+        """
+        tests = self.tests()
+        passes = remembered(both(tests))
+        rows = Selection(bus, passes, lag=_LAG if self.settled else 0) if tests else None
+        begins = transactions_with(passes) if self.narrows else transactions
         if self.only_changed:
             begins = both([ChangedAnswers(), begins])
-        return Selection(bus, begins, lag=_LAG if self.narrows or self.only_changed else 0)
+        return rows, Selection(bus, begins, lag=_LAG if self.narrows or self.only_changed else 0)
 
 
 class ScopedFigures:

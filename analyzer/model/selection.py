@@ -65,14 +65,20 @@ class Selection:
 
     def extend(self, stop: Callable[[], bool] = lambda: False) -> bool:
         """Test the rows that are there now; False where `stop` ended it early."""
+        while not stop():
+            if not self.extend_by_piece():
+                return True
+        return False
+
+    def extend_by_piece(self) -> bool:
+        """Test those of them that stand in the next piece; whether there were any."""
         upto = self._bus.count if self._bus.whole else max(self.done, self._bus.count - self._lag)
         for number, low, high in self._bus.table.slices(self.done, upto):
-            if stop():
-                return False
             passed = np.flatnonzero(self._test(self._bus, number, low, high))
             self._add((passed + (number * PIECE + low)).astype(np.uint32))
             self.done = number * PIECE + high
-        return True
+            return True
+        return False
 
     def row(self, position: int) -> int:
         part = bisect_right(self._begins, position) - 1
@@ -123,20 +129,36 @@ def transactions_with(test: Test) -> Test:
     """Rows that begin a transaction of which the request or its answer passes."""
 
     def either(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
-        passed = test(bus, number, low, high)
-        begins, out = transactions(bus, number, low, high), passed.copy()
-        partner = bus.table.column(number, "partner")[low:high].astype(np.int64)
-        position = partner - (number * PIECE + low)
-        answered = begins & (partner >= 0)
-        inside = answered & (position >= 0) & (position < high - low)
-        out[inside] |= passed[position[inside]]
-        for i in np.flatnonzero(answered & ~inside & ~out).tolist():
-            piece, at = divmod(int(partner[i]), PIECE)
-            out[i] = test(bus, piece, at, at + 1)[0]
-        transactions_passed: NDArray[np.bool_] = out & begins
-        return transactions_passed
+        rows = np.flatnonzero(test(bus, number, low, high))
+        first, size = number * PIECE + low, high - low
+        kinds, partner = (bus.table.column(number, name)[low:high] for name in ("kind", "partner"))
+        out = np.zeros(size, np.bool_)
+        kind, other = kinds[rows], partner[rows]
+        out[rows[(kind == Kind.REQUEST) | ((kind == Kind.RESPONSE) & (other < 0))]] = True
+        joined = (kind == Kind.RESPONSE) & (other >= first) & (other < first + size)
+        answers, requests = rows[joined], other[joined] - first
+        out[requests[partner[requests] == answers + first]] = True  # a second answer is not the request's own
+        for request in np.flatnonzero((partner >= first + size) & (kinds == Kind.REQUEST) & ~out).tolist():
+            piece, at = divmod(int(partner[request]), PIECE)
+            out[request] = test(bus, piece, at, at + 1)[0]
+        return out
 
     return either
+
+
+def remembered(test: Test) -> Test:
+    """The same test for several selections that one thread extends in turn: it is made once of each piece."""
+    asked: tuple[int, int, int] | None = None
+    answer = np.zeros(0, np.bool_)
+
+    def last_or_new(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
+        nonlocal asked, answer
+        if asked != (number, low, high):
+            answer = test(bus, number, low, high)
+            asked = number, low, high
+        return answer
+
+    return last_or_new
 
 
 def within(t_start: int, t_end: int) -> Test:

@@ -30,7 +30,7 @@ def spoken(source: ViewSource, text: str = "", zone: tzinfo = UTC, stop: Callabl
     for analysed in source.steps(stop):
         bus.feed(analysed)
     bus.close()
-    transactions = scope.transactions(bus)
+    _, transactions = scope.selections(bus)
     transactions.extend()
     causes = bus.causes()
     yield f"{source.name}: {plural(bus.frames, 'frame', 'frames')}, {plural(bus.found.count, 'finding', 'findings')}"

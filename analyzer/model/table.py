@@ -347,7 +347,7 @@ class FindingLog:
         self._rows = np.zeros(_ROOM, np.int32)
         self.count = 0
         self.by_code: Counter[str] = Counter()
-        self.by_severity: Counter[Severity] = Counter()
+        self.by_severity: Counter[Severity] = Counter(dict.fromkeys(Severity, 0))  # all there: others go through it
         self._severity = np.array([rule.severity for rule in rules()], np.uint8)
 
     def add(self, findings: Findings, table: RowTable) -> None:

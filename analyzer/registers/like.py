@@ -7,37 +7,25 @@ the same way, and that moved. A table of times and values is laid over each read
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from captures.ragged import Ints
-from dissectors.maps import MapError
-from dissectors.maps.table import csv_rows
 
 from .hypotheses import HYPOTHESES, numbers
+from .panel import Floats, PanelError
 from .readings import BlockReadings, RegisterReadings
 from .values import RegisterValue
 
-Floats = NDArray[np.float64]
 _SCALES: Final = (1.0, 0.1, 0.01, 0.001, 10.0, 100.0, 0.0001, 1000.0)
 _LIKELY: Final = (1.0, 0.9, 0.8, 0.6, 0.4, 0.3, 0.3, 0.3)  # how usual each scale is
 _LAGS: Final = 241
 _LAG_S: Final = 60.0
-_POINTS: Final = 2000  # of a table: more tell no more
-_TIME_FORMS: Final = (
-    "%Y-%m-%d %H:%M:%S.%f", "%Y-%m-%d %H:%M:%S", "%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M", "%Y/%m/%d %H:%M:%S",
-)  # fmt: skip
-
-
-class PanelError(ValueError):
-    """A table of times and values that cannot be used; one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,35 +132,6 @@ def matches_of_series(
     return sorted(best.values(), key=lambda match: -match.score)
 
 
-def read_panel(text: str, file: str) -> tuple[Floats, Floats]:
-    """Times (s) and values of a CSV table: the first column that reads as times, the next that reads as numbers."""
-    dialect = max(",;\t", key=text[:4096].count)
-    times: list[float] = []
-    values: list[float] = []
-    try:
-        rows = list(csv_rows(text.removeprefix("\ufeff").splitlines(), dialect, file))
-    except MapError as error:
-        raise PanelError(str(error)) from error
-    for number, row in rows:
-        cells = [cell.strip() for cell in row if cell.strip()]
-        if not cells:
-            continue
-        moment = _moment(cells[0])
-        value = _number(cells[1]) if len(cells) > 1 else None
-        if moment is None and cells[2:] and (joined := _moment(f"{cells[0]} {cells[1]}")) is not None:
-            moment, value = joined, _number(cells[2])
-        if moment is None or value is None:
-            if times:
-                raise PanelError(f"{file}: row {number}: expected a time and a value, such as 12:30:05,23.4")
-            continue  # a heading
-        times.append(moment)
-        values.append(value)
-    if len(times) < 3:
-        raise PanelError(f"{file}: {len(times)} rows of a time and a value: at least 3 are needed")
-    order = np.argsort(times, kind="stable")[:: max(1, len(times) // _POINTS)]
-    return np.array(times)[order], np.array(values)[order]
-
-
 def _lags(times_s: Floats, at_s: Floats) -> Floats:
     """Lags to try: some around none where both clocks agree, else every place at which the table can lie."""
     if at_s[0] - _LAG_S <= times_s[-1] and times_s[0] <= at_s[-1] + _LAG_S:
@@ -260,32 +219,3 @@ def _match(
         None if lag is None else round(lag, 3),
         round(score, 4),
     )
-
-
-def _moment(text: str) -> float | None:
-    """Seconds: a number as it stands (large ones are ms or ns since 1970), a date and time, or a time of day."""
-    number = _number(text)
-    if number is not None:
-        return number / 1e9 if number > 1e17 else number / 1e3 if number > 1e11 else number
-    try:
-        moment = datetime.fromisoformat(text)
-        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-    except ValueError:
-        pass
-    for form in _TIME_FORMS:
-        try:
-            return datetime.strptime(text, form).replace(tzinfo=UTC).timestamp()
-        except ValueError:
-            continue
-    clock = re.fullmatch(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?", text)
-    if clock:
-        return int(clock[1]) * 3600.0 + int(clock[2]) * 60.0 + float((clock[3] or "0").replace(",", "."))
-    return None
-
-
-def _number(text: str) -> float | None:
-    try:
-        number = float(text.replace(",", ".").replace("\u00a0", ""))
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None

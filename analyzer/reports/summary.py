@@ -95,6 +95,12 @@ class Summary:
         self._clock.close()
         return None if self._clock.off_ns is None else round(self._clock.off_ns)
 
+    @property
+    def newest_off_ns(self) -> int | None:
+        """The same while frames still come; None before there are enough of them."""
+        known = self._clock is not None and self._clock.known
+        return None if self._clock is None or not known or self._clock.off_ns is None else round(self._clock.off_ns)
+
     def hear(self, stream: Iterator[Analysed]) -> Iterator[Analysed]:
         """The same, while the clock learns from all of it rather than from what is counted."""
         self._hears = False

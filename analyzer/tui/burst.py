@@ -43,6 +43,11 @@ class KeyQueue:
         """Whether a key has not had its effect yet."""
         return self._task is not None
 
+    @property
+    def waiting(self) -> int:
+        """Keys that were typed ahead."""
+        return len(self._waiting)
+
     async def take(self, event: Key) -> None:
         """A key was pressed: it is handed on at once where none is before it."""
         self.taken += 1

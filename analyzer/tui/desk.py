@@ -69,7 +69,7 @@ class ViewState:
         return tr("nothing here passes {scope}; Esc takes it back", scope=self.scope_words())
 
     def tint(self, row: int) -> str:
-        """The component class of the first colour rule that a row passes."""
+        """The kind (`paint.INKS`) of the first colour rule that a row passes."""
         number, slot = divmod(row, PIECE)
         return next((kind for test, kind in self.rules if test(self.bus, number, slot, slot + 1)[0]), "")
 

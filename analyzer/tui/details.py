@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Sequence
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from textual.binding import Binding, BindingType
 
+from ..languages import tr
 from .items import NOTHING, FrameDetail, Item, chosen
 from .lines import Lines
 from .messages import FieldChosen
 from .paint import StyledText
+
+if TYPE_CHECKING:
+    from .desk import ViewState
 
 _LABEL = 16  # columns, at most
 _INDENT = 4
@@ -46,6 +50,14 @@ class Details(Lines):
         self._values = False
         self._lines: list[TreeLine] = []
         self._broken_at = 0
+
+    @property
+    def empty(self) -> str:
+        """Why there is nothing: no frame has come yet, or none was chosen."""
+        desk: ViewState | None = getattr(self.app, "desk", None)
+        if desk is None or desk.bus.count or desk.bus.whole:
+            return super().empty
+        return tr("no frames yet") if desk.source.live else tr("reading …")
 
     def show(self, detail: FrameDetail, *, to: Path = ()) -> Item | None:
         """Another frame; the cursor goes to an item, or stays on the field of the same name. Gives it, tells nobody."""

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from textual.binding import Binding, BindingType
 
-from ..causes.links import cause_of
 from ..languages import counted, tr
+from ..model.explained import by_cause
 from ..model.selection import Selection
-from ..tables.findings import Severity, codes
+from ..tables.findings import Severity
 from .causeitems import of_cause
 from .lines import Lines
 from .look import at_finding, finding_name
@@ -173,29 +173,14 @@ class FindingList(Lines):
         self._lay_out()
 
     def _lay_out(self) -> None:
-        """The blocks: causes, best first, then what none explains; under each its codes, the most frequent first."""
+        """The blocks: causes, best first, then what none explains; under each its codes."""
         self._blocks = []
         if not self.grouped:
             return
-        log, table = self.desk.bus.found, self.desk.bus.table
-        names = codes()
-        rows = log.rows_of(self._numbers).astype(np.int64)
-        units = np.where(rows >= 0, table.take("unit", np.maximum(rows, 0)), -1)
-        kinds = log.rules_of(self._numbers).astype(np.int64)
-        groups: dict[int | None, dict[str, list[NDArray[np.int64]]]] = {}
-        for key in np.unique(kinds << 16 | units + 1).tolist():
-            code, unit = names[key >> 16], (key & 0xFFFF) - 1
-            cause = cause_of(code, None if unit < 0 else unit, self.causes)
-            numbers_of_key = self._numbers[(kinds << 16 | units + 1) == key]
-            groups.setdefault(cause, {}).setdefault(code, []).append(numbers_of_key)
-        for which in [*range(len(self.causes)), None]:
-            by_code = {code: np.sort(np.concatenate(parts)) for code, parts in groups.get(which, {}).items()}
-            if which is None and not by_code:
-                continue
+        for which, by_code in by_cause(self.desk.bus, self._numbers, self.causes):
             self._blocks.append(_LineBlock(which, "", np.zeros(0, np.int64), False))
-            for code, numbers in sorted(by_code.items(), key=lambda each: -len(each[1])):
-                order = np.argsort(log.rows_of(numbers), kind="stable")
-                self._blocks.append(_LineBlock(which, code, numbers[order], (which, code) in self._opened))
+            for code, numbers in by_code.items():
+                self._blocks.append(_LineBlock(which, code, numbers, (which, code) in self._opened))
 
     def count(self) -> int:
         return sum(block.lines for block in self._blocks) if self.grouped else len(self._numbers)

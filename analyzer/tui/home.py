@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 _AGAIN_S: Final = 2.0  # between two reckonings while rows come
 _LABEL: Final = 9
+_WIDE: Final = 100  # columns from which on there is room to say whose fault a cause is
 _LETTERS: Final = {"error": "E", "warning": "W", "note": "N"}
 _MANY: Final = 0.05  # of the requests without a good answer
 
@@ -134,7 +136,7 @@ class HomeList(Lines):
         assert self.state is not None
         causes = self.state.causes
         if line < len(causes):
-            return fitted(_cause_line(causes[line], max(len(whose(cause)) for cause in causes)), width)
+            return fitted(_cause_line(causes[line], max(len(whose(cause)) for cause in causes), width), width)
         return fitted(self._unit_line(self.state.report.units[line - len(causes)], width), width)
 
     def _unit_line(self, unit: UnitRow, width: int) -> list[StyledText]:
@@ -147,8 +149,9 @@ class HomeList(Lines):
             share = self.desk.figures.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first)
             load = tr("load {share:.0%}", share=share)
         answers = tr("no answer times")
-        if times.count:
-            answers = tr("{low} to {high}", low=short(times.p50_ns), high=short(times.p95_ns))
+        half, most = times.bounds("p50"), times.bounds("p95")
+        if half is not None and most is not None:
+            answers = tr("{low} to {high}", low=short(half[0]), high=short(most[1]))
         health = tr("{share:>4} bad", share=f"{rate:.0%}" if rate >= 0.005 else "<1%") if bad else tr("sound")
         parts = [
             StyledText(tr("  unit {unit:>3} ", unit=unit.unit)),
@@ -181,14 +184,28 @@ def _bars(octets: np.ndarray[tuple[int], np.dtype[np.int64]], width: int) -> lis
     return [StyledText(f"{sparkline(octets.astype(float), width):<{width}}", "request")]
 
 
-def _cause_line(cause: Cause, width: int) -> list[StyledText]:
-    """`width`: columns of whose fault it is."""
+def _cause_line(cause: Cause, whom: int, width: int) -> list[StyledText]:
+    """`whom`: columns of whose fault it is; where there is little room the cause's own words say it."""
+    letter = StyledText(f"{_LETTERS.get(cause.severity, ' ')} ", cause.severity)
+    if width < _WIDE:
+        sure = f"{cause.confidence:>4.0%}  "
+        return [letter, StyledText(sure, "dim"), StyledText(_clauses(cause.text, width - 2 - len(sure)))]
+    sure = f"{tr('{share:.0%} sure', share=cause.confidence):>9}  "
+    room = width - 2 - whom - 1 - len(sure)
     return [
-        StyledText(f"{_LETTERS.get(cause.severity, ' ')} ", cause.severity),
-        StyledText(f"{whose(cause):<{width}} "),
-        StyledText(f"{tr('{share:.0%} sure', share=cause.confidence):>9}  ", "dim"),
-        StyledText(cause.text),
+        letter,
+        StyledText(f"{whose(cause):<{whom}} "),
+        StyledText(sure, "dim"),
+        StyledText(_clauses(cause.text, room)),
     ]
+
+
+def _clauses(text: str, room: int) -> str:
+    """As many clauses of a text as there is room for, from the first on; the pane below has all of it."""
+    if len(text) <= room:
+        return text
+    ends = [match.start() for match in re.finditer("[:;,] ", text) if match.start() <= room - 2]
+    return f"{text[: ends[-1]]} …" if ends else text
 
 
 def _unit_items(unit: UnitRow, causes: Sequence[Cause]) -> tuple[Item, ...]:
@@ -207,7 +224,7 @@ def _unit_items(unit: UnitRow, causes: Sequence[Cause]) -> tuple[Item, ...]:
     if times.count:
         shares = tr(
             "half within {half}, 95% within {most}, {all} at most",
-            half=short(times.p50_ns), most=short(times.p95_ns), all=short(times.max_ns),
+            half=times.worded("p50"), most=times.worded("p95"), all=times.worded("max"),
         )  # fmt: skip
         items.append(Item("answers", shares, label=f"{tr('answers'):<11}"))
     mine = [cause for cause in causes if unit.unit in cause.units]
@@ -291,5 +308,5 @@ VIEW: Final = View(
     name="home", key="0,H", title="Home",
     make=lambda desk: HomeList(desk, id="home"), refresh=_refresh,
     chosen=_chosen, entered=_entered, shown=_shown, cells=_cells,
-    detail=True, without=("find", "find_on", "select", "counterpart"),
+    detail=True, without=("find", "find_on", "select", "counterpart"), figures=True,
 )  # fmt: skip

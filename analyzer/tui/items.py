@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Final
 
 from ..languages import counted, tr
 
@@ -24,11 +25,31 @@ class Item:
     text: str
     start: int = 0
     length: int = 0
-    kind: str = ""  # component class of the text
+    kind: str = ""  # of text: `paint.INKS`
     label: str = ""  # shown before the text instead of the name
-    children: tuple[Item, ...] = ()
+    children: Sequence[Item] = ()
     ready: bool = True
     values: bool = False
+
+
+class UnopenedItems(Sequence[Item]):
+    """At least one item, made once somebody opens what holds them: most frames are only passed by."""
+
+    def __init__(self, make: Callable[[], Iterable[Item]]) -> None:
+        self._make = make
+
+    @cached_property
+    def _made(self) -> tuple[Item, ...]:
+        return tuple(self._make())
+
+    def __bool__(self) -> bool:
+        return True
+
+    def __len__(self) -> int:
+        return len(self._made)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self._made[index]
 
 
 @dataclass(frozen=True, slots=True)

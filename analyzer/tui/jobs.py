@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final, TypeVar
 
 from textual.worker import get_current_worker
@@ -14,12 +14,14 @@ from ..model.selection import Everything, Selection
 from ..model.source import Grave
 from . import home
 from .status import is_gone
+from .views import BY_NAME
 
 if TYPE_CHECKING:
     from ..reports.model import Report
     from .screen import BusScreen
 
 _PERIOD_S: Final = 0.1  # between two tellings
+_SPELL_S: Final = 0.5  # the same of rows that are tested, once the first are told: each paints the list
 _RATE: Final = 1500  # bytes a second to the terminal from which on a live view is painted less often
 _QUIET_S: Final = 1.0  # between two while nothing comes
 _REPORT_S: Final = 1.0
@@ -27,6 +29,10 @@ _SCOPE_S: Final = 2.0  # between two countings of what the scope leaves, live
 
 T = TypeVar("T")
 Stop = Callable[[], bool]
+
+
+def _nothing() -> None:
+    """Nothing is to be done."""
 
 
 class Jobs:
@@ -38,13 +44,14 @@ class Jobs:
         self.doing = ""
         self.scope: Scope = screen.desk.scope
         self.selection: Selection | None = None
-        self._transactions = self.scope.transactions(self._bus)
+        _, self._transactions = self.scope.selections(self._bus)
         self._waiting: Selection | None = None  # will be shown once it has come as far as the cursor
         self._counted_at: dict[str, float] = {}  # by view
         self._counted: Selection | None = None  # the selection whose figures were asked for, its rows, when again
         self._counted_to, self._count_next = -1, 0.0
         self._notices: set[str] = set()
         self._paint_at = 0.0
+        self._wanted: dict[str, object] = {}  # by group, the one work whose outcome is still wanted
 
     @property
     def narrowed(self) -> Selection | None:
@@ -58,32 +65,60 @@ class Jobs:
         self._select()
 
     def run(
-        self, group: str, work: Callable[[Stop], T], then: Callable[[T], object], *, exclusive: bool = True
+        self,
+        group: str,
+        work: Callable[[Stop], T],
+        then: Callable[[T], object],
+        *,
+        exclusive: bool = True,
+        failed: Callable[[], object] = _nothing,
     ) -> None:
         """Work in a thread, and what to do with what it gives; an `exclusive` one takes the place of its group's last.
 
-        `work` is given a function that says when its outcome is not wanted any more. An error in it is told.
+        `work` is given a function that says when its outcome is not wanted any more. An error in it is told, and then
+        `failed` is called. Whoever was replaced or dropped says nothing more, even where its outcome was on its way.
         """
+        ticket = object()
+        if exclusive:
+            self._wanted[group] = ticket
+
+        def unless_replaced(what: Callable[[], object]) -> None:
+            if not exclusive or self._wanted.get(group) is ticket:
+                what()
 
         def thread() -> None:
             worker = get_current_worker()
-            try:
-                outcome = work(lambda: worker.is_cancelled)
-            except Exception as error:
-                words = tr("this view could not be made: {trouble}", trouble=str(error) or type(error).__name__)
-                self._screen.call_later(self._screen.tell, words, wrong=True)
-                raise
+            outcome = work(lambda: worker.is_cancelled)
             if not worker.is_cancelled:
-                self._screen.call_later(then, outcome)
+                self._screen.call_later(unless_replaced, lambda: then(outcome))
 
-        self._start(group, thread, exclusive=exclusive)
+        self._start(group, thread, exclusive=exclusive, failed=lambda: unless_replaced(failed))
 
-    def _start(self, group: str, thread: Callable[[], None], *, exclusive: bool = False) -> None:
+    def _drop(self, group: str) -> None:
+        """Nobody wants the outcome of a group's work any more."""
+        if self._wanted.pop(group, None) is not None:
+            self._screen.workers.cancel_group(self._screen, group)
+
+    def _start(
+        self,
+        group: str,
+        thread: Callable[[], None],
+        *,
+        exclusive: bool = False,
+        failed: Callable[[], object] = _nothing,
+    ) -> None:
+        """Begin a thread in the language in use; an error in it is told, and then `failed` is called."""
         language = in_use()
 
         def told() -> None:
             use(language)
-            thread()
+            try:
+                thread()
+            except Exception as error:
+                words = tr("this view could not be made: {trouble}", trouble=str(error) or type(error).__name__)
+                self._screen.call_later(self._screen.tell, words, wrong=True)
+                self._screen.call_later(failed)
+                raise
 
         self._screen.run_worker(told, thread=True, group=group, exclusive=exclusive, exit_on_error=False)
 
@@ -106,8 +141,10 @@ class Jobs:
                     self._screen.call_later(self._rows_came)
         except Exception as error:  # told in one line; what was read stays
             trouble = str(error) or type(error).__name__
-        self._bus.close()
-        self._screen.call_later(self._loaded, trouble)
+        try:
+            self._bus.close()
+        finally:
+            self._screen.call_later(self._loaded, trouble)
 
     def _rows_came(self) -> None:
         live = self._source.live
@@ -152,6 +189,7 @@ class Jobs:
         if self.scope.settled:
             self.reselect()
         self._first_row()
+        self._screen.detail.fields.unpaint()
         self._screen.refresh_view()
         home.first(self._screen)
         self._screen.files.read(self._source)
@@ -166,14 +204,16 @@ class Jobs:
 
     def reselect(self) -> None:
         """The rows that the scope leaves."""
-        self._waiting = self.scope.rows(self._bus)
-        self._transactions = self.scope.transactions(self._bus)
+        self._waiting, self._transactions = self.scope.selections(self._bus)
         self.selection = self._waiting
         if self._waiting is None:
             self._screen.frames.use(Everything(self._bus))
         self._screen.transactions.use(self._transactions)
         self._screen.desk.narrowed = None
-        self._count_scope()
+        self._drop("scope")  # figures of another scope
+        self._counted_at.clear()
+        self.doing = "" if self._bus.whole else self.doing
+        self.count_scope()
         self._select()
 
     def _select(self) -> None:
@@ -182,37 +222,41 @@ class Jobs:
 
         def thread() -> None:
             worker = get_current_worker()
+            spell = _PERIOD_S
             while not worker.is_cancelled:
                 ended = self._bus.whole
-                for selection in selections:
-                    while not worker.is_cancelled and _extended(selection, lambda: worker.is_cancelled):
-                        self._screen.call_later(self._selection_grew)
+                while not worker.is_cancelled and _extended(selections, spell, lambda: worker.is_cancelled):
+                    self._screen.call_later(self._selection_grew)
+                    spell = _SPELL_S
                 if ended:
                     self._screen.call_later(self._selection_grew)
                     return
                 time.sleep(_PERIOD_S)
 
-        self._start("select", thread, exclusive=True)
+        self._start("select", thread, exclusive=True, failed=self._rest)
+
+    def _rest(self) -> None:
+        """Nothing goes on that the status line would tell."""
+        self.doing = ""
+        self._screen.say()
 
     def _selection_grew(self) -> None:
         waiting, row = self._waiting, self._screen.row
         if waiting is not None and (row is None or waiting.done > row or waiting.done >= self._bus.count):
             self._waiting = None
             self._screen.frames.use(waiting)
-        self._count_scope()
         if self.selection is not None and self._bus.whole:
             tested, count = self.selection.done, self._bus.count
             self.doing = tr("filtering {share:.0%}", share=tested / max(1, count)) if tested < count else ""
+        self.count_scope()
         self._paint()
 
     # Counting
 
-    def _count_scope(self) -> None:
+    def count_scope(self) -> None:
         """The figures of the rows that the scope leaves, once all of them are known; live, now and then."""
-        desk, selection = self._screen.desk, self.narrowed
-        if selection is None:
-            if desk.narrowed is not None:
-                self._use_figures(None)
+        selection = self.narrowed
+        if selection is None or not BY_NAME[self._screen.view].figures:
             return
         now, bus = time.monotonic(), self._bus
         if selection is self._counted and (selection.done == self._counted_to or now < self._count_next):
@@ -220,10 +264,13 @@ class Jobs:
         if bus.whole and selection.done < bus.count:
             return
         self._counted, self._counted_to, self._count_next = selection, selection.done, now + _SCOPE_S
-        self.run("scope", lambda stop: ScopedFigures(bus, selection.rows(), stop), self._use_figures)
+        if bus.whole:
+            self.doing = tr("counting the rows shown")
+        self.run("scope", lambda stop: ScopedFigures(bus, selection.rows(), stop), self._use_figures, failed=self._rest)
 
-    def _use_figures(self, figures: ScopedFigures | None) -> None:
+    def _use_figures(self, figures: ScopedFigures) -> None:
         self._screen.desk.narrowed = figures
+        self.doing = "" if self._bus.whole else self.doing
         self._counted_at.clear()
         self._screen.refresh_view()
 
@@ -235,8 +282,12 @@ class Jobs:
             self.run(f"report for {view}", lambda _: self._screen.desk.figures.report(self._source), then)
 
 
-def _extended(selection: Selection, stop: Stop) -> bool:
-    """Test rows for a little while; whether any were there to test."""
-    before, until = selection.done, time.monotonic() + _PERIOD_S
-    selection.extend(lambda: stop() or time.monotonic() > until)
-    return selection.done > before
+def _extended(selections: Sequence[Selection], seconds: float, stop: Stop) -> bool:
+    """Test rows for so long, piece by piece for all; whether any were there to test."""
+    until, tested = time.monotonic() + seconds, False
+    while not stop() and time.monotonic() < until:
+        grew = [selection.extend_by_piece() for selection in selections]
+        if not any(grew):
+            return tested
+        tested = True
+    return tested

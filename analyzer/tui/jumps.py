@@ -167,7 +167,13 @@ class Jumps:
                 return hit, False
             return search.find(bus, wanted.hits, bus.count if back else -1, back=back, stop=stop), True
 
-        self._screen.jobs.run(FINDING, seek, lambda outcome: self._sought_out(*outcome))
+        self._screen.jobs.run(FINDING, seek, lambda outcome: self._sought_out(*outcome), failed=self._given_up)
+
+    def _given_up(self) -> None:
+        """It could not be looked for: the next search begins anew."""
+        self._waiting.clear()
+        self._screen.jobs.doing = ""
+        self._screen.say()
 
     def _sought_out(self, row: int | None, wrapped: bool) -> None:
         """Go to the hit, and light it; where the key was pressed again meanwhile, on from there."""

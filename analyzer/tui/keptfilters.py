@@ -71,7 +71,7 @@ class KeptFilters:
 
 
 def rules_of(desk: ViewState) -> Iterator[tuple[Test, str]]:
-    """Kept filters with a colour, as tests with the component class of their rows."""
+    """Kept filters with a colour, as tests with the kind (`paint.INKS`) of their rows."""
     for entry in desk.wishes.filters:
         if entry.colour:
             try:

@@ -22,6 +22,7 @@ from .messages import LineChosen, LineEntered
 from .paint import Painted, StyledText
 
 _CACHED: Final = 512  # painted lines
+_TICK_S: Final = 1 / 60  # between two pictures
 _FRESH_S: Final = 0.5  # lines in sight are painted anew so often while others come
 
 
@@ -72,7 +73,7 @@ class Lines(Painted, ScrollView, can_focus=True):
         return self.head(width)
 
     def kind_of_line(self, line: int) -> str:  # noqa: ARG002 - for kinds of lists that light lines up
-        """The component class that the whole line has beneath its pieces'."""
+        """The kind (`paint.INKS`) that the whole line has beneath its pieces'."""
         return ""
 
     # Growing
@@ -173,6 +174,17 @@ class Lines(Painted, ScrollView, can_focus=True):
         if self.live:
             self.following = line >= count - 1
         self.move_to(line)
+        self._show_at_once()
+
+    def _show_at_once(self) -> None:
+        """Paint the list before anybody else is told of its cursor; not for each of many keys typed ahead."""
+        keys, now = getattr(self.app, "keys", None), time.monotonic()
+        if keys is not None and not keys.waiting and now - self._painted_at > _TICK_S:
+            self._painted_at = now
+            self.screen._dirty_widgets.add(self)
+            self.screen._on_timer_update()
+
+    _painted_at = 0.0
 
     live = False  # whether moving to the end means following it
 

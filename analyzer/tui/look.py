@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, Final
 
 from dissectors.fields import Field
@@ -11,8 +12,8 @@ from dissectors.values import harmless, readings
 from ..languages import counted, tr
 from ..model.polls import changed
 from ..paste.model import PastedFrame, PastedNoise
-from ..words import date_and_time, seconds, short
-from .items import NOTHING, FrameDetail, Item, chosen
+from ..words import between, date_and_time, seconds, short
+from .items import NOTHING, FrameDetail, Item, UnopenedItems, chosen
 from .rows import LETTER, SEVERITY
 from .why import why
 
@@ -140,8 +141,9 @@ def _facts(desk: ViewState, row: int, frame: Frame | None = None) -> tuple[Item,
         if partner is not None:
             index = table.value("frame", partner)
             facts.append(("answers" if frame.row.request >= 0 else "answered by", tr("frame {number}", number=index)))
-        if frame.response_time_ns is not None:
-            facts.append(("answer took", short(frame.response_time_ns)))
+        took = bus.response(row)
+        if took is not None:
+            facts.append(("answer took", short(took[0]) if took[0] == took[1] else between(*took)))
         facts.append(("confidence", f"{frame.confidence:.4g}"))
     comment = desk.notes.comments.get(desk.place(row))
     if comment:
@@ -174,16 +176,16 @@ def _findings(findings: Iterable[Finding]) -> Iterator[Item]:
 
 def _fields(fields: Sequence[Field]) -> Iterator[Item]:
     for i, field in enumerate(fields):
-        children = list(_fields(field.fields))
+        children: Sequence[Item] = tuple(_fields(field.fields))
         if field.problem:
-            children.insert(0, Item("problem", field.problem, field.start, field.length, "error", label="!"))
+            children = (Item("problem", field.problem, field.start, field.length, "error", label="!"), *children)
         if _is_register(field):
-            children.extend(_readings(fields, i))
+            children = UnopenedItems(lambda i=i, first=children: chain(first, _readings(fields, i)))  # type: ignore[misc]
         alone = sum(each.name == field.name for each in fields) == 1
         yield Item(
             field.name if alone else f"{field.name} {i}",
             field.text, field.start, field.length, "error" if field.problem else "",
-            label=field.name, children=tuple(children), ready=not _is_register(field), values=_is_register(field),
+            label=field.name, children=children, ready=not _is_register(field), values=_is_register(field),
         )  # fmt: skip
 
 

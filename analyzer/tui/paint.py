@@ -1,4 +1,4 @@
-"""Text with meaning, painted: a line is pieces, a piece names what it is, the style sheet says how that looks.
+"""Text with meaning, painted: a line is pieces, a piece names what it is, `INKS` says how that looks.
 
 Whatever a widget shows passes `Harmless` on its way to the terminal, as all other output passes
 `analyzer.terminal_text`.
@@ -6,8 +6,8 @@ Whatever a widget shows passes `Harmless` on its way to the terminal, as all oth
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import ClassVar, Final, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
 
 from rich.cells import cell_len, set_cell_size
 from rich.segment import Segment
@@ -22,7 +22,7 @@ from dissectors.values import harmless
 
 
 class StyledText(NamedTuple):
-    """Some text of a line and what it is: names of component classes, or none for plain text."""
+    """Some text of a line and what it is: names in `INKS`, or none for plain text."""
 
     text: str
     kind: str = ""
@@ -48,20 +48,46 @@ def _one_to_one(text: str) -> str:
 HARMLESS: Final = Harmless()
 
 
+class Ink(NamedTuple):
+    """How a kind of text looks: the theme's names of its colours, none where it has the line's own."""
+
+    front: str = ""
+    back: str = ""
+    text: str = ""  # bold, italic
+
+
+INKS: Final = {
+    "head": Ink("quiet", "surface"), "dim": Ink("quiet"), "request": Ink("asks"), "response": Ink("answers"),
+    "noise": Ink("noise", text="italic"), "error": Ink("bad", text="bold"), "warning": Ink("warn"),
+    "note": Ink("note"), "good": Ink("good"), "strong": Ink(text="bold"), "accent": Ink("accent"),
+    "cursor": Ink("chosen-text", "chosen", "bold"), "cursor-away": Ink(back="chosen-away"),
+    "lit": Ink("lit-text", "lit"), "lit-exact": Ink("chosen-text", "chosen", "bold"),
+    **{f"tint-{colour}": Ink(back=f"tint-{colour}") for colour in ("red", "yellow", "green", "blue", "violet")},
+}  # fmt: skip
+
+
+def _inked(name: str, colours: Mapping[str, str]) -> Style:
+    """The style of a kind of text in a theme's colours."""
+    ink = INKS[name]
+    front, back = (Color.parse(colours[each]).rich_color if each else None for each in ink[:2])
+    bold, italic = (ink.text == each or None for each in ("bold", "italic"))
+    return Style(color=front, bgcolor=back, bold=bold, italic=italic)
+
+
 class Painted(Widget):
     """A widget that paints lines itself."""
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = {
-        "head", "dim", "request", "response", "noise", "error", "warning", "note", "good", "strong", "accent",
-        "cursor", "cursor-away", "lit", "lit-exact",
-        "tint-red", "tint-yellow", "tint-green", "tint-blue", "tint-violet",
-    }  # fmt: skip
     _looks: dict[str, Style] | None = None
     _base: Style | None = None
+
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
+        super().__init__(id=id, classes=classes)
+        self._joined: dict[tuple[Style, bool], dict[str, Style]] = {}  # by a line's own style, and what is over what
 
     def notify_style_update(self) -> None:
         super().notify_style_update()
         self._looks = self._base = None
+        self._joined = {}
         self.repaint()
 
     def repaint(self) -> None:
@@ -79,19 +105,23 @@ class Painted(Widget):
         return self._base
 
     def style_of(self, kind: str) -> Style:
-        """The style of component classes, a later one over an earlier."""
+        """The style of names in `INKS`, a later one over an earlier."""
         if self._looks is None:
             self._looks = {"": Style.null()}
         if kind not in self._looks:
-            self._looks[kind] = self.get_component_rich_style(*kind.split(), partial=True)
+            self._looks[kind] = Style.combine([_inked(name, self.app.theme_variables) for name in kind.split()])
         return self._looks[kind]
 
     def strip(self, parts: Sequence[StyledText], width: int, base: Style, *, over: bool = False) -> Strip:
         """A line's pieces as one strip; `over`: the base's colours hide those of the pieces."""
+        looks = self._joined.setdefault((base, over), {})
         segments = []
         for text, kind in parts:
-            style = self.style_of(kind)
-            segments.append(Segment(harmless(text), style + base if over else base + style))
+            look = looks.get(kind)
+            if look is None:
+                own = self.style_of(kind)
+                look = looks[kind] = own + base if over else base + own
+            segments.append(Segment(harmless(text), look))
         return Strip(segments).adjust_cell_length(width, base)
 
 

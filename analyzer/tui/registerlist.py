@@ -359,5 +359,5 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
 VIEW: Final = View(
     name="registers", key="5", title="Registers",
     make=_widget, refresh=_refresh, chosen=_chosen, entered=_entered, cells=_cells,
-    without=(*JUMPS, "select"),
+    without=(*JUMPS, "select"), figures=True,
 )  # fmt: skip

@@ -36,5 +36,5 @@ def _refresh(screen: BusScreen) -> None:
 VIEW: Final = View(
     name="report", key="7", title="Report",
     make=_widget, refresh=_refresh,
-    without=(*JUMPS, "select"),
+    without=(*JUMPS, "select"), figures=True,
 )  # fmt: skip

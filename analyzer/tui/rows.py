@@ -13,14 +13,14 @@ from ..languages import counted, tr
 from ..model.table import RowState
 from ..tables.schema import Kind
 from ..tables.transactions import Status
-from ..words import short
+from ..words import short_bound
 from .paint import StyledText, fitted
 
 if TYPE_CHECKING:
     from ..tables.findings import Finding
     from .desk import ViewState
 
-SEVERITY: Final = ("", "note", "warning", "error")  # component class by mark
+SEVERITY: Final = ("", "note", "warning", "error")  # kind of text by mark
 LETTER: Final = (" ", "N", "W", "E")
 UNHEARD: Final = "unheard"  # an answer that the recording may have missed
 _NOISE_BYTES: Final = 12
@@ -56,7 +56,7 @@ def _mutual(desk: ViewState, row: int, partner: int) -> bool:
 
 
 def direction(desk: ViewState, row: int) -> str:
-    """The component class of a row's direction."""
+    """The kind of text of a row's direction."""
     return ("noise", "request", "response")[desk.bus.table.value("kind", row)]
 
 
@@ -104,8 +104,7 @@ def ended(desk: ViewState, row: int) -> StyledText:
     table = desk.bus.table
     kind = table.value("kind", row)
     if kind == Kind.RESPONSE:
-        time = table.value("response_ns", row)
-        return StyledText(short(time if time >= 0 else None), "")
+        return StyledText(short_bound(desk.bus.response(row)), "")
     if kind == Kind.REQUEST and table.value("partner", row) < 0:
         status = table.value("state", row) & RowState.STATUS
         if status:

@@ -162,6 +162,7 @@ class BusScreen(Screen[None]):
         for name in ("home", "paste"):  # of the pane alone: a class of the screen would style every widget anew
             self.detail.set_class(view == name, f"-{name}")
         record.shown(self)
+        self.jobs.count_scope()
         self.refresh_view()
         self.refresh_bindings()
         self.panes.all[0].focus()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -14,6 +15,7 @@ from textual.strip import Strip
 
 from ..languages import counted, tr
 from ..model.bands import Band, bands
+from ..model.explained import rows_of_causes
 from ..words import short
 from .keptfilters import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen
@@ -21,6 +23,7 @@ from .paint import Painted, StyledText, fitted
 from .view import JUMPS, View
 
 if TYPE_CHECKING:
+    from ..causes.model import Cause
     from ..model.activity import Bins
     from .desk import ViewState
     from .screen import BusScreen
@@ -32,6 +35,7 @@ _BELOW: Final = 5  # lines under it
 _LEAST_PLOT: Final = 3  # lines that bands leave to it
 _ABOVE: Final = 2
 _LEAST_NS: Final = 1_000_000  # no span is shorter
+_AGAIN_S: Final = 2.0  # between two reckonings of causes while rows come
 
 
 class Timeline(Painted, can_focus=True):
@@ -61,6 +65,9 @@ class Timeline(Painted, can_focus=True):
         self._bins: Bins | None = None
         self.bands: Sequence[Band] = ()
         self.banded: tuple[object, ...] = ()  # what the bands were asked for
+        self.causes: Sequence[Cause] = ()  # those that the bands are numbered by
+        self.known: Sequence[Cause] = ()  # the newest
+        self.explained, self.explain_at = -1, 0.0  # findings that causes were asked for, and when again
 
     @property
     def columns(self) -> int:
@@ -84,7 +91,7 @@ class Timeline(Painted, can_focus=True):
 
     def _moved(self) -> None:
         """Another span is in sight: the bands of the old one go."""
-        self.bands = [Band(band.name, band.counts * 0, band.troubles * 0) for band in self.bands]
+        self.bands = [band._replace(counts=band.counts * 0, troubles=band.troubles * 0) for band in self.bands]
         self.post_message(SpanSeen())
 
     def on_resize(self) -> None:
@@ -131,7 +138,7 @@ class Timeline(Painted, can_focus=True):
             return [StyledText(" " * _LABEL), StyledText("".join(under), "strong")]
         if y == 3:
             return self._under_cursor(bins)
-        return []
+        return self._causes_at_cursor() if y == 4 else []
 
     def _title(self, bins: Bins) -> list[StyledText]:
         load = self._loads(bins)
@@ -188,10 +195,10 @@ class Timeline(Painted, can_focus=True):
         """Columns of times in which a recording heard nothing."""
         columns: set[int] = set()
         scale = self.columns / max(self.t_end - self.t_start, 1)
-        for time in self.desk.bus.deaf:
-            to = self.t_end if time.to_ns is None else time.to_ns
-            if time.from_ns <= self.t_end and to >= self.t_start:
-                low, high = (int((t - self.t_start) * scale) for t in (time.from_ns, to))
+        for away in self.desk.bus.deaf:
+            to = self.t_end if away.to_ns is None else away.to_ns
+            if away.from_ns <= self.t_end and to >= self.t_start:
+                low, high = (int((t - self.t_start) * scale) for t in (away.from_ns, to))
                 columns |= set(range(max(low, 0), min(high, self.columns - 1) + 1))
         return columns
 
@@ -202,17 +209,28 @@ class Timeline(Painted, can_focus=True):
         ]
 
     def _band(self, band: Band) -> list[StyledText]:
-        """How much there was in each column; `!` where something of it was wrong."""
+        """How much there was in each column; `!` where something of it was wrong, as all of a cause's is."""
+        wrong = "error" if band.cause is None else self.causes[band.cause].severity
         name = band.name if len(band.name) < _LABEL else band.name[: _LABEL - 2] + "…"
         parts = [StyledText(f"{name:>{_LABEL - 1}} ", "dim")]
         most = max(1, int(band.counts.max(initial=0)))
         for i, (count, trouble) in enumerate(zip(band.counts.tolist(), band.troubles.tolist(), strict=True)):
-            cell = "!" if trouble else _BLOCKS[max(1, round(8 * count / most))] if count else " "
-            kind = "accent" if i == self.cursor else "error" if trouble else "response"
+            cell = "!" if trouble and band.cause is None else _BLOCKS[max(1, round(8 * count / most))] if count else " "
+            kind = "accent" if i == self.cursor else wrong if trouble else "response"
             if len(parts) > 1 and parts[-1].kind == kind:
                 parts[-1] = StyledText(parts[-1].text + cell, kind)
             else:
                 parts.append(StyledText(cell, kind))
+        return parts
+
+    def _causes_at_cursor(self) -> list[StyledText]:
+        """In words, each with the number that its band has."""
+        here = [band.cause for band in self.bands if band.cause is not None and band.counts[self.cursor]]
+        parts = []
+        for number in here:
+            cause = self.causes[number]
+            parts.append(StyledText(f" {number + 1} ", cause.severity))
+            parts.append(StyledText(f"{cause.text} "))
         return parts
 
     def _under_cursor(self, bins: Bins) -> list[StyledText]:
@@ -316,8 +334,24 @@ def _refresh(screen: BusScreen) -> None:
     bus = desk.bus
     if not bus.count or not bus.timed:
         return
-    filters = list(kept_tests(desk))
-    wanted = (timeline.t_start, timeline.t_end, timeline.columns, desk.scope.words(), [name for name, _ in filters])
+    if bus.found.count != timeline.explained and (bus.whole or time.monotonic() >= timeline.explain_at):
+        timeline.explained, timeline.explain_at = bus.found.count, time.monotonic() + _AGAIN_S
+        screen.jobs.run("causes of bands", lambda _: bus.causes(), lambda causes: _explained(screen, causes))
+    _band(screen)
+
+
+def _explained(screen: BusScreen, causes: Sequence[Cause]) -> None:
+    """Newer causes."""
+    screen.query_one(Timeline).known = causes
+    _band(screen)
+
+
+def _band(screen: BusScreen) -> None:
+    """Count the bands of causes, kept filters and units, where those in sight are others."""
+    timeline, desk = screen.query_one(Timeline), screen.desk
+    bus, filters, causes = desk.bus, list(kept_tests(desk)), timeline.known
+    names, told = [name for name, _ in filters], [cause.text for cause in causes]
+    wanted = (timeline.t_start, timeline.t_end, timeline.columns, desk.scope.words(), names, told)
     if wanted == timeline.banded:
         return
     timeline.banded = wanted
@@ -325,14 +359,16 @@ def _refresh(screen: BusScreen) -> None:
 
     def show(counted: list[Band]) -> None:
         if columns == timeline.columns:
-            timeline.bands = counted
+            timeline.bands, timeline.causes = counted, causes
             timeline.refresh()
 
-    screen.jobs.run("bands", lambda stop: bands(bus, tests, span, columns, filters, stop), show)
+    screen.jobs.run(
+        "bands", lambda stop: bands(bus, tests, span, columns, filters, rows_of_causes(bus, causes), stop), show
+    )
 
 
 VIEW: Final = View(
     name="timeline", key="6", title="Timeline", short="Time",
     make=lambda desk: Timeline(desk, id="timeline"), refresh=_refresh,
-    without=(*JUMPS, "select", "time_base"),
+    without=(*JUMPS, "select", "time_base"), figures=True,
 )  # fmt: skip

@@ -127,7 +127,7 @@ class TransactionList(FrameList):
         ended = words.ended(desk, row if answer < 0 else answer)
         grave = max(table.value("mark", row), 0 if answer < 0 else table.value("mark", answer))
         mark = words.marks(desk, row)
-        took = table.value("response_ns", answer) if answer >= 0 else -1
+        took = desk.bus.response(answer) if answer >= 0 else None
         quantity = "" if carried.quantity < 0 else f"×{carried.quantity}"
         parts = self.shown([
             ("", StyledText(words.LETTER[grave] + mark.text[1], words.SEVERITY[grave] or mark.kind)),
@@ -137,7 +137,7 @@ class TransactionList(FrameList):
             ("function", StyledText(f"{table.value('function', row):>3} ", "request")),
             ("register", StyledText(f"{carried.register:>8} ", "accent")),
             ("quantity", StyledText(f"{quantity:<5}", "dim")),
-            ("answer", StyledText(f"{pointed_ms(took)}  ")),
+            ("answer", StyledText(f"{'' if took is None else pointed_ms(*took):<11}")),
         ])  # fmt: skip
         room = max(0, width - sum(cell_len(part.text) for part in parts))
         return [*parts, *self._outcome(carried, ended, room)]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from textual.containers import Vertical
 
 from ..languages import tr
-from ..words import compact, short
+from ..words import compact, short, short_bound
 from .doorcells import DoorCell
 from .filterbar import FilterBar
 from .history import History
@@ -109,7 +109,7 @@ class UnitList(Lines):
         grave = "error" if rate > _MANY else "warning" if rate else "dim"
         share = f"{rate:.0%}" if rate >= _FEW else "<1%" if rate else "-"
         parts.append(StyledText(f"{share:>6}", grave))
-        parts += [StyledText(f"{short(t):>7}") for t in (times.p50_ns, times.p95_ns, times.max_ns)]
+        parts += [StyledText(f"{short_bound(times.bounds(each)):>7}") for each in ("p50", "p95", "max")]
         if width >= 90:
             parts.append(StyledText("  " + sparkline(self.desk.figures.units.means(unit.unit), width - 80), "accent"))
         return fitted(parts, width)
@@ -144,5 +144,5 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
 VIEW: Final = View(
     name="units", key="4", title="Units",
     make=_widget, refresh=_refresh, chosen=_chosen, entered=_entered, cells=_cells,
-    without=(*JUMPS, "select"),
+    without=(*JUMPS, "select"), figures=True,
 )  # fmt: skip

@@ -60,4 +60,5 @@ class View:
     short: str = ""  # title on narrow terminals
     detail: bool = False  # with the frame under the cursor below
     filtered: bool = True  # obeys the scope, whose line stands above
+    figures: bool = False  # shows figures of the rows that the scope leaves, which take a while to count
     without: tuple[str, ...] = ()  # the screen's actions that mean nothing in it

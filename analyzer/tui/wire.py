@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from rich.cells import cell_len, get_character_cell_size
@@ -85,7 +86,7 @@ class ThinWire:
                     out.append(f"\x1b[{first - at[1]}C" if ahead and at else f"\x1b[{y + 1};{first + 1}H")
                 for i in range(first, last):
                     wanted = looks[i]
-                    if wanted is not None and wanted != now and texts[i]:
+                    if wanted is not now and wanted is not None and wanted != now and texts[i]:
                         code, now = _turned(now, wanted)
                         out.append(code)
                     out.append(texts[i])
@@ -213,6 +214,7 @@ def _codes_of(style: Style | None, console: Console) -> Look:
     return Look(";".join(front) or "39", ";".join(back) or "49", marks)
 
 
+@lru_cache(_LOOKS)
 def _turned(now: Look, wanted: Look) -> tuple[str, Look]:
     """The codes from one look to another, and the look after them."""
     codes: list[str] = []

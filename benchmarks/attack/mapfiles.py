@@ -205,14 +205,14 @@ def _survives(chart: object, chance: Random) -> None:
 
 
 def _panel(data: bytes, _: Random) -> None:
-    from analyzer.registers.like import read_panel
+    from analyzer.registers.panel import read_panel
 
     read_panel(data.decode(errors="replace"), "panel.csv")
 
 
 def map_targets() -> list[Target]:
     """Maps, workbooks, and tables of `registers --like`."""
-    from analyzer.registers.like import PanelError
+    from analyzer.registers.panel import PanelError
     from dissectors.maps import MapError
 
     panels = (b"time,value\n12:00:01,230.1\n12:00:02,230.4\n", b"2026-11-21 10:45:00;1,5\n2026-11-21 10:45:01;1,6\n")

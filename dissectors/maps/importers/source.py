@@ -45,14 +45,13 @@ class MapSource:
 
     @property
     def problem(self) -> str:
-        """Why the file is not of the kind that its name or its beginning promises, with the line; empty if it is."""
-        begin = self.text.lstrip()[:1] if self.is_text else ""
+        """Why the file is not of the kind that its name promises, with the line; empty if it is."""
         if self.suffix in (".yaml", ".yml"):
             kind = "YAML"
         elif self.suffix in (".toml", ".conf"):
             kind = "TOML"
         else:
-            kind = "JSON" if self.suffix == ".json" or begin in ("{", "[") else ""
+            kind = "JSON" if self.suffix in (".json", ".jinja") else ""
         return f"no {kind}: {self._problems[kind]}" if kind in self._problems else ""
 
     @cached_property
