@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
 from collections.abc import Callable, Hashable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +24,8 @@ from analyzer.model.filtering import CompiledTest
 from analyzer.model.registers import RegisterSeries
 from analyzer.model.scope import ScopedFigures
 from analyzer.model.source import CaptureSource
+from analyzer.tui import jobs
+from analyzer.tui.app import Rtuscope
 from analyzer.tui.filterbar import FilterBar
 from captures import samples
 
@@ -181,3 +185,30 @@ def test_activity_asked_for_while_its_bins_merge_is_all_there(monkeypatch: pytes
         asked.set()
         fed.result()
     assert frames == before
+
+
+def test_a_row_is_under_study_though_home_comes_up_before_any_list(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held, tested = threading.Event(), jobs._extended
+
+    def late(*arguments: Any) -> bool:
+        held.wait(20)
+        return tested(*arguments)
+
+    monkeypatch.setattr(jobs, "_extended", late)
+
+    async def work(sitting: Seat) -> None:
+        try:
+            await sitting.until(lambda: sitting.bus.whole and sitting.screen.view == "home")
+            await sitting.until(lambda: sitting.screen.row is not None)
+        finally:
+            held.set()
+
+    app = Rtuscope(opened(sample_in(tmp_path)))
+
+    async def main() -> None:
+        async with app.run_test() as pilot:
+            await work(Seat(app, pilot))
+
+    asyncio.run(main())

@@ -172,6 +172,7 @@ class Jobs:
 
     def _first_row(self) -> None:
         if self._screen.studied is None and self._bus.count:
+            self._screen.studied = 0  # Home may come up before any list has a row to stand on
             self._screen.frames.renewed()
 
     def _tell_notices(self) -> None:
