@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
@@ -82,16 +82,23 @@ def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
     group.add_argument("--sample-rate", type=float, metavar="HZ", help="of a log that counts samples (sigrok-cli -A)")
 
 
-def capture_format(text: str) -> str:
-    """The name of a capture format; for argparse."""
+def known_name(text: str, find: Callable[[str], object], what: str, names: Callable[[], Iterable[str]]) -> str:
+    """A name that `find` knows, for argparse; of one that it refuses, that which may have been meant of `names`."""
     from captures import CaptureError
-    from captures.formats import by_name, foreign_formats, formats
 
     try:
-        return by_name(text).name
-    except CaptureError as error:
-        near = did_you_mean(text, [*formats(), *foreign_formats()])
-        raise argparse.ArgumentTypeError(f"no capture format named {text!r}{near}" if near else str(error)) from None
+        find(text)
+    except (CaptureError, ValueError) as error:
+        near = did_you_mean(text, names())
+        raise argparse.ArgumentTypeError(f"no {what} {text!r}{near}" if near else str(error)) from None
+    return text
+
+
+def capture_format(text: str) -> str:
+    """The name of a capture format; for argparse."""
+    from captures.formats import by_name, foreign_formats, formats
+
+    return known_name(text, by_name, "capture format named", lambda: [*formats(), *foreign_formats()])
 
 
 def add_zone_argument(parser: argparse._ActionsContainer) -> None:
@@ -106,17 +113,11 @@ def add_zone_argument(parser: argparse._ActionsContainer) -> None:
 
 def zone_name(text: str) -> str:
     """The name or the offset of a time zone that there is; for argparse."""
-    from captures import CaptureError
+    from zoneinfo import available_timezones
+
     from captures.io import time_zone
 
-    try:
-        time_zone(text)
-    except CaptureError as error:
-        from zoneinfo import available_timezones
-
-        near = did_you_mean(text, available_timezones())
-        raise argparse.ArgumentTypeError(f"no time zone {text!r}{near}" if near else str(error)) from None
-    return text
+    return known_name(text, time_zone, "time zone", available_timezones)
 
 
 def add_functions_argument(parser: argparse.ArgumentParser) -> None:

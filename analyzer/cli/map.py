@@ -7,9 +7,8 @@ import sys
 from typing import TYPE_CHECKING
 
 from ..extras import needs
-from ..meant import did_you_mean
 from .exits import DONE, FAILED, NO_FRAME, UsageError
-from .inputs import load_functions, tell_damage
+from .inputs import known_name, load_functions, tell_damage
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .terminal import Progress, interruptible, tell
 
@@ -215,14 +214,8 @@ def _chart_of(
 def _import_format(text: str) -> str:
     """The name of a format that maps are imported from; for argparse."""
     from dissectors.maps.importers import FORMATS, map_format
-    from dissectors.maps.model import MapError
 
-    try:
-        map_format(text)
-    except MapError as error:
-        near = did_you_mean(text, FORMATS)
-        raise argparse.ArgumentTypeError(f"no map format {text!r}{near}" if near else str(error)) from None
-    return text
+    return known_name(text, map_format, "map format", lambda: FORMATS)
 
 
 def _import(arguments: argparse.Namespace) -> int:

@@ -28,7 +28,7 @@ def _wide(data: bytes) -> str | None:
     """UTF-16 without its mark: delimiters and line ends are ASCII in any language, so that one half has zeros alone."""
     even, odd = data[0::2].count(0), data[1::2].count(0)
     lead, other = max(even, odd), min(even, odd)
-    if other or lead < len(data) // 16 or data[: 2 * _LOOK].count(b"\0\0\0"):
+    if other or lead < len(data) // 16 or data.count(b"\0\0\0"):
         return None
     return "utf-16-le" if odd else "utf-16-be"
 

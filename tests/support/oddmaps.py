@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
+from dissectors.maps.importers import import_maps
 from dissectors.maps.importers.source import ImportedMap
+
+OddFile = tuple[str, bytes, list[str], str]
+"""A file's name and content, the rows expected of it (`row_texts`), and a note (pattern) or nothing."""
 
 
 def row_texts(imported: ImportedMap) -> list[str]:
@@ -17,3 +23,12 @@ def row_texts(imported: ImportedMap) -> list[str]:
         )  # fmt: skip
         texts.append(" ".join(str(part) for part in parts if part != ""))
     return texts
+
+
+def check_import(odd: OddFile) -> None:
+    """The one map in the file has the rows expected, and the note is among what its reader says."""
+    file, data, expected, note = odd
+    (found,) = import_maps(file, data)
+    assert row_texts(found) == expected
+    if note:
+        assert any(re.search(note, said) for said in found.notes), found.notes

@@ -245,9 +245,7 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
 def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
     """Silence in spells, good answers before and behind."""
     for unit in evidence.units:
-        spells = [each for each in unit.silences.all if _is_spell(evidence, each)]
-        spells = [each for each in spells if not _are_all_silent(evidence, unit, each)]
-        silent = evidence.silent(unit)
+        silent, spells = evidence.silent(unit), _spells(evidence, unit, with_others=False)
         inside = sum(each.count for each in spells)
         if len(spells) < 2 or not unit.answered or inside < 0.6 * silent or inside < 2 * _SPELL:
             continue
@@ -286,6 +284,12 @@ def _is_spell(evidence: Evidence, spell: Spell) -> bool:
     return spell.count == _PAIR and timeout is not None and spell.end - spell.begin >= _PAIR_TIMEOUTS * timeout
 
 
+def _spells(evidence: Evidence, unit: UnitLedger, *, with_others: bool) -> list[Spell]:
+    """Those of a unit in which all others were silent too, or those in which it was alone."""
+    spells = [each for each in unit.silences.all if _is_spell(evidence, each)]
+    return [each for each in spells if _are_all_silent(evidence, unit, each) == with_others]
+
+
 def _are_all_silent(evidence: Evidence, unit: UnitLedger, spell: Spell) -> bool:
     """Whether nobody else answered well either while a unit was silent, though others do at other times."""
     grid = evidence.ledger.grid
@@ -318,8 +322,7 @@ def all_silent(evidence: Evidence) -> Iterator[Suspicion]:
     """Silence in spells, of all units at once."""
     found = []
     for unit in evidence.units:
-        spells = [each for each in unit.silences.all if _is_spell(evidence, each)]
-        together = [each for each in spells if _are_all_silent(evidence, unit, each)]
+        together = _spells(evidence, unit, with_others=True)
         if together and unit.answered and evidence.silent(unit):
             found.append((unit, sum(each.count for each in together), together))
     if len(found) < 2:
