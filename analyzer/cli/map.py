@@ -10,7 +10,8 @@ from ..extras import needs
 from .exits import DONE, FAILED, NO_FRAME, UsageError
 from .inputs import known_name, load_functions, tell_damage
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import Progress, interruptible, tell
+from .progress import Progress
+from .terminal import interruptible, tell
 
 if TYPE_CHECKING:
     from analyzer.registers.readings import RegisterReadings
