@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 from .exits import DONE, FAILED, UsageError
 from .inputs import tell_damage
-from .terminal import Progress, interruptible
+from .progress import Progress
+from .terminal import interruptible
 
 if TYPE_CHECKING:
     from analyzer.options import Options
