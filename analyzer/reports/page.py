@@ -100,14 +100,15 @@ def _line(report: Report) -> str:
 def _span(report: Report) -> str:
     if report.span_ns is None:
         nothing = "nothing passes" if report.filter else "nothing captured"
-        return _unknown("no times in this capture" if not report.timed else nothing)
+        return unknown("no times in this capture" if not report.timed else nothing)
     words = duration(report.span_ns)
     if report.t_start_ns is not None and is_clock(report.t_start_ns):
         words += page_words(", from {moment}", moment=moment(report.t_start_ns))
     return words
 
 
-def _unknown(why: str) -> str:
+def unknown(why: str) -> str:
+    """That something is unknown, and why."""
     return page_words("unknown: {why}", why=page_words(why))
 
 
@@ -172,7 +173,7 @@ def _transactions(counts: Counts) -> Iterator[tuple[str, str]]:
 
 def _load(report: Report) -> str:
     if report.load.mean is None:
-        return _unknown("no times in this capture" if not report.timed else "it needs the baud and a span")
+        return unknown("no times in this capture" if not report.timed else "it needs the baud and a span")
     words = page_words("{share:.1%} of the line's capacity", share=report.load.mean)
     if report.load.busiest_second is not None:
         words += page_words(", {share:.1%} in the busiest second", share=report.load.busiest_second)
@@ -182,7 +183,7 @@ def _load(report: Report) -> str:
 def _response(report: Report) -> str:
     times = report.times
     if not times.count or times.off_ns is None:
-        return _unknown("no times in this capture" if not report.timed else "this tap's times cannot tell them")
+        return unknown("no times in this capture" if not report.timed else "this tap's times cannot tell them")
     words = ", ".join(f"{figure} {times.worded(figure)}" for figure in ("p50", "p95", "p99", "max"))
     answers = report.transactions.answered + report.transactions.exceptions + report.transactions.damaged
     if times.count < answers:
