@@ -1,9 +1,9 @@
 """The language in which reports and causes are told: one catalogue a language, English being the words in the code.
 
 A catalogue is the TOML files of this package that begin with the language's name: `page` (words of the report, by their
-English), `fragments` (words that are filled into others), `causes` (by id: text, share, test, remedy), `interface`
-(words of the interface, by their English) and `counted` (nouns behind a number, by their English singular, in all their
-forms). What a catalogue lacks is told in English.
+English), `fragments` (words that are filled into others), `causes` (by id: text, share, test, remedy), `findings`
+(pieces of what findings say, by their English), `interface` (words of the interface, by their English) and `counted`
+(nouns behind a number, by their English singular, in all their forms). What a catalogue lacks is told in English.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any, Final
 from ..words import plural
 
 LANGUAGES: Final = ("en", "ru")
+_NONE: Final[Mapping[str, object]] = {}
 _language: ContextVar[str] = ContextVar("language", default="en")
 
 
@@ -78,4 +79,15 @@ def filled(template: str, numbers: Mapping[str, Any]) -> str:
     words = catalogue(_language.get()).get("fragments", {})
     if not words:
         return template.format_map(numbers)
-    return template.format_map({k: words.get(v, v) if isinstance(v, str) else v for k, v in numbers.items()})
+    return template.format_map({k: _fragment(words, v) if isinstance(v, str) else v for k, v in numbers.items()})
+
+
+def _fragment(words: Mapping[str, str], english: str) -> str:
+    """Words that are filled in; what stands between commas may be known part by part."""
+    return words[english] if english in words else ", ".join(words.get(part, part) for part in english.split(", "))
+
+
+def phrase(english: str, numbers: Mapping[str, object] = _NONE, /, **more: object) -> str:
+    """A piece of what a finding says, in the language in use, filled with its evidence and what else it names."""
+    words = catalogue(_language.get()).get("findings", {}).get(english, english)
+    return filled(words, {**numbers, **more} if more else numbers)
