@@ -116,7 +116,7 @@ def test_a_workbook_of_people(oddity: str) -> None:
 
 def test_each_sheet_with_a_table_is_a_map_and_hidden_ones_are_none() -> None:
     cover: Cells = [["Register list"], ["for the pump"]]
-    sheets = [
+    sheets: list[Cells] = [
         cover,
         [HEADINGS, [1, "U", "U16", "V"]],
         [HEADINGS, [1, "old", "U16", ""]],

@@ -23,7 +23,7 @@ _MERGE: Final = re.compile(rb"<mergeCell [^>]*ref=.([A-Z]{1,3})([0-9]{1,7}):([A-
 
 
 @dataclass(frozen=True, slots=True)
-class Sheet:
+class WorkbookSheet:
     """A sheet's `rows`, the columns that it hides (from 0), and what is to be said of it."""
 
     name: str
@@ -32,7 +32,7 @@ class Sheet:
     notes: tuple[str, ...] = ()
 
 
-def sheets_of(data: bytes, name: str, most_rows: int, most_columns: int) -> list[Sheet]:
+def sheets_of(data: bytes, name: str, most_rows: int, most_columns: int) -> list[WorkbookSheet]:
     """The sheets that are shown, or all where none is; MapError names the file."""
     try:
         import openpyxl
@@ -56,7 +56,7 @@ def sheets_of(data: bytes, name: str, most_rows: int, most_columns: int) -> list
         shown = [sheet for sheet in book.worksheets if sheet.sheet_state == "visible"] or book.worksheets
         several = len(shown) > 1
         return [
-            Sheet(
+            WorkbookSheet(
                 sheet.title if several else "",
                 _rows_of(sheet, most_rows, most_columns, merged=whole),
                 _hidden(sheet) if whole else frozenset(),

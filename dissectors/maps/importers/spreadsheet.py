@@ -30,7 +30,7 @@ from ..tablewords import (
     unit_of,
     values_of,
 )
-from ..workbook import CELL, Sheet, column_name, sheets_of
+from ..workbook import CELL, WorkbookSheet, column_name, sheets_of
 from .source import ImportedMap, MapBuilder, MapSource, refused, whole_in
 
 NAME = "a table"
@@ -55,7 +55,7 @@ def read(source: MapSource) -> list[ImportedMap]:
     if source.data.startswith(_ZIP):
         sheets = sheets_of(source.data, source.name, MOST_ROWS, MOST_COLUMNS)
     else:
-        sheets = [Sheet("", _rows_of_text(source.text, source.name, MOST_ROWS))]
+        sheets = [WorkbookSheet("", _rows_of_text(source.text, source.name, MOST_ROWS))]
     charts = [_sheet(source, sheet) for sheet in sheets]
     complete = [one for one in charts if one is not None]
     if not complete:
@@ -63,7 +63,7 @@ def read(source: MapSource) -> list[ImportedMap]:
     return complete
 
 
-def _sheet(source: MapSource, sheet: Sheet) -> ImportedMap | None:
+def _sheet(source: MapSource, sheet: WorkbookSheet) -> ImportedMap | None:
     """The map of one sheet; a later row of headings begins the next table of it."""
     builder = MapBuilder(source.name, device=f"{source.stem} {sheet.name}".strip())
     rows, hidden = _visible(sheet)
@@ -114,7 +114,7 @@ def _sheet(source: MapSource, sheet: Sheet) -> ImportedMap | None:
     return builder.built() if columns else None
 
 
-def _visible(sheet: Sheet) -> tuple[list[list[str]], list[str]]:
+def _visible(sheet: WorkbookSheet) -> tuple[list[list[str]], list[str]]:
     """The rows without the columns that the sheet hides, where what is left is a table, and what is said of it."""
     if not sheet.hidden:
         return sheet.rows, []
