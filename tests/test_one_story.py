@@ -150,6 +150,12 @@ def test_the_interface_tells_the_same(capture: Capture) -> None:
     assert placeless == ways_out.of_bus(Analysis(capture))
 
 
+def test_the_interface_s_page_is_the_report(capture: Capture) -> None:
+    """Line for line, causes and all."""
+    page = text(ways_out.model_page(capture))
+    assert page == text(summarize(capture, source="bus"))
+
+
 def test_values_are_told_once(capture: Capture) -> None:
     batches = [analysed.batch for analysed in Analysis(capture).analysed()]
     assert ways_out.model_values(capture) == ways_out.stream_values(batches)

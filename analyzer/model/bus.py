@@ -19,7 +19,7 @@ from ..causes.ledger import Ledger
 from ..core import Analysed
 from ..options import Options
 from ..outages import Deaf
-from ..reports.summary import Summary
+from ..reports.summary import Summary, with_cards, with_story
 from ..tables.batch import Batch
 from ..tables.delays import bounds_of
 from ..tables.frame import Frame
@@ -112,13 +112,16 @@ class Bus:
             self._append(batch)
             self._join(batch.rows, first)
         self._settle(analysed.transactions)
+        told = self.found.count
         self.found.add(analysed.findings, self.table)
+        earlier = np.unique(self.found.rows_of(np.arange(told, self.found.count))).astype(np.int64)
+        earlier = earlier[(earlier >= 0) & (earlier < first)]
         if len(batch):
             self.registers.feed(batch, np.arange(first, first + len(batch)))
             self.activity.feed(batch.rows)
             self.units.feed(batch.rows)
         with self._lock:
-            self._summary.feed(analysed)
+            self._summary.feed(analysed, self.batch(earlier).rows if len(earlier) else None)
             if self._ledger.line != self.line:  # a tap found it out: what was counted before was of another one
                 self._ledger = Ledger(self.line, self.options)
             self._ledger.feed(batch, analysed.transactions)
@@ -281,10 +284,11 @@ class Bus:
         """How busy a span was, in equal bins."""
         return self.activity.over(self, t_start, t_end, bins)
 
-    def report(self, source: ViewSource) -> Report:
-        """The bus on one page, as it is known now."""
+    def report(self, source: ViewSource, *, story: bool = False) -> Report:
+        """The bus on one page, as it is known now; `story`: with its causes, which take a moment."""
         with self._lock:
-            return self.page(self._summary, source, partial=not self.whole)
+            page = self.page(self._summary, source, partial=not self.whole)
+            return (with_story if story else with_cards)(page, self._ledger)
 
     def page(self, summary: Summary, source: ViewSource, *, partial: bool) -> Report:
         """A summary of this bus, or of some of its rows, as a page."""

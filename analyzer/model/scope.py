@@ -116,6 +116,6 @@ class ScopedFigures:
         """How busy these rows made a span, in equal bins."""
         return binned(self._bus, self.rows, t_start, t_end, bins)
 
-    def report(self, source: ViewSource) -> Report:
+    def report(self, source: ViewSource, *, story: bool = False) -> Report:  # noqa: ARG002 - a part tells none
         """These rows on one page."""
         return self._bus.page(self._summary, source, partial=not self._complete)

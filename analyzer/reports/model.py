@@ -6,7 +6,7 @@ Times are integer nanoseconds. Response times are measured, or bounded, or unkno
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from ..tables.delays import bounds_of
@@ -289,6 +289,13 @@ class Report:
             return None
         return self.t_end_ns - self.t_start_ns
 
+    @property
+    def units_as_heard(self) -> tuple[UnitRow, ...]:
+        """The units; where there are cards, `unanswered` are those of whose answer not a byte was heard, `damaged` all
+        others that stayed without one."""
+        cards = {card.unit: card for card in self.cards}
+        return tuple(row if (card := cards.get(row.unit)) is None else _as_heard(row, card) for row in self.units)
+
     def to_json(self) -> dict[str, Any]:
         """The report as plain values, nested as it is here, with `span_ns`."""
         line = {**asdict(self), "span_ns": self.span_ns, "times": self.times.to_json()}
@@ -296,3 +303,10 @@ class Report:
         for name, rows in (("units", self.units), ("functions", self.functions)):
             line[name] = [{**asdict(row), "times": row.times.to_json()} for row in rows]
         return line
+
+
+def _as_heard(row: UnitRow, card: UnitCard) -> UnitRow:
+    counts = row.counts
+    lost = counts.unanswered + counts.damaged
+    silent = min(card.silent, lost)
+    return replace(row, counts=replace(counts, unanswered=silent, damaged=lost - silent))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from dissectors.values import harmless
@@ -22,22 +21,10 @@ _HOURS: Final = 72
 _EXCEPTIONS: Final = 10
 _BOOKMARKS: Final = 50
 _LONG_NS: Final = 99_950_000_000
-_UNIT_COLUMNS: Final = (  # head, width, which of Counts
-    ("requests", 9, "requests"),
-    ("ok", 7, "answered"),
-    ("exc", 6, "exceptions"),
-    ("silent", 7, "unanswered"),
-    ("garbage", 8, "damaged"),
-    ("retry", 6, "retries"),
-    ("late", 6, "late"),
-)
-_FUNCTION_COLUMNS: Final = (
-    ("requests", 9, "requests"),
-    ("ok", 7, "answered"),
-    ("exc", 6, "exceptions"),
-    ("none", 6, "unanswered"),
-    ("bad", 6, "damaged"),
-)
+_ASKED: Final = (("requests", 9, "requests"), ("ok", 7, "answered"), ("exc", 6, "exceptions"))  # head, width, of Counts
+_REPEATED: Final = (("retry", 6, "retries"), ("late", 6, "late"))
+_UNIT_COLUMNS: Final = (*_ASKED, ("silent", 7, "unanswered"), ("garbage", 8, "damaged"), *_REPEATED)
+_FUNCTION_COLUMNS: Final = (*_ASKED, ("none", 6, "unanswered"), ("bad", 6, "damaged"))
 _FIGURES: Final = ("p50", "p95", "max")  # as they stand in a row
 
 
@@ -60,29 +47,23 @@ def tables(report: Report) -> Iterator[Iterator[str]]:
 
 
 def _legend(report: Report) -> Iterator[str]:
-    yield page_words("requests: ok + exc (exceptions) + silent (not a byte) + garbage + broadcasts;")
-    yield page_words("of functions none (no answer) + bad (a damaged one)")
+    if report.cards:
+        yield page_words("requests: ok + exc (exceptions) + silent (not a byte) + garbage + broadcasts;")
+        yield page_words("of functions none (no answer) + bad (a damaged one)")
+    else:
+        yield page_words("requests: ok + exc (exceptions) + none (no answer) + bad (damaged) + broadcasts")
     if count := report.transactions.unheard:
         unheard = page_words("{count:,} not heard: nothing was recorded when an answer was due", count=count)
         yield f"{'':10}+ {unheard}"
 
 
-def _heard(row: UnitRow, cards: Mapping[int, UnitCard]) -> Counts:
-    """Its counts, with what stayed without an answer told apart by what was heard."""
-    card, lost = cards.get(row.unit), row.counts.unanswered + row.counts.damaged
-    if card is None:
-        return row.counts
-    silent = min(card.silent, lost)
-    return replace(row.counts, unanswered=silent, damaged=lost - silent)
-
-
 def _units(report: Report) -> Iterator[str]:
-    shown: Sequence[UnitRow] = report.units
+    shown: Sequence[UnitRow] = report.units_as_heard
     if len(shown) > _ROWS:
         shown = sorted(sorted(shown, key=_trouble)[:_ROWS], key=lambda row: row.unit)
-    cards = {card.unit: card for card in report.cards}
-    rows = [(f"{row.unit:>4}", _heard(row, cards), row.times) for row in shown]
-    yield from _table("unit", 6, _UNIT_COLUMNS, ("p50", "max", "p95"), rows)
+    rows = [(f"{row.unit:>4}", row.counts, row.times) for row in shown]
+    columns = (*_FUNCTION_COLUMNS, *_REPEATED) if not report.cards else _UNIT_COLUMNS
+    yield from _table("unit", 6, columns, ("p50", "max", "p95"), rows)
     if len(shown) < len(report.units):
         yield and_more(len(report.units) - len(shown), "unit with less trouble", "units with less trouble")
 

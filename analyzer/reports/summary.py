@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from captures import Capture
     from captures.line import LineSettings
 
+    from ..causes.ledger import Ledger
     from ..core import Analysed
     from ..deframing.wireorder import ClockSkew
     from ..filters import Filter
@@ -112,14 +113,15 @@ class Summary:
         if self._clock is not None:
             self._clock.feed(rows)
 
-    def feed(self, analysed: Analysed) -> None:
-        """Count a batch in, with what was said of it."""
+    def feed(self, analysed: Analysed, earlier: Rows | None = None) -> None:
+        """Count a batch in, with what was said of it. `earlier`: rows before it that its findings speak of as well."""
         if self._hears:
             self._learn(analysed.batch.rows)
         rows = analysed.batch.rows
         self._skew = analysed.skew or self._skew
         self._settle(analysed.transactions)
-        self._troubles.add(analysed.findings, rows, analysed.transactions)
+        subjects = rows if earlier is None else Rows.joined((earlier, rows))
+        self._troubles.add(analysed.findings, subjects, analysed.transactions)
         if not len(rows):
             return
         noise = rows.kind == Kind.NOISE
@@ -281,11 +283,7 @@ def summarize(
     `progress` is told (frames, bytes) after each batch; once `stop` says True the report is made of what came so far.
     """
     from ..causes.ledger import Ledger
-    from ..causes.reasoning import causes_of
     from ..core import analyse
-    from .cards import unit_cards
-    from .findings import explained_row
-    from .polls import poll_rows
 
     line = capture.line
     summary = Summary.of(line)
@@ -316,9 +314,25 @@ def summarize(
     ledger.close()
     if values is not None:
         ledger.breaches = values.breaches()
-    cards, causes = unit_cards(ledger, report.times.off_ns), tuple(causes_of(ledger))
+    return with_story(report, ledger)
+
+
+def with_cards(report: Report, ledger: Ledger) -> Report:
+    """The report with what was heard of each unit: silence and garbage are two things."""
+    from .cards import unit_cards
+
+    return replace(report, cards=unit_cards(ledger, report.times.off_ns))
+
+
+def with_story(report: Report, ledger: Ledger) -> Report:
+    """And with the causes, the findings that follow from each, and the polls."""
+    from ..causes.reasoning import causes_of
+    from .findings import explained_row
+    from .polls import poll_rows
+
+    causes = tuple(causes_of(ledger))
     explained = tuple(explained_row(row, causes) for row in report.findings)
-    return replace(report, causes=causes, cards=cards, polls=poll_rows(ledger), findings=explained)
+    return replace(with_cards(report, ledger), causes=causes, polls=poll_rows(ledger), findings=explained)
 
 
 def _marks(notes: Notes, rows: Rows) -> Iterator[BookmarkRow]:

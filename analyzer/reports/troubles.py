@@ -56,7 +56,7 @@ class Troubles:
         self._requests = np.zeros(_NOBODY + 1, np.int64)  # requests, by unit
 
     def add(self, findings: Findings, rows: Rows, settled: TransactionRows) -> None:
-        """Count findings on these rows, and take in transactions."""
+        """Count findings on these rows, in the order of their frames, and take in transactions."""
         if len(settled):
             self._settle(settled)
         if not len(findings):
@@ -179,12 +179,11 @@ def _units(findings: Findings, rows: Rows) -> NDArray[np.intp]:
     """The unit that each finding is about."""
     units = np.full(len(findings), _NOBODY, np.intp)
     frames = np.flatnonzero(rows.index >= 0)
-    first = int(rows.index[frames[0]]) if len(frames) else 0
-    position = findings.index - first
-    identified = (findings.index >= 0) & (position >= 0) & (position < len(frames))
-    identified[identified] = rows.check[
-        frames[position[identified]]
-    ]  # of a damaged frame the unit may be what is wrong
+    position = np.searchsorted(rows.index[frames], findings.index)
+    identified = (findings.index >= 0) & (position < len(frames))
+    place = frames[position[identified]]
+    # of a damaged frame the unit may be what is wrong
+    identified[identified] = (rows.index[place] == findings.index[identified]) & rows.check[place]
     units[identified] = rows.unit[frames[position[identified]]]
     for number in np.flatnonzero(np.bincount(findings.rule)).tolist():
         if "unit" in rules()[number].numbers:

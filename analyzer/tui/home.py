@@ -64,7 +64,7 @@ class HomeList(Lines):
             own = [cause for cause in state.causes if not cause.units or units.intersection(cause.units)]
             state = BusState(state.report, own)
         self.state = BusState(
-            replace(state.report, units=tuple(sorted(state.report.units, key=_badness))), state.causes
+            replace(state.report, units=tuple(sorted(state.report.units_as_heard, key=_badness))), state.causes
         )
         self.next_at = time.monotonic() + _AGAIN_S
         self._fresh_until = 0.0
@@ -170,7 +170,11 @@ class HomeList(Lines):
         if cause is not None:
             return of_cause(cause)
         if unit is not None and self.state is not None:
-            return FrameDetail(tr("unit {unit}", unit=unit.unit), b"", _unit_items(unit, self.state.causes))
+            return FrameDetail(
+                tr("unit {unit}", unit=unit.unit),
+                b"",
+                _unit_items(unit, self.state.causes, heard=bool(self.state.report.cards)),
+            )
         return FrameDetail("", b"", ())
 
 
@@ -208,11 +212,13 @@ def _clauses(text: str, room: int) -> str:
     return f"{text[: ends[-1]]} …" if ends else text
 
 
-def _unit_items(unit: UnitRow, causes: Sequence[Cause]) -> tuple[Item, ...]:
+def _unit_items(unit: UnitRow, causes: Sequence[Cause], *, heard: bool) -> tuple[Item, ...]:
+    """`heard`: silence is told from garbage."""
     counts, times = unit.counts, unit.times
+    none, bad = ("silent", "garbage") if heard else ("not answered", "damaged")
     ended = (
-        (counts.answered, "answered"), (counts.exceptions, "refused"), (counts.unanswered, "not answered"),
-        (counts.damaged, "damaged"), (counts.late, "late"), (counts.retries, "asked again"),
+        (counts.answered, "answered"), (counts.exceptions, "refused"), (counts.unanswered, none),
+        (counts.damaged, bad), (counts.late, "late"), (counts.retries, "asked again"),
     )  # fmt: skip
     items = [
         Item(

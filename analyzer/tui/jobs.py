@@ -275,12 +275,12 @@ class Jobs:
         self._counted_at.clear()
         self._screen.refresh_view()
 
-    def count_report(self, view: str, then: Callable[[Report], None]) -> None:
-        """Newer figures of the whole bus for a view, not too often."""
+    def count_report(self, view: str, then: Callable[[Report], None], *, story: bool = False) -> None:
+        """Newer figures for a view, not too often; `story`: with the causes."""
         now = time.monotonic()
         if now - self._counted_at.get(view, 0.0) >= _REPORT_S or self._bus.whole:
             self._counted_at[view] = now
-            self.run(f"report for {view}", lambda _: self._screen.desk.figures.report(self._source), then)
+            self.run(f"report for {view}", lambda _: self._screen.desk.figures.report(self._source, story=story), then)
 
 
 def _extended(selections: Sequence[Selection], seconds: float, stop: Stop) -> bool:

@@ -30,7 +30,7 @@ def _refresh(screen: BusScreen) -> None:
 
         page.update(Text(text(report).removesuffix("\n")))
 
-    screen.jobs.count_report(VIEW.name, show)
+    screen.jobs.count_report(VIEW.name, show, story=True)
 
 
 VIEW: Final = View(

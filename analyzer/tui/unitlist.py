@@ -21,14 +21,15 @@ from .view import JUMPS, View
 if TYPE_CHECKING:
     from textual.widget import Widget
 
-    from ..reports.model import Report
+    from ..reports.model import Report, UnitRow
     from .desk import ViewState
     from .screen import BusScreen
 
 _BLOCKS = "▁▂▃▄▅▆▇█"
 _MANY = 0.05  # of the requests without a good answer
 _FEW = 0.005
-_COLUMNS = (("ok", "answered"), ("exc", "exceptions"), ("none", "unanswered"), ("bad", "damaged"), ("late", "late"))
+_NONE: Final = (("none", 6, "unanswered"), ("bad", 6, "damaged"))  # head, width, which of Counts
+_HEARD: Final = (("silent", 7, "unanswered"), ("garbage", 8, "damaged"))  # where one is told from the other
 
 
 def sparkline(values: NDArray[np.float64], width: int) -> str:
@@ -51,10 +52,11 @@ class UnitList(Lines):
         super().__init__(id=id)
         self.desk = desk
         self.report: Report | None = None
+        self._units: Sequence[UnitRow] = ()
 
     def use(self, report: Report) -> None:
         """Newer figures."""
-        self.report = report
+        self.report, self._units = report, report.units_as_heard
         self.grown()
         if self.cursor != self._announced:
             self._tell()
@@ -83,14 +85,19 @@ class UnitList(Lines):
     def count(self) -> int:
         return len(self.report.units) if self.report else 0
 
+    @property
+    def _columns(self) -> Sequence[tuple[str, int, str]]:
+        lost = _HEARD if self.report is not None and self.report.cards else _NONE
+        return (("ok", 6, "answered"), ("exc", 6, "exceptions"), *lost, ("late", 6, "late"))
+
     def head(self, width: int) -> Sequence[StyledText]:
-        counts = "".join(f"{tr(name):>6}" for name, _ in _COLUMNS)
+        counts = "".join(f"{tr(name):>{room}}" for name, room, _ in self._columns)
         text = f"{tr(' unit  load asked')}{counts}{tr('   err    p50    p95    max')}"
         return fitted([StyledText(text + (tr("  answer times over the capture") if width >= 100 else ""))], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         assert self.report is not None
-        unit = self.report.units[line]
+        unit = self._units[line]
         bus, counts, times = self.desk.bus, unit.counts, unit.times
         load = ""
         if bus.char_ns and bus.timed and bus.t_last > bus.t_first:
@@ -102,10 +109,10 @@ class UnitList(Lines):
             StyledText(f"{load:>5} ", "dim"),
             StyledText(f"{compact(counts.requests):>5}"),
         ]
-        for name, key in _COLUMNS:
+        for name, room, key in self._columns:
             number = getattr(counts, key)
             kind = "" if name == "ok" else "warning" if name == "exc" else "error"
-            parts.append(StyledText(f"{compact(number) if number else '-':>6}", kind if number else "dim"))
+            parts.append(StyledText(f"{compact(number) if number else '-':>{room}}", kind if number else "dim"))
         grave = "error" if rate > _MANY else "warning" if rate else "dim"
         share = f"{rate:.0%}" if rate >= _FEW else "<1%" if rate else "-"
         parts.append(StyledText(f"{share:>6}", grave))

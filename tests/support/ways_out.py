@@ -24,6 +24,7 @@ from analyzer.exports import ExportOptions, export
 from analyzer.live import Replay, Session
 from analyzer.model.bus import Bus
 from analyzer.model.source import CaptureSource
+from analyzer.reports.model import Report
 from analyzer.tables.batch import Batch
 from analyzer.tables.columns import decode
 from analyzer.tables.findings import described
@@ -202,6 +203,11 @@ def model_rows(capture: Capture) -> tuple[Facts, Counter[str]]:
         )
     placeless = Counter(bus.found.finding(i).code for i in range(bus.found.count) if bus.found.row(i) < 0)
     return facts, placeless
+
+
+def model_page(capture: Capture) -> Report:
+    """What the interface shows as its report."""
+    return _model(capture).report(CaptureSource(capture, "bus"), story=True)
 
 
 def model_values(capture: Capture) -> dict[tuple[int, int, int], tuple[int, int | None]]:
