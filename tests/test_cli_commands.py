@@ -17,10 +17,8 @@ from analyzer.cli.app import Parser
 from analyzer.cli.commands import COMMANDS, load
 from analyzer.cli.exits import FAILURES, meanings
 from analyzer.cli.manpage import man_page
-from analyzer.cli.terminal import progress_words
 from analyzer.version import __version__
 from captures import samples
-from captures.files import opened, share_read
 
 
 def test_the_version(capsys):
@@ -266,27 +264,6 @@ def test_the_recorder_s_sample_and_the_workflows_are_what_they_should_be():
     tests = yaml.safe_load((ROOT / ".github" / "workflows" / "tests.yml").read_text())
     assert tests["jobs"]["tests"]["strategy"]["matrix"]["python"] == ["3.11", "3.12", "3.13", "3.14"]
     assert yaml.safe_load((ROOT / ".github" / "workflows" / "release.yml").read_text())
-
-
-def test_progress_tells_share_rate_and_time_left():
-    assert progress_words(0.25, 1000, 3_000_000, 5.0) == (
-        "25%, 1,000 frames, 3.0 MB of the line, 200 frames/s, 0:15 left"
-    )
-    assert progress_words(0.5, 100, 1_000_000, 2.0, "reads") == (
-        "50%, 100 reads, 1.0 MB of the line, 50 reads/s, 0:02 left"
-    )
-    assert "left" not in progress_words(0.25, 10, 1000, 0.5)
-    assert progress_words(None, 10, 1000, 1.0) == "10 frames, 0.0 MB of the line, 10 frames/s"
-
-
-def test_the_share_is_that_of_the_file(tmp_path):
-    path = tmp_path / "bus.bin"
-    path.write_bytes(bytes(1000))
-    assert share_read() is None
-    with opened(path) as file:
-        file.read(250)
-        assert share_read() == 0.25
-    assert share_read() is None
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,15 @@ def test_a_command_is_helped_with_too(capsys: pytest.CaptureFixture[str]) -> Non
     assert ran(capsys, "help", "parse").out == ran(capsys, "parse", "--help").out
 
 
+@pytest.mark.parametrize(
+    "words", ["map list", "map show", "map check", "map import", "map infer", "map diff", "config show", "config path"]
+)
+def test_an_action_s_help_is_whole(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    page = ran(capsys, *words.split(), "--help").out
+    assert "exit status:\n  0    done\n" in page
+    assert f"\n  rtuscope {words}" in page.partition("\nexample:")[2]
+
+
 def test_what_there_is_not_is_told_with_what_was_meant(capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean filters?" in refused(capsys, "help", "filtrs")
 

@@ -144,6 +144,20 @@ def test_however_it_is_read_the_rows_are_the_same_and_tile(pieces: list[bytes], 
         assert at_once.rows.column(name).tolist() == by_reads.rows.column(name).tolist()
 
 
+def test_a_pause_behind_a_frame_tells_its_end_whether_it_was_waited_for_or_not() -> None:
+    """Behind the first frame stand two headers, one inside the other; only the pause tells which is whole."""
+    begin = mbap(4, 5, bytes.fromhex("0240f5000e")) + bytes.fromhex("000500000006")
+    end = bytes.fromhex("000500000006 0505125400000005")
+    line = [Chunk(SECOND, begin + end[:6]), Chunk(2 * SECOND, end[6:] + read_request(6))]
+    whole = list(deframe(Capture.of(LINE, line)))
+    deframer, told = Deframer(LINE), []
+    for chunk in line:
+        told += [deframer.feed(chunk), deframer.tick(chunk.t_ns + SECOND // 2)]
+    told.append(deframer.close())
+    bounds = [[start for batch in batches for start in batch.rows.start.tolist()] for batches in (told, whole)]
+    assert bounds[0] == bounds[1]
+
+
 @given(st.data())
 @settings(deadline=None, max_examples=40)
 def test_three_protocols_on_three_ports_however_they_are_read(data: st.DataObject) -> None:

@@ -10,6 +10,7 @@ import pytest
 from paste_forums import FORUMS
 from paste_posts import POSTS
 from paste_shapes import SHAPES
+from paste_tools import DECODERS, TOOLS
 from pastes import STYLES, Message, Style, cluttered, messages, spaced
 
 import captures
@@ -17,9 +18,10 @@ from analyzer.paste import PasteError, judge, read
 from captures import CaptureError
 from captures.text.halves import HexError
 
-ALL = {**STYLES, **SHAPES, **FORUMS, **POSTS}
+ALL = {**STYLES, **SHAPES, **FORUMS, **POSTS, **TOOLS, **DECODERS}
 TIMED = [
     *("JSON with epoch", "InfluxDB", "count before", "wrapped at 40", "Docklight", "pymodbus 3"),
+    *("sigrok packets", "Moxa traffic", "pyserial spy", "BLE log"),
     *("comma seconds", "quoted seconds", "minutes", "plus ms", "two clocks", "list of packets", "tshark fields"),
 ]
 
@@ -78,6 +80,18 @@ def test_times_of_a_log_are_used(name: str, tmp_path: Path) -> None:
     path.write_text(text, encoding="utf-8")
     times = {chunk.t_ns for chunk in captures.open(path, judge=judge).chunks()}
     assert len(times) == len(log)
+
+
+@pytest.mark.parametrize("name", DECODERS)
+def test_a_decoders_table_gives_each_byte_its_time(name: str, tmp_path: Path) -> None:
+    log, text, _ = made(name, DECODERS[name], 3)
+    path = tmp_path / "table.txt"
+    path.write_text(text, encoding="utf-8")
+    chunks = list(captures.open(path, judge=judge).chunks())
+    assert b"".join(chunk.data for chunk in chunks) == b"".join(message.data for message in log)
+    starts = [chunks[sum(len(m.data) for m in log[:i])].t_ns for i in range(len(log))]
+    pauses = [(later - earlier) / 1e6 for earlier, later in pairwise(starts)]
+    assert pauses == pytest.approx([b.ms - a.ms for a, b in pairwise(log)], abs=2)
 
 
 def test_a_log_written_newest_first_is_read_from_its_end(tmp_path: Path) -> None:

@@ -178,8 +178,7 @@ def test_a_register_is_found_by_its_value_and_by_a_table() -> None:
     best = matches_of_value(readings, f"{volts[30]:.1f}", values)[0]
     assert (best.address, best.words, best.scale) == (41, 1, 0.1)
     lines = "\n".join(f"{n + 3},{volts[n]}" for n in range(5, 55))
-    times, shown = read_panel(f"time,value\n{lines}\n", "panel.csv")
-    best = matches_of_series(readings, times, shown, values)[0]
+    best = matches_of_series(readings, read_panel(f"time,value\n{lines}\n", "panel.csv"), values)[0]
     assert (best.address, best.scale) == (41, 0.1)
     assert best.lag_s == pytest.approx(-3, abs=1)
 

@@ -8,7 +8,7 @@ from typing import Any, Final, Literal
 from captures.line import LineSettings
 
 from ..options import Options
-from ..tables.batch import Batch
+from ..tables.batch import Batch, join_batches
 from ..tables.transactions import TransactionRows
 from .ledger import Ledger
 from .model import Cause
@@ -18,6 +18,7 @@ _FIRST: Final = 40  # exchanges before anything is said
 _GROWTH: Final = 1.3  # of what was looked at last
 _MOST: Final = 5000  # exchanges from one look to the next
 _SURER: Final = 0.1  # of confidence, that is worth telling
+_GATHERED: Final = 256  # rows that wait at most: what a ledger costs goes by the call more than by the row
 
 State = Literal["new", "revised", "withdrawn"]
 
@@ -54,12 +55,19 @@ class RunningStory:
 
     def _begin(self, line: LineSettings) -> None:
         self._ledger, self._next = Ledger(line, self._options), _FIRST
+        self._batches: list[Batch] = []  # not in the ledger yet
+        self._transactions: list[TransactionRows] = []
 
     def feed(self, batch: Batch, transactions: TransactionRows, line: LineSettings) -> list[CauseRevision]:
         """The next rows, of a line of these settings; where those are others than before, all begins anew."""
         if line != self._ledger.line:
             self._begin(line)
-        self._ledger.feed(batch, transactions)
+        if len(batch) or len(transactions):
+            self._batches.append(batch)
+            self._transactions.append(transactions)
+        if sum(map(len, self._batches)) < min(self._next - self._ledger.exchanges, _GATHERED):
+            return []  # an exchange has a row at least: it is too early for a look, whatever these rows are
+        self._enter()
         if self._ledger.exchanges < self._next:
             return []
         self._next = self._ledger.exchanges + min(int((_GROWTH - 1) * self._ledger.exchanges), _MOST)
@@ -67,8 +75,15 @@ class RunningStory:
 
     def close(self) -> list[CauseRevision]:
         """No more comes."""
+        self._enter()
         self._ledger.close()
         return self._look()
+
+    def _enter(self) -> None:
+        """What waits, into the ledger."""
+        if self._batches:
+            self._ledger.feed(join_batches(self._batches), TransactionRows.joined(self._transactions))
+            self._batches, self._transactions = [], []
 
     def _look(self) -> list[CauseRevision]:
         old = {_key(cause): cause for cause in self.causes}

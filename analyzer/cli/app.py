@@ -117,8 +117,8 @@ def _run(arguments: list[str]) -> int:
         argcomplete.autocomplete(parser)
     if arguments and arguments[0] in COMMANDS:  # the usual way: nothing of other commands is built
         command = load(arguments[0])
-        parser = Parser(prog=f"rtuscope {arguments[0]}", **_help_style(arguments[0], command))
-        command.configure(parser)
+        parser = Parser(prog=f"rtuscope {arguments[0]}")
+        _fill(parser, arguments[0], command)
         return command.run(_with_settings(parser, arguments))
     if arguments and not arguments[0].startswith("-"):
         raise UsageError(_unknown(arguments[0]))
@@ -152,24 +152,31 @@ def command_line(filled: Iterable[str]) -> Parser:
     commands = parser.add_subparsers(metavar="COMMAND", title="commands")
     for name, words in COMMANDS.items():
         if name in filled:
-            command = load(name)
-            command.configure(commands.add_parser(name, help=words, **_help_style(name, command)))
+            _fill(commands.add_parser(name, help=words), name, load(name))
         else:
             commands.add_parser(name, help=words)
     return parser
 
 
-def _help_style(name: str, command: Command) -> dict[str, Any]:
-    """How a command's help looks."""
-    words = COMMANDS[name]
-    return {
-        "description": f"{words[0].upper()}{words[1:]}.",
-        "epilog": "exit status:\n"
-        + "".join(f"  {status:<5}{meaning}\n" for status, meaning in meanings(name))
-        + "\nexample:\n"
-        + "".join(f"  {line}\n" for line in command.EXAMPLE.splitlines()),
-        "formatter_class": argparse.RawDescriptionHelpFormatter,
-    }
+def _fill(parser: argparse.ArgumentParser, name: str, command: Command) -> None:
+    """The arguments of a command, and the help of it and of its actions, if it has any."""
+    command.configure(parser)
+    lines = command.EXAMPLE.splitlines()
+    _help(parser, name, COMMANDS[name], lines)
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for choice in action._choices_actions:
+                own = [line for line in lines if line.startswith(f"rtuscope {name} {choice.dest}")]
+                _help(action.choices[choice.dest], name, choice.help or "", own)
+
+
+def _help(parser: argparse.ArgumentParser, name: str, words: str, lines: list[str]) -> None:
+    """What stands around a parser's arguments in its help."""
+    statuses = [f"  {status:<5}{meaning}\n" for status, meaning in meanings(name)]
+    examples = [f"  {line}\n" for line in lines]
+    parser.description = f"{words[:1].upper()}{words[1:]}."
+    parser.epilog = "".join(["exit status:\n", *statuses, *(["\nexample:\n", *examples] if examples else [])])
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
 
 
 def _words(error: Exception) -> str:

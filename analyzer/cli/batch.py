@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from .exits import DONE, FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, add_reading_arguments, chosen_limits
+from .progress import Progress
 from .terminal import interruptible, places, say_in_place, tell
 
 if TYPE_CHECKING:
@@ -78,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
             batch_options(arguments),
             chosen_runner(arguments),
             redo=arguments.redo,
-            progress=show_step if places(sys.stderr) else None,
+            progress=shown_progress("batch"),
             stop=stop,
         )
     tell_result(result)
@@ -118,15 +120,10 @@ def chosen_runner(arguments: argparse.Namespace) -> Runner:
     return in_this_process if workers == 1 else ProcessPool(workers)
 
 
-def show_step(step: BatchStep) -> None:
-    """How far it is, on a terminal."""
-    share = step.done / step.total if step.total else 1.0
-    left = step.seconds * (1 - share) / share if share else 0.0
-    minutes, seconds = divmod(round(left), 60)
-    pace = step.done / 1e6 / max(step.seconds, 1e-3)
-    say_in_place(
-        f"batch: {share:.0%}, {step.frames:,} frames, {pace:,.1f} MB/s of captures, {minutes}:{seconds:02d} left"
-    )
+def shown_progress(command: str) -> Callable[[BatchStep], None]:
+    """What tells how far a command is, on a terminal."""
+    progress = Progress(command, octets_of="captures")
+    return lambda step: progress(step.frames, step.done, step.done / step.total if step.total else 1.0)
 
 
 def tell_result(result: BatchResult) -> None:

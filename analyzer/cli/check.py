@@ -13,7 +13,8 @@ from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
 from .maps import add_map_argument, chosen_charts
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import Progress, coloured, interruptible, put_json, tell
+from .progress import Progress
+from .terminal import coloured, interruptible, put_json, tell
 
 if TYPE_CHECKING:
     from captures import Capture

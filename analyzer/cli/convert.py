@@ -21,7 +21,8 @@ from .inputs import (
 )
 from .moments import moment, time_span
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import Progress, interruptible, tell
+from .progress import Progress
+from .terminal import interruptible, tell
 
 if TYPE_CHECKING:
     from captures import Block, Capture

@@ -18,7 +18,8 @@ from .inputs import (
 )
 from .maps import add_map_argument, chosen_charts
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import Progress, interruptible, tell
+from .progress import Progress
+from .terminal import interruptible, tell
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy

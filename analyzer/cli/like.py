@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 from .exits import DONE, FAILED, UsageError
 from .inputs import tell_damage
-from .terminal import Progress, interruptible
+from .progress import Progress
+from .terminal import interruptible
 
 if TYPE_CHECKING:
     from analyzer.options import Options
@@ -48,7 +49,7 @@ def find_like(arguments: argparse.Namespace, capture: Capture, limits: Options) 
         if table is None:
             matches = matches_of_value(readings, wanted, values, arguments.unit)
         else:
-            matches = matches_of_series(readings, *read_panel(table, wanted), values, arguments.unit)
+            matches = matches_of_series(readings, read_panel(table, wanted), values, arguments.unit)
     except PanelError as error:
         raise UsageError(f"--like: {error}") from error
     if arguments.json:
@@ -80,9 +81,19 @@ def _table_text(name: str) -> str:
 
 
 def _text(matches: list[Match], wanted: str) -> str:
+    from analyzer.registers.overlay import HALF_HOUR_S
+    from analyzer.words import duration
+
     if not matches:
         return f"no register showed {wanted}\n"
     lines = []
+    ahead = matches[0].clock_s
+    if ahead is not None:
+        how = "ahead of" if ahead > 0 else "behind"
+        zone = " (a time zone, or summer time)" if ahead % HALF_HOUR_S == 0 else ""
+        lines.append(
+            f"the clocks differ by {duration(round(abs(ahead) * 1e9))}: the table's is {how} the capture's{zone}"
+        )
     for match in matches[:_SHOWN]:
         where = f"unit {match.unit} {match.area} {match.address}"
         order = f" {match.order}" if match.order else ""

@@ -10,7 +10,8 @@ from ..extras import needs
 from .exits import DONE, FAILED, NO_FRAME, UsageError
 from .inputs import known_name, load_functions, tell_damage
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import Progress, interruptible, tell
+from .progress import Progress
+from .terminal import interruptible, tell
 
 if TYPE_CHECKING:
     from analyzer.registers.readings import RegisterReadings
@@ -23,7 +24,8 @@ rtuscope map show eastron-sdm630
 rtuscope simulate meter.jsonl --map eastron-sdm630@1
 rtuscope map check eastron-sdm630 meter.jsonl
 rtuscope map infer meter.jsonl -o meter.csv --unit 1
-rtuscope map diff eastron-sdm630 meter.csv"""
+rtuscope map diff eastron-sdm630 meter.csv
+rtuscope map import meter.csv -o meter.yaml"""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -35,13 +37,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     show.add_argument("map", metavar="MAP", help="a file, or the name of a shipped map")
     show.add_argument("--format", choices=("table", "csv", "yaml", "schema"), default="table", help="how to print it")
     check = actions.add_parser("check", help="a map by itself, or against a capture; exit status 1 on contradictions")
-    check.add_argument("map", metavar="MAP[@UNIT]")
-    check.add_argument("capture", metavar="CAPTURE", nargs="?")
+    check.add_argument("map", metavar="MAP[@UNIT]", help="a file, or the name of a shipped map")
+    check.add_argument("capture", metavar="CAPTURE", nargs="?", help="traffic to hold it against")
     check.add_argument("--unit", type=int, metavar="N", help="the unit that the map is of")
     check.add_argument("--json", action="store_true", help="an object a remark, one a line")
     _capture_arguments(check)
     importing = actions.add_parser("import", help="a map out of a spreadsheet or of what another program has")
-    importing.add_argument("file", metavar="FILE")
+    importing.add_argument("file", metavar="FILE", help="a table, or another program's file (rtuscope help registers)")
     _output_arguments(importing)
     importing.add_argument(
         "--format", type=_import_format, metavar="F", help="the format of FILE, where its content does not tell"
@@ -49,13 +51,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     importing.add_argument("--device", metavar="NAME", help="which device, where FILE has several")
     importing.add_argument("--base", type=int, metavar="N", help="the address where a SunSpec model begins")
     inferring = actions.add_parser("infer", help="a map out of traffic")
-    inferring.add_argument("capture", metavar="CAPTURE")
+    inferring.add_argument("capture", metavar="CAPTURE", help="a recording; - reads standard input")
     _output_arguments(inferring)
     inferring.add_argument("--unit", type=int, metavar="N", help="the unit to map, where the bus has several")
     _capture_arguments(inferring)
     differ = actions.add_parser("diff", help="what two maps have different")
-    differ.add_argument("map", metavar="A")
-    differ.add_argument("other", metavar="B")
+    differ.add_argument("map", metavar="A", help="a file, or the name of a shipped map")
+    differ.add_argument("other", metavar="B", help="the other one")
 
 
 def run(arguments: argparse.Namespace) -> int:

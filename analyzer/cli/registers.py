@@ -16,7 +16,8 @@ from .inputs import (
     tell_damage,
 )
 from .maps import add_map_argument, chosen_charts
-from .terminal import Progress, Stop, interruptible, tell
+from .progress import Progress
+from .terminal import Stop, interruptible, tell
 
 if TYPE_CHECKING:
     from analyzer.registers.readings import RegisterReadings

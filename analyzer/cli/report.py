@@ -20,7 +20,8 @@ from .inputs import (
 )
 from .maps import add_map_argument, chosen_charts
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import Progress, interruptible, put_json, put_page, tell
+from .progress import Progress
+from .terminal import interruptible, put_json, put_page, tell
 
 if TYPE_CHECKING:
     from captures import Capture

@@ -1,4 +1,4 @@
-"""What commands say, and what a terminal adds: progress, colour, and Ctrl-C that keeps what was done.
+"""What commands say, and what a terminal adds: a line in place, colour, and Ctrl-C that keeps what was done.
 
 Nothing of the latter shows on a pipe. Colour follows the terminal and NO_COLOR.
 """
@@ -9,7 +9,6 @@ import os
 import re
 import signal
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -17,51 +16,7 @@ from typing import IO, BinaryIO
 
 from dissectors.values import harmless
 
-from ..terminal_text import ERASE_LINE, painted, terminal_text
-
-_PERIOD_S = 0.2
-_LEAST_SHARE = 0.01  # and seconds, before which nobody can tell how long it takes
-_LEAST_S = 1.0
-
-
-class Progress:
-    """A line on a terminal's standard error that tells how far long work has come; silent elsewhere."""
-
-    def __init__(self, label: str, counted: str = "frames") -> None:
-        self._label, self._counted = label, counted
-        self._shown = False
-        self._begun = time.monotonic()
-        self._next = self._begun + 2 * _PERIOD_S if places(sys.stderr) else float("inf")
-
-    def __call__(self, count: int, octets: int) -> None:
-        """Say it, if the last time is long enough ago."""
-        now = time.monotonic()
-        if now < self._next:
-            return
-        from captures.files import share_read
-
-        self._next = now + _PERIOD_S
-        self._shown = True
-        words = progress_words(share_read(), count, octets, now - self._begun, self._counted)
-        say_in_place(f"{self._label}: {words}")
-
-    def clear(self) -> None:
-        """Take the line away."""
-        if self._shown:
-            say_in_place("")
-            self._shown = False
-
-
-def progress_words(share: float | None, count: int, octets: int, elapsed_s: float, counted: str = "frames") -> str:
-    """How far it is, how fast, and about how long it still takes; a share of nothing or of all says neither."""
-    measurable = share is not None and _LEAST_SHARE <= share < 1
-    parts = [f"{share:.0%}"] if share is not None and measurable else []
-    parts += [f"{count:,} {counted}", f"{octets / 1e6:,.1f} MB of the line", f"{count / elapsed_s:,.0f} {counted}/s"]
-    if share is not None and measurable and elapsed_s >= _LEAST_S:
-        left = elapsed_s * (1 - share) / share
-        minutes, seconds = divmod(round(left), 60)
-        parts.append(f"{minutes}:{seconds:02d} left")
-    return ", ".join(parts)
+from ..terminal_text import ERASE_LINE, TerminalText, painted, terminal_text
 
 
 class Stop:
@@ -103,7 +58,7 @@ def tell(text: str) -> None:
 
 def say_in_place(text: str) -> None:
     """A status on standard error, which must be a terminal, in place of the one before; empty takes it away."""
-    sys.stderr.write(terminal_text(ERASE_LINE, harmless(text)))
+    sys.stderr.write(terminal_text(ERASE_LINE, text if isinstance(text, TerminalText) else harmless(text)))
     sys.stderr.flush()
 
 

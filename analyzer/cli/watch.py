@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 
-from .batch import add_fleet_arguments, batch_options, chosen_runner, show_step, tell_result
+from .batch import add_fleet_arguments, batch_options, chosen_runner, shown_progress, tell_result
 from .exits import DONE
 from .quantities import seconds
-from .terminal import Stop, interruptible, places, tell
+from .terminal import Stop, interruptible, tell
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl
@@ -47,9 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
             try:
                 files = settled(found(arguments.source), 0.0 if arguments.once else min(arguments.every, 10.0))
                 lines = lines_of(files, arguments.site, arguments.site_from)
-                result = run_batch(
-                    lake, lines, options, runner, progress=show_step if places(sys.stderr) else None, stop=stop
-                )
+                result = run_batch(lake, lines, options, runner, progress=shown_progress("watch"), stop=stop)
             except FleetError as error:  # a network that is down now is up again later
                 if arguments.once:
                     raise

@@ -8,7 +8,7 @@ conversation, as in RTU mode.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
@@ -76,9 +76,12 @@ class MbapEngine(SelfDelimitedEngine):
         self._open: dict[bytes, Expectation] = {}  # by transaction
 
     def _work(self, *, last: bool = False, quiet: bool = False) -> None:
-        data = self.buffer.data[: self.buffer.ready].tobytes()
-        last = last or (quiet and not self._astray and is_chain(data))  # after a while what is whole is given
-        frames, done = frames_in(data, astray=self._astray, last=last)
+        ready = self.buffer.ready
+        data = self.buffer.data[:ready].tobytes()
+        pauses = set(self.buffer.quiet(0, ready, self._options.idle_ns).tolist()) if ready else set()
+        if quiet:
+            pauses.add(len(self.buffer))
+        frames, done = frames_in(data, astray=self._astray, last=last, pauses=pauses)
         if not done:
             return
         parts: list[tuple[int, int, int]] = []
@@ -115,12 +118,15 @@ class MbapEngine(SelfDelimitedEngine):
         return role
 
 
-def frames_in(data: bytes, *, astray: bool = False, last: bool) -> tuple[list[tuple[int, int, tuple[Role, ...]]], int]:
+def frames_in(
+    data: bytes, *, astray: bool = False, last: bool, pauses: Collection[int] = ()
+) -> tuple[list[tuple[int, int, tuple[Role, ...]]], int]:
     """The frames in bytes of a stream with the roles in which each is as long as its function predicts.
 
     And how many of the bytes are decided: what is in no frame is noise.
 
-    `astray`: these bytes begin in noise, else where a frame should; `last`: no more come.
+    `astray`: these bytes begin in noise, else where a frame should; `last`: no more come. `pauses`: bytes before which
+    nothing came for a while: a frame as long as predicted that ends there needs none behind it.
     """
     frames: list[tuple[int, int, tuple[Role, ...]]] = []
     at, size = 0, len(data)
@@ -132,10 +138,11 @@ def frames_in(data: bytes, *, astray: bool = False, last: bool) -> tuple[list[tu
             astray = False
             continue
         end = at + _BEFORE + data[at + 5] if at + _BEFORE <= size else size + 1
-        if end + _BEFORE > size and not last:
+        roles = sound_roles(data[at + MBAP : end]) if end <= size else ()
+        paused = roles and end in pauses
+        if end + _BEFORE > size and not last and not paused:
             break  # what follows may tell that it was cut
-        roles = sound_roles(data[at + MBAP : end])
-        if end > size or not (roles and _may_begin(data, end)):
+        if not paused and not (roles and _may_begin(data, end)):
             inner = _next_sound(data, at + 1, size, last=last)
             if inner < min(end, size) and not _is_whole(data, inner):
                 break
@@ -146,14 +153,6 @@ def frames_in(data: bytes, *, astray: bool = False, last: bool) -> tuple[list[tu
         at = end
     behind = frames[-1][1] if frames else 0
     return frames, at if at == size else behind + (at - behind) // NOISE_MOST * NOISE_MOST
-
-
-def is_chain(data: bytes) -> bool:
-    """Whether bytes are frames end to end, each as long as its function predicts."""
-    at = 0
-    while at + MBAP < len(data) and _may_begin(data, at) and sound_roles(data[at + MBAP : at + _BEFORE + data[at + 5]]):
-        at += _BEFORE + data[at + 5]
-    return at == len(data)
 
 
 def _is_whole(data: bytes, at: int) -> bool:

@@ -8,8 +8,8 @@ the same way, and that moved. A table of times and values is laid over each read
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from captures.ragged import Ints
 
 from .hypotheses import HYPOTHESES, numbers
-from .panel import Floats, PanelError
+from .overlay import Floats, PanelTable, best_place, clock_difference
+from .panel import PanelError
 from .readings import BlockReadings, RegisterReadings
 from .values import RegisterValue
 
@@ -26,11 +27,17 @@ _SCALES: Final = (1.0, 0.1, 0.01, 0.001, 10.0, 100.0, 0.0001, 1000.0)
 _LIKELY: Final = (1.0, 0.9, 0.8, 0.6, 0.4, 0.3, 0.3, 0.3)  # how usual each scale is
 _LAGS: Final = 241
 _LAG_S: Final = 60.0
+_INSIDE: Final = 0.6  # of the table, or of as much of it as the capture can hold
+_LOOSE: Final = 0.05  # share of the table's variance: where more is left, its clock may be another one
 
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """A reading that showed the number: value = raw * `scale` + `offset`, seen `lag_s` later than on the panel."""
+    """A reading that showed the number: value = raw * `scale` + `offset`.
+
+    Of a table `lag_s` says how much later than on the panel, None where that cannot be told from the clocks; `clock_s`
+    by how much the panel's clock is ahead of the capture's, None where both agree or one of them is none.
+    """
 
     unit: int
     area: str
@@ -45,6 +52,7 @@ class Match:
     t_ns: int
     lag_s: float | None
     score: float
+    clock_s: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in self.__slots__}
@@ -96,67 +104,108 @@ def matches_of_value(
 
 def matches_of_series(
     readings: RegisterReadings,
-    times_s: Floats,
-    shown: Floats,
+    table: PanelTable,
     inferred: Sequence[RegisterValue],
     units: Sequence[int] | None = None,
 ) -> list[Match]:
-    """Readings that moved as this table did, best first. Times are seconds: since 1970, or since any beginning."""
-    agreed = _agreement(inferred)
-    best: dict[tuple[Any, ...], Match] = {}
-    spread = float(shown.std())
-    if spread == 0:
+    """Readings that moved as this table did, best first. Where its clock is not the capture's, that is found first."""
+    if float(table.values.std()) == 0:
         raise PanelError("the values of the table never change: --like VALUE finds a number that stands still")
+    agreed = _agreement(inferred)
+    begin_s = min((float(block.times[0]) / 1e9 for block in readings if len(block.times)), default=0.0)
+    table = table.dated_as(begin_s)
+    found = _laid_over(readings, table, 0.0, agreed, units)
+    left = 1 - max((fit for fit, _ in found), default=0.0)
+    if left > _LOOSE:
+        likely = [
+            (reading.block.times / 1e9, reading.series)
+            for reading in _readings(readings, units)
+            if _key(reading) in agreed and _moves(reading)
+        ]
+        place = best_place(table.times_s, table.values, likely)
+        if place is not None and place[1] < _LOOSE + 0.5 * left:
+            clocks = table.is_of_clock(begin_s)
+            shift = clock_difference(place[0], _LAG_S) if clocks else place[0]
+            elsewhere = _laid_over(readings, table, shift, agreed, units)
+            if 1 - max((fit for fit, _ in elsewhere), default=0.0) < 0.5 * left:
+                split = clocks and shift != place[0]  # only half hours of a zone leave a lag of its own
+                lag = 0.0 if split else max(elsewhere, key=lambda one: one[1].score)[1].lag_s or 0.0
+                told = -round(shift + lag, 3) if clocks and shift else None
+                found = [
+                    (fit, replace(match, clock_s=told, lag_s=match.lag_s if split else None))
+                    for fit, match in elsewhere
+                ]
+    return sorted((match for _, match in found), key=lambda match: -match.score)
+
+
+def _laid_over(
+    readings: RegisterReadings,
+    table: PanelTable,
+    shift_s: float,
+    agreed: Mapping[tuple[Any, ...], float],
+    units: Sequence[int] | None,
+) -> list[tuple[float, Match]]:
+    """The readings that go with the table about this shift of its times, each with the share of it that it explains."""
+    near = np.linspace(-_LAG_S, _LAG_S, _LAGS)
+    near = near[np.argsort(np.abs(near), kind="stable")]
+    times, shown = table.times_s + shift_s, table.values
+    best: dict[tuple[Any, ...], tuple[float, Match]] = {}
     for reading in _readings(readings, units):
-        if len(reading.series) < 3 or np.ptp(reading.series) == 0 or not np.isfinite(reading.series).all():
+        if not _moves(reading):
             continue
         at_s = reading.block.times / 1e9
-        lags = _lags(times_s, at_s)
-        rows = np.searchsorted(at_s, times_s[None, :] + lags[:, None], side="right") - 1
-        inside = (rows >= 0).mean(axis=1) > 0.6
-        if not inside.any():
+        moments = times[None, :] + near[:, None]
+        inside = (moments >= at_s[0]) & (moments <= at_s[-1] + (at_s[-1] - at_s[0]) / len(at_s))
+        fully = min(1.0, (at_s[-1] - at_s[0]) / max(times[-1] - times[0], 1e-9))
+        enough = (inside.mean(axis=1) > _INSIDE * fully) & (inside.sum(axis=1) >= 3)
+        if not enough.any():
             continue
-        rows = np.clip(rows[inside], 0, len(at_s) - 1)
-        lags = lags[inside]
-        scale, offset, misfit = _fitted(reading.series[rows], shown, is_float=reading.is_float)
-        fits = 1 - misfit / spread**2
+        inside, lags = inside[enough], near[enough]
+        rows = np.clip(np.searchsorted(at_s, moments[enough], side="right") - 1, 0, len(at_s) - 1)
+        scale, offset, left = _fitted(reading.series[rows], shown, inside, is_float=reading.is_float)
+        fits = 1 - left
         which = int(np.argmax(np.round(fits, 6) - 1e-7 * np.abs(lags)))
         fit = float(fits[which])
         if fit < 0.5:
             continue
         score = fit * (0.7 + 0.3 * agreed.get(_key(reading), 0.05))
-        row = int(rows[which, -1])
+        row = int(rows[which, np.flatnonzero(inside[which])[-1]])
         value = float(reading.series[row] * scale[which] + offset[which])
-        key = _key(reading)
-        best[key] = _match(reading, float(scale[which]), float(offset[which]), value, row, float(lags[which]), score)
-    return sorted(best.values(), key=lambda match: -match.score)
+        lag = float(lags[which])
+        match = _match(reading, float(scale[which]), float(offset[which]), value, row, lag, score)
+        best[_key(reading)] = fit, match
+    return list(best.values())
 
 
-def _lags(times_s: Floats, at_s: Floats) -> Floats:
-    """Lags to try: some around none where both clocks agree, else every place at which the table can lie."""
-    if at_s[0] - _LAG_S <= times_s[-1] and times_s[0] <= at_s[-1] + _LAG_S:
-        near = np.linspace(-_LAG_S, _LAG_S, _LAGS)
-        return near[np.argsort(np.abs(near), kind="stable")]
-    begin = at_s[0] - times_s[0]
-    room = max((at_s[-1] - at_s[0]) - (times_s[-1] - times_s[0]), 0.0)
-    return np.linspace(begin - 1, begin + room + 1, 4 * _LAGS)
+def _moves(reading: _SoughtReading) -> bool:
+    series = reading.series
+    return len(series) >= 3 and bool(np.isfinite(series).all()) and float(np.ptp(series)) > 0
 
 
-def _fitted(series: Floats, shown: Floats, *, is_float: bool) -> tuple[Floats, Floats, Floats]:
-    """Scale, offset and mean squared misfit of each row of `series`; a power of ten alone where that fits as well."""
-    mean, target = series.mean(axis=1), shown.mean()
-    centred = series - mean[:, None]
-    power = (centred**2).mean(axis=1)
+def _fitted(
+    series: Floats, shown: Floats, inside: NDArray[np.bool_], *, is_float: bool
+) -> tuple[Floats, Floats, Floats]:
+    """Scale and offset of each row of `series`, and the share of the table's variance that they leave of the points
+    `inside`; a power of ten alone where that fits as well."""
+    count = inside.sum(axis=1)
+
+    def mean(values: Floats) -> Floats:
+        average: Floats = np.where(inside, values, 0.0).sum(axis=1) / count
+        return average
+
+    target, middle = mean(np.broadcast_to(shown, series.shape)), mean(series)
+    apart, centred = shown - target[:, None], series - middle[:, None]
+    power, spread = mean(centred**2), np.maximum(mean(apart**2), 1e-300)
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.where(power > 0, (centred * (shown - target)).mean(axis=1) / power, 0.0)
-    offset = target - scale * mean
-    misfit = ((series * scale[:, None] + offset[:, None] - shown) ** 2).mean(axis=1)
+        scale = np.where(power > 0, mean(centred * apart) / power, 0.0)
+    offset = target - scale * middle
+    misfit = mean((series * scale[:, None] + offset[:, None] - shown) ** 2)
     for plain in _SCALES[:1] if is_float else _SCALES:
-        simple = ((series * plain - shown) ** 2).mean(axis=1)
+        simple = mean((series * plain - shown) ** 2)
         better = simple <= misfit * 1.5 + (plain * 0.5) ** 2 / 3
         scale, offset = np.where(better, plain, scale), np.where(better, 0.0, offset)
-        misfit = np.where(better, np.minimum(simple, misfit), misfit * np.where(better, 1.0, 1.0))
-    return scale, offset, misfit
+        misfit = np.where(better, np.minimum(simple, misfit), misfit)
+    return scale, offset, np.minimum(misfit / spread, 1.0)
 
 
 def _readings(readings: RegisterReadings, units: Sequence[int] | None) -> Iterator[_SoughtReading]:

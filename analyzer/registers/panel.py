@@ -14,13 +14,13 @@ from functools import partial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dissectors.maps import MapError
 from dissectors.maps.table import csv_rows
 from dissectors.maps.tableaddresses import together
 
-Floats = NDArray[np.float64]
+from .overlay import DATED_S, DAY_S, Beginning, PanelTable
+
 _POINTS: Final = 2000  # more tell no more
 _ROWS: Final = 200_000
 _COLUMNS: Final = 40
@@ -37,10 +37,11 @@ class PanelError(ValueError):
     """A table of times and values that cannot be used; one line."""
 
 
-def read_panel(text: str, file: str) -> tuple[Floats, Floats]:
-    """Times (s) and values: the first column, or two, that read as times, and the next that reads as numbers."""
+def read_panel(text: str, file: str) -> PanelTable:
+    """The first column, or two, that read as times, and the next that reads as numbers."""
     lines = text.removeprefix("\ufeff").splitlines()[:_ROWS]
     best: list[tuple[float, float]] = []
+    beginning: Beginning = "unknown"
     for delimiter in ";\t,|":
         try:
             rows = [
@@ -48,48 +49,66 @@ def read_panel(text: str, file: str) -> tuple[Floats, Floats]:
             ]
         except MapError as error:
             raise PanelError(str(error)) from error
-        found = _points([row for row in rows if len(row) > 1])
-        best = max(best, found, key=len)
+        found, since = _points([row for row in rows if len(row) > 1])
+        if len(found) > len(best):
+            best, beginning = found, since
     if len(best) < 3:
         raise PanelError(
             f"{file}: {len(best)} rows of a time and a value, such as 12:30:05,23.4: at least 3 are needed"
         )
     times, values = (np.array(column) for column in zip(*best, strict=True))
     order = np.argsort(times, kind="stable")[:: max(1, len(times) // _POINTS)]
-    return times[order], values[order]
+    return PanelTable(times[order], values[order], beginning)
 
 
-def _points(rows: Sequence[Sequence[str]]) -> list[tuple[float, float]]:
-    """The rows that have a time and a value, as one delimiter cuts them."""
+def _points(rows: Sequence[Sequence[str]]) -> tuple[list[tuple[float, float]], Beginning]:
+    """The rows that have a time and a value, as one delimiter cuts them, and what the times count from."""
     body = [row for row in rows if any(re.match(r"[-+]?\d", cell) for cell in row[:3])]
     if not body:
-        return []
+        return [], "unknown"
     columns = [[row[at] if at < len(row) else "" for row in body] for at in range(max(map(len, body)))]
-    times, behind = _times(columns)
+    times, behind, beginning = _times(columns)
     for column in columns[behind:]:
         values = [_number(cell) for cell in column]
         points = [(at, value) for at, value in zip(times, values, strict=True) if at is not None and value is not None]
         if 2 * len(points) > len(body):
-            return points
-    return []
+            return points, beginning
+    return [], beginning
 
 
-def _times(columns: Sequence[Sequence[str]]) -> tuple[list[float | None], int]:
-    """The times of the rows, and the column behind them; a date and a time of day may be two columns."""
+def _times(columns: Sequence[Sequence[str]]) -> tuple[list[float | None], int, Beginning]:
+    """The times of the rows, the column behind them, and what they count from; a date and a time of day may be two
+    columns."""
     for at, column in enumerate(columns):
         day = _read(column, [partial(_dated, form=form, bare=True) for form in _DATES])
         clock = _read(columns[at + 1], [_clock]) if day and at + 1 < len(columns) else None
         if day and clock:
             both = zip(day, clock, strict=True)
-            return [one + other if one is not None and other is not None else None for one, other in both], at + 2
-        ways: list[Callable[[str], float | None]] = [_iso, _clock]
-        ways += [partial(_dated, form=form) for form in _DATES]
-        if moments := _read(column, ways):
-            return moments, at + 1
+            return (
+                [one + other if one is not None and other is not None else None for one, other in both],
+                at + 2,
+                "1970",
+            )
+        if hours := _read(column, [_clock]):
+            return _over_midnight(hours), at + 1, "midnight" if hours[0] else "unknown"
+        if moments := _read(column, [_iso, *(partial(_dated, form=form) for form in _DATES)]):
+            return moments, at + 1, "1970"
     for at, column in enumerate(columns):
         if numbers := _read(column, [_epoch]):
-            return numbers, at + 1
-    return [None] * len(columns[0]), len(columns)
+            return numbers, at + 1, "1970" if min(n for n in numbers if n is not None) >= DATED_S else "unknown"
+    return [None] * len(columns[0]), len(columns), "unknown"
+
+
+def _over_midnight(hours: Sequence[float | None]) -> list[float | None]:
+    """Times of day in the order of the rows, those behind a midnight a day later."""
+    found: list[float | None] = []
+    before, days = 0.0, 0
+    for seconds in hours:
+        if seconds is not None:
+            days += seconds < before - DAY_S / 2
+            before = seconds
+        found.append(None if seconds is None else seconds + days * DAY_S)
+    return found
 
 
 def _read(column: Sequence[str], ways: Sequence[Callable[[str], float | None]]) -> list[float | None] | None:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
 import numpy as np
 
 from ..html_text import html_page, html_table
+from ..languages import phrase
 from ..registry import Registry
 from .columnar import Columns, Float64s, Int16s, Int64s, UInt8s
 
@@ -156,7 +157,7 @@ class Rule:
 
     `numbers` names its evidence, at most eight figures; `clause` is where the specification has it ([1] application
     protocol V1.1b3, [2] serial line V1.02); `when` says in words what is found. The other words are templates over
-    the evidence (`{unit:.0f}`), or functions of it.
+    the evidence (`{unit:.0f}`), or functions of it that tell each piece by `languages.phrase`.
     """
 
     code: str
@@ -201,8 +202,8 @@ class Rule:
 
     @staticmethod
     def words(words: Words, numbers: Mapping[str, float]) -> str:
-        """Words over this evidence."""
-        return words.format_map(numbers) if isinstance(words, str) else words(numbers)
+        """Words over this evidence, in the language in use."""
+        return phrase(words, numbers) if isinstance(words, str) else words(numbers)
 
 
 _L = TypeVar("_L", bound=Callable[..., Any])

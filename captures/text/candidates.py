@@ -61,7 +61,7 @@ H: Final = "[0-9A-Fa-f]"
 EDGE: Final = r"(?<![0-9A-Za-z_.])"
 END: Final = r"(?![0-9A-Za-z_])"
 _DIGIT: Final = re.compile(
-    r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?![A-Za-z])|\\|><|[A-Za-z+/]{6}=|"
+    r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?![A-Za-z])|\\|><|\^[@-_]|[A-Za-z+/]{6}=|"
     r"(?<![\w+/])(?=[A-Za-z+/]*[a-z/+][A-Z])(?:[A-Za-z+/]{4}){2,}(?![\w+/])"  # base64 may have no digit
 )
 _SHORT: Final = re.compile(rf"(?<![0-9A-Za-z]){H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
@@ -96,6 +96,7 @@ def holds_several(text: str) -> bool:
         len(text) > LONG
         or "\\" in text
         or "><" in text
+        or "^" in text
         or len(_SHORT.findall(text)) > least
         or _BIG.search(text) is not None
     )

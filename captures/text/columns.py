@@ -25,7 +25,7 @@ _MOST_COLUMNS: Final = 4  # from either side of a line
 _STEP: Final = 16  # rows at which a judge, shown the column from one on, looks for frames
 _TOKEN: Final = re.compile(
     r"b(?P<quote>['\"])(?P<char>\\x[0-9a-f]{2}|\\?[^\\])(?P=quote)|"
-    rf"(?<![\w.])(?:(?P<sign>0[xX]|(?:[A-Z]+#)?16#|\$)(?P<signed>{H}{{1,2}}(?!{H})|(?:{H}{{2}}){{2,256}})|(?P<plain>-?\d{{1,3}}|{H}{{1,2}}|(?:{H}{{2}}){{2,256}})[hH]?)"
+    rf"(?<![\w.^])(?<!\(M-)(?!(?<=\s\().\))(?:(?P<sign>0[xX]|(?:[A-Z]+#)?16#|\$)(?P<signed>{H}{{1,2}}(?!{H})|(?:{H}{{2}}){{2,256}})|(?P<plain>-?\d{{1,3}}|{H}{{1,2}}|(?:{H}{{2}}){{2,256}})[hH]?)"
     r"(?!\w|\.\d|=\s*\w)"
 )
 _FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)")
@@ -33,7 +33,9 @@ _LETTERS: Final = re.compile(r"[g-zG-Z]")
 _PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is looked for in the columns of a text
 _LONGEST_ROW: Final = 2048  # characters
 _REMEMBERED: Final = 512  # lines, as logs repeat themselves
-_NUMBER: Final = re.compile(rf"0[xX]{H}+|(?<![^\W_]){H}{{1,4}}[hH]?(?![^\W_])|\d+|'[^']'")
+_NUMBER: Final = re.compile(  # with the character that it is: 'k', (k), (^A), (M-1)
+    rf"0[xX]{H}+|(?<![^\W_]){H}{{1,4}}[hH]?(?![^\W_])|\d+|'[^']'|(?<=\s)\((?:M-\d{{0,3}})?\^?\S?\)"
+)
 
 
 def settle_columns(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> None:
@@ -44,7 +46,7 @@ def settle_columns(lines: Sequence[LogLine], judge: Judge, experience: Experienc
             continue
         if line is not None and not _is_right(line) and _TOKEN.search(line.clean) is not None:
             named = not _holds_bytes(line) or _LETTERS.search(line.clean) is not None
-            _fields_of(line, _tokens(line), judge, named=named)
+            _fields_of(line, _tokens(line), judge, experience, named=named)
             if not _holds_bytes(line) or (group and named):
                 group.append(line)
                 if len(group) < MOST_ROWS:
@@ -148,10 +150,10 @@ def _tokens_in(text: str) -> tuple[_Token, ...]:
     )
 
 
-def _fields_of(line: LogLine, tokens: Sequence[_Token], judge: Judge, *, named: bool) -> None:
+def _fields_of(line: LogLine, tokens: Sequence[_Token], judge: Judge, experience: Experience, *, named: bool) -> None:
     """`ID=01 FC=03 ADDR=0000 LEN=000A CRC=C5CD`, `ID 01 | FC 03 | 00 00 00 0A | CRC C5 CD`
 
-    Only of fields that are `named` one may be a name.
+    Only of fields that are `named` one may be a name. Lines like one that was a frame are read as it was.
     """
     if (counted := _counted(tokens)) is not None:
         tokens = counted
@@ -162,15 +164,23 @@ def _fields_of(line: LogLine, tokens: Sequence[_Token], judge: Judge, *, named: 
     elif len(_FIELD.findall(line.clean)) < _COLUMN and sum(token.octet is not None for token in tokens) < _COLUMN:
         return
     plain = [token for token in tokens if not token.is_name]
-    ways = (tokens, tokens[1:], plain, plain[1:]) if len(plain) < len(tokens) else (tokens, tokens[1:])
-    for some in ways if named else (tokens,):
-        parts = [token.hexadecimal for token in some]
-        if None in parts:
-            continue
-        data = b"".join(part for part in parts if part)
+    ways = (tokens, tokens[1:], plain, plain[1:])
+    readings = [_in_hex(some) for some in (ways if named else ways[:1])]
+    skeleton = _skeleton(line)
+    for i, (some, data) in enumerate(zip(ways, readings, strict=False)):
         if 3 < len(data) <= _FRAME and _exactly(data, judge):
             _take_tokens(line, some, data)
+            experience.fields.setdefault(skeleton, i)
             return
+    known = experience.fields.get(skeleton, len(ways))
+    if known < len(readings) and 3 < len(data := readings[known]) <= _FRAME:
+        _take_tokens(line, ways[known], data, checked=False)
+
+
+def _in_hex(tokens: Sequence[_Token]) -> bytes:
+    """The bytes that these are in hex; none where one is no byte."""
+    parts = [token.hexadecimal for token in tokens]
+    return b"" if None in parts else b"".join(part for part in parts if part)
 
 
 def _counted(tokens: Sequence[_Token]) -> Sequence[_Token] | None:
@@ -297,10 +307,10 @@ def _take_column(lines: list[LogLine], i: int, reading: str) -> None:
             _take_tokens(line, [token], part)
 
 
-def _take_tokens(line: LogLine, tokens: Sequence[_Token], data: bytes) -> None:
+def _take_tokens(line: LogLine, tokens: Sequence[_Token], data: bytes, *, checked: bool = True) -> None:
     start, end = tokens[0].start, tokens[-1].end
     mark = next((run.mark for run in line.runs if run.mark), 0)
     label = label_in(line.clean[max(start - 56, 0) : start])
     run = ByteRun(data, start, end, COLUMN_SHAPE, Writing.NUMBER, label, mark, taken=True)
-    run.checked = (Checked(0, len(data)),)
+    run.checked = (Checked(0, len(data)),) if checked else ()
     line.runs = [run]

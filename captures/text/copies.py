@@ -110,6 +110,8 @@ def _one_report(earlier: _Entry, entry: _Entry) -> bool:
 def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience) -> _Entry | None:
     """The one of two that only repeats bytes of the other; None where both are of their own."""
     same_line = earlier.last is entry.first
+    if earlier.template == entry.template and _has_grown(earlier, entry, experience):
+        return earlier
     if (earlier.template == entry.template and not same_line) or min(len(earlier.data), len(entry.data)) < _LEAST_COPY:
         return None
     if earlier.template[1] == entry.template[1] == COLUMN_SHAPE:
@@ -143,3 +145,19 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience) -> _Ent
     if not earlier.checked and entry.checked and earlier.data in entry.data:
         return earlier
     return None
+
+
+def _has_grown(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:
+    """Whether a buffer is shown once more with what has come since.
+
+    That a log does so is known where bytes without a right check value are the beginning of a frame behind them.
+    """
+    if earlier.checked or not earlier.template[0] or not _begins(earlier, entry):
+        return False
+    if entry.checked and len(earlier.data) >= _LEAST_COPY:
+        experience.growing.add(entry.template)
+    return entry.template in experience.growing
+
+
+def _begins(earlier: _Entry, entry: _Entry) -> bool:
+    return len(earlier.data) < len(entry.data) and entry.data.startswith(earlier.data)

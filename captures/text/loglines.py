@@ -23,6 +23,8 @@ from .dumps import Dump
 from .halves import halves
 from .othershapes import unescape
 from .plain import plain, quoted
+from .rows import is_ruler
+from .timecolumns import TimeColumn, time_column
 from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 
 _LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
@@ -94,6 +96,7 @@ class LineReader:
     zoneless: bool = False  # a date without a zone was met
     _heading: Heading | None = None
     _dump: Dump = field(default_factory=Dump)
+    _times: TimeColumn | None = None  # of the table that is being read
     _days: int = 0
     _newest: int | None = None
     _received: bool = False  # pymodbus reports received bytes by themselves, not only those it processes
@@ -227,7 +230,7 @@ class LineReader:
         return best
 
     def _any_line(self, text: str, number: int) -> LogLine:
-        stamp, rest = stamps.find(text, self.zone)
+        stamp, rest = self._stamp(text)
         t_ns = self._time(stamp)
         line = LogLine(number, text, rest, t_ns=t_ns, fine=stamp is not None and stamp.fine)
         if stamp is not None:
@@ -243,11 +246,21 @@ class LineReader:
         line_marks, line.runs = self._searched(rest)
         if not any(run.level or run.checked for run in line.runs):
             self._as_heading(line, rest, line_marks)
+            self._times = time_column(text) or self._times
+        if is_ruler(rest.strip(" |\t").split()):
+            line.quiet = True
         if not line.runs:
             line.quiet = line.quiet or _COMMENT.match(text) is not None
             line.problem = None if line.quiet else _why_none(text, rest)
             return line
         return self._placed(line, stamp, line_marks[0].mark if line_marks else NONE)
+
+    def _stamp(self, text: str) -> tuple[stamps.Stamp | None, str]:
+        """The time of a line, and the line without any."""
+        in_column = self._times.find(text) if self._times is not None else None
+        if in_column is None:
+            return stamps.find(text, self.zone)
+        return in_column[0], stamps.find(in_column[1], self.zone)[1]
 
     def _searched(self, text: str) -> tuple[list[LineMark], list[ByteRun]]:
         """Marks and runs of a text without its times; logs repeat themselves, so what was met is remembered."""

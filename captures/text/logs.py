@@ -16,10 +16,10 @@ from itertools import islice
 from typing import Final
 
 from .candidates import H, Writing
-from .choosing import Experience, Judge, no_judge
+from .choosing import ByteRun, Experience, Judge, no_judge
 from .halves import halves
 from .loglines import LineReader, LogLine
-from .plain import quoted
+from .plain import is_of_mail, quoted
 from .settling import only_bytes, settle
 
 LOOKED_FOR: Final = (
@@ -34,6 +34,8 @@ _WINDOW: Final = 38  # columns that a window has at least
 _PAIRS_WIDE: Final = 14  # characters of a few pairs
 _BROKEN: Final = re.compile(rf"(?: {H}{{2}}){{4}} {H}$")
 _BEGUN: Final = re.compile(rf"{H}(?:(?: {H}{{2}}){{2}}|(?: {H}{{2}})?\s*$)")
+_FOLDED: Final = (60, 76)  # characters of a line that a mail folds
+_MOST_FOLDED: Final = 64  # lines into one
 _STRETCH: Final = 512  # lines that are settled together
 _MOST: Final = 1 << 18  # characters of a line that is searched at once
 _ADDRESS: Final = re.compile(r"\d{1,3}(?:\.\d{1,3}){3}")  # of a network
@@ -105,9 +107,9 @@ class LogReader:
         """Look at the beginning of a text, which is given again with `feed`; gives what it holds."""
         experience = self._experience = Experience()
         reader = self._line_reader()
-        read = [
-            part for number, line in _mended(enumerate(_beginning(lines), 1)) for part in _read(reader, line, number)
-        ]
+        beginning = list(_beginning(lines))
+        experience.mail = any(is_of_mail(line) for line in beginning)
+        read = [part for number, line in self._whole(enumerate(beginning, 1)) for part in _read(reader, line, number)]
         for run in (run for line in read for run in line.runs):
             experience.note(run)
         for experience.threshold, experience.decimals in _STANDARDS[only_bytes(read) :]:
@@ -123,7 +125,7 @@ class LogReader:
 
     def feed(self, lines: Iterable[tuple[int, str]]) -> Iterator[Piece | UnreadLine]:
         """Lines with their numbers; gives what has been settled."""
-        for number, line in _mended(lines):
+        for number, line in self._whole(lines):
             for part in _read(self._lines, line, number):
                 self._waiting.append(part)
                 for run in part.runs:
@@ -134,6 +136,9 @@ class LogReader:
     def close(self) -> Iterator[Piece | UnreadLine]:
         """No more lines come; gives the rest."""
         yield from self._settled(len(self._waiting))
+
+    def _whole(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+        return _mended(_unfolded(lines) if self._experience.mail else lines)
 
     def _line_reader(self) -> LineReader:
         return LineReader(self._judge, self._zone, self._sample_rate, self._experience)
@@ -152,6 +157,24 @@ def read_lines(
     reader = LogReader(judge, zone, sample_rate)
     reader.learn(lines)
     return [*reader.feed(enumerate(lines, 1)), *reader.close()]
+
+
+def _unfolded(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    """Lines, with those whole that a mail's `=` at their end says to go on in the next."""
+    held: list[str] = []
+    first = 0
+    for number, line in lines:
+        text = line.rstrip("\r\n")
+        first = first if held else number
+        if text.endswith("=") and _FOLDED[0] <= len(text) <= _FOLDED[1] and " " in text and len(held) < _MOST_FOLDED:
+            held.append(text[:-1])
+        elif held:
+            yield first, "".join((*held, text))
+            held = []
+        else:
+            yield number, line
+    if held:
+        yield first, "".join(held)
 
 
 def _mended(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
@@ -218,8 +241,17 @@ def _contents(line: LogLine) -> Iterator[Piece | UnreadLine]:
             yield UnreadLine(line.number, text, f"the text shows the first {len(run.data)} bytes only")
     if any(run.halved and not run.checked for run in chosen):
         yield UnreadLine(line.number, text, halves(line.clean) or "half a byte")
+    elif line.problem is None:
+        left = [quoted(line.clean[run.start : run.end]) for run in line.runs if _is_left(run)] if chosen else []
+        if left:
+            yield UnreadLine(line.number, text, f"{', '.join(left)} beside the bytes may be bytes, too")
     if not chosen and line.problem is None and line.runs and not line.quiet:
         yield UnreadLine(line.number, text, *_why(line))
+
+
+def _is_left(run: ByteRun) -> bool:
+    """Whether a run beside others looks like bytes and was not read, and no word was said of it."""
+    return not run.taken and run.why is None and run.level > Writing.NUMBER
 
 
 def _why(line: LogLine) -> tuple[str, bool]:

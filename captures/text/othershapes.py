@@ -54,6 +54,8 @@ _NAMES: Final = (
 _CONTROLS: Final = {name: code for code, name in enumerate(_NAMES.split())} | {"TAB": 9, "DEL": 127}
 _CONTROL: Final = re.compile(rf"<(?:({'|'.join(_CONTROLS)})|({H}{{2}}))>|([^<])")
 _NAMED: Final = re.compile(rf"(?<!\S)\S{{0,300}}?<(?:{'|'.join(_CONTROLS)})>.*<(?:{'|'.join(_CONTROLS)}|{H}{{2}})>\S*")
+_CARET: Final = re.compile(r"(M-)?(?:\^([@-_?])|([ -~]))")
+_CARETS: Final = re.compile(r"(?:(?<![^\s:>'\"=\]])[!-~]{0,8})?\^[@-_?][ -~]*")
 _WITH_CHARACTERS: Final = re.compile(rf"(?<!\w)(?:{H}{{2}} ?\[.\][ ,]{{0,3}}){{4,}}")
 _IN_BRACKETS: Final = re.compile(rf"\((0[xX]{H}{{1,2}}|\d{{1,3}})\)")
 _LOOK_ALIKE: Final = str.maketrans("OoIlАВСЕаесО", "0011ABCEaec0")  # typed by hand, in Cyrillic, too
@@ -74,6 +76,8 @@ def other_candidates(line: TextLine) -> Iterator[HexWindow]:
         yield from _od_characters(text)
     if "<" in text:
         yield from _control_names(text)
+    if "^" in text:
+        yield from _carets(text)
     yield from _decimals(text)
     if max(text.count("("), text.count("[")) >= _LEAST_BYTES:
         yield from _in_brackets(text)
@@ -176,6 +180,20 @@ def _control_names(text: str) -> Iterator[HexWindow]:
             for name, digits, char in _CONTROL.findall(match[0])
         )
         yield HexWindow(data, *match.span(), "<NUL>", Writing.NUMBER)
+
+
+def _carets(text: str) -> Iterator[HexWindow]:
+    """`^A^C^@kM-^D^J`, as `cat -v` shows bytes; a blank may be one of them."""
+    for match in _CARETS.finditer(text):
+        if match[0].count("^") + match[0].count("M-") < _LEAST_BYTES - 1:
+            continue
+        data = bytes(
+            (0x80 if high else 0) + (ord(control) ^ 0x40 if control else ord(char))
+            for high, control, char in _CARET.findall(match[0])
+        )
+        yield HexWindow(data, *match.span(), "^A", Writing.NUMBER)
+        if text[match.start() - 1 : match.start()] == " ":
+            yield HexWindow(b" " + data, match.start() - 1, match.end(), "^A", Writing.NUMBER)
 
 
 def _in_brackets(text: str) -> Iterator[HexWindow]:

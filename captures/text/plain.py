@@ -47,6 +47,7 @@ _CAST_BEHIND: Final = re.compile(  # of Kotlin and Rust
 _ESCAPE: Final = re.compile(r"\\(.)")
 _ESCAPED_BLANKS: Final = re.compile(r"\\[nrt]")
 _URL_BLANK: Final = re.compile(r"(?<!%[0-9A-Fa-f]{2})%20(?=[0-9A-Za-z])")
+_PRINTABLE: Final = re.compile(r"=(3D|20(?=\s*$)|09(?=\s*$))")  # of a mail: the sign itself, and blanks at an end
 _OF_WORDS: Final = frozenset("nrt\"'/")  # escapes in a string of words: no byte is written so
 _CAST: Final = re.compile(r"\(\s*(?:unsigned |signed )?(?:byte|sbyte|char|u?int8(?:_t)?|u8|BYTE)\s*\)\s*")
 
@@ -71,11 +72,18 @@ def plain(line: str) -> str:
         text = text.replace("\\\\", "\\")
     if "\\" in text and set(_ESCAPE.findall(text)) <= _OF_WORDS:
         text = _ESCAPED_BLANKS.sub("  ", text)
+    if is_of_mail(text):
+        text = _PRINTABLE.sub(lambda match: chr(int(match[1], 16)), text)
     if "%20" in text:
         text = _URL_BLANK.sub("   ", text)
     if "u8" in text or "yte" in text:
         text = _CAST_BEHIND.sub("", text)
     return _CAST.sub("", text) if "(" in text else text
+
+
+def is_of_mail(line: str) -> bool:
+    """Whether a line is quoted-printable, as mails are sent."""
+    return "=" in line and _PRINTABLE.search(line) is not None
 
 
 def quoted(text: str) -> str:

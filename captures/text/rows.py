@@ -8,7 +8,7 @@ from typing import Final
 
 ROWS: Final = ("pairs", "words", "swapped words", "binary", "decimal", "od -c")  # shapes of the rows of dumps
 _ROW: Final = 8  # bytes, after which dumps leave a gap
-_PAIR: Final = re.compile(r"[0-9A-Fa-f]{2}")
+_PAIR: Final = re.compile(r"[0-9A-Fa-f]{1,2}")
 _RULER: Final = 6  # numbers, each one more than that before it
 DIGITS_ABOVE: Final = ("0123456789ABCDEF", "0123456789")  # columns of characters in a dump
 

@@ -23,6 +23,7 @@ _TAIL: Final = 260  # bytes without a right check value that a later run may com
 _TAIL_RUNS: Final = 4
 _TAIL_LINES: Final = 16
 _ADDRESS: Final = 4  # numbers of an IP address
+_NEAR: Final = 5  # lines between a count and the bytes that it counts
 _SHORT: Final = 3  # bytes: no more where text stands behind them
 
 
@@ -31,6 +32,7 @@ def settle(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> No
     for line in lines:
         for run in line.runs:
             run.taken = _speaks_for_itself(run, line, experience)
+    _counts(lines)
     _beside(lines)
     settle_columns(lines, judge, experience)
     _blocks(lines, judge)
@@ -55,6 +57,18 @@ def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> b
     if not experience.trust(run.label, run.shape, direct=run.direct):
         return False
     return _is_all(run, line) if not run.label else len(run.data) > _SHORT or _ends(line, run)
+
+
+def _counts(lines: Sequence[LogLine]) -> None:
+    """`WRITE: 8B` above eight bytes says how many they are, and is none of them."""
+    filled = [line for line in lines if any(run.taken for run in line.runs)]
+    for line, below in pairwise(filled):
+        run = line.runs[-1]
+        shown = line.clean[run.start : run.end]
+        if len(run.data) == 1 and shown[0].isdigit() and shown[1:] in ("B", "b") and _ends(line, run):
+            said = sum(len(one.data) for one in below.runs if one.taken)
+            if said == int(shown[0]) and below.number - line.number <= _NEAR:
+                run.taken, line.quiet = False, True
 
 
 def _plainly_decimal(text: str) -> bool:

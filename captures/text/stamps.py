@@ -54,15 +54,17 @@ _MINUTES = re.compile(_LEAD + r"(\d{1,3}):([0-5]\d)\.(\d{1,6})(?=[\s\]):,;>|\"']
 _EPOCH = re.compile(_LEAD + r"(1[2-9]\d{11}(?:\d{3}){0,2})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
 _EPOCH_SECONDS = re.compile(_LEAD + r"(1[2-9]\d{8})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
 _UNIT = re.compile(rf"{_LEAD}\+?(?:[\w-]+\]\s*)?(\d+)(?:\.(\d{{1,9}}))? ?(ms|us|µs|μs|ns|s)(?=[\s\]):,;>|]|$)")
+_NUMBERED_UNIT = re.compile(r"^\s*\d{1,9}\s*[|,;\t]\s*(-?)(\d{1,18})(?:\.(\d{1,9}))? ?(ms|us|µs|μs|ns|s)(?=[\s,;|])")
 _TICKS = re.compile(  # milliseconds since a microcontroller began, as its logs write them
     r"^\s*(?:\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\]\[[EWIDV]\])"
 )
 _LAST = re.compile(r"[\w\"')\]}][ \t](1[2-9]\d{8})(\d{3}|\d{9})\s*$")  # as InfluxDB's lines end
-_KEYED = re.compile(  # epochs in JSON
-    r"[\"'](?:ts|t|time|timestamp|time_?stamp|at|date|when|epoch|t_?ms)[\"'] ?: ?[\"']?(1[2-9]\d{8})(?:\.(\d{1,9})|(\d{3}|\d{6}|\d{9})(?!\d))?",
+_KEYED = re.compile(  # epochs in JSON, YAML and logfmt
+    r"(?:[\"'](?:ts|t|time|timestamp|time_?stamp|at|date|when|epoch|t_?ms)[\"'] ?: ?|(?<![\w.])(?:ts|time_?stamp)(?:=|: ))"
+    r"[\"']?(1[2-9]\d{8})(?:\.(\d{1,9})|(\d{3}|\d{6}|\d{9})(?!\d))?",
     re.IGNORECASE,
 )
-_UNIT_NS: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "µs": 10**3, "μs": 10**3, "ns": 1}
+UNIT_NS: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "µs": 10**3, "μs": 10**3, "ns": 1}
 _EPOCH_DAY: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -95,7 +97,7 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
             stamp = value(match)
             text = _blanked(text, match)
             break
-    if stamp is None and ":" in text and (match := _KEYED.search(text)) is not None:
+    if stamp is None and (":" in text or "=" in text) and (match := _KEYED.search(text)) is not None:
         stamp = _of_seconds_and_more(match[1], match[2] or match[3])
         text = _blanked(text, match)
     if stamp is None and (match := _LAST.search(text)) is not None:
@@ -153,8 +155,14 @@ def _of_seconds_and_more(seconds: str, fraction: str | None) -> Stamp:
 
 
 def _of_unit(match: re.Match[str]) -> Stamp:
-    unit = _UNIT_NS[match[3]]
+    unit = UNIT_NS[match[3]]
     return Stamp(int(match[1][:19]) * unit + _fraction(match[2], unit), of_day=False)
+
+
+def _of_numbered_unit(match: re.Match[str]) -> Stamp:
+    unit = UNIT_NS[match[4]]
+    t_ns = int(match[2]) * unit + _fraction(match[3], unit)
+    return Stamp(-t_ns if match[1] else t_ns, of_day=False)
 
 
 def _of_ticks(match: re.Match[str]) -> Stamp:
@@ -169,6 +177,7 @@ _COUNTS: Final = (
     (_EPOCH, _of_epoch),
     (_EPOCH_SECONDS, _of_epoch),
     (_UNIT, _of_unit),
+    (_NUMBERED_UNIT, _of_numbered_unit),
     (_TICKS, _of_ticks),
 )
 

@@ -89,7 +89,7 @@ _CANDIDATE: Final = re.compile(
     r"(?<![^\W_])(?P<word>[^\W\d_]{1,16})(?![^\W\d_])"
     r"(?P<sign>\s*[:\]>|)](?!\s*(?:0x)?\d+\s*(?:[,;)\]/]|$))|\s+\d+\s*(?:$|[Bb]ytes?\b)|"
     r"(?=\s+(?:[0-9A-F]{2} ){2}[0-9A-F]{2}))?|"
-    r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*[<>](?=\s))"
+    r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*(?:>\s+)?[<>](?=\s))"  # a quoted line's own
 )
 _NAMES: Final = re.compile(  # `Master -> Slave`: who says it to whom
     r"(?<![^\W_])(?P<one>[^\W\d_]{2,16})\s?(?P<way>-{1,2}>|=>|→|<-{1,2}|<=|←)\s?"
@@ -131,7 +131,7 @@ def marks(text: str) -> list[LineMark]:
     for match in _CANDIDATE.finditer(text, begin):
         word = match["word"]
         if word is None:
-            arrow = match["arrow"].strip()
+            arrow = match["arrow"].split()[-1]
             kind = _ARROW_OF[arrow[0] if arrow[0] in _ARROW_OF else arrow[-1]]
             line_marks.append(LineMark(match.start(), match.end(), kind, arrow=True))
         elif kind := _of_word(word, signed=match["sign"] is not None or _is_method(text, *match.span("word"))):
@@ -297,6 +297,13 @@ SHAPES = (
             r"^\d+-(?P<sample>\d+) (?:uart-\d+|UART(?:-\d+|\[\d+\])?): (?:(?P<mark>[RT]X)(?: data)?: )?"
             r"(?P<hex>[0-9A-F]{2})\s*$",
             re.IGNORECASE,
+        ),
+    ),
+    Shape(
+        "sigrok uart_packet",
+        LineRole.BYTES,
+        re.compile(
+            r"^uart_packet-\d+:\s+(?P<time>\d+\.\d{3}) (?P<mark>[RT]X): (?P<hex>[0-9A-F]{2}(?: [0-9A-F]{2})*)\s*$"
         ),
     ),
     Shape("sigrok uart", LineRole.NOTHING, re.compile(r"^\d+-\d+ (?:uart-\d+|UART(?:-\d+|\[\d+\])?): \D")),

@@ -6,6 +6,7 @@ Bytes that the UART marked are said as such, with what the autopsy of the frame 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from math import nan
 from typing import Final
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from dissectors.crc import crc16
 from dissectors.crc_variants import VARIANTS
 
+from ...languages import counted, phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.frame import adu_of
 from ...tables.schema import Kind, Protocol, Rows
@@ -32,9 +34,14 @@ def _positions(numbers: Mapping[str, float]) -> str:
     for first, last in (("first", "last"), ("second_first", "second_last")):
         if first in numbers:
             low, high = int(numbers[first]), int(numbers[last])
-            ranges.append(f"{low}" if low == high else f"{low} to {high}")
+            ranges.append(f"{low}" if low == high else phrase("{low} to {high}", low=low, high=high))
     others = int(numbers["places"]) - len(ranges)
-    return " or ".join(ranges) + (f" or one of {others} more places" if others > 0 else "")
+    more = phrase(" or one of {others} more places", others=others) if others > 0 else ""
+    return phrase(" or ").join(ranges) + more
+
+
+def _byte_at(english: str, numbers: Mapping[str, float]) -> str:
+    return phrase(english, value=f"{int(numbers['value']):02X}", places=_positions(numbers))
 
 
 BIT_FLIP: Final = Rule(
@@ -57,9 +64,7 @@ MISSING: Final = Rule(
     clause="[2] 2.5.1.2",
     numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "unit"),
     loses=True,
-    text=lambda numbers: (
-        f"a byte is missing: {int(numbers['value']):02X} as byte {_positions(numbers)} makes the CRC right"
-    ),
+    text=partial(_byte_at, "a byte is missing: {value} as byte {places} makes the CRC right"),
     cause="the receiver lost a byte: its buffer ran over, or its processor was busy; or the line was disturbed",
     remedy="see whether it is the tap's receiver or the device's: tap with a logic analyser; else check the line",
 )
@@ -71,9 +76,7 @@ EXTRA: Final = Rule(
     clause="[2] 2.5.1.2",
     numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "unit"),
     loses=True,
-    text=lambda numbers: (
-        f"a byte too many: without {int(numbers['value']):02X}, byte {_positions(numbers)}, the CRC is right"
-    ),
+    text=partial(_byte_at, "a byte too many: without {value}, byte {places}, the CRC is right"),
     cause="a pulse on the line was taken for a start bit, often while drivers switch",
     remedy="check bias resistors and termination, and the driver-enable timing of the sender",
 )
@@ -86,9 +89,13 @@ TRUNCATED: Final = Rule(
     numbers=("bytes", "due", "certainty", "unit"),
     loses=True,
     text=lambda numbers: (
-        "the frame begins like one"
-        + (f" of {numbers['due']:.0f} bytes" if "due" in numbers else "")
-        + f" and ends after {_bytes(numbers['bytes'])}"
+        phrase(
+            "the frame begins like one of {due} and ends after {bytes}",
+            bytes=_bytes(numbers["bytes"]),
+            due=_bytes(numbers["due"]),
+        )
+        if "due" in numbers
+        else phrase("the frame begins like one and ends after {bytes}", bytes=_bytes(numbers["bytes"]))
     ),
     cause="the sender's driver is switched off too early, or its buffer is too short; or the tap lost the end",
     remedy="check the sender's driver-enable timing; ask for fewer registers and see whether it helps",
@@ -102,7 +109,9 @@ VARIANT: Final = Rule(
     numbers=("variant", "certainty", "unit"),
     varies="variant",
     loses=True,
-    text=lambda numbers: f"the check value is right by another convention: {VARIANTS[int(numbers['variant'])].name}",
+    text=lambda numbers: phrase(
+        "the check value is right by another convention: {variant}", variant=VARIANTS[int(numbers["variant"])].name
+    ),
     cause="the sender's firmware computes or sends its check value wrongly",
     remedy="the specification's is CRC-16/MODBUS, least significant byte first: have the firmware corrected",
 )
@@ -113,7 +122,11 @@ REPEATED: Final = Rule(
     when="without a doubled slice of it the frame's CRC is right",
     numbers=("byte", "length", "certainty", "unit"),
     loses=True,
-    text="{length:.0f} bytes from byte {byte:.0f} on come twice; once, they make the CRC right",
+    text=lambda numbers: phrase(
+        "{bytes} from byte {byte:.0f} on come twice; once, they make the CRC right",
+        numbers,
+        bytes=_bytes(numbers["length"]),
+    ),
     cause="a buffer bug in a converter or driver between the line and the receiver",
     remedy="update the converter's driver or firmware, or use another one",
 )
@@ -124,7 +137,9 @@ FLOW: Final = Rule(
     when="inserted 11 or 13 bytes, the XON and XOFF characters, are the repair that makes frames right",
     numbers=("lost", "certainty", "unit"),
     loses=True,
-    text=lambda numbers: f"{_bytes(numbers['lost'])} of 11 or 13 (XON, XOFF) missing; put back, the CRC is right",
+    text=lambda numbers: phrase(
+        "{bytes} of 11 or 13 (XON, XOFF) missing; put back, the CRC is right", bytes=_bytes(numbers["lost"])
+    ),
     cause="the capturing port has software flow control on and swallows these bytes",
     remedy="switch XON/XOFF off on the port (stty -ixon -ixoff)",
 )
@@ -137,8 +152,8 @@ COLLISION: Final = Rule(
     numbers=("bytes", "due", "certainty", "unit"),
     loses=True,
     text=lambda numbers: (
-        f"{numbers['bytes']:.0f} bytes that are no frame where an answer was due"
-        + (f" of {numbers['due']:.0f}" if "due" in numbers else "")
+        phrase("{bytes} that are no frame where an answer was due", bytes=_bytes(numbers["bytes"]))
+        + (phrase(" of {due:.0f}", numbers) if "due" in numbers else "")
     ),
     cause="two transmitters at once: two devices share an address, a second master, or a device that sends unasked",
     remedy="disconnect devices one by one; look for doubled addresses and for a second master",
@@ -151,9 +166,10 @@ CRC_ERROR: Final = Rule(
     clause="[2] 2.5.1.2",
     numbers=("received", "computed", "unit"),
     loses=True,
-    text=lambda numbers: (
-        f"the CRC is wrong ({_crc(numbers, 'received')}, {_crc(numbers, 'computed')} is right), and nothing simple "
-        "explains it"
+    text=lambda numbers: phrase(
+        "the CRC is wrong ({received}, {computed} is right), and nothing simple explains it",
+        received=_crc(numbers, "received"),
+        computed=_crc(numbers, "computed"),
     ),
     cause=_NOISY_LINE,
     remedy=_LINE,
@@ -161,16 +177,16 @@ CRC_ERROR: Final = Rule(
 
 
 def _marked(numbers: Mapping[str, float]) -> str:
-    words = (
-        f"the UART marked {numbers['marked_bytes']:.0f} of {_bytes(numbers['bytes'])}: wrong parity, or no stop bit "
-        "where one was due"
+    words = phrase(
+        "the UART marked {marked_bytes:.0f} of {bytes:.0f} bytes: wrong parity, or no stop bit where one was due",
+        numbers,
     )
     if "verdict" not in numbers:
         return words
     rule = tuple(_RULES.values())[int(numbers["verdict"])]
     if rule is BIT_FLIP and "byte" in numbers:
-        return words + f"; with bit {numbers['bit']:.0f} of byte {numbers['byte']:.0f} flipped back the CRC is right"
-    return words + f"; as a frame it is {rule.code}"
+        return words + phrase("; with bit {bit:.0f} of byte {byte:.0f} flipped back the CRC is right", numbers)
+    return words + phrase("; as a frame it is {code}", code=rule.code)
 
 
 PARITY: Final = Rule(
@@ -196,9 +212,12 @@ LRC_ERROR: Final = Rule(
     numbers=("received", "computed"),
     loses=True,
     text=lambda numbers: (
-        f"the LRC is wrong ({int(numbers['received']):02X}, {int(numbers['computed']):02X} is right)"
+        phrase(
+            "the LRC is wrong ({received}, {computed} is right)",
+            **{name: f"{int(numbers[name]):02X}" for name in ("received", "computed")},
+        )
         if "received" in numbers
-        else "the frame is too short to hold an LRC"
+        else phrase("the frame is too short to hold an LRC")
     ),
     cause=_NOISY_LINE,
     remedy=_LINE,
@@ -206,7 +225,7 @@ LRC_ERROR: Final = Rule(
 
 
 def _bytes(count: float) -> str:
-    return "1 byte" if count == 1 else f"{count:.0f} bytes"
+    return counted(int(count), "byte", "bytes")
 
 
 def _crc(numbers: Mapping[str, float], name: str) -> str:

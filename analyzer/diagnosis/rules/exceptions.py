@@ -7,6 +7,7 @@ from typing import Final
 
 from dissectors.functions import exception_meaning, exception_name, function_name
 
+from ...languages import phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ..view import DiagnosisStep, where
 
@@ -36,10 +37,12 @@ _USES: Final[Mapping[int, tuple[str, str]]] = {
 
 def _text(numbers: Mapping[str, float]) -> str:
     code, function, unit = (int(numbers[key]) for key in ("code", "function", "unit"))
+    refused = phrase(
+        "unit {unit} refuses {function}: exception {code:02X} {name}",
+        unit=unit, function=function_name(function), code=code, name=exception_name(code),
+    )  # fmt: skip
     meaning = exception_meaning(code)
-    return f"unit {unit} refuses {function_name(function)}: exception {code:02X} {exception_name(code)}" + (
-        f", {meaning}" if meaning else ""
-    )
+    return refused + (f", {phrase(meaning)}" if meaning else "")
 
 
 def _use(numbers: Mapping[str, float]) -> tuple[str, str]:
@@ -55,8 +58,8 @@ EXCEPTION: Final = Rule(
     numbers=("code", "function", "unit"),
     varies="code",
     text=_text,
-    cause=lambda numbers: _use(numbers)[0],
-    remedy=lambda numbers: _use(numbers)[1],
+    cause=lambda numbers: phrase(_use(numbers)[0]),
+    remedy=lambda numbers: phrase(_use(numbers)[1]),
 )
 
 

@@ -7,6 +7,7 @@ from typing import Final
 
 from dissectors.foreign import NAMES
 
+from ...languages import counted, phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ..view import DiagnosisStep, where
 
@@ -16,7 +17,11 @@ OTHER: Final = Rule(
     About.NOISE,
     when="bytes in no Modbus frame are those of another protocol",
     numbers=("protocol", "bytes"),
-    text=lambda numbers: f"{numbers['bytes']:.0f} bytes of {NAMES[int(numbers['protocol'])]}: no Modbus, and no fault",
+    text=lambda numbers: phrase(
+        "{bytes} of {protocol}: no Modbus, and no fault",
+        bytes=counted(int(numbers["bytes"]), "byte", "bytes"),
+        protocol=NAMES[int(numbers["protocol"])],
+    ),
     cause="devices of another protocol share the pair with Modbus",
     remedy="leave it, as long as Modbus devices do not take its frames for their own; else give it a pair of its own",
 )

@@ -20,6 +20,7 @@ from dissectors.lengths import RULES, layout, relations, rule
 from dissectors.limits import Bound, RequestedByteCount
 from dissectors.registry import revision
 
+from ...languages import phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.percentiles import Histogram
 from ...tables.schema import Kind, Protocol
@@ -49,11 +50,13 @@ SLOW: Final = Rule(
     when="a unit's response time stands out against the others or its own past",
     numbers=("unit", "p50_ms", "p95_ms", "usual_ms", "own_past"),
     varies="own_past",
-    text=lambda numbers: (
-        f"unit {numbers['unit']:.0f} answers in {numbers['p50_ms']:.3g} ms (median; 95 % within "
-        f"{numbers['p95_ms']:.3g} ms), "
-        + ("at first it took " if numbers["own_past"] else "the other units take ")
-        + f"{numbers['usual_ms']:.3g} ms"
+    text=lambda numbers: phrase(
+        "unit {unit:.0f} answers in {p50_ms:.3g} ms (median; 95 % within {p95_ms:.3g} ms), at first it took "
+        "{usual_ms:.3g} ms"
+        if numbers["own_past"]
+        else "unit {unit:.0f} answers in {p50_ms:.3g} ms (median; 95 % within {p95_ms:.3g} ms), the other units take "
+        "{usual_ms:.3g} ms",
+        numbers,
     ),
     cause="a slow processor, a gateway or radio behind this unit, or a device that is busy with something else",
     remedy="poll it less often or fewer registers at once; set the timeout longer than its slowest answer",
@@ -65,10 +68,14 @@ WASTE: Final = Rule(
     when="reads repeat or adjoin that one request could do",
     numbers=("unit", "function", "requests", "first_address", "quantity", "saved_ms"),
     text=lambda numbers: (
-        f"{numbers['requests']:.0f} polls of unit {numbers['unit']:.0f} ({function_name(int(numbers['function']))}) "
-        f"read adjacent addresses {numbers['first_address']:.0f} to "
-        f"{numbers['first_address'] + numbers['quantity'] - 1:.0f}; one could"
-        + (f", and save {numbers['saved_ms']:.3g} ms a round" if "saved_ms" in numbers else "")
+        phrase(
+            "{requests:.0f} polls of unit {unit:.0f} ({name}) read adjacent addresses {first_address:.0f} to {last:.0f}"
+            "; one could",
+            numbers,
+            name=function_name(int(numbers["function"])),
+            last=numbers["first_address"] + numbers["quantity"] - 1,
+        )
+        + (phrase(", and save {saved_ms:.3g} ms a round", numbers) if "saved_ms" in numbers else "")
     ),
     cause="the master polls each value by itself",
     remedy="read the block in one request",

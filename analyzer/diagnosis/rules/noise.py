@@ -11,6 +11,7 @@ from enum import IntEnum
 from math import nan
 from typing import Final, NamedTuple
 
+from ...languages import counted, phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import NO_GAP, Kind, Protocol, Rows
 from ..view import DiagnosisStep
@@ -31,31 +32,34 @@ class Pattern(IntEnum):
 
 
 def _sender(numbers: Mapping[str, float]) -> str:
-    return f"unit {numbers['unit']:.0f}" if "unit" in numbers else "the master"
+    return phrase("unit {unit:.0f}", numbers) if "unit" in numbers else phrase("the master")
 
 
 def _text(numbers: Mapping[str, float]) -> str:
-    count = int(numbers["bytes"])
-    amount = f"{count} byte{'' if count == 1 else 's'}"
-    pattern = Pattern(int(numbers["pattern"]))
-    if pattern is Pattern.IDLE:
-        return f"{amount} that are no frame, on an idle line"
-    if pattern is Pattern.STRAY:
-        return f"{amount} that belong to no frame"
-    side = "before" if pattern is Pattern.BEFORE else "after"
-    return f"{amount} of 00 or FF right {side} the frame of {_sender(numbers)}"
+    return _told(_TEXTS, numbers, bytes=counted(int(numbers["bytes"]), "byte", "bytes"))
 
 
+def _told(words: Mapping[Pattern, str], numbers: Mapping[str, float], **more: str) -> str:
+    """The words for the pattern of these numbers."""
+    return phrase(words[Pattern(int(numbers["pattern"]))], sender=_sender(numbers), **more)
+
+
+_TEXTS: Final = {
+    Pattern.STRAY: "{bytes} that belong to no frame",
+    Pattern.BEFORE: "{bytes} of 00 or FF right before the frame of {sender}",
+    Pattern.AFTER: "{bytes} of 00 or FF right after the frame of {sender}",
+    Pattern.IDLE: "{bytes} that are no frame, on an idle line",
+}
 _CAUSES: Final = {
     Pattern.STRAY: "interference, bytes of a damaged frame, or a device that speaks another protocol",
-    Pattern.BEFORE: "the driver of {} is enabled too early or too late, and the line floats while it switches",
-    Pattern.AFTER: "the driver of {} is disabled too late or too early, and the line floats while it switches",
+    Pattern.BEFORE: "the driver of {sender} is enabled too early or too late, and the line floats while it switches",
+    Pattern.AFTER: "the driver of {sender} is disabled too late or too early, and the line floats while it switches",
     Pattern.IDLE: "the idle line floats: bias resistors are missing or too weak, or there is interference",
 }
 _REMEDIES: Final = {
     Pattern.STRAY: "look at what comes before and after; check wiring, shield and termination",
-    Pattern.BEFORE: "correct the driver-enable timing of {}; add bias resistors",
-    Pattern.AFTER: "correct the driver-enable timing of {}; add bias resistors",
+    Pattern.BEFORE: "correct the driver-enable timing of {sender}; add bias resistors",
+    Pattern.AFTER: "correct the driver-enable timing of {sender}; add bias resistors",
     Pattern.IDLE: "bias the line at one end (some 560 ohms to each rail), check termination and shield",
 }
 NOISE: Final = Rule(
@@ -66,8 +70,8 @@ NOISE: Final = Rule(
     numbers=("pattern", "bytes", "unit"),
     varies="pattern",
     text=_text,
-    cause=lambda numbers: _CAUSES[Pattern(int(numbers["pattern"]))].format(_sender(numbers)),
-    remedy=lambda numbers: _REMEDIES[Pattern(int(numbers["pattern"]))].format(_sender(numbers)),
+    cause=lambda numbers: _told(_CAUSES, numbers),
+    remedy=lambda numbers: _told(_REMEDIES, numbers),
 )
 
 

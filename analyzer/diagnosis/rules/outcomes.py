@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from ...languages import phrase
 from ...tables.findings import About, Findings, Rule, Severity
 from ...tables.schema import Protocol
 from ...tables.transactions import NEVER, Status, TransactionRows
@@ -17,8 +18,9 @@ _ANSWERED, _UNANSWERED, _DAMAGED = int(Status.ANSWERED), int(Status.UNANSWERED),
 
 
 def _silent(numbers: Mapping[str, float]) -> str:
-    waited = f" in {numbers['waited_ms']:.4g} ms, until the next request" if "waited_ms" in numbers else ""
-    return f"unit {numbers['unit']:.0f} did not answer{waited}"
+    if "waited_ms" in numbers:
+        return phrase("unit {unit:.0f} did not answer in {waited_ms:.4g} ms, until the next request", numbers)
+    return phrase("unit {unit:.0f} did not answer", numbers)
 
 
 NO_RESPONSE: Final = Rule(
@@ -32,7 +34,7 @@ NO_RESPONSE: Final = Rule(
     loses=True,
     wastes="waited_ms",
     text=_silent,
-    cause=lambda numbers: (
+    cause=lambda numbers: phrase(
         "a request that reached it damaged, a unit that restarts or is busy, or a loose contact: it answers otherwise"
         if numbers["answered_before"]
         else "no such unit behind this server, or one that its serial line does not reach"
@@ -40,7 +42,7 @@ NO_RESPONSE: Final = Rule(
         else "it has not answered so far: no such unit, or one without power; else a wrong baud rate or parity, "
         "swapped A and B, or a request that reached it damaged"
     ),
-    remedy=lambda numbers: (
+    remedy=lambda numbers: phrase(
         "look when it falls silent: its power, its connector, what the master asks of it just then"
         if numbers["answered_before"]
         else "check the unit's number, and the line behind the gateway if it is one; take it off the poll list if it "
@@ -57,8 +59,8 @@ RETRY: Final = Rule(
     clause="[2] 2.4.1",
     numbers=("unit", "after_ms"),
     text=lambda numbers: (
-        "the master repeats its request"
-        + (f", {numbers['after_ms']:.4g} ms after the first try" if "after_ms" in numbers else "")
+        phrase("the master repeats its request")
+        + (phrase(", {after_ms:.4g} ms after the first try", numbers) if "after_ms" in numbers else "")
     ),
     cause="it got no answer, a damaged one or one too late",
     remedy="look at what became of the request before",
@@ -66,11 +68,14 @@ RETRY: Final = Rule(
 
 
 def _came_late(numbers: Mapping[str, float]) -> str:
-    behind = f", {numbers['late_ms']:.4g} ms after it" if "late_ms" in numbers else ""
-    words = f"unit {numbers['unit']:.0f} answers frame {numbers['request']:.0f}{behind}, when the master has gone on; "
-    if numbers["mistaken"]:
-        return words + "it fits the master's newest request as well, which takes these values one poll too late"
-    return words + "it does not fit the master's newest request, which can reject it"
+    words = phrase("unit {unit:.0f} answers frame {request:.0f}", numbers)
+    words += phrase(", {late_ms:.4g} ms after it", numbers) if "late_ms" in numbers else ""
+    words += phrase(", when the master has gone on; ")
+    return words + phrase(
+        "it fits the master's newest request as well, which takes these values one poll too late"
+        if numbers["mistaken"]
+        else "it does not fit the master's newest request, which can reject it"
+    )
 
 
 LATE: Final = Rule(
@@ -85,12 +90,16 @@ LATE: Final = Rule(
     wastes="waited_ms",
     text=_came_late,
     cause=lambda numbers: (
-        "the unit answers later than the master waits"
-        + ("; answers carry no register address, so nobody notices the wrong values" if numbers["mistaken"] else "")
+        phrase("the unit answers later than the master waits")
+        + (
+            phrase("; answers carry no register address, so nobody notices the wrong values")
+            if numbers["mistaken"]
+            else ""
+        )
     ),
     remedy=lambda numbers: (
-        "make the master's response timeout longer than the unit's longest response time"
-        + ("; do not trust the values of this unit until then" if numbers["mistaken"] else "")
+        phrase("make the master's response timeout longer than the unit's longest response time")
+        + (phrase("; do not trust the values of this unit until then") if numbers["mistaken"] else "")
     ),
 )
 ECHO: Final = Rule(
@@ -100,7 +109,8 @@ ECHO: Final = Rule(
     when="the tap shows each sent frame twice",
     numbers=("after_ms",),
     text=lambda numbers: (
-        "the same frame once more" + (f", {numbers['after_ms']:.3g} ms after itself" if "after_ms" in numbers else "")
+        phrase("the same frame once more")
+        + (phrase(", {after_ms:.3g} ms after itself", numbers) if "after_ms" in numbers else "")
     ),
     cause="the tap or a converter with local echo shows each sent frame twice",
     remedy="switch the converter's local echo off, or tap the line behind it",

@@ -21,6 +21,7 @@ from dissectors.lengths import RULES, layout, relations
 from dissectors.limits import Bound, Choice, RequestedByteCount, Sized, taken
 from dissectors.registry import revision
 
+from ...languages import phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import Protocol
 from ..view import DiagnosisStep, where
@@ -28,7 +29,10 @@ from ..view import DiagnosisStep, where
 
 def _quantity_text(numbers: Mapping[str, float]) -> str:
     function, quantity, low, high = (int(numbers[key]) for key in ("function", "quantity", "low", "high"))
-    return f"{function_name(function)} of {quantity}, allowed are {low} to {high}"
+    return phrase(
+        "{name} of {quantity}, allowed are {low} to {high}",
+        name=function_name(function), quantity=quantity, low=low, high=high,
+    )  # fmt: skip
 
 
 QUANTITY: Final = Rule(
@@ -60,7 +64,9 @@ COIL_VALUE: Final = Rule(
     when="function 05 writes other than 0000 or FF00",
     clause="[1] 6.5",
     numbers=("value",),
-    text=lambda numbers: f"a coil is written with {int(numbers['value']):04X}, allowed are FF00 (on) and 0000 (off)",
+    text=lambda numbers: phrase(
+        "a coil is written with {value}, allowed are FF00 (on) and 0000 (off)", value=f"{int(numbers['value']):04X}"
+    ),
     cause="the master writes 1 for on, or swaps the two bytes",
     remedy="send FF00 for on and 0000 for off",
 )
@@ -71,8 +77,10 @@ PADDING: Final = Rule(
     when="unused bits of the last byte of coils are not zero",
     clause="[1] 6.1",
     numbers=("unused_bits", "last_byte"),
-    text=lambda numbers: (
-        f"the {int(numbers['unused_bits'])} unused bits of the last byte ({int(numbers['last_byte']):02X}) are not zero"
+    text=lambda numbers: phrase(
+        "the {unused_bits:.0f} unused bits of the last byte ({octet}) are not zero",
+        numbers,
+        octet=f"{int(numbers['last_byte']):02X}",
     ),
     cause="the device sends whole bytes of its memory and does not clear the bits that nobody asked for",
     remedy="ignore these bits in the master; the device's vendor should clear them",
@@ -95,9 +103,9 @@ RESERVED_FUNCTION: Final = Rule(
     when="the function code is neither defined nor given to users",
     clause="[1] 5",
     numbers=("function",),
-    text=lambda numbers: (
-        f"{function_code(int(numbers['function']))} is neither defined by the "
-        "specification nor free for users (65-72 and 100-110 are)"
+    text=lambda numbers: phrase(
+        "{code} is neither defined by the specification nor free for users (65-72 and 100-110 are)",
+        code=function_code(int(numbers["function"])),
     ),
     cause="a vendor's own function outside the ranges for users",
     remedy="look it up in the device's manual, and declare it to have it decoded (--functions)",
@@ -109,7 +117,7 @@ INVALID_FUNCTION: Final = Rule(
     when="the function code is 0, or a request has an exception's",
     clause="[1] 4.1",
     numbers=("function",),
-    text=lambda numbers: f"a request with function code {int(numbers['function'])}, possible are 1 to 127",
+    text="a request with function code {function:.0f}, possible are 1 to 127",
     cause="the sender builds its request from the wrong byte, or repeats an exception answer",
     remedy="correct the master's function code",
 )

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from ...languages import phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import NO_GAP, Kind, Protocol, Rows
 from ..tap_clock import UNKNOWN, silences
@@ -28,10 +29,16 @@ GAP_INSIDE: Final = Rule(
     clause="[2] 2.5.1.1",
     numbers=("gap_ms", "characters", "byte", "t35_ms"),
     text=lambda numbers: (
-        f"{numbers['gap_ms']:.3g} ms of silence ({numbers['characters']:.1f} characters) inside the frame, before byte "
-        f"{numbers['byte']:.0f}"
-        + "; a receiver that keeps to t1.5 discards the frame"
-        + (", one that frames by t3.5 takes the rest for another" if numbers["gap_ms"] > numbers["t35_ms"] else "")
+        phrase(
+            "{gap_ms:.3g} ms of silence ({characters:.1f} characters) inside the frame, before byte {byte:.0f}; a "
+            "receiver that keeps to t1.5 discards the frame",
+            numbers,
+        )
+        + (
+            phrase(", one that frames by t3.5 takes the rest for another")
+            if numbers["gap_ms"] > numbers["t35_ms"]
+            else ""
+        )
     ),
     cause="the sender is interrupted while it sends, or a converter or radio between passes bytes on in pieces",
     remedy="send from a buffer or by DMA; where a converter does it, let the receiver wait longer between characters",
@@ -44,17 +51,21 @@ GAP_SHORT: Final = Rule(
     clause="[2] 2.5.1.1",
     numbers=("gap_ms", "characters", "due_ms", "is_response"),
     varies="is_response",
-    text=lambda numbers: (
-        ("the response starts" if numbers["is_response"] else "the master starts its request")
-        + f" {max(numbers['gap_ms'], 0):.3g} ms ({max(numbers['characters'], 0):.1f} characters) after the frame "
-        f"before, {numbers['due_ms']:.3g} ms are due"
+    text=lambda numbers: phrase(
+        "the response starts {gap:.3g} ms ({passed:.1f} characters) after the frame before, {due_ms:.3g} ms are due"
+        if numbers["is_response"]
+        else "the master starts its request {gap:.3g} ms ({passed:.1f} characters) after the frame before, "
+        "{due_ms:.3g} ms are due",
+        numbers,
+        gap=max(numbers["gap_ms"], 0),
+        passed=max(numbers["characters"], 0),
     ),
-    cause=lambda numbers: (
+    cause=lambda numbers: phrase(
         "the device answers without waiting for 3.5 characters"
         if numbers["is_response"]
         else "the master's inter-frame delay is too short"
     ),
-    remedy=lambda numbers: (
+    remedy=lambda numbers: phrase(
         "none while the master takes these answers; where it misses them, a response delay in the device, well below "
         "the master's timeout"
         if numbers["is_response"]
@@ -77,22 +88,25 @@ TURNAROUND: Final = Rule(
 
 def _blind(numbers: Mapping[str, float]) -> str:
     if "off_by_ms" not in numbers:
-        return "this capture's times cannot show silences and response times"
-    off = f"times are off by up to {numbers['off_by_ms']:.2g} ms, {numbers['bytes_a_read']:.2g} bytes come in a read"
-    return f"{off}: silences of t1.5 and t3.5 cannot be judged"
+        return phrase("this capture's times cannot show silences and response times")
+    return phrase(
+        "times are off by up to {off_by_ms:.2g} ms, {bytes_a_read:.2g} bytes come in a read: silences of t1.5 and t3.5 "
+        "cannot be judged",
+        numbers,
+    )
 
 
 def _remedy(numbers: Mapping[str, float]) -> str:
     off = numbers.get("off_by_ms", 0.0)
     if "off_by_ms" not in numbers:
-        return "capture with times and the line's settings: baud rate, bits a character"
+        return phrase("capture with times and the line's settings: baud rate, bits a character")
     if off > 25:
-        return "tap the serial line itself rather than the network behind a gateway"
+        return phrase("tap the serial line itself rather than the network behind a gateway")
     if off > _TIMER_NS / 1e6:
-        return (
+        return phrase(
             "set the USB adapter's latency timer to 1 ms (FTDI: latency_timer, low-latency mode), or tap byte by byte"
         )
-    return "use a tap that stamps each byte, such as a logic analyser, or switch the UART's FIFO off"
+    return phrase("use a tap that stamps each byte, such as a logic analyser, or switch the UART's FIFO off")
 
 
 BLIND: Final = Rule(

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...deframing.candidates import search_candidates
 from ...deframing.crc_windows import crc_windows
+from ...languages import counted, phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ..view import DiagnosisStep, where
 
@@ -25,13 +26,12 @@ COLLISION: Final = Rule(
     when="a window of bytes has a right CRC, but a better explanation covers it",
     clause="[2] 2.5.1.2",
     numbers=("window_start", "window_length", "windows"),
-    text=lambda numbers: (
-        (
-            f"the first {numbers['window_length']:.0f} bytes"
-            if not numbers["window_start"]
-            else f"{numbers['window_length']:.0f} bytes from byte {numbers['window_start']:.0f} on"
-        )
-        + " have a right CRC, but are part of this frame"
+    text=lambda numbers: phrase(
+        "{bytes} from byte {window_start:.0f} on have a right CRC, but are part of this frame"
+        if numbers["window_start"]
+        else "the first {bytes} have a right CRC, but are part of this frame",
+        numbers,
+        bytes=counted(int(numbers["window_length"]), "byte", "bytes"),
     ),
     cause="chance, 1 window in 65,536, or registers that hold a whole frame",
     remedy="nothing: it only misleads tools that look for right CRCs alone",
