@@ -15,6 +15,7 @@ import numpy as np
 
 from dissectors.values import harmless
 
+from .languages import page_words
 from .tables.transactions import NEVER, Status, TransactionRows
 from .words import duration, moment
 
@@ -99,7 +100,10 @@ def unheard(time: Deaf) -> str:
     """A time without ears, in words."""
     text = harmless(time.text)
     if time.to_ns is None:
-        return f"nothing heard from {moment(time.from_ns)} to the end: {text}"
+        return page_words("nothing heard from {moment} to the end: {text}", moment=moment(time.from_ns), text=text)
     if time.to_ns == time.from_ns:
-        return f"at {moment(time.from_ns)}: {text}"
-    return f"nothing heard for {duration(time.to_ns - time.from_ns)} from {moment(time.from_ns)}: {text}"
+        return page_words("at {moment}: {text}", moment=moment(time.from_ns), text=text)
+    return page_words(
+        "nothing heard for {time} from {moment}: {text}",
+        time=duration(time.to_ns - time.from_ns), moment=moment(time.from_ns), text=text,
+    )  # fmt: skip

@@ -1,9 +1,11 @@
 """JSON lines: the contract's keys, all bytes there, and why."""
 
+import gc
 import json
 import os
 import subprocess
 import sys
+import tracemalloc
 
 import pytest
 from buses import LINE, adu, spaced, streams
@@ -139,6 +141,31 @@ def test_stopping_completes_the_file_with_what_came(bus, tmp_path):
     )
     assert done.partial
     assert done.frames == len(out.read_text().splitlines()) == asked[-1]
+
+
+@pytest.mark.parametrize("suffix", ["jsonl", "csv", "mcap"])
+def test_export_after_export_keeps_nothing(suffix, tmp_path):
+    """Each of another capture, so that what a cache kept of one would stay."""
+
+    def exported(number):
+        talk = [frame for word in range(400) for frame in (REQUEST, adu(f"110306{word:04x}{number:04x}4340"))]
+        export(Capture.of(LINE, spaced(talk)), tmp_path / f"out.{suffix}")
+
+    for number in range(3):  # imports, grammars, tables of the program itself
+        exported(number)
+    gc.collect()
+    tracemalloc.start()
+    try:
+        exported(3)
+        gc.collect()
+        before = tracemalloc.get_traced_memory()[0]
+        for number in range(4, 9):
+            exported(number)
+        gc.collect()
+        kept = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+    assert kept < 50_000
 
 
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])

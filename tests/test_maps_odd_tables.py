@@ -43,6 +43,20 @@ TABLES: dict[str, OddFile] = {
          "holding 20 s16 K"],
         "",
     ),
+    "types in a letter and a width": (
+        "list.csv",
+        b"Address;Name;Type\n0;A;f32\n2;B;F64\n6;C;FP32\n8;D;f32 CDAB\n10;E;U32\n12;F;float64\n16;G;s16\n17;H;F\n",
+        ["holding 0 f32 A", "holding 2 f64 B", "holding 6 f32 C", "holding 8 f32 CDAB D", "holding 10 u32 E",
+         "holding 12 f64 F", "holding 16 s16 G", "holding 17 f32 H"],
+        "",
+    ),
+    "headings of two rows": (
+        "list.csv",
+        b"Pump,,,,,\nRegister,,Parameter,Value,,\nDec,Hex,,Type,Factor,Unit\n4096,1000,Flow,uint32,0.01,m3/h\n"
+        b"4098,1002,Head,int16,0.1,m\n",
+        ["holding 4096 u32 x0.01 m3/h Flow", "holding 4098 s16 x0.1 m Head"],
+        "",
+    ),
     "types in Russian words": (
         "list.csv",
         "Рег.;Параметр;Тип\n10;A;беззнаковое 32 бит\n12;B;целое со знаком\n13;C;с плавающей точкой\n15;D;строка 16\n"

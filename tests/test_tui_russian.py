@@ -13,14 +13,21 @@ from pictures import compare
 from seats import Seat, opened, sample_in, using
 
 import analyzer
+import captures
 from analyzer import languages
 from analyzer.causes.registry import suspects
+from analyzer.filters import FilterError, compile_filter
+from analyzer.filters.completion import complete
 from analyzer.languages import counted, tr
+from analyzer.model.source import CaptureSource
+from analyzer.model.spoken import spoken
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.pastepane import PasteText
 from analyzer.tui.registerlist import RegisterList
+from captures.line import LineSettings
 
-_SOURCES = [path for part in ("tui", "model") for path in (Path(analyzer.__file__).parent / part).glob("*.py")]
+_PARTS = ("tui", "model", "filters", "live")
+_SOURCES = [path for part in _PARTS for path in (Path(analyzer.__file__).parent / part).glob("*.py")]
 _PASTED = "11 03 00 6B 00 03 76 87"
 _TERMS = re.compile(
     r"""
@@ -118,6 +125,54 @@ def _english_left(shown: str, foreign: Callable[[str], str]) -> list[str]:
         rest = _TERMS.sub(" ", foreign(line))
         left += [f"{word} in {line.strip()}" for word in re.findall(r"\b[A-Za-z]{2,}\b", rest)]
     return left
+
+
+_WRONG = (
+    "unit = = 3", "unt == 3", "retries", "unit == 3.5", "unit == 999", "index in 5..1", "unit contains 3", "gap > 5",
+    "gap > x", "crc_ok == 1", "finding == 7", "finding == crc-eror", "severity == 9", "hex contains abc",
+    "hex == 03 ms", 'hex contains "0"', 'text contains ""', "time > 3 chars", 'time > "yesterday"', "register == 00108",
+    "bit == 40108", "address == 4x108", "register in 40108..30109", 'value("Voltage") > 3', 'name contains "V"',
+    'sum("x") > 3', 'unit == "17', "(" * 60 + "unit" + ")" * 60, "unit == 3 or", "x" * 5000, "confidence == 1.5",
+    "text == 3..4", "register == 49999999", "unit 3",
+)  # fmt: skip
+_BEGUN = (
+    "",
+    "unit ",
+    "unit == 3 ",
+    "finding == ",
+    "gap > 3 ",
+    "hex ",
+    "function == ",
+    "crc_ok == ",
+    "time > 5 ",
+    "not ",
+)
+
+
+@pytest.mark.parametrize("text", _WRONG)
+def test_what_is_wrong_with_a_filter_is_told_in_russian(asked: _Asked, text: str) -> None:
+    languages.use("ru")
+    with pytest.raises(FilterError) as caught:
+        compile_filter(text, LineSettings())
+    assert re.search("[а-я]{3}", caught.value.message)
+    assert str(caught.value).startswith("место ")
+    assert not asked.missed - {"'contains'", "'and'"}, asked.missed
+
+
+def test_what_could_be_typed_next_is_told_in_russian(asked: _Asked) -> None:
+    languages.use("ru")
+    offers = [offer for text in _BEGUN for offer in complete(text, len(text))]
+    assert {"unit", "==", "chars", "and", "crc-error"} <= {offer.text.strip('"') for offer in offers}
+    assert all(not offer.help or re.search("[а-я]", offer.help) for offer in offers)
+    assert not asked.missed, asked.missed
+
+
+def test_a_capture_is_spoken_in_russian(capture: Path, asked: _Asked) -> None:
+    languages.use("ru")
+    lines = list(spoken(CaptureSource(captures.open(capture), "bus"), "unit < 99"))
+    assert lines[1] == "3 причины."
+    assert any("устройство 2 не ответило за" in line for line in lines)
+    assert not asked.missed, asked.missed
 
 
 _PROMPTS = ("g", "f", "T", "S", "C", "equals_sign", "y", "e", "semicolon", "M", "ctrl+o", "question_mark", "ctrl+p")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from dissectors.values import harmless
 
 from ..filters.table import BatchTable
+from ..languages import page_words
 from ..reports import Report
 from ..tables.batch import Batch
 from ..tables.columns import Decoded, decode
@@ -38,8 +39,8 @@ class Breach:
     @property
     def words(self) -> str:
         """In one line."""
-        where = [] if self.index is None else [f"frame {self.index:,}"]
-        where += [f"byte {self.start:,}"] if self.start >= 0 else []
+        where = [] if self.index is None else [page_words("frame {index:,}", index=self.index)]
+        where += [page_words("byte {at:,}", at=self.start)] if self.start >= 0 else []
         return f"{', '.join(where)}: {self.text}" if where else self.text
 
 
@@ -62,7 +63,7 @@ class CheckedBatch:
         if not text:
             noise = values.kind == Kind.NOISE
             findings = self.batch.findings_of(row) if noise else ()
-            text = f"bytes in no frame{''.join(f'; {each.text}' for each in findings[:1])}" if noise else ""
+            text = "; ".join([page_words("bytes in no frame"), *(each.text for each in findings[:1])]) if noise else ""
             text = text or self.batch.frame(row).summary()
         index = values.index
         return Breach(
@@ -159,11 +160,6 @@ class Results:
             "partial": self.partial,
             "rules": rules,
         }
-
-
-def plural(count: int, one: str, many: str) -> str:
-    """A count with its noun."""
-    return f"{count:,} {one if count == 1 else many}"
 
 
 def joined(numbers: Iterable[int]) -> str:

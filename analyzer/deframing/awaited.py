@@ -14,7 +14,8 @@ from dissectors.length_rules import Role
 from dissectors.lengths import plausibility
 
 from .candidates import CRC_BITS, KNOWN_BITS, predicted_length
-from .lattice import EMBEDDED, FITS, NOISE_BYTE, Lattice, PathStep
+from .lattice import EMBEDDED, FITS, NOISE_BYTE, Lattice
+from .paths import PathStep
 from .rules import length_tables
 from .unpredicted import next_byte
 

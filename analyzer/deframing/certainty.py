@@ -9,7 +9,7 @@ from dissectors.length_rules import Role
 
 from ..tables.schema import BoundaryEvidence, Kind
 from .candidates import CRC_BITS
-from .lattice import Losers, PathStep
+from .paths import Losers, PathStep
 from .segments import NOISE, evidence_rows
 
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE, NOISE: Kind.NOISE}

@@ -30,8 +30,9 @@ from .conversation import Conversation
 from .crc_windows import possible_starts
 from .forced import ForcedRuns, SearchedBytes
 from .gaps import AGAINST, SILENT, GapStatistics, SpeakerTurn, classes_of, next_checkpoint
-from .lattice import LEAD, SURE, Lattice, PathStep, by_end
+from .lattice import LEAD, Lattice
 from .looks import CUT, GAP, IDLE, NEVER, DecisionPoint, LaidPaths, OpenLook
+from .paths import SURE, PathStep, by_end
 from .segments import NOISE, DecidedSegments
 from .unpredicted import (
     broken_windows,

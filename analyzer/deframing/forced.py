@@ -22,7 +22,8 @@ from .candidates import CRC_BITS, Candidates
 from .conversation import OPEN, REACH, Conversation, ConversationTracker, responses_fit
 from .crc_windows import CrcWindows
 from .gaps import GapStatistics, SpeakerTurn
-from .lattice import CONTRARY, FITS, FITS_EXCEPTION, HALF, LEAD, Candidate
+from .lattice import CONTRARY, FITS, FITS_EXCEPTION, HALF, LEAD
+from .paths import Candidate
 from .rules import Bytes, Index, Mask, length_tables
 
 _PLAIN: Final = -4.0  # bits by which silence may speak against a role that the places speak for

@@ -20,9 +20,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import accumulate
-from typing import NamedTuple
 
 from dissectors.adu import EXCEPTION
 from dissectors.length_rules import Role
@@ -30,6 +28,7 @@ from dissectors.length_rules import Role
 from .candidates import CRC_BITS, GLITCHES
 from .conversation import Conversation, OpenRequest
 from .gaps import GapStatistics, SpeakerTurn
+from .paths import Candidate, Losers, PathStep, Survivor, by_end, candidate_end, path_score, pruned
 from .rules import length_tables
 
 NOISE_BYTE = 77 / 64
@@ -52,58 +51,10 @@ IMPOSSIBLE = -1000.0
 EMBEDDED = 3.0  # a whole frame inside a payload
 AFTER_NOISE = -2.0
 LEAD = 8.0  # bits over the next best reading of the same bytes that a decision needs
-SURE = 64.0  # bits: what cannot be doubted
 LOST = 4  # bytes of noise that may have been a frame
 _GLITCHES = bytes(GLITCHES)
-_BEAM = 6
 _COST_STEPS = 64
 _OCTET_COSTS = bytes(round(_COST_STEPS * (GLITCH_BYTE if octet in GLITCHES else NOISE_BYTE)) for octet in range(256))
-
-
-class Candidate(NamedTuple):
-    """A window that could be a frame; offsets in the stretch."""
-
-    start: int
-    end: int
-    role: int
-    structure: float
-    declared: bool = True  # its function's length is known; else the window's CRC alone speaks for it
-    damaged: bool = False  # its CRC is wrong: only an answer that fits a request is believed to be that
-    doubtful: bool = False  # breaks a rule, or its function was never heard: whole frames inside count against it
-
-
-Losers = tuple[tuple[float, "PathStep | None"], ...]  # paths beaten: by how many bits, and their last steps
-
-
-@dataclass(slots=True, eq=False)
-class PathStep:
-    """A part of a path: a frame or a run of noise, and the path before it."""
-
-    start: int
-    end: int
-    candidate: Candidate | None
-    before: PathStep | None
-    score: float  # of the path up to its end
-    conversation: Conversation  # the conversation after it
-    gap_bits: float = 0.0
-    conversation_bits: float = 0.0
-    losers: Losers = ()  # paths that it beat to its start
-
-    @property
-    def damaged_request(self) -> bool:
-        return self.candidate is not None and self.candidate.damaged and self.candidate.role == Role.REQUEST
-
-
-class Survivor(NamedTuple):
-    """A path that ends in a frame (or at the beginning); what is behind it, up to where one looks, is noise."""
-
-    score: float  # at its end
-    tip: PathStep | None
-    end: int
-    conversation: Conversation
-    noisy: bool = False  # it holds noise, or a damaged frame
-    since_noise: float = 0.0  # what its frames since the last noise have scored
-    losers: Losers = ()  # paths beaten since its end
 
 
 class Lattice:
@@ -161,7 +112,7 @@ class Lattice:
         """Back to a position, with nothing yet to come behind it."""
         kept = bisect_right(self._landings, position)
         del self._landings[kept:], self._survivors[kept:]
-        del self._candidates[bisect_right(self._candidates, position, key=_end) :]
+        del self._candidates[bisect_right(self._candidates, position, key=candidate_end) :]
         self._waiting.clear()
         self._scored.clear()
         self.position = position
@@ -178,7 +129,7 @@ class Lattice:
                 if candidate.start >= self._landings[0]:
                     landed += [(path.score, path) for path in self._taken(candidate)]
             if landed:
-                self._survivors.append(_pruned(landed + self._at(end), end))
+                self._survivors.append(pruned(landed + self._at(end), end))
                 self._landings.append(end)
         self.position = max(self.position, position)
 
@@ -285,7 +236,7 @@ class Lattice:
     def _inside(self, outer: Candidate) -> float:
         """What the candidates inside one would score at best by themselves, less the price of being there."""
         ends, best = [outer.start], [0.0]  # best[i]: score of those that end at or before ends[i]
-        for candidate in self._candidates[bisect_right(self._candidates, outer.start, key=_end) :]:
+        for candidate in self._candidates[bisect_right(self._candidates, outer.start, key=candidate_end) :]:
             if candidate.end >= outer.end:
                 break
             if candidate.start <= outer.start or candidate.damaged or candidate.doubtful:
@@ -300,7 +251,7 @@ class Lattice:
     @property
     def best(self) -> Survivor:
         """The best path to the position advanced to."""
-        return max(self._at(self.position), key=_score)[1]
+        return max(self._at(self.position), key=path_score)[1]
 
     def gap_bits(self, position: int) -> float:
         """Bits that the silence there gives to an answer's start."""
@@ -330,7 +281,7 @@ class Lattice:
     def rivals(self) -> Losers:
         """The paths that the best one beats here: by how many bits, and their last steps."""
         paths = self._at(self.position)
-        best_score, best = max(paths, key=_score)
+        best_score, best = max(paths, key=path_score)
         return best.losers + tuple((best_score - score, path.tip) for score, path in paths if path is not best)
 
     def open_after(self, frames: Sequence[PathStep]) -> tuple[OpenRequest, ...]:
@@ -355,7 +306,7 @@ class Lattice:
 
     def steps(self) -> list[PathStep]:
         """The best path to here, step by step from where it begins."""
-        score, path = max(self._at(self.position), key=_score)
+        score, path = max(self._at(self.position), key=path_score)
         tip = path.tip
         if path.end < self.position:
             tip = PathStep(path.end, self.position, None, tip, score, path.conversation)
@@ -364,44 +315,3 @@ class Lattice:
             steps.append(tip)
             tip = tip.before
         return steps[::-1]
-
-
-def _pruned(paths: list[tuple[float, Survivor]], position: int) -> list[Survivor]:
-    """The few of these paths to a position that are worth going on with, best first."""
-    paths.sort(key=_score, reverse=True)
-    least = paths[0][0] - SURE
-    ranks: dict[object, int] = {}
-    survivors: list[tuple[float, Survivor]] = []
-    for score, path in paths:
-        if score < least:
-            break  # nothing will bring it back
-        conversation, last = path.conversation, path.tip and path.tip.candidate
-        key = (
-            path.end == position,
-            last.role if last else -1,
-            tuple([p.start for p in conversation.open_requests]),
-            conversation.answered,
-        )
-        rival = ranks.get(key)
-        if rival is None and len(ranks) < _BEAM:
-            ranks[key] = len(survivors)
-            survivors.append((score, path))
-        else:
-            rival = rival or 0
-            best, winner = survivors[rival]
-            if path.tip is not winner.tip:
-                survivors[rival] = best, winner._replace(losers=(*winner.losers, (best - score, path.tip)))
-    return [path for _, path in survivors]
-
-
-def _end(candidate: Candidate) -> int:
-    return candidate.end
-
-
-def by_end(candidate: Candidate) -> tuple[int, int, int]:
-    """The order in which candidates are taken."""
-    return candidate.end, candidate.start, candidate.role
-
-
-def _score(scored: tuple[float, Survivor]) -> float:
-    return scored[0]

@@ -12,7 +12,8 @@ from itertools import zip_longest
 from typing import Final
 
 from .conversation import Conversation
-from .lattice import Candidate, Lattice
+from .lattice import Lattice
+from .paths import Candidate
 
 GAP, IDLE, CUT = 0, 1, 2  # stages of a silence
 STAGES: Final = 3

@@ -41,7 +41,8 @@ from .candidates import GLITCHES, KNOWN_BITS, ZERO_BITS, predicted_length
 from .conversation import OpenRequest
 from .crc_windows import CrcWindows
 from .gaps import SILENT, GapStatistics
-from .lattice import GLITCH_RUN, Candidate
+from .lattice import GLITCH_RUN
+from .paths import Candidate
 from .rules import Mask
 
 _UNHEARD: Final = -8.0  # bits: functions that nobody declared are rare

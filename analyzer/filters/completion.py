@@ -9,6 +9,7 @@ from typing import Final
 
 from lark.exceptions import UnexpectedInput
 
+from ..languages import tr
 from .fields import FIELDS, FilterField, by_name
 from .kinds import UNITS_NS, Duration, Moment, Suggestion, spelled
 from .parsing import LONGEST, grammar
@@ -26,9 +27,9 @@ _OPERATORS: Final = {
     "matches": "* any characters, ? one",
 }
 _JOINS: Final = {
-    "AND": Suggestion("and", "both"),
-    "OR": Suggestion("or", "either"),
-    "NOT": Suggestion("not", "the opposite"),
+    "AND": ("and", "both"),
+    "OR": ("or", "either"),
+    "NOT": ("not", "the opposite"),
 }
 _TIMES: Final = {"us": "microseconds", "ms": "milliseconds", "s": "seconds", "min": "minutes", "h": "hours"}
 
@@ -73,17 +74,17 @@ def _begun(before: str) -> tuple[int, str]:
 def _offered(awaited: Iterable[str], field: FilterField | None) -> Iterator[Suggestion]:
     kinds = set(awaited)
     if "NAME" in kinds:
-        yield from (Suggestion(each.name, each.help) for each in FIELDS)
+        yield from (Suggestion(each.name, tr(each.help)) for each in FIELDS)
     if "WORD" in kinds and field is not None:
         yield from field.kind.choices()
     if "COMPARED" in kinds and field is not None:
-        yield from (Suggestion(operator, _OPERATORS[operator]) for operator in field.kind.operators)
-        yield Suggestion("in", "one of (1, 2), or a range 1..5")
+        yield from (Suggestion(operator, tr(_OPERATORS[operator])) for operator in field.kind.operators)
+        yield Suggestion("in", tr("one of (1, 2), or a range 1..5"))
     if "UNIT" in kinds and field is not None and isinstance(field.kind, Duration | Moment):
-        yield from (Suggestion(unit, _TIMES[unit]) for unit in UNITS_NS if unit in _TIMES)
+        yield from (Suggestion(unit, tr(_TIMES[unit])) for unit in UNITS_NS if unit in _TIMES)
         if isinstance(field.kind, Duration):
-            yield Suggestion("chars", "characters at the line's speed")
-    yield from (choice for name, choice in _JOINS.items() if name in kinds)
+            yield Suggestion("chars", tr("characters at the line's speed"))
+    yield from (Suggestion(word, tr(help)) for name, (word, help) in _JOINS.items() if name in kinds)
 
 
 def _fits(text: str, begun: str) -> bool:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
+from ..languages import tr
 from .errors import FilterError
 from .fields import Cost
 from .parsing import cost, parsed
@@ -56,7 +57,7 @@ def _number(bound: Bound | None, line: LineSettings, origin_ns: int) -> int | fl
     if isinstance(bound, Chars):
         character_ns = line.nominal_character_ns
         if character_ns is None:
-            raise FilterError("the line's speed is not known here: give the time in us or ms", bound.column)
+            raise FilterError(tr("the line's speed is not known here: give the time in us or ms"), bound.column)
         return bound.count * character_ns
     number = bound.ns + origin_ns if isinstance(bound, Since) else bound
     return max(-_FURTHEST, min(number, _FURTHEST)) if isinstance(number, int) else number

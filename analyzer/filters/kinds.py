@@ -14,6 +14,7 @@ from typing import Final, Protocol
 
 from dissectors.values import harmless
 
+from ..languages import tr
 from ..tables.columns import AREA_CODES, AreaCode
 from .errors import FilterError, meant
 from .tree import Bound, BytesWanted, Chars, Since, Span, Spans, TextPart, TextWanted, Wanted
@@ -100,9 +101,9 @@ class Ordered:
         if high is not None:
             last = self.bound(high)
             if self.area(high) != area:
-                raise FilterError("both ends of a range must be of one area", high.column)
+                raise FilterError(tr("both ends of a range must be of one area"), high.column)
             if type(last) is type(number) and _plain(last) < _plain(number):
-                raise FilterError(f"a range goes upwards: {high.shown}..{low.shown}", low.column)
+                raise FilterError(tr("a range goes upwards: {low}..{high}", low=high.shown, high=low.shown), low.column)
             return Span(number, last, area=area)
         if operator in ORDER:
             strict = operator in ("<", ">")
@@ -120,15 +121,23 @@ class NumberKind(Ordered):
 
     @property
     def values(self) -> str:
-        most = "" if self.most >= 2**62 else f" to {self.most:g}" if self.most < 10**6 else f" to {self.most}"
-        return f"number, {self.least:g}{most}" if most else f"number, {self.least:g} and up"
+        return f"number, {self.limits}"
+
+    @property
+    def limits(self) -> str:
+        """From where to where."""
+        if self.most >= 2**62:
+            return tr("{least:g} and up", least=self.least)
+        most = f"{self.most:g}" if self.most < 10**6 else f"{self.most}"
+        return tr("{least:g} to {most}", least=self.least, most=most)
 
     def bound(self, literal: Literal, *, exact: bool = True) -> Bound:
-        number = plain_number(literal, "a number")
+        number = plain_number(literal, tr("a number"))
         if self.whole and number != int(number):
-            raise FilterError(f"a whole number is needed, not {literal.shown}", literal.column)
+            raise FilterError(tr("a whole number is needed, not {this}", this=literal.shown), literal.column)
         if exact and not self.least <= number <= self.most:
-            raise FilterError(f"{literal.text} is outside {self.values.removeprefix('number, ')}", literal.column)
+            message = tr("{number} is outside {limits}", number=literal.text, limits=self.limits)
+            raise FilterError(message, literal.column)
         return int(number) if self.whole else float(number)
 
 
@@ -153,7 +162,7 @@ class Moment(Ordered):
             return _absolute(literal)
         since = duration(literal)
         if isinstance(since, Chars):
-            raise FilterError("a moment is told in us, ms, s, min or h", literal.column)
+            raise FilterError(tr("a moment is told in us, ms, s, min or h"), literal.column)
         assert not isinstance(since, Since)
         return Since(since)
 
@@ -178,18 +187,20 @@ class Named(Ordered):
         return f"number, or {listed}" if self.numeric else listed
 
     def choices(self) -> Iterable[Suggestion]:
-        return [Suggestion(quoted(name), f"{self.what} {number}") for number, name in self.names().items()]
+        return [Suggestion(quoted(name), f"{tr(self.what)} {number}") for number, name in self.names().items()]
 
     def bound(self, literal: Literal, *, exact: bool = True) -> Bound:
         if literal.form == "number" and self.numeric:
             return NumberKind(self.least, 255).bound(literal, exact=exact)
         if literal.form not in ("word", "string"):
-            raise FilterError(f"a name of {self.what} is needed, not {literal.shown}", literal.column)
+            message = tr("a name is needed for {what}, not {this}", what=tr(self.what), this=literal.shown)
+            raise FilterError(message, literal.column)
         named = {spelled(name): number for number, name in self.names().items()}
         number = named.get(spelled(literal.text))
         if number is None:
             near = meant(spelled(literal.text), named)
-            raise FilterError(f"no {self.what} {literal.text!r}{near or _all(named)}", literal.column)
+            message = tr("no {what} {name!r}", what=tr(self.what), name=literal.text)
+            raise FilterError(message + (near or _all(named)), literal.column)
         return number
 
     def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
@@ -218,7 +229,7 @@ class Flag(Ordered):
     def bound(self, literal: Literal, *, exact: bool = True) -> Bound:  # noqa: ARG002 - there are two
         truths = {"true": 1, "false": 0}
         if literal.text.lower() not in truths or literal.form != "word":
-            raise FilterError(f"true or false is needed, not {literal.shown}", literal.column)
+            raise FilterError(tr("true or false is needed, not {this}", this=literal.shown), literal.column)
         return truths[literal.text.lower()]
 
 
@@ -246,15 +257,20 @@ class Addresses(Ordered):
         digits = literal.form == "number" and literal.text.isdigit() and len(literal.text) >= 5 and not literal.unit
         if not self.areas or not (digits or literal.form == "address"):
             if literal.form == "address":
-                raise FilterError("a physical address is needed; logical ones go with register and bit", literal.column)
+                message = tr("a physical address is needed; logical ones go with register and bit")
+                raise FilterError(message, literal.column)
             return None, _integer(literal, 0xFFFF)
         try:
             area, address = physical(literal.text)
         except ValueFormError as error:
-            raise FilterError(str(error), literal.column) from error
+            message = tr("{text!r} is no logical address: 40108, 400108 or 4x108, areas 0, 1, 3, 4", text=literal.text)
+            raise FilterError(message, literal.column) from error
         if AREA_CODES[area] not in self.areas:
             fit = "bit" if AREA_CODES[area] in BITS else "register"
-            raise FilterError(f"{literal.text} is a {AREAS[area]}: write {fit} == {literal.text}", literal.column)
+            message = tr(
+                "{address} is a {area}: write {fit} == {address}", address=literal.text, area=tr(AREAS[area]), fit=fit
+            )
+            raise FilterError(message, literal.column)
         return int(AREA_CODES[area]), address
 
 
@@ -290,9 +306,9 @@ class Prose:
 def plain_number(literal: Literal, noun: str) -> Decimal:
     """A number without a unit."""
     if literal.form != "number":
-        raise FilterError(f"{noun} is needed, not {literal.shown!r}", literal.column)
+        raise FilterError(tr("{noun} is needed, not {this!r}", noun=noun, this=literal.shown), literal.column)
     if literal.unit:
-        raise FilterError(f"a number without a unit is needed, not {literal.shown}", literal.column)
+        raise FilterError(tr("a number without a unit is needed, not {this}", this=literal.shown), literal.column)
     digits = literal.text.lower().lstrip("-")
     if digits.startswith("0x"):
         return Decimal(int(literal.text, 16))
@@ -302,15 +318,16 @@ def plain_number(literal: Literal, noun: str) -> Decimal:
 def duration(literal: Literal) -> Bound:
     """A number with a unit of time: in ns, or characters."""
     if literal.form != "number":
-        raise FilterError(f"a time such as 50 ms is needed, not {literal.shown!r}", literal.column)
+        raise FilterError(tr("a time such as 50 ms is needed, not {this!r}", this=literal.shown), literal.column)
     unit = literal.unit.lower()
-    number = plain_number(Literal("number", literal.text, literal.column), "a time")
+    number = plain_number(Literal("number", literal.text, literal.column), tr("a time"))
     if unit in ("char", "chars"):
         return Chars(float(number), literal.column)
     if not unit:
         if number == 0:
             return 0
-        raise FilterError(f"a time needs a unit: {literal.text} us, ms, s, min, h or chars", literal.column)
+        message = tr("a time needs a unit: {number} us, ms, s, min, h or chars", number=literal.text)
+        raise FilterError(message, literal.column)
     ns = number * UNITS_NS[_MICRO.get(unit, unit)]
     return int(ns) if ns == int(ns) else float(ns)
 
@@ -319,16 +336,16 @@ def alone(item: Item) -> Literal:
     """The value of an item that must not be a range."""
     literal, high = item
     if high is not None:
-        raise FilterError("a range needs numbers", literal.column)
+        raise FilterError(tr("a range needs numbers"), literal.column)
     return literal
 
 
 def a_text(literal: Literal) -> str:
     """A text to look for."""
     if literal.form not in ("string", "word"):
-        raise FilterError(f'a text in quotes is needed: "{literal.shown}"', literal.column)
+        raise FilterError(tr('a text in quotes is needed: "{this}"', this=literal.shown), literal.column)
     if not 0 < len(literal.text) <= _LONGEST:
-        raise FilterError(f"a text of 1 to {_LONGEST} characters is needed", literal.column)
+        raise FilterError(tr("a text of 1 to {most} characters is needed", most=_LONGEST), literal.column)
     return literal.text
 
 
@@ -350,11 +367,13 @@ def _octets(literal: Literal) -> bytes:
     text = literal.text
     bare = re.sub(r"0x|[\s,:-]+", "", text.lower())
     if literal.form == "address" or literal.unit:
-        raise FilterError(f'bytes in quotes are needed, such as "03 02", not {literal.shown}', literal.column)
+        message = tr('bytes in quotes are needed, such as "03 02", not {this}', this=literal.shown)
+        raise FilterError(message, literal.column)
     if not bare or re.search(r"[^0-9a-f]", bare) or len(bare) % 2:
-        raise FilterError(f'{text!r} is no row of bytes, two hexadecimal digits each: "03 02"', literal.column)
+        message = tr('{text!r} is no row of bytes, two hexadecimal digits each: "03 02"', text=text)
+        raise FilterError(message, literal.column)
     if len(bare) > 2 * _LONGEST:
-        raise FilterError(f"at most {_LONGEST} bytes can be looked for", literal.column)
+        raise FilterError(tr("at most {most} bytes can be looked for", most=_LONGEST), literal.column)
     return bytes.fromhex(bare)
 
 
@@ -364,7 +383,8 @@ def _absolute(literal: Literal) -> int:
     try:
         moment = datetime.fromisoformat(literal.text.strip())
     except ValueError as error:
-        raise FilterError(f'{literal.text!r} is no time: write "2026-11-21 08:29:51", UTC', literal.column) from error
+        message = tr('{text!r} is no time: write "2026-11-21 08:29:51", UTC', text=literal.text)
+        raise FilterError(message, literal.column) from error
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=UTC)
     return (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
@@ -376,4 +396,4 @@ def _plain(bound: Bound) -> float:
 
 def _all(named: Iterable[str]) -> str:
     names = list(named)
-    return f"; there are {', '.join(names)}" if len(names) <= 8 else ""
+    return tr("; there are {names}", names=", ".join(names)) if len(names) <= 8 else ""

@@ -17,6 +17,7 @@ from dissectors.maps.measures import factor_between
 from dissectors.maps.model import MappedValue
 from dissectors.maps.units import UnitMaps
 
+from ..languages import tr
 from ..registers.mapped import MappedColumn, mapped_columns
 from .errors import FilterError, meant
 from .fields import Cost, FilterField, by_name
@@ -31,14 +32,15 @@ _MOST_SHOWN: Final = 6
 def named_value(name: str, column: int, charts: UnitMaps | None) -> FilterField:
     """The field `value("NAME")`; * and ? in the name stand for any characters and for one. Raises FilterError."""
     if not charts:
-        raise FilterError(f"which register is {name!r}? a map says so: --map MAP[@UNIT]", column)
+        raise FilterError(tr("which register is {name!r}? a map says so: --map MAP[@UNIT]", name=name), column)
     rows = [row for chart in charts.all for row in chart.rows if _is_called(row, name)]
     if not rows:
         names = {row.name.casefold(): None for chart in charts.all for row in chart.rows}
-        raise FilterError(f"no map has a value {name!r}{meant(name.casefold(), names) or ''}", column)
+        near = meant(name.casefold(), names)
+        raise FilterError(tr("no map has a value {name!r}", name=name) + near, column)
     numbers = [row for row in rows if row.type != "text"]
     if not numbers:
-        raise FilterError(f"{name!r} is a text: name == {name!r} tells which rows have it", column)
+        raise FilterError(tr("{name!r} is a text: name == {name!r} tells which rows have it", name=name), column)
 
     def get(section: TableSlice, _: Mask | None) -> FieldSlice:
         columns = mapped_columns(section.batch, section.decoded, charts, lambda row: _is_called(row, name))
@@ -52,7 +54,7 @@ def named_value(name: str, column: int, charts: UnitMaps | None) -> FilterField:
 def field_of_names(charts: UnitMaps | None, column: int) -> FilterField:
     """The field `name`: the names of the mapped values that a row holds. Raises FilterError without maps."""
     if not charts:
-        raise FilterError("names come from a register map: --map MAP[@UNIT]", column)
+        raise FilterError(tr("names come from a register map: --map MAP[@UNIT]"), column)
 
     def get(section: TableSlice, _: Mask | None) -> FieldSlice:
         return _NameSlice(list(mapped_columns(section.batch, section.decoded, charts)), len(section))
@@ -74,7 +76,7 @@ class MeasureKind:
 
     def choices(self) -> Iterable[Suggestion]:
         states = {state: text for row in self.rows for state, text in row.values.items() if row.type != "bits"}
-        return [Suggestion(quoted(text), f"state {state}") for state, text in states.items()]
+        return [Suggestion(quoted(text), tr("state {number}", number=state)) for state, text in states.items()]
 
     def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
         return MeasuresWanted(tuple(self._span(operator, low, high) for low, high in items))
@@ -85,7 +87,7 @@ class MeasureKind:
             last, its_unit = self._bound(high)
             factor = factor_between(unit, its_unit) if unit and its_unit else 1.0
             if factor is None:
-                raise FilterError(f"{its_unit} does not measure what {unit} does", high.column)
+                raise FilterError(tr("{one} does not measure what {other} does", one=its_unit, other=unit), high.column)
             number *= factor
             return MeasuredSpan(number, last, False, its_unit or unit)
         if operator in ORDER:
@@ -99,15 +101,15 @@ class MeasureKind:
             states = {spelled(text): state for row in self.rows for state, text in row.values.items()}
             state = states.get(spelled(literal.text))
             if state is None:
-                raise FilterError(
-                    f"no state {literal.text!r}{meant(spelled(literal.text), states) or ''}", literal.column
-                )
+                near = meant(spelled(literal.text), states)
+                raise FilterError(tr("no state {name!r}", name=literal.text) + near, literal.column)
             return float(state), ""
         unit = literal.unit
         if unit and all(factor_between(unit, row.unit) is None for row in self.rows):
-            units = list(dict.fromkeys(row.unit or "no unit" for row in self.rows))[:_MOST_SHOWN]
-            raise FilterError(f"{unit} does not measure it: it is in {', '.join(units)}", literal.column)
-        return float(plain_number(Literal(literal.form, literal.text, literal.column), "a number")), unit
+            units = list(dict.fromkeys(row.unit or tr("no unit") for row in self.rows))[:_MOST_SHOWN]
+            message = tr("{unit} does not measure it: it is in {units}", unit=unit, units=", ".join(units))
+            raise FilterError(message, literal.column)
+        return float(plain_number(Literal(literal.form, literal.text, literal.column), tr("a number"))), unit
 
 
 @dataclass(frozen=True, slots=True, eq=False)

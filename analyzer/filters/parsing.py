@@ -14,6 +14,7 @@ from lark import Lark, Token
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken, VisitError
 from lark.visitors import Transformer_NonRecursive, v_args
 
+from ..languages import tr
 from .errors import FilterError, meant
 from .fields import FIELDS, Cost, FilterField, by_name
 from .kinds import Addresses, Flag, Item, Literal, Named, spelled
@@ -60,7 +61,7 @@ def parsed(text: str, charts: UnitMaps | None = None) -> Node | None:
     if not text.strip():
         return None
     if len(text) > LONGEST:
-        raise FilterError(f"a filter has at most {LONGEST:,} characters", LONGEST)
+        raise FilterError(tr("a filter has at most {most:,} characters", most=LONGEST), LONGEST)
     _check_depth(text)
     try:
         node: Node = _Builder(charts).transform(grammar().parse(text))
@@ -78,7 +79,7 @@ def field_named(name: str, column: int) -> FilterField:
     field = by_name().get(name.lower().replace("-", "_"))
     if field is None:
         near = _as_value(name) or meant(name, by_name())
-        raise FilterError(f"no field {str(name)!r}{near}", column)
+        raise FilterError(tr("no field {name!r}", name=str(name)) + near, column)
     return field
 
 
@@ -87,7 +88,7 @@ def _as_value(name: str) -> str:
     for field in FIELDS:
         names = field.kind.names().values() if isinstance(field.kind, Named) else ()
         if spelled(name) in map(spelled, names):
-            return f"; write {field.name} == {name}"
+            return tr("; write {field} == {name}", field=field.name, name=name)
     return ""
 
 
@@ -135,7 +136,7 @@ class _Builder(Transformer_NonRecursive[Token, Node]):
     @v_args(inline=True)
     def called(self, name: Token, argument: Token) -> FilterField:
         if name.lower() != "value":
-            raise FilterError(f'only value("NAME") takes a name, not {str(name)!r}', _at(name))
+            raise FilterError(tr('only value("NAME") takes a name, not {name!r}', name=str(name)), _at(name))
         from .mapped import named_value
 
         text = str(argument)[1:-1] if argument.type == "STRING" else str(argument)
@@ -186,7 +187,10 @@ def _bare(field: FilterField) -> Test:
 def _test(field: FilterField, operator: str, column: int, items: list[Item]) -> Test:
     operator = "==" if operator == "=" else operator
     if operator not in field.kind.operators:
-        raise FilterError(f"{field.name} takes {', '.join(field.kind.operators)} and in, not {operator}", column)
+        fit = ", ".join(field.kind.operators)
+        raise FilterError(
+            tr("{field} takes {fit} and in, not {this}", field=field.name, fit=fit, this=operator), column
+        )
     return Test(field, field.kind.wanted("==" if operator == "!=" else operator, items), operator == "!=")
 
 
@@ -224,7 +228,7 @@ def _check_depth(text: str) -> None:
     for match in _NESTING.finditer(text):
         depth += {"(": 1, ")": -1}.get(match[0], 0)
         if depth > _DEEPEST:
-            raise FilterError(f"parentheses stand more than {_DEEPEST} deep", match.start())
+            raise FilterError(tr("parentheses stand more than {most} deep", most=_DEEPEST), match.start())
 
 
 def _at(token: Token) -> int:
@@ -236,11 +240,14 @@ def _explained(text: str, error: UnexpectedInput) -> FilterError:
     if isinstance(error, UnexpectedCharacters):
         at, awaited = error.pos_in_stream or 0, error.allowed
         if text[at] in "\"'":
-            return FilterError("the quote is not closed", at)
+            return FilterError(tr("the quote is not closed"), at)
     else:
         assert isinstance(error, UnexpectedToken)
         at, awaited = (len(text.rstrip()) if error.token.type == "$END" else _at(error.token)), error.accepts
     listed = list(dict.fromkeys(words for name, words in _EXPECTED.items() if name in (awaited or ())))
-    expected = " or ".join([*filter(None, [", ".join(listed[:-1])]), *listed[-1:]])
+    listed = [tr(words) for words in listed]
+    due = tr(" or ").join([*filter(None, [", ".join(listed[:-1])]), *listed[-1:]])
     word = _WORD.match(text, at)
-    return FilterError(f"expected {expected}, not {word[0]!r}" if word else f"expected {expected}", at)
+    if word:
+        return FilterError(tr("expected {due}, not {this!r}", due=due, this=word[0]), at)
+    return FilterError(tr("expected {due}", due=due), at)

@@ -9,10 +9,11 @@ English), `fragments` (words that are filled into others), `causes` (by id: text
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextvars import ContextVar
 from functools import cache
 from importlib.resources import files
+from string import Formatter
 from typing import Any, Final
 
 from ..words import plural
@@ -47,10 +48,10 @@ def catalogue(language: str) -> Mapping[str, Any]:
     return words
 
 
-def page_words(english: str) -> str:
-    """Words of the report page."""
-    words = catalogue(_language.get()).get("page", {})
-    return str(words.get(english, english))
+def page_words(english: str, /, **numbers: object) -> str:
+    """Words of the report page, in the language in use; a template is filled with its numbers."""
+    words: str = catalogue(_language.get()).get("page", {}).get(english, english)
+    return words.format_map(numbers) if numbers else words
 
 
 def tr(english: str, /, **numbers: object) -> str:
@@ -64,8 +65,20 @@ def counted(number: int, one: str, many: str) -> str:
     forms = catalogue(_language.get()).get("counted", {}).get(one)
     if forms is None:
         return plural(number, one, many)
+    return _agreeing(number, forms)
+
+
+def _agreeing(number: int, forms: Sequence[str]) -> str:
+    """A number with that of three forms which goes with it: one, two to four, five and more."""
     last, teens = number % 10, number % 100 // 10 == 1
     return f"{number:,} {forms[0 if last == 1 and not teens else 1 if last in (2, 3, 4) and not teens else 2]}"
+
+
+class _Filler(Formatter):
+    """Fills templates in which a noun may agree with its number: `{asked:запрос|запроса|запросов}`."""
+
+    def format_field(self, value: Any, spec: str) -> str:
+        return _agreeing(round(value), spec.split("|")) if "|" in spec else str(super().format_field(value, spec))
 
 
 def cause_words(cause: str, part: str, english: str) -> str:
@@ -79,7 +92,8 @@ def filled(template: str, numbers: Mapping[str, Any]) -> str:
     words = catalogue(_language.get()).get("fragments", {})
     if not words:
         return template.format_map(numbers)
-    return template.format_map({k: _fragment(words, v) if isinstance(v, str) else v for k, v in numbers.items()})
+    told = {k: _fragment(words, v) if isinstance(v, str) else v for k, v in numbers.items()}
+    return _Filler().vformat(template, (), told)
 
 
 def _fragment(words: Mapping[str, str], english: str) -> str:

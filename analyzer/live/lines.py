@@ -15,6 +15,7 @@ from dissectors.values import harmless
 
 from ..causes.story import CauseRevision
 from ..exports.encoding import noise_json
+from ..languages import counted, tr
 from ..paste.meaning import mapped_readings
 from ..tables.batch import Batch
 from ..tables.findings import Finding, Severity
@@ -98,14 +99,18 @@ class TextLines:
     def cause(self, revision: CauseRevision) -> TerminalText:
         """What became of a cause."""
         cause, mark = revision.cause, _MARKS[Severity[revision.cause.severity.upper()]]
-        head = f"{mark} cause {cause.cause} ({revision.state}, revision {revision.revision} after "
-        text = f"{head}{revision.exchanges:,} requests, {cause.confidence:.0%} sure): {cause.text}"
+        head = tr(
+            "cause {cause} ({state}, revision {revision} after {requests}, {share:.0%} sure)",
+            cause=cause.cause, state=tr(revision.state), revision=revision.revision, share=cause.confidence,
+            requests=counted(revision.exchanges, "request", "requests"),
+        )  # fmt: skip
+        text = f"{mark} {head}: {cause.text}"
         return self._cut(text, _COLOURS[Severity[cause.severity.upper()]])
 
     def _frame(self, frame: Frame) -> TerminalText:
         arrow = ">" if frame.row.kind == Kind.REQUEST else "<"
         took = "" if frame.response_time_ns is None else f"   {duration(frame.response_time_ns)}"
-        check = "" if frame.crc_ok else "   WRONG CHECK VALUE"
+        check = "" if frame.crc_ok else f"   {tr('WRONG CHECK VALUE')}"
         head = f"{clock_time(frame.t_end_ns)} {arrow} {frame.unit:3d} {frame.function:02d} "
         words = self._summaries.of(frame)
         if self._width is not None:
@@ -201,8 +206,8 @@ def _named(frame: Frame, charts: Mapping[int, RegisterMap]) -> str:
 def _noise(batch: Batch, row: int) -> str:
     data = batch.bytes_of(row)
     shown = data[:16].hex(" ").upper() + (" …" if len(data) > 16 else "")
-    plural = "byte" if len(data) == 1 else "bytes"
-    return f"{clock_time(int(batch.rows.t_end_ns[row]))} ~ {len(data)} {plural} in no frame: {shown}"
+    words = tr("{bytes} in no frame: {shown}", bytes=counted(len(data), "byte", "bytes"), shown=shown)
+    return f"{clock_time(int(batch.rows.t_end_ns[row]))} ~ {words}"
 
 
 def clock_time(t_ns: int) -> str:

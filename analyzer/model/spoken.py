@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING
 
+from ..languages import counted, tr
 from ..tables.schema import Kind
 from ..tables.transactions import Status
-from ..words import date_and_time, duration, is_clock, plural, seconds
+from ..words import date_and_time, duration, is_clock, seconds
 from .bus import Bus
 from .filtering import compiled
 from .scope import Scope
@@ -33,11 +34,15 @@ def spoken(source: ViewSource, text: str = "", zone: tzinfo = UTC, stop: Callabl
     _, transactions = scope.selections(bus)
     transactions.extend()
     causes = bus.causes()
-    yield f"{source.name}: {plural(bus.frames, 'frame', 'frames')}, {plural(bus.found.count, 'finding', 'findings')}"
-    yield f"{plural(len(causes), 'cause', 'causes')}." if causes else "No cause of trouble."
+    yield f"{source.name}: {counted(bus.frames, 'frame', 'frames')}, {counted(bus.found.count, 'finding', 'findings')}"
+    yield f"{counted(len(causes), 'cause', 'causes')}." if causes else tr("No cause of trouble.")
     for number, cause in enumerate(causes, 1):
-        yield f"Cause {number}, {cause.severity}, {cause.confidence:.0%} sure: {cause.text}. To do: {cause.remedy}"
-    yield f"{plural(transactions.count, 'transaction', 'transactions')}{f' with {text}' if text else ''}."
+        yield tr(
+            "Cause {number}, {severity}, {share:.0%} sure: {text}. To do: {remedy}",
+            number=number, severity=tr(cause.severity), share=cause.confidence, text=cause.text, remedy=cause.remedy,
+        )  # fmt: skip
+    which = tr(" with {filter}", filter=text) if text else ""
+    yield f"{counted(transactions.count, 'transaction', 'transactions')}{which}."
     for row in transactions.rows().tolist():
         yield _transaction(bus, row, zone)
 
@@ -46,13 +51,15 @@ def _transaction(bus: Bus, row: int, zone: tzinfo) -> str:
     frame, answer = bus.frame(row), bus.partner(row)
     t = bus.table.value("t_start_ns", row)
     when = "" if not bus.timed else date_and_time(t, zone) if is_clock(t) else f"{seconds(t - bus.t_first)} s"
-    parts = [f"Frame {frame.index}", *([when] if when else []), f"unit {frame.unit}", frame.summary()]
+    parts = [tr("Frame {index}", index=frame.index), *([when] if when else []), tr("unit {unit}", unit=frame.unit)]
+    parts.append(frame.summary())
     if answer is not None and bus.table.value("kind", row) == Kind.REQUEST:
         took = bus.table.value("response_ns", answer)
-        parts.append(f"{f'after {duration(took)}' if took >= 0 else 'answer'}: {bus.frame(answer).summary()}")
+        head = tr("after {time}", time=duration(took)) if took >= 0 else tr("answer")
+        parts.append(f"{head}: {bus.frame(answer).summary()}")
     else:
         status = bus.table.value("state", row) & RowState.STATUS
-        parts += [_OUTCOMES[Status(status - 1)]] if status and Status(status - 1) in _OUTCOMES else []
+        parts += [tr(_OUTCOMES[Status(status - 1)])] if status and Status(status - 1) in _OUTCOMES else []
     findings = {f.code: f.text for each in (row, answer) if each is not None for f in bus.findings(each)}
     parts += [f"{code}: {words}" for code, words in findings.items()]
     return ", ".join(parts)

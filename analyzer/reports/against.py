@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Final, Literal
 
-from ..languages import page_words
+from ..languages import counted, page_words
+from .findings import and_more
 from .model import Counts, Report, Times
 
 Change = Literal["new", "gone", "worse", "better"]
@@ -53,18 +54,21 @@ def _causes(now: Report, before: Report) -> Iterator[Difference]:
             yield Difference("new", "cause", cause.cause, cause.units, cause.text)
     for key, cause in old.items():
         if key not in new:
-            yield Difference("gone", "cause", cause.cause, cause.units, f"{cause.text} (then; not any more)")
+            text = page_words("{text} (then; not any more)", text=cause.text)
+            yield Difference("gone", "cause", cause.cause, cause.units, text)
 
 
 def _units(now: Report, before: Report) -> Iterator[Difference]:
     old, new = ({row.unit: row.counts for row in report.units} for report in (before, now))
     for unit in sorted(new.keys() - old.keys()):
         if new[unit].requests >= _FEW:
-            text = f"unit {unit} is asked now ({new[unit].requests:,} requests) and was not before"
+            words = "unit {unit} is asked now ({requests}) and was not before"
+            text = page_words(words, unit=unit, requests=_requests(new[unit].requests))
             yield Difference("new", "unit", str(unit), (unit,), text)
     for unit in sorted(old.keys() - new.keys()):
         if old[unit].requests >= _FEW:
-            text = f"unit {unit} was asked before ({old[unit].requests:,} requests) and is not now"
+            words = "unit {unit} was asked before ({requests}) and is not now"
+            text = page_words(words, unit=unit, requests=_requests(old[unit].requests))
             yield Difference("gone", "unit", str(unit), (unit,), text)
 
 
@@ -77,10 +81,10 @@ def _answers(now: Report, before: Report) -> Iterator[Difference]:
         (bad, requests), (bad_then, requests_then) = _bad(row.counts), _bad(old[row.unit])
         change = _changed(bad, requests, bad_then, requests_then)
         if change is not None:
-            text = (
-                f"unit {row.unit}: {bad:,} of {requests:,} requests without a good answer, before {bad_then:,} of "
-                f"{requests_then:,}"
-            )
+            text = page_words(
+                "unit {unit}: {bad:,} of {requests:,} requests without a good answer, before {bad_then:,} of {then:,}",
+                unit=row.unit, bad=bad, requests=requests, bad_then=bad_then, then=requests_then,
+            )  # fmt: skip
             yield Difference(change, "unit", str(row.unit), (row.unit,), text)
 
 
@@ -109,10 +113,10 @@ def _times(now: Report, before: Report) -> Iterator[Difference]:
         for figure in ("p50", "p95"):
             change = _slower(row.times, old[row.unit], figure)
             if change is not None:
-                text = (
-                    f"unit {row.unit} answers after {row.times.worded(figure)} ({figure}), before "
-                    f"{old[row.unit].worded(figure)}"
-                )
+                text = page_words(
+                    "unit {unit} answers after {now} ({figure}), before {then}",
+                    unit=row.unit, now=row.times.worded(figure), figure=figure, then=old[row.unit].worded(figure),
+                )  # fmt: skip
                 yield Difference(change, "response", str(row.unit), (row.unit,), text)
                 break
 
@@ -132,7 +136,10 @@ def _findings(now: Report, before: Report) -> Iterator[Difference]:
     for code in sorted(new.keys() | old.keys()):
         count, then = (rows[code].count if code in rows else 0 for rows in (new, old))
         units = tuple((new if code in new else old)[code].units)
-        text = f"{code}: {count:,} in {requests:,} requests, before {then:,} in {requests_then:,}"
+        text = page_words(
+            "{code}: {count:,} in {requests:,} requests, before {then:,} in {requests_then:,}",
+            code=code, count=count, requests=requests, then=then, requests_then=requests_then,
+        )  # fmt: skip
         change = _changed(min(count, requests), requests, min(then, requests_then), requests_then)
         if not then and count >= _FEW:
             yield Difference("new", "finding", code, units, text)
@@ -153,8 +160,10 @@ def _polls(now: Report, before: Report) -> Iterator[Difference]:
     for change, present, absent, words in lists:
         for key in sorted(present.keys() - absent.keys()):
             unit, function, address, quantity = key
-            name = f"unit {unit}, function {function:02d}, {address}..{address + quantity - 1}"
-            yield Difference(change, "poll", name, (unit,), f"{name} {words} ({present[key]:,} requests)")
+            name = page_words("unit {unit}, function {function:02d}", unit=unit, function=function)
+            name += f", {address}..{address + quantity - 1}"
+            text = f"{name} {page_words(words)} ({_requests(present[key])})"
+            yield Difference(change, "poll", name, (unit,), text)
 
 
 def _lists(report: Report) -> dict[tuple[int, ...], int]:
@@ -167,7 +176,9 @@ def _load(now: Report, before: Report) -> Iterator[Difference]:
         return
     if max(now.load.mean, before.load.mean) >= _TWICE * min(now.load.mean, before.load.mean) + 0.01:
         change: Change = "worse" if now.load.mean > before.load.mean else "better"
-        text = f"load {now.load.mean:.1%} of the line's capacity, before {before.load.mean:.1%}"
+        text = page_words(
+            "load {now:.1%} of the line's capacity, before {then:.1%}", now=now.load.mean, then=before.load.mean
+        )
         yield Difference(change, "load", "load", (), text)
 
 
@@ -186,4 +197,8 @@ def lines(changes: tuple[Difference, ...], before: str) -> Iterator[str]:
             )
             yield from textwrap.wrap(words, _WIDTH, subsequent_indent="   ", break_on_hyphens=False)
         if len(mine) > _SHOWN:
-            yield f"{change}: {len(mine) - _SHOWN} more (--json has all)"
+            yield f"{page_words(change)}: {and_more(len(mine) - _SHOWN, 'more difference', 'more differences')}"
+
+
+def _requests(count: int) -> str:
+    return counted(count, "request", "requests")

@@ -14,6 +14,7 @@ from ..causes.ledger import ASKED, BAD, DELAY, Ledger
 from ..causes.signatures import AnswerDamage, Signature
 from ..causes.spells import spells_of
 from ..causes.unitledger import UnitLedger
+from ..languages import page_words
 from ..tables.delays import bounds_of
 from ..words import between
 from .model import UnitCard, UnitChange
@@ -76,16 +77,20 @@ def _changes(ledger: Ledger, unit: UnitLedger) -> list[UnitChange]:
     changes = []
     if bits >= _SURE_BITS:
         rest = ~inside
-        usual = f"{int(bad[rest].sum())} of {int(requests[rest].sum())} otherwise"
+        usual = page_words(", {bad} of {all} otherwise", bad=int(bad[rest].sum()), all=int(requests[rest].sum()))
         edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
         for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-            hits = f"{int(bad[begin:end].sum())} of {int(requests[begin:end].sum())} requests without a good answer"
+            words = "{bad} of {all} requests without a good answer"
+            hits = page_words(words, bad=int(bad[begin:end].sum()), all=int(requests[begin:end].sum()))
             until = min(grid.begin_ns + end * grid.width_ns, ledger.end)
-            changes.append(UnitChange(grid.begin_ns + begin * grid.width_ns, until, f"{hits}, {usual}"))
+            changes.append(UnitChange(grid.begin_ns + begin * grid.width_ns, until, hits + usual))
     slower = _slower(requests - bad, grid.counts((DELAY, unit.unit)))
     if slower is not None:
         at, before, after = slower
-        words = f"answers after {between(before, before)} before, {between(after, after)} from then on (mean)"
+        words = page_words(
+            "answers after {before} before, {after} from then on (mean)",
+            before=between(before, before), after=between(after, after),
+        )  # fmt: skip
         changes.append(UnitChange(grid.begin_ns + at * grid.width_ns, ledger.end, words))
     return changes
 

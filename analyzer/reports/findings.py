@@ -9,8 +9,8 @@ from typing import Final
 
 from ..causes.links import cause_of
 from ..causes.model import Cause
-from ..languages import page_words
-from ..words import is_clock, plural, time_of_day
+from ..languages import counted, page_words
+from ..words import is_clock, time_of_day
 from .model import FindingGroup, FindingRow
 
 _WORST: Final = 3
@@ -60,11 +60,14 @@ def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
         yield from _labelled("explained by", ", ".join(row.explained_by))
         yield from _labelled("rests on", row.clause)
     yield ""
-    yield f"{'finding':<24}{'severity':<10}{'count':>9}{'answers lost':>14}{'time lost':>12}"
+    finding, severity, count, answers, time = map(
+        page_words, ("finding", "severity", "count", "answers lost", "time lost")
+    )
+    yield f"{finding:<24}{severity:<10}{count:>9}{answers:>14}{time:>12}"
     for row in findings:
         lost = f"{row.lost_answers:,}" if row.lost_answers else "-"
         time = seconds(row.lost_ms) if row.lost_ms else "-"
-        yield f"{row.code:<24}{row.severity:<10}{row.count:>9,}{lost:>14}{time:>12}"
+        yield f"{row.code:<24}{page_words(row.severity):<10}{row.count:>9,}{lost:>14}{time:>12}"
 
 
 def _group_lines(row: FindingRow) -> Iterator[str]:
@@ -78,40 +81,51 @@ def _group_lines(row: FindingRow) -> Iterator[str]:
                 yield from _labelled(label, words)
                 printed.add(words)
     if len(row.groups) > _GROUPS:
-        more = len(row.groups) - _GROUPS
-        yield f"   and {plural(more, 'more kind or unit', 'more kinds or units')} (--json has all)"
+        yield f"   {and_more(len(row.groups) - _GROUPS, 'more kind or unit', 'more kinds or units')}"
 
 
 def where(group: FindingGroup, row: FindingRow) -> Iterator[str]:
     """How many of how many, when, how sure, and where the first one is."""
     if len(row.groups) > 1 or group.of:
-        yield f"{group.count:,} of {group.of:,} requests to unit {group.unit}" if group.of else f"{group.count:,} times"
+        english = "{count:,} of {of:,} requests to unit {unit}" if group.of else "{count:,} times"
+        yield page_words(english, count=group.count, of=group.of, unit=group.unit)
     if is_clock(group.t_ns):
         times = [time_of_day(t)[:8] for t in dict.fromkeys((group.t_ns, group.until_ns))]
-        yield " to ".join(dict.fromkeys(times))
+        yield page_words(" to ").join(dict.fromkeys(times))
     if group.certainty is not None:
-        yield f"{group.certainty:.0%} sure"
+        yield page_words("{share:.0%} sure", share=group.certainty)
     if group.start >= 0:
-        yield ("first " if group.count > 1 else "") + f"at byte {group.start:,}"
+        yield page_words("first at byte {at:,}" if group.count > 1 else "at byte {at:,}", at=group.start)
         if group.index is not None:
-            yield f"frame {group.index:,}"
+            yield page_words("frame {index:,}", index=group.index)
 
 
 def cost(row: FindingRow) -> str:
     """How often it was found, what that cost, and which units it met."""
-    words = "once" if row.count == 1 else f"{row.count:,} times"
+    words = page_words("once") if row.count == 1 else page_words("{count:,} times", count=row.count)
     if row.lost_answers:
-        answers = "1 answer" if row.lost_answers == 1 else f"{row.lost_answers:,} answers"
-        words += f", {answers}{f' and {seconds(row.lost_ms)}' if row.lost_ms else ''} lost"
+        words += page_words(", {what} lost", what=lost(row.lost_answers, row.lost_ms))
     return words + _among(row)
+
+
+def lost(answers: int, ms: float | None) -> str:
+    """What was lost: `3 answers and 1.2 s`."""
+    words = counted(answers, "answer", "answers")
+    return page_words("{answers} and {time}", answers=words, time=seconds(ms)) if ms else words
+
+
+def and_more(count: int, one: str, many: str) -> str:
+    """How many of something are left out: `and 1 more hour (--json has all)`."""
+    return page_words("and {things} (--json has all)", things=counted(count, one, many))
 
 
 def _among(row: FindingRow) -> str:
     shares = [f"{unit} ({count:,})" if len(row.units) > 1 else f"{unit}" for unit, count in row.units.items()][:_UNITS]
     if not shares:
         return ""
-    more = " and others" if len(row.units) > _UNITS else ""
-    return f": unit{'s' if len(row.units) > 1 else ''} {', '.join(shares)}{more}"
+    more = page_words(" and others") if len(row.units) > _UNITS else ""
+    units = page_words(": units {shares}" if len(row.units) > 1 else ": unit {shares}", shares=", ".join(shares))
+    return units + more
 
 
 def seconds(ms: float) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from ..languages import page_words
 from ..tables.findings import Severity, described
 from ..tables.transactions import Status
 from ..words import is_clock, moment
@@ -80,4 +81,4 @@ class HourTable:
     def _name(self, hour: int) -> str:
         if is_clock(hour * _HOUR_NS):
             return moment(hour * _HOUR_NS)[:13] + ":00"
-        return f"hour {hour - (self._begin or 0) // _HOUR_NS + 1}"
+        return page_words("hour {number}", number=hour - (self._begin or 0) // _HOUR_NS + 1)

@@ -11,10 +11,11 @@ from typing import Any, Final
 
 from dissectors.values import harmless
 
-from ..languages import page_words
+from ..languages import counted, page_words
 from ..outages import unheard
-from ..words import duration, is_clock, moment, plural
+from ..words import duration, is_clock, moment
 from . import against, findings, pagetables, values
+from .findings import and_more
 from .model import Counts, Report
 
 _WIDTH: Final = 80
@@ -50,29 +51,29 @@ def _lines(report: Report) -> Iterator[str]:
 
 def facts(report: Report) -> Iterator[tuple[str, str]]:
     """The bus in brief: a label with its words; an empty label goes on with the one before."""
-    yield "capture", ", ".join(part for part in (report.source, report.format) if part) or "unnamed"
+    yield "capture", ", ".join(part for part in (report.source, report.format) if part) or page_words("unnamed")
     if report.filter:
-        yield "filter", f"{report.filter} (what follows covers what passes)"
+        yield "filter", page_words("{filter} (what follows covers what passes)", filter=report.filter)
     yield "line", _line(report)
     yield "span", _span(report)
     label = "skipped" if report.format == "text" else "damaged"  # a log's words between its bytes are no damage
     for loss in report.damage[:_LOSSES]:
         yield label, loss
     if report.damage_count > _LOSSES:
-        yield "", f"and {report.damage_count - _LOSSES:,} more such places"
+        yield "", page_words("and {count:,} more such places", count=report.damage_count - _LOSSES)
     yield from _recording(report)
     if report.partial:
-        yield "partial", "ended before the capture did; what follows covers the part read"
+        yield "partial", page_words("ended before the capture did; what follows covers the part read")
     yield "bytes", _bytes(report)
     if not report.frames:
         return
-    frames = f"{report.frames:,}: {plural(report.requests, 'request', 'requests')}, "
-    frames += plural(report.responses, "response", "responses")
+    frames = f"{report.frames:,}: {counted(report.requests, 'request', 'requests')}, "
+    frames += counted(report.responses, "response", "responses")
     if report.damaged_frames:
-        frames += f"; {report.damaged_frames:,} with a wrong check value"
+        frames += page_words("; {count:,} with a wrong check value", count=report.damaged_frames)
     yield "frames", frames
     if report.doubtful_frames:
-        yield "", f"{report.doubtful_frames:,} of them doubtful (confidence under 0.5)"
+        yield "", page_words("{count:,} of them doubtful (confidence under 0.5)", count=report.doubtful_frames)
     yield from _transactions(report.transactions)
     yield "load", _load(report)
     yield "response", _response(report)
@@ -87,88 +88,104 @@ def nothing(report: Report) -> str:
 
 def _line(report: Report) -> str:
     if report.baud is None:
-        return "baud not known"
-    parts = [f"{report.baud} bit/s"]
+        return page_words("baud not known")
+    parts = [page_words("{baud} bit/s", baud=report.baud)]
     if report.char_bits is not None:
-        parts.append(f"{report.char_bits:g}-bit characters")
+        parts.append(page_words("{bits:g}-bit characters", bits=report.char_bits))
     if report.tap:
-        parts.append(f"tap {report.tap}")
+        parts.append(page_words("tap {tap}", tap=report.tap))
     return ", ".join(parts)
 
 
 def _span(report: Report) -> str:
     if report.span_ns is None:
         nothing = "nothing passes" if report.filter else "nothing captured"
-        return "unknown: " + ("no times in this capture" if not report.timed else nothing)
+        return unknown("no times in this capture" if not report.timed else nothing)
     words = duration(report.span_ns)
     if report.t_start_ns is not None and is_clock(report.t_start_ns):
-        words += f", from {moment(report.t_start_ns)}"
+        words += page_words(", from {moment}", moment=moment(report.t_start_ns))
     return words
+
+
+def unknown(why: str) -> str:
+    """That something is unknown, and why."""
+    return page_words("unknown: {why}", why=page_words(why))
 
 
 def _recording(report: Report) -> Iterator[tuple[str, str]]:
     """When the recorder heard nothing, and when its clock was set."""
     events = [(time.from_ns, unheard(time)) for time in report.deaf]
-    events += [(note.t_ns, f"at {moment(note.t_ns)}: {note.text}") for note in report.notes if note.kind == "clock"]
+    events += [
+        (note.t_ns, page_words("at {moment}: {text}", moment=moment(note.t_ns), text=note.text))
+        for note in report.notes
+        if note.kind == "clock"
+    ]
     label = "recorded"
     for _, words in sorted(events)[:_HAPPENED]:
         yield label, words
         label = ""
     if len(events) > _HAPPENED:
-        yield "", f"and {plural(len(events) - _HAPPENED, 'more such time', 'more such times')} (--json has all)"
+        yield "", and_more(len(events) - _HAPPENED, "more such time", "more such times")
     if report.deaf:
-        yield "", "no unit is blamed for an answer that was missed then"
+        yield "", page_words("no unit is blamed for an answer that was missed then")
 
 
 def _bytes(report: Report) -> str:
     words = f"{report.bytes:,}"
     if report.noise_bytes:
-        words += (
-            f", {report.noise_bytes:,} of them in no frame ({plural(report.noise_stretches, 'stretch', 'stretches')})"
+        stretches = counted(report.noise_stretches, "stretch", "stretches")
+        words += page_words(
+            ", {count:,} of them in no frame ({stretches})", count=report.noise_bytes, stretches=stretches
         )
     for name, size in report.foreign.items():
-        words += f"; {size:,} of another protocol, {name}"
+        words += page_words("; {size:,} of another protocol, {name}", size=size, name=name)
     return words
 
 
 def _clocks(skew: tuple[int, int]) -> str:
     least, most = sorted(map(abs, skew))
-    side = "ahead of" if skew[0] > 0 else "behind"
-    return f"the tap of the answers is {duration(least)} to {duration(most)} {side} that of the requests"
+    return page_words(
+        "the tap of the answers is {least} to {most} ahead of that of the requests"
+        if skew[0] > 0
+        else "the tap of the answers is {least} to {most} behind that of the requests",
+        least=duration(least),
+        most=duration(most),
+    )
 
 
 def _transactions(counts: Counts) -> Iterator[tuple[str, str]]:
-    parts = [f"{counts.answered:,} answered"]
+    parts = [page_words("{number:,} answered", number=counts.answered)]
     for number, words in (
-        (counts.exceptions, "by exception"),
-        (counts.unanswered, "unanswered"),
-        (counts.damaged, "answered by a damaged frame"),
-        (counts.broadcasts, "broadcast"),
-        (counts.unheard, "not heard"),
+        (counts.exceptions, "{number:,} by exception"),
+        (counts.unanswered, "{number:,} unanswered"),
+        (counts.damaged, "{number:,} answered by a damaged frame"),
+        (counts.broadcasts, "{number:,} broadcast"),
+        (counts.unheard, "{number:,} not heard"),
     ):
         if number:
-            parts.append(f"{number:,} {words}")
+            parts.append(page_words(words, number=number))
     yield "requests", f"{counts.requests:,}: {', '.join(parts)}"
-    again = [plural(counts.retries, "retry", "retries")] if counts.retries else []
-    again += [plural(counts.late, "late answer", "late answers")] if counts.late else []
+    again = [counted(counts.retries, "retry", "retries")] if counts.retries else []
+    again += [counted(counts.late, "late answer", "late answers")] if counts.late else []
     if again:
         yield "", ", ".join(again)
 
 
 def _load(report: Report) -> str:
     if report.load.mean is None:
-        why = "no times in this capture" if not report.timed else "it needs the baud and a span"
-        return f"unknown: {why}"
-    words = f"{report.load.mean:.1%} of the line's capacity"
+        return unknown("no times in this capture" if not report.timed else "it needs the baud and a span")
+    words = page_words("{share:.1%} of the line's capacity", share=report.load.mean)
     if report.load.busiest_second is not None:
-        words += f", {report.load.busiest_second:.1%} in the busiest second"
+        words += page_words(", {share:.1%} in the busiest second", share=report.load.busiest_second)
     return words
 
 
 def _response(report: Report) -> str:
     times = report.times
     if not times.count or times.off_ns is None:
-        return "unknown: " + ("no times in this capture" if not report.timed else "this tap's times cannot tell them")
+        return unknown("no times in this capture" if not report.timed else "this tap's times cannot tell them")
     words = ", ".join(f"{figure} {times.worded(figure)}" for figure in ("p50", "p95", "p99", "max"))
     answers = report.transactions.answered + report.transactions.exceptions + report.transactions.damaged
-    return words + (f" ({times.count:,} of {answers:,} measured)" if times.count < answers else "")
+    if times.count < answers:
+        words += page_words(" ({some:,} of {all:,} measured)", some=times.count, all=answers)
+    return words

@@ -11,7 +11,8 @@ from dissectors.values import harmless
 
 from ..languages import page_words
 from ..words import between, compact, duration, is_clock, time_of_day
-from .model import BookmarkRow, Counts, HourRow, PollRow, Report, Times, UnitCard, UnitRow
+from .findings import and_more
+from .model import BookmarkRow, Counts, HourRow, PollRow, Report, Times, UnitCard, UnitChange, UnitRow
 
 _WIDTH: Final = 80
 _ROWS: Final = 24  # units on the page; --json has all
@@ -59,10 +60,11 @@ def tables(report: Report) -> Iterator[Iterator[str]]:
 
 
 def _legend(report: Report) -> Iterator[str]:
-    yield "requests: ok + exc (exceptions) + silent (not a byte) + garbage + broadcasts;"
-    yield "of functions none (no answer) + bad (a damaged one)"
-    if report.transactions.unheard:
-        yield f"{'':10}+ {report.transactions.unheard:,} not heard: nothing was recorded when an answer was due"
+    yield page_words("requests: ok + exc (exceptions) + silent (not a byte) + garbage + broadcasts;")
+    yield page_words("of functions none (no answer) + bad (a damaged one)")
+    if count := report.transactions.unheard:
+        unheard = page_words("{count:,} not heard: nothing was recorded when an answer was due", count=count)
+        yield f"{'':10}+ {unheard}"
 
 
 def _heard(row: UnitRow, cards: Mapping[int, UnitCard]) -> Counts:
@@ -82,7 +84,7 @@ def _units(report: Report) -> Iterator[str]:
     rows = [(f"{row.unit:>4}", _heard(row, cards), row.times) for row in shown]
     yield from _table("unit", 6, _UNIT_COLUMNS, ("p50", "max", "p95"), rows)
     if len(shown) < len(report.units):
-        yield f"and {len(report.units) - len(shown)} units with less trouble (--json has all)"
+        yield and_more(len(report.units) - len(shown), "unit with less trouble", "units with less trouble")
 
 
 def _trouble(row: UnitRow) -> tuple[int, int]:
@@ -111,8 +113,8 @@ def _table(
             shown.append(figure)
             room -= widths[figure]
     shown.sort(key=_FIGURES.index)
-    heads = "".join(f"{head:>{w}}" for head, w, _ in columns)
-    yield f"{title:<{width}}{heads}" + "".join(f"{figure:>{widths[figure]}}" for figure in shown)
+    heads = "".join(f"{page_words(head):>{w}}" for head, w, _ in columns)
+    yield f"{page_words(title):<{width}}{heads}" + "".join(f"{figure:>{widths[figure]}}" for figure in shown)
     for i, (name, counts, _) in enumerate(rows):
         short = name if len(name) <= width else name[: width - 2] + ".."
         numbers = "".join(
@@ -124,9 +126,10 @@ def _table(
 def _exceptions(report: Report) -> Iterator[str]:
     yield page_words("exceptions")
     for row in report.exceptions[:_EXCEPTIONS]:
-        yield f"{row.count:>9,} x unit {row.unit}, function {row.function:02d}: {row.exception:02X} {row.name}"
+        asked = page_words("unit {unit}, function {function:02d}", unit=row.unit, function=row.function)
+        yield f"{row.count:>9,} x {asked}: {row.exception:02X} {row.name}"
     if len(report.exceptions) > _EXCEPTIONS:
-        yield f"{'':>9}   and {len(report.exceptions) - _EXCEPTIONS} other kinds (--json has all)"
+        yield f"{'':>9}   {and_more(len(report.exceptions) - _EXCEPTIONS, 'other kind', 'other kinds')}"
 
 
 def _cell(times: Times, figure: str) -> str:
@@ -144,31 +147,49 @@ def _cards(cards: Sequence[UnitCard]) -> Iterator[str]:
     worst = sorted(cards, key=lambda card: -(card.silent + card.garbage + card.late + card.doubles))[:_CARDS]
     for card in sorted(worst, key=lambda card: card.unit):
         yield from textwrap.wrap(
-            f"unit {card.unit}: {', '.join(_outcome_words(card))}",
+            f"{page_words('unit {unit}', unit=card.unit)}: {', '.join(outcome_words(card))}",
             _WIDTH,
             subsequent_indent="   ",
             break_on_hyphens=False,
         )
         for change in card.changes:
-            when = f"{_clock(change.t_ns)} to {_clock(change.until_ns)}" if is_clock(change.t_ns) else "for a while"
-            yield from textwrap.wrap(f"   {when}: {change.text}", _WIDTH, subsequent_indent="   ")
+            yield from textwrap.wrap(f"   {change_words(change)}", _WIDTH, subsequent_indent="   ")
     if len(cards) > len(worst):
-        yield f"and {len(cards) - len(worst)} more (--json has all)"
+        yield and_more(len(cards) - len(worst), "more unit", "more units")
 
 
-def _outcome_words(card: UnitCard) -> Iterator[str]:
-    yield f"{card.asked:,} asked"
-    for number, words in ((card.answered, "answered"), (card.exceptions, "by exception"), (card.silent, "silent")):
+def change_words(change: UnitChange) -> str:
+    """When something about a unit was otherwise, and how."""
+    when = page_words("for a while")
+    if is_clock(change.t_ns):
+        when = f"{_clock(change.t_ns)}{page_words(' to ')}{_clock(change.until_ns)}"
+    return f"{when}: {change.text}"
+
+
+def outcome_words(card: UnitCard) -> Iterator[str]:
+    """What became of a unit's requests, and how long its answers take."""
+    yield page_words("{number:,} asked", number=card.asked)
+    for number, words in (
+        (card.answered, "{number:,} answered"),
+        (card.exceptions, "{number:,} by exception"),
+        (card.silent, "{number:,} silent"),
+    ):
         if number:
-            yield f"{number:,} {words}"
+            yield page_words(words, number=number)
     if card.garbage:
-        regions = ", ".join(f"{region} {count:,}" for region, count in card.damage.items() if count)
-        yield f"{card.garbage:,} garbage" + (f" (damaged: {regions})" if regions else "")
-    for number, words in ((card.late, "late"), (card.doubles, "answered twice")):
+        garbage = page_words("{number:,} garbage", number=card.garbage)
+        regions = damage_words(card)
+        yield f"{garbage} {page_words('(damaged: {regions})', regions=regions)}" if regions else garbage
+    for number, words in ((card.late, "{number:,} late"), (card.doubles, "{number:,} answered twice")):
         if number:
-            yield f"{number:,} {words}"
+            yield page_words(words, number=number)
     if card.delay_ns is not None:
-        yield f"answers after {between(*card.delay_ns)}"
+        yield page_words("answers after {time}", time=between(*card.delay_ns))
+
+
+def damage_words(card: UnitCard) -> str:
+    """Where in the frame its answers are damaged, and how often."""
+    return ", ".join(f"{page_words(region)} {count:,}" for region, count in card.damage.items() if count)
 
 
 def _clock(t_ns: int) -> str:
@@ -176,22 +197,30 @@ def _clock(t_ns: int) -> str:
 
 
 def _polls(polls: Sequence[PollRow]) -> Iterator[str]:
-    yield f"{'poll':<24}{'asked':>7}{'ok':>7}{'wasted':>8}{'period':>9}{'jitter':>9}  joins with"
+    heads = ("poll", "asked", "ok", "wasted", "period", "jitter", "joins with")
+    poll, asked, ok, wasted, period, jitter, joins = map(page_words, heads)
+    yield f"{poll:<24}{asked:>7}{ok:>7}{wasted:>8}{period:>9}{jitter:>9}  {joins}"
     for row in polls[:_POLLS]:
-        name = f"unit {row.unit} {row.function:02d} {row.address}..{row.address + row.quantity - 1}"
-        if row.function in (5, 6, 22) or row.quantity <= 1:
-            name = f"unit {row.unit} {row.function:02d} {row.address}"
+        name = f"{page_words('unit {unit}', unit=row.unit)} {poll_words(row)}"
         period = "?" if row.period_ns is None else duration(row.period_ns)
         jitter = "?" if row.jitter_ns is None else duration(row.jitter_ns)
         joined = "" if row.joins is None else f"{row.joins}, -{row.saves_bytes} B"
         cells = f"{compact(row.asked):>7}{row.ok / row.asked:>7.0%}{compact(row.wasted) if row.wasted else '-':>8}"
         yield f"{name[:24]:<24}{cells}{period:>9}{jitter:>9}  {joined}".rstrip()[:_WIDTH]
     if len(polls) > _POLLS:
-        yield f"and {len(polls) - _POLLS} polls that come less often (--json has all)"
+        yield and_more(len(polls) - _POLLS, "poll that comes less often", "polls that come less often")
+
+
+def poll_words(row: PollRow) -> str:
+    """Function and addresses of a poll: `03 107..109`, `06 12`."""
+    alone = row.function in (5, 6, 22) or row.quantity <= 1
+    return f"{row.function:02d} {row.address}" + ("" if alone else f"..{row.address + row.quantity - 1}")
 
 
 def _hours(hours: Sequence[HourRow]) -> Iterator[str]:
-    yield f"{'hour':<18}{'requests':>9}{'ok':>8}{'exc':>7}{'none':>7}{'bad':>7}{'late':>6}{'load':>7}  most often"
+    heads = ("hour", "requests", "ok", "exc", "none", "bad", "late", "load", "most often")
+    hour, requests, ok, exc, none, bad, late, load, often = map(page_words, heads)
+    yield f"{hour:<18}{requests:>9}{ok:>8}{exc:>7}{none:>7}{bad:>7}{late:>6}{load:>7}  {often}"
     for row in hours[:_HOURS]:
         counts = row.counts
         numbers = "".join(
@@ -202,15 +231,19 @@ def _hours(hours: Sequence[HourRow]) -> Iterator[str]:
         load = "?" if row.load is None else f"{row.load:.1%}"
         yield f"{row.name:<18}{numbers}{load:>7}  {row.finding}".rstrip()[:_WIDTH]
     if len(hours) > _HOURS:
-        yield f"and {len(hours) - _HOURS} more hours (--json has all)"
+        yield and_more(len(hours) - _HOURS, "more hour", "more hours")
 
 
 def _bookmarks(rows: Sequence[BookmarkRow]) -> Iterator[str]:
     yield page_words("bookmarks")
     for row in rows[:_BOOKMARKS]:
-        subject = f"frame {row.index:,}, unit {row.unit}, function {row.function:02d}" if row.index >= 0 else "noise"
+        subject = page_words("noise")
+        if row.index >= 0:
+            subject = page_words("frame {index:,}", index=row.index) + ", "
+            subject += page_words("unit {unit}, function {function:02d}", unit=row.unit, function=row.function)
         when = f"{_clock(row.t_ns)}, " if is_clock(row.t_ns) else ""
-        words = f"{when}byte {row.start:,}, {subject}" + (f": {harmless(row.comment)}" if row.comment else "")
+        place = page_words("byte {at:,}", at=row.start)
+        words = f"{when}{place}, {subject}" + (f": {harmless(row.comment)}" if row.comment else "")
         yield from textwrap.wrap(words, _WIDTH, initial_indent="   ", subsequent_indent="      ")
     if len(rows) > _BOOKMARKS:
-        yield f"   and {len(rows) - _BOOKMARKS} more (--json has all)"
+        yield f"   {and_more(len(rows) - _BOOKMARKS, 'more bookmark', 'more bookmarks')}"

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Final
 
+from ..languages import page_words
+from .findings import and_more
+
 if TYPE_CHECKING:
     from ..registers.watch import WatchedValue
 
@@ -17,15 +20,17 @@ def lines(values: Sequence[WatchedValue]) -> Iterator[str]:
     if not values:
         return
     yield ""
-    yield f"{'unit':>4}  {'value':<{_NAME}}{'last':<{_LAST}}{'min':>8}{'mean':>8}{'max':>8}"
+    unit, name, last, least, mean, most = map(page_words, ("unit", "value", "last", "min", "mean", "max"))
+    yield f"{unit:>4}  {name:<{_NAME}}{last:<{_LAST}}{least:>8}{mean:>8}{most:>8}"
     for value in values[:_ROWS]:
         numbers = "".join(f"{short(number):>8}" for number in (value.minimum, value.mean, value.maximum))
         row = f"{value.unit:>4}  {cut(label(value), _NAME - 1):<{_NAME}}{cut(value.last, _LAST - 1):<{_LAST}}{numbers}"
         yield row.rstrip()
         if value.outside:
-            yield f"{'':6}{value.outside:,} of {value.readings:,} readings are outside the limits of the map"
+            outside = "{some:,} of {all:,} readings are outside the limits of the map"
+            yield f"{'':6}{page_words(outside, some=value.outside, all=value.readings)}"
     if len(values) > _ROWS:
-        yield f"and {len(values) - _ROWS} more (--json has all)"
+        yield and_more(len(values) - _ROWS, "more value", "more values")
 
 
 def label(value: WatchedValue) -> str:

@@ -50,7 +50,7 @@ class Completions(Lines):
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         own = self.found[line]
-        return fitted([StyledText(f" {own.text.strip():<20} "), StyledText(tr(own.help), "dim")], width)
+        return fitted([StyledText(f" {own.text.strip():<20} "), StyledText(own.help, "dim")], width)
 
 
 class FilterInput(Input):

@@ -12,8 +12,8 @@ from typing import Final
 _WIDTH: Final = re.compile(r"(?<![\d.])(8|16|24|32|48|64)(?!\d)[ -]?(?:bits?\b|бит\w*)?")
 _PARTS: Final = re.compile(r"\b([24])\s*[x×*]\s*(?:u?int)?16(?!\d)|\b([1248])[ -]?(?:bytes?|octets?|байт\w*)\b")
 _HELD: Final = (
-    ("f64", r"double(?! word)|lreal|f64|fp64"),
-    ("f32", r"float|(?<![a-z])real|single|ieee|f32|fp32|плав|вещ|gleitkomma"),
+    ("f64", r"double(?! word)|lreal"),
+    ("f32", r"float|(?<![a-z])real|single|ieee|(?<![a-z])fp?(?![a-z])|плав|вещ|gleitkomma"),
     ("bcd16", r"(?<!a)bcd"),
     ("bits", r"bit ?(field|map|mask|string|s\b)|flags?\b|битов\w*|маска|\bbits\b"),
     ("bool", r"bool|\bbit\b|\bcoil|\bбит\b|discrete"),

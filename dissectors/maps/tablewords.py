@@ -48,6 +48,8 @@ _MEASURE: Final = (
 _NAMED_MEASURE: Final = re.compile(
     rf"(?P<name>.*\S)\s*(?:,\s*(?P<plain>{_MEASURE})|[(\[]\s*(?P<held>{_MEASURE})\s*[)\]])"
 )
+_NUMERALS: Final = r"^(?:dec\w*|hex\w*|modbus|дес\w*|шестн\w*)$"
+"""Headings that say how the numbers below one are written."""
 _FUNCTIONS: Final[Mapping[int, MapArea]] = {1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding",
                                             16: "holding", 4: "input"}  # fmt: skip
 
@@ -74,6 +76,23 @@ def headings(row: Sequence[str], below: Sequence[Sequence[str]] = ()) -> dict[st
     if "name" not in columns and "description" in columns:
         columns["name"] = columns.pop("description")
     return columns if {"address", "name"} <= set(columns) and len(columns) >= 2 else {}
+
+
+def joined(row: Sequence[str], second: Sequence[str]) -> list[str] | None:
+    """The headings of two rows as one: where the second says more of columns that the first has together (`Address`
+    over `Dec` and `Hex`), or what the first leaves out. None where the second is no heading."""
+    texts = [" ".join(cell.lower().split()).strip(" :.") for cell in second]
+    known = [any(_means(text, column, exact=True) for column in _HEADINGS) for text in texts]
+    if sum(known) < 2 or any(re.search(r"\d", text) for text in texts):
+        return None
+    width = max(len(row), len(second))
+    above = [*row, *[""] * (width - len(row))]
+    below = [*second, *[""] * (width - len(second))]
+    own = {at for at, is_known in enumerate(known) if is_known and not re.search(_NUMERALS, texts[at])}
+    both = [
+        low if at in own else f"{high} {low}".strip() for at, (high, low) in enumerate(zip(above, below, strict=True))
+    ]
+    return both if len(headings(both)) > max(len(headings(row)), len(headings(second))) else None
 
 
 def _area_column(texts: Sequence[str], below: Sequence[Sequence[str]]) -> int | None:

@@ -13,8 +13,10 @@ from lark import Token
 from captures.line import LineSettings
 
 from ...filters.kinds import Literal, duration
+from ...languages import page_words
 from ...reports import Report
 from ...reports.model import Times
+from ...reports.page import unknown
 from ...tables.transactions import Status, TransactionRows
 from ...words import duration as worded
 from ..forms import Start, form
@@ -49,17 +51,25 @@ class _Answered:
         if len(bad):
             newest = bad[-1]
             self._silent = int(polls.request[newest]) if polls.status[newest] == Status.UNANSWERED else None
-        self._breaches.add(bad, lambda number: _breach(polls, number, _FATE[Status(int(polls.status[number]))]))
+        self._breaches.add(
+            bad, lambda number: _breach(polls, number, page_words(_FATE[Status(int(polls.status[number]))]))
+        )
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         count, first, polls = self._breaches.count, self._breaches.first, self._polls
         tail = ""
         if self._silent is not None and self._silent == self._last:
-            count, polls, tail = count - 1, polls - 1, "; the last one was still open when the capture ended"
+            count, polls, tail = (
+                count - 1,
+                polls - 1,
+                page_words("; the last one was still open when the capture ended"),
+            )
             first = [breach for breach in first if breach.index != self._silent]
         if self._unheard:
-            tail += f"; {self._unheard:,} more while nothing was heard"
-        words = f"{polls - count:,} of {polls:,} polls answered{tail}" if polls else "no polls seen"
+            tail += page_words("; {count:,} more while nothing was heard", count=self._unheard)
+        words = page_words("no polls seen")
+        if polls:
+            words = page_words("{some:,} of {all:,} polls answered", some=polls - count, all=polls) + tail
         return RuleResult(polls > 0 and not count, words, tuple(first))
 
 
@@ -93,7 +103,9 @@ class _Soon:
             over = (polls.response_ns >= 0) & ~COMPARE[self.compared](polls.response_ns, self.bound_ns)
             self._breaches.add(
                 np.flatnonzero(over),
-                lambda number: _breach(polls, number, f"answered after {worded(int(polls.response_ns[number]))}"),
+                lambda number: _breach(
+                    polls, number, page_words("answered after {time}", time=worded(int(polls.response_ns[number])))
+                ),
             )
 
     def verdict(self, report: Report) -> RuleResult:
@@ -101,18 +113,22 @@ class _Soon:
         if self.unit is not None:
             times = next((row.times for row in report.units if row.unit == self.unit), Times())
         if not times.count:
-            return RuleResult(False, "unknown: no response time could be measured")
+            return RuleResult(False, unknown("no response time could be measured"))
         bounds = times.bounds(self.share)
         if bounds is None:
-            return RuleResult(False, "cannot be told: this tap's times do not show response times")
-        words = f"{self.share} {times.worded(self.share)}, {times.count:,} measured"
+            return RuleResult(
+                False, page_words("cannot be told: {why}", why=page_words("this tap's times cannot tell them"))
+            )
+        words = f"{self.share} {times.worded(self.share)}, {page_words('{count:,} measured', count=times.count)}"
         verdicts = {bool(COMPARE[self.compared](figure, self.bound_ns)) for figure in bounds}
         if len(verdicts) > 1:
-            return RuleResult(False, f"cannot be told: {words}")
+            return RuleResult(False, page_words("cannot be told: {why}", why=words))
         if verdicts == {True}:
             return RuleResult(True, words)
-        beyond = f", {self._breaches.count:,} not {self.compared} {self.bound}" if self._breaches.count else ""
-        return RuleResult(False, words + beyond, tuple(self._breaches.first))
+        if count := self._breaches.count:
+            bound = f"{self.compared} {self.bound}"
+            words += page_words(", {count:,} not {bound}", count=count, bound=bound)
+        return RuleResult(False, words, tuple(self._breaches.first))
 
 
 @form("response-time", 'SHARE "response_time"i ["of"i "unit"i NUMBER] COMPARED NUMBER [UNIT]',
@@ -139,6 +155,6 @@ def _of_unit(transactions: TransactionRows, unit: int | None) -> TransactionRows
 
 def _breach(polls: TransactionRows, number: int, text: str) -> Breach:
     """A request as a place."""
-    text = f"unit {polls.unit[number]}, function {polls.function[number]:02d}: {text}"
+    asked = page_words("unit {unit}, function {function:02d}", unit=polls.unit[number], function=polls.function[number])
     place = (polls.request, polls.start, polls.length, polls.port, polls.t_start_ns)
-    return Breach(text, *(int(column[number]) for column in place))
+    return Breach(f"{asked}: {text}", *(int(column[number]) for column in place))

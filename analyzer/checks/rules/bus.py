@@ -10,11 +10,13 @@ from lark import Token
 
 from captures.line import LineSettings
 
+from ...languages import counted, page_words
 from ...reports import Report
+from ...reports.page import unknown
 from ...tables.schema import Kind
 from ..errors import CheckError
 from ..forms import Start, form
-from ..model import Breaches, CheckedBatch, RuleResult, joined, plural
+from ..model import Breaches, CheckedBatch, RuleResult, joined
 from ..parsing import at
 from .answers import COMPARE
 from .counts import whole
@@ -39,7 +41,7 @@ def load(line: LineSettings, compared: Token, number: Token) -> Start:  # noqa: 
     def verdict(report: Report) -> RuleResult:
         mean = report.load.mean
         if mean is None:
-            return RuleResult(False, "unknown: it needs times, and the line's baud and character length")
+            return RuleResult(False, unknown("it needs the baud and a span"))
         return RuleResult(bool(COMPARE[compared](mean, bound)), f"{mean:.1%}")
 
     return lambda: _Summed(verdict)
@@ -48,7 +50,7 @@ def load(line: LineSettings, compared: Token, number: Token) -> Start:  # noqa: 
 @form("at-least-frames", '"at"i "least"i NUMBER "frames"i', "the capture holds so many frames", "at least 100 frames")
 def at_least_frames(line: LineSettings, number: Token) -> Start:  # noqa: ARG001
     least = whole(number)
-    return lambda: _Summed(lambda report: RuleResult(report.frames >= least, plural(report.frames, "frame", "frames")))
+    return lambda: _Summed(lambda report: RuleResult(report.frames >= least, counted(report.frames, "frame", "frames")))
 
 
 @dataclass
@@ -71,14 +73,14 @@ class _UnitsOnBus:
         strange = np.sort(np.flatnonzero(sound)[where[new]])  # the first frame of each
         self._heard.update(units.tolist())
         self._answered.update(np.unique(rows.unit[sound & (rows.kind == Kind.RESPONSE)]).tolist())
-        self._breaches.add(strange, lambda row: checked.place(row, f"unit {rows.unit[row]}"))
+        self._breaches.add(strange, lambda row: checked.place(row, page_words("unit {unit}", unit=rows.unit[row])))
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         strangers = self._heard - self.allowed
         absent = self.allowed - self._answered if self.all_of_them else set()
-        parts = [f"units {joined(self._heard)}" if self._heard else "no units"]
-        parts += [f"not expected: {joined(strangers)}"] if strangers else []
-        parts += [f"never answered: {joined(absent)}"] if absent else []
+        parts = [page_words("units {units}", units=joined(self._heard)) if self._heard else page_words("no units")]
+        parts += [page_words("not expected: {units}", units=joined(strangers))] if strangers else []
+        parts += [page_words("never answered: {units}", units=joined(absent))] if absent else []
         return RuleResult(not strangers and not absent, "; ".join(parts), tuple(self._breaches.first))
 
 

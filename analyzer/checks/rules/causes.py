@@ -9,6 +9,7 @@ from lark import Token
 
 from captures.line import LineSettings
 
+from ...languages import page_words
 from ...reports import Report
 from ..forms import Start, form
 from ..model import CheckedBatch, RuleResult
@@ -29,8 +30,11 @@ class _Causes:
         causes = [cause for cause in report.causes if cause.severity != "note"]
         if self.unit is not None:
             causes = [cause for cause in causes if self.unit in cause.units]
-        listed = "; ".join(f"{cause.cause} ({cause.confidence:.0%} sure): {cause.text}" for cause in causes)
-        return RuleResult(not causes, listed or "none")
+        listed = "; ".join(
+            f"{cause.cause} ({page_words('{share:.0%} sure', share=cause.confidence)}): {cause.text}"
+            for cause in causes
+        )
+        return RuleResult(not causes, listed or page_words("none"))
 
 
 @form("no-causes", '"no"i ("cause"i | "causes"i) ["of"i "unit"i NUMBER]',

@@ -15,11 +15,12 @@ from dissectors.values import harmless
 from ...filters import Filter, compile_filter
 from ...filters.errors import meant
 from ...filters.kinds import spelled
+from ...languages import counted, page_words
 from ...reports import Report
 from ...tables.findings import Findings, Severity, codes, describe, rules
 from ..errors import CheckError
 from ..forms import Start, form
-from ..model import Breach, Breaches, CheckedBatch, RuleResult, plural
+from ..model import Breach, Breaches, CheckedBatch, RuleResult
 from ..parsing import at
 
 # Plain words, and the display filter that they stand for.
@@ -49,7 +50,7 @@ class _FindingCount:
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         count = self._breaches.count
-        return RuleResult(count <= self.most, plural(count, "finding", "findings"), tuple(self._breaches.first))
+        return RuleResult(count <= self.most, counted(count, "finding", "findings"), tuple(self._breaches.first))
 
 
 def _breach_of(findings: Findings, number: int) -> Breach:
@@ -80,10 +81,10 @@ class PassingCount:
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         count, first = self._breaches.count, tuple(self._breaches.first)
         if self.due is None:
-            return RuleResult(count <= (self.most or 0), f"{count:,} found", first)
-        words = f"{self._chosen - count:,} of {self._chosen:,} are so"
+            return RuleResult(count <= (self.most or 0), page_words("{count:,} found", count=count), first)
+        words = page_words("{some:,} of {all:,} are so", some=self._chosen - count, all=self._chosen)
         return RuleResult(
-            not count and self._chosen > 0, words if self._chosen else "none passes the first filter", first
+            not count and self._chosen > 0, words if self._chosen else page_words("none passes the first filter"), first
         )
 
 

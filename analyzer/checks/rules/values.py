@@ -9,10 +9,12 @@ import numpy as np
 
 from captures.line import LineSettings
 
+from ...languages import counted, page_words
 from ...registers.mapped import limits_broken, mapped_columns
 from ...reports import Report
+from ...reports.page import unknown
 from ..forms import CHARTS, Start, form
-from ..model import Breaches, CheckedBatch, RuleResult, plural
+from ..model import Breaches, CheckedBatch, RuleResult
 
 if TYPE_CHECKING:
     from dissectors.maps.units import UnitMaps
@@ -33,16 +35,23 @@ class _Limits:
                 continue
             self._examined += len(column.answers)
             for number in np.flatnonzero(limits_broken(column)).tolist():
-                text = f"{row.name} is {column.values[number]:g} {row.unit}".rstrip()
+                text = page_words(
+                    "{name} is {value:g} {unit}", name=row.name, value=column.values[number], unit=row.unit
+                )
+                text = text.rstrip()
                 self._breaches.add(column.answers[number : number + 1], partial(checked.place, text=text))
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         if not self._charts:
-            return RuleResult(False, "unknown: it needs a register map (--map)")
+            return RuleResult(False, unknown("it needs a register map (--map)"))
         if not self._examined:
-            return RuleResult(False, "unknown: no value that has limits was read")
+            return RuleResult(False, unknown("no value that has limits was read"))
         count = self._breaches.count
-        return RuleResult(not count, f"{plural(count, 'reading', 'readings')} outside", tuple(self._breaches.first))
+        return RuleResult(
+            not count,
+            page_words("{readings} outside", readings=counted(count, "reading", "readings")),
+            tuple(self._breaches.first),
+        )
 
 
 @form("values-in-limits", '"values"i "in"i "their"i "limits"i',

@@ -21,12 +21,13 @@ from dissectors.parts import Mask
 from dissectors.structure import shape
 from dissectors.values import Area, ValueFormError, physical
 
+from ...languages import counted, page_words
 from ...reports import Report
 from ...tables.columns import AREA_CODES
 from ...tables.schema import Kind
 from ..errors import CheckError
 from ..forms import Start, form
-from ..model import Breaches, CheckedBatch, RuleResult, plural
+from ..model import Breaches, CheckedBatch, RuleResult
 from ..parsing import at
 
 _ENDS: Final = re.compile(r"\s*(?:-|\.\.)\s*")
@@ -77,10 +78,18 @@ class _Writes:
 
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         count, first = self._breaches.count, tuple(self._breaches.first)
-        words = plural(self._writes, "write", "writes")
+        words = counted(self._writes, "write", "writes")
         if self.ranges:
-            where = ", ".join(f"{each.area} addresses {each.low} to {each.high}" for each in self.ranges)
-            words += f", {count:,} {'outside' if self.outside else 'inside'} {where} (counted from 0)"
+            where = ", ".join(
+                page_words("{area} addresses {low} to {high}", area=each.area, low=each.low, high=each.high)
+                for each in self.ranges
+            )
+            words += page_words(
+                ", {count:,} outside {where} (counted from 0)"
+                if self.outside
+                else ", {count:,} inside {where} (counted from 0)",
+                count=count, where=where,
+            )  # fmt: skip
         return RuleResult(not count, words, first)
 
 

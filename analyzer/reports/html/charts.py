@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from ...languages import counted, page_words
 from ...outages import Deaf, unheard
 from ...words import duration
 from ..model import UnitRow
@@ -132,7 +133,8 @@ def _trouble_bars(timeline: TroubleBins, count: int, step: float, foot: float, m
             if number:
                 height = max(number / most * _TROUBLE, 3.0)
                 y -= height
-                title = f"{number:,} {kind}{'' if number == 1 else 's'} at {duration(i * timeline.width_ns)}"
+                time = duration(i * timeline.width_ns)
+                title = page_words("{count} at {time}", count=counted(number, kind, f"{kind}s"), time=time)
                 bars.append(Bar(_LEFT + i * step, y, max(step - 0.6, 1.5), height, kind, title))
     return bars
 
@@ -175,8 +177,12 @@ def range_chart(units: Sequence[UnitRow]) -> RangeChart | None:
             x_of(four[1]),
             x_of(four[2]),
             x_of(four[3]),
-            f"unit {unit}: min {times.worded('min')}, p50 {times.worded('p50')}, p95 {times.worded('p95')}, "
-            f"max {times.worded('max')} ({times.count:,} measured)",
+            page_words(
+                "unit {unit}: min {min}, p50 {p50}, p95 {p95}, max {max} ({count:,} measured)",
+                unit=unit,
+                count=times.count,
+                **{figure: times.worded(figure) for figure in ("min", "p50", "p95", "max")},
+            ),
         )
         for i, (unit, four, times) in enumerate(rows)
     )

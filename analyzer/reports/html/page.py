@@ -14,8 +14,9 @@ from analyzer.reports import findings, values
 from captures.line import LineSettings
 from dissectors.values import harmless
 
+from ...languages import counted, in_use, page_words
 from ...version import __version__
-from ...words import duration, plural
+from ...words import duration
 from ..model import FindingRow, Report
 from ..page import facts, nothing
 from .charts import range_chart, time_chart
@@ -39,12 +40,14 @@ def page(report: Report, sights: Sights) -> str:
     )
     environment.filters.update(duration=lambda ns: "?" if ns is None else duration(ns), seconds=findings.seconds)
     environment.filters["short"] = values.short
+    environment.globals["w"] = page_words
     char_ns = LineSettings(baud=report.baud, char_bits=report.char_bits).character_ns
     worst = [row for row in report.findings if row.severity != "note"]
     origin = sights.timeline.origin_ns if report.timed else None
     span = report.span_ns
     return environment.get_template("page.html.j2").render(
         report=report,
+        language=in_use(),
         facts=_joined(report),
         nothing=nothing(report),
         verdict=_verdict(worst),
@@ -74,13 +77,16 @@ def _verdict(worst: list[FindingRow]) -> str:
     """The page in one sentence."""
     errors = [row for row in worst if row.severity == "error"]
     if not worst:
-        return "No error and no warning was found."
+        return page_words("No error and no warning was found.")
     parts = []
     if errors:
-        parts.append(plural(sum(row.count for row in errors), "error", "errors"))
+        parts.append(counted(sum(row.count for row in errors), "error", "errors"))
     if len(worst) > len(errors):
-        parts.append(plural(sum(row.count for row in worst if row.severity == "warning"), "warning", "warnings"))
-    lost, ms = sum(row.lost_answers for row in worst), sum(row.lost_ms or 0.0 for row in worst)
-    words = " and ".join(parts) + f" of {plural(len(worst), 'kind', 'kinds')}"
-    time = f" and {findings.seconds(ms)}" if ms else ""
-    return f"{words}; {plural(lost, 'answer', 'answers')}{time} lost." if lost else f"{words}."
+        parts.append(counted(sum(row.count for row in worst if row.severity == "warning"), "warning", "warnings"))
+    answers, ms = sum(row.lost_answers for row in worst), sum(row.lost_ms or 0.0 for row in worst)
+    words = page_words(
+        "{found} of {kinds}", found=page_words(" and ").join(parts), kinds=counted(len(worst), "kind", "kinds")
+    )
+    if answers:
+        words += page_words("; {what} lost", what=findings.lost(answers, ms))
+    return f"{words}."

@@ -9,6 +9,7 @@ from dissectors.annotation import annotate
 from dissectors.fields import Field
 from dissectors.length_rules import Role
 
+from ...languages import page_words
 from ...tables.findings import Finding
 from ...tables.frame import Frame, adu_of
 from ...tables.schema import Protocol
@@ -61,13 +62,13 @@ def shown(example: FindingExample, origin_ns: int | None) -> ExampleView:
     if frame is None:
         octets = tuple(Octet(f"{byte:02X}", True) for byte in example.noise)
         cell = FieldCell("", octets, example.length - len(octets), "", "")
-        title = " · ".join(("noise", *_location(finding.start, finding.port, finding.t_ns, origin_ns)))
-        return ExampleView(finding.text, (Strip(title, "bytes in no frame", (cell,)),))
+        title = " · ".join((page_words("noise"), *_location(finding.start, finding.port, finding.t_ns, origin_ns)))
+        return ExampleView(finding.text, (Strip(title, page_words("bytes in no frame"), (cell,)),))
     strips = []
     if frame.request_bytes is not None:
         request = adu_of(frame.request_bytes, frame.row.protocol)
         fields = annotate(request, Role.REQUEST)
-        strips.append(Strip("the request before it", "", _cells(fields, request.data, range(0))))
+        strips.append(Strip(page_words("the request before it"), "", _cells(fields, request.data, range(0))))
     strips.append(_strip(frame, finding, origin_ns))
     return ExampleView(finding.text, tuple(strips))
 
@@ -75,12 +76,12 @@ def shown(example: FindingExample, origin_ns: int | None) -> ExampleView:
 def _strip(frame: Frame, finding: Finding, origin_ns: int | None) -> Strip:
     marks = _meant(frame, finding)
     parts = [
-        f"frame {frame.index:,}",
-        frame.direction,
+        page_words("frame {index:,}", index=frame.index),
+        page_words(frame.direction),
         *_location(frame.start, frame.port, frame.t_start_ns, origin_ns),
     ]
     if frame.response_time_ns is not None:
-        parts.append(f"{duration(frame.response_time_ns)} after its request")
+        parts.append(page_words("{time} after its request", time=duration(frame.response_time_ns)))
     return Strip(" · ".join(parts), frame.summary(), _cells(frame.fields(), frame.adu.data, marks))
 
 
@@ -95,9 +96,9 @@ def _meant(frame: Frame, finding: Finding) -> range:
 
 
 def _location(start: int, port: int, t_ns: int, origin_ns: int | None) -> list[str]:
-    parts = [f"byte {start:,}" + (f" of port {port}" if port else "")]
+    parts = [page_words("byte {at:,}", at=start) + (page_words(" of port {port}", port=port) if port else "")]
     if origin_ns is not None:
-        parts.append(f"at {(t_ns - origin_ns) / 1e9:,.6f} s")
+        parts.append(page_words("at {time:,.6f} s", time=(t_ns - origin_ns) / 1e9))
     return parts
 
 

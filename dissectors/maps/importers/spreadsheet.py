@@ -7,14 +7,12 @@ which base a manual counts from is for the user to say (`address_base`).
 
 from __future__ import annotations
 
-import io
 import re
-import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
-from ..cells import area_and_address, one_line
-from ..model import VALUE_TYPES, MapArea, MapError, MissingLibraryError
+from ..cells import area_and_address
+from ..model import VALUE_TYPES, MapArea, MapError
 from ..table import csv_rows
 from ..tableaddresses import AddressForm, address_form, address_of
 from ..tabletypes import is_inverse, order_of, says_order, type_of
@@ -25,20 +23,21 @@ from ..tablewords import (
     headings,
     is_function,
     is_powers,
+    joined,
     limits_of,
     measure_in,
     plain_number,
     unit_of,
     values_of,
 )
+from ..workbook import CELL, WorkbookSheet, column_name, sheets_of
 from .source import ImportedMap, MapBuilder, MapSource, refused, whole_in
 
 NAME = "a table"
 _ZIP: Final = b"PK\x03\x04"
 _LOOK: Final = 60  # rows in which a heading is sought
 _FIRST_WORD: Final = {"CDAB": "least significant", None: "most significant"}
-_CELL: Final = 1000  # characters
-_MOST_ROWS, _MOST_COLUMNS, _UNPACKED = 70_000, 100, 256 << 20  # of a sheet; bytes of a workbook
+MOST_ROWS, MOST_COLUMNS = 70_000, 100  # of a sheet
 
 
 def recognises(source: MapSource) -> bool:
@@ -53,29 +52,38 @@ def recognises(source: MapSource) -> bool:
 
 def read(source: MapSource) -> list[ImportedMap]:
     """The table, or each sheet that has one."""
-    sheets = (
-        _sheets(source) if source.data.startswith(_ZIP) else [("", _rows_of_text(source.text, source.name, _MOST_ROWS))]
-    )
-    charts = [_sheet(source, name, rows) for name, rows in sheets]
+    if source.data.startswith(_ZIP):
+        sheets = sheets_of(source.data, source.name, MOST_ROWS, MOST_COLUMNS)
+    else:
+        sheets = [WorkbookSheet("", _rows_of_text(source.text, source.name, MOST_ROWS))]
+    charts = [_sheet(source, sheet) for sheet in sheets]
     complete = [one for one in charts if one is not None]
     if not complete:
         raise refused(source, "a table of registers", "a row of headings such as address, name, type, unit")
     return complete
 
 
-def _sheet(source: MapSource, sheet: str, rows: Sequence[Sequence[str]]) -> ImportedMap | None:
+def _sheet(source: MapSource, sheet: WorkbookSheet) -> ImportedMap | None:
     """The map of one sheet; a later row of headings begins the next table of it."""
-    builder = MapBuilder(source.name, device=f"{source.stem} {sheet}".strip())
+    builder = MapBuilder(source.name, device=f"{source.stem} {sheet.name}".strip())
+    rows, hidden = _visible(sheet)
+    for note in (*hidden, *sheet.notes):
+        builder.note(note)
     columns: dict[str, int] = {}
     area: MapArea | None = None
     group = above = ""
-    form, function = AddressForm(), False
+    form, function, second = AddressForm(), False, 0
     for number, row in enumerate(rows, 1):
         cells = [cell for cell in row if cell]
+        if number == second:  # of a heading of two rows
+            continue
         if all(re.fullmatch("[-=:. ]+", cell) for cell in cells):  # a rule between rows
             continue
-        if headings(row):
-            below = list(_until_heading(rows[number:]))
+        joint = joined(row, rows[number]) if number < len(rows) else None
+        if joint or headings(row):
+            if joint:
+                row, second = joint, number + 1
+            below = list(_until_heading(rows[second if joint else number :]))
             heading = headings(row, below)
             columns, above = heading, ""
             addresses = [other[heading["address"]] for other in below if heading["address"] < len(other)]
@@ -104,6 +112,16 @@ def _sheet(source: MapSource, sheet: str, rows: Sequence[Sequence[str]]) -> Impo
     if builder.rows or builder.bits:
         builder.note("columns were told by their headings: look the map over, its address base above all")
     return builder.built() if columns else None
+
+
+def _visible(sheet: WorkbookSheet) -> tuple[list[list[str]], list[str]]:
+    """The rows without the columns that the sheet hides, where what is left is a table, and what is said of it."""
+    if not sheet.hidden:
+        return sheet.rows, []
+    rows = [["" if at in sheet.hidden else cell for at, cell in enumerate(row)] for row in sheet.rows]
+    if not any(headings(row) for row in rows[:_LOOK]):
+        return sheet.rows, []
+    return rows, [f"columns that the sheet hides were left out: {', '.join(map(column_name, sorted(sheet.hidden)))}"]
 
 
 def _is_divisor(row: Sequence[str], heading: dict[str, int], below: Sequence[Sequence[str]]) -> bool:
@@ -202,27 +220,4 @@ def _rows_of_text(text: str, file: str, most: int) -> list[list[str]]:
 
 def _cut(lines: Sequence[str], delimiter: str, file: str) -> list[list[str]]:
     rows = csv_rows(lines, delimiter, file)
-    return [[cell.strip()[:_CELL] for cell in row[:_MOST_COLUMNS]] for _, row in rows]
-
-
-def _sheets(source: MapSource) -> list[tuple[str, list[list[str]]]]:
-    try:
-        import openpyxl
-    except ImportError as error:
-        raise MissingLibraryError(f"{source.name}: a workbook (or save it as CSV)", "openpyxl", "xlsx") from error
-    try:
-        with zipfile.ZipFile(io.BytesIO(source.data)) as packed:
-            if sum(part.file_size for part in packed.infolist()) > _UNPACKED:
-                raise MapError("too large once unpacked")
-        book = openpyxl.load_workbook(io.BytesIO(source.data), read_only=True, data_only=True)
-        sheets = []
-        for sheet in book.worksheets:
-            rows = sheet.iter_rows(values_only=True, max_row=_MOST_ROWS, max_col=_MOST_COLUMNS)
-            sheets.append((sheet.title, _cells_of(rows)))
-    except Exception as error:  # a damaged workbook raises whatever its parts do
-        raise MapError(f"{source.name}: no readable workbook: {one_line(error)}") from error
-    return sheets if len(sheets) > 1 else [("", rows) for _, rows in sheets]
-
-
-def _cells_of(rows: Iterable[Sequence[object]]) -> list[list[str]]:
-    return [["" if cell is None else str(cell).strip()[:_CELL] for cell in row] for row in rows]
+    return [[cell.strip()[:CELL] for cell in row[:MOST_COLUMNS]] for _, row in rows]
