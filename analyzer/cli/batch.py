@@ -15,7 +15,7 @@ from .terminal import interruptible, places, say_in_place, tell
 
 if TYPE_CHECKING:
     from ..fleet.batch import BatchResult, BatchStep
-    from ..fleet.packs import Packed
+    from ..fleet.packs import LakePacking
     from ..fleet.runners import Runner
     from ..fleet.tasks import BatchOptions
 
@@ -155,7 +155,7 @@ def tell_result(result: BatchResult) -> None:
         _tell_packed(result.packed)
 
 
-def _tell_packed(packed: Packed) -> None:
+def _tell_packed(packed: LakePacking) -> None:
     if packed.before:
         print(f"{packed.before:,} small files of the lake are {packed.after:,} now")
     else:

@@ -12,7 +12,7 @@ from typing import Any
 from ..version import __version__
 from .errors import FleetError
 from .manifest import LakeLine, Manifest, writing
-from .packs import Packed, pack
+from .packs import LakePacking, pack
 from .runners import Runner
 from .sources import LineFiles, SourceFile
 from .stores import LakeStore
@@ -34,7 +34,7 @@ class BatchResult:
     failed: int = 0  # tasks
     damaged: int = 0  # captures
     partial: bool = False
-    packed: Packed = field(default_factory=Packed)
+    packed: LakePacking = field(default_factory=LakePacking)
     seconds: float = 0.0
     troubles: list[str] = field(default_factory=list)
 
@@ -158,7 +158,7 @@ def _enter(manifest: Manifest, task: LineTask, outcome: dict[str, Any] | Excepti
             result.troubles.append(said + more if one["url"] in said else f"{one['url']}: {said}{more}")
 
 
-def compact_lake(store: LakeStore) -> Packed:
+def compact_lake(store: LakeStore) -> LakePacking:
     """Make all small files of a lake into larger ones. Raises FleetError where there is none, or another writes it."""
     Manifest.of(store)
     with writing(store):

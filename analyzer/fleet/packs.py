@@ -33,7 +33,7 @@ _STALE: Final = 0.25  # share of a pack's rows that are the lake's no more: it i
 
 
 @dataclass(frozen=True, slots=True)
-class _Piece:
+class _SmallFile:
     """A file to be packed: the members of it that are the lake's, with the numbers they have in it if it is a pack.
 
     `stale`: rows of it that are the lake's no more.
@@ -50,14 +50,14 @@ class _Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class Packed:
+class LakePacking:
     """What a packing came to: how many files there were of it, and how many there are now."""
 
     before: int = 0
     after: int = 0
 
 
-def pack(manifest: Manifest, least: int | None = None, stop: Callable[[], bool] | None = None) -> Packed:
+def pack(manifest: Manifest, least: int | None = None, stop: Callable[[], bool] | None = None) -> LakePacking:
     """Pack the tables that have at least so many small files, `MANY` if not given.
 
     The caller has the lake to itself (`writing`). Raises FleetError where it cannot be written; what was packed till
@@ -73,29 +73,29 @@ def pack(manifest: Manifest, least: int | None = None, stop: Callable[[], bool] 
         if groups:
             manifest.add({"packs": [_write(manifest.store, table, group) for group in groups]})
         before, after = before + sum(map(len, groups)), after + len(groups)
-    return Packed(before, after)
+    return LakePacking(before, after)
 
 
-def _small(manifest: Manifest, table: str) -> tuple[list[_Piece], int]:
+def _small(manifest: Manifest, table: str) -> tuple[list[_SmallFile], int]:
     """What is worth packing, by site and day; and how much of it a line that goes on will not soon replace."""
     files, rows = manifest.files(table), manifest.rows(table)
     passing = {name for line in manifest.lines.values() if line.last["state"] for name in line.tail(table)}
-    pieces = [_Piece(name, ((name, rows[name]),)) for name in files.loose if rows[name] < SMALL]
+    pieces = [_SmallFile(name, ((name, rows[name]),)) for name in files.loose if rows[name] < SMALL]
     settled = sum(piece.file not in passing for piece in pieces)
     for name, stale in files.packs.items():
         members = manifest.packs[name].members
         numbers = tuple(number for number in range(len(members)) if number not in stale)
         dead = sum(members[number][1] for number in stale)
-        live = _Piece(name, tuple(members[number] for number in numbers), numbers, dead)
+        live = _SmallFile(name, tuple(members[number] for number in numbers), numbers, dead)
         if live.rows < SMALL or dead > _STALE * live.rows:
             pieces.append(live)
             settled += 1
     return sorted(pieces, key=lambda piece: min(piece.members)), settled  # names begin with site and day
 
 
-def _groups(pieces: list[_Piece]) -> Iterator[list[_Piece]]:
+def _groups(pieces: list[_SmallFile]) -> Iterator[list[_SmallFile]]:
     """Those that make a pack together."""
-    group: list[_Piece] = []
+    group: list[_SmallFile] = []
     rows = 0
     for piece in pieces:
         if group and rows + piece.rows > FULL:
@@ -106,7 +106,7 @@ def _groups(pieces: list[_Piece]) -> Iterator[list[_Piece]]:
     yield group
 
 
-def _write(store: LakeStore, table: str, group: list[_Piece]) -> dict[str, Any]:
+def _write(store: LakeStore, table: str, group: list[_SmallFile]) -> dict[str, Any]:
     """Make one pack; what the manifest is to say of it."""
     schema = pack_schema(table)
     parts: list[Any] = []
@@ -125,7 +125,7 @@ def _write(store: LakeStore, table: str, group: list[_Piece]) -> dict[str, Any]:
     return {"table": table, "name": name, "members": members}
 
 
-def _own(rows: Any, piece: _Piece, first: int) -> Any:
+def _own(rows: Any, piece: _SmallFile, first: int) -> Any:
     """The rows of a file that are the lake's, with all columns of a pack; its parts numbered from `first`."""
     if piece.numbers is None:
         for column, value in {**_place(piece.file), "part": pa.scalar(first, pa.int32())}.items():
