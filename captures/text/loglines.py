@@ -60,6 +60,15 @@ class Heading(NamedTuple):
     rows: int = 0  # that it has had
     width: int = 0  # bytes of the row before
     columns: tuple[int, ...] = ()  # marks of a table's columns: `request,response`
+    parted: str = ""  # the sign between the cells of a table
+    cells: tuple[int, ...] = ()  # the mark that each cell of its first line has
+
+    def mark_at(self, text: str, start: int) -> int:
+        """The mark of what stands at a place of a row."""
+        if len(self.columns) < 2 or not self.parted:
+            return self.mark
+        cell = text.count(self.parted, 0, start)
+        return self.cells[cell] if cell < len(self.cells) else NONE
 
 
 @dataclass(slots=True)
@@ -299,7 +308,10 @@ class LineReader:
         left = int(next(filter(None, announced.groups()))) if announced else None
         columns = tuple(one.mark for one in line_marks) if len(line_marks) > 1 else ()
         label = label_in(rest[-_LABELLED:])
-        self._heading = Heading(mark, t_ns, fine, label, port, left, joins=bool(bare), columns=columns)
+        parted, cells = _marks_of_cells(rest, line_marks)
+        self._heading = Heading(
+            mark, t_ns, fine, label, port, left, bool(bare), columns=columns, parted=parted, cells=cells
+        )
         line.quiet = bool(bare) and line.t_ns is not None
 
     def _placed(self, line: LogLine, stamp: stamps.Stamp | None, mark: int) -> LogLine:
@@ -315,7 +327,7 @@ class LineReader:
             return line
         in_columns = len(line.runs) == len(heading.columns)
         for i, run in enumerate(line.runs):
-            run.mark = run.mark or (heading.columns[i] if in_columns else heading.mark)
+            run.mark = run.mark or (heading.columns[i] if in_columns else heading.mark_at(line.text, run.start))
             if not run.label:
                 run.heading = heading.label or " "
         if stamp is not None:
@@ -348,6 +360,17 @@ class LineReader:
             self._days += 1
         self._newest = stamp.t_ns
         return stamp.t_ns + self._days * stamps.DAY_NS
+
+
+def _marks_of_cells(text: str, line_marks: list[LineMark]) -> tuple[str, tuple[int, ...]]:
+    """What parts the cells of a table's first line, and the mark of each; none where both stand in one."""
+    parted = next((sign for sign in ("\t", ";", ",", "|") if sign in text), "")
+    if not parted or len(line_marks) < 2:
+        return "", ()
+    cells: list[set[int]] = [set() for _ in range(text.count(parted) + 1)]
+    for mark in line_marks:
+        cells[text.count(parted, 0, mark.start)].add(mark.mark)
+    return parted, tuple(cell.pop() if len(cell) == 1 else NONE for cell in cells)
 
 
 def _with_marks(text: str, runs: list[ByteRun], line_marks: list[LineMark]) -> None:
