@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from datetime import tzinfo
-from typing import Final, NamedTuple
+from typing import Final
 
 from captures.text import stamps
 
@@ -21,6 +21,7 @@ from .candidates import Writing, line_of
 from .choosing import ByteRun, Experience, Judge, label_in, no_judge, runs_in
 from .dumps import Dump
 from .halves import halves
+from .headings import Heading, marks_of_cells
 from .othershapes import unescape
 from .plain import plain, quoted
 from .rows import is_ruler
@@ -44,31 +45,6 @@ _SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,15}[0-9a-f]{2})(?:  .*)
 _LABELLED: Final = 56  # characters of a heading that name it
 _REMEMBERED: Final = 2048  # lines
 _FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
-
-
-class Heading(NamedTuple):
-    """What a line says of the rows of bytes below it."""
-
-    mark: int
-    t_ns: int | None
-    fine: bool
-    label: str
-    port: str = ""
-    left: int | None = None  # bytes still to come, where it says how many there are
-    joins: bool = False  # all rows below it are one read
-    exact: bool = False  # nothing else stands below it before all bytes are there
-    rows: int = 0  # that it has had
-    width: int = 0  # bytes of the row before
-    columns: tuple[int, ...] = ()  # marks of a table's columns: `request,response`
-    parted: str = ""  # the sign between the cells of a table
-    cells: tuple[int, ...] = ()  # the mark that each cell of its first line has
-
-    def mark_at(self, text: str, start: int) -> int:
-        """The mark of what stands at a place of a row."""
-        if len(self.columns) < 2 or not self.parted:
-            return self.mark
-        cell = text.count(self.parted, 0, start)
-        return self.cells[cell] if cell < len(self.cells) else NONE
 
 
 @dataclass(slots=True)
@@ -308,7 +284,7 @@ class LineReader:
         left = int(next(filter(None, announced.groups()))) if announced else None
         columns = tuple(one.mark for one in line_marks) if len(line_marks) > 1 else ()
         label = label_in(rest[-_LABELLED:])
-        parted, cells = _marks_of_cells(rest, line_marks)
+        parted, cells = marks_of_cells(rest, line_marks)
         self._heading = Heading(
             mark, t_ns, fine, label, port, left, bool(bare), columns=columns, parted=parted, cells=cells
         )
@@ -360,17 +336,6 @@ class LineReader:
             self._days += 1
         self._newest = stamp.t_ns
         return stamp.t_ns + self._days * stamps.DAY_NS
-
-
-def _marks_of_cells(text: str, line_marks: list[LineMark]) -> tuple[str, tuple[int, ...]]:
-    """What parts the cells of a table's first line, and the mark of each; none where both stand in one."""
-    parted = next((sign for sign in ("\t", ";", ",", "|") if sign in text), "")
-    if not parted or len(line_marks) < 2:
-        return "", ()
-    cells: list[set[int]] = [set() for _ in range(text.count(parted) + 1)]
-    for mark in line_marks:
-        cells[text.count(parted, 0, mark.start)].add(mark.mark)
-    return parted, tuple(cell.pop() if len(cell) == 1 else NONE for cell in cells)
 
 
 def _with_marks(text: str, runs: list[ByteRun], line_marks: list[LineMark]) -> None:
