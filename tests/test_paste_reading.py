@@ -232,6 +232,50 @@ def test_a_list_of_requests_says_nothing_of_answers():
     assert "no-response" in {found.code for frame in logged.frames() for found in frame.findings}
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0x09 -> unit\n0x04 -> code\n0x01 -> address high\n0x2C -> address low\n0x00 -> count high\n0x02 -> count low",
+        "Request:\n09 ClientID\n04 Function\n012C Start\n0002 Quantity",
+        "[0] 09\n[1] 04\n[2] 01\n[3] 2C\n[4] 00\n[5] 02",
+        "9\n4\n1\n2C\n0\n2",
+        "09\n04\n01\n2c\n00\n02",
+        "char query[] = {\n0x09,\n0x04,\n0x01,\n0x2C,\n0x00,\n0x02\n};",
+        "char query[] = {0x09, 0x04, 0x01, 0x2C,\n  0x00, 0x02};",
+    ],
+)
+def test_a_frame_a_byte_a_line_without_its_crc(text):
+    (frame,) = read(text).frames()
+    assert (frame.adu.data.hex(), frame.role, frame.missing) == ("0904012c0002", Role.REQUEST, 2)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0x00 -> voltage\n0x01 -> current\n0x02 -> power\n0x03 -> energy",
+        "status 0x01\nstatus 0x03\nstatus 0x00\nstatus 0x01",
+        "temperature 25\nhumidity 40\npressure 99\nlevel 12",
+    ],
+)
+def test_numbers_beside_words_are_no_bytes(text):
+    with pytest.raises(HexError):
+        read(text)
+
+
+def test_a_short_last_row_belongs_to_its_dump():
+    answer = adu("0A040C" + "0101 0202 0303 0404 0505 7070".replace(" ", "")).hex(" ")
+    rows = f"received 17 bytes\n {answer[:47]} |................|\n 7e |~|"
+    assert (
+        b"".join(piece.data if isinstance(piece, PastedNoise) else piece.adu.data for piece in read(rows).pieces)[-1:]
+        == b"~"
+    )
+
+
+def test_bytes_beside_others_that_are_not_read_are_told():
+    paste = read("TX 11 03 00 6B 00 03 + CRC 1B 0A")
+    assert [(one.line, one.why) for one in paste.unread] == [(1, "'1B 0A' beside the bytes may be bytes, too")]
+
+
 def test_words_are_not_called_bytes():
     paste = read("RTUutilsReceiver /dev/ttyUSB0 at 192.168.1.10\n11 03 00 6B 00 03 76 87")
     assert "may be anything" not in tree(paste)

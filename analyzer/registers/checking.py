@@ -240,8 +240,10 @@ def _cuts(unit: int, chart: RegisterMap, blocks: Sequence[BlockReadings]) -> Ite
 def _coverage(unit: int, chart: RegisterMap, blocks: Sequence[BlockReadings]) -> Iterator[MapRemark]:
     mapped = {(row.area, address) for row in chart.rows for address in range(row.address, row.end)}
     polled = {(b.area, address) for b in blocks for address in range(b.address, b.address + b.quantity)}
+    used = {(b.area, b.address + at) for b in blocks for at in np.flatnonzero(b.greatest).tolist()}
     for area, first, last in _stretches(polled - mapped):
-        text = "asked for, but not in the map"
+        always = not any((area, address) in used for address in range(first, last + 1))
+        text = f"asked for, but not in the map{': always 0' if always else ''}"
         yield MapRemark("unmapped", unit, area, first, last - first + 1, "", text)
     for row in chart.rows:
         if not any((row.area, address) in polled for address in range(row.address, row.end)):

@@ -11,6 +11,7 @@ from dissectors.maps.model import MappedValue, RegisterMap
 from .values import RegisterValue
 
 _SKIPPED = ("other",)
+_SURENESS = "confidence"  # a column that only inferred maps have
 
 
 def drafted_map(values: Sequence[RegisterValue], device: str, source: str) -> RegisterMap:
@@ -35,12 +36,13 @@ def _row(value: RegisterValue) -> MappedValue:
         unit=value.unit_of_measure or "",
         access="rw" if value.role == "setpoint" else "",
         description=value.why,
-        other={"confidence": f"{value.confidence:.2f}"},
+        other={_SURENESS: f"{value.confidence:.2f}"},
     )
 
 
 def map_differences(one: RegisterMap, other: RegisterMap) -> Iterator[str]:
-    """What differs, a line each: header, values that only one has, values that changed."""
+    """What differs, a line each: header, values that only one has, values that changed. Of a value that was inferred,
+    beside one that a person wrote, only what it says counts: its name is made up, what it leaves empty nobody knew."""
     for field in fields(RegisterMap):
         if field.name not in ("rows", *_SKIPPED) and getattr(one, field.name) != getattr(other, field.name):
             was, now = (_header_text(chart, field.name) for chart in (one, other))
@@ -53,13 +55,21 @@ def map_differences(one: RegisterMap, other: RegisterMap) -> Iterator[str]:
             yield f"- {where} {before.name} ({before.type})"
         elif before is None and after is not None:
             yield f"+ {where} {after.name} ({after.type})"
-        elif before is not None and after is not None and before != after:
-            old, new = cells_of(before, "ABCD"), cells_of(after, "ABCD")
-            names = dict.fromkeys([*old, *new])
-            changed = [
-                f"{n} {old.get(n, '')!r} -> {new.get(n, '')!r}" for n in names if old.get(n, "") != new.get(n, "")
-            ]
+        elif before is not None and after is not None and (changed := list(_changes(before, after))):
             yield f"* {where} {after.name}: {', '.join(changed)}"
+
+
+def _changes(before: MappedValue, after: MappedValue) -> Iterator[str]:
+    """The columns of a value that differ."""
+    old, new = cells_of(before, "ABCD"), cells_of(after, "ABCD")
+    drafts = [cells for row, cells in ((before, old), (after, new)) if _SURENESS in row.other]
+    skipped = {_SURENESS, "description"} if drafts else set()
+    if len(drafts) == 1:
+        skipped |= {"name", *(name for name in (*old, *new) if not drafts[0].get(name))}
+    for name in dict.fromkeys([*old, *new]):
+        was, now = old.get(name, ""), new.get(name, "")
+        if was != now and name not in skipped:
+            yield f"{name} {was!r} -> {now!r}"
 
 
 def _header_text(chart: RegisterMap, name: str) -> str:

@@ -62,7 +62,7 @@ EDGE: Final = r"(?<![0-9A-Za-z_.])"
 END: Final = r"(?![0-9A-Za-z_])"
 _DIGIT: Final = re.compile(
     r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?![A-Za-z])|\\|><|\^[@-_]|[A-Za-z+/]{6}=|"
-    r"(?<![\w+/])(?=[A-Za-z+/]*[a-z/+][A-Z])(?:[A-Za-z+/]{4}){2,}(?![\w+/])"  # base64 may have no digit
+    r"(?<![\w+/])(?=[A-Z+/]+(?![\w+/])|[A-Za-z+/]*[a-z/+][A-Z])(?:[A-Za-z+/]{4}){2,}(?![\w+/])"  # base64
 )
 _SHORT: Final = re.compile(rf"(?<![0-9A-Za-z]){H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
 _CLOSED: Final = re.compile(r"^\s*\d[\s\d,]*(?:[\])}]|$)")

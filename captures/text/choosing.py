@@ -106,12 +106,15 @@ class Experience:
     reports: set[tuple[str, ...]] = field(default_factory=set)  # labels and shapes of two reports of the same bytes
     columns: dict[str, tuple[int, str]] = field(default_factory=dict)  # of lines alike: which number, read how
     numbers: dict[str, tuple[int, str]] = field(default_factory=dict)  # the same of lines without words
+    named: dict[str, tuple[int, str]] = field(default_factory=dict)  # of lines that name a field of a frame
     fields: dict[str, int] = field(default_factory=dict)  # of lines of fields alike: which of them are bytes
+    tails: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of check values behind their frames
     growing: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of buffers shown at each arrival
     in_vain: int = 0  # rows of numbers whose columns were searched without finding anything
     right: dict[tuple[str, str], int] = field(default_factory=dict)
     mail: bool = False  # it is as mails are sent: `=3D`, and `=` where a line goes on
     threshold: Writing = Writing.BYTES
+    meanings: bool = False  # a byte a line beside what it means is bytes: there is nothing else
     decimals: bool = False  # lists of decimal numbers are bytes: there is nothing else
     other: bool = False  # there are bytes that are beyond doubt
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from functools import lru_cache
-from itertools import accumulate, groupby, takewhile
+from itertools import accumulate, groupby, pairwise, takewhile
 from typing import Final, NamedTuple
 
 from .candidates import H, Writing
@@ -19,6 +19,7 @@ JOINED: Final = "joined"  # how numbers of a column are read, besides as hex or 
 _BETWEEN: Final = (" ", "  ", ", ")  # bytes of one field
 MOST_ROWS: Final = 600  # of one column, or of one array
 _FRAME: Final = 260  # bytes
+_LEAST: Final = 3  # bytes: fewer are no frame
 _FEW: Final = 4  # bytes, up to which numbers beside one another may look like them
 _COLUMN: Final = 4  # lines, or fields, that can hold a frame a byte each
 _MOST_COLUMNS: Final = 4  # from either side of a line
@@ -30,11 +31,15 @@ _TOKEN: Final = re.compile(
 )
 _FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)")
 _LETTERS: Final = re.compile(r"[g-zG-Z]")
+_FIELDS: Final = 3  # names that make a list of a frame's fields
+_COUNTED: Final = "[0]= [1]= [2]="  # lines of bytes with their numbers, whatever their length
+_OCTETS: Final = "b'' b'' b''"
+_IN_DECIMAL: Final = -1
 _PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is looked for in the columns of a text
 _LONGEST_ROW: Final = 2048  # characters
 _REMEMBERED: Final = 512  # lines, as logs repeat themselves
 _NUMBER: Final = re.compile(  # with the character that it is: 'k', (k), (^A), (M-1)
-    rf"0[xX]{H}+|(?<![^\W_]){H}{{1,4}}[hH]?(?![^\W_])|\d+|'[^']'|(?<=\s)\((?:M-\d{{0,3}})?\^?\S?\)"
+    rf"0[xX]{H}+|(?<![^\W_])(?:{H}{{1,4}}|(?=[A-Fa-f]*\d){H}+)[hH]?(?![^\W_])|\d+|'(?:\\x{H}{{2}}|\\?[^'])'|(?<=\s)\((?:M-\d{{0,3}})?\^?\S?\)"
 )
 
 
@@ -155,25 +160,30 @@ def _fields_of(line: LogLine, tokens: Sequence[_Token], judge: Judge, experience
 
     Only of fields that are `named` one may be a name. Lines like one that was a frame are read as it was.
     """
-    if (counted := _counted(tokens)) is not None:
+    counted = _counted(tokens)
+    octets = sum(token.octet is not None for token in tokens)
+    if counted is not None:
         tokens = counted
         values = [token.decimal for token in tokens]
-        if None not in values and _exactly(data := b"".join(filter(None, values)), judge):
-            _take_tokens(line, tokens, data)
+        data = b"" if None in values else b"".join(filter(None, values))
+        right = len(data) > _LEAST and _exactly(data, judge)
+        if right or (data and experience.fields.get(_COUNTED) == _IN_DECIMAL):
+            _take_tokens(line, tokens, data, checked=right)
+            experience.fields.setdefault(_COUNTED, _IN_DECIMAL)
             return
-    elif len(_FIELD.findall(line.clean)) < _COLUMN and sum(token.octet is not None for token in tokens) < _COLUMN:
+    elif len(_FIELD.findall(line.clean)) < _COLUMN and octets < _COLUMN:
         return
     plain = [token for token in tokens if not token.is_name]
     ways = (tokens, tokens[1:], plain, plain[1:])
     readings = [_in_hex(some) for some in (ways if named else ways[:1])]
-    skeleton = _skeleton(line)
+    skeleton = _COUNTED if counted is not None else _OCTETS if octets == len(tokens) else _skeleton(line)
     for i, (some, data) in enumerate(zip(ways, readings, strict=False)):
-        if 3 < len(data) <= _FRAME and _exactly(data, judge):
+        if _LEAST < len(data) <= _FRAME and _exactly(data, judge):
             _take_tokens(line, some, data)
             experience.fields.setdefault(skeleton, i)
             return
     known = experience.fields.get(skeleton, len(ways))
-    if known < len(readings) and 3 < len(data := readings[known]) <= _FRAME:
+    if 0 <= known < len(readings) and _LEAST < len(data := readings[known]) <= _FRAME:
         _take_tokens(line, ways[known], data, checked=False)
 
 
@@ -221,13 +231,33 @@ def _column_of(lines: list[LogLine], judge: Judge, experience: Experience) -> No
         signs = {skeleton for line in lines if not any(map(str.isalpha, skeleton := _skeleton(line)))}
         if found is not None:
             experience.numbers.update(dict.fromkeys(signs, found))
-    for line in lines:
-        if not _taken([line]) and (known := experience.numbers.get(_skeleton(line))) is not None:
-            _take_column([line], *known)
+            inside = {_skeleton(line) for line in lines if _taken([line])}
+            experience.named.update(dict.fromkeys(inside - signs - set(experience.columns), found))
+    _take_known(lines, experience)
     if _taken(lines):
         experience.in_vain = 0
     elif experience.in_vain <= _PATIENCE:
         experience.in_vain += len(lines)
+
+
+def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
+    """Lines like those of frames are read as those were, though their check value is wrong.
+
+    Where most fields of a frame are known by their names, so are those between. A name that comes again begins a frame.
+    """
+    names = [_skeleton(line) for line in lines]
+    known = [experience.numbers.get(name) or experience.named.get(name) for name in names]
+    fields = {name for name, way in zip(names, known, strict=True) if way is not None and any(map(str.isalpha, name))}
+    ways = {way for way in known if way is not None}
+    if len(ways) == 1 and len(fields) >= _FIELDS and 2 * sum(way is not None for way in known) > len(lines):
+        known = [*ways] * len(lines)
+    named: set[str] = set()
+    for i, (line, name, way) in enumerate(zip(lines, names, known, strict=True)):
+        if way is None or _taken([line]) or _holds_bytes(line):
+            continue
+        _take_column([line], *way)
+        line.continues = i > 0 and name in fields - named and _taken([lines[i - 1]]) > 0
+        named = named | {name} if line.continues else {name}
 
 
 def _taken(lines: Sequence[LogLine]) -> int:
@@ -313,4 +343,56 @@ def _take_tokens(line: LogLine, tokens: Sequence[_Token], data: bytes, *, checke
     label = label_in(line.clean[max(start - 56, 0) : start])
     run = ByteRun(data, start, end, COLUMN_SHAPE, Writing.NUMBER, label, mark, taken=True)
     run.checked = (Checked(0, len(data)),) if checked else ()
-    line.runs = [run]
+    line.runs, line.problem = [run], None
+
+
+def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
+    """A byte or a field a line without a check value behind them.
+
+    Lines of nothing but one or two hex digits; and, where a text holds nothing that is plainer, bytes beside what each
+    means: `0x01 -> unit`. Numbers that only rise or fall count something, and are none.
+    """
+    for _, same in groupby(lines, lambda line: bool(_tokens(line)) and not _is_right(line) and not _holds_bytes(line)):
+        group = list(same)
+        table = [_tokens(line, JOINED) for line in group]
+        if len(group) < _COLUMN or not all(table):
+            continue
+        bare = all(tokens[0].digits == line.clean.strip() for line, tokens in zip(group, table, strict=True))
+        named = _are_numbered(table) or len({_skeleton(line) for line in group}) >= _FIELDS
+        if not bare and not (experience.meanings and named):
+            continue
+        for i in (0, -1):
+            column = [tokens[i] for tokens in table]
+            parts = [token.hexadecimal for token in column]
+            if None not in parts and _are_written_as_bytes(column, bare=bare) and not _counts_on(parts):
+                for line, token, part in zip(group, column, parts, strict=True):
+                    _take_tokens(line, [token], part or b"", checked=False)
+                    line.continues = line is not group[0] and line.t_ns == group[0].t_ns
+                break
+
+
+def _are_numbered(table: Sequence[Sequence[_Token]]) -> bool:
+    """Whether lines begin with their numbers, from 0 or 1 on."""
+    numbers = [tokens[0].digits for tokens in table if len(tokens) > 1]
+    return any(numbers == [*map(str, range(first, first + len(table)))] for first in (0, 1))
+
+
+def _are_written_as_bytes(column: Sequence[_Token], *, bare: bool) -> bool:
+    if any(token.is_name or len(token.digits) > 2 * _FEW for token in column):
+        return False
+    if bare:
+        return all(len(token.digits) < 3 for token in column) and any(_plainly_hex(token) for token in column)
+    if all(token.signed for token in column):
+        return True
+    wide = all(len(token.digits) % 2 == 0 and not token.signed for token in column)
+    return wide and 2 * sum(_plainly_hex(token) for token in column) >= len(column)
+
+
+def _plainly_hex(token: _Token) -> bool:
+    return len(token.digits) > 1 and (token.digits[0] == "0" or not token.digits.isdigit())
+
+
+def _counts_on(parts: Sequence[bytes | None]) -> bool:
+    values = [int.from_bytes(part or b"", "big") for part in parts]
+    steps = [later - earlier for earlier, later in pairwise(values)]
+    return min(steps) >= 0 or max(steps) <= 0

@@ -26,11 +26,13 @@ _SIGNED: Final = re.compile(
 _WORDS: Final = re.compile(
     rf"(?<![0-9A-Za-z_.#@])(?:{H}{{2}}){{2,}}(?:(?P<gap>[ \t]{{1,2}})(?:{H}{{2}})+(?:(?P=gap)(?:{H}{{2}})+)*)?{_GLUED}"
 )
+_BETWEEN: Final = r"(?:[\s,;|'\"\\]{0,4}|[-:/.]|\][ \t]?\[|>[ \t]?<|\}[ \t]?\{|\)[ \t]?\()"  # of signed bytes
 _PREFIXED: Final = re.compile(
-    rf"{EDGE}(?P<sign>{_SIGN})(?P<first>{H}+)[uU]?['\"]?(?:[\s,;|'\"\\]{{0,4}}(?P=sign){H}+[uU]?['\"]?)*{_GLUED}"
+    rf"{EDGE}(?P<sign>{_SIGN})(?P<first>{H}+)[uU]?['\"]?(?:{_BETWEEN}(?P=sign){H}+[uU]?['\"]?)*{_GLUED}"
 )
 _SUFFIXED: Final = re.compile(rf"{EDGE}(?:0(?=[A-Fa-f]))?{H}{{2}}[hH](?:[\s,;-]+(?:0(?=[A-Fa-f]))?{H}{{2}}[hH])+{END}")
 _ASCII: Final = re.compile(rf"(?<![0-9A-Za-z_]):((?:{H}{{2}}){{3,300}}){END}")
+_BITS: Final = re.compile(r"0[bB][01]{8}$")
 _ASCII_APART: Final = re.compile(rf"(?:^|[:>|=])[ \t]*(?P<frame>:(?:[ \t]?{H}{{2}}){{3,300}}){END}")
 _ROW_OF_WORDS: Final = re.compile(rf"{H}{{7,8}} +{H}{{4}}\s*$")
 _COMMON_SIGNS: Final = ("%", "$", "x", "X", "h", "H")
@@ -202,7 +204,8 @@ def _suffixed(text: str) -> Iterator[HexWindow]:
 def _ascii_frames(text: str) -> Iterator[HexWindow]:
     """`:1103006B00037E`, `: 11 03 00 6B 00 03 7E`"""
     for match in _ASCII.finditer(text):
-        yield HexWindow(match[0].encode() + b"\r\n", *match.span(), "ascii", Writing.BYTES, ascii=True)
+        level = Writing.NUMBER if _BITS.match(match[1]) else Writing.BYTES
+        yield HexWindow(match[0].encode() + b"\r\n", *match.span(), "ascii", level, ascii=True)
     for match in _ASCII_APART.finditer(text):
         frame = "".join(match["frame"].split())
         if len(frame) < len(match["frame"]):  # its LRC must be right, and no bit of it may be an RTU frame

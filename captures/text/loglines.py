@@ -205,7 +205,8 @@ class LineReader:
             self._received = self._received or match["mark"].lower() == "recv"
             if self._received and match["mark"].lower() == "processing":
                 return line
-        run = self._payload(groups["hex"], shape)
+        label = f"{shape.tool} {groups.get('mark') or ''}".lower()
+        run = self._payload(groups["hex"], shape, label)
         self._heading = None
         if run is None:
             return line if not _WORD.search(groups["hex"]) else None
@@ -215,17 +216,24 @@ class LineReader:
         if length is not None:
             run.data = run.data[: max(length, 0)]
         if run.data:
-            run.mark, run.sure, run.label = mark, True, f"{shape.tool} {groups.get('mark') or ''}".lower()
+            run.mark, run.sure, run.label = mark, True, label
             line.runs, line.quiet = [run], False
         return line
 
-    def _payload(self, text: str, shape: Shape) -> ByteRun | None:
-        """The bytes of a tool's line, in whatever shape they stand in it."""
+    def _payload(self, text: str, shape: Shape, label: str) -> ByteRun | None:
+        """The bytes of a tool's line, in whatever shape they stand; what was right in lines like it goes first."""
         if shape.role is LineRole.STRING:
             return ByteRun(unescape(text), 0, len(text), "\\x", Writing.BYTES)
         _, runs = self._searched(text)
+        trusted = False
+        for run in runs:
+            shapes = {run.shape: run} | {other.shape: other for other in run.others}
+            known = max(shapes, key=lambda shape: self.experience.trust(label, shape, direct=False))
+            if not run.checked and self.experience.trust(label, known, direct=False):
+                run.take(shapes[known])
+                trusted = True
         best = max(runs, key=lambda run: (bool(run.checked), run.level, len(run.data)), default=None)
-        if best is not None and best.level is Writing.NUMBER and not best.checked and len(best.data) > 1:
+        if best is not None and best.level is Writing.NUMBER and not (best.checked or trusted) and len(best.data) > 1:
             return None
         return best
 

@@ -36,6 +36,7 @@ _BROKEN: Final = re.compile(rf"(?: {H}{{2}}){{4}} {H}$")
 _BEGUN: Final = re.compile(rf"{H}(?:(?: {H}{{2}}){{2}}|(?: {H}{{2}})?\s*$)")
 _FOLDED: Final = (60, 76)  # characters of a line that a mail folds
 _MOST_FOLDED: Final = 64  # lines into one
+_PLAIN_PAIRS: Final = ("pairs", "pairs-", "pairs:", "pairs,")
 _STRETCH: Final = 512  # lines that are settled together
 _MOST: Final = 1 << 18  # characters of a line that is searched at once
 _ADDRESS: Final = re.compile(r"\d{1,3}(?:\.\d{1,3}){3}")  # of a network
@@ -119,6 +120,9 @@ class LogReader:
                 break
         else:
             experience.threshold, experience.decimals = _STANDARDS[0]
+            experience.meanings = True
+            settle(read, self._judge, experience)
+            experience.meanings = experience.other = any(run.taken for line in read for run in line.runs)
         self._lines = self._line_reader()
         self._lines.zoneless = reader.zoneless
         return [content for line in read for content in _contents(line)]
@@ -251,7 +255,9 @@ def _contents(line: LogLine) -> Iterator[Piece | UnreadLine]:
 
 def _is_left(run: ByteRun) -> bool:
     """Whether a run beside others looks like bytes and was not read, and no word was said of it."""
-    return not run.taken and run.why is None and run.level > Writing.NUMBER
+    if run.taken or run.why is not None:
+        return False
+    return run.level > Writing.NUMBER or (run.shape in _PLAIN_PAIRS and len(run.data) > 1)
 
 
 def _why(line: LogLine) -> tuple[str, bool]:

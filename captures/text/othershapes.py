@@ -303,7 +303,7 @@ def _binary(text: str) -> Iterator[HexWindow]:
 def _base64(text: str) -> Iterator[HexWindow]:
     """`EQMAawADdoc=`"""
     for match in _BASE64.finditer(text):
-        word = _PLAIN_WORD.fullmatch(match[0]) and not (match[0].isupper() and text[match.start() - 1] in "\"'")
+        word = _PLAIN_WORD.fullmatch(match[0]) and not match[0].isupper()
         if len(match[0]) < _LEAST_BASE64 or word:
             continue
         from base64 import b64decode

@@ -14,15 +14,16 @@ from typing import Final
 
 from .candidates import HexWindow, Writing
 from .choosing import MOST_JUDGED, ByteRun, Experience, Judge
-from .columns import MOST_ROWS, settle_columns
+from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns, settle_unchecked
 from .copies import settle_copies
 from .loglines import LogLine
-from .rows import is_ruler
+from .rows import is_ruler, shows
 
 _TAIL: Final = 260  # bytes without a right check value that a later run may complete
 _TAIL_RUNS: Final = 4
 _TAIL_LINES: Final = 16
 _ADDRESS: Final = 4  # numbers of an IP address
+_ROWS: Final = (8, 16, 20, 32)  # bytes of a full row
 _NEAR: Final = 5  # lines between a count and the bytes that it counts
 _SHORT: Final = 3  # bytes: no more where text stands behind them
 
@@ -35,9 +36,12 @@ def settle(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> No
     _counts(lines)
     _beside(lines)
     settle_columns(lines, judge, experience)
-    _blocks(lines, judge)
+    _blocks(lines, judge, experience)
     _rows_of_dumps(lines, judge)
     _tails(lines, judge, experience)
+    settle_unchecked(lines, experience)
+    _ends_of_arrays(lines)
+    _bytes_alone(lines)
     settle_copies(lines, experience)
 
 
@@ -54,9 +58,16 @@ def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> b
         return True
     if experience.decimals and run.shape == "decimal" and _plainly_decimal(line.clean[run.start : run.end]):
         return True
+    readings: tuple[ByteRun | HexWindow, ...] = (run, *run.others) if run.label else ()
+    for reading in readings:
+        if (run.label, reading.shape) in experience.tails:
+            run.take(reading)
+            return True
     if not experience.trust(run.label, run.shape, direct=run.direct):
         return False
-    return _is_all(run, line) if not run.label else len(run.data) > _SHORT or _ends(line, run)
+    if not run.label:
+        return run.offset is not None or _is_all(run, line) or (_begins(line, run) and _closes(line, run))
+    return len(run.data) > _SHORT or _ends(line, run)
 
 
 def _counts(lines: Sequence[LogLine]) -> None:
@@ -107,21 +118,27 @@ def _beside(lines: Sequence[LogLine]) -> None:
 # Arrays over several lines.
 
 
-def _blocks(lines: Sequence[LogLine], judge: Judge) -> None:
+def _blocks(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> None:
     """Runs that fill lines one below the other, read in another way where that makes right what is not."""
     block: list[tuple[LogLine, ByteRun]] = []
     for line in [*lines, None]:
-        if line is not None and line.runs and block and _begins(line, line.runs[0]) and len(block) < MOST_ROWS:
+        if line is not None and line.runs and block and _goes_on(line) and len(block) < MOST_ROWS:
             block.append((line, line.runs[0]))
             if _ends(line, line.runs[-1]) and len(line.runs) == 1:
                 continue
         if len(block) > 1:
-            _reread(block, judge)
+            _reread(block, judge, experience)
         block = [(line, line.runs[-1])] if line is not None and line.runs and _opens(line, line.runs[-1]) else []
 
 
 def _begins(line: LogLine, run: ByteRun) -> bool:
     return not any(char.isalnum() for char in line.clean[: run.start]) or run.offset is not None
+
+
+def _goes_on(line: LogLine) -> bool:
+    """Whether a line begins with bytes, and is not the first row of a dump."""
+    run = line.runs[0]
+    return _begins(line, run) and (run.offset is None or run.offset.strip("0") != "")
 
 
 def _opens(line: LogLine, run: ByteRun) -> bool:
@@ -132,7 +149,12 @@ def _ends(line: LogLine, run: ByteRun) -> bool:
     return run.offset is not None or not any(char.isalnum() for char in line.clean[run.end :])
 
 
-def _reread(block: list[tuple[LogLine, ByteRun]], judge: Judge) -> None:
+def _closes(line: LogLine, run: ByteRun) -> bool:
+    return line.clean[run.end :].lstrip()[:1] in ("]", "}", ")")
+
+
+def _reread(block: list[tuple[LogLine, ByteRun]], judge: Judge, experience: Experience) -> None:
+    """Rows that are right together in one shape are read in it, and so are those like them."""
     if any(run.checked for _, run in block):
         return
     readings = [_readings(run) for _, run in block]
@@ -146,6 +168,7 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: Judge) -> None:
             for (_, run), reading in zip(block, readings, strict=True):
                 run.take(reading[shape])
                 run.taken = True
+                experience.right[run.label, shape] = experience.right.get((run.label, shape), 0) + 1
             block[0][1].checked = checked
             return
 
@@ -187,6 +210,32 @@ def _readings(run: ByteRun) -> dict[str, ByteRun | HexWindow]:
     return readings
 
 
+def _ends_of_arrays(lines: Sequence[LogLine]) -> None:
+    """The rest of an array behind a comma, or of a dump below a full row, which is too short to speak for itself."""
+    for one, below in pairwise(lines):
+        if not one.runs or not below.runs or not one.runs[-1].taken or below.runs[0].taken or below.runs[0].why:
+            continue
+        above, run = one.runs[-1], below.runs[0]
+        if below.number - one.number > 1 or above.checked or not _begins(below, run) or run.halved:
+            continue
+        behind = below.clean[run.end :].strip(" \t|")
+        comma = one.clean[above.end :].strip() == "," and not any(map(str.isalnum, behind))
+        row = len(above.data) in _ROWS and above.start == run.start and (not behind or shows(run.data, behind))
+        if comma or (row and above.shape == run.shape and run.offset is None):
+            run.taken, below.continues = True, True
+
+
+def _bytes_alone(lines: Sequence[LogLine]) -> None:
+    """Bytes that come a line each, one below the other and alike, are one read."""
+    for one, below in pairwise(lines):
+        if len(one.runs) == len(below.runs) == 1 and below.number == one.number + 1 and below.t_ns == one.t_ns:
+            first, run = one.runs[0], below.runs[0]
+            alone = len(first.data) == len(run.data) == 1 and first.taken and run.taken
+            alike = (first.label, first.shape, first.mark) == (run.label, run.shape, run.mark)
+            if alone and alike and run.shape != COLUMN_SHAPE and not first.checked and not run.checked:
+                below.continues = True
+
+
 # What completes a frame that other output interrupted.
 
 
@@ -200,6 +249,7 @@ def _tails(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> No
         for run in alike:
             if not run.taken and open_runs and len(run.data) <= _TAIL and _completes(run, open_runs, judge):
                 key = (run.label, run.shape)
+                experience.tails.add(key)
                 experience.right[key] = experience.right.get(key, 0) + 1
                 open_runs = []
             elif run.taken:

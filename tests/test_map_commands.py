@@ -1,0 +1,134 @@
+"""The map commands as a user goes through them: a map out of a capture, checked against it, beside the true one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from running import ran, refused
+
+from analyzer.simulation import Scenario, write
+from dissectors.maps import map_text, read_map, shipped_map
+from dissectors.maps.model import RegisterMap
+
+DEVICES = ("eastron-sdm630", "huawei-sun2000", "abb-b23", "carlo-gavazzi-em340")
+
+
+@pytest.fixture(params=DEVICES)
+def device(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def bus(tmp_path: Path, device: str) -> Path:
+    path = tmp_path / "bus.jsonl"
+    write(Scenario("clean", "precise", transactions=700, seed=11, maps=(f"{device}@5",)), path)
+    return path
+
+
+@pytest.fixture
+def inferred(bus: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    path = bus.with_name("inferred.csv")
+    done = ran(capsys, "map", "infer", bus, "-o", path)
+    assert (done.status, done.err) == (0, "")
+    assert done.out == f"{path}: {len(read_map(path).rows)} values\n"
+    return path
+
+
+def test_an_inferred_map_agrees_with_its_capture(bus: Path, inferred: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    done = ran(capsys, "map", "check", inferred, bus)
+    assert (done.status, done.err) == (0, "")
+    *remarks, summary = done.out.splitlines()
+    assert summary == "0 contradictions in unit 5"
+    assert {remark.partition(":")[0] for remark in remarks} <= {"unmapped"}
+    zeros = [remark for remark in remarks if remark.endswith(": always 0")]
+    assert len(zeros) >= len(remarks) / 2  # what a draft leaves out says nothing
+
+
+def test_an_inferred_map_names_the_values_of_its_capture(
+    bus: Path, inferred: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row = next(row for row in read_map(inferred).rows if row.name.startswith("measurement"))
+    done = ran(capsys, "report", bus, "--map", f"{inferred}@5")
+    assert done.status == 0, done.err
+    assert row.name in done.out
+
+
+@pytest.mark.usefixtures("bus")
+def test_the_differences_from_the_true_map_are_facts(
+    device: str, inferred: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done = ran(capsys, "map", "diff", inferred, device)
+    assert (done.status, done.err) == (0, "")
+    changed = [line for line in done.out.splitlines() if line.startswith("* ")]
+    made_up = ("confidence", "description", " name ", " scale ", " unit ")
+    assert not [line for line in changed if any(word in line for word in made_up)]
+    drafted = {(row.area, row.address): row for row in read_map(inferred).rows if row.other["confidence"] > "0.9"}
+    drafted = {place: row for place, row in drafted.items() if row.name.split()[0] in ("measurement", "counter")}
+    true = {(row.area, row.address): row for row in shipped_map(device).rows}
+    both = [(drafted[place], true[place]) for place in drafted.keys() & true.keys()]
+    right = [(row, truth) for row, truth in both if (row.length, row.is_float) == (truth.length, truth.is_float)]
+    assert both
+    assert len(right) >= 0.9 * len(both)
+    for row, truth in right:  # a sign is beyond what values tell that were never below zero
+        said = [line for line in changed if line.startswith(f"* {row.area} {row.address} ")]
+        assert said == (
+            []
+            if row.type == truth.type
+            else [f"* {row.area} {row.address} {truth.name}: type {row.type!r} -> {truth.type!r}"]
+        )
+
+
+def test_a_map_with_the_other_word_order_is_contradicted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bus, wrong = tmp_path / "bus.jsonl", tmp_path / "wrong.csv"
+    write(Scenario("clean", "precise", transactions=700, seed=3, maps=("eastron-sdm630@5",)), bus)
+    right = shipped_map("eastron-sdm630")
+    text = map_text(right, "x.csv").replace("word_order: ABCD", "word_order: CDAB")
+    wrong.write_text(text)
+    assert ran(capsys, "map", "check", "eastron-sdm630", bus).out.splitlines()[-1] == "0 contradictions in unit 5"
+    done = ran(capsys, "map", "check", wrong, bus)
+    assert done.status == 1
+    remarks = done.out.splitlines()
+    assert sum(line.startswith("contradiction: unit 5 input ") for line in remarks) > 20
+    assert remarks[-1] == f"{sum(line.startswith('contradiction: ') for line in remarks)} contradictions in unit 5"
+    assert ran(capsys, "map", "diff", "eastron-sdm630", wrong).out.splitlines()[0] == "word_order: 'ABCD' -> 'CDAB'"
+
+
+def test_two_inferred_maps_differ_in_what_a_user_wrote(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    head = "area,address,name,type,scale,unit,description,confidence\n"
+    one, other = tmp_path / "one.csv", tmp_path / "other.csv"
+    one.write_text(
+        f"{head}input,0,measurement r0,u16,,,moves by itself,0.91\ninput,1,measurement r1,u16,,,moves,0.99\n"
+    )
+    other.write_text(f"{head}input,0,Voltage,u16,0.1,V,moves by itself,0.97\ninput,1,measurement r1,s16,,,still,0.62\n")
+    assert ran(capsys, "map", "diff", one, other).out.splitlines() == [
+        "* input 0 Voltage: name 'measurement r0' -> 'Voltage', scale '' -> '0.1', unit '' -> 'V'",
+        "* input 1 measurement r1: type 'u16' -> 's16'",
+    ]
+    assert ran(capsys, "map", "diff", one, one).out == "no differences\n"
+
+
+def test_what_cannot_be_inferred_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bus = tmp_path / "bus.jsonl"
+    write(Scenario("clean", "precise", transactions=60, seed=1, maps=("xy-md02@1", "xy-md02@2")), bus)
+    out = tmp_path / "out.csv"
+    assert "units with values: 1, 2" in refused(capsys, "map", "infer", bus, "-o", out)
+    assert "units with values: 1, 2" in refused(capsys, "map", "infer", bus, "-o", out, "--unit", "9")
+    assert "a map is a .csv or a .yaml file" in refused(capsys, "map", "infer", bus, "-o", tmp_path / "x.xlsx")
+    assert not out.exists()
+
+
+def test_unmapped_registers_that_hold_something_are_told_from_zeros() -> None:
+    import numpy as np
+
+    from analyzer.registers.checking import check_map
+    from analyzer.registers.readings import RegisterReadings
+
+    readings = RegisterReadings()
+    readings.put(1, "input", 10, np.array([[0, 0, 0], [0, 0, 0]], np.uint16))
+    readings.put(1, "input", 20, np.array([[0, 0], [0, 7]], np.uint16))
+    remarks = check_map(readings, {1: RegisterMap("empty", ())})
+    assert [(one.address, one.words, one.text) for one in remarks] == [
+        (10, 3, "asked for, but not in the map: always 0"),
+        (20, 2, "asked for, but not in the map"),
+    ]
