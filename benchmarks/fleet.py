@@ -21,8 +21,9 @@ from pathlib import Path
 import numpy as np
 
 import captures
-from analyzer.fleet.batch import BatchResult, run_batch
+from analyzer.fleet.batch import BatchResult, compact_lake, run_batch
 from analyzer.fleet.datasets import DATASETS
+from analyzer.fleet.lake import Lake
 from analyzer.fleet.manifest import Manifest
 from analyzer.fleet.runners import ProcessPool, in_this_process
 from analyzer.fleet.sources import found, lines_of
@@ -118,11 +119,24 @@ def questions(folder: Path, frames: int, days: int, transactions: int) -> None:
         make_corpus(source, 1, days, transactions)
         made = timed_batch(source, month, 1)
         link_sites(month, lake, -(-frames // made.frames))
-    from analyzer.fleet.lake import Lake
+    tell_questions(Lake(str(lake)))
+    begun = time.process_time()
+    packed = compact_lake(store(str(lake)))
+    worked = time.process_time() - begun
+    print(f"{packed.before:,} files are {packed.after:,} now: {worked:.0f} s of CPU, {peak_mb():,.0f} MB")
+    tell_questions(Lake(str(lake)))
 
-    large = Lake(str(lake))
-    rows = sum(line.rows("frames") for line in large.manifest.lines.values())
-    files = sum(len(large.files(table)) for table in DATASETS)
+
+def peak_mb() -> float:
+    """The most memory of this process."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def tell_questions(large: Lake) -> None:
+    """What each costs."""
+    lake = Path(large.store.root)
+    rows = sum(large.manifest.rows("frames").values())
+    files = sum(len(large.files(table).names) for table in DATASETS)
     print(f"{rows:,} frames in {len(large.sites)} sites, {files:,} files")
     ((unit, address),) = large.sql("SELECT unit, address FROM values WHERE site = 'site-0000' LIMIT 1").fetchall()
     for words in READY:

@@ -12,6 +12,7 @@ from analyzer.causes.model import Cause
 from analyzer.causes.reasoning import causes_of
 from analyzer.core import analyse
 from analyzer.simulation.field.bench import SECOND, Bench, Expected, FieldCapture, read_pdu, site
+from analyzer.simulation.field.cases.registry import field_cases
 from analyzer.simulation.field.master import FieldPoll
 from captures.chunks import Capture, Chunk
 
@@ -79,6 +80,44 @@ def test_a_unit_that_falls_silent_while_others_answer_restarts() -> None:
 
 def test_units_that_fall_silent_all_at_once_do_not_restart_each_for_itself() -> None:
     found = _causes(_silence(_bench(polls=3), lambda t: 10 * SECOND < t % (20 * SECOND) < 14 * SECOND, SILENT, *OTHERS))
-    assert _named(found) == [("all-silent", ())]
+    assert [cause.cause for cause in found] == ["all-silent"]
+    assert sorted(found[0].units) == [SILENT, *OTHERS]
     assert found[0].lost_answers is not None
     assert "5, 6, 7, 8" in found[0].text
+
+
+def test_a_part_of_the_bus_that_is_cut_off_is_one_cause() -> None:
+    found = _causes(_silence(_bench(), lambda t: t >= 30 * SECOND, SILENT, OTHERS[0]))
+    assert [cause.cause for cause in found] == ["all-silent"]
+    assert sorted(found[0].units) == [SILENT, OTHERS[0]]
+    assert "while others answered" in found[0].text
+    assert found[0].since_ns is not None
+    assert 29 * SECOND < found[0].since_ns < 31 * SECOND
+
+
+def test_units_that_die_at_different_times_are_dead_each_for_itself() -> None:
+    bench = _bench()
+    for unit in bench.units.values():
+        begin = {SILENT: 20, OTHERS[0]: 40}.get(unit.unit, 100) * SECOND
+        unit.silent = lambda t, begin=begin: t >= begin  # type: ignore[misc]
+    found = _causes(bench.run(Expected(None)))
+    assert sorted(_named(found)) == [("dead-unit", (SILENT,)), ("dead-unit", (OTHERS[0],))]
+
+
+def test_one_long_silence_is_told_as_one() -> None:
+    found = _causes(_silence(_bench(), lambda t: 20 * SECOND < t < 35 * SECOND, SILENT))
+    assert _named(found) == [("unit-restarts", (SILENT,))]
+    assert "once" in found[0].text
+    assert found[0].period_s is None
+
+
+@pytest.mark.parametrize("case", ["healthy-scan", "healthy-paused-master"])
+@pytest.mark.parametrize("seed", [0, 2, 7])
+def test_a_search_for_units_and_a_pause_of_the_client_are_no_faults(case: str, seed: int) -> None:
+    assert not _causes(field_cases()[case].capture("precise", seed))
+
+
+def test_a_client_that_goes_on_as_soon_as_before_hears_answers_that_the_tap_does_not() -> None:
+    found = _causes(field_cases()["tap-loses-answers"].capture("precise", 3))
+    assert _named(found) == [("tap-one-direction", ())]
+    assert found[0].lost_answers == 0

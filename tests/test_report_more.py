@@ -140,7 +140,7 @@ def test_the_report_speaks_russian(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", str(SAMPLES / "troubled.jsonl"), "--lang", "ru"]) == 0
     page = capsys.readouterr().out
     assert "что не так" in page
-    assert "Устройства 1, 2, 17" in page
+    assert "Устройства 1, 2, 9, 17 замолкают" in page
 
 
 @pytest.mark.parametrize("octets", [2000, 100])

@@ -14,6 +14,7 @@ from ..tables.timebins import TimeBins
 _PARTS: Final = 256
 _FIRST_NS: Final = 100_000_000
 _SPELLS: Final = 256  # that are remembered singly
+_DOUBTFUL: Final = 0.25  # of a spell
 
 
 class TimeGrid(TimeBins):
@@ -37,11 +38,20 @@ class TimeGrid(TimeBins):
 
 @dataclass(slots=True)
 class Spell:
-    """Consecutive exchanges that ended alike: first and last time (ns), how many."""
+    """Consecutive exchanges that ended alike: first and last time (ns), how many; the times of the exchanges before and
+    behind them, None where there was none; `doubtful`: how many among them of which nobody knows."""
 
     begin: int
     end: int
     count: int
+    after: int | None = None
+    before: int | None = None
+    doubtful: int = 0
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether few of its exchanges are doubtful."""
+        return self.doubtful <= _DOUBTFUL * self.count
 
 
 class Spells:
@@ -52,21 +62,38 @@ class Spells:
         self.single = 0  # outcomes that stood alone
         self.more = 0  # spells beyond those remembered
         self._open: Spell | None = None
+        self._well: int | None = None  # the time of the newest exchange that ended otherwise
+        self._doubtful = 0  # exchanges so far
+        self._seen = 0  # of them before the open spell
 
-    def add(self, hits: NDArray[np.bool_], times: NDArray[np.int64]) -> None:
-        """The next exchanges: whether each ended so, and when."""
-        if not hits.any():
-            self._end()
+    def pass_over(self, time: int) -> None:
+        """The next exchanges, the newest of which was then, ended otherwise; none goes on."""
+        self._well = time
+
+    def add(self, hits: NDArray[np.bool_], times: NDArray[np.int64], doubtful: NDArray[np.bool_] | None = None) -> None:
+        """The next exchanges: whether each ended so, and when; doubtful ones end no run and make none longer."""
+        seen = np.full(len(hits), self._doubtful)
+        if doubtful is not None and doubtful.any():
+            seen += doubtful.cumsum()
+            self._doubtful, known = int(seen[-1]), ~doubtful
+            hits, times, seen = hits[known], times[known], seen[known]
+        if not len(hits):
             return
+        if self._open is not None and not hits[0]:
+            self._open.before = int(times[0])
+            self._end()
         edges = np.flatnonzero(np.diff(np.concatenate(([False], hits, [False])).astype(np.int8)))
         for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-            if begin or self._open is None:
+            if self._open is None:
+                after = int(times[begin - 1]) if begin else self._well
+                self._open, self._seen = Spell(int(times[begin]), 0, 0, after), int(seen[begin])
+            self._open.end, self._open.count = int(times[end - 1]), self._open.count + end - begin
+            self._open.doubtful = int(seen[end - 1]) - self._seen
+            if end < len(hits):
+                self._open.before = int(times[end])
                 self._end()
-                self._open = Spell(int(times[begin]), int(times[end - 1]), end - begin)
-            else:
-                self._open.end, self._open.count = int(times[end - 1]), self._open.count + end - begin
         if not hits[-1]:
-            self._end()
+            self._well = int(times[-1])
 
     def _end(self) -> None:
         spell, self._open = self._open, None
@@ -81,11 +108,17 @@ class Spells:
 
     @property
     def all(self) -> list[Spell]:
-        """All that are remembered, the one that still goes on among them."""
-        lasting = self._open is not None and self._open.count > 1
-        return [*self.spells, *([self._open] if lasting and self._open is not None else [])]
+        """All that are remembered and sure, the one that still goes on among them."""
+        lasting = self.lasting
+        found = [*self.spells, *([lasting] if lasting is not None and lasting.count > 1 else [])]
+        return [spell for spell in found if spell.is_sure]
+
+    @property
+    def is_open(self) -> bool:
+        """Whether one goes on."""
+        return self._open is not None
 
     @property
     def lasting(self) -> Spell | None:
-        """The one that goes on."""
-        return self._open
+        """The one that goes on, if it is sure."""
+        return self._open if self._open is not None and self._open.is_sure else None

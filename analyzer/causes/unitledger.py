@@ -96,10 +96,12 @@ class UnitLedger:
                 self.first_answer = int(times[np.argmax(good)])
             self.last_answer = int(times[len(good) - 1 - np.argmax(good[::-1])])
             self._add_answers(mine if every == len(mine) else mine[good], timed=timed, hole_ns=hole_ns)
-        if counts[_SILENT] or self.silences.lasting is not None:
+        if counts[_SILENT] or counts[_GARBAGE] or self.silences.is_open:
             heard = outcome != _UNHEARD  # an answer that nobody could hear ends no silence
-            self.silences.add(outcome[heard] == _SILENT, times[heard])
-        if counts[_EXCEPTION] or self.refusals.lasting is not None:
+            self.silences.add(outcome[heard] == _SILENT, times[heard], outcome[heard] == _GARBAGE)
+        elif every:
+            self.silences.pass_over(int(times[-1]))
+        if counts[_EXCEPTION] or self.refusals.is_open:
             busy = BUSY[mine.exception]
             self.busy += int(np.count_nonzero(busy))
             self.refusals.add(busy, times)

@@ -15,6 +15,7 @@ from .terminal import interruptible, places, say_in_place, tell
 
 if TYPE_CHECKING:
     from ..fleet.batch import BatchResult, BatchStep
+    from ..fleet.packs import LakePacking
     from ..fleet.runners import Runner
     from ..fleet.tasks import BatchOptions
 
@@ -28,12 +29,17 @@ _TOLD = 20  # troubles; the rest are counted
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument(
-        "source", metavar="SOURCE", nargs="+", help="captures: files, folders, globs, s3://, gs:// ... (needs fsspec)"
+        "source", metavar="SOURCE", nargs="*", help="captures: files, folders, globs, s3://, gs:// ... (needs fsspec)"
     )
     parser.add_argument("-o", "--output", metavar="LAKE", required=True, help="the lake: a folder or an object store")
     parser.add_argument("--resume", action="store_true", help="go on with a lake that is there: nothing is done twice")
     parser.add_argument(
         "--redo", action="store_true", help="with --resume: make anew what another version or other options made"
+    )
+    parser.add_argument(
+        "--compact",
+        action="store_true",
+        help="make all small files of the lake into larger ones, with a SOURCE or none (done unasked where many are)",
     )
     add_fleet_arguments(parser)
 
@@ -64,12 +70,17 @@ def _workers(text: str) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Make it, or go on with it."""
-    from ..fleet.batch import run_batch
+    from ..fleet.batch import compact_lake, run_batch
     from ..fleet.manifest import Manifest
     from ..fleet.sources import found, lines_of
     from ..fleet.stores import store
 
     lake = store(arguments.output)
+    if not arguments.source:
+        if not arguments.compact:
+            raise UsageError("which captures? SOURCE is a file, a folder, a glob, s3://... (or --compact alone)")
+        _tell_packed(compact_lake(lake))
+        return DONE
     if not arguments.resume and Manifest(lake).newest:
         raise UsageError(f"{arguments.output}: is a lake already: go on with it by --resume")
     lines = lines_of(found(arguments.source), arguments.site, arguments.site_from)
@@ -80,6 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
             batch_options(arguments),
             chosen_runner(arguments),
             redo=arguments.redo,
+            compact=arguments.compact,
             progress=shown_progress("batch"),
             stop=stop,
         )
@@ -139,3 +151,12 @@ def tell_result(result: BatchResult) -> None:
         f"{result.captures:,} captures of {result.lines:,} lines taken in{skipped}: {result.frames:,} frames, "
         f"{result.octets / 1e6:,.1f} MB of the line in {result.seconds:,.1f} s"
     )
+    if result.packed.before:
+        _tell_packed(result.packed)
+
+
+def _tell_packed(packed: LakePacking) -> None:
+    if packed.before:
+        print(f"{packed.before:,} small files of the lake are {packed.after:,} now")
+    else:
+        print("no small files to be made into larger ones")

@@ -18,6 +18,7 @@ import numpy as np
 from ..tables.columns import AreaCode, Decoded
 from ..tables.schema import NO_GAP, Direction, Protocol
 from ..tables.schema import Kind as RowKind
+from .held import HeldSlice
 from .kinds import (
     BITS,
     EQUAL,
@@ -260,11 +261,12 @@ FIELDS: Final = (
     ),
     FilterField(
         "value", NumberKind(0, 0xFFFF), "register values, unsigned, and bits (0 or 1) in the frame", "value > 1000",
-        lambda section, _: section.each.several(_value(section.each)), Cost.CONTENTS, (), _value,
+        lambda section, _: HeldSlice(section.held, len(section)), Cost.CONTENTS, (), _value,
     ),
     FilterField(
         "signed_value", NumberKind(-0x8000, 0x7FFF), "register values in the frame, as 16-bit signed numbers",
-        "register == 40001 and signed_value < 0", lambda section, _: section.each.several(_signed(section.each)),
+        "register == 40001 and signed_value < 0",
+        lambda section, _: HeldSlice(section.held, len(section), signed=True, left_out=frozenset(BITS)),
         Cost.CONTENTS, (), _signed,
     ),
     FilterField(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..tables.batch import Batch
-from ..tables.columns import Decoded, decode
+from ..tables.columns import Decoded, HeldValues, decode, held_values
 from ..tables.schema import Kind
 from ..tables.schema import Protocol as Envelope
 from .table import FilterTable
@@ -104,25 +104,6 @@ class Several:
     def _of(self, good: Mask) -> Mask:
         mask = np.zeros(self.count, np.bool_)
         mask[self.rows[good]] = True
-        return mask
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RaggedValues:
-    """The same row after row: those of row i are `each` from `offsets[i]` to `offsets[i + 1]`."""
-
-    each: ValueSlice
-    offsets: NDArray[np.int64]
-
-    def known(self) -> Mask:
-        return self._of(self.each.known())
-
-    def passing(self, wanted: Wanted) -> Mask:
-        return self._of(self.each.passing(wanted))
-
-    def _of(self, good: Mask) -> Mask:
-        mask = np.zeros(len(self.offsets) - 1, np.bool_)
-        mask[np.searchsorted(self.offsets, np.flatnonzero(good), side="right") - 1] = True
         return mask
 
 
@@ -247,6 +228,11 @@ class TableSlice:
         return decode(self.batch)
 
     @cached_property
+    def held(self) -> HeldValues:
+        """Where their values lie."""
+        return held_values(self.batch)
+
+    @cached_property
     def each(self) -> Each:
         """Their values one by one."""
         return Each(self.decoded)
@@ -289,7 +275,3 @@ class Each:
     def area(self) -> NDArray[np.uint8]:
         """The AreaCode of each."""
         return self._decoded.area[self.rows]
-
-    def several(self, each: ValueSlice) -> RaggedValues:
-        """A field of them as one of their rows."""
-        return RaggedValues(each, self._decoded.offsets)

@@ -12,6 +12,7 @@ from typing import Any
 from ..version import __version__
 from .errors import FleetError
 from .manifest import LakeLine, Manifest, writing
+from .packs import LakePacking, pack
 from .runners import Runner
 from .sources import LineFiles, SourceFile
 from .stores import LakeStore
@@ -33,6 +34,7 @@ class BatchResult:
     failed: int = 0  # tasks
     damaged: int = 0  # captures
     partial: bool = False
+    packed: LakePacking = field(default_factory=LakePacking)
     seconds: float = 0.0
     troubles: list[str] = field(default_factory=list)
 
@@ -108,11 +110,13 @@ def run_batch(
     runner: Runner,
     *,
     redo: bool = False,
+    compact: bool = False,
     progress: Callable[[BatchStep], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> BatchResult:
     """Take into the lake what it does not have. Once `stop` says True what is done is kept and the rest left.
 
+    At its end small files are made into larger ones, where there are many, or whatever their count if `compact`.
     Raises FleetError where the lake cannot be written.
     """
     begun, result = time.monotonic(), BatchResult()
@@ -129,6 +133,8 @@ def run_batch(
                 if progress is not None:
                     progress(BatchStep(done, total, result.frames, time.monotonic() - begun))
         result.partial = done < total
+        if not result.partial:
+            result.packed = pack(manifest, 1 if compact else None, stop)
     result.seconds = time.monotonic() - begun
     return result
 
@@ -150,6 +156,15 @@ def _enter(manifest: Manifest, task: LineTask, outcome: dict[str, Any] | Excepti
             more = f" (and {len(one['damage']) - 1} more)" if len(one["damage"]) > 1 else ""
             said = one["damage"][0] if one["damage"] else "damaged"
             result.troubles.append(said + more if one["url"] in said else f"{one['url']}: {said}{more}")
+
+
+def compact_lake(store: LakeStore) -> LakePacking:
+    """Make all small files of a lake into larger ones. Raises FleetError where there is none, or another writes it."""
+    Manifest.of(store)
+    with writing(store):
+        manifest = Manifest(store)
+        remove_waste(manifest)
+        return pack(manifest, 1)
 
 
 def _size(task: LineTask) -> int:

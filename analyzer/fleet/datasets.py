@@ -3,7 +3,7 @@
 A large table lies in Parquet files `TABLE/site=SITE/day=YYYY-MM-DD/NAME.parquet`; the day is that of the row's own
 time, UTC, and captures without a clock count from 1970-01-01. A small one has a file a task,
 `TABLE/site=SITE/NAME.parquet`: by days as well it would be files of a few rows, and opening them all that a question
-costs.
+costs. Small files of either kind are made into larger ones by and by (`packs`).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ except ImportError as error:
     raise FleetError(needs("a lake", "pyarrow", "fleet")) from error
 
 DAY_NS: Final = 86_400_000_000_000
-_GROUP: Final = 1 << 16  # rows of a row group, at least
+GROUP: Final = 1 << 16  # rows of a row group, at least
 _TIME: Final = pa.timestamp("ns", "UTC")
 _LINE: Final = pa.field("line", pa.dictionary(pa.int8(), pa.string()))
 
@@ -105,10 +105,11 @@ HOURS: Final = pa.schema(
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
-    """A table of a lake: its columns, and for a large one that by whose time a row has its day."""
+    """A table of a lake: its columns, for a large one that by whose time a row has its day, and its order in packs."""
 
     schema: Any
     time: str | None = None
+    order: tuple[str, ...] = ()  # within a site and day; what is alike in these stays in the order of time
 
 
 def _with_line(schema: Any) -> Any:
@@ -117,13 +118,23 @@ def _with_line(schema: Any) -> Any:
 
 DATASETS: Final[Mapping[str, Dataset]] = {
     "frames": Dataset(_with_line(SCHEMA), "t_start_ns"),
-    "transactions": Dataset(_with_line(record_schema(TABLES["transactions"])), "t_start_ns"),
-    "values": Dataset(_with_line(record_schema(TABLES["values"])), "t_ns"),
+    "transactions": Dataset(_with_line(record_schema(TABLES["transactions"])), "t_start_ns", ("unit",)),
+    "values": Dataset(_with_line(record_schema(TABLES["values"])), "t_ns", ("unit", "address")),
     "findings": Dataset(_with_line(record_schema(TABLES["findings"])), "t_ns"),
     "causes": Dataset(_with_line(CAUSES)),
     "captures": Dataset(_with_line(CAPTURES)),
-    "hours": Dataset(_with_line(HOURS)),
+    "hours": Dataset(_with_line(HOURS), order=("line", "unit")),
 }
+
+
+def pack_schema(table: str) -> Any:
+    """The columns of a file that holds rows of many lines, sites and days."""
+    dataset = DATASETS[table]
+    line = pa.field("line", pa.dictionary(pa.int32(), pa.string()))
+    day = [] if dataset.time is None else [pa.field("day", pa.date32())]
+    return pa.schema(
+        [line, *list(dataset.schema)[1:], pa.field("site", pa.string()), *day, pa.field("part", pa.int32())]
+    )
 
 
 @cache
@@ -181,7 +192,7 @@ class LakeFiles:
             file = self._open[table, day] = self._begin(table)
         file.parts.append(part)
         file.waiting += len(part)
-        if file.waiting >= _GROUP:
+        if file.waiting >= GROUP:
             _flush(file, DATASETS[table].schema)
 
     def _begin(self, table: str) -> _DayFile:
@@ -208,6 +219,6 @@ class LakeFiles:
 
 def _flush(file: _DayFile, schema: Any) -> None:
     if file.parts:
-        file.writer.write_table(pa.Table.from_batches(file.parts, schema), row_group_size=2 * _GROUP)
+        file.writer.write_table(pa.Table.from_batches(file.parts, schema), row_group_size=2 * GROUP)
     file.rows += file.waiting
     file.parts, file.waiting = [], 0

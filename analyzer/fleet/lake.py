@@ -14,7 +14,7 @@ from typing import Any, Final
 from ..extras import needs
 from .datasets import DATASETS
 from .errors import FleetError
-from .manifest import Manifest
+from .manifest import Manifest, TableFiles
 from .stores import FolderStore, filesystem, store
 
 MEMORY: Final = "1500MB"  # that DuckDB may take; beyond it works on the disk
@@ -37,11 +37,12 @@ class Lake:
         """Their names."""
         return sorted({site for site, _ in self.manifest.lines})
 
-    def files(self, table: str) -> list[str]:
+    def files(self, table: str) -> TableFiles:
         """The Parquet files of a table, as paths or URLs. Raises FleetError where there is no such table."""
         if table not in DATASETS:
             raise FleetError(f"no table {table!r}: there are {', '.join(DATASETS)}")
-        return [self.store.url(name) for name in self.manifest.files(table)]
+        files, url = self.manifest.files(table), self.store.url
+        return TableFiles([url(name) for name in files.loose], {url(name): part for name, part in files.packs.items()})
 
     def duckdb(self) -> Any:
         """A DuckDB connection with a view a table. It reads the lake and no other file, and writes none."""
@@ -74,13 +75,27 @@ class Lake:
         """A polars LazyFrame."""
         polars = _imported("polars")
         files = self.files(table)
-        if not files:
+        scans = [polars.scan_parquet(files.loose, hive_partitioning=True)] if files.loose else []
+        for packs, stale in files.alike():
+            scan = polars.scan_parquet(packs)
+            scans.append((scan.filter(~polars.col("part").is_in(stale)) if stale else scan).drop("part"))
+        if not scans:
             return polars.from_arrow(_empty(table)).lazy()
-        return polars.scan_parquet(files, hive_partitioning=True)
+        text = polars.col("line", "site").cast(polars.String)
+        return polars.concat([scan.with_columns(text) for scan in scans])
 
     def dask(self, table: str) -> Any:
         """A Dask dataframe, on whatever cluster there is."""
-        return _imported("dask.dataframe").read_parquet(self.files(table), filesystem="fsspec")
+        dask, files = _imported("dask.dataframe"), self.files(table)
+        parts = [dask.read_parquet(files.loose, filesystem="fsspec")] if files.loose else []
+        for packs, stale in files.alike():
+            live = [("part", "not in", stale)] if stale else None
+            parts.append(dask.read_parquet(packs, filesystem="fsspec", filters=live).drop(columns="part"))
+        if not parts:
+            return dask.from_pandas(_empty(table).to_pandas(), npartitions=1)
+        columns = list(parts[0].columns)
+        text = {name: "string[pyarrow]" for name in ("line", "site", "day") if name in columns}
+        return dask.concat([part[columns].astype(text) for part in parts])
 
 
 def lake(path: str | PathLike[str]) -> Lake:
@@ -95,21 +110,35 @@ def _connected(lake: Lake) -> Any:
     if not local:
         connection.register_filesystem(filesystem(lake.store.root)[0])
     connection.execute("SET TimeZone = 'UTC'")
-    for table, dataset in DATASETS.items():
-        files = lake.files(table)
-        types = "'site': VARCHAR" + ("" if dataset.time is None else ", 'day': DATE")
-        if files:
-            listed = ", ".join(map(quoted, files))
-            rows = f"read_parquet([{listed}], hive_partitioning = true, hive_types = {{{types}}})"
-        else:
+    for table in DATASETS:
+        rows = _rows(lake, table)
+        if rows is None:
             connection.register(f"empty_{table}", _empty(table))
-            rows = f"empty_{table}"
-        connection.execute(f"CREATE VIEW {table} AS SELECT * FROM {rows}")
+        connection.execute(f"CREATE VIEW {table} AS {rows or f'SELECT * FROM empty_{table}'}")
     if local:
         connection.execute(f"SET allowed_directories = [{quoted(lake.store.root + '/')}]")
         connection.execute("SET enable_external_access = false")
     connection.execute("SET lock_configuration = true")
     return connection
+
+
+def _rows(lake: Lake, table: str) -> str | None:
+    """What selects all rows of a table; None where it has no file."""
+    files, days = lake.files(table), DATASETS[table].time is not None
+    selected = []
+    if files.loose:
+        types = "'site': VARCHAR" + (", 'day': DATE" if days else "")
+        selected.append(
+            f"SELECT * FROM read_parquet({_list(files.loose)}, hive_partitioning = true, hive_types = {{{types}}})"
+        )
+    for packs, stale in files.alike():
+        live = f" WHERE part NOT IN ({', '.join(map(str, stale))})" if stale else ""
+        selected.append(f"SELECT * EXCLUDE (part) FROM read_parquet({_list(packs)}, hive_partitioning = false){live}")
+    return " UNION ALL BY NAME ".join(selected) or None
+
+
+def _list(files: list[str]) -> str:
+    return f"[{', '.join(map(quoted, files))}]"
 
 
 def _words(error: Exception) -> str:

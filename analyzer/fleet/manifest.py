@@ -20,6 +20,8 @@ from .errors import FleetError
 from .stores import FolderStore, LakeStore
 
 FOLDER: Final = "manifest"
+_TASK: Final = {"site", "line", "after", "slices", "files", "tail", "state"}  # the keys of a finished task's entry
+PackMember = tuple[str, int]  # the name of a file that was packed, and how many rows it had
 
 
 @dataclass(slots=True)
@@ -41,16 +43,42 @@ class LakeLine:
         for entry in self.entries:
             yield from entry["slices"]
 
-    def files(self, table: str) -> Iterator[str]:
-        """The names of the files of a table."""
+    def files(self, table: str) -> Iterator[PackMember]:
+        """The names of the files that were made of a table, and how many rows each has."""
         for entry in self.entries:
-            yield from (name for name, _ in entry["files"].get(table, ()))
+            yield from ((name, rows) for name, rows in entry["files"].get(table, ()))
+        yield from ((name, rows) for name, rows in self.last["tail"].get(table, ()))
+
+    def tail(self, table: str) -> Iterator[str]:
+        """Of these the names of those that the next slice replaces."""
         yield from (name for name, _ in self.last["tail"].get(table, ()))
 
-    def rows(self, table: str) -> int:
-        """How many rows of a table there are."""
-        parts = [*(entry["files"] for entry in self.entries), self.last["tail"]]
-        return sum(count for part in parts for _, count in part.get(table, ()))
+
+@dataclass(frozen=True, slots=True)
+class Pack:
+    """A file with the rows of others, its members; a row's `part` is the number of its member."""
+
+    table: str
+    members: tuple[PackMember, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TableFiles:
+    """Where a table's rows lie: files of one line each; packs, with the parts of each that are the lake's no more."""
+
+    loose: list[str]
+    packs: dict[str, list[int]]
+
+    @property
+    def names(self) -> list[str]:
+        """All of them."""
+        return [*self.loose, *self.packs]
+
+    def alike(self) -> Iterator[tuple[list[str], list[int]]]:
+        """Packs to be read in one go, with the parts to leave out: those that are whole together, each other alone."""
+        if whole := [name for name, stale in self.packs.items() if not stale]:
+            yield whole, []
+        yield from (([name], stale) for name, stale in self.packs.items() if stale)
 
 
 class Manifest:
@@ -59,6 +87,8 @@ class Manifest:
     def __init__(self, store: LakeStore) -> None:
         self.store = store
         self.lines: dict[tuple[str, str], LakeLine] = {}
+        self.packs: dict[str, Pack] = {}
+        self._packed: dict[str, tuple[str, int]] = {}  # pack and part that hold a file's rows
         self.newest = 0
         for name in store.names(FOLDER):
             if name.endswith(".json"):
@@ -79,26 +109,46 @@ class Manifest:
         self.store.write(name, json.dumps(entry, separators=(",", ":")).encode())
         self._take(number, entry)
 
-    def files(self, table: str) -> list[str]:
-        """The names of the files of a table, in the order of sites, lines and rows."""
-        return [name for _, line in sorted(self.lines.items()) for name in line.files(table)]
+    def rows(self, table: str) -> dict[str, int]:
+        """How many rows each file has that was made of a table, in the order of sites, lines and rows."""
+        return {name: rows for _, line in sorted(self.lines.items()) for name, rows in line.files(table)}
+
+    def files(self, table: str) -> TableFiles:
+        """The files to read for a table."""
+        loose: list[str] = []
+        live: dict[str, set[int]] = {}
+        for name in self.rows(table):
+            if (where := self._packed.get(name)) is None:
+                loose.append(name)
+            else:
+                live.setdefault(where[0], set()).add(where[1])
+        stale = {pack: sorted(set(range(len(self.packs[pack].members))) - parts) for pack, parts in live.items()}
+        return TableFiles(loose, stale)
 
     def named(self) -> set[str]:
         """All files that are the lake's."""
         named = {line.last["state"] for line in self.lines.values() if line.last["state"]}
-        for line in self.lines.values():
-            for part in [*(entry["files"] for entry in line.entries), line.last["tail"]]:
-                named |= {name for files in part.values() for name, _ in files}
-        return named
+        tables = {table for line in self.lines.values() for entry in line.entries for table in entry["files"]}
+        tables |= {table for line in self.lines.values() for table in line.last["tail"]}
+        return named.union(*(self.files(table).names for table in tables))
 
     def _take(self, number: int, entry: dict[str, Any]) -> None:
         self.newest = max(self.newest, number)
+        if "packs" in entry:
+            self._take_packs(entry["packs"])
+            return
         key = (entry["site"], entry["line"])
         line = self.lines.get(key)
         if line is None or entry["after"] is None or entry["after"] != line.numbers[-1]:
             line = self.lines[key] = LakeLine(*key)
         line.entries.append(entry)
         line.numbers.append(number)
+
+    def _take_packs(self, packs: list[dict[str, Any]]) -> None:
+        for pack in packs:
+            members = tuple((name, rows) for name, rows in pack["members"])
+            self.packs[pack["name"]] = Pack(pack["table"], members)
+            self._packed |= {name: (pack["name"], part) for part, (name, _) in enumerate(members)}
 
 
 def _number(name: str) -> int:
@@ -109,7 +159,7 @@ def _number(name: str) -> int:
 def _entry(store: LakeStore, name: str) -> dict[str, Any]:
     try:
         entry = json.loads(store.read(name))
-        if isinstance(entry, dict) and {"site", "line", "after", "slices", "files", "tail", "state"} <= entry.keys():
+        if isinstance(entry, dict) and (entry.keys() >= _TASK or {"packs"} == entry.keys()):
             return entry
     except ValueError:
         pass

@@ -226,7 +226,9 @@ class Bus:
     def batch(self, rows: NDArray[np.int64]) -> Batch:
         """Rows, ascending, all of one piece, as what the pipeline gives; bytes between them are in its data too."""
         number = int(rows[0]) // PIECE
-        columns, slots = self.table.piece(number), rows - number * PIECE
+        columns, first = self.table.piece(number), int(rows[0]) - number * PIECE
+        all_between = rows[-1] - rows[0] == len(rows) - 1
+        slots = slice(first, first + len(rows)) if all_between else rows - number * PIECE
         out = Rows.zeros(len(rows))
         for name in _COPIED:
             out.column(name)[:] = columns[name][slots]
@@ -240,10 +242,7 @@ class Bus:
         out.request[answers] = self.table.take("frame", requests[answers])
         out.request_start[answers] = self.table.take("start", requests[answers])
         asked = requests[answers]
-        if rows[-1] - rows[0] == len(rows) - 1:
-            away = asked[(asked < rows[0]) | (asked > rows[-1])]
-        else:
-            away = asked[~np.isin(asked, rows)]
+        away = asked[(asked < rows[0]) | (asked > rows[-1])] if all_between else asked[~np.isin(asked, rows)]
         earlier = {self.table.value("frame", row): self.captured(row) for row in np.unique(away).tolist()}
         data = self.store.get(int(at[0]), int(at[-1]) + int(out.length[-1]) - int(at[0]))
         return Batch(out, data, earlier, findings=self.found.on(rows))

@@ -7,9 +7,10 @@ is -1, and of a cut block the whole values that are there are given, as annotati
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -76,14 +77,46 @@ def decode(batch: Batch, pdus: Pdus | None = None) -> Decoded:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _ValueSpans:
+class ValueSpans:
     """The values of some rows: where the first of each row's begins in the bytes, and how many there are."""
 
     rows: _Ints
     begins: _Ints
     counts: _Ints
-    read: Callable[[_Decoding, _Ints, _Ints], NDArray[np.uint16]] | None
-    """(begins, number of the value) to values; None for registers, which are copied as they stand."""
+    read: Callable[[Pdus, _Ints, _Ints], NDArray[np.uint16]] | None
+    """(bytes, begins, number of the value) to values; None for registers, which stand there as they are."""
+    area: AreaCode
+
+    @property
+    def is_bits(self) -> bool:
+        """Whether no value is but 0 or 1."""
+        return self.read in (_bits, _outputs)
+
+    def each(self, pdus: Pdus) -> tuple[_Ints, _Ints, NDArray[np.uint16]]:
+        """Value by value: which of `rows` it is of, its number there, itself. Not of registers."""
+        assert self.read is not None
+        ends = np.cumsum(self.counts)
+        within = np.arange(int(ends[-1]) if len(ends) else 0)
+        within -= np.repeat(ends - self.counts, self.counts)
+        return (
+            np.repeat(np.arange(len(self.rows)), self.counts),
+            within,
+            self.read(pdus, np.repeat(self.begins, self.counts), within),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldValues:
+    """Where the values of a batch's rows lie in its bytes: for who only asks which rows have some, or such ones."""
+
+    pdus: Pdus
+    spans: list[ValueSpans]
+
+
+def held_values(batch: Batch) -> HeldValues:
+    """The places of the values that `decode` gives."""
+    decoding = _Decoding(batch, Pdus(batch))
+    return HeldValues(decoding.pdus, decoding.held())
 
 
 class _Decoding:
@@ -97,20 +130,12 @@ class _Decoding:
         self.area = np.zeros(n, np.uint8)
         self.value_address = np.full(n, -1, np.int32)
         self.counts = np.zeros(n, np.int64)
-        self.blocks: list[_ValueSpans] = []
+        self.blocks: list[ValueSpans] = []
 
     def decoded(self) -> Decoded:
         """The columns."""
-        rows, declared = self.batch.rows, contents()
-        kind = rows.kind.astype(np.uint16)
-        keys = kind << 8 | rows.function
-        keys[(rows.exception > 0) & (kind == Kind.RESPONSE)] |= EXCEPTION
-        for key in np.flatnonzero(np.bincount(keys)).tolist():
-            code, role = key & 0xFF, _ROLES[key >> 8]
-            content = None if role is None else declared.get((code & ~EXCEPTION, role))
-            if role is None or content is None:
-                continue
-            selected = np.flatnonzero(keys == key)
+        declared = contents()
+        for code, content, selected in self._sides():
             self.area[selected] = AREA_CODES[content.area]
             if code & EXCEPTION:
                 self._exceptions(declared[code & ~EXCEPTION, Role.REQUEST], selected)
@@ -118,6 +143,28 @@ class _Decoding:
                 self._frames(content, selected)
         offsets = np.concatenate(([0], np.cumsum(self.counts)))
         return Decoded(self.address, self.quantity, self.area, self.value_address, offsets, self._joined(offsets))
+
+    def held(self) -> list[ValueSpans]:
+        """The values' places alone."""
+        for code, content, selected in self._sides():
+            if not code & EXCEPTION:
+                self._contained(content, selected)
+        return self.blocks
+
+    def _sides(self) -> Iterator[tuple[int, Contents, _Ints]]:
+        """The rows (ascending) of each declared function code and role, exceptions by their code with the high bit."""
+        rows, declared = self.batch.rows, contents()
+        keys = rows.kind.astype(np.uint16) << 8 | rows.function
+        keys[(rows.exception > 0) & (rows.kind == Kind.RESPONSE)] |= EXCEPTION
+        order = np.argsort(keys, kind="stable")  # short keys sort in linear time
+        ordered = keys[order]
+        cuts = [0, *(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1).tolist(), len(ordered)]
+        for first, last in pairwise(cuts):
+            key = int(ordered[first]) if first < last else 0
+            code, role = key & 0xFF, _ROLES[key >> 8]
+            content = None if role is None else declared.get((code & ~EXCEPTION, role))
+            if content is not None:
+                yield code, content, order[first:last]
 
     def _exceptions(self, request: Contents, rows: _Ints) -> None:
         """What their requests spoke of."""
@@ -128,16 +175,21 @@ class _Decoding:
     def _frames(self, content: Contents, rows: _Ints) -> None:
         if content.address is not None:
             self.address[rows] = self._number(content.address, rows)
-        if content.held is not None:
-            self._values(content.held, rows)
-        elif content.listed:
-            self._annotated(content.listed, rows)
+        self._contained(content, rows)
+        if content.held is not None and content.held.start is not None:
+            self.value_address[rows] = self._number(content.held.start, rows)
         if content.quantity is not None:
             self.quantity[rows] = self._number(content.quantity, rows)
         elif content.held is not None or content.listed:
             self.quantity[rows] = self.counts[rows]
 
-    def _values(self, run: ValueRun, rows: _Ints) -> None:
+    def _contained(self, content: Contents, rows: _Ints) -> None:
+        if content.held is not None:
+            self._values(content.held, rows, AREA_CODES[content.area])
+        elif content.listed:
+            self._annotated(content.listed, rows, AREA_CODES[content.area])
+
+    def _values(self, run: ValueRun, rows: _Ints, area: AreaCode) -> None:
         begins = self.pdus.begins[rows] + run.offset
         room = np.maximum(self.pdus.ends[rows] - begins, 0)
         if run.count is None:
@@ -150,17 +202,16 @@ class _Decoding:
             wanted = self._number(run.quantity, rows)
             counts = np.where(wanted >= 0, np.minimum(counts, wanted), counts)
         self.counts[rows] = counts
-        self.blocks.append(_ValueSpans(rows, begins, counts, read))
-        if run.start is not None:
-            self.value_address[rows] = self._number(run.start, rows)
+        self.blocks.append(ValueSpans(rows, begins, counts, read, area))
 
-    def _annotated(self, names: frozenset[str], rows: _Ints) -> None:
+    def _annotated(self, names: frozenset[str], rows: _Ints, area: AreaCode) -> None:
         """Values that have no fixed place, frame by frame: functions that do this are rare on a bus."""
         listings = [list(values_listed(self.batch.frame(row).fields(), names)) for row in rows.tolist()]
         counts = np.array([len(values) for values in listings], np.int64)
         flat = np.array([value for values in listings for value in values], np.uint16)
         self.counts[rows] = counts
-        self.blocks.append(_ValueSpans(rows, np.cumsum(counts) - counts, counts, lambda _, begins, i: flat[begins + i]))
+        begins = np.cumsum(counts) - counts
+        self.blocks.append(ValueSpans(rows, begins, counts, lambda _, begins, i: flat[begins + i], area))
 
     def _number(self, reference: NumberRef, rows: _Ints, width: int = _WORD) -> _Ints:
         return self.pdus.number(reference.offset, width, rows, asked=reference.asked)
@@ -173,21 +224,17 @@ class _Decoding:
                 octets = values.view(np.uint8)
                 copy_pieces(octets, _WORD * to, self.pdus.data, block.begins, _WORD * block.counts)
                 continue
-            ends = np.cumsum(block.counts)
-            within = np.arange(int(ends[-1]) if len(ends) else 0)
-            within -= np.repeat(ends - block.counts, block.counts)
-            out = np.repeat(to, block.counts)
-            out += within
-            values[out] = block.read(self, np.repeat(block.begins, block.counts), within)
+            of, within, told = block.each(self.pdus)
+            values[to[of] + within] = told
         return values.astype(np.uint16)
 
 
-def _bits(decoding: _Decoding, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
+def _bits(pdus: Pdus, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
     begins += i >> 3
-    bits: NDArray[np.uint16] = (decoding.pdus.data.take(begins) >> (i & 7).astype(np.uint8) & 1).astype(np.uint16)
+    bits: NDArray[np.uint16] = (pdus.data.take(begins) >> (i & 7).astype(np.uint8) & 1).astype(np.uint16)
     return bits
 
 
-def _outputs(decoding: _Decoding, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
+def _outputs(pdus: Pdus, begins: _Ints, i: _Ints) -> NDArray[np.uint16]:
     begins += _WORD * i
-    return (decoding.pdus.words.take(begins) > 0).astype(np.uint16)
+    return (pdus.words.take(begins) > 0).astype(np.uint16)

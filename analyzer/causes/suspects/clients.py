@@ -21,6 +21,7 @@ _LEAST: Final = 5
 _MET: Final = 3  # times, that two are seen to send at once or to know nothing of each other
 _SENT_INTO: Final = 0.15  # of damaged answers
 _HASTY: Final = 0.35  # of the timeout: nobody gives up so soon
+_AT_ONCE: Final = 0.1  # the same, by which times may be wrong
 _COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.22, "long": 0.07, "other": 0.03,
                     "middle": 0.03, "tail": 0.02, "head": 0.02, "ahead": 0.06, "bits": 0.01}  # fmt: skip
 _ON_FRAMES: Final = 0.93  # of what collides
@@ -117,7 +118,9 @@ def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
     ):
         return 0
     waits = unit.waits.numbers
-    return round(len(unit.waits) * float((waits < _HASTY * timeout).mean())) if len(waits) else 0
+    if not len(waits) or (evidence.verdict.wait_ns > _AT_ONCE * timeout and (waits <= 0).mean() > _OFTEN):
+        return 0  # a tap that passes several requests on at once tells nothing of their waits
+    return round(len(unit.waits) * float((waits < _HASTY * timeout).mean()))
 
 
 @suspect(

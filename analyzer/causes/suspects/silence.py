@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from statistics import median
 from typing import Final
-
-import numpy as np
 
 from ...tables.findings import Severity
 from ..bits import clustering_bits, surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
-from ..ledger import ASKED, BAD
 from ..registry import Suspicion, Symptom, suspect
 from ..timegrid import Spell
 from ..unitledger import UnitLedger
@@ -32,17 +30,21 @@ _AS_LATE: Final = 0.95
 _ALL: Final = 0.5
 _NO_ANSWER_BEHIND: Final = 11  # the exception by which a gateway says that its target failed to respond
 _NEARLY_ALL: Final = 0.95
-_HARDLY: Final = 0.1
-_PARTS_APART: Final = 4
+_SCAN: Final = 8  # units
+_VISITS: Final = 2
+_VISIT: Final = 0.05  # of the capture
+_DENSE: Final = 0.8  # of all numbers from the first to the last
 
 
 def _never(evidence: Evidence) -> list[UnitLedger]:
-    """Units of which nothing was ever heard."""
+    """Units of which nothing was ever heard, those apart that somebody looked for once."""
+    scanned = _scanned(evidence)
     found = [
         unit
         for unit in evidence.units
         if evidence.silent(unit) >= _LEAST_OF_SEVERAL
-        and (not unit.answered or _only_repeats(unit))
+        and unit.unit not in scanned
+        and (not unit.answered or only_repeats(unit))
         and not unit.strays
         and not unit.late
         and unit.count(Ending.GARBAGE) <= _STRAYS * unit.asked
@@ -50,7 +52,27 @@ def _never(evidence: Evidence) -> list[UnitLedger]:
     return found if len(found) > 1 else [unit for unit in found if evidence.silent(unit) >= _LEAST]
 
 
-def _only_repeats(unit: UnitLedger) -> bool:
+def _scanned(evidence: Evidence) -> frozenset[int]:
+    """Units that were asked once or twice, one behind the other in the order of their numbers: a search for those that
+    are there, not a list of those that should be."""
+    ledger = evidence.ledger
+    span = ledger.span_ns if ledger.timed else ledger.bytes
+    once = [
+        unit
+        for unit in evidence.units
+        if unit.asked - unit.repeats <= _VISITS and not unit.answered and unit.last - unit.first <= _VISIT * span
+    ]
+    if len(once) < _SCAN:
+        return frozenset()
+    once.sort(key=lambda unit: unit.first)
+    numbers = [unit.unit for unit in once]
+    rising = sum(one < two for one, two in pairwise(numbers))
+    known = sum(numbers[0] <= unit.unit <= numbers[-1] for unit in evidence.units)
+    in_order = rising >= _NEARLY_ALL * (len(once) - 1) and known >= _DENSE * (numbers[-1] - numbers[0] + 1)
+    return frozenset(numbers) if in_order else frozenset()
+
+
+def only_repeats(unit: UnitLedger) -> bool:
     """Whether what reads like its answers is the master's own requests once more: echoes, and as late as its repeats."""
     if unit.answered != unit.echoes or unit.count(Ending.SILENT) < 5 * unit.answered:
         return False
@@ -61,7 +83,7 @@ def _only_repeats(unit: UnitLedger) -> bool:
 def _died(evidence: Evidence, unit: UnitLedger) -> int | None:
     """Since when a unit that did answer has been silent to the end."""
     spell = unit.silences.lasting
-    if spell is None or not unit.answered or not evidence.silent(unit) or _only_repeats(unit):
+    if spell is None or not unit.answered or not evidence.silent(unit) or only_repeats(unit):
         return None
     before = max((each.count for each in unit.silences.all if each is not spell), default=0)
     span = evidence.ledger.grid.width_ns * 256 if not evidence.ledger.timed else evidence.ledger.span_ns
@@ -76,7 +98,8 @@ def _tries(unit: UnitLedger) -> float:
     return unit.asked / max(unit.asked - unit.repeats, 1)
 
 
-def _bits(silent: int, asked: int) -> float:
+def silence_bits(silent: int, asked: int) -> float:
+    """How much likelier so much silence is as a fault than as what is lost on any line."""
     return surplus_bits(silent, asked, _BACKGROUND)
 
 
@@ -123,7 +146,7 @@ def _excused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
     }
     yield Suspicion(
         (unit.unit,),
-        _bits(excused, unit.asked),
+        silence_bits(excused, unit.asked),
         frozenset({(Symptom.REFUSAL, unit.unit), (Symptom.SILENCE, unit.unit)}),
         numbers,
         since=unit.first,
@@ -137,9 +160,9 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
     others = [other for other in evidence.units if other.unit != unit.unit]
     silent = evidence.silent(unit)
     lasting = unit.silences.lasting
-    bits = _bits(silent, unit.asked)
+    bits = silence_bits(silent, unit.asked)
     if since is not None and lasting is not None:
-        silent, bits = lasting.count, _bits(lasting.count, lasting.count)
+        silent, bits = lasting.count, silence_bits(lasting.count, lasting.count)
     lost, lost_ms = evidence.cost(unit, Ending.SILENT)
     return Suspicion(
         (unit.unit,),
@@ -183,7 +206,7 @@ def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
     known = [ms for _, ms in costs if ms is not None]
     yield Suspicion(
         tuple(unit.unit for unit in never),
-        weight * sum(_bits(evidence.silent(unit), unit.asked) for unit in never),
+        weight * sum(silence_bits(evidence.silent(unit), unit.asked) for unit in never),
         frozenset((Symptom.SILENCE, unit.unit) for unit in never),
         {
             "count": len(never),
@@ -222,7 +245,7 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
             lost, lost_ms = evidence.cost(unit, Ending.SILENT)
             yield Suspicion(
                 (unit.unit,),
-                _bits(evidence.silent(unit), unit.asked) + tries,
+                silence_bits(evidence.silent(unit), unit.asked) + tries,
                 frozenset({(Symptom.SILENCE, unit.unit)}),
                 {"unit": unit.unit, "silent": evidence.silent(unit), "asked": unit.asked, "tries": tries},
                 since=unit.first,
@@ -237,17 +260,18 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     "unit-restarts",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} goes silent for about {length:.3g} {measure} again and again: {spells} times, {silent} requests",
-    share="{silent} of {asked} requests to unit {unit}, in {spells} spells",
+    text="Unit {unit} goes silent for about {length:.3g} {measure}, {often}: {silent} requests stayed without a byte",
+    share="{silent} of {asked} requests to unit {unit}; spells of silence: {spells}",
     deciding_test="Watch the unit's power and its running light, or its uptime register, when it goes silent next",
     remedy="Check the unit's supply and its connector; a watchdog that resets it points to its firmware or to interference",
 )
 def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
-    """Silence in spells, good answers before and behind."""
+    """Silence in spells, or in one long one, good answers before and behind."""
     for unit in evidence.units:
-        silent, spells = evidence.silent(unit), _spells(evidence, unit, with_others=False)
+        silent, spells = evidence.silent(unit), _spells(evidence, unit)
         inside = sum(each.count for each in spells)
-        if len(spells) < 2 or not unit.answered or inside < 0.6 * silent or inside < 2 * _SPELL:
+        once = len(spells) == 1 and spells[0].count >= _TO_THE_END and spells[0].before is not None
+        if (len(spells) < 2 and not once) or not unit.answered or inside < 0.6 * silent or inside < 2 * _SPELL:
             continue
         runs = len(unit.silences.all) + unit.silences.single + unit.silences.more
         begins = [each.begin for each in spells]
@@ -255,7 +279,7 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
         timed = evidence.ledger.timed
         yield Suspicion(
             (unit.unit,),
-            _bits(silent, unit.asked) + clustering_bits(silent, unit.asked, runs),
+            silence_bits(silent, unit.asked) + clustering_bits(silent, unit.asked, runs),
             frozenset({(Symptom.SILENCE, unit.unit)}),
             {
                 "unit": unit.unit,
@@ -266,17 +290,18 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
                 if timed
                 else median(each.count for each in spells),
                 "measure": "s" if timed else "requests in a row",
+                "often": "once" if once else "again and again",
             },
             since=begins[0],
             until=spells[-1].end,
-            period_s=round((begins[-1] - begins[0]) / (len(begins) - 1) / 1e9, 3) if timed else None,
+            period_s=round((begins[-1] - begins[0]) / (len(begins) - 1) / 1e9, 3) if timed and not once else None,
             lost_answers=lost,
             lost_ms=lost_ms,
             frames=tuple(unit.examples.get(Ending.SILENT, [])),
         )
 
 
-def _is_spell(evidence: Evidence, spell: Spell) -> bool:
+def is_spell(evidence: Evidence, spell: Spell) -> bool:
     """Whether a unit was silent for a while: to several requests, or to two that are no retry of one poll."""
     if spell.count >= _SPELL:
         return True
@@ -284,68 +309,6 @@ def _is_spell(evidence: Evidence, spell: Spell) -> bool:
     return spell.count == _PAIR and timeout is not None and spell.end - spell.begin >= _PAIR_TIMEOUTS * timeout
 
 
-def _spells(evidence: Evidence, unit: UnitLedger, *, with_others: bool) -> list[Spell]:
-    """Those of a unit in which all others were silent too, or those in which it was alone."""
-    spells = [each for each in unit.silences.all if _is_spell(evidence, each)]
-    return [each for each in spells if _are_all_silent(evidence, unit, each) == with_others]
-
-
-def _are_all_silent(evidence: Evidence, unit: UnitLedger, spell: Spell) -> bool:
-    """Whether nobody else answered well either while a unit was silent, though others do at other times."""
-    grid = evidence.ledger.grid
-    others = [other.unit for other in evidence.units if other.unit != unit.unit and other.answered]
-    asked = sum((grid.counts((ASKED, other)) for other in others), start=np.zeros(grid.count, np.int64))
-    bad = sum((grid.counts((BAD, other)) for other in others), start=np.zeros(grid.count, np.int64))
-    first, last = grid.bins(np.array((spell.begin, spell.end))).tolist()
-    inside = slice(first, last + 1)
-    for wider in range(-1 if last - first > _PARTS_APART else 0, _PARTS_APART):  # to those asked just before and behind
-        inside = slice(max(first - wider, 0), last + 1 + wider)
-        if asked[inside].sum() >= _PAIR:
-            break
-    all_asked = int(asked[inside].sum())
-    return all_asked >= _PAIR and all_asked - int(bad[inside].sum()) <= _HARDLY * all_asked
-
-
-@suspect(
-    "all-silent",
-    Severity.ERROR,
-    blame="line",
-    text="Units {list} go silent for a while, all together: {silent} requests to them stayed without a byte, and nobody "
-    "else answered meanwhile",
-    share="{silent} of {asked} requests to units {list}",
-    deciding_test="Tap the line at the first unit when it happens next: if requests arrive there, look at what the units "
-    "share; if not, at the master's converter and the cable",
-    remedy="Check what the silent units have in common: the trunk cable and its terminals, the converter or gateway that "
-    "passes requests on, their supply",
-)
-def all_silent(evidence: Evidence) -> Iterator[Suspicion]:
-    """Silence in spells, of all units at once."""
-    found = []
-    for unit in evidence.units:
-        together = _spells(evidence, unit, with_others=True)
-        if together and unit.answered and evidence.silent(unit):
-            found.append((unit, sum(each.count for each in together), together))
-    if len(found) < 2:
-        return
-    found.sort(key=lambda each: -each[1])
-    units = [unit for unit, _, _ in found]
-    costs = [(inside, *evidence.cost(unit, Ending.SILENT)) for unit, inside, _ in found]
-    known = [ms * inside / lost for inside, lost, ms in costs if ms is not None]
-    yield Suspicion(
-        (),
-        sum(
-            _bits(inside, unit.asked) + clustering_bits(inside, unit.asked, len(together))
-            for unit, inside, together in found
-        ),
-        frozenset((Symptom.SILENCE, unit.unit) for unit in evidence.units if unit.answered),
-        {
-            "list": ", ".join(str(number) for number in sorted(unit.unit for unit in units)),
-            "silent": sum(inside for _, inside, _ in found),
-            "asked": sum(unit.asked for unit in units),
-        },
-        since=min(each.begin for _, _, together in found for each in together),
-        until=max(each.end for _, _, together in found for each in together),
-        lost_answers=sum(inside for inside, _, _ in costs),
-        lost_ms=round(sum(known), 3) if known else None,
-        frames=tuple(index for unit in units for index in unit.examples.get(Ending.SILENT, []))[:6],
-    )
+def _spells(evidence: Evidence, unit: UnitLedger) -> list[Spell]:
+    """When a unit was silent for a while."""
+    return [each for each in unit.silences.all if is_spell(evidence, each)]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -16,6 +17,9 @@ from ..bits import surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..registry import Explained, Suspicion, Symptom, suspect
+from ..timegrid import Spell
+from ..unitledger import UnitLedger
+from .outages import silent_together
 
 _LEAST: Final = 20  # frames
 _NEARLY_ALL: Final = 0.9
@@ -26,6 +30,8 @@ _MOSTLY: Final = 0.5
 _COPY_BITS: Final = 64.0  # eight bytes that are just those before
 _TIMERS: Final = 0.015  # of a timeout: so far a master's timer strays
 _LATE_NS: Final = 500_000  # and as late its task comes to run
+_AS_SOON: Final = 0.25  # of the time from request to request
+_STEADY: Final = 0.02  # of it: so little it strays where a timer makes it
 _CLOCKS: Final = 4.0  # times what the tap's times may be wrong by
 _ADU: Final = 3  # bytes around a PDU
 
@@ -69,11 +75,41 @@ def tap_one_direction(evidence: Evidence) -> Iterator[Suspicion]:
         repeated = sum(unit.repeats for unit in evidence.units)
         if len(evidence.ledger.polls) > 1 and repeated <= 0.1 * asked and not _as_given_up(evidence):
             yield _one(evidence, "requests", ledger.requests, ledger.responses)
+    elif (since := _fallen_off(evidence)) is not None:
+        heard = sum(outage.count for outage in since.values())
+        begin = min(outage.begin for outage in since.values())
+        yield replace(_one(evidence, "requests", heard, 0, heard), since=begin, lost_answers=0)
 
 
-def _one(evidence: Evidence, heard: str, frames: int, others: int) -> Suspicion:
-    numbers = {"heard": heard, "frames": frames, "others": others, "all": evidence.ledger.frames}
-    bits = surplus_bits(frames, evidence.ledger.frames, 0.5) + 8.0 * frames
+def _fallen_off(evidence: Evidence) -> Mapping[int, Spell] | None:
+    """The spells of all units, from when on a tap of two ports hears no answer, though its master does: it goes on as
+    soon as before. None where that is not so."""
+    units = [unit for unit in evidence.units if unit.answered]
+    if len(evidence.ledger.ports) < 2:
+        return None
+    for group in silent_together(evidence):
+        spells = group[-1].spells
+        silent = [unit for unit in units if unit.unit in spells and spells[unit.unit].before is None]
+        if len(silent) > 1 and len(silent) >= _NEARLY_ALL * len(units) and _go_on(silent):
+            return spells
+    return None
+
+
+def _go_on(units: list[UnitLedger]) -> bool:
+    """Whether requests behind silence come as soon as those behind answers, of each unit, and not all by one timer."""
+    for unit in units:
+        wait, turn = unit.waits.quantile(0.5), unit.turns.quantile(0.5)
+        if wait is None or turn is None or abs(wait - turn) > _AS_SOON * turn:
+            return False
+    turns = np.concatenate([unit.turns.numbers for unit in units])
+    soon, late = np.quantile(turns, (0.1, 0.9))
+    return bool(late - soon > _STEADY * late)
+
+
+def _one(evidence: Evidence, heard: str, frames: int, others: int, every: int | None = None) -> Suspicion:
+    every = evidence.ledger.frames if every is None else every
+    numbers = {"heard": heard, "frames": frames, "others": others, "all": every}
+    bits = surplus_bits(frames, every, 0.5) + 8.0 * frames
     return Suspicion((), bits, _everything(evidence), numbers, evidence.ledger.begin, evidence.ledger.end)
 
 

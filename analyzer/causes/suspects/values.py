@@ -122,8 +122,9 @@ def _long(poll: PollValues, column: int, *, swapped: bool = False) -> NDArray[np
     return pair[:, 1] << 16 | pair[:, 0] if swapped else pair[:, 0] << 16 | pair[:, 1]
 
 
-def _jumps(values: NDArray[np.int64]) -> NDArray[np.intp] | None:
-    """Where a counter falls back or leaps; None where these values are no counter's."""
+def _jumps(values: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.intp] | None:
+    """Where a counter falls back, or leaps by more than the time between two reads; None where these values are no
+    counter's."""
     steps = np.diff(values)
     up = steps[steps > 0]
     if len(up) < _LEAST_UP or (steps >= 0).mean() < _COUNTS:
@@ -131,9 +132,11 @@ def _jumps(values: NDArray[np.int64]) -> NDArray[np.intp] | None:
     usual = float(np.quantile(up, 0.8))
     if usual > _WORD / 2:
         return None  # not in step with the low word: rather a float
-    jumps = ((steps < 0) | (steps > _LEAP * usual)).nonzero()[0]
+    apart = np.diff(times).astype(np.float64)
+    longer = np.maximum(apart / max(float(np.median(apart)), 1.0), 1.0)
+    jumps = ((steps < 0) | (steps > _LEAP * usual * longer)).nonzero()[0]
     beside = np.abs(steps[jumps]) % _WORD
-    if (np.minimum(beside, _WORD - beside) <= 4 * usual).any():
+    if (np.minimum(beside, _WORD - beside) <= 4 * usual * longer[jumps]).any():
         return None  # a carry into another register than this one
     return jumps
 
@@ -156,7 +159,7 @@ def counter_jumps(evidence: Evidence) -> Iterator[Suspicion]:
 
 
 def _of_counters(group: list[PollValues], column: int, *, swapped: bool) -> Iterator[Suspicion]:
-    found = [(poll, _jumps(_long(poll, column, swapped=swapped))) for poll in group]
+    found = [(poll, _jumps(_long(poll, column, swapped=swapped), poll.times)) for poll in group]
     clean = sum(jumps is not None and not len(jumps) for _, jumps in found)
     for poll, jumps in found:
         if jumps is None or not len(jumps) or (clean < 1 and not _odd(poll, jumps)):

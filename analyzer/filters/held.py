@@ -1,0 +1,73 @@
+"""Which rows hold a wanted value, told from the bytes as they stand: no value is copied out of its frame.
+
+At every second byte begins a number; those that pass are counted along the bytes once, from the first byte and from the
+second. A row holds one where that count grows between its first register and its last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..tables.columns import AreaCode, HeldValues, ValueSpans
+from .slices import Mask, ValueSlice
+from .tree import Wanted
+
+Passes = Callable[[NDArray[np.uint16]], Mask]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldSlice:
+    """The values of `count` rows; `signed`: of registers alone, as signed numbers. `left_out` are areas without."""
+
+    held: HeldValues
+    count: int
+    signed: bool = False
+    left_out: frozenset[AreaCode] = frozenset()
+
+    def known(self) -> Mask:
+        mask = np.zeros(self.count, np.bool_)
+        for span in self._spans():
+            mask[span.rows[span.counts > 0]] = True
+        return mask
+
+    def passing(self, wanted: Wanted) -> Mask:
+        def passes(values: NDArray[np.uint16]) -> Mask:
+            return ValueSlice(values.view(np.int16) if self.signed else values).passing(wanted)
+
+        mask = np.zeros(self.count, np.bool_)
+        registers = [span for span in self._spans() if span.read is None]
+        if registers:
+            self._registers(registers, passes, mask)
+        for span in self._spans():
+            if span.read is not None and (not span.is_bits or passes(np.arange(2, dtype=np.uint16)).any()):
+                of, _, values = span.each(self.held.pdus)
+                mask[span.rows[of[passes(values)]]] = True
+        return mask
+
+    def _spans(self) -> list[ValueSpans]:
+        return [span for span in self.held.spans if span.area not in self.left_out]
+
+    def _registers(self, spans: list[ValueSpans], passes: Passes, mask: Mask) -> None:
+        rows, begins, counts = (
+            np.concatenate([getattr(span, name) for span in spans]) for name in ("rows", "begins", "counts")
+        )
+        before, size = _counted(self.held.pdus.data, passes)
+        first = (begins & 1) * size + (begins >> 1)
+        first[counts == 0] = 0  # what a cut frame does not reach may lie behind the bytes
+        mask[rows[before[first + counts] > before[first]]] = True
+
+
+def _counted(data: NDArray[np.uint8], passes: Passes) -> tuple[NDArray[np.int32], int]:
+    """How many numbers pass before each: first of those at even places, `size` figures, then of those at odd ones."""
+    size = len(data) // 2 + 1
+    before = np.zeros(2 * size, np.int32)
+    for odd in (0, 1):
+        words = (len(data) - odd) // 2
+        if words > 0:
+            numbers = data[odd : odd + 2 * words].view(">u2").astype(np.uint16)
+            np.cumsum(passes(numbers), out=before[odd * size + 1 : odd * size + 1 + words])
+    return before, size

@@ -1,0 +1,152 @@
+"""Small files of a lake made into fewer, larger ones, so that a question opens dozens and not thousands.
+
+A pack `TABLE/packed/NAME.parquet` holds the rows of many files, of any lines, sites and days: `site` and `day` are
+columns of it, and `part` says of which file a row is, by its number among the pack's members. Rows are sorted by site,
+day and the table's own `order`, so that least and greatest values of a row group tell what it cannot hold. An entry of
+the manifest names new packs and their members in one step; the files that they replace go when the next batch begins.
+A line that is done anew or goes on leaves rows in packs that are the lake's no more: readers leave those parts out, and
+the next packing drops them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import date
+from typing import Any, Final
+from urllib.parse import unquote
+from uuid import uuid4
+
+import pyarrow as pa
+import pyarrow.compute as pc
+from pyarrow.parquet import ParquetFile, ParquetWriter
+
+from ..exports.targets.parquet import frames_writer
+from .datasets import DATASETS, GROUP, pack_schema
+from .manifest import Manifest, PackMember
+from .stores import LakeStore, fetched
+
+FULL: Final = 1 << 20  # rows of a pack: what memory holds and sorts at once
+SMALL: Final = FULL // 2  # files of fewer rows are packed
+MANY: Final = 64  # small files of a table that are worth it
+_STALE: Final = 0.25  # share of a pack's rows that are the lake's no more: it is made anew
+
+
+@dataclass(frozen=True, slots=True)
+class _SmallFile:
+    """A file to be packed: the members of it that are the lake's, with the numbers they have in it if it is a pack.
+
+    `stale`: rows of it that are the lake's no more.
+    """
+
+    file: str
+    members: tuple[PackMember, ...]
+    numbers: tuple[int, ...] | None = None
+    stale: int = 0
+
+    @property
+    def rows(self) -> int:
+        return sum(rows for _, rows in self.members)
+
+
+@dataclass(frozen=True, slots=True)
+class LakePacking:
+    """What a packing came to: how many files there were of it, and how many there are now."""
+
+    before: int = 0
+    after: int = 0
+
+
+def pack(manifest: Manifest, least: int | None = None, stop: Callable[[], bool] | None = None) -> LakePacking:
+    """Pack the tables that have at least so many small files, `MANY` if not given.
+
+    The caller has the lake to itself (`writing`). Raises FleetError where it cannot be written; what was packed till
+    then is kept.
+    """
+    before = after = 0
+    least = MANY if least is None else least
+    for table in DATASETS:
+        pieces, settled = _small(manifest, table)
+        if settled < least or (stop is not None and stop()):
+            continue
+        groups = [group for group in _groups(pieces) if len(group) > 1 or group[0].stale]
+        if groups:
+            manifest.add({"packs": [_write(manifest.store, table, group) for group in groups]})
+        before, after = before + sum(map(len, groups)), after + len(groups)
+    return LakePacking(before, after)
+
+
+def _small(manifest: Manifest, table: str) -> tuple[list[_SmallFile], int]:
+    """What is worth packing, by site and day; and how much of it a line that goes on will not soon replace."""
+    files, rows = manifest.files(table), manifest.rows(table)
+    passing = {name for line in manifest.lines.values() if line.last["state"] for name in line.tail(table)}
+    pieces = [_SmallFile(name, ((name, rows[name]),)) for name in files.loose if rows[name] < SMALL]
+    settled = sum(piece.file not in passing for piece in pieces)
+    for name, stale in files.packs.items():
+        members = manifest.packs[name].members
+        numbers = tuple(number for number in range(len(members)) if number not in stale)
+        dead = sum(members[number][1] for number in stale)
+        live = _SmallFile(name, tuple(members[number] for number in numbers), numbers, dead)
+        if live.rows < SMALL or dead > _STALE * live.rows:
+            pieces.append(live)
+            settled += 1
+    return sorted(pieces, key=lambda piece: min(piece.members)), settled  # names begin with site and day
+
+
+def _groups(pieces: list[_SmallFile]) -> Iterator[list[_SmallFile]]:
+    """Those that make a pack together."""
+    group: list[_SmallFile] = []
+    rows = 0
+    for piece in pieces:
+        if group and rows + piece.rows > FULL:
+            yield group
+            group, rows = [], 0
+        group.append(piece)
+        rows += piece.rows
+    yield group
+
+
+def _write(store: LakeStore, table: str, group: list[_SmallFile]) -> dict[str, Any]:
+    """Make one pack; what the manifest is to say of it."""
+    schema = pack_schema(table)
+    parts: list[Any] = []
+    members: list[PackMember] = []
+    for piece in group:
+        with fetched(store.url(piece.file)) as path, ParquetFile(path) as file:
+            rows = file.read()
+        parts.append(_own(rows, piece, len(members)).select(schema.names).cast(schema))
+        members += piece.members
+    path = store.scratch()
+    make: Callable[..., Any] = frames_writer if table == "frames" else ParquetWriter
+    with make(str(path), schema, compression="zstd") as writer:
+        writer.write_table(_sorted(pa.concat_tables(parts), table), row_group_size=GROUP)
+    name = f"{table}/packed/{uuid4().hex}.parquet"
+    store.put(name, path)
+    return {"table": table, "name": name, "members": members}
+
+
+def _own(rows: Any, piece: _SmallFile, first: int) -> Any:
+    """The rows of a file that are the lake's, with all columns of a pack; its parts numbered from `first`."""
+    if piece.numbers is None:
+        for column, value in {**_place(piece.file), "part": pa.scalar(first, pa.int32())}.items():
+            rows = rows.append_column(column, pa.repeat(value, len(rows)))
+        return rows
+    numbers = pc.index_in(rows.column("part"), pa.array(piece.numbers, pa.int32()))
+    rows = rows.set_column(rows.column_names.index("part"), "part", pc.add(numbers, pa.scalar(first, pa.int32())))
+    return rows.filter(pc.is_valid(numbers))
+
+
+def _place(name: str) -> dict[str, Any]:
+    """Site and day, as the name of a file of one line has them."""
+    keys = dict(folder.split("=", 1) for folder in name.split("/")[1:-1])
+    place = {"site": pa.scalar(unquote(keys["site"]))}
+    return place | ({"day": pa.scalar(date.fromisoformat(keys["day"]))} if "day" in keys else {})
+
+
+def _sorted(rows: Any, table: str) -> Any:
+    """By site, day and the table's own order; what is alike there stays as it was."""
+    names = [name for name in ("site", "day", *DATASETS[table].order) if name in rows.column_names]
+    keys = [rows.column(name) for name in names]
+    plain = [key.cast(key.type.value_type) if pa.types.is_dictionary(key.type) else key for key in keys]
+    order = pc.sort_indices(pa.table(plain, names), sort_keys=[(name, "ascending") for name in names])
+    return rows.take(order)
