@@ -62,9 +62,11 @@ SETTINGS: Final = (
     Setting("timing.turnaround_ms", _NUMBER, ("turnaround_ms",), "least pause after a broadcast"),
     Setting("timing.idle_ms", _NUMBER, ("idle_ms",), "silence after which the line counts as quiet"),
 )
-TABLES: Final = {  # whose keys are the user's own
+COLOURS: Final = ("red", "yellow", "green", "blue", "violet")  # that rows may have in the interface
+TABLES: Final = {  # whose keys are the user's own, those of `colours` apart
     "maps": 'register maps by unit, or for `all` others: 17 = "meter.csv"',
     "filters": "filters by name, used as --filter @NAME",
+    "colours": 'colour rules of the interface: red = "exception or not crc_ok"',
 }
 
 
@@ -111,6 +113,8 @@ def _read(file: str, *, project: bool) -> Iterator[SetValue]:
         if table in TABLES and "." in key:
             if not isinstance(value, str):
                 raise SettingsError(f"{at.where}: {key} is no text")
+            if table == "colours" and key.partition(".")[2] not in COLOURS:
+                raise SettingsError(f"{at.where}: no colour {key.partition('.')[2]!r}: {', '.join(COLOURS)}")
             yield SetValue(key, _resolved(file, value) if table == "maps" else value, file, at.line)
             continue
         setting = known.get(key)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import captures
+from analyzer.paste import judge
 from captures import Capture, CaptureError, Chunk, Mark
 
 MS = 1_000_000
@@ -284,3 +285,44 @@ def test_other_formats_can_be_added(monkeypatch: pytest.MonkeyPatch, tmp_path: P
         assert captures.open(tmp_path / "capture.vnd", format="vendor").format == "vendor"
     finally:
         formats.foreign_formats.cache_clear()
+
+
+def test_lines_that_end_in_a_carriage_return_alone(tmp_path: Path) -> None:
+    capture = log(tmp_path, f"12:00:01.123 TX {SPACED}\r12:00:01.140 RX {ANSWERED}\r")
+    request, answer = capture.chunks()
+    assert (request.data, answer.data, answer.t_ns - request.t_ns) == (REQUEST, ANSWER, 17 * MS)
+
+
+def test_a_log_in_space_taken_beforehand(tmp_path: Path) -> None:
+    capture = log(tmp_path, f"TX {SPACED}\nRX {ANSWERED}\n".encode() + bytes(300))
+    assert [chunk.data for chunk in capture.chunks()] == [REQUEST, ANSWER]
+
+
+@pytest.mark.parametrize(("head", "empty"), [("Time,TX,RX,Err", ""), ("Time;Tx (hex);Rx (hex)", "--")])
+def test_a_column_for_each_direction(tmp_path: Path, head: str, empty: str) -> None:
+    sign = "," if "," in head else ";"
+    rows = [f"{i / 1000:.4e}{sign}0x{byte:02X}{sign}{empty}" for i, byte in enumerate(REQUEST)]
+    rows += [f"{i / 1000 + 0.05:.4e}{sign}{empty}{sign}0x{byte:02X}" for i, byte in enumerate(ANSWER)]
+    chunks = list(captures.open(path_of(tmp_path, "\n".join([head, *rows])), judge=judge).chunks())
+    by_mark = {mark: b"".join(chunk.data for chunk in chunks if chunk.mark is mark) for mark in (Mark.TX, Mark.RX)}
+    assert by_mark == {Mark.TX: REQUEST, Mark.RX: ANSWER}
+
+
+def test_both_directions_in_one_column_are_none(tmp_path: Path) -> None:
+    rows = [f"{i},{i * 1000}.00,{byte:02X}" for i, byte in enumerate(REQUEST)]
+    path = path_of(tmp_path, "\n".join(["Id,Time[us],0:UART: RX/TX", *rows]))
+    assert {chunk.mark for chunk in captures.open(path, judge=judge).chunks()} == {Mark.NONE}
+
+
+def test_a_saleae_table_with_decimal_commas(tmp_path: Path) -> None:
+    rows = [f"{i / 1000:.6f};0x{byte:02X};;".replace(".", ",") for i, byte in enumerate(REQUEST)]
+    path = path_of(tmp_path, "\n".join(["Time [s];Value;Parity Error;Framing Error", *rows]), "table.csv")
+    chunks = list(captures.open(path).chunks())
+    assert b"".join(chunk.data for chunk in chunks) == REQUEST
+    assert chunks[-1].t_ns - chunks[0].t_ns == 7 * MS
+
+
+def path_of(folder: Path, text: str, name: str = "table.txt") -> Path:
+    path = folder / name
+    path.write_text(text + "\n", encoding="utf-8")
+    return path

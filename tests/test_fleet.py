@@ -290,6 +290,26 @@ def test_sites_and_lines_by_a_pattern(tmp_path):
             lines_of(files, pattern=pattern)
 
 
+def test_sites_by_the_headers_of_captures(tmp_path):
+    from dataclasses import replace
+
+    capture = bus("clean", transactions=10)
+    (tmp_path / "in").mkdir()
+    for name, notes in (("a.jsonl", {"site": "plant 7"}), ("b.mcap", {"site": "plant 8"}), ("c.jsonl", {})):
+        captures.write(tmp_path / "in" / name, capture.chunks(), line=replace(capture.line, notes=notes))
+    (tmp_path / "in" / "d.jsonl").write_bytes(b"{")
+    files = found([str(tmp_path / "in")])
+    assert [line.site for line in lines_of(files, pattern="header")] == ["in", "in", "plant 7", "plant 8"]
+    assert {line.site for line in lines_of(files)} == {"in"}
+    assert {line.site for line in lines_of(files, "x", "header")} == {"x"}
+
+
+@pytest.mark.parametrize("words", [("256", "0"), ("1", "65536"), ("x", "0"), ("1", "-1"), ("1", "0", "relay")])
+def test_a_register_that_cannot_be_is_told(made, words):
+    with pytest.raises(FleetError, match="register takes UNIT"):
+        ready(Lake(str(made)), "register", Asked(words))
+
+
 def test_the_page_of_a_fleet_tells_each_site(lake_path, tmp_path, capsys):
     hostile = "<script>alert(1)</script>"
     captures.write(tmp_path / "x.jsonl", bus("noisy", 5))

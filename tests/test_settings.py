@@ -94,6 +94,8 @@ def test_filters_by_name(capsys, files):
         ("port = 7\n", "line 1: port is 7"),
         ("theme = 'blue'\n", "line 1: theme is 'blue': light or dark"),
         ("[maps]\n17 = 3\n", "line 2: maps.17 is no text"),
+        ("[colours]\npink = 'exception'\n", "line 2: no colour 'pink': red, yellow, green, blue, violet"),
+        ("[colours]\nred = 3\n", "line 2: colours.red is no text"),
         ("port = \n", "(at line 1, column 8)"),
         ("[line]\nbaud = true\n", "line 2: line.baud is True"),
         ("line = 9600\n", "line 1: no setting 'line'"),

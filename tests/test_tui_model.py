@@ -25,12 +25,14 @@ from analyzer.core import Analysed
 from analyzer.exports import export
 from analyzer.model import goto, search
 from analyzer.model.bus import Bus
+from analyzer.model.bytestore import ByteStore
 from analyzer.model.polls import changed
 from analyzer.model.registers import RegisterSeries
 from analyzer.model.scope import ScopedFigures
 from analyzer.model.selection import Everything, Selection, frames_only, transactions, within
+from analyzer.model.shorttimes import ShortTimes
 from analyzer.model.source import CaptureSource
-from analyzer.model.table import COLUMNS, PIECE, ByteStore, RowTable, ShortTimes
+from analyzer.model.table import PIECE, BusRows, RowTable
 from analyzer.simulation import Scenario, simulate
 from analyzer.tables.batch import Batch
 from analyzer.tables.findings import Severity
@@ -188,12 +190,12 @@ def test_a_table_over_several_pieces() -> None:
     table, n = RowTable(), 3 * PIECE + 17
     kinds = np.ones(n, np.uint8)
     kinds[5::9] = 0
-    columns = {name: np.zeros(n, kind) for name, kind in COLUMNS.items()}
-    columns["kind"], columns["frame"] = kinds, (np.cumsum(kinds > 0) - (kinds > 0)).astype(np.uint32)
-    columns["start"] = columns["t_start_ns"] = np.arange(n, dtype=np.int64) * 10
-    columns["length"][:] = 4
+    made = BusRows.zeros(n)
+    made.kind[:], made.frame[:] = kinds, np.cumsum(kinds > 0) - (kinds > 0)
+    made.start[:] = made.t_start_ns[:] = np.arange(n) * 10
+    made.length[:] = 4
     for first in range(0, n, 50_000):
-        table.append({name: column[first : first + 50_000] for name, column in columns.items()})
+        table.append(made[first : first + 50_000])
     frames = np.flatnonzero(kinds)
     some = np.concatenate((np.arange(0, len(frames), 9973), [len(frames) - 1, len(frames), -1]))
     rows = [int(frames[i]) if 0 <= i < len(frames) else -1 for i in some.tolist()]

@@ -174,6 +174,32 @@ def test_filters_are_remembered_and_kept_with_a_colour(capture: Path) -> None:
     using(opened(capture), work)
 
 
+def test_colour_rules_of_the_settings_light_rows_and_are_listed(
+    capture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rules = tmp_path / "config.toml"
+    rules.write_text('[colours]\nviolet = "unit =="\nred = "exception"\nblue = "unit == 2 or exception"\n')
+    monkeypatch.setenv("RTUSCOPE_CONFIG", str(rules))
+    trouble = Preferences.of_user().trouble
+    assert trouble.startswith(f"{rules}, line 2: colours.violet: column 8: ") and "\n" not in trouble
+
+    async def work(sitting: Seat) -> None:
+        assert trouble in sitting.notices()
+        bus, desk = sitting.bus, sitting.app.desk
+        frames = [bus.frame(row) if not bus.is_noise(row) else None for row in range(bus.count)]
+        wanted = [
+            "" if frame is None else "tint-red" if frame.exception else "tint-blue" if frame.unit == 2 else ""
+            for frame in frames
+        ]
+        assert {"tint-red", "tint-blue", ""} == set(wanted)
+        assert [desk.tint(row) for row in range(bus.count)] == wanted
+        await sitting.press("S")
+        shown = sitting.shown()
+        assert "red: exception" in shown and "blue: unit == 2 or exception" in shown and "violet" not in shown
+
+    using(opened(capture), work)
+
+
 def test_settings_that_cannot_be_read_are_left_alone(tmp_path: Path) -> None:
     path = tmp_path / "interface.json"
     wishes = Preferences.read(path)

@@ -50,7 +50,8 @@ def add_fleet_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--site-from",
         metavar="REGEX",
-        help="a pattern on paths with a group (?P<site>...), and (?P<line>...) if need be",
+        help="a pattern on paths with groups (?P<site>...) and, if need be, (?P<line>...); or header: the note site in "
+        "each capture's own header",
     )
     parser.add_argument(
         "--workers", type=_workers, metavar="N", help="processes of this machine (by default as many as it has cores)"

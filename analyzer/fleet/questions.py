@@ -127,8 +127,10 @@ _REGISTER_AREAS: Final = ("coil", "discrete", "input", "holding")
 def _register(lake: Lake, asked: Asked) -> Any:
     """Every value that the bus said, in order; the area where the address has one of several."""
     unit, address, *area = asked.words
-    if not (unit.isdecimal() and address.isdecimal()) or (area and area[0] not in _REGISTER_AREAS):
-        raise FleetError(f"register takes UNIT ADDRESS [{'|'.join(_REGISTER_AREAS)}], numbers from 0")
+    if not (_to(unit, 255) and _to(address, 0xFFFF)) or (area and area[0] not in _REGISTER_AREAS):
+        raise FleetError(
+            f"register takes UNIT (0 to 255) ADDRESS (0 to 65535, as on the wire) [{'|'.join(_REGISTER_AREAS)}]"
+        )
     day = "" if asked.since_s is None else f" AND day >= ({_NEWEST} - to_seconds($since))::DATE"
     return lake.arrow(
         f"""SELECT t_ns, site, line, area, raw FROM values {_within(asked)}{day}
@@ -136,6 +138,11 @@ def _register(lake: Lake, asked: Asked) -> Any:
 ORDER BY site, line, t_ns, "index", area""",
         _parameters(asked, unit=int(unit), address=int(address), area=area[0] if area else None),
     )
+
+
+def _to(text: str, most: int) -> bool:
+    """Whether it is a whole number from 0 to this one."""
+    return text.isascii() and text.isdecimal() and len(text) <= len(str(most)) and int(text) <= most
 
 
 def _damaged(lake: Lake, asked: Asked) -> Any:

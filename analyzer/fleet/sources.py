@@ -1,7 +1,8 @@
 """Which captures there are: folders, globs and prefixes of object stores; whose site and line each is.
 
 Files of a ring (`captures.recording.ring`) are slices of one line. Which site a capture is from says, in this order:
-the option, the pattern of `--site-from`, a folder named `site=NAME`, else the folder that the capture is in.
+the option, the pattern of `--site-from` (or, by `--site-from header`, the capture's own header), a folder named
+`site=NAME`, else the folder that the capture is in.
 """
 
 from __future__ import annotations
@@ -18,12 +19,13 @@ from typing import Any, Final
 from captures.errors import os_reason
 
 from .errors import FleetError
-from .stores import filesystem, is_remote
+from .stores import fetched, filesystem, is_remote
 
 _RING: Final = re.compile(r"(?P<line>.+)-\d{8}T\d{6}\.\d{3}Z")
 _PACKED: Final = (".gz", ".bz2", ".xz", ".zst", ".zip")
 _TRUTH: Final = ".truth.jsonl"  # beside what `simulate` makes
 _SITE: Final = "site="
+HEADER: Final = "header"  # in place of a pattern, which has a group at least: the site is a note of the capture's own
 _GLOB: Final = re.compile(r"[*?\[]")
 
 
@@ -73,11 +75,11 @@ def settled(files: Iterable[SourceFile], quiet_s: float) -> list[SourceFile]:
 
 
 def lines_of(files: Iterable[SourceFile], site: str | None = None, pattern: str | None = None) -> list[LineFiles]:
-    """The same by line. `pattern`: a regular expression with a group `site`, and one `line` if need be.
+    """The same by line. `pattern`: a regular expression with a group `site`, and one `line` if need be; or `HEADER`.
 
     Raises FleetError where the pattern is none, or where two lines would have one name.
     """
-    expression = None if pattern is None else _compiled(pattern)
+    expression = None if pattern is None or pattern == HEADER else _compiled(pattern)
     grouped: dict[tuple[str, str], list[tuple[str, SourceFile, bool]]] = defaultdict(list)
     for file in files:
         named = None if expression is None else expression.search(file.url)
@@ -85,11 +87,25 @@ def lines_of(files: Iterable[SourceFile], site: str | None = None, pattern: str 
             raise FleetError(f"{file.url}: --site-from {pattern!r} does not fit it")
         own_site, own_line, sliced = _of(file)
         groups: Mapping[str, str | None] = named.groupdict() if named is not None else {}
+        if pattern == HEADER and not site:
+            own_site = _header_site(file) or own_site
         whole = groups.get("line")
         key = (site or groups.get("site") or own_site, whole or own_line)
         folder = "" if whole else str(PurePosixPath(file.url).parent)
         grouped[key].append((folder, file, sliced or whole is not None))
     return [_line(*key, members) for key, members in sorted(grouped.items())]
+
+
+def _header_site(file: SourceFile) -> str | None:
+    """The site that a capture's header names (a note `site`); None where it names none, or cannot be read."""
+    import captures
+    from captures.errors import CaptureError
+
+    try:
+        with fetched(file.url) as path:
+            return captures.open(path).line.notes.get("site")
+    except (CaptureError, FleetError, OSError):
+        return None  # the batch says what is the matter with it
 
 
 def _line(site: str, line: str, members: list[tuple[str, SourceFile, bool]]) -> LineFiles:

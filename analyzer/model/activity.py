@@ -62,11 +62,12 @@ class Activity:
         if last - first <= _FEW and bus.count:
             total = np.zeros((_TRACKS, bins), np.int64)
             for number, low, high in bus.table.slices(first, min(last, bus.count)):
-                columns = bus.table.piece(number)
-                slots = ((columns["t_end_ns"][low:high] - t_start) // width).astype(np.int64)
+                ends = bus.table.stretch(number, "t_end_ns", slice(low, high))
+                slots = ((ends - t_start) // width).astype(np.int64)
                 inside = (slots >= 0) & (slots < bins)
                 lengths, kinds, checks, exceptions = (
-                    columns[name][low:high][inside] for name in ("length", "kind", "check", "exception")
+                    bus.table.stretch(number, name, slice(low, high))[inside]
+                    for name in ("length", "kind", "check", "exception")
                 )
                 total += _counted(lengths, kinds, checks, exceptions, slots[inside], bins)
             return Bins(t_start, width, *total)

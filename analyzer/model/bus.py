@@ -26,11 +26,13 @@ from ..tables.frame import Frame
 from ..tables.schema import NO_GAP, Kind, Row, Rows
 from ..tables.transactions import NEVER, OF_ANSWER, Status, TransactionRows
 from .activity import Activity, Bins, UnitActivity
+from .bytestore import ByteStore
 from .evidence import RowEvidence, evidence_columns, evidence_of
+from .findinglog import FindingLog
 from .polls import PollIndex
 from .registers import RegisterLog
 from .source import CaptureSource, ViewSource
-from .table import PIECE, ByteStore, FindingLog, RowState, RowTable
+from .table import PIECE, BusRows, RowState, RowTable
 
 if TYPE_CHECKING:
     from ..causes.model import Cause
@@ -157,7 +159,7 @@ class Bus:
         self.t_last = max(self.t_last, int(rows.t_end_ns.max()))
         self.noise += int(noise.sum())
         self.frames += n - int(noise.sum())
-        self.table.append(columns)
+        self.table.append(BusRows(**columns))
 
     def _join(self, rows: Rows, first: int) -> None:
         """Who answers whom; of several answers the first is the request's partner."""
@@ -226,17 +228,18 @@ class Bus:
     def batch(self, rows: NDArray[np.int64]) -> Batch:
         """Rows, ascending, all of one piece, as what the pipeline gives; bytes between them are in its data too."""
         number = int(rows[0]) // PIECE
-        columns, first = self.table.piece(number), int(rows[0]) - number * PIECE
+        first = int(rows[0]) - number * PIECE
         all_between = rows[-1] - rows[0] == len(rows) - 1
         slots = slice(first, first + len(rows)) if all_between else rows - number * PIECE
+        column = self.table.stretch
         out = Rows.zeros(len(rows))
         for name in _COPIED:
-            out.column(name)[:] = columns[name][slots]
-        at = columns["at"][slots].astype(np.int64)
+            out.column(name)[:] = column(number, name, slots)
+        at = column(number, "at", slots).astype(np.int64)
         out.at[:], out.gap_least_ns[:] = at - at[0], NO_GAP
         frames = out.kind != Kind.NOISE
-        out.index[:] = np.where(frames, columns["frame"][slots].astype(np.int64), -1)
-        requests = np.where(out.kind == Kind.RESPONSE, columns["partner"][slots], -1).astype(np.int64)
+        out.index[:] = np.where(frames, column(number, "frame", slots).astype(np.int64), -1)
+        requests = np.where(out.kind == Kind.RESPONSE, column(number, "partner", slots), -1).astype(np.int64)
         answers = np.flatnonzero(requests >= 0)
         out.request[:] = out.request_start[:] = -1
         out.request[answers] = self.table.take("frame", requests[answers])

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 Int64s: TypeAlias = NDArray[np.int64]
 Int32s: TypeAlias = NDArray[np.int32]
 Int16s: TypeAlias = NDArray[np.int16]
+UInt32s: TypeAlias = NDArray[np.uint32]
 UInt16s: TypeAlias = NDArray[np.uint16]
 UInt8s: TypeAlias = NDArray[np.uint8]
 Float64s: TypeAlias = NDArray[np.float64]

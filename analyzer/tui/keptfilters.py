@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from ..filters import FilterError
 from ..languages import tr
 from ..model.filtering import compiled
+from ..settings import COLOURS
 from .filterbar import FilterBar
-from .preferences import COLOURS, KeptFilter
+from .preferences import KeptFilter
 from .prompts import Ask, Choose
 
 if TYPE_CHECKING:
@@ -71,8 +72,8 @@ class KeptFilters:
 
 
 def rules_of(desk: ViewState) -> Iterator[tuple[Test, str]]:
-    """Kept filters with a colour, as tests with the kind (`paint.INKS`) of their rows."""
-    for entry in desk.wishes.filters:
+    """Kept filters with a colour and the settings' rules, as tests with the kind (`paint.INKS`) of their rows."""
+    for entry in (*desk.wishes.filters, *desk.wishes.presets):
         if entry.colour:
             try:
                 yield compiled(entry.text, desk.source.line).test, f"tint-{entry.colour}"
@@ -90,7 +91,7 @@ def kept_tests(desk: ViewState) -> Iterator[tuple[str, Test]]:
 
 
 def _words(entry: KeptFilter) -> str:
-    return f"{entry.name}: {entry.text}" + (f" ({entry.colour})" if entry.colour else "")
+    return f"{entry.name}: {entry.text}" + (f" ({entry.colour})" if entry.colour not in ("", entry.name) else "")
 
 
 def _no_name(text: str) -> str:

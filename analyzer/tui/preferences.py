@@ -14,11 +14,11 @@ from typing import Any, Final
 
 import captures
 
+from ..filters import check
 from ..languages import tr
 from ..settingfiles import user_folder
-from ..settings import SettingsError, read_settings
+from ..settings import COLOURS, SettingsError, read_settings
 
-COLOURS: Final = ("red", "yellow", "green", "blue", "violet")
 _VERSION: Final = 1
 _LONGEST: Final = 1 << 20  # bytes
 _PAST: Final = 50  # filters
@@ -42,7 +42,7 @@ class Preferences:
     past: list[str] = field(default_factory=list)  # filters that were used, the newest last
     hidden: set[str] = field(default_factory=set)  # columns
     keys: dict[str, str] = field(default_factory=dict)  # by the id of a binding
-    presets: list[KeptFilter] = field(default_factory=list)  # of the settings files; not dropped here
+    presets: list[KeptFilter] = field(default_factory=list)  # of the settings files, colour rules too; not dropped here
     trouble: str = ""  # why they could not be read
 
     @classmethod
@@ -50,8 +50,13 @@ class Preferences:
         """Those of whoever runs this."""
         own = cls.read(Path(user_folder()) / "interface.json")
         with suppress(SettingsError):  # the command line has told it
-            filters = read_settings().table("filters").items()
-            own.presets = [KeptFilter(name, str(value.value)) for name, value in filters]
+            settings = read_settings()
+            own.presets = [KeptFilter(name, str(value.value)) for name, value in settings.table("filters").items()]
+            for colour, value in settings.table("colours").items():
+                if wrong := check(str(value.value)):
+                    own.trouble = own.trouble or f"{value.where}: {value.key}: {wrong}"
+                else:
+                    own.presets.append(KeptFilter(colour, str(value.value), colour))
         return own
 
     @classmethod

@@ -127,14 +127,16 @@ def _text_of(file: BinaryIO, note: Note) -> Iterator[str]:
     if codec is not None:
         file = cast(BinaryIO, codecs.EncodedFile(file, "utf-8", codec, "replace"))
     for _, lines in line_batches(file, note, _BATCH):
-        yield from (encodings.line_of(line) for line in lines)
+        for line in lines:
+            text = encodings.line_of(line)
+            yield from encodings.lines_of(text.rstrip("\r\n")) if b"\r" in line else (text,)
 
 
 @lru_cache(maxsize=1)  # asked more than once about the same file
 def _sniff(head: bytes) -> float:
     if encodings.is_binary(head):
         return 0.0
-    learnt = LogReader().learn(encodings.decoded(head[:_SNIFFED]).split("\n"))
+    learnt = LogReader().learn(encodings.lines_of(encodings.decoded(head[:_SNIFFED])))
     with_bytes = {read.line for read in learnt if isinstance(read, Piece)}
     without = {read.line for read in learnt if isinstance(read, UnreadLine)} - with_bytes
     share = len(with_bytes) / len(with_bytes | without) if with_bytes else 0.0

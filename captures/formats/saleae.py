@@ -124,9 +124,14 @@ def _header(head: bytes) -> tuple[dict[str, tuple[int, ...]], str] | None:
     return None
 
 
+def _number(text: str) -> float:
+    """A number, with a decimal comma where spreadsheets write one."""
+    return float(text.replace(",", "."))
+
+
 def _time(text: str) -> int:
     try:
-        return round(float(text) * 1e9)
+        return round(_number(text) * 1e9)
     except (ValueError, OverflowError):
         stamp, _ = stamps.find(text)
         if stamp is None:
@@ -136,7 +141,7 @@ def _time(text: str) -> int:
 
 def _duration(cells: Sequence[str]) -> int:
     try:
-        return max(0, min(round(float(cells[0]) * 1e9), TIME_LIMIT)) if cells else 0
+        return max(0, min(round(_number(cells[0]) * 1e9), TIME_LIMIT)) if cells else 0
     except (ValueError, OverflowError):
         return 0
 

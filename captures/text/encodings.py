@@ -19,6 +19,7 @@ def is_binary(head: bytes) -> bool:
     """Whether a file or a paste that begins like this is no text: many control characters, and no UTF-16."""
     if utf16(head) is not None:
         return False
+    head = head.rstrip(b"\0") or head  # a log whose disk space was taken before its text
     control = sum(head.count(code) for code in range(32) if code not in (7, 8, 9, 10, 12, 13, 27))
     return control * 100 > len(head)
 
@@ -41,6 +42,11 @@ def decoded(data: bytes) -> str:
     if codec is not None:
         return data.decode(codec, "replace").removeprefix("\ufeff")
     return "\n".join(line_of(line) for line in data.split(b"\n")).removeprefix("\ufeff")
+
+
+def lines_of(text: str) -> list[str]:
+    """Lines, whether they end in CR LF, LF or CR."""
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 def line_of(line: bytes) -> str:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from datetime import tzinfo
-from typing import Final, NamedTuple
+from typing import Final
 
 from captures.text import stamps
 
@@ -21,6 +21,7 @@ from .candidates import Writing, line_of
 from .choosing import ByteRun, Experience, Judge, label_in, no_judge, runs_in
 from .dumps import Dump
 from .halves import halves
+from .headings import Heading, marks_of_cells
 from .othershapes import unescape
 from .plain import plain, quoted
 from .rows import is_ruler
@@ -44,22 +45,6 @@ _SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,15}[0-9a-f]{2})(?:  .*)
 _LABELLED: Final = 56  # characters of a heading that name it
 _REMEMBERED: Final = 2048  # lines
 _FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
-
-
-class Heading(NamedTuple):
-    """What a line says of the rows of bytes below it."""
-
-    mark: int
-    t_ns: int | None
-    fine: bool
-    label: str
-    port: str = ""
-    left: int | None = None  # bytes still to come, where it says how many there are
-    joins: bool = False  # all rows below it are one read
-    exact: bool = False  # nothing else stands below it before all bytes are there
-    rows: int = 0  # that it has had
-    width: int = 0  # bytes of the row before
-    columns: tuple[int, ...] = ()  # marks of a table's columns: `request,response`
 
 
 @dataclass(slots=True)
@@ -299,7 +284,10 @@ class LineReader:
         left = int(next(filter(None, announced.groups()))) if announced else None
         columns = tuple(one.mark for one in line_marks) if len(line_marks) > 1 else ()
         label = label_in(rest[-_LABELLED:])
-        self._heading = Heading(mark, t_ns, fine, label, port, left, joins=bool(bare), columns=columns)
+        parted, cells = marks_of_cells(rest, line_marks)
+        self._heading = Heading(
+            mark, t_ns, fine, label, port, left, bool(bare), columns=columns, parted=parted, cells=cells
+        )
         line.quiet = bool(bare) and line.t_ns is not None
 
     def _placed(self, line: LogLine, stamp: stamps.Stamp | None, mark: int) -> LogLine:
@@ -315,7 +303,7 @@ class LineReader:
             return line
         in_columns = len(line.runs) == len(heading.columns)
         for i, run in enumerate(line.runs):
-            run.mark = run.mark or (heading.columns[i] if in_columns else heading.mark)
+            run.mark = run.mark or (heading.columns[i] if in_columns else heading.mark_at(line.text, run.start))
             if not run.label:
                 run.heading = heading.label or " "
         if stamp is not None:
