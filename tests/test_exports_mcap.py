@@ -23,7 +23,7 @@ import captures
 from analyzer.exports import ExportOptions, export
 from analyzer.exports.targets.mcap import values
 from analyzer.exports.targets.mcap.schemas import function_names
-from captures import Capture
+from captures import Capture, samples
 from dissectors import Function
 from dissectors.functions import functions
 from dissectors.maps.model import MappedValue, RegisterMap
@@ -120,6 +120,25 @@ def test_transactions(exported):
     assert found[0].response_time_ms == pytest.approx(6, rel=0.01)
     assert [content.HasField("response") for content in found] == [True] * 5 + [False]
     assert [content.HasField("response_time_ms") for content in found] == [True] * 5 + [False]
+
+
+def test_transactions_take_as_long_as_the_table_says(capsys, tmp_path):
+    """Exact, an interval or unknown: the message says what a row of `--table transactions` does."""
+    path = tmp_path / "bus.mcap"
+    bus = samples.path("troubled.jsonl")
+    ran(capsys, "export", bus, "-o", path)
+    rows = {row["request"]: row for row in analyzer.open(bus).records("transactions")}
+    found = [content for _, content in messages(path)["/transactions"]]
+    assert len(found) == len(rows)
+    kinds = set()
+    for content in found:
+        row = rows[content.request]
+        for name in ("response_time", "response_time_low", "response_time_high"):
+            told = row[f"{name}_ns"]
+            assert content.HasField(f"{name}_ms") == (told is not None)
+            assert told is None or getattr(content, f"{name}_ms") == told / 1e6
+        kinds.add((row["response_time_ns"] is None, row["response_time_low_ns"] is None))
+    assert kinds == {(False, False), (True, False), (True, True)}
 
 
 def test_register_values_by_address(exported):

@@ -99,9 +99,10 @@ def test_a_cluster_makes_the_same_lake_though_workers_die(folder, tmp_path):
         def runs_and_kills(tasks):
             for outcome in runner(tasks):
                 if len(deaths) < 2:
-                    pids = list(client.run(os.getpid).values())
-                    os.kill(pids[0], 9)
-                    deaths.append(pids[0])
+                    pids = [nanny.pid for nanny in local.workers.values()]  # asking a worker that just died would fail
+                    pid = next(pid for pid in pids if pid is not None and pid not in deaths)
+                    os.kill(pid, 9)
+                    deaths.append(pid)
                 yield outcome
 
         result = batch(tmp_path / "lake", folder, runner=runs_and_kills)

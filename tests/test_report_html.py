@@ -1,8 +1,10 @@
 """The report as an HTML page: the text report's facts, nothing from elsewhere, nothing that a device could inject."""
 
 import html
+import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import pytest
 from buses import CHAR_NS, LINE, adu, spaced
@@ -12,6 +14,7 @@ from running import ran, refused
 
 import captures
 from analyzer.reports import summarize
+from analyzer.reports.hours import HourTable
 from analyzer.reports.html import Sights, page
 from analyzer.reports.html.troublebins import TroubleBins
 from analyzer.reports.page import facts
@@ -48,8 +51,11 @@ def test_it_says_what_the_text_report_says():
 @pytest.mark.parametrize("name", samples.names())
 def test_nothing_comes_from_elsewhere(name):
     _, made_page = made(captures.open(samples.path(name)), name)
-    for reference in ("http", "src=", "href", "<script", "<link", "url(", "@import"):
+    for reference in ("http", "src=", "<script", "<link", "url(", "@import"):
         assert reference not in made_page, reference
+    within = set(re.findall(r'href="([^"]*)"', made_page))
+    assert within <= {f"#{name}" for name in re.findall(r'id="([^"]*)"', made_page)}
+    assert made_page.count("href") == len(re.findall(r'href="#', made_page))
 
 
 def test_what_files_and_devices_say_stays_text():
@@ -117,3 +123,30 @@ def test_a_browser_draws_it(tmp_path):
     command += ["--window-size=1000,1400", f"--screenshot={picture}", (tmp_path / "p.html").as_uri()]
     subprocess.run(command, check=True, capture_output=True, timeout=60)
     assert picture.stat().st_size > 20_000  # a blank page of this size has 7 kB
+
+
+def test_cards_polls_and_hours_say_what_the_report_says():
+    capture = captures.open(samples.path("troubled.jsonl"))
+    sights, hours = Sights(), HourTable(capture.line)
+
+    def watch(analysed):
+        sights.feed(analysed)
+        hours.feed(analysed)
+
+    report = replace(summarize(capture, source="/a/b/bus.jsonl", watch=watch), hours=hours.rows())
+    shown = page(report, sights)
+    assert "/a/b" not in shown and "bus.jsonl" in shown
+    for card in report.cards:
+        assert f"unit {card.unit} <span" in shown
+        assert f'title="{card.silent:,} silent"' in shown
+    assert shown.count('<th scope="row">') >= len(report.polls) + len(report.hours) + len(report.units)
+    assert "2026-11-21 08:00" in shown
+    assert "03 107..109" in shown and "43 65535" not in shown
+    assert f"{report.transactions.requests:,}" in shown
+    assert 'href="#bit-flip"' in shown and 'id="bit-flip"' in shown
+
+
+def test_no_two_examples_are_alike():
+    _, made_page = made(captures.open(samples.path("troubled.jsonl")), "bus")
+    said = re.findall(r'<p class="said">unit 2 refuses ([^<]*)', made_page)
+    assert len(said) == len(set(said)) == 1

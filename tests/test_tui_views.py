@@ -396,3 +396,13 @@ def test_the_report_is_no_wider_than_eighty_columns(capture: Path) -> None:
         assert report.max_scroll_x == 0
 
     using(opened(capture), work, size=(80, 24))
+
+
+def test_forty_columns_show_the_values_of_registers(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("5")
+        await sitting.settle()
+        head, first = sitting.shown().splitlines()[2:4]
+        assert "value" in head and "40002" in first and "564" in first
+
+    using(opened(capture), work, size=(40, 24))

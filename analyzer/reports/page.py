@@ -6,6 +6,7 @@ Facts first, trouble marked by its own lines; what this capture cannot tell is s
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import PurePath
 from textwrap import wrap
 from typing import Any, Final
 
@@ -41,7 +42,7 @@ def _lines(report: Report) -> Iterator[str]:
     yield from findings.cause_lines(report.causes)
     if report.before:
         yield ""
-        yield from against.lines(report.against, report.before)
+        yield from against.lines(report.against, file_name(report.before))
     for table in pagetables.tables(report):
         yield ""
         yield from table
@@ -51,7 +52,8 @@ def _lines(report: Report) -> Iterator[str]:
 
 def facts(report: Report) -> Iterator[tuple[str, str]]:
     """The bus in brief: a label with its words; an empty label goes on with the one before."""
-    yield "capture", ", ".join(part for part in (report.source, report.format) if part) or page_words("unnamed")
+    named = [part for part in (file_name(report.source), report.format) if part]
+    yield "capture", ", ".join(named) or page_words("unnamed")
     if report.filter:
         yield "filter", page_words("{filter} (what follows covers what passes)", filter=report.filter)
     yield "line", _line(report)
@@ -79,6 +81,11 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     yield "response", _response(report)
     if report.clock_skew_ns is not None and not report.clock_skew_ns[0] <= 0 <= report.clock_skew_ns[1]:
         yield "clocks", _clocks(report.clock_skew_ns)
+
+
+def file_name(source: str) -> str:
+    """A capture's name without the folders of this machine."""
+    return PurePath(source).name or source
 
 
 def nothing(report: Report) -> str:

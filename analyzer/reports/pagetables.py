@@ -19,6 +19,7 @@ _ROWS: Final = 24  # units on the page; --json has all
 _CARDS: Final = 6
 _POLLS: Final = 12
 _HOURS: Final = 72
+_NO_ADDRESS: Final = 0xFFFF  # of a request that names none, as `causes.exchanges` has it
 _EXCEPTIONS: Final = 10
 _BOOKMARKS: Final = 50
 _LONG_NS: Final = 99_950_000_000
@@ -47,8 +48,8 @@ def tables(report: Report) -> Iterator[Iterator[str]]:
         yield _units(report)
         yield _functions(report)
         yield _legend(report)
-    if troubled := [card for card in report.cards if card.silent + card.garbage + card.late + card.doubles]:
-        yield _cards(troubled)
+    if any(map(_badly, report.cards)):
+        yield _cards(report.cards)
     if any(row.period_ns is not None for row in report.polls):
         yield _polls(report.polls)
     if report.hours:
@@ -144,8 +145,7 @@ def _width(cells: Sequence[str]) -> int:
 
 def _cards(cards: Sequence[UnitCard]) -> Iterator[str]:
     yield page_words("units that did not answer well")
-    worst = sorted(cards, key=lambda card: -(card.silent + card.garbage + card.late + card.doubles))[:_CARDS]
-    for card in sorted(worst, key=lambda card: card.unit):
+    for card in troubled(cards, _CARDS):
         yield from textwrap.wrap(
             f"{page_words('unit {unit}', unit=card.unit)}: {', '.join(outcome_words(card))}",
             _WIDTH,
@@ -154,8 +154,20 @@ def _cards(cards: Sequence[UnitCard]) -> Iterator[str]:
         )
         for change in card.changes:
             yield from textwrap.wrap(f"   {change_words(change)}", _WIDTH, subsequent_indent="   ")
-    if len(cards) > len(worst):
-        yield and_more(len(cards) - len(worst), "more unit", "more units")
+    left = sum(_badly(card) > 0 for card in cards) - _CARDS
+    if left > 0:
+        yield and_more(left, "more unit", "more units")
+
+
+def _badly(card: UnitCard) -> int:
+    """How many of its requests did not get one good answer in time."""
+    return card.silent + card.garbage + card.late + card.doubles
+
+
+def troubled(cards: Sequence[UnitCard], most: int) -> list[UnitCard]:
+    """Units that did not answer well, the worst of them, by number."""
+    worst = sorted((card for card in cards if _badly(card)), key=lambda card: -_badly(card))[:most]
+    return sorted(worst, key=lambda card: card.unit)
 
 
 def change_words(change: UnitChange) -> str:
@@ -166,8 +178,8 @@ def change_words(change: UnitChange) -> str:
     return f"{when}: {change.text}"
 
 
-def outcome_words(card: UnitCard) -> Iterator[str]:
-    """What became of a unit's requests, and how long its answers take."""
+def outcome_words(card: UnitCard, *, damage: bool = True) -> Iterator[str]:
+    """What became of a unit's requests, where its answers are damaged, and how long they take."""
     yield page_words("{number:,} asked", number=card.asked)
     for number, words in (
         (card.answered, "{number:,} answered"),
@@ -178,18 +190,13 @@ def outcome_words(card: UnitCard) -> Iterator[str]:
             yield page_words(words, number=number)
     if card.garbage:
         garbage = page_words("{number:,} garbage", number=card.garbage)
-        regions = damage_words(card)
-        yield f"{garbage} {page_words('(damaged: {regions})', regions=regions)}" if regions else garbage
+        regions = ", ".join(f"{page_words(region)} {count:,}" for region, count in card.damage.items() if count)
+        yield f"{garbage} {page_words('(damaged: {regions})', regions=regions)}" if regions and damage else garbage
     for number, words in ((card.late, "{number:,} late"), (card.doubles, "{number:,} answered twice")):
         if number:
             yield page_words(words, number=number)
     if card.delay_ns is not None:
         yield page_words("answers after {time}", time=between(*card.delay_ns))
-
-
-def damage_words(card: UnitCard) -> str:
-    """Where in the frame its answers are damaged, and how often."""
-    return ", ".join(f"{page_words(region)} {count:,}" for region, count in card.damage.items() if count)
 
 
 def _clock(t_ns: int) -> str:
@@ -212,7 +219,9 @@ def _polls(polls: Sequence[PollRow]) -> Iterator[str]:
 
 
 def poll_words(row: PollRow) -> str:
-    """Function and addresses of a poll: `03 107..109`, `06 12`."""
+    """Function and addresses of a poll: `03 107..109`, `06 12`, `07`."""
+    if row.address == _NO_ADDRESS and not row.quantity:
+        return f"{row.function:02d}"
     alone = row.function in (5, 6, 22) or row.quantity <= 1
     return f"{row.function:02d} {row.address}" + ("" if alone else f"..{row.address + row.quantity - 1}")
 

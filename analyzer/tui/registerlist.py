@@ -111,7 +111,7 @@ class RegisterList(Lines):
     def head(self, width: int) -> Sequence[StyledText]:
         name = _name_width(width)
         place = f"{tr('unit'):>6} {tr('register'):>8} {tr('what'):<{name}}"
-        value = f"{tr('value'):>18}  {tr('before'):>12} {tr('age'):>6} {tr('type')}"
+        value = f"{tr('value'):>{_value_width(width)}}  {tr('before'):>12} {tr('age'):>6} {tr('type')}"
         return fitted([StyledText(f"{place} {value}")], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
@@ -132,7 +132,9 @@ class RegisterList(Lines):
         if spot in self._parts:
             owner = self._parts[spot]
             of = logical(owner[2], _AREA_NAMES[owner[1]])
-            return fitted([*parts, StyledText(f"{tr('└ of {register}', register=of):>18}", "dim")], width)
+            return fitted(
+                [*parts, StyledText(f"{tr('└ of {register}', register=of):>{_value_width(width)}}", "dim")], width
+            )
         changed = any(member.changed for member in members)
         before = ""
         if all(member.before is not None for member in members):
@@ -142,7 +144,7 @@ class RegisterList(Lines):
         return fitted(
             [
                 *parts,
-                StyledText(f"{value:>18}", "strong" if changed else ""),
+                StyledText(f"{value:>{_value_width(width)}}", "strong" if changed else ""),
                 StyledText("* " if changed else "  ", "warning"),
                 StyledText(f"{before:>12} ", "dim"),
                 StyledText(f"{age:>6} ", "dim"),
@@ -242,6 +244,11 @@ class RegisterList(Lines):
 def _name_width(width: int) -> int:
     """Columns of a register's name."""
     return max(8, min(width - 68, 40))
+
+
+def _value_width(width: int) -> int:
+    """Columns of a value: on the narrowest terminals all that place and name leave."""
+    return max(8, min(18, width - 27))
 
 
 def _in_order(register: WatchedRegister) -> tuple[int, bool, int, int]:

@@ -21,6 +21,7 @@ _EMPTY: Final = (0, 0x7FFF, 0x8000, 0xFFFF)  # what is not connected stands stil
 _LEAST_UP: Final = 5
 _WORD: Final = 1 << 16
 _PAIRS: Final = 2
+_PAIRS_OF_TWO: Final = 3  # where there is but one sister, whose registers may hold something else
 _AT_ONCE: Final = 4  # reads, within which all stop
 _STEADIER: Final = 3.0
 _STILL: Final = 0.4  # of the capture
@@ -242,7 +243,7 @@ def _outvoted(group: list[PollValues], votes: dict[int, list[int]], first: dict[
         return
     poll = next(poll for poll in group if poll.unit == odd[0])
     pairs = votes[odd[0]][order]
-    if pairs < _PAIRS:
+    if pairs < (_PAIRS if len(rest) > 1 else _PAIRS_OF_TWO):
         return
     yield Suspicion(
         (odd[0],),

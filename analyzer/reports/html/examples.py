@@ -1,4 +1,4 @@
-"""Examples of what was found: of each rule the first two places, with the frame or the noise that they are in."""
+"""Examples of what was found: of each rule the first two places that are not alike, with frame or noise."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 
 _EACH: Final = 2
+_LOOKED: Final = 64  # places of a batch that are looked at for them
 _NOISE: Final = 32  # bytes kept of a stretch of noise
 
 
@@ -52,11 +53,19 @@ class Examples:
             examples = self._by_rule.setdefault(number, [])
             missing = _EACH - len(examples)
             mine = np.flatnonzero((findings.rule == number) & (findings.start >= 0)) if missing > 0 else ()
-            for place in mine[: max(missing, 0)]:
+            for place in mine[:_LOOKED]:
                 example = _example(batch, findings[place : place + 1])
-                if example is not None:
+                if example is not None and _kind(example) not in map(_kind, examples):
                     examples.append(example)
                     self._by_code[example.finding.code] = examples
+                if len(examples) == _EACH:
+                    break
+
+
+def _kind(example: FindingExample) -> tuple[float | None, ...]:
+    """What tells examples apart: two of one unit, function and variant are alike."""
+    figures = example.finding.numbers
+    return tuple(figures.get(name) for name in ("unit", "function", "code", "pattern", "variant", "mistaken"))
 
 
 def _example(batch: Batch, one: Findings) -> FindingExample | None:

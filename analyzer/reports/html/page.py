@@ -6,26 +6,39 @@ and devices that anybody may have written.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from analyzer.reports import findings, values
+from analyzer.reports import findings, pagetables, values
 from captures.line import LineSettings
 from dissectors.values import harmless
 
-from ...languages import counted, in_use, page_words
+from ...languages import counted, in_use, page_words, tr
 from ...version import __version__
-from ...words import duration
-from ..model import FindingRow, Report
-from ..page import facts, nothing
+from ...words import duration, is_clock, moment
+from ..model import FindingRow, Report, UnitCard
+from ..page import facts, file_name, nothing
 from .charts import range_chart, time_chart
+from .outcomes import OutcomeBar, cause_bars, unit_bar
 from .pieces import shown
 
 if TYPE_CHECKING:
+    from ...causes.model import Cause
     from .examples import Sights
 
 _CARDS: Final = 8  # findings told at length; the table has all
+_UNITS: Final = 12  # that did not answer well
+_REGIONS: Final = 5  # of a unit
+_POLLS: Final = 60
+_HOURS: Final = 24 * 14
+_BLAMED: Final[Mapping[str, str]] = {
+    "unit": "fault of the unit",
+    "master": "fault of the master",
+    "line": "fault of the line",
+    "tap": "fault of the tap",
+}
 
 
 def page(report: Report, sights: Sights) -> str:
@@ -40,19 +53,35 @@ def page(report: Report, sights: Sights) -> str:
     )
     environment.filters.update(duration=lambda ns: "?" if ns is None else duration(ns), seconds=findings.seconds)
     environment.filters["short"] = values.short
+    environment.filters["poll"] = pagetables.poll_words
     environment.globals["w"] = page_words
+    environment.globals["grade"] = tr
+    environment.globals["bytes"] = lambda count: counted(count, "byte", "bytes")
     char_ns = LineSettings(baud=report.baud, char_bits=report.char_bits).character_ns
     worst = [row for row in report.findings if row.severity != "note"]
     origin = sights.timeline.origin_ns if report.timed else None
     span = report.span_ns
     return environment.get_template("page.html.j2").render(
         report=report,
+        named=file_name,
         language=in_use(),
         facts=_joined(report),
         nothing=nothing(report),
         verdict=_verdict(worst),
+        causes=[
+            (cause, cause_bars(cause, report.cards), list(_about(cause)), _follows(cause, report, worst))
+            for cause in report.causes
+        ],
+        units=list(_units(report.cards)),
+        polls=report.polls[:_POLLS],
+        polled=counted(len(report.polls), "poll", "polls"),
+        hours=[(row, row.counts) for row in report.hours[:_HOURS]],
         cards=[
-            (row, findings.cost(row), [shown(example, origin) for example in sights.examples.of(row.code)])
+            (
+                row,
+                findings.cost(row),
+                [shown(example, origin, report.times.off_ns) for example in sights.examples.of(row.code)],
+            )
             for row in worst[:_CARDS]
         ],
         time=time_chart(sights.timeline, span, char_ns, report.deaf) if span and report.frames else None,
@@ -60,6 +89,36 @@ def page(report: Report, sights: Sights) -> str:
         response=range_chart(report.units),
         version=__version__,
     )
+
+
+def _about(cause: Cause) -> Iterator[str]:
+    """Whose fault it is, since when, what it cost, and what else it could be."""
+    if cause.blame in _BLAMED:  # else it is nobody's
+        yield page_words(_BLAMED[cause.blame])
+    if cause.since_ns is not None and is_clock(cause.since_ns):
+        first, last = (moment(t)[:-4] for t in (cause.since_ns, cause.until_ns or cause.since_ns))
+        end = last[11:] if last[:11] == first[:11] else last
+        yield f"{first}{page_words(' to ')}{end}" if last != first else first
+    if cause.lost_answers:
+        yield page_words("{what} lost", what=findings.lost(cause.lost_answers, cause.lost_ms))
+    if cause.runner_up:
+        yield page_words("else {cause}", cause=cause.runner_up)
+
+
+def _follows(cause: Cause, report: Report, worst: list[FindingRow]) -> list[tuple[str, bool]]:
+    """Codes of the findings that follow from a cause, and whether each is told at length on this page."""
+    told = {row.code for row in worst[:_CARDS]}
+    return [(row.code, row.code in told) for row in report.findings if cause.cause in row.explained_by]
+
+
+def _units(cards: Sequence[UnitCard]) -> Iterator[tuple[OutcomeBar, list[str], list[tuple[str, int, int]], list[str]]]:
+    """Of units in trouble, the worst of them, by number: bar, outcomes, where answers are damaged (how often, and as a
+    share of the commonest in %), changes."""
+    for card in pagetables.troubled(cards, _UNITS):
+        most = max(card.damage.values(), default=1)
+        regions = [(page_words(name), count, round(100 * count / most)) for name, count in card.damage.items() if count]
+        words = list(pagetables.outcome_words(card, damage=False))
+        yield unit_bar(card), words, regions[:_REGIONS], [pagetables.change_words(change) for change in card.changes]
 
 
 def _joined(report: Report) -> list[tuple[str, list[str]]]:

@@ -10,10 +10,11 @@ from dissectors.fields import Field
 from dissectors.length_rules import Role
 
 from ...languages import page_words
+from ...tables.delays import bounds_of
 from ...tables.findings import Finding
 from ...tables.frame import Frame, adu_of
 from ...tables.schema import Protocol
-from ...words import duration
+from ...words import between
 from .examples import FindingExample
 
 _BYTES: Final = 16  # shown of one field
@@ -56,8 +57,9 @@ class ExampleView:
     strips: tuple[Strip, ...]
 
 
-def shown(example: FindingExample, origin_ns: int | None) -> ExampleView:
-    """Lay an example out; `origin_ns` is the time that counts as 0, None where the capture has no times."""
+def shown(example: FindingExample, origin_ns: int | None, off_ns: float | None) -> ExampleView:
+    """Lay an example out; `origin_ns` is the time that counts as 0, None where the capture has no times; `off_ns`: by
+    how much response times may be wrong."""
     finding, frame = example.finding, example.frame
     if frame is None:
         octets = tuple(Octet(f"{byte:02X}", True) for byte in example.noise)
@@ -69,19 +71,20 @@ def shown(example: FindingExample, origin_ns: int | None) -> ExampleView:
         request = adu_of(frame.request_bytes, frame.row.protocol)
         fields = annotate(request, Role.REQUEST)
         strips.append(Strip(page_words("the request before it"), "", _cells(fields, request.data, range(0))))
-    strips.append(_strip(frame, finding, origin_ns))
+    strips.append(_strip(frame, finding, origin_ns, off_ns))
     return ExampleView(finding.text, tuple(strips))
 
 
-def _strip(frame: Frame, finding: Finding, origin_ns: int | None) -> Strip:
+def _strip(frame: Frame, finding: Finding, origin_ns: int | None, off_ns: float | None) -> Strip:
     marks = _meant(frame, finding)
     parts = [
         page_words("frame {index:,}", index=frame.index),
         page_words(frame.direction),
         *_location(frame.start, frame.port, frame.t_start_ns, origin_ns),
     ]
-    if frame.response_time_ns is not None:
-        parts.append(page_words("{time} after its request", time=duration(frame.response_time_ns)))
+    bounds = None if frame.response_time_ns is None else bounds_of(frame.response_time_ns, off_ns)
+    if bounds is not None:
+        parts.append(page_words("{time} after its request", time=between(*bounds)))
     return Strip(" · ".join(parts), frame.summary(), _cells(frame.fields(), frame.adu.data, marks))
 
 

@@ -61,7 +61,9 @@ class Topics:
         findings = batch.findings if findings is None else findings
         decoded = decode(batch)
         add = self._writer.add
-        for messages in transaction_messages(analysed.transactions, self._transaction, self._transactions):
+        for messages in transaction_messages(
+            analysed.transactions, analysed.off_ns, self._transaction, self._transactions
+        ):
             add(messages)
         counts = batch.finding_counts if len(batch.finding_rows) else None
         for messages in frame_messages(batch, decoded, self._frame, self._frames, counts):

@@ -69,6 +69,10 @@ def transaction() -> Message:
             MessageField("response_time_ms", Type.DOUBLE, optional=True),
             MessageField("retry", Type.BOOL),
             MessageField("late", Type.BOOL),
+            MessageField(
+                "response_time_low_ms", Type.DOUBLE, optional=True
+            ),  # between what it lies as far as the tap's clock tells
+            MessageField("response_time_high_ms", Type.DOUBLE, optional=True),
         ),
     )
 
