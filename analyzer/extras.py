@@ -36,11 +36,12 @@ def _clone() -> str | None:
     """The folder that this was installed from, where it was: a package of that name is looked for nowhere else."""
     import json
     from importlib.metadata import PackageNotFoundError, distribution
-    from urllib.parse import unquote, urlsplit
+    from urllib.parse import urlsplit
+    from urllib.request import url2pathname
 
     try:
         text = distribution(_NAME).read_text("direct_url.json")
     except PackageNotFoundError:
         return str(Path(__file__).parents[1])
     url = json.loads(text).get("url", "") if text else ""
-    return unquote(urlsplit(url).path) if url.startswith("file:") else None
+    return url2pathname(urlsplit(url).path) if url.startswith("file:") else None

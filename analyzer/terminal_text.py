@@ -70,7 +70,7 @@ class TerminalGate:
 def gated_streams() -> Iterator[None]:
     """Standard output and standard error through the gate."""
     before = sys.stdout, sys.stderr
-    with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - pathlib takes 4 ms to import
+    with open(os.devnull, "w", encoding="utf-8", errors="replace") as nowhere:  # noqa: PTH123 - pathlib takes 4 ms
         streams = (cast(TextIO, TerminalGate(stream or nowhere)) for stream in before)  # None: closed by the shell
         sys.stdout, sys.stderr = streams
         try:

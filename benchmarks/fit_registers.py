@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from register_scores import Tally, tallied
-from register_series import MadeDevice, devices, family, layouts, true_cut
+from register_series import MadeDevice, composed_devices, devices, family, layouts, true_cut
 
 from analyzer.registers.chain import ChainSums, chain_sums
 from analyzer.registers.hypotheses import FAMILY_OF, HYPOTHESES
@@ -221,6 +221,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--strength", type=float, default=1.5)
     parser.add_argument("--temperature", type=float, default=0.9)
     parser.add_argument("--lone", type=float, default=0.35, help="nats against 32 bits where one word moved")
+    parser.add_argument("--composed", type=int, default=800, help="devices made of parts of several others")
     parser.add_argument("--misses", action="store_true", help="print each miss of a held-out family")
     parser.add_argument("--only-fold", type=int)
     parser.add_argument("-o", default=str(OUT))
@@ -237,7 +238,9 @@ def main(arguments: list[str]) -> int:
         for number, out in enumerate(folds(options.folds)):
             if options.only_fold not in (None, number):
                 continue
-            weights = fitted([pair for pair in made if pair[0].family not in out], options.rounds, options.strength)
+            chosen = [pair for pair in made if pair[0].family not in out]
+            chosen += [(d, runs_of(d.readings)) for d in composed_devices(options.composed, out)]
+            weights = fitted(chosen, options.rounds, options.strength)
             weights = replace(shy(weights, options.lone), temperature=options.temperature)
             tally = Tally()
             for device in fresh:
@@ -249,6 +252,7 @@ def main(arguments: list[str]) -> int:
             print(f"held out {', '.join(sorted(out))[:100]}\n  {tally}", flush=True)
         print(f"all held out\n  {everything}\n{everything.calibration()}")
     if not options.dry:
+        made += [(d, runs_of(d.readings)) for d in composed_devices(options.composed)]
         weights = shy(fitted(made, options.rounds, options.strength), options.lone)
         content = {
             "provenance": {
@@ -258,6 +262,7 @@ def main(arguments: list[str]) -> int:
                 "rounds": options.rounds,
                 "strength": options.strength,
                 "lone": options.lone,
+                "composed": options.composed,
             },
             "temperature": options.temperature,
             "passes": [{n: np.round(t, 3).tolist() for n, t in tables.items()} for tables in weights.passes],

@@ -6,10 +6,12 @@ device is made anew from a layout: moved to other addresses, sometimes with the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from random import Random
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +19,14 @@ from numpy.typing import NDArray
 from analyzer.registers.hypotheses import HYPOTHESES
 from analyzer.registers.readings import RegisterReadings
 from analyzer.simulation.mapped.client import MappedClient
+from analyzer.simulation.mapped.device import MappedDevice
 from dissectors.maps import RegisterMap, read_map, shipped_map, shipped_names
 from dissectors.maps.model import MapArea, MappedValue
+from dissectors.values import Order, integer, registers_of
 
 LAYOUTS = Path(__file__).parent / "layouts"
+_NEAR = 40  # registers between values that are one part of a device
+_POLLS = (12, 25, 60, 60, 60, 150)
 OTHER_ORDER = {"ABCD": "CDAB", "CDAB": "ABCD"}
 
 
@@ -76,6 +82,7 @@ def made_device(
     }
     for _ in range(polls):
         device.step()
+        _in_forms(device)
         for area, address, quantity in blocks:
             blocks[area, address, quantity].append(device.read(area, address, quantity))
     readings = RegisterReadings()
@@ -83,8 +90,38 @@ def made_device(
     for (area, address, quantity), rows in blocks.items():
         if area in ("input", "holding"):
             readings.put(1, area, address, np.array(rows, np.uint16))
-            truth.append((area, address, quantity, tuple(chart.within(area, address, quantity))))
+            rows_of_block = chart.within(area, address, quantity)
+            truth.append((area, address, quantity, tuple(part for row in rows_of_block for part in _parts(row))))
     return MadeDevice(name, family(chart), chart.word_order, readings, tuple(truth))
+
+
+def _in_forms(device: MappedDevice) -> None:
+    """Put the values that a layout has in a form of its own as that has them: `sign` and magnitude, or `split N` in
+    two registers that count to N."""
+    for row in device.chart.rows:
+        form, _, base = row.other.get("form", "").partition(" ")
+        if not form:
+            continue
+        words = [device.words[row.area, register] for register in range(row.address, row.end)]
+        order = cast(Order, row.order)
+        number = int(integer(words, order, signed=row.is_signed))
+        if form == "sign" and number < 0:
+            top = 1 << 16 * row.length - 1
+            words = registers_of((top | min(-number, top - 1)).to_bytes(2 * row.length, "big"), order)
+        elif form == "split":
+            words = [number // int(base) & 0xFFFF, number % int(base)]
+            words = words if row.order == "ABCD" else words[::-1]
+        for register, word in enumerate(words, row.address):
+            device.words[row.area, register] = word
+
+
+def _parts(row: MappedValue) -> Iterator[MappedValue]:
+    """A row, or the two registers of one that is split."""
+    if not row.other.get("form", "").startswith("split"):
+        yield row
+        return
+    for offset in range(row.length):
+        yield replace(row, address=row.address + offset, name=f"{row.name} {offset}", type="u16", length=1)
 
 
 def moved(chart: RegisterMap, random: Random) -> RegisterMap:
@@ -134,6 +171,29 @@ def refined(chart: RegisterMap, random: Random) -> RegisterMap:
     return replace(chart, rows=tuple(rows))
 
 
+def composed(charts: Sequence[RegisterMap], random: Random) -> RegisterMap:
+    """A device made of parts of several others, as controllers and gateways gather them: neighbouring values of each,
+    one part behind the other, mostly of one word order."""
+    rows: list[MappedValue] = []
+    order, end = random.choice(("ABCD", "CDAB")), 0
+    for number in range(random.randint(2, 5)):
+        chart = random.choice(charts)
+        if chart.word_order != order and random.random() < 0.9:
+            chart = reordered(chart)
+        area = random.choice([row.area for row in chart.rows])
+        own = sorted((row for row in chart.rows if row.area == area), key=lambda row: row.address)
+        begin = random.randrange(len(own))
+        near = (at for at, (row, after) in enumerate(pairwise(own[begin:]), 1) if after.address - row.end > _NEAR)
+        part = own[begin : begin + min(random.randint(2, 14), next(near, len(own)))]
+        shift = end + random.choice((0, 0, 0, 1, 2, 10)) - part[0].address
+        rows += [
+            replace(row, area="holding", address=row.address + shift, name=f"{row.name} {number}", scale_address=None)
+            for row in part
+        ]
+        end = max(row.end for row in rows)
+    return RegisterMap("composed", tuple(rows), word_order=order)
+
+
 def number_of(row: MappedValue) -> int:
     """The hypothesis that is true of a value; texts and what nobody infers are single registers (0)."""
     for number, hypothesis in enumerate(HYPOTHESES):
@@ -156,17 +216,22 @@ def true_cut(address: int, quantity: int, rows: tuple[MappedValue, ...]) -> NDAr
 
 
 def devices(
-    seeds: range,
-    polls: int,
-    *,
-    only: set[str] | None = None,
-    flip: float = 0.3,
-    widen: float = 0.0,
-    refine: float = 0.0,
+    seeds: range, polls: int, *, flip: float = 0.3, widen: float = 0.0, refine: float = 0.0
 ) -> Iterator[MadeDevice]:
-    """Devices of all layouts, or of those of these families, once a seed."""
+    """Devices of all layouts, once a seed."""
     for name, chart in layouts().items():
-        if only is None or family(chart) in only:
-            for seed in seeds:
-                chance = Random(f"{name} {seed}")
-                yield made_device(name, chart, chance, polls, flip=flip, widen=widen, refine=refine)
+        for seed in seeds:
+            yield made_device(name, chart, Random(f"{name} {seed}"), polls, flip=flip, widen=widen, refine=refine)
+
+
+def composed_devices(count: int, without: Set[str] = frozenset()) -> Iterator[MadeDevice]:
+    """Devices made of parts of layouts, those of some families left out, polled seldom and often."""
+    charts = [chart for chart in layouts().values() if family(chart) not in without]
+    charts = [chart for chart in charts if any(row.area in ("input", "holding") for row in chart.rows)]
+    charts = [
+        replace(chart, rows=tuple(row for row in chart.rows if row.area in ("input", "holding"))) for chart in charts
+    ]
+    for number in range(count):
+        random = Random(f"composed {number}")
+        polls = random.choice(_POLLS)
+        yield made_device(f"composed {number}", composed(charts, random), random, polls, widen=0.05)

@@ -82,7 +82,7 @@ def test_devices_are_refused_at_once() -> None:
 )
 def test_other_json_lines_are_told_apart(tmp_path: Path, content: str, said: str) -> None:
     path = tmp_path / "file.jsonl"
-    path.write_text(content)
+    path.write_text(content, encoding="utf-8")
     text = refused(path)
     assert said in text
     assert "line 1" in text

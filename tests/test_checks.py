@@ -209,7 +209,7 @@ def test_a_file_of_rules_and_the_results_for_ci(capsys: pytest.CaptureFixture[st
 )
 def test_a_bad_file_of_rules(capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str, words: str) -> None:
     rules = tmp_path / "bench.toml"
-    rules.write_text(text)
+    rules.write_text(text, encoding="utf-8")
     assert words in refused(capsys, "check", samples.path("healthy.jsonl"), "--rules", rules)
 
 

@@ -17,6 +17,7 @@ from analyzer.cli.app import Parser
 from analyzer.cli.commands import COMMANDS, load
 from analyzer.cli.exits import FAILURES, meanings
 from analyzer.cli.manpage import man_page
+from analyzer.cli.terminal import shell_word
 from analyzer.version import __version__
 from captures import samples
 
@@ -119,7 +120,7 @@ def test_completion_completes(tmp_path, line, offered):
         ),
     )
     assert done.stderr == b""
-    assert {word.strip() for word in answers.read_text().split("\n") if word.strip()} == offered
+    assert {word.strip() for word in answers.read_text(encoding="utf-8").split("\n") if word.strip()} == offered
 
 
 def test_parse_imports_nothing_heavy():
@@ -150,7 +151,7 @@ def test_a_reader_that_has_had_enough_ends_it_quietly(tmp_path, capsys):
 def test_ctrl_c_keeps_what_was_done(tmp_path, capsys):
     bus, out = tmp_path / "bus.jsonl", tmp_path / "frames.jsonl"
     assert ran(capsys, "simulate", bus, "--tap", "untimed", "--transactions", "300").status == 0
-    lines = bus.read_text().splitlines(keepends=True)
+    lines = bus.read_text(encoding="utf-8").splitlines(keepends=True)
     with bus.open("w") as file:
         file.write(lines[0])
         for _ in range(400):
@@ -166,7 +167,7 @@ def test_ctrl_c_keeps_what_was_done(tmp_path, capsys):
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert err == b"rtuscope: stopped by Ctrl-C; what was done is kept, and partial\n"
-    kept = out.read_text().splitlines()
+    kept = out.read_text(encoding="utf-8").splitlines()
     assert kept
     assert kept[-1].endswith("}")
     assert not list(tmp_path.glob(".frames*"))
@@ -197,13 +198,13 @@ def test_a_word_that_is_no_command_says_what_to_do(capsys, tmp_path):
     assert refused(capsys, "exprot", "bus.jsonl") == "no command 'exprot': did you mean export? (see rtuscope --help)"
     capture = tmp_path / "bus.jsonl"
     capture.write_text("")
-    assert f"rtuscope open {capture}" in refused(capsys, capture)
+    assert f"rtuscope open {shell_word(str(capture))}" in refused(capsys, capture)
     assert "there are parse, open" in refused(capsys, "11")
 
 
 def plug_in(folder: Path, group: str, name: str, source: str) -> None:
     """An installed package that offers something in an entry point group."""
-    (folder / f"{name}.py").write_text(source)
+    (folder / f"{name}.py").write_text(source, encoding="utf-8")
     about = folder / f"{name}-1.0.dist-info"
     about.mkdir()
     (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
@@ -256,14 +257,14 @@ def test_flags_that_other_tools_use(capsys, tmp_path):
 
 
 def test_the_recorder_s_sample_and_the_workflows_are_what_they_should_be():
-    compose = yaml.safe_load((ROOT / "packaging" / "compose.yaml").read_text())
+    compose = yaml.safe_load((ROOT / "packaging" / "compose.yaml").read_text(encoding="utf-8"))
     words = compose["services"]["recorder"]["command"].split()
     parser = Parser()
     load(words[0]).configure(parser)
     assert parser.parse_args(words[1:]).metrics == ("0.0.0.0", 9617)
-    tests = yaml.safe_load((ROOT / ".github" / "workflows" / "tests.yml").read_text())
+    tests = yaml.safe_load((ROOT / ".github" / "workflows" / "tests.yml").read_text(encoding="utf-8"))
     assert tests["jobs"]["tests"]["strategy"]["matrix"]["python"] == ["3.11", "3.12", "3.13", "3.14"]
-    assert yaml.safe_load((ROOT / ".github" / "workflows" / "release.yml").read_text())
+    assert yaml.safe_load((ROOT / ".github" / "workflows" / "release.yml").read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize(

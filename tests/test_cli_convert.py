@@ -82,7 +82,10 @@ def test_the_same_file_comes_back(capsys: pytest.CaptureFixture[str]) -> None:
 def test_hex_text_keeps_bytes_times_and_marks_and_says_what_it_lacks(capsys: pytest.CaptureFixture[str]) -> None:
     run = ran(capsys, "convert", "bus.jsonl", "-o", "bus.txt")
     assert "no room for the line's settings" in run.err
-    assert Path("bus.txt").read_text().splitlines()[0] == f"2023-11-14T22:13:20.000000000Z TX {ASK.hex(' ')}"
+    assert (
+        Path("bus.txt").read_text(encoding="utf-8").splitlines()[0]
+        == f"2023-11-14T22:13:20.000000000Z TX {ASK.hex(' ')}"
+    )
     assert chunks("bus.txt") == polls(10)
     assert "times and direction marks" in ran(capsys, "convert", "bus.jsonl", "-o", "bus.bin").err
     assert Path("bus.bin").read_bytes() == (ASK + ANSWER) * 10
@@ -210,7 +213,7 @@ def test_what_cannot_be_done_is_said(capsys: pytest.CaptureFixture[str], words: 
     Path("there.jsonl").write_text("precious")
     Path("raw.bin").write_bytes(ASK + ANSWER)
     assert said in refused(capsys, "convert", *words)
-    assert Path("there.jsonl").read_text() == "precious"
+    assert Path("there.jsonl").read_text(encoding="utf-8") == "precious"
     assert not Path("x.jsonl").exists()
 
 

@@ -12,6 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from running import START, environment, ran, refused, spawned
 
+from analyzer.cli.terminal import shell_word
+
 REQUEST = "11 03 00 6B 00 03 76 87"
 ANSWER = "11 03 06 AE 41 56 52 43 40 49 AD"
 
@@ -197,7 +199,7 @@ LOG = "2026-11-21 12:00:00.100 TX 11 03 00 6B 00 03 76 87\nopened the port\n11 0
 
 def test_what_was_not_read_is_listed_and_why(capsys, tmp_path):
     path = tmp_path / "bus.log"
-    path.write_text(LOG)
+    path.write_text(LOG, encoding="utf-8")
     done = ran(capsys, "parse", "-f", path)
     assert done.status == 0
     listed = done.out.split("\n\n")[-1]
@@ -212,7 +214,7 @@ def test_what_was_not_read_is_listed_and_why(capsys, tmp_path):
 @pytest.mark.parametrize(("zone", "hour"), [("UTC", 12), ("+03:00", 9)])
 def test_times_of_a_log_are_of_the_zone_that_is_named(capsys, tmp_path, zone, hour):
     path = tmp_path / "bus.log"
-    path.write_text(LOG)
+    path.write_text(LOG, encoding="utf-8")
     frame = json.loads(ran(capsys, "parse", "--json", "--tz", zone, "-f", path).out)
     assert frame["t_start_ns"] == 1_795_219_200 * 10**9 + 100_000_000 + hour * 3600 * 10**9
     assert "no time zone" in refused(capsys, "parse", "--tz", "Nowhere/else", "-f", path)
@@ -220,10 +222,18 @@ def test_times_of_a_log_are_of_the_zone_that_is_named(capsys, tmp_path, zone, ho
 
 def test_a_file_in_place_of_bytes_is_told_how_to_be_read(capsys, tmp_path):
     path = tmp_path / "bus.log"
-    path.write_text(LOG)
-    assert "rtuscope parse -f" in refused(capsys, "parse", path)
+    path.write_text(LOG, encoding="utf-8")
+    assert f"rtuscope parse -f {shell_word(str(path))} reads it" in refused(capsys, "parse", path)
+
+
+def test_a_name_that_a_shell_would_take_apart_is_told_between_quotes():
+    assert shell_word("журнал.txt") == shell_word("журнал.txt", windows=True) == "журнал.txt"
+    assert shell_word("шкаф 1/bus.log", windows=False) == "'шкаф 1/bus.log'"
+    assert shell_word("it's.log", windows=False) == """'it'"'"'s.log'"""
+    assert shell_word("C:\\Шкаф 1\\a&b.log", windows=True) == '"C:\\Шкаф 1\\a&b.log"'
+    assert shell_word("C:\\bus.log", windows=True) == "C:\\bus.log"
 
 
 def test_a_dash_is_standard_input(capsys, monkeypatch):
-    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"11 03 00 6B 00 03 76 87")))
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"11 03 00 6B 00 03 76 87"), encoding="utf-8"))
     assert "read 3 holding registers" in ran(capsys, "parse", "-").out

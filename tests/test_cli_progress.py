@@ -27,7 +27,7 @@ def test_it_tells_share_words_and_the_time_left() -> None:
     line.at(0.25, WORDS, 5.0, 120)
     text = line.at(0.5, WORDS, 10.0, 120)
     assert isinstance(text, TerminalText)
-    assert re.fullmatch(rf"report bus\.mcap [━╺╸]+ +50% {WORDS} 00:10 left", plain(text).rstrip())
+    assert re.fullmatch(rf"report bus\.mcap [━╺╸ -]+ +50% {WORDS} 00:10 left", plain(text).rstrip())
 
 
 def test_without_a_share_there_is_no_time_left() -> None:

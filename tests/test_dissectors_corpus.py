@@ -27,7 +27,7 @@ def single_frames() -> list[dict[str, Any]]:
     """Vectors of one frame."""
     if not VECTORS.exists():
         return []
-    found = (json.loads(line) for line in VECTORS.read_text().splitlines())
+    found = (json.loads(line) for line in VECTORS.read_text(encoding="utf-8").splitlines())
     return [v for v in found if len(v["expect"].get("frames") or []) == 1 and v["role"] != "stream"]
 
 

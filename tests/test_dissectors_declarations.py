@@ -271,7 +271,7 @@ def test_a_file_of_functions(tmp_path: Path) -> None:
 )
 def test_a_broken_file_is_one_line_with_its_place(tmp_path: Path, source: str, said: str) -> None:
     path = tmp_path / "vendor.py"
-    path.write_text(source)
+    path.write_text(source, encoding="utf-8")
     with pytest.raises(DeclarationError, match=said) as caught:
         load_file(path)
     assert "\n" not in str(caught.value)

@@ -95,7 +95,7 @@ def test_every_function_reads_as_its_frames_do(code):
 @settings(deadline=None, max_examples=60)
 def test_vendors_functions_read_as_their_frames_do(tmp_path_factory, data):
     file = tmp_path_factory.getbasetemp() / "vendor.py"
-    file.write_text(VENDOR)
+    file.write_text(VENDOR, encoding="utf-8")
     with declared():
         batch = data.draw(vendor_batches([function.code for function in load_file(file)]))
         assert without_contents(written(batch)) == due(batch, int(batch.rows.t_start_ns[0]))

@@ -77,7 +77,7 @@ def test_every_function_reads_as_annotated(code: int) -> None:
 @settings(deadline=None, max_examples=150)
 def test_vendors_functions_read_as_annotated(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     file = tmp_path_factory.getbasetemp() / "vendor.py"
-    file.write_text(VENDOR)
+    file.write_text(VENDOR, encoding="utf-8")
     with declared():
         codes = [function.code for function in load_file(file)]
         same(data.draw(vendor_batches(codes)), FrameJsonLines())

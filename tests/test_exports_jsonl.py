@@ -79,7 +79,7 @@ def test_to_a_file_it_is_the_same(capsys, bus, tmp_path):
     out = tmp_path / "frames.jsonl"
     done = ran(capsys, "export", bus, "-o", out)
     assert (done.status, done.out) == (0, "")
-    assert out.read_text() == ran(capsys, "export", bus).out
+    assert out.read_text(encoding="utf-8") == ran(capsys, "export", bus).out
 
 
 def test_no_frame_is_said_with_status_1(capsys, tmp_path):
@@ -91,7 +91,7 @@ def test_no_frame_is_said_with_status_1(capsys, tmp_path):
 
 
 def test_damage_is_said_and_the_rest_is_there(capsys, bus):
-    text = bus.read_text().splitlines(keepends=True)
+    text = bus.read_text(encoding="utf-8").splitlines(keepends=True)
     bus.write_text("".join([*text[:4], "{broken\n", *text[4:]]))
     done = ran(capsys, "export", bus)
     assert done.status == 0
@@ -140,7 +140,7 @@ def test_stopping_completes_the_file_with_what_came(bus, tmp_path):
         captures.open(bus), out, progress=lambda frames, _octets: asked.append(frames), stop=lambda: bool(asked)
     )
     assert done.partial
-    assert done.frames == len(out.read_text().splitlines()) == asked[-1]
+    assert done.frames == len(out.read_text(encoding="utf-8").splitlines()) == asked[-1]
 
 
 @pytest.mark.parametrize("suffix", ["jsonl", "csv", "mcap"])
@@ -177,5 +177,5 @@ def test_any_bytes_are_exported(tmp_path, suffix, chunks):
     out = tmp_path / f"out.{suffix}"
     export(Capture.of(LINE, chunks), out, options=ExportOptions(explain=True, noise=True))
     if suffix == "jsonl":
-        found = lines(out.read_text())
+        found = lines(out.read_text(encoding="utf-8"))
         assert sum(line["length"] for line in found) == sum(len(chunk.data) for chunk in chunks)

@@ -31,7 +31,7 @@ def test_lines_and_python_say_the_same(table: str, tmp_path: Path) -> None:
 def test_csv_says_what_the_lines_say(table: str, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
     analyzer.open(BUS).export(out, table=table)
-    rows = list(csv.DictReader(io.StringIO(out.read_text())))
+    rows = list(csv.DictReader(io.StringIO(out.read_text(encoding="utf-8"))))
     for row, line in zip(rows, analyzer.open(BUS).records(table), strict=True):
         for name, kind in TABLES[table].kinds.items():
             value = line[name]
@@ -74,7 +74,7 @@ def test_a_spreadsheet_gets_its_delimiter_and_its_mark(capsys: pytest.CaptureFix
         assert ran(capsys, "export", BUS, "--table", table, "-o", other, "--delimiter", ";", "--bom").status == 0
         assert other.read_bytes().startswith(b"\xef\xbb\xbf")
         theirs = list(csv.reader(io.StringIO(other.read_text(encoding="utf-8-sig")), delimiter=";"))
-        assert theirs == list(csv.reader(io.StringIO(plain.read_text())))
+        assert theirs == list(csv.reader(io.StringIO(plain.read_text(encoding="utf-8"))))
 
 
 @pytest.mark.parametrize("wrong", ["", ";;", "\n", '"', "д"])

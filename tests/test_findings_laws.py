@@ -121,7 +121,7 @@ def test_every_code_of_the_table_has_a_rule_with_words() -> None:
 
     table = [
         line.split("|")[1].strip().strip("`")
-        for line in shared("design/findings.md").read_text().splitlines()
+        for line in shared("design/findings.md").read_text(encoding="utf-8").splitlines()
         if line.startswith("| `")
     ]
     assert set(table) <= set(codes())

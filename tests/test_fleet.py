@@ -316,7 +316,7 @@ def test_the_page_of_a_fleet_tells_each_site(lake_path, tmp_path, capsys):
     batch(lake_path, tmp_path / "x.jsonl", site=hostile)
     page = tmp_path / "fleet.html"
     assert main(["report", str(lake_path), "--html", str(page)]) == 0
-    text = page.read_text()
+    text = page.read_text(encoding="utf-8")
     assert hostile not in text and "&lt;script&gt;" in text
     assert all(f'id="site-site{n}"' in text for n in range(3))
     assert "interference" in text

@@ -84,7 +84,7 @@ def test_a_map_with_the_other_word_order_is_contradicted(tmp_path: Path, capsys:
     write(Scenario("clean", "precise", transactions=700, seed=3, maps=("eastron-sdm630@5",)), bus)
     right = shipped_map("eastron-sdm630")
     text = map_text(right, "x.csv").replace("word_order: ABCD", "word_order: CDAB")
-    wrong.write_text(text)
+    wrong.write_text(text, encoding="utf-8")
     assert ran(capsys, "map", "check", "eastron-sdm630", bus).out.splitlines()[-1] == "0 contradictions in unit 5"
     done = ran(capsys, "map", "check", wrong, bus)
     assert done.status == 1

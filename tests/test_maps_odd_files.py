@@ -176,6 +176,84 @@ parameters:
         ["holding 0 u16 x0.1 V U", "holding 9 s32 CDAB x0.001 +-5 kW rw P"],
         r"row 3: P: formula 'x\*2'",
     ),
+    "esphome: parts of a register, a select, a number, a text": (
+        "heater.yaml",
+        b"""sensor:
+  - {platform: modbus_controller, name: Stage, register_type: holding, address: 5, bitmask: 0x0F, value_type: U_WORD}
+binary_sensor:
+  - {platform: modbus_controller, name: Fault, register_type: holding, address: 7, bitmask: 0x8}
+select:
+  - {platform: modbus_controller, name: Mode, address: 12, value_type: U_WORD, optionsmap: {"Off": 0, "On": 1}}
+number:
+  - {platform: modbus_controller, name: Set, address: 13, value_type: S_WORD, multiply: 10, min_value: 5, max_value: 30}
+text_sensor:
+  - {platform: modbus_controller, name: Serial, register_type: holding, address: 30, register_count: 5}
+""",
+        ["holding 5 u16 Stage", "holding 12 enum rw {0=Off; 1=On} Mode", "holding 13 s16 x0.1 rw Set",
+         "holding 30 text Serial", "holding 7 bits {3=Fault} Bits of 7"],
+        "^Stage: bitmask 0xf is not carried",
+    ),
+    "homeassistant: swapped bytes and words, copies, a climate with its target": (
+        "configuration.yaml",
+        b"""modbus:
+  - name: h
+    sensors:
+      - {name: A, address: 0x10, data_type: custom, structure: ">i", count: 2, swap: word_byte}
+      - {name: W, address: 30, data_type: uint32, virtual_count: 2, scale: .001}
+      - {name: Half, address: 40, data_type: float16}
+    climates:
+      - {name: Room, address: 117, target_temp_register: [120, 121], data_type: int16, input_type: input, scale: 0.1}
+""",
+        ["holding 16 s32 DCBA A", "holding 30 u32 x0.001 W 1", "holding 32 u32 x0.001 W 2", "holding 34 u32 x0.001 W 3",
+         "holding 120 s16 x0.1 rw Room target", "input 117 s16 x0.1 Room"],
+        "^Half: data type 'float16'",
+    ),
+    "telegraf: metrics, bits of a register, types that no map has": (
+        "telegraf.conf",
+        b"""[[inputs.modbus]]
+  name = "Device"
+  configuration_type = "metric"
+  [[inputs.modbus.metric]]
+    slave_id = 4
+    byte_order = "DCBA"
+    fields = [
+      { register = "input", address=0x0, name="u", type="UINT16", scale = 0.1 },
+      { register = "holding", address=5, name="e", type="UINT32", output="FLOAT64" },
+      { register = "coil", address=3, name="c" },
+      { address=8, name="half", type="INT8H" },
+      { address=10, name="txt", type="STRING", length=4 },
+      { address=20, name="b", type="BIT", bit=3 },
+      { address=20, name="b2", type="BIT", bit=5 },
+    ]
+[[inputs.cpu]]
+  percpu = true
+""",
+        ["input 0 u16 x0.1 u", "holding 5 u32 DCBA e", "coil 3 bool c", "holding 10 text txt",
+         "holding 20 bits {3=b; 5=b2} Bits of 20"],
+        "^half: type INT8H is no type of a map",
+    ),
+    "modbus_exporter: labels, six figures, a text": (
+        "modbus.yml",
+        b"""modules:
+  - name: meter
+    metrics:
+      - {name: power, address: 300022, dataType: int16, metricType: gauge, labels: {phase: "1"}}
+      - {name: power, address: 300023, dataType: int16, labels: {phase: "2"}, factor: 3.1415}
+      - {name: bit, address: 30024, dataType: bool, bitOffset: 4}
+      - {name: str, address: 40100, dataType: string}
+      - {name: e, address: 400110, dataType: uint64, endianness: yolo}
+""",
+        ["input 22 s16 power 1", "input 23 s16 x3.1415 power 2", "holding 110 u64 CDAB e",
+         "input 24 bits {4=bit} Bits of 24"],
+        "^str: address 40100, data type 'string'",
+    ),
+    "modpoll: registers from 40000 on, which are no logical numbers": (
+        "inverter.csv",
+        b"device,inv,1,,\npoll,holding_register,40000,20,BE_LE\nref,Vab,40000,uint16,r,V,0.1\nref,P,40001,int32,rw,W,\n"
+        b"poll,coil,0,8,BE_BE\nref,c,0,bool8,rw\n",
+        ["holding 40000 u16 x0.1 V r Vab", "holding 40001 s32 CDAB W rw P", "coil 0 bool rw c"],
+        "",
+    ),
     "modpoll: semicolons of a spreadsheet": (
         "modpoll.csv",
         "\ufeffdevice;meter;1;;;;\r\npoll;input_register;30001;4;BE_LE;;\r\n;;;;;;\r\n# phase;;;;;;\r\n"

@@ -23,7 +23,7 @@ PROTOCOL: dict[str, Envelope] = {"request": "rtu", "response": "rtu", "stream": 
 
 
 def vectors():
-    return [json.loads(line) for line in shared("corpus/vectors.jsonl").read_text().splitlines()]
+    return [json.loads(line) for line in shared("corpus/vectors.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
 def disagreements(vector, paste):

@@ -56,7 +56,7 @@ def test_the_public_calls(tmp_path: Path) -> None:
 def test_the_samples_read_as_expected_frame_by_frame(name: str) -> None:
     expectations = script("expect_samples")
     path = captures.samples.path(name)
-    assert expectations.expected(path) == expectations.beside(path).read_text().splitlines()
+    assert expectations.expected(path) == expectations.beside(path).read_text(encoding="utf-8").splitlines()
 
 
 @pytest.mark.parametrize("name", ["healthy.jsonl", "mbpoll.mcap"])

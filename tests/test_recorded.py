@@ -89,7 +89,7 @@ def test_the_report_says_when_nothing_was_heard(tmp_path: Path, capsys: pytest.C
     assert (report["transactions"]["unanswered"], report["transactions"]["unheard"]) == (1, 1)
     assert report["deaf"] == [{"from_ns": NOTES[0].t_ns, "to_ns": NOTES[1].t_ns, "text": LOST}]
     ran(capsys, "report", path, "--html", tmp_path / "bus.html")
-    html = (tmp_path / "bus.html").read_text()
+    html = (tmp_path / "bus.html").read_text(encoding="utf-8")
     assert '<rect class="deaf"' in html
     assert "nothing heard for 680 ms" in html
     assert '<th scope="col">not heard</th>' in html

@@ -248,7 +248,7 @@ def test_maps_out_of_traffic_and_their_differences() -> None:
 
 def test_the_simulator_writes_what_the_registers_mean(tmp_path: Path) -> None:
     path = made(tmp_path, "xy-md02@9", transactions=40)
-    truth = [json.loads(line) for line in path.with_suffix(".registers.jsonl").read_text().splitlines()]
+    truth = [json.loads(line) for line in path.with_suffix(".registers.jsonl").read_text(encoding="utf-8").splitlines()]
     assert {(t["unit"], t["area"], t["address"], t["kind"]) for t in truth} <= {
         (9, area, row.address, "int") for area in ("input", "holding") for row in shipped_map("xy-md02").rows
     }
@@ -263,7 +263,7 @@ def test_values_are_right_on_a_simulated_device(tmp_path: Path) -> None:
     path = made(tmp_path, "janitza-umg96rm@1", "growatt-string@2", transactions=600, seed=8)
     truth = {
         (t["unit"], t["area"], t["address"]): t
-        for t in map(json.loads, path.with_suffix(".registers.jsonl").read_text().splitlines())
+        for t in map(json.loads, path.with_suffix(".registers.jsonl").read_text(encoding="utf-8").splitlines())
     }
     moved = [v for v in infer(readings_in(path)) if v.changes and (v.unit, v.area, v.address) in truth]
     right = [
@@ -376,7 +376,7 @@ def test_both_devices_of_the_manuals_are_shown_whole(capsys: pytest.CaptureFixtu
 def test_the_table_of_values_with_a_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, out = made(tmp_path, "xy-md02@4", transactions=60), tmp_path / "values.jsonl"
     assert ran(capsys, "export", path, "--table", "values", "--map", "xy-md02@4", "-o", out).status == 0
-    rows = [json.loads(line) for line in out.read_text().splitlines()]
+    rows = [json.loads(line) for line in out.read_text(encoding="utf-8").splitlines()]
     warm = [row for row in rows if row["name"] == "Temperature"]
     assert warm and all(row["unit_of_measure"] == "°C" for row in warm)
     assert all(row["value"] == pytest.approx(row["raw"] * 0.1) for row in warm)

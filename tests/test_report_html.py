@@ -83,7 +83,7 @@ def test_a_capture_without_times_draws_none(capsys, tmp_path):
     log = tmp_path / "log.txt"
     log.write_text("".join(frame.hex(" ") + "\n" for frame in [adu("1103006b0003"), adu("110306ae4156524340")] * 3))
     assert ran(capsys, "report", log, "--html", tmp_path / "p.html").status == 0
-    assert "<svg" not in (tmp_path / "p.html").read_text()
+    assert "<svg" not in (tmp_path / "p.html").read_text(encoding="utf-8")
 
 
 def test_the_command_writes_a_file_and_never_over_the_capture(capsys, tmp_path):
@@ -94,7 +94,7 @@ def test_the_command_writes_a_file_and_never_over_the_capture(capsys, tmp_path):
     assert bus.read_bytes() == before
     done = ran(capsys, "report", bus, "--html", tmp_path / "page.html")
     assert (done.status, done.out, done.err) == (0, "", "")
-    assert (tmp_path / "page.html").read_text().startswith("<!DOCTYPE html>")
+    assert (tmp_path / "page.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert "no such folder" in refused(capsys, "report", bus, "--html", tmp_path / "none" / "page.html")
 
 
@@ -117,7 +117,7 @@ def test_a_browser_draws_it(tmp_path):
     if browser is None:
         pytest.skip("no chromium on this machine")
     _, made_page = made(captures.open(samples.path("troubled.jsonl")), "bus")
-    (tmp_path / "p.html").write_text(made_page)
+    (tmp_path / "p.html").write_text(made_page, encoding="utf-8")
     picture = tmp_path / "p.png"
     command = [browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
     command += ["--window-size=1000,1400", f"--screenshot={picture}", (tmp_path / "p.html").as_uri()]

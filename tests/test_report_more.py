@@ -106,7 +106,7 @@ def test_bookmarks_stand_in_every_way_out(tmp_path: Path, capsys: pytest.Capture
     assert "look" in page
     assert "\x1b" not in page
     assert main(["report", str(path), "--html", str(tmp_path / "bus.html")]) == 0
-    assert "<h2>Bookmarks</h2>" in (tmp_path / "bus.html").read_text()
+    assert "<h2>Bookmarks</h2>" in (tmp_path / "bus.html").read_text(encoding="utf-8")
     for name in ("bus.mcap", "bus.pcapng"):
         assert main(["export", str(path), "-o", str(tmp_path / name)]) == 0
     assert b"bookmark: look" in (tmp_path / "bus.pcapng").read_bytes()
@@ -179,7 +179,7 @@ def test_an_interval_holds_what_was_measured(delays: list[int], off_ns: float) -
 def test_a_transaction_s_time_is_an_interval_where_the_tap_is_coarse(tmp_path: Path) -> None:
     out = tmp_path / "t.csv"
     assert main(["export", str(SAMPLES / "troubled.jsonl"), "--table", "transactions", "-o", str(out)]) == 0
-    head, *rows = [line.split(",") for line in out.read_text().splitlines()]
+    head, *rows = [line.split(",") for line in out.read_text(encoding="utf-8").splitlines()]
     times = [dict(zip(head, row, strict=True)) for row in rows]
     bounded = [row for row in times if row["response_time_low_ns"] and not row["response_time_ns"]]
     assert bounded

@@ -41,7 +41,7 @@ def test_a_report_lists_the_values_of_a_map(bus: Path, capsys: pytest.CaptureFix
     assert max(map(len, page.splitlines())) <= 80
     html = bus.with_suffix(".html")
     assert ran(capsys, "report", bus, *MAPS, "--html", html, "--overwrite").status == 0
-    assert "<h2>Values</h2>" in html.read_text() and found["last"] in html.read_text()
+    assert "<h2>Values</h2>" in html.read_text(encoding="utf-8") and found["last"] in html.read_text()
 
 
 def test_without_a_map_only_what_is_sure_and_asked_for(bus: Path, capsys: pytest.CaptureFixture[str]) -> None:

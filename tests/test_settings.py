@@ -23,9 +23,9 @@ def files(tmp_path, monkeypatch):
     monkeypatch.chdir(below)
 
     def write(user="", project=None):
-        (tmp_path / "config.toml").write_text(user)
+        (tmp_path / "config.toml").write_text(user, encoding="utf-8")
         if project is not None:
-            (tmp_path / "project" / "rtuscope.toml").write_text(project)
+            (tmp_path / "project" / "rtuscope.toml").write_text(project, encoding="utf-8")
         return tmp_path
 
     return write

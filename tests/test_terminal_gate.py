@@ -395,3 +395,12 @@ def test_a_command_whose_standard_error_is_closed_keeps_its_status() -> None:
     command = f"{sys.executable} -c '{START}' report none 2>&-"
     done = subprocess.run(command, shell=True, capture_output=True, env=environment(), timeout=60)
     assert (done.returncode, done.stdout) == (2, b"")
+
+
+@pytest.mark.filterwarnings("error")
+def test_without_a_standard_output_any_language_goes_nowhere_whatever_the_code_page(monkeypatch):
+    monkeypatch.setattr("sys.stdout", None)
+    with gated_streams():
+        assert sys.stdout.encoding == "utf-8"
+        sys.stdout.write("кадры \ud800\n")
+        sys.stdout.flush()

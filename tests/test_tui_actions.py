@@ -208,7 +208,7 @@ def test_bookmarks_and_comments_stay_beside_the_capture(capture: Path) -> None:
         assert sitting.row == sitting.bus.count - 1
 
     using(opened(capture), work)
-    kept = json.loads(capture.with_name("troubled.jsonl.rtuscope.json").read_text())
+    kept = json.loads(capture.with_name("troubled.jsonl.rtuscope.json").read_text(encoding="utf-8"))
     assert [mark["comment"] for mark in kept["bookmarks"]] == ["pump [red]off"]
 
 
@@ -241,7 +241,7 @@ def test_exporting_what_is_selected_or_shown(capture: Path, tmp_path: Path) -> N
             sitting.app.screen.query_one(Input).value = str(tmp_path / name)
             await sitting.press("enter")
             await sitting.until(lambda: (tmp_path / name).exists())
-            return (tmp_path / name).read_text().splitlines()
+            return (tmp_path / name).read_text(encoding="utf-8").splitlines()
 
         await sitting.press("e")
         sitting.app.screen.query_one(Input).value = "frames.xyz"
@@ -272,11 +272,11 @@ def test_an_export_asks_before_it_overwrites(capture: Path, tmp_path: Path) -> N
 
         for answer in ("n", "escape", "enter"):  # Enter is the first choice
             await export(answer)
-            assert out.read_text() == "precious", answer
+            assert out.read_text(encoding="utf-8") == "precious", answer
             assert sitting.notices()[-1] == "out.csv left as it is"
         await export("o")
-        await sitting.until(lambda: out.read_text() != "precious")
-        assert out.read_text().count("\n") == sitting.bus.count + 1
+        await sitting.until(lambda: out.read_text(encoding="utf-8") != "precious")
+        assert out.read_text(encoding="utf-8").count("\n") == sitting.bus.count + 1
         await sitting.press("e")
         sitting.app.screen.query_one(Input).value = str(capture)
         await sitting.press("enter", "o")

@@ -315,12 +315,12 @@ def test_a_bad_file_of_notes_is_told_left_alone_and_stops_nothing(capture: Path)
         assert sitting.row == 0
 
     using(opened(capture), work)
-    assert beside.read_text() == "[" * 100_000
+    assert beside.read_text(encoding="utf-8") == "[" * 100_000
 
 
 def test_a_damaged_file_opens_with_what_is_whole(tmp_path: Path) -> None:
     path = tmp_path / "cut.jsonl"
-    text = samples.path("healthy.jsonl").read_text()
+    text = samples.path("healthy.jsonl").read_text(encoding="utf-8")
     path.write_text(text[: len(text) // 2] + "\n[red]broken\n")
 
     async def work(sitting: Seat) -> None:

@@ -65,7 +65,9 @@ def test_every_value_that_was_asked_for_is_a_topic_in_its_unit(
     with out.open("rb") as file:
         reader = mcap_reader.make_reader(file, decoder_factories=[decoder.DecoderFactory()])
         topics = {channel.topic: schema.name for schema, channel, _, _ in reader.iter_decoded_messages()}
-    asked = [line for line in (exported.parent / "bus.registers.jsonl").read_text().splitlines() if line]
+    asked = [
+        line for line in (exported.parent / "bus.registers.jsonl").read_text(encoding="utf-8").splitlines() if line
+    ]
     assert asked
     for name, unit in DEVICES.items():
         for row in shipped_map(name).rows:
@@ -78,7 +80,7 @@ def test_the_ten_lines_of_the_docs_plot_a_named_value(
     exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert ran(capsys, "export", exported, "--map", "el-psu@1", "-o", tmp_path / "bus.mcap").status == 0
-    lines = DOCS.read_text().rpartition("```python\n")[2].partition("```")[0]
+    lines = DOCS.read_text(encoding="utf-8").rpartition("```python\n")[2].partition("```")[0]
     assert len([line for line in lines.splitlines() if line.strip()]) <= 10
     drawn: list[tuple[tuple[float, ...], tuple[float, ...]]] = []
     pyplot = ModuleType("matplotlib.pyplot")

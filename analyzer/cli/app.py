@@ -20,7 +20,7 @@ from ..terminal_text import gated_streams
 from ..version import __version__
 from .commands import COMMANDS, Command, load
 from .exits import DONE, INTERRUPTED, UNUSABLE, UsageError, meanings
-from .terminal import tell
+from .terminal import shell_word, tell
 
 _OURS: Final = frozenset({"analyzer", "captures", "dissectors"})
 
@@ -133,7 +133,7 @@ def _unknown(word: str) -> str:
     if near := meant(word, COMMANDS):
         why = f"did you mean {near}?"
     elif os.path.isfile(word):  # noqa: PTH113 - pathlib takes 4 ms to import
-        why = f"to look into it: rtuscope open {word}"
+        why = f"to look into it: rtuscope open {shell_word(word)}"
     else:
         why = f"there are {', '.join(COMMANDS)}"
     return f"no command {word!r}: {why} (see rtuscope --help)"

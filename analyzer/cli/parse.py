@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from .exits import DONE, FAILED, NO_FRAME, UsageError
 from .inputs import add_check_argument, add_functions_argument, add_zone_argument, load_functions
 from .maps import add_map_argument, chosen_charts
-from .terminal import coloured, put_json, tell
+from .terminal import coloured, put_json, shell_word, tell
 
 if TYPE_CHECKING:
     from datetime import tzinfo
@@ -93,9 +93,8 @@ def _named_file(words: list[str]) -> str | None:
     """What to do where a file was named in place of bytes."""
     if len(words) != 1 or not os.path.isfile(words[0]):  # noqa: PTH113 - pathlib takes 4 ms to import
         return None
-    return (
-        f"{words[0]!r} is a file, not bytes: rtuscope parse -f {words[0]} reads it, rtuscope open {words[0]} shows it"
-    )
+    name = shell_word(words[0])
+    return f"{words[0]!r} is a file, not bytes: rtuscope parse -f {name} reads it, rtuscope open {name} shows it"
 
 
 def _source(arguments: argparse.Namespace) -> str:

@@ -131,3 +131,14 @@ def coloured(stream: IO[str]) -> bool:
     if os.name == "nt" and not (os.environ.get("WT_SESSION") or os.environ.get("TERM")):
         return False  # the old console shows them as text
     return stream.isatty()
+
+
+def shell_word(name: str, *, windows: bool = os.name == "nt") -> str:
+    """A file's name as it is typed at the system's shell: between quotes where it holds what a shell may take apart."""
+    if re.fullmatch(r"[\w./-]+" if not windows else r"[\w./:\\-]+", name):
+        return name
+    if windows:
+        return f'"{name}"'  # no file is named with a quote there
+    import shlex
+
+    return shlex.quote(name)

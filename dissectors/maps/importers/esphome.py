@@ -91,6 +91,8 @@ def _item(builder: MapBuilder, component: str, item: Mapping[str, Any]) -> None:
     if kind is None:
         builder.note(f"{name}: value type {item.get('value_type')!r} is no type of a map")
         return
+    if mask:
+        builder.note(f"{name}: bitmask {mask:#x} is not carried")
     scale, offset = _filters(builder, name, item)
     options = item.get("optionsmap")
     states = {number: str(text) for text, number in options.items()} if isinstance(options, Mapping) else {}

@@ -31,7 +31,7 @@ def read(source: MapSource) -> list[ImportedMap]:
     """A map a device."""
     builders: dict[str, MapBuilder] = {}
     builder = builders.setdefault("", MapBuilder(source.name))
-    area, order = "holding", "ABCD"
+    area, order, is_logical = "holding", "ABCD", True
     delimiter = next(one for one in _DELIMITERS if {"poll", "ref"} <= _heads(source, one))
     for number, row in csv_rows(source.text.splitlines(), delimiter, source.name):
         cells = [cell.strip() for cell in row] + [""] * 8
@@ -42,10 +42,12 @@ def read(source: MapSource) -> list[ImportedMap]:
                 words = [cell.lower() for cell in cells]
                 area = next((_AREAS[word] for word in words if word in _AREAS), area)
                 order = next((_ORDERS[word.upper()] for word in words if word.upper() in _ORDERS), order)
+                start = next((one for one in map(whole_in, cells[1:]) if one is not None and one >= 0x100), 0)
+                is_logical = area != "coil" and not 0x100 <= start < _FIRST[area]  # from 40000 on: 40001 is no 0
                 if cells[1].lower() not in _AREAS:
                     builder = builders.setdefault(cells[1], MapBuilder(source.name, device=cells[1]))
             case "ref":
-                _reference(builder, cells, area, order, number)
+                _reference(builder, cells, area, order, number, is_logical=is_logical)
     return [one.built() for one in builders.values()]
 
 
@@ -53,12 +55,12 @@ def _heads(source: MapSource, delimiter: str) -> set[str]:
     return {line.partition(delimiter)[0].strip().strip('"').lower() for line in source.text.splitlines()[:400]}
 
 
-def _reference(builder: MapBuilder, cells: list[str], area: str, order: str, number: int) -> None:
+def _reference(builder: MapBuilder, cells: list[str], area: str, order: str, number: int, *, is_logical: bool) -> None:
     if not cells[2]:  # ref,NAME,UNIT,ADDRESS,TYPE,ACCESS: a unit of measure before the address, once
         cells = [cells[0], cells[1], cells[3], cells[4], cells[5], cells[2], *cells[6:]]
     name, position, word, access, unit, scale = cells[1], cells[2], cells[3].lower(), cells[4], cells[5], cells[6]
     address = whole_in(position)
-    if address is not None and address >= _FIRST[area] and area != "coil":
+    if address is not None and address >= _FIRST[area] and is_logical:
         address -= _FIRST[area]
     if address is None:
         builder.note(f"row {number}: {name}: address {position!r} is not known")
