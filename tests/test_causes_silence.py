@@ -9,7 +9,9 @@ import pytest
 
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.model import Cause
+from analyzer.causes.outages import outages_of
 from analyzer.causes.reasoning import causes_of
+from analyzer.causes.timegrid import Spell
 from analyzer.core import analyse
 from analyzer.simulation.field.bench import SECOND, Bench, Expected, FieldCapture, read_pdu, site
 from analyzer.simulation.field.cases.registry import field_cases
@@ -121,3 +123,10 @@ def test_a_client_that_goes_on_as_soon_as_before_hears_answers_that_the_tap_does
     found = _causes(field_cases()["tap-loses-answers"].capture("precise", 3))
     assert _named(found) == [("tap-one-direction", ())]
     assert found[0].lost_answers == 0
+
+
+def test_a_spell_whose_times_run_backwards_is_grouped_with_nobody() -> None:
+    """As where a capture has no times that can be trusted: the answer before it came after it began."""
+    spells = {1: [Spell(100, 200, 3, after=150, before=90)], 2: [Spell(100, 200, 3, after=90, before=210)]}
+    (group,) = outages_of(spells, 1000, lambda _: True) or ([],)
+    assert all(len(outage.spells) == 2 for outage in group)

@@ -87,7 +87,7 @@ def test_the_sickest_unit_and_why(week: Path) -> None:
         assert home.state is not None
         await sitting.press(*["down"] * len(home.state.causes))
         assert home.unit is not None and home.unit.unit == worst.unit
-        assert "answered" in sitting.shown() and "no answer" not in units[0].split("asked")[0]
+        assert "silent" in sitting.shown() and "no answer" not in units[0].split("asked")[0]
 
     assert doing(week, work) <= 8
 

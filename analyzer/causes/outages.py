@@ -43,9 +43,8 @@ def outages_of(
     )
     groups: list[list[Outage]] = []
     while left:
-        first = left[0][1]
-        members = _alike(_at_once(first, left))
-        taken = {id(spell) for spell in members.values()} | {id(first)}
+        members = _alike(_at_once(left))
+        taken = {id(spell) for spell in (left[0][1], *members.values())}
         left = [pair for pair in left if id(pair[1]) not in taken]
         if sum(map(is_long, members.values())) > 1:
             outage = Outage(members, _by_chance(members.values(), span))
@@ -57,11 +56,12 @@ def outages_of(
     return groups
 
 
-def _at_once(first: Spell, spells: Iterable[tuple[int, Spell]]) -> dict[int, Spell]:
-    """Those that may have begun with the first one: no answer came between, of any of their units."""
-    found: dict[int, Spell] = {}
+def _at_once(spells: Sequence[tuple[int, Spell]]) -> dict[int, Spell]:
+    """The first one, and those that may have begun with it: no answer came between, of any of their units."""
+    found = dict(spells[:1])
+    (first,) = found.values()
     latest = first.begin + _SLACK * (first.end - first.begin)
-    for unit, spell in spells:
+    for unit, spell in spells[1:]:
         over = first.before is not None and spell.begin > first.before
         if unit not in found and not over and (spell.after is None or spell.after <= latest):
             found[unit] = spell
