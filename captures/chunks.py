@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .limits import TIME_LIMIT
 from .line import LineSettings as LineSettings
-from .time_order import TIME_LIMIT as TIME_LIMIT
 from .time_order import TimeOrder
 
 if TYPE_CHECKING:

@@ -14,7 +14,8 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-TIME_LIMIT = 1 << 62  # ns either side of zero: beyond it the difference of two times would overflow
+from .limits import TIME_LIMIT
+
 CLOCK_STEP_NS = 1_000_000_000
 
 

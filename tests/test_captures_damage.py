@@ -26,8 +26,8 @@ from captures.formats.mcap.channel import ChunkChannel
 from captures.formats.mcap.records import TOPIC
 from captures.formats.mcap.scanning import FileBytes
 from captures.formats.mcap.writer import ArrayWriter
+from captures.limits import TIME_LIMIT
 from captures.recording.notes import Note, NoteChannel, read
-from captures.time_order import TIME_LIMIT
 
 LINE = LineSettings(baud=19200, char_bits=11, tap="irq")
 FILES = settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from buses import CHAR_NS, LINE, Found, adu, collect, deframed, streams, transactions
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from analyzer.deframing.stream import RtuDeframer
-from captures.chunks import Block, Chunk
+from captures.chunks import Block, Chunk, Mark
+from captures.limits import TIME_LIMIT
 from captures.line import LineSettings
 from dissectors.crc import crc16
 
@@ -190,6 +191,32 @@ def test_bytes_given_with_the_silence_behind_them_change_nothing(chunks: list[Ch
     batches.append(deframer.feed(held))
     batches.append(deframer.close())
     assert_same(deframed(chunks), collect(batches))
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from([1 - TIME_LIMIT, 0, 40_000_000, TIME_LIMIT - 1]),
+            st.sampled_from([asked, answer, write, coil, bytes.fromhex("011700030006000e00030600ff00ff00ff")]),
+            st.sampled_from(list(Mark)),
+        ),
+        max_size=8,
+    )
+)
+@example(
+    [
+        (1 - TIME_LIMIT, write, Mark.TX),
+        (1 - TIME_LIMIT, bytes.fromhex("011700030006000e00030600ff00ff00ff"), Mark.TX),
+        (TIME_LIMIT - 1, write, Mark.RX),
+        (TIME_LIMIT - 1, coil, Mark.NONE),
+    ]
+)
+def test_times_as_far_apart_as_there_are_leave_no_nonsense(parts: list[tuple[int, bytes, Mark]]) -> None:
+    parts.sort(key=lambda part: part[0])
+    rows = deframed([Chunk(t_ns, data, mark=mark) for t_ns, data, mark in parts]).rows
+    for row in ((rows.request >= 0) & (rows.response_ns >= 0)).nonzero()[0].tolist():
+        request = int(((rows.index == rows.request[row]) & (rows.kind > 0)).argmax())
+        assert int(rows.response_ns[row]) == max(0, int(rows.t_start_ns[row]) - int(rows.t_end_ns[request]))
 
 
 @given(two_port_streams(), st.data())

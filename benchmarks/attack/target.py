@@ -12,7 +12,7 @@ from random import Random
 from typing import Final
 
 from captures import Chunk, LineSettings, Mark
-from captures.chunks import TIME_LIMIT
+from captures.limits import TIME_LIMIT
 
 LINE: Final = LineSettings(baud=19200, char_bits=11, parity="E", tap="irq")
 _FRAMES: Final = (

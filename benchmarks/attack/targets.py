@@ -16,8 +16,8 @@ from attack.loglines import log_lines
 from attack.seedfiles import repacked, seeds_of
 from attack.target import LINE, Target, conversation, folder
 from captures import Capture, CaptureError, Chunk, LineSettings, Mark
-from captures.chunks import TIME_LIMIT
 from captures.formats import formats
+from captures.limits import TIME_LIMIT
 from captures.text.halves import HexError
 
 _ZIPPED: Final = ("sigrok", "saleae-session")

@@ -25,9 +25,9 @@ import orjson
 from ..chunks import Block, Chunk, Mark, Note, columns
 from ..errors import CaptureError
 from ..files import first_line, lines_of, opened, read_head, text_batches
+from ..limits import TIME_LIMIT
 from ..line import LineSettings
 from ..text.reads import reads_in
-from ..time_order import TIME_LIMIT
 from . import Format
 
 NAME = "serial-chunks"

@@ -23,12 +23,12 @@ from captures.network import blocks as ng
 from ..chunks import Block, Mark, Note, Source
 from ..errors import CaptureError
 from ..files import opened, read_head
+from ..limits import TIME_LIMIT
 from ..line import LineSettings
 from ..network.links import UPPER_PDU
 from ..network.packets import INBOUND, LONGEST, OUTBOUND, Interface, Ints, Packets
 from ..network.remarks import errors_comments, note_comment
 from ..recording.notes import Note as LineNote
-from ..time_order import TIME_LIMIT
 from . import Format
 
 _MAGIC: Final = b"\x0a\x0d\x0d\x0a"

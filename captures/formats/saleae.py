@@ -28,9 +28,9 @@ from captures.text import stamps
 from ..chunks import Block, Chunk, Note
 from ..errors import CaptureError
 from ..files import HEAD_BYTES, line_batches, opened, read_head
+from ..limits import TIME_LIMIT
 from ..line import LineSettings
 from ..spacing import INFERRED, RATES, character_ns, fitting
-from ..time_order import TIME_LIMIT
 from . import Format
 
 _NAMES: Final = {

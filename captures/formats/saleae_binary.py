@@ -17,7 +17,7 @@ from ..chunks import Note
 from ..edges.source import EdgePiece, edge_reader
 from ..errors import CaptureError
 from ..files import opened
-from ..time_order import TIME_LIMIT
+from ..limits import TIME_LIMIT
 from . import Format
 
 _MAGIC: Final = b"<SALEAE>"

@@ -23,8 +23,8 @@ from ..edges.source import EdgePiece, edge_reader
 from ..edges.uart import Times
 from ..errors import CaptureError
 from ..files import lines_of, opened, read_head, text_batches
+from ..limits import TIME_LIMIT
 from ..ragged import copy_pieces
-from ..time_order import TIME_LIMIT
 from . import Format
 
 _TIME: Final = re.compile(r"time ?\[s\]", re.I)

@@ -20,7 +20,7 @@ from ..edges.source import EdgePiece, edge_reader
 from ..edges.uart import Times
 from ..errors import CaptureError
 from ..files import opened
-from ..time_order import TIME_LIMIT
+from ..limits import TIME_LIMIT
 from . import Format
 
 _HEADER: Final = 1 << 20  # bytes of declarations, at most

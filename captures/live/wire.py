@@ -13,8 +13,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from ..chunks import TIME_LIMIT, Block
+from ..chunks import Block
 from ..errors import CaptureError
+from ..limits import TIME_LIMIT
 from .records import COUNTS, EVENT, HEAD, READS, TICK, event_record, tick_record
 
 MOST: Final = 1 << 22  # bytes of a record: a reader's own are some KB

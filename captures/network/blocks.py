@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chunks import Block, columns
+from ..limits import TIME_LIMIT
 from ..line import LineSettings
-from ..time_order import TIME_LIMIT
 
 SECTION, INTERFACE, OLD_PACKET, SIMPLE_PACKET, ENHANCED_PACKET = 0x0A0D0D0A, 1, 2, 3, 6
 READS: Final = 0x80527473  # for local use

@@ -13,9 +13,10 @@ from datetime import UTC, datetime, timedelta, timezone, tzinfo
 from functools import lru_cache
 from typing import Final
 
+from ..limits import TIME_LIMIT
+
 DAY_NS = 86_400_000_000_000
 _MINUTE_NS: Final = 60_000_000_000
-LIMIT_NS = 1 << 62  # the year 2116: nothing later is a time
 
 _MONTHS: Final = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
 _NAME = r"(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]{0,6}\.?"
@@ -115,7 +116,7 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
     if _LIKELY_DATE.search(text):
         for match in _BARE_DATE.finditer(text):
             text = _blanked(text, match)
-    if stamp is not None and abs(stamp.t_ns) >= LIMIT_NS:
+    if stamp is not None and abs(stamp.t_ns) >= TIME_LIMIT:
         stamp = None
     return stamp, text
 

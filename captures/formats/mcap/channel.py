@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ...chunks import Block, columns
 from ...errors import CaptureError
+from ...limits import TIME_LIMIT
 from ...line import LineSettings
-from ...time_order import TIME_LIMIT
 from .protobuf import ENCODING, Message, MessageField, Type, delimited, fields_in
 from .records import METADATA, TOPIC, chunk_limit, one_line
 

@@ -16,8 +16,8 @@ from mcap.records import Channel, Metadata
 from ...chunks import Block, Note
 from ...errors import CaptureError
 from ...files import opened
+from ...limits import TIME_LIMIT
 from ...line import LineSettings
-from ...time_order import TIME_LIMIT
 from .channel import block_of
 from .protobuf import ENCODING
 from .records import METADATA, TOPIC, DamagedRecordError, one_line, records_in
