@@ -61,16 +61,25 @@ class Decider:
         self.heard: set[int] = set()  # functions that nobody has declared and this bus has used
 
     def decide(
-        self, stretch: SearchedBytes, runs: ForcedRuns, at: int, conversation: Conversation, stages: int
+        self,
+        stretch: SearchedBytes,
+        runs: ForcedRuns,
+        at: int,
+        conversation: Conversation,
+        stages: int,
+        *,
+        framed: bool,
     ) -> list[Decision]:
         """What is certain from `at` on, one decision after the other; none if more must be known.
 
-        `conversation`: up to there; `stages`: those that the silence behind the stretch has come to.
+        `conversation`: up to there; `stages`: those that the silence behind the stretch has come to; `framed`: a frame
+        ends at `at`.
         """
         offset = self._buffer.base + stretch.begin + at
         look, self._look = self._look, None
         if look is None or look.offset != offset:
-            look = OpenLook(offset, conversation, Lattice(offset, self._statistics, conversation))
+            lattice = Lattice(offset, self._statistics, conversation, framed=framed)
+            look = OpenLook(offset, conversation, lattice, framed)
         settled = next_checkpoint(offset) - offset  # silences are worth the same up to here
         decisions: list[Decision] = []
         while (decision := self._next(look, stretch, at, stages)).steps:
@@ -203,7 +212,7 @@ class Decider:
         more = unknown_windows(data, stretch.crc, at + origin, edges, declared, self.heard, may)
         more += broken_windows(data, stretch.crc, at + origin, edges, declared + more, may)
         more += silent_windows(data, stretch.crc, at + origin, edges, declared + more)
-        more += damaged_requests(data, edges, declared)
+        more += damaged_requests(data, edges.behind(more), declared)
         more += damaged_answers(data, edges, declared, look.conversation.open_requests)
         look.work += _DEAR * max(0, len(declared) + len(more) - len(data) // _SPARSE)
         candidates = [c for c in look.candidates if c.start >= origin and c.end <= end]
@@ -215,7 +224,7 @@ class Decider:
             look.laid.lattice.extend(look.data, look.classes)
             lattice = look.laid.gone_on(candidates)
         else:
-            lattice = Lattice(look.offset, self._statistics, look.conversation, origin)
+            lattice = Lattice(look.offset, self._statistics, look.conversation, origin, framed=look.framed)
             lattice.extend(look.data, look.classes)
             lattice.add(candidates)
         look.everything = lattice
