@@ -24,6 +24,13 @@ def test_a_run_ends_only_where_the_lattice_would_decide_too(kind: str, seed: int
     assert list(package("feeding.ways").breaches(stream, Random(seed))) == []
 
 
+@pytest.mark.parametrize(("kind", "seed"), [("gateway", 300100), ("gateway", 300161), ("vendor", 310026)])
+def test_what_is_noise_does_not_hang_on_where_a_look_begins(kind: str, seed: int) -> None:
+    """Streams of the campaign: a damaged frame behind one decided or on the same path; a function heard just before."""
+    stream = package("feeding.streams").stream(kind, seed)
+    assert list(package("feeding.ways").breaches(stream, Random(seed))) == []
+
+
 @pytest.mark.parametrize("seed", [40039, 40116, 40136])
 def test_what_modbus_tcp_leaves_open_is_told_when_it_is_settled(seed: int) -> None:
     """Streams of the campaign: the answer to a request that another overtook, and directions of two ports."""

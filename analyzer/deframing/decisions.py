@@ -84,6 +84,7 @@ class Decider:
         decisions: list[Decision] = []
         while (decision := self._next(look, stretch, at, stages)).steps:
             decisions.append(decision)
+            self._hear(look, decision)
             end = decision.steps[-1].end
             if not decision.only_frames or end >= settled or not runs.contested(at + end):
                 return decisions
@@ -91,6 +92,12 @@ class Decider:
         if not decisions:
             self._look = look
         return decisions
+
+    def _hear(self, look: OpenLook, decision: Decision) -> None:
+        """Remember the functions of undeclared length of a decision: the next one knows them."""
+        for step in decision.steps:
+            if step.candidate is not None and not step.candidate.declared:
+                self.heard.add(look.data[step.start + 1] & 0x7F)
 
     def _next(self, look: OpenLook, stretch: SearchedBytes, at: int, stages: int) -> Decision:
         """What is certain next."""
@@ -262,7 +269,7 @@ class Decider:
         return frame_may_come(data, frames, steps, lattice, idle_bits, self._role)
 
     def segments(self, decisions: Sequence[Decision], stretch: SearchedBytes, at: int) -> DecidedSegments:
-        """Steps of decisions end to end, whose offsets are from `at`, in the buffer; their functions are remembered."""
+        """Steps of decisions end to end, whose offsets are from `at`, in the buffer."""
         origin = stretch.begin + at
         steps = [step for decision in decisions for step in decision.steps]
         found = [margin for decision in decisions for margin in margins(decision)]
@@ -271,9 +278,6 @@ class Decider:
         role = np.array([s.candidate.role if s.candidate else NOISE for s in steps], np.uint8)
         margin = np.array([min(bits, SURE) for bits, _ in found], np.float32)
         why = evidence_of_steps(steps, found, self._buffer.base + origin) if self._options.explain else None
-        for step in steps:
-            if step.candidate is not None and not step.candidate.declared:
-                self.heard.add(int(self._buffer.data[origin + step.start + 1]) & 0x7F)
         check = np.array([s.candidate is not None and not s.candidate.damaged for s in steps], np.bool_)
         rivals = [
             s.candidate is None or stretch.rivalled(at + s.start, at + s.end, at + decision.steps[0].start)
