@@ -17,7 +17,16 @@ def test_at_once_read_by_read_byte_by_byte_and_live_tell_the_same(kind: str) -> 
         assert list(package("feeding.ways").breaches(stream, Random(seed))) == []
 
 
-@pytest.mark.parametrize(("kind", "seed"), [("one-port", 10363), ("cut-anywhere", 10009), ("cut-anywhere", 10238)])
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [
+        ("one-port", 10363),
+        ("one-port", 320195),
+        ("cut-anywhere", 10009),
+        ("cut-anywhere", 10238),
+        ("cut-anywhere", 310156),
+    ],
+)
 def test_a_run_ends_only_where_the_lattice_would_decide_too(kind: str, seed: int) -> None:
     """Streams of the campaign on which a run of frames was taken and the lattice, live, had not decided so far."""
     stream = package("feeding.streams").stream(kind, seed)

@@ -207,8 +207,7 @@ class Lattice:
         unit = self._units[adu[0]]
         if damaged:
             return unit, conversation  # nobody will answer it
-        said = adu == conversation.last or (self._before.answered and adu == self._before.last)
-        if said:  # its very bytes, as many as they are: not by chance
+        if adu == conversation.last:  # its very bytes, as many as they are: not by chance
             same = min(FITS, 8.0 * (len(adu) - 2) - KNOWN)
             bits = same + (REPEATED if conversation.answered else self._unanswered)
         elif conversation.answered:
