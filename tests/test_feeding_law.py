@@ -22,6 +22,7 @@ def test_at_once_read_by_read_byte_by_byte_and_live_tell_the_same(kind: str) -> 
     [
         ("one-port", 10363),
         ("one-port", 320195),
+        ("one-port", 320295),
         ("cut-anywhere", 10009),
         ("cut-anywhere", 10238),
         ("cut-anywhere", 310156),

@@ -294,8 +294,16 @@ def _enough(lattice: Lattice, point: DecisionPoint) -> bool:
     path, tip = lattice.best, lattice.best.tip
     if path.end < point.position or tip is None or tip.candidate is None or tip.candidate.damaged:
         return False
+    if lattice.lead < LEAD:
+        return False
     alone = point.silent and not path.noisy
-    return path.since_noise >= (_ALONE if alone else _AMID) and lattice.lead >= LEAD
+    return path.since_noise >= (_ALONE if alone else _AMID) or (lattice.framed and _goes_on(lattice))
+
+
+def _goes_on(lattice: Lattice) -> bool:
+    """Whether the best path goes on, from a frame that was decided, with declared frames alone: as well as decided."""
+    frames = [step.candidate for step in lattice.steps()]
+    return all(one is not None and one.declared and not one.doubtful and not one.damaged for one in frames)
 
 
 def decide_overdue(lattice: Lattice, position: int) -> Decision:

@@ -106,7 +106,7 @@ class Lattice:
 
     def restart(self, position: int, conversation: Conversation, *, framed: bool) -> None:
         """What is before a position is decided; `conversation` is that up to there; `framed`: a frame ends there."""
-        self._before, self._framed = conversation, framed
+        self._before, self.framed = conversation, framed
         self._opened: dict[PathStep, tuple[Conversation, tuple[OpenRequest, ...]]] = {}  # `open_after` of frames
         self.position = position
         self._landings = [position]
@@ -156,7 +156,7 @@ class Lattice:
         if self._glitch(begin, position):
             return path.score - cost
         cost += max(0.0, self.noise_cost - self.glitch_cost)
-        if (self._framed or path.tip is not None) and position - begin >= LOST:
+        if (self.framed or path.tip is not None) and position - begin >= LOST:
             suspicion = min(row[self._silences[begin]] for row in self._gap_bits)
             cost -= max(-4.0, min(0.0, 0.5 * suspicion))
         return path.score - cost
