@@ -2,8 +2,8 @@
 
 import ctypes
 import os
-import sys
 import threading
+from importlib import import_module
 
 import pytest
 import serial
@@ -87,19 +87,16 @@ def test_what_goes_nowhere_is_no_terminal():
 
 
 @windows
-def test_a_console_is_told_to_obey_escape_sequences(monkeypatch):
-    assert sys.platform == "win32"
+def test_a_console_is_told_to_obey_escape_sequences(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("TERM", raising=False)
     try:
         console = open("CONOUT$", "w", encoding="utf-8")  # noqa: PTH123, SIM115
     except OSError:
         pytest.skip("no console here")
-    import msvcrt
-
-    mode = ctypes.c_ulong()
+    mode, handle = ctypes.c_ulong(), import_module("msvcrt").get_osfhandle(console.fileno())
     with console:
         assert places(console)
-        assert ctypes.windll.kernel32.GetConsoleMode(msvcrt.get_osfhandle(console.fileno()), ctypes.byref(mode))
+        assert vars(ctypes)["windll"].kernel32.GetConsoleMode(handle, ctypes.byref(mode))
     assert mode.value & 4  # ENABLE_VIRTUAL_TERMINAL_PROCESSING
 
 
