@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -123,6 +124,12 @@ class Evidence:
         """Another unit that is polled, and by whose number and function a damaged answer begins; None for none."""
         begin = bytes(reading.heard[:2])
         return begin[0] if begin in self._begins and begin[0] != reading.request[0] else None
+
+    @cached_property
+    def begun(self) -> Counter[int]:
+        """How many damaged answers of others begin by the number and function of each unit."""
+        readings = [reading for unit in self.units for reading in self.readings(unit)]
+        return Counter(sender for reading in readings if (sender := self.begun_by(reading)) is not None)
 
     @cached_property
     def _begins(self) -> frozenset[bytes]:

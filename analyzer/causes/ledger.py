@@ -43,6 +43,8 @@ _BACK: Final = 2  # exchanges
 _STRAY: Final = 3  # bytes that one spike makes
 _EIGHT: Final = 8  # bytes of a request by one of these functions
 _OF_EIGHT: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6))
+_COUNTED: Final = np.isin(np.arange(256), (1, 2, 3, 4))  # whose answers have a byte count,
+_AROUND: Final = 5  # and so many bytes besides
 _HOLE: Final = 1.5  # characters
 _ECHOES: Final = 5
 _ECHO_NS: Final = 40e6
@@ -158,13 +160,23 @@ class Ledger:
         if len(frames) < len(rows):
             self._count_noise(table, (~framed).nonzero()[0])
         port = rows.port
-        misshapen = right & asks & _OF_EIGHT[rows.function] & (length != _EIGHT) & (rows.protocol == Protocol.RTU)
+        misshapen = self._misshapen(table, right)
         for number in np.flatnonzero(np.bincount(port)).tolist():
             here = port == number
             tally = self.ports[number]
             tally["requests"] += int(np.count_nonzero(here & right & asks))
             tally["responses"] += int(np.count_nonzero(here & right & ~asks))
             tally["misshapen"] += int(np.count_nonzero(here & misshapen))
+
+    @staticmethod
+    def _misshapen(table: RowColumns, right: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Right frames that are not as long as what they are said to be, and read like the other kind."""
+        rows, asks = table.rows, table.rows.kind == _REQUEST
+        of_eight = right & (rows.protocol == Protocol.RTU) & _OF_EIGHT[rows.function]
+        misshapen: NDArray[np.bool_] = of_eight & asks & (rows.length != _EIGHT)
+        counted = (of_eight & ~asks & _COUNTED[rows.function] & (rows.length == _EIGHT)).nonzero()[0]
+        misshapen[counted] = table.data[rows.at[counted] + 2] + _AROUND != _EIGHT
+        return misshapen
 
     def _count_noise(self, table: RowColumns, noise: NDArray[np.intp]) -> None:
         length, begins = table.rows.length[noise], table.rows.t_start_ns[noise]

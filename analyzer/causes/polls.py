@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..tables.transactions import NEVER
 from .exchanges import Ending, Exchanges, Stretch
+from .thinned import Thinned
 
 _POLLS: Final = 4096
 _RING: Final = 32  # intervals of a poll that are remembered, the newest
 _HOLDS: Final = np.isin(np.arange(256), (1, 2, 3, 4, 23))
-_OK, _EXCEPTION, _KINDS = int(Ending.OK), int(Ending.EXCEPTION), len(Ending)
+_OK, _EXCEPTION, _SILENT, _KINDS = int(Ending.OK), int(Ending.EXCEPTION), int(Ending.SILENT), len(Ending)
 
 
 @dataclass(frozen=True, slots=True)
 class Poll:
     """One poll: a unit asked for so many things from an address on, by a function.
 
-    `first` and `last` are times (ns) of requests, `intervals` (ns) some from one to the next, repeated ones left out.
+    `first` and `last` are times (ns) of requests, `intervals` (ns) some from one to the next, repeated ones left out,
+    `waits` (ns) some from the end of one that stayed without an answer to the next request of any poll.
     """
 
     unit: int
@@ -34,6 +37,7 @@ class Poll:
     repeats: int
     exceptions: Counter[int]
     intervals: NDArray[np.int64]
+    waits: NDArray[np.float64]
 
     @property
     def asked(self) -> int:
@@ -69,6 +73,7 @@ class PollTable:
         self._repeats, self._first, self._last, self._count = (np.zeros(0, np.int64) for _ in range(4))
         self._rings = np.zeros((0, _RING), np.int64)
         self._exceptions: dict[int, Counter[int]] = {}
+        self._waits: dict[int, Thinned] = defaultdict(Thinned)
 
     def __len__(self) -> int:
         return len(self._slots)
@@ -88,9 +93,17 @@ class PollTable:
         self._repeats += np.bincount(slot[again], minlength=len(self._repeats))
         for i in (exchanges.outcome == _EXCEPTION).nonzero()[0].tolist():
             self._exceptions.setdefault(int(slot[i]), Counter())[int(exchanges.exception[i])] += 1
+        self._wait(slot, exchanges)
         order = order[~again[order]]
         self._time(slot[order], exchanges.t_start[order])
         self._learn(stretch, exchanges, slot)
+
+    def _wait(self, slot: NDArray[np.int64], exchanges: Exchanges) -> None:
+        silent = (exchanges.outcome == _SILENT) & (exchanges.t_next != NEVER)
+        if silent.any():
+            slot, waits = slot[silent], (exchanges.t_next - exchanges.t_asked)[silent]
+            for each in np.unique(slot).tolist():
+                self._waits[each].add(waits[slot == each])
 
     def _slots_of(self, stretch: Stretch) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
         """The slot of each exchange's poll, -1 for none, and the exchanges' order by poll."""
@@ -172,6 +185,7 @@ class PollTable:
                     int(self._repeats[slot]),
                     self._exceptions.get(slot, Counter()),
                     self._rings[slot, : max(count, 0)],
+                    self._waits[slot].numbers if slot in self._waits else np.zeros(0),
                 )
             )
         return sorted(made, key=lambda poll: (poll.unit, poll.function, poll.address, poll.quantity))

@@ -54,3 +54,11 @@ class SuccessorTable:
         asked = sum(count for (mine, _), count in self.asked.items() if mine == unit)
         then, then_of = self.hit[unit, before], self.asked[unit, before]
         return then, then_of, hit - then, asked - then_of
+
+    def met_of(self, unit: int) -> int:
+        """Exchanges of a unit that were hit."""
+        return sum(count for (mine, _), count in self.met.items() if mine == unit)
+
+    def followed_of(self, unit: int) -> int:
+        """Exchanges of a unit."""
+        return sum(count for (mine, _), count in self.followed.items() if mine == unit)

@@ -12,7 +12,7 @@ from ..bits import likelihood_bits, phase_bits, surplus_bits
 from ..crowdedtimes import CrowdedTimes
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
 from ..exchanges import Ending
-from ..hits import ALIKE, Hits, end_of_part, evenness_bits, is_one_units, span_of_hits
+from ..hits import ALIKE, WELL, Hits, end_of_part, evenness_bits, is_one_units, span_of_hits
 from ..registry import Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 from ..spells import spells_of
@@ -20,6 +20,8 @@ from ..spells import spells_of
 _LEAST: Final = 5
 _FEW: Final = 0.1  # requests, for a damaged answer
 _ON_FRAMES: Final = 0.05
+_HALF: Final = 0.5
+_HARDLY: Final = 2.0  # bits
 _IDLE_BITS: Final = 20.0
 _OVERLAID: Final = 3.0  # bits for or against, of a damaged answer of quite another length
 _SOME_OVERLAID: Final = 0.12  # of the damaged answers
@@ -46,20 +48,32 @@ def _place_bits(hits: Hits, on_frames: float) -> float:
     return max(bits, -_IDLE_BITS) if hits.frames > on_frames * hits.all else bits
 
 
+def _as_exposed(evidence: Evidence, hits: Hits) -> bool:
+    """Whether some frames were hit, about as few as there are for as much on the idle line: that a line which floats
+    when nobody drives it should do so is hardly likelier."""
+    load = evidence.load
+    if not hits.frames or load is None:
+        return False
+    for_all, for_idle = (likelihood_bits(hits.frames, hits.all, share) for share in (load, WELL))
+    return for_all >= for_idle - _HARDLY
+
+
 def _load(evidence: Evidence) -> float:
     return min(max(evidence.load or _LOAD, 0.05), 0.93)
 
 
-def _anywhere(evidence: Evidence) -> tuple[Hits, float]:
-    """Hits of all senders alike, and their weight."""
+def _anywhere(evidence: Evidence, *, sparse: bool = False) -> tuple[Hits, float]:
+    """Hits of all senders alike, and their weight; `sparse`: where frames are rare, so may those be that are hit."""
     hits = Hits(evidence)
-    if hits.frames < _LEAST or hits.all < _LEAST:
+    if hits.all < _LEAST or (hits.frames < _LEAST and not (sparse and _as_exposed(evidence, hits))):
         return hits, 0.0
     if hits.requests < _FEW * hits.damaged and is_one_units(evidence):
         return hits, 0.0
     bits = surplus_bits(hits.all, max(hits.exchanges, hits.all), HEALTHY) + _place_bits(hits, _load(evidence))
     readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]
-    if hits.frames < _ON_FRAMES * hits.all:  # what hardly meets a frame would be on the idle line alone
+    if (
+        hits.frames < min(_ON_FRAMES, _HALF * (evidence.load or 1)) * hits.all
+    ):  # what hardly meets a frame would be on the idle line alone
         bits -= _IDLE_BITS
     bits += _OVERLAID * (_SOME_OVERLAID * len(readings) - overlaid(readings))
     unlike = -evenness_bits(evidence)
@@ -183,8 +197,8 @@ def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
     remedy="Find the machine that runs then (shift, pump, charger, lighting) and keep the bus cable away from its cables",
 )
 def hours(evidence: Evidence) -> Iterator[Suspicion]:
-    """AnswerDamage in spells."""
-    hits, bits = _anywhere(evidence)
+    """AnswerDamage in spells; that a line floats does not come and go."""
+    hits, bits = _anywhere(evidence, sparse=True)
     if bits <= 0 or not evidence.ledger.timed:
         return
     grid = evidence.ledger.grid

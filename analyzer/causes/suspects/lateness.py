@@ -56,11 +56,9 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
     if not evidence.ordered:
         return
     late = {unit.unit: _late(evidence, unit) for unit in evidence.units}
-    for unit in evidence.units:  # what is another's, it is late for
-        for reading in evidence.readings(unit) if evidence.is_open(Symptom.LATENESS, unit.unit) else ():
-            sender = evidence.begun_by(reading)
-            if sender in late:
-                late[sender] += 1
+    for unit in evidence.units:  # what stands where another's was due, if it did not come before
+        if evidence.is_open(Symptom.LATENESS, unit.unit):
+            late[unit.unit] += min(evidence.begun[unit.unit], unit.count(Ending.SILENT, Ending.GARBAGE))
     for unit in evidence.units:
         others = [other for other in evidence.units if other.unit != unit.unit]
         behind, run_into = _run_into(evidence, unit)

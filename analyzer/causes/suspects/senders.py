@@ -74,6 +74,7 @@ _SHARE: Final = "{damaged} of {answers} answers of unit {unit}, {others_damaged}
 
 _BYTE: Final = 8.0
 _OWN_BITS: Final = 6.0
+_RUN_INTO_BITS: Final = 20.0
 _BEGINNING: Final = 3  # bytes of garbage that count
 _LOST_BITS: Final = 24  # more than two characters
 _SPREAD: Final = (0.88, 1.12)  # of the delay, from answer to answer
@@ -204,6 +205,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
             continue  # another unit is still answering when this one is asked
         doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
         doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
+        doubles += max(evidence.begun[unit.unit] - unit.count(Ending.SILENT, Ending.GARBAGE), 0)
         crossed = evidence.behind(unit, Behind.REQUEST, Behind.NOISE)
         crossed = round(crossed) if doubles >= _LEAST or (len(readings) >= _LEAST and crossed >= _LEAST) else 0
         if doubles <= 1.2 * unit.count(Ending.SILENT):
@@ -220,9 +222,27 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
             bits -= _SHORT_BITS * _shortened(readings)
         if bits <= 0 or doubles + len(readings) < _LEAST:
             continue
-        found = damage_suspicion(evidence, unit, bits, {"doubles": doubles})
+        run_into = _run_into(evidence, unit) if doubles >= _LEAST else {}
+        found = damage_suspicion(evidence, unit, bits + sum(run_into.values()), {"doubles": doubles})
         explains = found.explains | {(kind, unit.unit) for kind in (Symptom.DOUBLES, Symptom.BEHIND, Symptom.LATENESS)}
+        explains |= {(kind, other) for other in run_into for kind in (Symptom.DAMAGE, Symptom.BEHIND)}
         yield replace(found, explains=explains)
+
+
+def _run_into(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:
+    """Other units that are hit right behind this one, and seldom else, for a second answer runs into what is asked next:
+    by how much likelier that is (bits)."""
+    found, successors = {}, evidence.ledger.successors
+    for other in evidence.units:
+        pair = (other.unit, unit.unit)
+        if other is unit or not evidence.is_open(Symptom.DAMAGE, other.unit) or not successors.met[pair]:
+            continue
+        hit, asked = successors.met_of(other.unit), successors.followed_of(other.unit)
+        met, followed = successors.met[pair], successors.followed[pair]
+        bits = surplus_bits(met, followed, max(HEALTHY, (hit - met + 0.5) / (asked - followed + 50)))
+        if bits > _RUN_INTO_BITS:
+            found[other.unit] = bits
+    return found
 
 
 _MIXED: Final = {"whole": 0.35, "middle": 0.22, "long": 0.2, "cut": 0.06, "cut-short": 0.03, "crossed": 0.02,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dissectors.crc import crc_ok
 from dissectors.lengths import Role, pdu_length
@@ -22,6 +23,7 @@ from ..unitledger import UnitLedger
 from .outages import silent_together
 
 _LEAST: Final = 20  # frames
+_FRAMES: Final = 10  # by which a wrong direction is told: chance makes no right check value so often
 _NEARLY_ALL: Final = 0.9
 _NOTHING: Final = 0.12  # of the bytes in right frames
 _BYTES: Final = 150
@@ -33,6 +35,9 @@ _LATE_NS: Final = 500_000  # and as late its task comes to run
 _AS_SOON: Final = 0.25  # of the time from request to request
 _STEADY: Final = 0.02  # of it: so little it strays where a timer makes it
 _CLOCKS: Final = 4.0  # times what the tap's times may be wrong by
+_INNER: Final = (0.05, 0.95)  # what a hole in the capture or a rare rest makes is left out
+_ANOTHER: Final = 2  # polls
+_ERRORS: Final = 6.0  # times the error of a mean
 _ADU: Final = 3  # bytes around a PDU
 
 
@@ -114,14 +119,31 @@ def _one(evidence: Evidence, heard: str, frames: int, others: int, every: int | 
 
 
 def _as_given_up(evidence: Evidence) -> bool:
-    """Whether the master goes on after always the same time, as it does when nobody answers."""
-    waits = [unit.waits.numbers for unit in evidence.units if len(unit.waits)]
+    """Whether the master goes on after always the same time, whatever it asks, as it does when nobody answers."""
+    waits = [poll.waits for poll in evidence.polls if len(poll.waits)]
     if not waits or not evidence.ledger.timed:
         return False
     numbers = np.concatenate(waits)
     low, middle = float(np.quantile(numbers, 0.1)), float(np.quantile(numbers, 0.6))
-    clocks = min(_CLOCKS * evidence.verdict.wait_ns, _TIMERS * middle + evidence.ledger.char_ns)
-    return middle - low < _TIMERS * middle + _LATE_NS + clocks
+    strays = _TIMERS * middle + _LATE_NS
+    if (alike := _are_alike([each for each in waits if len(each) >= _LEAST], strays)) is not None:
+        return alike
+    return middle - low < strays + min(_CLOCKS * evidence.verdict.wait_ns, _TIMERS * middle + evidence.ledger.char_ns)
+
+
+def _are_alike(waits: Sequence[NDArray[np.float64]], strays: float) -> bool | None:
+    """Whether waits hang on nothing that is asked, however coarse the clock and restless the master; None where too few
+    polls tell. Where each is answered in its own time, those of two polls differ from the rest, or of one, which strays
+    more than the rest (behind the last poll of a round a master may rest, but by its timer). `strays`: ns by which
+    timers stray."""
+    if len(waits) <= _ANOTHER:
+        return None
+    inner = [np.clip(each, *np.quantile(each, _INNER)) for each in waits]
+    means, spreads = np.array([each.mean() for each in inner]), np.array([each.var() for each in inner])
+    errors = np.sqrt(spreads / [len(each) for each in inner])
+    differ = np.abs(means - np.median(means)) > strays + _ERRORS * errors
+    one_strays = differ & (spreads - np.median(spreads) > strays**2)
+    return bool(np.count_nonzero(differ) < _ANOTHER and not one_strays.any())
 
 
 @suspect(
@@ -143,19 +165,23 @@ def tap_reversed(evidence: Evidence) -> Iterator[Suspicion]:
         if role is None:
             continue
         other = Role.RESPONSE if role is Role.REQUEST else Role.REQUEST
-        right += tally["requests" if role is Role.REQUEST else "responses"]
-        found = tally["responses" if role is Role.REQUEST else "requests"]
-        if role is Role.REQUEST:  # what is no request by its length, though said to be one
-            right, found = right - tally["misshapen"], found + tally["misshapen"]
-        found += sum(_frames_in(data, other) for _, where, data in ledger.noise if where == port)
+        misshapen = tally["misshapen"]  # of the other kind by their length, though said to be of this one
+        right += tally["requests" if role is Role.REQUEST else "responses"] - misshapen
+        found = tally["responses" if role is Role.REQUEST else "requests"] + misshapen
+        found += _hidden(evidence, port, other)
         if found > wrong / 2:
             said, read = role.name.lower() + "s", other.name.lower() + "s"
         wrong += found
-    if wrong >= 10 and wrong > 2 * right:
+    if wrong >= _FRAMES and wrong > 2 * right:
         numbers = {"frames": wrong, "said": said, "read": read}
         looked_at = sum(len(data) for _, _, data in ledger.noise)
         bits = 16.0 * wrong * max(1.0, ledger.noise_bytes / max(looked_at, 1))
         yield Suspicion((), bits, _everything(evidence), numbers, ledger.begin, ledger.end)
+
+
+def _hidden(evidence: Evidence, port: int, role: Role) -> int:
+    """How many frames of a role stand in the noise of a port, as far as it was kept."""
+    return sum(_frames_in(data, role) for _, where, data in evidence.ledger.noise if where == port)
 
 
 def _frames_in(data: bytes, role: Role) -> int:
@@ -216,6 +242,7 @@ def tap_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
         or ledger.bytes < _BYTES
         or ledger.right_bytes > _NOTHING * ledger.bytes
         or len(data) < _BYTES / 2
+        or sum(_hidden(evidence, port, role) for port in ledger.ports for role in Role) >= _FRAMES
     ):
         return
     text = sum(0x20 <= byte < 0x7F or byte in (0x0A, 0x0D) for byte in data) / len(data)

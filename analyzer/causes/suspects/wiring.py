@@ -10,12 +10,11 @@ from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
 from ..exchanges import Ending
-from ..hits import ALIKE, Hits, span_of_hits, spared_bits
+from ..hits import ALIKE, WELL, Hits, span_of_hits, spared_bits
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Behind
 
 _LEAST: Final = 5
-_WELL: Final = 0.03  # of stray bytes that hit frames all the same, on a line that floats when nobody drives it
 _ONE_UNIT: Final = 0.9  # of all stretches
 _MOST: Final = 0.6
 _FEW: Final = 0.15  # frames hit for a stretch on the idle line
@@ -48,7 +47,7 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     touched = hits.damaged * share_of(readings, "head", "ahead")  # noise that runs into the beginning of an answer
     idle, frames = hits.idle + touched, hits.frames - touched
     bits = surplus_bits(idle, max(hits.exchanges, idle), HEALTHY)
-    bits += likelihood_bits(frames, idle + frames, _WELL) - likelihood_bits(frames, idle + frames, 0.5)
+    bits += likelihood_bits(frames, idle + frames, WELL) - likelihood_bits(frames, idle + frames, 0.5)
     stray = [evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units]
     if len(stray) > 1 and max(stray) > _ONE_UNIT * sum(stray):
         bits /= 4  # a line that floats does so behind everybody
