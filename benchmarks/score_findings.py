@@ -1,6 +1,6 @@
 """Scores the diagnosis against captures with one known defect each.
 
-    python benchmarks/score_findings.py [--seeds N] [--first SEED] [--taps precise,irq] [--healthy] [--misses] [CODE ...]
+    python benchmarks/score_findings.py [--seeds N] [--first SEED] [--taps precise,irq] [--healthy] [--misses] [CODE]
 
 The simulator makes the captures (`rtuscope simulate --defect CODE`): every defect, every tap that can carry it, N
 seeds. A finding counts where code, start and length are the truth's (the code alone, where it is about the bus as a

@@ -59,3 +59,8 @@ def test_a_pace_is_told_from_chance() -> None:
     assert regularity_bits(steady) > 8
     assert regularity_bits([0.0, 3.0, 47.8, 60.1, 97.7]) < 1
     assert regularity_bits(steady[:3]) == regularity_bits([5.0] * 6) == 0
+
+
+@pytest.mark.parametrize("case", ["two-masters", "two-masters-alike"])
+def test_requests_sooner_than_the_client_is_seen_to_wait_are_another_client_s(case: str) -> None:
+    assert _named(case, 9324, "precise") == [("two-masters", ())]

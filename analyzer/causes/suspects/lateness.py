@@ -31,6 +31,7 @@ _STEADIEST: Final = 0.01  # of a delay: so much any device's strays
 _SHIFTED: Final = 4.0
 _OVERDUE: Final = 0.8  # of the timeout
 _FAR_SLOWER: Final = 3.0
+_AT_ONCE: Final = 0.5  # of a usual delay
 _KINDS: Final = {
     "crossed": 0.5,
     "other": 0.12,
@@ -62,6 +63,8 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         if evidence.is_open(Symptom.LATENESS, unit.unit):
             late[unit.unit] += min(evidence.begun[unit.unit], unit.count(Ending.SILENT, Ending.GARBAGE))
     for unit in evidence.units:
+        if _went_on_at_once(evidence, unit):
+            continue
         others = [other for other in evidence.units if other.unit != unit.unit]
         behind, run_into = _run_into(evidence, unit)
         series, in_series = _shifted(evidence, unit)
@@ -99,6 +102,13 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
             lost_ms=lost_ms,
             frames=tuple(unit.examples.get(Ending.SILENT, [])),
         )
+
+
+def _went_on_at_once(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether requests behind those that stayed without an answer come far sooner than this unit's answers, for which
+    the master does wait: so nobody gives up, that is another who sends."""
+    wait, delay = unit.waits.quantile(0.5), unit.delays.quantile(0.5)
+    return wait is not None and delay is not None and wait + evidence.verdict.wait_ns < _AT_ONCE * delay
 
 
 def _run_into(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
