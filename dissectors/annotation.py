@@ -22,6 +22,7 @@ from .parts import AnyConstruct
 from .registry import function as declared
 from .registry import function_class, function_code, function_name
 from .tracing import record
+from .wording import ENGLISH, Wording, plural
 
 __all__ = ["Context", "Field", "annotate", "summary"]
 
@@ -45,30 +46,32 @@ def annotate(adu: Adu, role: Role, context: Context = Context()) -> tuple[Field,
     return (*head, *body, *check_fields(adu, end))
 
 
-def summary(adu: Adu, role: Role, context: Context = Context()) -> str:
+def summary(adu: Adu, role: Role, context: Context = Context(), wording: Wording = ENGLISH) -> str:
     """A frame in words, on one line: `read 3 holding registers from 107 (40108)`; the check value apart."""
+    say = wording.say
     data = adu.data
     at = MBAP if adu.protocol == "tcp" else 1
     end = at + len(adu.pdu)
     if at >= end:
-        return "no function code"
+        return say("no function code")
     code = data[at]
     name = function_name(code)
     if code & EXCEPTION and role is Role.RESPONSE:
         if end - at < 2:
-            return f"exception without a code to {name}"
-        return f"exception {data[at + 1]:02X} {exception_name(data[at + 1])}"
+            return say("exception without a code to {name}").format(name=name)
+        number = data[at + 1]
+        return say("exception {code:02X} {name}").format(code=number, name=exception_name(number))
     function = declared(code)
     if function is None or code & EXCEPTION:
-        return f"{name}, {_plural(end - at - 1, 'byte')} of data"
+        return say("{name}, {bytes} of data").format(name=name, bytes=wording.count(end - at - 1, "byte"))
     recorder = _recorder(data, at, end, role, context, brief=True)
     declaration = function.request if role is Role.REQUEST else function.response
     _, problem = record(declaration, data[at + 1 : end], recorder)
     for template in function.words(role.name.lower()):
-        text = filled(template, recorder.fields)
+        text = filled(template, recorder.fields, wording)
         if text is not None:
             return text
-    return f"{name} {role.name.lower()}{': ' + problem if problem else ''}"
+    return f"{name} {say(role.name.lower())}{': ' + problem if problem else ''}"
 
 
 def header_fields(adu: Adu) -> tuple[Field, ...]:
@@ -89,7 +92,7 @@ def header_fields(adu: Adu) -> tuple[Field, ...]:
         if name == "protocol_id" and value:
             problem = "0 is Modbus, anything else is not"
         elif name == "length" and value != len(data) - end:
-            problem = f"{_plural(value, 'byte')} should follow, {len(data) - end} do"
+            problem = f"{plural(value, 'byte')} should follow, {len(data) - end} do"
         fields.append(Field(name, at, 2, value, part.hex(), str(value), problem=problem))
     if len(data) >= MBAP:
         fields.append(_unit(data, MBAP - 1, serial=False))
@@ -179,7 +182,7 @@ def _tiled(recorder: FieldTracer, begin: int, reached: int, end: int) -> Iterato
         yield _gap("unnamed", at, reached, recorder)
         at = reached
     if at < end:
-        left = _plural(end - at, "byte")
+        left = plural(end - at, "byte")
         yield _gap("surplus", at, end, recorder, f"{left} more than the frame's fields take")
 
 
@@ -197,14 +200,10 @@ def check_fields(adu: Adu, at: int) -> tuple[Field, ...]:
         raw = adu.data[at:].hex()
         return (Field(name, at, len(adu.data) - at, None, raw, f"{raw.upper()} …", problem="cut: half of it is there"),)
     if adu.check_received is None or adu.check_computed is None:
-        return (Field(name, at, 0, None, "", "missing", problem=f"{_plural(at, 'byte')} can't hold a frame"),)
+        return (Field(name, at, 0, None, "", "missing", problem=f"{plural(at, 'byte')} can't hold a frame"),)
     raw = adu.data[at:].hex()
     if adu.check_ok:
         return (Field(name, at, width, adu.check_received, raw, "ok"),)
     due = adu.check_computed.to_bytes(width, "little").hex(" ").upper()
     text = f"wrong: {due} is right, {adu.data[at:].hex(' ').upper()} is there"
     return (Field(name, at, width, adu.check_received, raw, text, problem=f"{due} is right"),)
-
-
-def _plural(n: int, noun: str) -> str:
-    return f"{n} {noun}{'' if n == 1 else 's'}"

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from .wording import ENGLISH, Wording
+
 Value = int | float | str | bool | None
 
 
@@ -108,23 +110,24 @@ class FieldTracer:
 
 
 class _Word:
-    def __init__(self, field: Field) -> None:
+    def __init__(self, field: Field, wording: Wording) -> None:
         self.field = field
+        self.wording = wording
 
     def __format__(self, noun: str) -> str:
         if not noun:
-            return self.field.text
+            return self.wording.say(self.field.text)
         value = self.field.value
         if not isinstance(value, int):
-            return f"{self.field.text} {noun}"
-        return f"{value} {noun}{'' if value == 1 else 's'}"
+            return f"{self.field.text} {self.wording.say(noun)}"
+        return self.wording.count(value, noun)
 
 
-def filled(template: str, fields: Iterable[Field]) -> str | None:
+def filled(template: str, fields: Iterable[Field], wording: Wording = ENGLISH) -> str | None:
     """The template with its fields put in; None where one is missing (or the template is empty)."""
     if not template:
         return None
     try:
-        return template.format_map({field.name: _Word(field) for field in fields})
+        return wording.say(template).format_map({field.name: _Word(field, wording) for field in fields})
     except (LookupError, AttributeError, ValueError):
         return None

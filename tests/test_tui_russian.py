@@ -19,12 +19,15 @@ from analyzer.causes.registry import suspects
 from analyzer.filters import FilterError, compile_filter
 from analyzer.filters.completion import complete
 from analyzer.languages import counted, tr
+from analyzer.model import search
+from analyzer.model.bus import Bus
 from analyzer.model.source import CaptureSource
 from analyzer.model.spoken import spoken
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.pastepane import PasteText
 from analyzer.tui.registerlist import RegisterList
 from captures.line import LineSettings
+from dissectors.functions import functions
 
 _PARTS = ("tui", "model", "filters", "live")
 _SOURCES = [path for part in _PARTS for path in (Path(analyzer.__file__).parent / part).glob("*.py")]
@@ -71,6 +74,10 @@ def _places(template: str) -> set[str]:
     return {name for _, name, _, _ in Formatter().parse(template) if name}
 
 
+def _parts(template: str) -> list[tuple[str, str]]:
+    return [(name, noun or "") for _, name, noun, _ in Formatter().parse(template) if name]
+
+
 @pytest.mark.parametrize("language", [each for each in languages.LANGUAGES if each != "en"])
 def test_every_word_of_the_interface_is_in_the_catalogue(language: str) -> None:
     known = languages.catalogue(language)
@@ -84,6 +91,31 @@ def test_every_word_of_the_interface_is_in_the_catalogue(language: str) -> None:
     nouns = {text for _, call in _calls("counted") if (text := _text(call.args[1]))}
     assert nouns and not nouns - set(known["counted"])
     assert all(len(forms) == 3 for forms in known["counted"].values())
+
+
+def test_frames_of_every_function_are_told_in_the_catalogue_s_words() -> None:
+    known = languages.catalogue("ru")
+    templates = {
+        words for each in functions().values() for side in ("request", "response") for words in each.words(side)
+    }
+    assert len(templates) > 25
+    assert not templates - set(known["frames"])
+    for english in templates:
+        assert sorted(_parts(english)) == sorted(_parts(known["frames"][english]))
+    nouns = {noun for english in templates for _, noun in _parts(english) if noun}
+    assert nouns and not nouns - set(known["counted"])
+
+
+def test_a_frame_is_told_and_found_in_russian(capture: Path) -> None:
+    bus = Bus.of(source := CaptureSource(captures.open(capture), "bus"))
+    for analysed in source.steps(bool):
+        bus.feed(analysed)
+    languages.use("ru")
+    row = next(row for row in range(bus.count) if bus.frame(row).function == 3)
+    assert bus.frame(row).summary(languages.wording()) == "читать 3 регистра хранения с 107 (40108)"
+    assert bus.frame(row).summary() == "read 3 holding registers from 107 (40108)", "for scripts it stays English"
+    assert search.find(bus, search.for_text("регистра хранения"), -1) == row
+    assert search.find(bus, search.for_text("holding"), -1) == row
 
 
 def test_nouns_agree_with_their_number() -> None:

@@ -2,8 +2,9 @@
 
 A catalogue is the TOML files of this package that begin with the language's name: `page` (words of the report, by their
 English), `fragments` (words that are filled into others), `causes` (by id: text, share, test, remedy), `findings`
-(pieces of what findings say, by their English), `interface` (words of the interface, by their English) and `counted`
-(nouns behind a number, by their English singular, in all their forms). What a catalogue lacks is told in English.
+(pieces of what findings say, by their English), `frames` (templates of what a frame says), `interface` (words of the
+interface) and `counted` (nouns behind a number, by their English singular, in all their forms). What a catalogue lacks
+is told in English.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from functools import cache
 from importlib.resources import files
 from string import Formatter
 from typing import Any, Final
+
+from dissectors.wording import ENGLISH, Wording
 
 from ..words import plural
 
@@ -66,6 +69,16 @@ def counted(number: int, one: str, many: str) -> str:
     if forms is None:
         return plural(number, one, many)
     return _agreeing(number, forms)
+
+
+def wording() -> Wording:
+    """What frames are told in: templates and words by their English, nouns as `counted` has them."""
+    own = catalogue(_language.get()).get("frames")
+    if own is None:
+        return ENGLISH
+    return Wording(
+        lambda english: str(own.get(english, english)), lambda number, noun: counted(number, noun, f"{noun}s")
+    )
 
 
 def _agreeing(number: int, forms: Sequence[str]) -> str:

@@ -10,7 +10,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..languages import tr
+from dissectors.wording import ENGLISH
+
+from ..languages import tr, wording
 from ..tables.columns import decode
 from .bus import Bus
 from .selection import Test
@@ -87,13 +89,15 @@ def for_text(text: str) -> Hits:
     if not text.strip():
         raise SearchError(tr("nothing to look for"))
     pattern = re.compile(re.escape(text.encode()), re.IGNORECASE)
-    folded = text.casefold()
+    folded, wordings = text.casefold(), {ENGLISH, wording()}
 
     def hits(bus: Bus, first: int, last: int) -> _Rows:
         rows = set(_holding(bus, pattern, first, last).tolist())
         for row in range(first, last):
-            if row not in rows and not bus.is_noise(row) and folded in bus.frame(row).summary().casefold():
-                rows.add(row)
+            if row not in rows and not bus.is_noise(row):
+                frame = bus.frame(row)
+                if any(folded in frame.summary(each).casefold() for each in wordings):
+                    rows.add(row)
         return np.array(sorted(rows), np.int64)
 
     return hits

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING
 
-from ..languages import counted, tr
+from ..languages import counted, tr, wording
 from ..tables.schema import Kind
 from ..tables.transactions import Status
 from ..words import date_and_time, duration, is_clock, seconds
@@ -52,11 +52,11 @@ def _transaction(bus: Bus, row: int, zone: tzinfo) -> str:
     t = bus.table.value("t_start_ns", row)
     when = "" if not bus.timed else date_and_time(t, zone) if is_clock(t) else f"{seconds(t - bus.t_first)} s"
     parts = [tr("Frame {index}", index=frame.index), *([when] if when else []), tr("unit {unit}", unit=frame.unit)]
-    parts.append(frame.summary())
+    parts.append(frame.summary(wording()))
     if answer is not None and bus.table.value("kind", row) == Kind.REQUEST:
         took = bus.table.value("response_ns", answer)
         head = tr("after {time}", time=duration(took)) if took >= 0 else tr("answer")
-        parts.append(f"{head}: {bus.frame(answer).summary()}")
+        parts.append(f"{head}: {bus.frame(answer).summary(wording())}")
     else:
         status = bus.table.value("state", row) & RowState.STATUS
         parts += [tr(_OUTCOMES[Status(status - 1)])] if status and Status(status - 1) in _OUTCOMES else []

@@ -12,6 +12,7 @@ from dissectors.envelopes import Adu
 from dissectors.fields import Field
 from dissectors.functions import function_name
 from dissectors.length_rules import Role
+from dissectors.wording import ENGLISH, Wording
 
 if TYPE_CHECKING:
     from ..tables.findings import Finding
@@ -70,10 +71,10 @@ class PastedFrame:
         fields = annotate(self.adu, role, self._context(role))
         return tuple(field for field in fields if field.length or not self.missing)
 
-    def summary(self, role: Role | None = None) -> str:
+    def summary(self, role: Role | None = None, wording: Wording = ENGLISH) -> str:
         """The frame in words, on one line."""
         role = self.role if role is None else role
-        return summary(self.adu, role, self._context(role))
+        return summary(self.adu, role, self._context(role), wording)
 
     def _context(self, role: Role) -> Context:
         return Context(request=self.request) if role is Role.RESPONSE and self.request is not None else Context()

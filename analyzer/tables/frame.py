@@ -11,6 +11,7 @@ from dissectors.envelopes import Adu, ascii_adu, ascii_frames, rtu, tcp
 from dissectors.fields import Field
 from dissectors.functions import function_name
 from dissectors.length_rules import Role
+from dissectors.wording import ENGLISH, Wording
 
 from ..html_text import html_page, html_table
 from .findings import Finding
@@ -116,9 +117,9 @@ class Frame:
         """Every field, annotated; offsets are in the ADU."""
         return annotate(self.adu, self.role, self.context)
 
-    def summary(self) -> str:
+    def summary(self, wording: Wording = ENGLISH) -> str:
         """The frame in words, on one line."""
-        return summary(self.adu, self.role, self.context)
+        return summary(self.adu, self.role, self.context, wording)
 
     def _repr_html_(self) -> str:
         """For notebooks: its fields, and what was found."""

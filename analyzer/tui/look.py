@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from dissectors.fields import Field
 from dissectors.values import harmless, readings
 
-from ..languages import counted, tr
+from ..languages import counted, tr, wording
 from ..model.polls import changed
 from ..paste.model import PastedFrame, PastedNoise
 from ..words import between, date_and_time, seconds, short
@@ -113,7 +113,7 @@ def _unexplained(data: bytes) -> str:
 
 
 def _heading(frame: Frame) -> str:
-    return f"{tr(frame.direction)}, {tr('unit {unit}', unit=frame.unit)}: {frame.summary()}"
+    return f"{tr(frame.direction)}, {tr('unit {unit}', unit=frame.unit)}: {frame.summary(wording())}"
 
 
 def _facts(desk: ViewState, row: int, frame: Frame | None = None) -> tuple[Item, ...]:

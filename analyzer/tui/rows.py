@@ -9,7 +9,7 @@ from rich.cells import cell_len
 
 from dissectors.values import harmless
 
-from ..languages import counted, tr
+from ..languages import counted, tr, wording
 from ..model.table import RowState
 from ..tables.schema import Kind
 from ..tables.transactions import Status
@@ -71,7 +71,7 @@ def words(desk: ViewState, row: int) -> tuple[list[StyledText], list[StyledText]
     else:
         frame = bus.frame(row)
         findings = frame.findings
-        content = [StyledText("" if frame.crc_ok else tr("CRC wrong: "), "error"), StyledText(frame.summary())]
+        content = [StyledText("" if frame.crc_ok else tr("CRC wrong: "), "error"), StyledText(frame.summary(wording()))]
     return content, _about(desk, row, findings)
 
 
