@@ -32,3 +32,9 @@ def test_a_quiet_bus_that_is_disturbed_at_times_does_not_float(tap: str) -> None
 def test_a_second_answer_that_runs_into_the_next_exchange_is_no_second_master(tap: str) -> None:
     found = _named("duplicate-beside-settings", 9100, tap)
     assert sorted(found) == [("duplicate-address", (4,)), ("unit-line-settings", (37,))]
+
+
+@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
+def test_a_fixed_pause_that_takes_no_time_to_speak_of_is_no_rest(tap: str) -> None:
+    """The line is full all the same: without these pauses the round would be hardly shorter."""
+    assert _named("overload-fixed-pause", 9100, tap) == [("overload", ())]
