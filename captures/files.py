@@ -21,6 +21,7 @@ from .errors import OPEN_ELSEWHERE, CaptureError, os_reason
 HEAD_BYTES = 1 << 16  # what formats are recognised by
 LINE_LIMIT = 64 << 20  # bytes: a longer line is no line of text
 _HEADER_LIMIT = 1 << 20
+_DEVICES: Final = "\\\\.\\"  # how Windows' whole paths of devices begin
 _WAITS_S: Final = (0.05, 0.1, 0.2, 0.4)  # between attempts to rename
 _PIECE = 1 << 16
 _SOURCE = "open the capture that it was made from"
@@ -166,6 +167,7 @@ def replacing(path: Path | str) -> Iterator[BinaryIO]:
     written and why; whatever ends the block early, nothing is left under the name, nor beside it.
     """
     path = Path(path)
+    refuse_device_name(path)
     try:
         target = path.resolve()
         if target.exists() and not target.is_file():
@@ -189,6 +191,14 @@ def replacing(path: Path | str) -> Iterator[BinaryIO]:
         raise CaptureError(f"{path}: cannot be written: no such folder as {path.parent}") from error
     except OSError as error:
         raise CaptureError(f"{path}: cannot be written: {os_reason(error)}") from error
+
+
+def refuse_device_name(path: Path) -> None:
+    """CaptureError for a file's name that Windows takes for a device: bytes for `COM1.csv` would go onto the bus."""
+    device = os.path.abspath(path).rstrip("\\")  # noqa: PTH100 - pathlib leaves it as it is
+    if os.name == "nt" and device.startswith(_DEVICES) and path.name.lower() != "nul":
+        device = device.removeprefix(_DEVICES).upper()
+        raise CaptureError(f"{path}: by that name Windows means the device {device}: give another")
 
 
 def patiently(rename: Callable[[], object]) -> None:

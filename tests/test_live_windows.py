@@ -1,18 +1,26 @@
 """What Windows has that others have not; and any pair of ports that is wired crosswise, as com0com makes them."""
 
+import ctypes
 import os
 import threading
+from importlib import import_module
 
 import pytest
 import serial
 from serial.tools import list_ports
 
+from analyzer.cli.terminal import coloured, places
 from captures.chunks import Block
+from captures.errors import CaptureError
+from captures.files import replacing
+from captures.line import LineSettings
 from captures.live import ports, tap
 from captures.live.listening import Listening
 from captures.live.settings import PortSettings
 from captures.live.wire import PortEvent, Tick
+from captures.recording.recorder import Recorder
 
+windows = pytest.mark.skipif(os.name != "nt", reason="names and consoles of Windows")
 PAIR = os.environ.get("RTUSCOPE_TEST_PAIR", "")  # COM1,COM2
 REQUEST = bytes.fromhex("1103006b00037687")
 
@@ -56,6 +64,40 @@ def test_a_list_of_adapters_that_fails_ends_nothing(monkeypatch):
     assert identity.found(settings) == settings
     with pytest.raises(tap.PortError, match="cannot be listed: AttributeError: function 'CM_"):
         ports.ports()
+
+
+@windows
+@pytest.mark.parametrize("name", ["com1.mcap", "COM3", "nul.mcap", "lpt1.csv"])
+def test_a_file_is_not_named_as_a_port(name, tmp_path):
+    words = f"by that name Windows means the device {name.split('.')[0].upper()}: give another"
+    with pytest.raises(CaptureError, match=words), replacing(tmp_path / name):
+        raise AssertionError("it was opened")
+    with pytest.raises(CaptureError, match=words):
+        Recorder(tmp_path / f"{name.split('.')[0]}.mcap", LineSettings(9600))
+
+
+@windows
+def test_what_goes_nowhere_is_no_terminal():
+    with replacing("NUL") as nowhere:
+        nowhere.write(b"anything")
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:  # noqa: PTH123
+        assert nowhere.isatty()
+        assert not places(nowhere)
+        assert not coloured(nowhere)
+
+
+@windows
+def test_a_console_is_told_to_obey_escape_sequences(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("TERM", raising=False)
+    try:
+        console = open("CONOUT$", "w", encoding="utf-8")  # noqa: PTH123, SIM115
+    except OSError:
+        pytest.skip("no console here")
+    mode, handle = ctypes.c_ulong(), import_module("msvcrt").get_osfhandle(console.fileno())
+    with console:
+        assert places(console)
+        assert vars(ctypes)["windll"].kernel32.GetConsoleMode(handle, ctypes.byref(mode))
+    assert mode.value & 4  # ENABLE_VIRTUAL_TERMINAL_PROCESSING
 
 
 @pytest.mark.skipif(not PAIR, reason="RTUSCOPE_TEST_PAIR=COM1,COM2 names no pair of ports that are wired crosswise")

@@ -12,11 +12,13 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import IO, BinaryIO
+from typing import IO, BinaryIO, Final
 
 from dissectors.values import harmless
 
 from ..terminal_text import ERASE_LINE, TerminalText, painted, terminal_text
+
+_VIRTUAL_TERMINAL: Final = 1 | 4  # ENABLE_PROCESSED_OUTPUT, ENABLE_VIRTUAL_TERMINAL_PROCESSING
 
 
 class Stop:
@@ -115,8 +117,23 @@ def hung_up(stream: BinaryIO) -> bool:
 
 
 def places(stream: IO[str]) -> bool:
-    """Whether it is a terminal on which text can be put anywhere, and a line be taken away again."""
-    return stream.isatty() and os.environ.get("TERM") != "dumb"
+    """Whether it is a terminal that obeys escape sequences: text can be put anywhere, a line be taken away again."""
+    return stream.isatty() and os.environ.get("TERM") != "dumb" and _obeys(stream)
+
+
+def _obeys(stream: IO[str]) -> bool:
+    """Whether a terminal obeys escape sequences. A Windows console is told to; before Windows 10 none can."""
+    if sys.platform != "win32":
+        return True
+    import ctypes
+    import msvcrt
+    from ctypes import wintypes
+
+    console, mode = wintypes.HANDLE(msvcrt.get_osfhandle(stream.fileno())), wintypes.DWORD()
+    kernel = ctypes.windll.kernel32
+    if not kernel.GetConsoleMode(console, ctypes.byref(mode)):
+        return False  # NUL, which calls itself a terminal
+    return bool(kernel.SetConsoleMode(console, mode.value | _VIRTUAL_TERMINAL))
 
 
 def full_screen() -> bool:
@@ -126,11 +143,7 @@ def full_screen() -> bool:
 
 def coloured(stream: IO[str]) -> bool:
     """Whether escape sequences are welcome there."""
-    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
-        return False
-    if os.name == "nt" and not (os.environ.get("WT_SESSION") or os.environ.get("TERM")):
-        return False  # the old console shows them as text
-    return stream.isatty()
+    return not os.environ.get("NO_COLOR") and places(stream)
 
 
 def shell_word(name: str, *, windows: bool = os.name == "nt") -> str:

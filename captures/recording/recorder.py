@@ -19,6 +19,7 @@ from typing import Final
 
 from ..chunks import Block
 from ..errors import CaptureError, os_reason
+from ..files import refuse_device_name
 from ..line import LineSettings
 from .mcapfile import PART, FileIdentity, RecordingFile, file_identity, is_written, move_to_free_name
 from .notes import Note
@@ -68,6 +69,7 @@ class Recorder:
     ) -> None:
         if path.suffix.lower() != SUFFIX:
             raise CaptureError(f"{path}: a recording is an MCAP file: give it the suffix {SUFFIX}")
+        refuse_device_name(path)
         if not path.parent.is_dir():
             raise CaptureError(f"{path}: cannot be written: no such folder as {path.parent}")
         if path.exists() and not limits.rotates and not overwrite:
