@@ -109,13 +109,9 @@ def _share(readings: Sequence[object], *kinds: str) -> float:
 
 
 def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
-    """Requests behind which another one came sooner than a master gives up."""
-    timeout = evidence.timeout_ns
-    if (
-        timeout is None
-        or not evidence.is_open(Symptom.SILENCE, unit.unit)
-        or evidence.verdict.wait_ns > _HASTY * timeout
-    ):
+    """Requests behind which another one came sooner than a master gives up, who waits longer for answers that come."""
+    timeout = 0.0 if evidence.timeout_ns is None else max(evidence.timeout_ns, evidence.patience_ns)
+    if not timeout or not evidence.is_open(Symptom.SILENCE, unit.unit) or evidence.verdict.wait_ns > _HASTY * timeout:
         return 0
     waits = unit.waits.numbers
     if not len(waits) or (evidence.verdict.wait_ns > _AT_ONCE * timeout and (waits <= 0).mean() > _OFTEN):
