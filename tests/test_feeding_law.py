@@ -17,9 +17,26 @@ def test_at_once_read_by_read_byte_by_byte_and_live_tell_the_same(kind: str) -> 
         assert list(package("feeding.ways").breaches(stream, Random(seed))) == []
 
 
-@pytest.mark.parametrize(("kind", "seed"), [("one-port", 10363), ("cut-anywhere", 10009), ("cut-anywhere", 10238)])
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [
+        ("one-port", 10363),
+        ("one-port", 320195),
+        ("one-port", 320295),
+        ("cut-anywhere", 10009),
+        ("cut-anywhere", 10238),
+        ("cut-anywhere", 310156),
+    ],
+)
 def test_a_run_ends_only_where_the_lattice_would_decide_too(kind: str, seed: int) -> None:
     """Streams of the campaign on which a run of frames was taken and the lattice, live, had not decided so far."""
+    stream = package("feeding.streams").stream(kind, seed)
+    assert list(package("feeding.ways").breaches(stream, Random(seed))) == []
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("gateway", 300100), ("gateway", 300161), ("vendor", 310026)])
+def test_what_is_noise_does_not_hang_on_where_a_look_begins(kind: str, seed: int) -> None:
+    """Streams of the campaign: a damaged frame behind one decided or on the same path; a function heard just before."""
     stream = package("feeding.streams").stream(kind, seed)
     assert list(package("feeding.ways").breaches(stream, Random(seed))) == []
 

@@ -107,6 +107,39 @@ sensor:
         ["holding 2782 s16 x0.1 rw Room target", "holding 117 s16 x0.1 Room"],
         "",
     ),
+    "homeassistant: platforms, as before 2021": (
+        "configuration.yaml",
+        b"""sensor:
+  - platform: time_date
+  - platform: modbus
+    registers:
+      - name: Supply
+        hub: boiler
+        slave: 4
+        register: 31
+        register_type: input
+        data_type: float
+        count: 2
+        reverse_order: true
+      - {name: Hours, hub: boiler, slave: 4, register: 40, data_type: uint, count: 2, unit_of_measurement: h}
+binary_sensor:
+  - platform: modbus
+    inputs:
+      - {name: Flame, hub: boiler, slave: 4, address: 3, input_type: discrete_input}
+switch:
+  platform: modbus
+  coils:
+    - {name: Pump, hub: boiler, slave: 4, coil: 12}
+""",
+        ["input 31 f32 CDAB Supply", "holding 40 u32 h Hours", "discrete 3 bool r Flame", "coil 12 bool rw Pump"],
+        "",
+    ),
+    "homeassistant: the list that sensor: includes": (
+        "sensors.yaml",
+        b"- platform: modbus\n  registers:\n    - {name: Level, slave: 1, register: 7, scale: 0.01}\n",
+        ["holding 7 s16 x0.01 Level"],
+        "",
+    ),
     "solarman: anchors, keys in hex, a list of lookups": (
         "deye.yaml",
         b"""requests: [{start: 0x0003, end: 0x00FF, mb_functioncode: 0x03}]

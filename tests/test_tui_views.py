@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -396,6 +397,23 @@ def test_the_report_is_no_wider_than_eighty_columns(capture: Path) -> None:
         assert report.max_scroll_x == 0
 
     using(opened(capture), work, size=(80, 24))
+
+
+def test_forty_columns_show_what_came_of_transactions_and_a_report_wrapped(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("1", "home")
+        assert "230" in sitting.shown().splitlines()[3]
+        await sitting.press("7")
+        await sitting.until(lambda: "what is wrong" in str(sitting.screen.query_one("#page").render()))
+        page = str(sitting.screen.query_one("#page").render()).splitlines()
+        told = list(takewhile(lambda line: not line.startswith("unit "), page))  # tables scroll
+        assert len(told) > 20 and max(map(len, told)) <= 40
+        await sitting.press("4")
+        await sitting.until(lambda: "100%" in sitting.shown())
+        head = sitting.screen.query_one(UnitList).columns(40)
+        assert {"unit", "err", "p95", "max"} <= set(head) and sum(head.values()) <= 40
+
+    using(opened(capture), work, size=(40, 24))
 
 
 def test_forty_columns_show_the_values_of_registers(capture: Path) -> None:

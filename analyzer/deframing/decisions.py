@@ -61,20 +61,30 @@ class Decider:
         self.heard: set[int] = set()  # functions that nobody has declared and this bus has used
 
     def decide(
-        self, stretch: SearchedBytes, runs: ForcedRuns, at: int, conversation: Conversation, stages: int
+        self,
+        stretch: SearchedBytes,
+        runs: ForcedRuns,
+        at: int,
+        conversation: Conversation,
+        stages: int,
+        *,
+        framed: bool,
     ) -> list[Decision]:
         """What is certain from `at` on, one decision after the other; none if more must be known.
 
-        `conversation`: up to there; `stages`: those that the silence behind the stretch has come to.
+        `conversation`: up to there; `stages`: those that the silence behind the stretch has come to; `framed`: a frame
+        ends at `at`.
         """
         offset = self._buffer.base + stretch.begin + at
         look, self._look = self._look, None
         if look is None or look.offset != offset:
-            look = OpenLook(offset, conversation, Lattice(offset, self._statistics, conversation))
+            lattice = Lattice(offset, self._statistics, conversation, framed=framed)
+            look = OpenLook(offset, conversation, lattice, framed)
         settled = next_checkpoint(offset) - offset  # silences are worth the same up to here
         decisions: list[Decision] = []
         while (decision := self._next(look, stretch, at, stages)).steps:
             decisions.append(decision)
+            self._hear(look, decision)
             end = decision.steps[-1].end
             if not decision.only_frames or end >= settled or not runs.contested(at + end):
                 return decisions
@@ -82,6 +92,12 @@ class Decider:
         if not decisions:
             self._look = look
         return decisions
+
+    def _hear(self, look: OpenLook, decision: Decision) -> None:
+        """Remember the functions of undeclared length of a decision: the next one knows them."""
+        for step in decision.steps:
+            if step.candidate is not None and not step.candidate.declared:
+                self.heard.add(look.data[step.start + 1] & 0x7F)
 
     def _next(self, look: OpenLook, stretch: SearchedBytes, at: int, stages: int) -> Decision:
         """What is certain next."""
@@ -203,7 +219,7 @@ class Decider:
         more = unknown_windows(data, stretch.crc, at + origin, edges, declared, self.heard, may)
         more += broken_windows(data, stretch.crc, at + origin, edges, declared + more, may)
         more += silent_windows(data, stretch.crc, at + origin, edges, declared + more)
-        more += damaged_requests(data, edges, declared)
+        more += damaged_requests(data, edges.behind(more), declared)
         more += damaged_answers(data, edges, declared, look.conversation.open_requests)
         look.work += _DEAR * max(0, len(declared) + len(more) - len(data) // _SPARSE)
         candidates = [c for c in look.candidates if c.start >= origin and c.end <= end]
@@ -215,7 +231,7 @@ class Decider:
             look.laid.lattice.extend(look.data, look.classes)
             lattice = look.laid.gone_on(candidates)
         else:
-            lattice = Lattice(look.offset, self._statistics, look.conversation, origin)
+            lattice = Lattice(look.offset, self._statistics, look.conversation, origin, framed=look.framed)
             lattice.extend(look.data, look.classes)
             lattice.add(candidates)
         look.everything = lattice
@@ -253,7 +269,7 @@ class Decider:
         return frame_may_come(data, frames, steps, lattice, idle_bits, self._role)
 
     def segments(self, decisions: Sequence[Decision], stretch: SearchedBytes, at: int) -> DecidedSegments:
-        """Steps of decisions end to end, whose offsets are from `at`, in the buffer; their functions are remembered."""
+        """Steps of decisions end to end, whose offsets are from `at`, in the buffer."""
         origin = stretch.begin + at
         steps = [step for decision in decisions for step in decision.steps]
         found = [margin for decision in decisions for margin in margins(decision)]
@@ -262,9 +278,6 @@ class Decider:
         role = np.array([s.candidate.role if s.candidate else NOISE for s in steps], np.uint8)
         margin = np.array([min(bits, SURE) for bits, _ in found], np.float32)
         why = evidence_of_steps(steps, found, self._buffer.base + origin) if self._options.explain else None
-        for step in steps:
-            if step.candidate is not None and not step.candidate.declared:
-                self.heard.add(int(self._buffer.data[origin + step.start + 1]) & 0x7F)
         check = np.array([s.candidate is not None and not s.candidate.damaged for s in steps], np.bool_)
         rivals = [
             s.candidate is None or stretch.rivalled(at + s.start, at + s.end, at + decision.steps[0].start)
@@ -281,8 +294,16 @@ def _enough(lattice: Lattice, point: DecisionPoint) -> bool:
     path, tip = lattice.best, lattice.best.tip
     if path.end < point.position or tip is None or tip.candidate is None or tip.candidate.damaged:
         return False
+    if lattice.lead < LEAD:
+        return False
     alone = point.silent and not path.noisy
-    return path.since_noise >= (_ALONE if alone else _AMID) and lattice.lead >= LEAD
+    return path.since_noise >= (_ALONE if alone else _AMID) or (lattice.framed and _goes_on(lattice))
+
+
+def _goes_on(lattice: Lattice) -> bool:
+    """Whether the best path goes on, from a frame that was decided, with declared frames alone: as well as decided."""
+    frames = [step.candidate for step in lattice.steps()]
+    return all(one is not None and one.declared and not one.doubtful and not one.damaged for one in frames)
 
 
 def decide_overdue(lattice: Lattice, position: int) -> Decision:

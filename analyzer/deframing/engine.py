@@ -54,6 +54,7 @@ class Engine:
         self._left = 0  # bytes that the newest look left undecided
         self._waiting = False  # the last frame was a request that wants an answer
         self._waited = False  # the same of the last frame learnt from
+        self._framed = -1  # offset: where the last frame ended
         self._asked = _NOWHERE  # offsets: where a request that was taken without the lattice began and ended
         self._fresh: list[DecidedSegments] = []
         self._learnt: list[DecidedSegments] = []  # since the work began
@@ -240,14 +241,18 @@ class Engine:
         self._decide(decided)
         asks = role[-1] == Role.REQUEST
         self._waiting = bool(asks and stretch.data[start[-1]])
-        self._asked = (offset + int(start[-1]), offset + int(end[-1])) if asks else _NOWHERE
+        self._framed = offset + int(end[-1])
+        self._asked = (offset + int(start[-1]), self._framed) if asks else _NOWHERE
 
     def _contest(self, stretch: SearchedBytes, runs: ForcedRuns, at: int, stages: int) -> int:
         """Decide from `at` on through the lattice; the position reached, `at` if more must be known."""
-        decisions = self._decider.decide(stretch, runs, at, self._tracker.conversation, stages)
+        framed = self._framed == self.buffer.base + stretch.begin + at
+        decisions = self._decider.decide(stretch, runs, at, self._tracker.conversation, stages, framed=framed)
         if not decisions:
             return at
         last = decisions[-1].steps[-1]
+        if last.candidate is not None:
+            self._framed = self.buffer.base + stretch.begin + at + last.end
         self._decide(self._decider.segments(decisions, stretch, at))
         frames = [(s.start, s.candidate.role) for d in decisions for s in d.steps if s.candidate is not None]
         if frames:

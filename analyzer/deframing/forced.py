@@ -43,6 +43,7 @@ class ForcedRuns(NamedTuple):
     role: NDArray[np.uint8]  # where it is not plain, that of the first candidate
     either: Mask  # both roles read alike
     structure: NDArray[np.float32]
+    lean: NDArray[np.float32]  # bits of structure for a request over an answer, where both roles read alike
     clean: Mask  # no other interval overlaps it
     last: Index  # the last interval of the run that each is in
     second: Mask  # its role, though either, follows from that of the one before it
@@ -124,8 +125,10 @@ def forced_runs(found: Candidates, data: Bytes, known: int) -> ForcedRuns:
     late = _late(data, start, plain.role, fits, plain.ask)
     asks = ForcedRequests(plain.ask, plain.alone, plain.waits, late)
     structure = found.structure[first]
+    lean = np.zeros(m, np.float32)
+    lean[either] = structure[either] - found.structure[first[either] + 1]  # candidates of one place are by role
     return ForcedRuns(
-        start, end, plain.role, either, structure, clean, last, plain.second, plain.again, plain.doubt,
+        start, end, plain.role, either, structure, lean, clean, last, plain.second, plain.again, plain.doubt,
         asks, fits,
     )  # fmt: skip
 
@@ -255,9 +258,8 @@ def plain_reach(
         if again[0] == i and not waiting:
             return i, np.empty(0, np.float32)
         before = silences.take(runs.start[again])
-        certain = (
-            table[_AGAIN, before] - table[_ANSWERS, before] + asking + (statistics.unanswered_bits - CONTRARY) >= _MORE
-        )
+        first = table[_AGAIN, before] - table[_ANSWERS, before] + asking + runs.lean.take(again)
+        certain = first + (statistics.unanswered_bits - CONTRARY) >= _MORE
         if not certain.all():
             last = int(again[int(np.argmin(certain))])
     low, high = np.searchsorted(runs.asks.number, (i, last))
@@ -277,7 +279,8 @@ def plain_reach(
                 late[k] |= data[runs.start[behind] : runs.end[behind]].tobytes() == conversation.last
         before, behind = silences.take(start), silences.take(runs.end[number])
         first = table[np.where(waits, _AGAIN, _ASKS), before] - table[_ANSWERS, before] + asking
-        echo = table[_ANSWERS, behind] - table[_AGAIN, behind]
+        first += runs.lean.take(number)
+        echo = table[_ANSWERS, behind] - table[_AGAIN, behind] - runs.lean.take(number + 1)
         repeated = statistics.unanswered_bits + HALF  # two requests that nobody answers stand against an echo
         least = np.where(waits, _SURE + statistics.unanswered_bits, max(_PLAIN, LEAD + 2 * repeated))
         answered = (first >= _PLAIN) & (echo >= least)

@@ -63,8 +63,13 @@ class Lattice:
     `silences` are gap classes a byte; `statistics` says what they are worth on this tap.
     """
 
-    def __init__(self, offset: int, statistics: GapStatistics, conversation: Conversation, position: int = 0) -> None:
-        """`position`, of bytes that begin at `offset` in the stream, is a boundary up to which all is decided."""
+    def __init__(
+        self, offset: int, statistics: GapStatistics, conversation: Conversation, position: int = 0, *, framed: bool
+    ) -> None:
+        """`position`, of bytes that begin at `offset` in the stream, is a boundary up to which all is decided.
+
+        `framed`: a frame ends there.
+        """
         self._data = b""
         self.offset = offset
         self._silences: Sequence[int] = ()
@@ -80,7 +85,7 @@ class Lattice:
         self._scored: dict[tuple[int, int], list[tuple[float, Survivor]]] = {}  # `_at`, by position and landing
         self._waiting: list[Candidate] = []  # by end, the next one last
         self._candidates: list[Candidate] = []  # by end: those that paths have been grown by
-        self.restart(position, conversation)
+        self.restart(position, conversation, framed=framed)
 
     @property
     def ends(self) -> set[int]:
@@ -99,9 +104,9 @@ class Lattice:
         self._waiting += candidates
         self._waiting.sort(key=by_end, reverse=True)
 
-    def restart(self, position: int, conversation: Conversation) -> None:
-        """What is before a position is decided; `conversation` is that up to there."""
-        self._before = conversation
+    def restart(self, position: int, conversation: Conversation, *, framed: bool) -> None:
+        """What is before a position is decided; `conversation` is that up to there; `framed`: a frame ends there."""
+        self._before, self.framed = conversation, framed
         self._opened: dict[PathStep, tuple[Conversation, tuple[OpenRequest, ...]]] = {}  # `open_after` of frames
         self.position = position
         self._landings = [position]
@@ -151,7 +156,7 @@ class Lattice:
         if self._glitch(begin, position):
             return path.score - cost
         cost += max(0.0, self.noise_cost - self.glitch_cost)
-        if path.tip is not None and position - begin >= LOST:
+        if (self.framed or path.tip is not None) and position - begin >= LOST:
             suspicion = min(row[self._silences[begin]] for row in self._gap_bits)
             cost -= max(-4.0, min(0.0, 0.5 * suspicion))
         return path.score - cost
@@ -202,8 +207,7 @@ class Lattice:
         unit = self._units[adu[0]]
         if damaged:
             return unit, conversation  # nobody will answer it
-        said = adu == conversation.last or (self._before.answered and adu == self._before.last)
-        if said:  # its very bytes, as many as they are: not by chance
+        if adu == conversation.last:  # its very bytes, as many as they are: not by chance
             same = min(FITS, 8.0 * (len(adu) - 2) - KNOWN)
             bits = same + (REPEATED if conversation.answered else self._unanswered)
         elif conversation.answered:

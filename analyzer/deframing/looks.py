@@ -64,6 +64,7 @@ class OpenLook:
     offset: int  # in the stream, of where it began
     conversation: Conversation  # up to the origin
     lattice: Lattice  # of declared candidates
+    framed: bool  # a frame ends at the origin
     origin: int = 0
     data: bytes = b""
     classes: list[int] = field(default_factory=list)
@@ -98,10 +99,11 @@ class OpenLook:
         return range(first, point.stages)
 
     def go_on(self, position: int, conversation: Conversation) -> None:
-        """All before a position is decided."""
+        """All before a position, where a frame ends, is decided."""
         self.origin = self.position = position
         self.conversation, self.stages, self.work = conversation, STAGES, 0  # no byte is left to be looked at there
-        self.lattice.restart(position, conversation)
+        self.framed = True
+        self.lattice.restart(position, conversation, framed=True)
         self.laid = None
 
 

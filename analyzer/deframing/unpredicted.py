@@ -74,6 +74,10 @@ class PossibleEdges(NamedTuple):
     cuts: tuple[int, ...] = ()  # sorted: silences that surely part what stands on their sides
     silences: tuple[int, ...] = ()  # sorted: those that frames hardly ever have inside
 
+    def behind(self, candidates: Sequence[Candidate]) -> PossibleEdges:
+        """These, and the ends of candidates: what is decided up to such an end begins there anew."""
+        return self._replace(begins=self.begins | {c.end for c in candidates})
+
     def parted(self, start: int, end: int) -> bool:
         """Whether such a silence stands inside [start, end)."""
         return any(start < cut < end for cut in self.cuts)

@@ -7,14 +7,15 @@ its reading and nothing else need be asked; if not, the deframer has to weigh.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from dissectors.adu import EXCEPTION, MAX_ADU, MIN_ADU, OVERHEAD
+from dissectors.adu import CRC_SIZE, EXCEPTION, MAX_ADU, MIN_ADU, OVERHEAD
 from dissectors.crc import crc_ok
 from dissectors.length_rules import Role
-from dissectors.lengths import pdu_length, rule
+from dissectors.lengths import pdu_length, plausibility, rule
 
 LIMIT: Final = 1024  # bytes; a longer paste is the deframer's
 
@@ -39,15 +40,22 @@ def predicted(data: bytes, role: Role) -> int | None:
 
 
 def windows(data: bytes, cuts: Iterable[int], roles: Sequence[Role]) -> list[Window]:
-    """All windows that can be frames; `cuts` are the offsets at which the paste itself is divided."""
+    """All windows that can be frames; `cuts` are the offsets at which the paste itself is divided.
+
+    Over a cut none is a frame that breaks a limit: a right answer and the 00 behind it have a right CRC together.
+    """
+    edges = sorted({0, len(data), *cuts})
     candidates: dict[tuple[int, int], list[Role]] = {}
     for start in range(len(data) - MIN_ADU + 1):
         head = data[start : start + MAX_ADU]
         for role in roles:
             length = predicted(head, role)
-            if length is not None and MIN_ADU <= length <= len(data) - start and crc_ok(data[start : start + length]):
-                candidates.setdefault((start, start + length), []).append(role)
-    edges = sorted({0, len(data), *cuts})
+            if length is None or not MIN_ADU <= length <= len(data) - start:
+                continue
+            end = start + length
+            whole = edges[bisect_right(edges, start)] >= end
+            if crc_ok(data[start:end]) and (whole or not plausibility(data[start + 1 : end - CRC_SIZE], role)):
+                candidates.setdefault((start, end), []).append(role)
     for start, end in pairwise(edges):
         if (
             MIN_ADU <= end - start <= MAX_ADU

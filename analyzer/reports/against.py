@@ -6,7 +6,6 @@ it, and one of response times larger than the intervals in which they lie.
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import sqrt
@@ -15,6 +14,7 @@ from typing import Final, Literal
 from ..languages import counted, page_words
 from .findings import and_more
 from .model import Counts, Report, Times
+from .paragraphs import PageLine, Paragraph
 
 Change = Literal["new", "gone", "worse", "better"]
 _ORDER: Final = ("new", "worse", "better", "gone")
@@ -24,7 +24,6 @@ _SLOWER: Final = 1.25
 _LEAST: Final = 20  # requests, that a rate means something
 _FEW: Final = 3  # of what is new or gone
 _SHOWN: Final = 12
-_WIDTH: Final = 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,9 +181,9 @@ def _load(now: Report, before: Report) -> Iterator[Difference]:
         yield Difference(change, "load", "load", (), text)
 
 
-def lines(changes: tuple[Difference, ...], before: str) -> Iterator[str]:
+def lines(changes: tuple[Difference, ...], before: str) -> Iterator[PageLine]:
     """For the text page."""
-    yield from textwrap.wrap(page_words("against {name}").format(name=before), _WIDTH)
+    yield Paragraph(page_words("against {name}").format(name=before), others="")
     if not changes:
         yield page_words("nothing that chance would not explain is new, gone, worse or better")
     for change in _ORDER:
@@ -195,7 +194,7 @@ def lines(changes: tuple[Difference, ...], before: str) -> Iterator[str]:
                 if each.about == "cause"
                 else f"{page_words(change)}: {each.text}"
             )
-            yield from textwrap.wrap(words, _WIDTH, subsequent_indent="   ", break_on_hyphens=False)
+            yield Paragraph(words)
         if len(mine) > _SHOWN:
             yield f"{page_words(change)}: {and_more(len(mine) - _SHOWN, 'more difference', 'more differences')}"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
@@ -12,14 +11,14 @@ from ..causes.model import Cause
 from ..languages import counted, page_words
 from ..words import is_clock, time_of_day
 from .model import FindingGroup, FindingRow
+from .paragraphs import PageLine, Paragraph
 
 _WORST: Final = 3
 _UNITS: Final = 5  # named in a line
 _GROUPS: Final = 3  # told of a finding
-_WIDTH: Final = 80
 
 
-def cause_lines(causes: Sequence[Cause]) -> Iterator[str]:
+def cause_lines(causes: Sequence[Cause]) -> Iterator[PageLine]:
     """What explains the findings, best first, each with how sure that is; nothing where there are none."""
     if causes:
         yield ""
@@ -27,7 +26,7 @@ def cause_lines(causes: Sequence[Cause]) -> Iterator[str]:
     for number, cause in enumerate(causes, 1):
         head = page_words("{number}. {cause}, {sure} sure: {text}")
         sure = f"{cause.confidence:.0%}"
-        yield from _wrapped(head.format(number=number, cause=cause.cause, sure=sure, text=cause.text), "   ", first="")
+        yield Paragraph(head.format(number=number, cause=cause.cause, sure=sure, text=cause.text))
         yield from _labelled("seen", cause.share)
         yield from _labelled("to be sure", cause.deciding_test)
         yield from _labelled("do", cause.remedy)
@@ -46,7 +45,7 @@ def _explained_by(code: str, unit: int | None, causes: Sequence[Cause]) -> str |
     return None if number is None else causes[number].cause
 
 
-def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
+def lines(findings: Sequence[FindingRow]) -> Iterator[PageLine]:
     """Nothing where there are none."""
     if not findings:
         return
@@ -55,7 +54,7 @@ def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
         yield ""
         yield page_words("what costs this bus most" if len(worst) > 1 else "what costs this bus something")
     for number, row in enumerate(worst, 1):
-        yield from _wrapped(f"{number}. {row.code}, {cost(row)}", "   ", first="")
+        yield Paragraph(f"{number}. {row.code}, {cost(row)}")
         yield from _group_lines(row)
         yield from _labelled("explained by", ", ".join(row.explained_by))
         yield from _labelled("rests on", row.clause)
@@ -70,12 +69,12 @@ def lines(findings: Sequence[FindingRow]) -> Iterator[str]:
         yield f"{row.code:<24}{page_words(row.severity):<10}{row.count:>9,}{lost:>14}{time:>12}"
 
 
-def _group_lines(row: FindingRow) -> Iterator[str]:
+def _group_lines(row: FindingRow) -> Iterator[PageLine]:
     """The groups of a finding, the commonest first: what was seen, of how many, when; cause and remedy once each."""
     printed: set[str] = set()
     for group in row.groups[:_GROUPS]:
         beside = ", ".join(where(group, row))
-        yield from _wrapped(f"{group.text} ({beside})" if beside else group.text, "   ")
+        yield Paragraph(f"{group.text} ({beside})" if beside else group.text, first="   ")
         for label, words in (("likely", group.cause), ("do", group.remedy)):
             if words and words not in printed:
                 yield from _labelled(label, words)
@@ -135,10 +134,5 @@ def seconds(ms: float) -> str:
     return f"{ms / 1000:,.3g} s" if ms < 1e6 else f"{ms / 1000:,.0f} s"
 
 
-def _labelled(label: str, words: str) -> list[str]:
-    return _wrapped(page_words(f"{label}: {{words}}").format(words=words), "   ") if words else []
-
-
-def _wrapped(words: str, indent: str, first: str | None = None) -> list[str]:
-    begin = indent if first is None else first
-    return textwrap.wrap(words, _WIDTH, initial_indent=begin, subsequent_indent=indent, break_on_hyphens=False)
+def _labelled(label: str, words: str) -> list[Paragraph]:
+    return [Paragraph(page_words(f"{label}: {{words}}").format(words=words), first="   ")] if words else []

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import PurePath
-from textwrap import wrap
-from typing import Any, Final
+from typing import Final
 
 from dissectors.values import harmless
 
@@ -18,23 +17,21 @@ from ..words import duration, is_clock, moment
 from . import against, findings, pagetables, values
 from .findings import and_more
 from .model import Counts, Report
+from .paragraphs import WIDTH, PageLine, Paragraph
 
-_WIDTH: Final = 80
-_UNBROKEN: Final[dict[str, Any]] = {"break_long_words": False, "break_on_hyphens": False}  # names, ports
 _LOSSES: Final = 3
 _HAPPENED: Final = 4  # of a recording
 
 
-def text(report: Report) -> str:
-    """The page, newline at the end; names and notes in it are harmless."""
-    return "\n".join(harmless(line.rstrip()) for line in _lines(report)) + "\n"
+def text(report: Report, width: int = WIDTH) -> str:
+    """The page, newline at the end; names and notes in it are harmless. Paragraphs are `width` wide, tables `WIDTH`."""
+    lines = (line.lines(width) if isinstance(line, Paragraph) else [line] for line in _lines(report))
+    return "\n".join(harmless(line.rstrip()) for wrapped in lines for line in wrapped) + "\n"
 
 
-def _lines(report: Report) -> Iterator[str]:
+def _lines(report: Report) -> Iterator[PageLine]:
     for label, words in facts(report):
-        yield from wrap(
-            harmless(words), _WIDTH, initial_indent=f"{page_words(label):<9} ", subsequent_indent=" " * 10, **_UNBROKEN
-        )
+        yield Paragraph(harmless(words), first=f"{page_words(label):<9} ", others=" " * 10, whole=True)
     if not report.frames:
         yield ""
         yield nothing(report)

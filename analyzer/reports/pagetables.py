@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Final
 
@@ -12,8 +11,8 @@ from ..languages import page_words
 from ..words import between, compact, duration, is_clock, time_of_day
 from .findings import and_more
 from .model import BookmarkRow, Counts, HourRow, PollRow, Report, Times, UnitCard, UnitChange, UnitRow
+from .paragraphs import WIDTH, PageLine, Paragraph
 
-_WIDTH: Final = 80
 _ROWS: Final = 24  # units on the page; --json has all
 _CARDS: Final = 6
 _POLLS: Final = 12
@@ -29,7 +28,7 @@ _FUNCTION_COLUMNS: Final = (*_ASKED, ("none", 6, "unanswered"), ("bad", 6, "dama
 _FIGURES: Final = ("p50", "p95", "max")  # as they stand in a row
 
 
-def tables(report: Report) -> Iterator[Iterator[str]]:
+def tables(report: Report) -> Iterator[Iterator[PageLine]]:
     """Those that this report fills, in their order."""
     if report.units:
         yield _units(report)
@@ -89,7 +88,7 @@ def _table(
     """Counts, and of the figures of response times as many as there is room for, those named first before others."""
     cells = {figure: [_cell(times, figure) for _, _, times in rows] for figure in figures}
     widths = {figure: _width(cells[figure]) for figure in figures}
-    room, shown = _WIDTH - width - sum(w for _, w, _ in columns), []
+    room, shown = WIDTH - width - sum(w for _, w, _ in columns), []
     for figure in figures:
         if widths[figure] <= room:
             shown.append(figure)
@@ -124,17 +123,12 @@ def _width(cells: Sequence[str]) -> int:
     return max([8, *(len(cell) + 2 for cell in cells if ".." in cell)])
 
 
-def _cards(cards: Sequence[UnitCard]) -> Iterator[str]:
+def _cards(cards: Sequence[UnitCard]) -> Iterator[PageLine]:
     yield page_words("units that did not answer well")
     for card in troubled(cards, _CARDS):
-        yield from textwrap.wrap(
-            f"{page_words('unit {unit}', unit=card.unit)}: {', '.join(outcome_words(card))}",
-            _WIDTH,
-            subsequent_indent="   ",
-            break_on_hyphens=False,
-        )
-        for change in card.changes:
-            yield from textwrap.wrap(f"   {change_words(change)}", _WIDTH, subsequent_indent="   ")
+        outcomes = ", ".join(outcome_words(card))
+        yield Paragraph(f"{page_words('unit {unit}', unit=card.unit)}: {outcomes}")
+        yield from (Paragraph(change_words(change), first="   ") for change in card.changes)
     left = sum(_badly(card) > 0 for card in cards) - _CARDS
     if left > 0:
         yield and_more(left, "more unit", "more units")
@@ -194,7 +188,7 @@ def _polls(polls: Sequence[PollRow]) -> Iterator[str]:
         jitter = "?" if row.jitter_ns is None else duration(row.jitter_ns)
         joined = "" if row.joins is None else f"{row.joins}, -{row.saves_bytes} B"
         cells = f"{compact(row.asked):>7}{row.ok / row.asked:>7.0%}{compact(row.wasted) if row.wasted else '-':>8}"
-        yield f"{name[:24]:<24}{cells}{period:>9}{jitter:>9}  {joined}".rstrip()[:_WIDTH]
+        yield f"{name[:24]:<24}{cells}{period:>9}{jitter:>9}  {joined}".rstrip()[:WIDTH]
     if len(polls) > _POLLS:
         yield and_more(len(polls) - _POLLS, "poll that comes less often", "polls that come less often")
 
@@ -219,12 +213,12 @@ def _hours(hours: Sequence[HourRow]) -> Iterator[str]:
                                   (counts.unanswered, 7), (counts.damaged, 7), (counts.late, 6))
         )  # fmt: skip
         load = "?" if row.load is None else f"{row.load:.1%}"
-        yield f"{row.name:<18}{numbers}{load:>7}  {row.finding}".rstrip()[:_WIDTH]
+        yield f"{row.name:<18}{numbers}{load:>7}  {row.finding}".rstrip()[:WIDTH]
     if len(hours) > _HOURS:
         yield and_more(len(hours) - _HOURS, "more hour", "more hours")
 
 
-def _bookmarks(rows: Sequence[BookmarkRow]) -> Iterator[str]:
+def _bookmarks(rows: Sequence[BookmarkRow]) -> Iterator[PageLine]:
     yield page_words("bookmarks")
     for row in rows[:_BOOKMARKS]:
         subject = page_words("noise")
@@ -234,6 +228,6 @@ def _bookmarks(rows: Sequence[BookmarkRow]) -> Iterator[str]:
         when = f"{_clock(row.t_ns)}, " if is_clock(row.t_ns) else ""
         place = page_words("byte {at:,}", at=row.start)
         words = f"{when}{place}, {subject}" + (f": {harmless(row.comment)}" if row.comment else "")
-        yield from textwrap.wrap(words, _WIDTH, initial_indent="   ", subsequent_indent="      ")
+        yield Paragraph(words, first="   ", others="      ")
     if len(rows) > _BOOKMARKS:
         yield f"   {and_more(len(rows) - _BOOKMARKS, 'more bookmark', 'more bookmarks')}"

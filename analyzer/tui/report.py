@@ -1,40 +1,51 @@
-"""The report: the page that `rtuscope report` prints."""
+"""The report: the page that `rtuscope report` prints, as wide as there is room for."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
 from rich.text import Text
+from textual.app import ComposeResult
 from textual.containers import VerticalScroll
 from textual.widgets import Static
 
 from .view import JUMPS, View
 
 if TYPE_CHECKING:
-    from textual.widget import Widget
-
     from ..reports.model import Report
-    from .desk import ViewState
     from .screen import BusScreen
 
+_NARROWEST: Final = 24  # columns: no page is told in fewer
 
-def _widget(desk: ViewState) -> Widget:  # noqa: ARG001
-    return VerticalScroll(Static("", id="page", markup=False), id="report")
+
+class ReportPage(VerticalScroll):
+    """The page; its tables scroll sideways where they do not fit."""
+
+    _report: Report | None = None
+
+    def compose(self) -> ComposeResult:
+        yield Static("", id="page", markup=False)
+
+    def show(self, report: Report) -> None:
+        """A newer one."""
+        from ..reports import text
+        from ..reports.paragraphs import WIDTH
+
+        self._report = report
+        width = max(_NARROWEST, min(WIDTH, self.scrollable_content_region.width))
+        self.query_one("#page", Static).update(Text(text(report, width).removesuffix("\n")))
+
+    def on_resize(self) -> None:
+        if self._report is not None:
+            self.show(self._report)
 
 
 def _refresh(screen: BusScreen) -> None:
-    page = screen.query_one("#page", Static)
-
-    def show(report: Report) -> None:
-        from ..reports import text
-
-        page.update(Text(text(report).removesuffix("\n")))
-
-    screen.jobs.count_report(VIEW.name, show, story=True)
+    screen.jobs.count_report(VIEW.name, screen.query_one(ReportPage).show, story=True)
 
 
 VIEW: Final = View(
     name="report", key="7", title="Report",
-    make=_widget, refresh=_refresh,
+    make=lambda _: ReportPage(id="report"), refresh=_refresh,
     without=(*JUMPS, "select"), figures=True,
 )  # fmt: skip

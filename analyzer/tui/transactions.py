@@ -23,6 +23,9 @@ from .view import View, grown
 if TYPE_CHECKING:
     from .desk import ViewState
 
+_DROPPED: Final = (  # columns of the screen under which columns of the list are left out
+    (48, ("number", "quantity", "answer")), (64, ("number", "quantity")),
+)  # fmt: skip
 _OUTCOMES: Final = {"none": "no answer", "bcast": "broadcast", words.UNHEARD: "answer not heard", "": "…"}
 _BLOCK: Final = 32  # lines that are read at once
 _CACHED: Final = 2048  # transactions
@@ -112,9 +115,14 @@ class TransactionList(FrameList):
         heads = (
             ("", "  "), ("number", f"{'#':>{number}} "), ("time", f"{title:>{time}} "), ("unit", f"{tr('unit'):>4} "),
             ("function", f"{tr('fn'):>3} "), ("register", f"{tr('register'):>8} "),
-            ("quantity", f"{tr('qty'):<5}"), ("answer", f"{'ms':>6}  "), ("", tr("what came of it")),
+            ("quantity", f"{tr('qty'):<5}"), ("answer", f"{'ms':>6}     "), ("", tr("what came of it")),
         )  # fmt: skip
-        return self.shown([(column, StyledText(text)) for column, text in heads])
+        return self._fitting([(column, StyledText(text)) for column, text in heads], width)
+
+    def _fitting(self, cells: Sequence[tuple[str, StyledText]], width: int) -> list[StyledText]:
+        """Those shown, without some where else there was no room for what came of it."""
+        dropped = next((names for least, names in _DROPPED if width < least), ())
+        return self.shown([cell for cell in cells if cell[0] not in dropped])
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         row, below = self._lines.place(line)
@@ -129,7 +137,7 @@ class TransactionList(FrameList):
         mark = words.marks(desk, row)
         took = desk.bus.response(answer) if answer >= 0 else None
         quantity = "" if carried.quantity < 0 else f"×{carried.quantity}"
-        parts = self.shown([
+        parts = self._fitting([
             ("", StyledText(words.LETTER[grave] + mark.text[1], words.SEVERITY[grave] or mark.kind)),
             ("number", StyledText(f"{table.value('frame', row):>{number}} ", "dim")),
             ("time", StyledText(f"{desk.time(row, self.row_at(line - 1) if line else None):>{time}} ")),
@@ -138,7 +146,7 @@ class TransactionList(FrameList):
             ("register", StyledText(f"{carried.register:>8} ", "accent")),
             ("quantity", StyledText(f"{quantity:<5}", "dim")),
             ("answer", StyledText(f"{'' if took is None else pointed_ms(*took):<11}")),
-        ])  # fmt: skip
+        ], width)  # fmt: skip
         room = max(0, width - sum(cell_len(part.text) for part in parts))
         return [*parts, *self._outcome(carried, ended, room)]
 

@@ -112,8 +112,10 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience) -> _Ent
     same_line = earlier.last is entry.first
     if earlier.template == entry.template and _has_grown(earlier, entry, experience):
         return earlier
-    if (earlier.template == entry.template and not same_line) or min(len(earlier.data), len(entry.data)) < _LEAST_COPY:
+    if min(len(earlier.data), len(entry.data)) < _LEAST_COPY:
         return None
+    if earlier.template == entry.template and not same_line:
+        return entry if _is_logged_twice(earlier, entry) else None
     if earlier.template[1] == entry.template[1] == COLUMN_SHAPE:
         return None
     pair = (*earlier.template, *entry.template)
@@ -145,6 +147,14 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience) -> _Ent
     if not earlier.checked and entry.checked and earlier.data in entry.data:
         return earlier
     return None
+
+
+def _is_logged_twice(earlier: _Entry, entry: _Entry) -> bool:
+    """Whether two lines are one event, which two handlers of a log have written: no frame is sent in no time."""
+    if earlier.data != entry.data or not earlier.mark == entry.mark != 0 or not entry.runs[0].label:
+        return False
+    timed = earlier.first.fine and entry.first.fine
+    return timed and earlier.first.t_ns == entry.first.t_ns and entry.first.number - earlier.last.number == 1
 
 
 def _has_grown(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:

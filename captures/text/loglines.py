@@ -187,9 +187,12 @@ class LineReader:
             return LogLine(number, text, quiet=True)
         line = LogLine(number, text, text, t_ns=t_ns, fine=fine, quiet=True)
         if shape.tool == "pymodbus":
-            self._received = self._received or match["mark"].lower() == "recv"
-            if self._received and match["mark"].lower() == "processing":
+            said = match["mark"].lower()
+            self._received = self._received or said == "recv"
+            if self._received and said not in ("send", "recv"):  # what was received, once more
                 return line
+            if said not in MARK_WORDS:  # it may be a PDU alone
+                return self._any_line(text, number)
         label = f"{shape.tool} {groups.get('mark') or ''}".lower()
         run = self._payload(groups["hex"], shape, label)
         self._heading = None

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from datetime import tzinfo
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Final
 
 from .candidates import H, Writing
@@ -39,6 +39,10 @@ _MOST_FOLDED: Final = 64  # lines into one
 _PLAIN_PAIRS: Final = ("pairs", "pairs-", "pairs:", "pairs,")
 _STRETCH: Final = 512  # lines that are settled together
 _MOST: Final = 1 << 18  # characters of a line that is searched at once
+_ENTRY: Final = re.compile(  # how one begins
+    r"\[\d\d:\d\d:\d\d(?:\.\d+)?\]\[[A-Z]{1,2}\]\[|(?<![\w:.-])20\d\d-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d{3} [A-Z(]"
+)
+_ENTRIES: Final = (120, 3)  # characters, and entries, of a line that may be several
 _ADDRESS: Final = re.compile(r"\d{1,3}(?:\.\d{1,3}){3}")  # of a network
 _PORTION: Final = re.compile(rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST}}}")
 
@@ -142,7 +146,7 @@ class LogReader:
         yield from self._settled(len(self._waiting))
 
     def _whole(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-        return _mended(_unfolded(lines) if self._experience.mail else lines)
+        return _parted(_mended(_unfolded(lines) if self._experience.mail else lines))
 
     def _line_reader(self) -> LineReader:
         return LineReader(self._judge, self._zone, self._sample_rate, self._experience)
@@ -199,6 +203,17 @@ def _mended(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
             yield number, line
     if held is not None:
         yield held
+
+
+def _parted(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    """Lines, with log entries apart whose line breaks were lost on the way, as blanks or altogether."""
+    for number, line in lines:
+        heads = [head.start() for head in _ENTRY.finditer(line)] if _ENTRIES[0] < len(line) <= _MOST else []
+        if len(heads) < _ENTRIES[1]:
+            yield number, line
+            continue
+        for start, end in pairwise((0, *heads[heads[0] == 0 :], len(line))):
+            yield number, line[start:end]
 
 
 def _beginning(lines: Iterable[str]) -> Iterator[str]:

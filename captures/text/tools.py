@@ -18,14 +18,15 @@ from typing import Final, NamedTuple
 NONE, TX, RX = 0, 1, 2
 
 _WORDS: Final = {
-    TX: "tx txd send sends sending sent transmit transmitted transmitting request requesting req query outgoing wrote "
-    "written writing "
+    TX: "tx txd send sends sending sent transmit transmitted transmitting request requests requested requesting req "
+    "query outgoing wrote written writing "
     "запрос отправка отправлено отправлен отправляю отправляем передача передано посылка послано запит надіслано "
     "gesendet senden sende gesendete anfrage abfrage envoi envoyé envoyée envoyer requête demande émission émis trame "
     "enviado enviada envío enviando enviar solicitud petición consulta envio requisição pedido pergunta solicitação "
     "inviato inviata invio inviati richiesta wysłano wysłane wysyłam zapytanie żądanie nadano "
     "gönderilen gönderildi gönder istek sorgu odesláno dotaz verzonden verzoek skickat",
-    RX: "rx rxd recv rcvd receive receives receiving received response resp reply replied answer incoming "
+    RX: "rx rxd recv rcvd receive receives receiving received response resp responds responded responding "
+    "reply replies replied replying answer answers answered answering incoming "
     "ответ приём прием принят принято принимаю получено получен получили відповідь отримано "
     "empfangen empfang empfangene antwort reçu reçue réception recevoir réponse "
     "recibido recibida recibiendo recepción respuesta recebido recebida recepção resposta "
@@ -88,7 +89,7 @@ _ARROW_OF: Final = {">": TX, "→": TX, "⇒": TX, "▶": TX, "<": RX, "←": RX
 _CANDIDATE: Final = re.compile(
     r"(?<![^\W_])(?P<word>[^\W\d_]{1,16})(?![^\W\d_])"
     r"(?P<sign>\s*[:\]>|)](?!\s*(?:0x)?\d+\s*(?:[,;)\]/]|$))|\s+\d+\s*(?:$|[Bb]ytes?\b)|"
-    r"(?=\s+(?:[0-9A-F]{2} ){2}[0-9A-F]{2}))?|"
+    r"(?=\s+(?:[0-9A-F]{2} ){2}[0-9A-F]{2}|\s+<Buffer |\s+to\s))?|"
     r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*(?:>\s+)?[<>](?=\s))"  # a quoted line's own
 )
 _NAMES: Final = re.compile(  # `Master -> Slave`: who says it to whom
@@ -178,7 +179,8 @@ class Shape:
 
 
 MARK_WORDS = {">": TX, ">>>": TX, "tx": TX, "send": TX, "write": TX, "written": TX, "irp_mj_write": TX}
-MARK_WORDS |= {"<": RX, "<<<": RX, "rx": RX, "recv": RX, "read": RX, "irp_mj_read": RX, "processing": RX}
+MARK_WORDS |= {"<": RX, "<<<": RX, "rx": RX, "recv": RX, "read": RX, "irp_mj_read": RX}
+MARK_WORDS |= {"processing": RX, "handling data": RX, "unexpected data": RX}
 _STRACE = r"^(?:\[pid +\d+\] |\d+ +)?(?:(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?|\d{9,10}\.\d+) )?"
 
 SHAPES = (
@@ -217,7 +219,8 @@ SHAPES = (
         LineRole.BYTES,
         re.compile(
             r"^(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?(?:(?!(?:send|recv): 0x).)*\b"
-            r"(?P<mark>send|recv|processing): "
+            r"(?P<mark>send|recv|processing|handling data|unexpected data|getting frame|current frame in buffer)"
+            r"(?:: | - )"
             r"(?P<hex>(?:0x[0-9a-f]{1,2}(?: |$))*)\s*(?:(?:extra data|unexpected data|old_data):.*)?$",
             re.IGNORECASE,
         ),

@@ -1,4 +1,5 @@
-"""Home Assistant's `modbus:` configuration (YAML): sensors, binary sensors, switches and others of hubs."""
+"""Home Assistant's `modbus:` configuration (YAML): sensors, binary sensors, switches and others of hubs; before 2021
+`platform: modbus` under `sensor:`, `binary_sensor:`, `switch:` and `climate:`."""
 
 from __future__ import annotations
 
@@ -8,7 +9,10 @@ from typing import Any, Final
 from .source import ImportedMap, MapBuilder, MapSource, mappings, number_in, scaled, whole_in
 
 NAME = "a modbus: configuration of Home Assistant"
-_LISTS: Final = ("sensors", "binary_sensors", "switches", "lights", "fans", "covers", "climates")
+_LISTS: Final = {
+    "sensors": "sensor", "binary_sensors": "binary_sensor", "switches": "switch", "lights": "light", "fans": "fan",
+    "covers": "cover", "climates": "climate",
+}  # fmt: skip
 _TYPES: Final = {
     "int": "s16", "uint": "u16", "int16": "s16", "uint16": "u16", "int32": "s32", "uint32": "u32", "int64": "s64",
     "uint64": "u64", "float": "f32", "float32": "f32", "float64": "f64", "string": "text",
@@ -18,6 +22,12 @@ _AREAS: Final = {
     "discrete_input": "discrete", "discrete_inputs": "discrete",
 }  # fmt: skip
 _MOST_TURNS: Final = 250
+_OLD_NAMES: Final = {
+    "register": "address",
+    "coil": "address",
+    "current_temp_register": "address",
+    "register_type": "input_type",
+}
 _PACKAGES: Final = 3  # homeassistant: packages: NAME:
 _ORDERS: Final = {"word": "CDAB", "byte": "BADC", "word_byte": "DCBA", "none": None}
 
@@ -46,18 +56,45 @@ def _hubs(source: MapSource) -> Iterator[Mapping[str, Any]]:
         for hub in mappings(content):
             if any(isinstance(hub.get(kind), list) for kind in _LISTS):
                 yield hub
+    lone = {"sensor": source.yaml} if isinstance(source.yaml, list) else source.yaml  # a list that sensor: includes
+    for configuration in _packages(lone):
+        yield from _platforms(configuration)
 
 
-def _configurations(content: Any, depth: int = 0) -> Iterator[Any]:
+def _configurations(content: Any) -> Iterator[Any]:
     """What stands under `modbus:`, at the top or in a package; a file that is included has the hubs alone."""
-    if isinstance(content, Mapping) and "modbus" in content:
-        yield content["modbus"]
-    elif isinstance(content, Mapping) and depth < _PACKAGES:
-        for inner in content.values():
-            if isinstance(inner, Mapping):
-                yield from _configurations(inner, depth + 1)
-    if depth == 0 and not (isinstance(content, Mapping) and "modbus" in content):
+    for configuration in _packages(content):
+        if "modbus" in configuration:
+            yield configuration["modbus"]
+    if not (isinstance(content, Mapping) and "modbus" in content):
         yield content
+
+
+def _packages(content: Any, depth: int = 0) -> Iterator[Mapping[str, Any]]:
+    """A configuration and those inside it, which packages are."""
+    if isinstance(content, Mapping):
+        yield content
+        if depth < _PACKAGES and "modbus" not in content:
+            for inner in content.values():
+                yield from _packages(inner, depth + 1)
+
+
+def _platforms(configuration: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """Hubs, in today's words, of what stands under `platform: modbus`, a hub an item."""
+    for kind, domain in _LISTS.items():
+        for platform in mappings(configuration.get(domain)):
+            if platform.get("platform") != "modbus":
+                continue
+            lists = [(key, mappings(platform.get(key))) for key in ("registers", "coils", "inputs")]
+            for key, item in [(key, item) for key, items in lists for item in items] or [("", platform)]:
+                today = {_OLD_NAMES.get(word, word): value for word, value in item.items()}
+                if key == "coils":
+                    today["input_type"] = "coil"
+                elif key == "inputs":
+                    today.setdefault("input_type", "coil")
+                if item.get("reverse_order"):
+                    today["swap"] = "word"
+                yield {"name": item.get("hub"), kind: [today]}
 
 
 def _item(builder: MapBuilder, kind: str, item: Mapping[str, Any]) -> None:
@@ -79,8 +116,8 @@ def _item(builder: MapBuilder, kind: str, item: Mapping[str, Any]) -> None:
     word = str(item.get("data_type") or "int16").lower()
     count = whole_in(item.get("count")) or 1
     data_type = _TYPES.get(word)
-    if word in ("int", "uint") and count in (2, 4):
-        data_type = f"{'s' if word == 'int' else 'u'}{16 * count}"
+    if word in ("int", "uint", "float") and count in (2, 4):
+        data_type = f"{_TYPES[word][0]}{16 * count}"
     if data_type is None:
         structure = str(item.get("structure") or "")
         data_type = {">f": "f32", ">i": "s32", ">I": "u32", ">h": "s16", ">H": "u16", ">d": "f64"}.get(structure)

@@ -1,0 +1,36 @@
+"""Lines of the text page: those of tables stand as they are, paragraphs are wrapped to the room there is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from textwrap import wrap
+from typing import Final
+
+WIDTH: Final = 80  # columns of the page
+
+
+@dataclass(frozen=True, slots=True)
+class Paragraph:
+    """Words to be wrapped: what stands before their first line, and before the others.
+
+    `whole`: a word that is longer than the room is not broken, such as a name.
+    """
+
+    words: str
+    first: str = ""
+    others: str = "   "
+    whole: bool = False
+
+    def lines(self, width: int) -> list[str]:
+        """So many columns wide."""
+        return wrap(
+            self.words,
+            width,
+            initial_indent=self.first,
+            subsequent_indent=self.others,
+            break_on_hyphens=False,
+            break_long_words=not self.whole,
+        )
+
+
+PageLine = str | Paragraph

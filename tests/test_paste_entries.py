@@ -1,0 +1,115 @@
+"""Pastes as people post them: logs that say things twice, that lost their line breaks, that show echoes and noise."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from analyzer.cli import main
+from analyzer.paste import Paste, PastedFrame, PastedNoise, read
+from dissectors.crc import crc_bytes
+
+
+def with_crc(data: bytes) -> bytes:
+    return data + crc_bytes(data)
+
+
+ASK = with_crc(bytes.fromhex("110300640004"))
+REPLY = with_crc(bytes.fromhex("110308000A000B000C000D"))
+
+
+def hexed(data: bytes, sign: str = " ") -> str:
+    return data.hex(sign)
+
+
+def hashed(data: bytes) -> str:
+    return " ".join(f"0x{octet:x}" for octet in data)
+
+
+def pieces(paste: Paste) -> list[tuple[str, str]]:
+    return [
+        (piece.role.name.lower() if isinstance(piece, PastedFrame) else "noise", hexed(data_of(piece)))
+        for piece in paste.pieces
+    ]
+
+
+def data_of(piece: PastedFrame | PastedNoise) -> bytes:
+    return piece.adu.data if isinstance(piece, PastedFrame) else piece.data
+
+
+def of(*named: tuple[str, bytes]) -> list[tuple[str, str]]:
+    return [(name, hexed(data)) for name, data in named]
+
+
+def test_entries_that_lost_their_line_breaks_are_entries() -> None:
+    entry = "[21:07:{:02}][D][uart_debug:114]: >>> " + hexed(ASK, ":").upper()
+    other = "[21:07:{:02}][D][modbus_controller:039]: Modbus command to device=17 register=0x64 no response received"
+    text = " ".join(line.format(second) for second in (8, 9) for line in (entry, entry, other))
+    paste = read(text)
+    assert pieces(paste) == of(*[("request", ASK)] * 4)
+    times = [piece.t_start_ns for piece in paste.pieces if isinstance(piece, PastedFrame)]
+    assert times[1] is not None
+    assert times[2] == times[1] + 10**9
+
+
+def test_what_one_library_says_of_a_read_in_parts_counts_once() -> None:
+    stamp = "2026-03-0{} 10:00:0{},250 DEBUG logging:103 "
+    said = []
+    for second, part in enumerate((ASK[:4], ASK[4:]), 1):
+        said += [f"recv: {hashed(part)} old_data:  addr=None", f"Handling data: {hashed(part)}"]
+        said += [f"Processing: {hashed(ASK[: 4 * second])}"]
+    said += [f"Getting Frame - {hashed(ASK[1:-2])}", f"Resetting frame - Current Frame in buffer - {hashed(ASK)}"]
+    text = "\n".join(stamp.format(1, i) + words for i, words in enumerate(said))
+    assert pieces(read(text)) == of(("request", ASK))
+
+
+def test_bytes_that_a_library_calls_unexpected_are_those_received() -> None:
+    said = [f">>>>> send: {hashed(ASK)}"]
+    for i in range(5):
+        said += [f">>>>> recv: 0x{REPLY[i]:x} extra data: {hashed(REPLY[:i])}"]
+        said += [f">>>>> extra:  unexpected data: {hashed(REPLY[: i + 1])}"]
+    paste = read("\n".join(said))
+    assert pieces(paste)[0] == ("request", hexed(ASK))
+    assert b"".join(data_of(piece) for piece in paste.pieces) == ASK + REPLY[:5]
+
+
+def test_an_event_that_two_handlers_log_is_one() -> None:
+    lines = [
+        f"2026-03-01 10:00:00,{milli} DEBUG {name}{words}"
+        for milli, words in ((120, f"SEND: {hashed(ASK)}"), (190, f"RECV: {hashed(REPLY)}"))
+        for name in ("logging:103 ", "")
+    ]
+    assert pieces(read("\n".join(lines))) == of(("request", ASK), ("response", REPLY))
+    later = lines[0].replace(",120", ",620")
+    assert pieces(read("\n".join([lines[0], later]))) == of(*[("request", ASK)] * 2)
+
+
+@pytest.mark.parametrize(
+    ("sent", "received"),
+    [
+        ("write <Buffer {}>", "resp <Buffer {}>"),
+        ("Will write to instrument (expecting 13 bytes back): {} (8 bytes)", "Response from instrument: {} (8 bytes)"),
+    ],
+)
+def test_an_echo_is_no_copy_of_what_was_sent(sent: str, received: str) -> None:
+    octets = hexed(ASK)
+    assert pieces(read(f"{sent.format(octets)}\n{received.format(octets)}\n")) == of(*[("request", ASK)] * 2)
+
+
+def test_an_answer_and_a_stray_zero_of_the_next_line_are_no_illegal_request(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reply = with_crc(bytes.fromhex("11030209C4"))
+    text = f"The meter is asked and replies with {hexed(reply)} as it should,\nbut what I get is\n00 {hexed(reply)}\n"
+    assert pieces(read(text)) == of(("response", reply), ("noise", b"\0"), ("response", reply))
+    path = tmp_path / "post.txt"
+    path.write_text(text)
+    assert main(["export", str(path), "--noise", "-o", "-"]) == 0
+    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [row["hex"] for row in rows] == [reply.hex(), "00", reply.hex()]
+
+
+def test_who_is_responding_is_heard() -> None:
+    echo = with_crc(bytes.fromhex("110600640001"))
+    for word in ("responding", "responded", "replies", "answered"):
+        assert pieces(read(f"the drive {word}: {hexed(echo)}")) == of(("response", echo))
