@@ -36,6 +36,12 @@ def test_a_second_answer_that_runs_into_the_next_exchange_is_no_second_master(ta
 
 
 @pytest.mark.parametrize("tap", ["precise", "ftdi16"])
+def test_a_fixed_pause_that_takes_no_time_to_speak_of_is_no_rest(tap: str) -> None:
+    """The line is full all the same: without these pauses the round would be hardly shorter."""
+    assert _named("overload-fixed-pause", 9100, tap) == [("overload", ())]
+
+
+@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
 @pytest.mark.parametrize(("seed", "late"), [(7081, 6), (9301, 221), (9312, 22)])
 def test_answers_in_step_with_the_request_before_are_late_and_nobody_else_s_fault(
     seed: int, late: int, tap: str

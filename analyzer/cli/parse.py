@@ -118,6 +118,8 @@ def _text(arguments: argparse.Namespace) -> str:
         words: list[str] = arguments.hex
         return ("\n" if any(" " in word.strip() for word in words) else " ").join(words)
     if arguments.file and arguments.file != "-":
+        if os.path.isdir(arguments.file):  # noqa: PTH112 - Windows says that permission is denied
+            raise UsageError(f"{arguments.file}: is a directory: name a file in it")
         with open(arguments.file, "rb") as file:  # noqa: PTH123 - pathlib takes 4 ms to import
             data = file.read(_LONGEST + 1)
     else:
