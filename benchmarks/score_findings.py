@@ -1,6 +1,6 @@
 """Scores the diagnosis against captures with one known defect each.
 
-    python benchmarks/score_findings.py [--seeds N] [--taps precise,irq] [--healthy] [--misses] [CODE ...]
+    python benchmarks/score_findings.py [--seeds N] [--first SEED] [--taps precise,irq] [--healthy] [--misses] [CODE]
 
 The simulator makes the captures (`rtuscope simulate --defect CODE`): every defect, every tap that can carry it, N
 seeds. A finding counts where code, start and length are the truth's (the code alone, where it is about the bus as a
@@ -91,19 +91,19 @@ def agrees(due: TruthFinding, said: Finding) -> bool:
             return True
 
 
-def captures_with(code: str, taps: list[str], seeds: int) -> Iterator[tuple[str, Simulation]]:
+def captures_with(code: str, taps: list[str], seeds: range) -> Iterator[tuple[str, Simulation]]:
     """The captures of one defect, each with a label."""
     for tap in defects()[code].taps:
         if tap in taps:
-            for seed in range(seeds):
+            for seed in seeds:
                 yield f"{code} {tap} {seed}", simulate(Scenario("clean", tap, seed=seed, defect=code))
 
 
-def healthy(taps: list[str], seeds: int) -> int:
+def healthy(taps: list[str], seeds: range) -> int:
     """Errors and warnings on captures with nothing wrong."""
     false = 0
     for tap in taps:
-        for seed in range(seeds):
+        for seed in seeds:
             found = found_in(simulate(Scenario("clean", tap, seed=seed)))
             # The simulator's devices refuse a request now and then, and do so rightly.
             wrong = Counter(f.code for f in found if f.severity > Severity.NOTE and f.code != "exception")
@@ -116,6 +116,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("codes", nargs="*", metavar="CODE", default=list(defects()))
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (0)")
     parser.add_argument("--taps", default=",".join(TAPS))
     parser.add_argument("--misses", action="store_true", help="print each miss")
     parser.add_argument("--healthy", action="store_true", help="score captures with nothing wrong")
@@ -124,12 +125,13 @@ def main(arguments: list[str]) -> int:
     for kind, given, known in (("code", options.codes, defects()), ("tap", taps, TAPS)):
         if strange := sorted(set(given) - set(known)):
             parser.error(f"no such {kind}: {', '.join(strange)}; there are {', '.join(known)}")
+    seeds = range(options.first, options.first + options.seeds)
     if options.healthy:
-        return healthy(taps, options.seeds)
+        return healthy(taps, seeds)
     tallies: defaultdict[str, Tally] = defaultdict(Tally)
     misses: list[str] = []
     for code in options.codes:
-        for label, made in captures_with(code, taps, options.seeds):
+        for label, made in captures_with(code, taps, seeds):
             misses += score(made.findings, found_in(made), tallies, label)
     print(f"{'code':<22} {'due':>6} {'missed':>6} {'place':>6} {'false':>6} {'recall':>8} {'precision':>9}")
     for code, tally in sorted(tallies.items()):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from analyzer.causes.bits import regularity_bits
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.model import Cause
 from analyzer.causes.reasoning import causes_of
@@ -32,3 +33,40 @@ def test_a_quiet_bus_that_is_disturbed_at_times_does_not_float(tap: str) -> None
 def test_a_second_answer_that_runs_into_the_next_exchange_is_no_second_master(tap: str) -> None:
     found = _named("duplicate-beside-settings", 9100, tap)
     assert sorted(found) == [("duplicate-address", (4,)), ("unit-line-settings", (37,))]
+
+
+@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
+def test_a_fixed_pause_that_takes_no_time_to_speak_of_is_no_rest(tap: str) -> None:
+    """The line is full all the same: without these pauses the round would be hardly shorter."""
+    assert _named("overload-fixed-pause", 9100, tap) == [("overload", ())]
+
+
+@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
+@pytest.mark.parametrize(("seed", "late"), [(7081, 6), (9301, 221), (9312, 22)])
+def test_answers_in_step_with_the_request_before_are_late_and_nobody_else_s_fault(
+    seed: int, late: int, tap: str
+) -> None:
+    """They hit what is asked next, and their values are those of other registers."""
+    assert _named("timeout-too-short-shifted", seed, tap) == [("timeout-too-short", (late,))]
+
+
+@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
+def test_noise_that_begins_before_any_answer_can_is_of_the_line_at_rest(tap: str) -> None:
+    assert _named("bias", 7081, tap) == [("bias", ())]
+
+
+@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
+def test_a_unit_that_misses_two_polls_again_and_again_at_a_steady_pace_restarts(tap: str) -> None:
+    assert _named("unit-restarts", 7081, tap) == [("unit-restarts", (39,))]
+
+
+def test_a_pace_is_told_from_chance() -> None:
+    steady = [0.0, 22.2, 47.8, 72.1, 97.7]
+    assert regularity_bits(steady) > 8
+    assert regularity_bits([0.0, 3.0, 47.8, 60.1, 97.7]) < 1
+    assert regularity_bits(steady[:3]) == regularity_bits([5.0] * 6) == 0
+
+
+@pytest.mark.parametrize("case", ["two-masters", "two-masters-alike"])
+def test_requests_sooner_than_the_client_is_seen_to_wait_are_another_client_s(case: str) -> None:
+    assert _named(case, 9324, "precise") == [("two-masters", ())]

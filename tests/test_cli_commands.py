@@ -1,6 +1,7 @@
 """The command line as a whole: help, usage errors, completion, start-up, Ctrl-C and closed pipes."""
 
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -43,10 +44,26 @@ def test_help_tells_the_example(capsys, command):
     assert ("\n  1    " in done.out) == (command in FAILURES)
 
 
+LAKE_COMMANDS = ("ask", "batch", "watch")
+
+
+@pytest.mark.parametrize("command", ["batch bus.jsonl -o lake", "watch lake --from bus.jsonl --once"])
+def test_a_lake_without_its_extra_is_one_line(command: str, tmp_path: Path) -> None:
+    start = f"import sys; sys.modules['pyarrow'] = None; {START}"
+    done = subprocess.run(
+        [sys.executable, "-c", start, *command.split(), "--site", "x"],
+        capture_output=True, text=True, cwd=tmp_path, env=environment(), timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert re.fullmatch(r"rtuscope: a lake needs pyarrow: .* install .*\[fleet\].\n", done.stderr), done.stderr
+
+
 # Those need a tap, or write into the user's folders of Wireshark (tests/test_wireshark.py).
 @pytest.mark.parametrize("command", sorted(COMMANDS.keys() - {"sniff", "record", "tap", "wireshark"}))
 def test_the_example_works(capsys, command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    if command in LAKE_COMMANDS:
+        pytest.importorskip("pyarrow", reason="the extra `fleet` is not installed")
     for line in load(command).EXAMPLE.splitlines():
         program, *arguments = shlex.split(line)
         assert program == "rtuscope"

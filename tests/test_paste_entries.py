@@ -109,6 +109,28 @@ def test_an_answer_and_a_stray_zero_of_the_next_line_are_no_illegal_request(
     assert [row["hex"] for row in rows] == [reply.hex(), "00", reply.hex()]
 
 
+@pytest.mark.parametrize("digits", ["02X", "x"])
+def test_signed_bytes_without_anything_between(digits: str) -> None:
+    lines = [f"{word}: " + "".join(f"0x{octet:{digits}}" for octet in data) for word, data in said_and_heard()]
+    assert pieces(read("\n".join(lines))) == of(("request", ASK), ("response", REPLY))
+
+
+def said_and_heard() -> tuple[tuple[str, bytes], tuple[str, bytes]]:
+    return ("Sending", ASK), ("Received", REPLY)
+
+
+def test_rows_below_a_time_have_it_whatever_their_offsets_look_like() -> None:
+    text = ""
+    for second, (_, data) in enumerate(said_and_heard()):
+        words = " ".join(data[i : i + 2].hex() for i in range(0, len(data), 2))
+        text += f"10:00:0{second}.250000 IP 10.0.0.7.50211 > 10.0.0.9.4001: length {len(data)}\n"
+        text += f"\t0x0000:  {words:<39}  ................\n"
+    paste = read(text)
+    assert pieces(paste) == of(("request", ASK), ("response", REPLY))
+    times = [piece.t_start_ns for piece in paste.pieces if isinstance(piece, PastedFrame)]
+    assert times == [36_000_250_000_000, 36_001_250_000_000]
+
+
 def test_who_is_responding_is_heard() -> None:
     echo = with_crc(bytes.fromhex("110600640001"))
     for word in ("responding", "responded", "replies", "answered"):

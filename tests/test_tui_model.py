@@ -447,9 +447,9 @@ def test_notes_that_are_no_file_never_keep_a_capture_from_opening(tmp_path: Path
     (tmp_path / "bus.jsonl.rtuscope.json").mkdir()
     with pytest.raises(NotesError, match="is a directory"):
         Notes.beside(capture)
-    with pytest.raises(NotesError, match="cannot be read"):
-        Notes.beside(tmp_path / ("n" * 250))
-    if hasattr(os, "mkfifo"):
+    if hasattr(os, "mkfifo"):  # elsewhere there are no pipes by name, and a name that is too long is not found
+        with pytest.raises(NotesError, match="cannot be read"):
+            Notes.beside(tmp_path / ("n" * 250))
         os.mkfifo(tmp_path / "pipe.jsonl.rtuscope.json")
         with pytest.raises(NotesError, match="not a file but a device"):
             Notes.beside(tmp_path / "pipe.jsonl")

@@ -14,7 +14,7 @@ from seats import Seat, opened, sample_in, using
 
 import analyzer
 import captures
-from analyzer import languages
+from analyzer import languages, paste
 from analyzer.causes.registry import suspects
 from analyzer.filters import FilterError, compile_filter
 from analyzer.filters.completion import complete
@@ -23,13 +23,14 @@ from analyzer.model import search
 from analyzer.model.bus import Bus
 from analyzer.model.source import CaptureSource
 from analyzer.model.spoken import spoken
+from analyzer.paste import tree
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.pastepane import PasteText
 from analyzer.tui.registerlist import RegisterList
 from captures.line import LineSettings
 from dissectors.functions import functions
 
-_PARTS = ("tui", "model", "filters", "live")
+_PARTS = ("tui", "model", "filters", "live", "paste")
 _SOURCES = [path for part in _PARTS for path in (Path(analyzer.__file__).parent / part).glob("*.py")]
 _PASTED = "11 03 00 6B 00 03 76 87"
 _TERMS = re.compile(
@@ -116,6 +117,16 @@ def test_a_frame_is_told_and_found_in_russian(capture: Path) -> None:
     assert bus.frame(row).summary() == "read 3 holding registers from 107 (40108)", "for scripts it stays English"
     assert search.find(bus, search.for_text("регистра хранения"), -1) == row
     assert search.find(bus, search.for_text("holding"), -1) == row
+
+
+def test_a_paste_is_told_in_russian(asked: _Asked) -> None:
+    languages.use("ru")
+    cut = tree(paste.read("11 03 00 6B 00 03"))
+    assert "запрос    устройство 17: читать 3 регистра хранения с 107 (40108)" in cut
+    assert "! обрезан: не хватает 2 байтов, это CRC: верной была бы 76 87" in cut
+    wrong = tree(paste.read("11 03 00 6B 00 03 76 87 11 03 06 AE 41 56 52 43 40 49 AE"))
+    assert "CRC неверна: принята 49 AE, вычислена 49 AD" in wrong and "\n  вероятно: " in wrong
+    assert not asked.missed, asked.missed
 
 
 def test_nouns_agree_with_their_number() -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import log, log2
+from collections.abc import Sequence
+from math import log, log2, pi
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -39,6 +40,20 @@ def clustering_bits(hits: int, trials: int, runs: int) -> float:
     return max(0.0, chained - likelihood_bits(hits, trials, rate)) if stays > rate else 0.0
 
 
+def regularity_bits(times: Sequence[float]) -> float:
+    """How much likelier events come at a steady pace than by chance: gaps of a normal distribution against those of an
+    exponential one, its width paid for; 0 for fewer than four events."""
+    gaps = np.diff(np.asarray(times, np.float64))
+    if len(gaps) < _GAPS or gaps.mean() <= 0:
+        return 0.0
+    width = max(float(gaps.std()), _STEADIEST * float(gaps.mean()))
+    steady = len(gaps) * (log2(float(gaps.mean()) / width / (2 * pi) ** 0.5) + 0.5 / log(2))
+    return max(0.0, steady - 0.5 * log2(len(gaps)) - _WIDTH_BITS)
+
+
+_GAPS: Final = 3
+_STEADIEST: Final = 0.03  # of the mean gap
+_WIDTH_BITS: Final = 3.0  # for a width of a few that might be
 _COHERENT: Final = (16.0, 128.0, 1024.0)  # s; a mains wanders, so that what keeps step in short may not in long
 _SHARPNESS: Final = (1.0, 3.0, 10.0, 30.0)  # of phases about one of them: kappa of von Mises' distribution
 _LARGE: Final = 30.0

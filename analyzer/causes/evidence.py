@@ -215,9 +215,13 @@ class Evidence:
         numbers = np.concatenate(waits) if waits else np.zeros(0)
         if np.count_nonzero(numbers > 0) < _WAITS or not self.ledger.timed:
             return None
-        slow = max((unit.delays.quantile(0.9) or 0.0 for unit in self.units), default=0.0)
-        patient = numbers[numbers > slow]
+        patient = numbers[numbers > self.patience_ns]
         return densest(patient if np.count_nonzero(patient > 0) >= _WAITS else numbers)
+
+    @cached_property
+    def patience_ns(self) -> float:
+        """What the master is seen to wait for answers that come; 0 where nobody knows."""
+        return max((unit.delays.quantile(0.9) or 0.0 for unit in self.units), default=0.0)
 
     def cost(self, unit: UnitLedger, *outcomes: Ending) -> tuple[int, float | None]:
         """Answers lost by these outcomes, and the time (ms) that the master waited for them; None where nobody knows."""

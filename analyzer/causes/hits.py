@@ -18,6 +18,7 @@ _NEARLY_ALL: Final = 0.9
 _SURE_BITS: Final = 30.0
 _ABOUT_ONE: Final = 0.95
 _SPARED: Final = 2  # units
+_MOST_LATE: Final = 0.85  # what one late answer meets may make another late
 _ONE_LATE_BITS: Final = 12.0
 _MOST_HIT: Final = 0.98
 _ABOUT: Final = 20.0  # bytes
@@ -121,7 +122,7 @@ def late_of_any(evidence: Evidence) -> int:
         return 0
     latest = max(units, key=lambda unit: unit.late)
     own = latest.late * log2(latest.late * sum(unit.asked for unit in units) / (late * latest.asked))
-    return 0 if latest.late >= _NEARLY_ALL * late and own >= _ONE_LATE_BITS else late
+    return 0 if latest.late >= _MOST_LATE * late and own >= _ONE_LATE_BITS else late
 
 
 def spared_bits(evidence: Evidence, unit: UnitLedger) -> float:

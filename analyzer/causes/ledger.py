@@ -240,7 +240,7 @@ class Ledger:
         gaps = exchanges.gap_before[1:][clean[:-1]]
         self.request_gaps.add(gaps[gaps != NO_GAP])
         self._count_broadcasts(exchanges, outcome == _BROADCAST)
-        self.successors.add(exchanges.unit, outcome == _SILENT, odd)
+        self.successors.add(exchanges.unit, outcome == _SILENT, odd, exchanges.t_asked, exchanges.delay)
         self.grid.add("asked", times)
         self.grid.add("damage", times[(outcome == _GARBAGE) | (exchanges.noise > 0)])
 

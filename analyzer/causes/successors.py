@@ -6,11 +6,13 @@ to the second hits whatever is asked next. So all that is asked of a unit in a r
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .thinned import Thinned
 
 _UNITS = 256
 
@@ -23,11 +25,24 @@ class SuccessorTable:
     hit: Counter[tuple[int, int]] = field(default_factory=Counter)
     met: Counter[tuple[int, int]] = field(default_factory=Counter)  # of those that were hit: (unit, unit right before)
     followed: Counter[tuple[int, int]] = field(default_factory=Counter)  # of all: (unit, unit right before)
+    delays: dict[int, Thinned] = field(default_factory=lambda: defaultdict(Thinned))  # ns, behind a hanging exchange
+    lagged: dict[int, Thinned] = field(
+        default_factory=lambda: defaultdict(Thinned)
+    )  # the same, from the request before
     _newest: int = 0
     _last: int = 0
+    _asked: int = 0
 
-    def add(self, units: NDArray[np.uint8], silent: NDArray[np.bool_], odd: NDArray[np.bool_]) -> None:
-        """The next exchanges: `silent` those without an answer, `odd` those that were hit."""
+    def add(
+        self,
+        units: NDArray[np.uint8],
+        silent: NDArray[np.bool_],
+        odd: NDArray[np.bool_],
+        asked: NDArray[np.int64],
+        delays: NDArray[np.int64],
+    ) -> None:
+        """The next exchanges: `silent` those without an answer, `odd` those that were hit; `asked` when (ns), `delays`
+        until answers came, -1 for none or where nobody knows."""
         seen, another = np.cumsum(silent), np.diff(units, prepend=units[:1]) != 0
         begins = np.maximum.accumulate(np.where(another, np.arange(len(units)), 0))  # of what is asked of one in a row
         hangs = seen > np.where(begins, seen[begins - 1], 0)
@@ -35,7 +50,13 @@ class SuccessorTable:
             hangs[begins == 0] = True
         before = np.empty(len(units), np.int64)
         before[0], before[1:] = self._newest, np.where(hangs, units, 0)[:-1]
-        self._newest = int(units[-1]) if hangs[-1] else 0
+        lags = delays + asked - np.concatenate(([self._asked], asked[:-1]))
+        self._newest, self._asked = int(units[-1]) if hangs[-1] else 0, int(asked[-1])
+        late = (before == units) & (before > 0) & (delays >= 0)
+        for unit in np.unique(units[late]).tolist():
+            mine = late & (units == unit)
+            self.delays[unit].add(delays[mine])
+            self.lagged[unit].add(lags[mine])
         pairs = units * np.int64(_UNITS) + before
         beside = units * np.int64(_UNITS) + np.concatenate(([self._last], units[:-1]))
         self._last = int(units[-1])

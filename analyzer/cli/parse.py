@@ -8,7 +8,13 @@ import sys
 from typing import TYPE_CHECKING
 
 from .exits import DONE, FAILED, NO_FRAME, UsageError
-from .inputs import add_check_argument, add_functions_argument, add_zone_argument, load_functions
+from .inputs import (
+    add_check_argument,
+    add_functions_argument,
+    add_language_argument,
+    add_zone_argument,
+    load_functions,
+)
 from .maps import add_map_argument, chosen_charts
 from .terminal import coloured, put_json, shell_word, tell
 
@@ -45,6 +51,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_map_argument(parser)
     add_check_argument(parser)
     add_functions_argument(parser)
+    add_language_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -111,6 +118,8 @@ def _text(arguments: argparse.Namespace) -> str:
         words: list[str] = arguments.hex
         return ("\n" if any(" " in word.strip() for word in words) else " ").join(words)
     if arguments.file and arguments.file != "-":
+        if os.path.isdir(arguments.file):  # noqa: PTH112 - Windows says that permission is denied
+            raise UsageError(f"{arguments.file}: is a directory: name a file in it")
         with open(arguments.file, "rb") as file:  # noqa: PTH123 - pathlib takes 4 ms to import
             data = file.read(_LONGEST + 1)
     else:

@@ -17,9 +17,15 @@ from typing import Any, Final
 from urllib.parse import unquote
 from uuid import uuid4
 
-import pyarrow as pa
-import pyarrow.compute as pc
-from pyarrow.parquet import ParquetFile, ParquetWriter
+from ..extras import needs
+from .errors import FleetError
+
+try:
+    import pyarrow as pa
+    import pyarrow.compute as pc
+    from pyarrow.parquet import ParquetFile, ParquetWriter
+except ImportError as error:
+    raise FleetError(needs("a lake", "pyarrow", "fleet")) from error
 
 from ..exports.targets.parquet import frames_writer
 from .datasets import DATASETS, GROUP, pack_schema

@@ -9,11 +9,9 @@ is told in English.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from contextvars import ContextVar
 from functools import cache
-from importlib.resources import files
 from string import Formatter
 from typing import Any, Final
 
@@ -43,6 +41,9 @@ def catalogue(language: str) -> Mapping[str, Any]:
     """The words of a language; none of English, whose words are in the code."""
     if language == "en":
         return {}
+    import tomllib
+    from importlib.resources import files
+
     words: dict[str, Any] = {}
     for file in files(__name__).iterdir():
         if file.name.startswith(f"{language}.") and file.name.endswith(".toml"):

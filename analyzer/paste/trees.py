@@ -13,6 +13,7 @@ from dissectors.fields import Field
 from dissectors.length_rules import Role
 from dissectors.values import harmless
 
+from ..languages import counted, tr, wording
 from ..terminal_text import TerminalText, painted, terminal_text
 from .model import Paste, PastedFrame, PastedNoise
 from .numbers import every_reading, likely_floats
@@ -51,26 +52,27 @@ def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> Termina
         lines.append("")
         if isinstance(piece, PastedNoise):
             octets = shown(piece.data, _NOISE_BYTES)
-            where = f"  {count(piece.length)} at {piece.start}: {octets}"
-            lines.append(terminal_text(painted("in no frame", style.bold), where))
+            length = counted(piece.length, "byte", "bytes")
+            where = tr("{bytes} at {start}: {octets}", bytes=length, start=piece.start, octets=octets)
+            lines.append(terminal_text(painted(tr("in no frame"), style.bold), f"  {where}"))
         else:
             lines.extend(_frame(piece, style, values))
     if left := left_out(paste):
-        lines += ["", *(terminal_text(painted("not read", style.bold), f"    {line}") for line in left)]
+        lines += ["", *(terminal_text(painted(tr("not read"), style.bold), f"    {line}") for line in left)]
     return terminal_text(*(terminal_text(line, "\n") for line in lines))
 
 
 def left_out(paste: Paste) -> list[str]:
     """What of the text was not read, a line each; lines without anything like bytes are only counted."""
-    lines = [f"line {one.line}: {harmless(one.why)}" for one in paste.unread if not one.empty]
+    lines = [
+        tr("line {number}: {why}", number=one.line, why=harmless(one.why)) for one in paste.unread if not one.empty
+    ]
     if not lines:
         return lines
-    from ..words import plural
-
     if len(lines) > _LEFT_OUT:
-        lines[_LEFT_OUT:] = [f"and {plural(len(lines) - _LEFT_OUT, 'more line', 'more lines')}"]
+        lines[_LEFT_OUT:] = [tr("and {lines}", lines=counted(len(lines) - _LEFT_OUT, "more line", "more lines"))]
     if empty := sum(one.empty for one in paste.unread):
-        lines.append(f"{plural(empty, 'line', 'lines')} without bytes")
+        lines.append(tr("{lines} without bytes", lines=counted(empty, "line", "lines")))
     return lines
 
 
@@ -80,8 +82,8 @@ def _frame(frame: PastedFrame, style: Style, values: bool) -> Iterator[str]:
     if problem:
         yield painted(f"! {problem}", style.red)
     for finding in frame.findings:
-        yield painted(f"! {finding.severity.name.lower()} {finding.code}: {finding.text}", style.red)
-        for head, words in (("likely", finding.cause), ("do", finding.remedy)):
+        yield painted(f"! {tr(finding.severity.name.lower())} {finding.code}: {finding.text}", style.red)
+        for head, words in ((tr("likely"), finding.cause), (tr("do"), finding.remedy)):
             if words:
                 yield painted(f"  {head}: {words}", style.dim)
     fields = frame.fields()
@@ -94,35 +96,41 @@ def _frame(frame: PastedFrame, style: Style, values: bool) -> Iterator[str]:
     others = frame.fields(frame.also)
     yield ""
     if others == fields:
-        name = frame.also.name.lower()
-        same = "  its request and its response look alike: field by field the same"
-        yield terminal_text(painted(f"or {name}", style.bold), same)
+        same = tr("its request and its response look alike: field by field the same")
+        yield terminal_text(painted(tr("or {name}", name=tr(frame.also.name.lower())), style.bold), f"  {same}")
         return
-    yield painted(f"or {heading(frame, frame.also)}", style.bold)
+    yield painted(tr("or {name}", name=heading(frame, frame.also)), style.bold)
     yield from _table(others, style)
 
 
 def heading(frame: PastedFrame, role: Role | None = None) -> str:
     """A frame in one line: direction, unit, and what it says."""
-    direction = (frame.role if role is None else role).name.lower()
-    unit = "unit ?" if frame.adu.unit is None else f"unit {frame.adu.unit}"
-    return f"{direction:<8}  {unit}: {frame.summary(role)}"
+    direction = tr((frame.role if role is None else role).name.lower())
+    unit = tr("unit {unit}", unit="?" if frame.adu.unit is None else frame.adu.unit)
+    return f"{direction:<8}  {unit}: {frame.summary(role, wording())}"
 
 
 def trouble(frame: PastedFrame) -> str | None:
     """What is wrong with the frame as a whole, and what can still be read."""
     adu = frame.adu
     if frame.missing:
-        least = "" if frame.length_known else "at least "
-        words = f"cut: needs {least}{frame.missing} more {'byte' if frame.missing == 1 else 'bytes'}"
+        more = counted(frame.missing, "more byte", "more bytes")
+        words = (
+            tr("cut: needs {bytes}", bytes=more)
+            if frame.length_known
+            else tr("cut: needs at least {bytes}", bytes=more)
+        )
         if adu.protocol == "rtu" and frame.missing == 2 and frame.length_known:
-            words += f", the CRC: {crc_bytes(adu.data).hex(' ').upper()} would be right"
+            words += tr(", the CRC: {crc} would be right", crc=crc_bytes(adu.data).hex(" ").upper())
         return words
     if adu.check_ok is False and adu.check_computed is not None and adu.check_received is not None:
         name, width = ("LRC", 1) if adu.protocol == "ascii" else ("CRC", 2)
         received = adu.check_received.to_bytes(width, "little").hex(" ").upper()
         computed = adu.check_computed.to_bytes(width, "little").hex(" ").upper()
-        return f"{name} wrong: received {received}, computed {computed}; the fields below are as received"
+        return tr(
+            "{name} wrong: received {received}, computed {computed}; the fields below are as received",
+            name=name, received=received, computed=computed,
+        )  # fmt: skip
     return None
 
 
@@ -185,8 +193,3 @@ def _octets(field: Field) -> str:
 def shown(data: bytes, most: int) -> str:
     """Bytes in hex, the first ones of many."""
     return data[:most].hex(" ").upper() + (" …" if len(data) > most else "")
-
-
-def count(number: int) -> str:
-    """`1 byte`, `2 bytes`."""
-    return f"{number} byte" if number == 1 else f"{number} bytes"

@@ -27,8 +27,10 @@ _WORDS: Final = re.compile(
     rf"(?<![0-9A-Za-z_.#@])(?:{H}{{2}}){{2,}}(?:(?P<gap>[ \t]{{1,2}})(?:{H}{{2}})+(?:(?P=gap)(?:{H}{{2}})+)*)?{_GLUED}"
 )
 _BETWEEN: Final = r"(?:[\s,;|'\"\\]{0,4}|[-:/.]|\][ \t]?\[|>[ \t]?<|\}[ \t]?\{|\)[ \t]?\()"  # of signed bytes
+_UP_TO_SIGN: Final = rf"{H}+?(?=(?P=sign)|(?!{H}))"  # the next byte's, which may begin with a digit
 _PREFIXED: Final = re.compile(
-    rf"{EDGE}(?P<sign>{_SIGN})(?P<first>{H}+)[uU]?['\"]?(?:{_BETWEEN}(?P=sign){H}+[uU]?['\"]?)*{_GLUED}"
+    rf"{EDGE}(?P<sign>{_SIGN})(?P<first>{_UP_TO_SIGN})[uU]?['\"]?"
+    rf"(?:{_BETWEEN}(?P=sign){_UP_TO_SIGN}[uU]?['\"]?)*{_GLUED}"
 )
 _SUFFIXED: Final = re.compile(rf"{EDGE}(?:0(?=[A-Fa-f]))?{H}{{2}}[hH](?:[\s,;-]+(?:0(?=[A-Fa-f]))?{H}{{2}}[hH])+{END}")
 _ASCII: Final = re.compile(rf"(?<![0-9A-Za-z_]):((?:{H}{{2}}){{3,300}}){END}")
@@ -169,7 +171,7 @@ def _prefixed(line: TextLine) -> Iterator[HexWindow]:
         sign, start, end = match["sign"], match.start(), match.end()
         if sign in ("x", "X") and text[start - 1 : start] == "\\" and len(match["first"]) < _BYTEA:
             continue  # an escape
-        tokens = re.findall(rf"{re.escape(sign)}({H}+)", match[0])
+        tokens = re.findall(rf"{re.escape(sign)}({H}+?)(?={re.escape(sign)}|(?!{H}))", match[0])
         if len(tokens[-1]) > 2 and len(tokens) > 2 and all(len(token) < 3 for token in tokens[:-1]):
             last = start + match[0].rfind(sign) + len(sign)
             if re.match(r"20\d\d-", text[last + 2 : last + 7]):  # the line break was lost: 0xee2026-09-11

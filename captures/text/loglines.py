@@ -298,7 +298,10 @@ class LineReader:
         first = next((run for run in line.runs if run.level or run.checked), line.runs[0])
         goes_on = self._dump.goes_on(first, line.t_ns)
         heading = self._heading
-        worded = mark or _LETTER.search(line.clean[: first.start])
+        before = line.clean[: first.start]
+        if first.offset is not None:
+            before = before[: before.rfind(first.offset)].removesuffix("0x")
+        worded = mark or _LETTER.search(before)
         if heading is None or worded:
             if first.level or first.checked:
                 self._heading = None

@@ -54,4 +54,5 @@ def spawned(*arguments: str | Path, stdin: bytes = b"", cwd: Path | None = None,
     """A command in a process of its own."""
     command = [sys.executable, "-c", START, *map(str, arguments)]
     done = subprocess.run(command, input=stdin, capture_output=True, cwd=cwd, env=environment(**more), timeout=60)
-    return Ran(done.returncode, done.stdout.decode(errors="replace"), done.stderr.decode(), done.stdout)
+    out, err = (said.decode(errors="replace").replace(os.linesep, "\n") for said in (done.stdout, done.stderr))
+    return Ran(done.returncode, out, err, done.stdout)

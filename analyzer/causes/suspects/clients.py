@@ -31,6 +31,7 @@ _OFTEN: Final = 0.3
 _BUSY: Final = 0.75  # of the line's time
 _HURRIED: Final = 1.1  # of t3.5: the mean pause of a master that never rests
 _HURRIED_NS: Final = 3e5
+_RESTED: Final = 0.02  # of the time, beyond t3.5: without these rests a round would be no shorter to speak of
 _MANY_POLLS: Final = 8
 _LONG_ROUND_NS: Final = 0.9e9
 _FEW_POLLS: Final = 3
@@ -109,13 +110,9 @@ def _share(readings: Sequence[object], *kinds: str) -> float:
 
 
 def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
-    """Requests behind which another one came sooner than a master gives up."""
-    timeout = evidence.timeout_ns
-    if (
-        timeout is None
-        or not evidence.is_open(Symptom.SILENCE, unit.unit)
-        or evidence.verdict.wait_ns > _HASTY * timeout
-    ):
+    """Requests behind which another one came sooner than a master gives up, who waits longer for answers that come."""
+    timeout = 0.0 if evidence.timeout_ns is None else max(evidence.timeout_ns, evidence.patience_ns)
+    if not timeout or not evidence.is_open(Symptom.SILENCE, unit.unit) or evidence.verdict.wait_ns > _HASTY * timeout:
         return 0
     waits = unit.waits.numbers
     if not len(waits) or (evidence.verdict.wait_ns > _AT_ONCE * timeout and (waits <= 0).mean() > _OFTEN):
@@ -367,7 +364,11 @@ def overload(evidence: Evidence) -> Iterator[Suspicion]:
     ):
         return
     due = evidence.t35_ns
-    if due is None or not len(ledger.pauses) or ledger.pauses.total / len(ledger.pauses) > _HURRIED * due + _HURRIED_NS:
+    if due is None or not len(ledger.pauses):
+        return
+    mean = ledger.pauses.total / len(ledger.pauses)
+    rested = (mean - due) * ledger.exchanges / ledger.span_ns
+    if mean > _HURRIED * due + _HURRIED_NS and (load < _FULL or rested > _RESTED):
         return  # it rests: the mean of the pauses is good on any clock that does not cut them off
     long = ledger.pauses.quantile(0.97) if evidence.verdict.fine else None
     if long is not None and long > 2 * _HURRIED * due + _HURRIED_NS:

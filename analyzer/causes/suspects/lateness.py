@@ -27,8 +27,11 @@ _SOONER: Final = 0.85
 _SILENT: Final = 0.02
 _OTHERS: Final = 2
 _STEADY: Final = 0.3
+_STEADIEST: Final = 0.01  # of a delay: so much any device's strays
+_SHIFTED: Final = 4.0
 _OVERDUE: Final = 0.8  # of the timeout
 _FAR_SLOWER: Final = 3.0
+_AT_ONCE: Final = 0.5  # of a usual delay
 _KINDS: Final = {
     "crossed": 0.5,
     "other": 0.12,
@@ -60,16 +63,20 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         if evidence.is_open(Symptom.LATENESS, unit.unit):
             late[unit.unit] += min(evidence.begun[unit.unit], unit.count(Ending.SILENT, Ending.GARBAGE))
     for unit in evidence.units:
+        if _went_on_at_once(evidence, unit):
+            continue
         others = [other for other in evidence.units if other.unit != unit.unit]
         behind, run_into = _run_into(evidence, unit)
-        mine, rest = max(late[unit.unit], run_into), sum(late[other.unit] for other in others)
+        series, in_series = _shifted(evidence, unit)
+        behind += series
+        mine, rest = max(late[unit.unit], run_into, in_series), sum(late[other.unit] for other in others)
         if mine < _LEAST or mine < _MOSTLY * (mine + rest) or mine > unit.asked + _LEAST:
             continue  # more than it was asked for are no late answers
         background = max(_BACKGROUND, (rest + 0.5) / (sum(other.asked for other in others) + 100))
         silent = surplus_bits(evidence.silent(unit), unit.asked, _SILENT) / 2
         garbled = max(kind_bits(evidence.readings(unit), _KINDS), 0.0)
         explains = {(Symptom.LATENESS, unit.unit), (Symptom.SILENCE, unit.unit), (Symptom.DOUBLES, unit.unit),
-                    (Symptom.DAMAGE, unit.unit), (Symptom.BEHIND, unit.unit)}  # fmt: skip
+                    (Symptom.DAMAGE, unit.unit), (Symptom.BEHIND, unit.unit), (Symptom.VALUES, unit.unit)}  # fmt: skip
         explains |= {
             (symptom, other.unit) for other in others for symptom in (Symptom.DAMAGE, Symptom.BEHIND, Symptom.SILENCE)
         }
@@ -97,6 +104,13 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         )
 
 
+def _went_on_at_once(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether requests behind those that stayed without an answer come far sooner than this unit's answers, for which
+    the master does wait: so nobody gives up, that is another who sends."""
+    wait, delay = unit.waits.quantile(0.5), unit.delays.quantile(0.5)
+    return wait is not None and delay is not None and wait + evidence.verdict.wait_ns < _AT_ONCE * delay
+
+
 def _run_into(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
     """How much likelier the damage right behind a unit's silent exchanges is its doing (bits), and how many of its
     answers ran into what was sent next: no more than it left requests silent, and none where that is not sure.
@@ -118,6 +132,22 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
         by_chance += elsewhere * then_of
     sure = bits >= _RUN_INTO_BITS and mine <= evidence.silent(unit) and evidence.is_open(Symptom.LATENESS, unit.unit)
     return bits, round(mine - by_chance) if sure else 0
+
+
+def _shifted(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
+    """How much likelier the answers behind a silent exchange are to the request before each (bits), and how many: from
+    that one on they take always the same time, from their own request on they do not."""
+    successors = evidence.ledger.successors
+    if unit.unit not in successors.delays or not evidence.is_open(Symptom.LATENESS, unit.unit):
+        return 0.0, 0
+    own, lagged = successors.delays[unit.unit].numbers, successors.lagged[unit.unit].numbers
+    known = max(evidence.verdict.wait_ns, _STEADIEST * float(np.median(lagged)))
+    if len(own) < 2 * _LEAST or not np.isfinite(known):
+        return 0.0, 0
+    strays, strays_lagged = (float(np.subtract(*np.quantile(each, (0.9, 0.1)))) + known for each in (own, lagged))
+    bits = len(own) * float(np.log2(strays / strays_lagged))
+    sure = bits >= _SURE_BITS and strays > _SHIFTED * strays_lagged
+    return (bits, len(successors.delays[unit.unit])) if sure else (0.0, 0)
 
 
 def _late(evidence: Evidence, unit: UnitLedger) -> int:

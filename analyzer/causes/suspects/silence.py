@@ -8,7 +8,7 @@ from statistics import median
 from typing import Final
 
 from ...tables.findings import Severity
-from ..bits import clustering_bits, surplus_bits
+from ..bits import clustering_bits, regularity_bits, surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..registry import Suspicion, Symptom, suspect
@@ -279,7 +279,7 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
         timed = evidence.ledger.timed
         yield Suspicion(
             (unit.unit,),
-            silence_bits(silent, unit.asked) + clustering_bits(silent, unit.asked, runs),
+            silence_bits(silent, unit.asked) + clustering_bits(silent, unit.asked, runs) + regularity_bits(begins),
             frozenset({(Symptom.SILENCE, unit.unit)}),
             {
                 "unit": unit.unit,
@@ -310,5 +310,7 @@ def is_spell(evidence: Evidence, spell: Spell) -> bool:
 
 
 def _spells(evidence: Evidence, unit: UnitLedger) -> list[Spell]:
-    """When a unit was silent for a while."""
-    return [each for each in unit.silences.all if is_spell(evidence, each)]
+    """When a unit was silent for a while; of two requests where nothing is ever asked again at once."""
+    return [
+        each for each in unit.silences.all if is_spell(evidence, each) or (each.count == _PAIR and not unit.repeats)
+    ]

@@ -8,13 +8,16 @@ from typing import Final
 
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
-from ..evidence import HEALTHY, Evidence, kind_bits, share_of
+from ..evidence import HEALTHY, Evidence, kind_bits, kind_of, share_of
 from ..exchanges import Ending
 from ..hits import ALIKE, WELL, Hits, span_of_hits, spared_bits
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Behind
+from ..unitledger import UnitLedger
 
 _LEAST: Final = 5
+_SOONEST: Final = 0.05  # of answers
+_HALF_CHAR: Final = 0.5
 _ONE_UNIT: Final = 0.9  # of all stretches
 _MOST: Final = 0.6
 _FEW: Final = 0.15  # frames hit for a stretch on the idle line
@@ -43,8 +46,7 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     hits = Hits(evidence)
     if hits.idle < _LEAST:
         return
-    readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]
-    touched = hits.damaged * share_of(readings, "head", "ahead")  # noise that runs into the beginning of an answer
+    touched = sum(evidence.damaged(unit) * _run_into(evidence, unit) for unit in evidence.units)
     idle, frames = hits.idle + touched, hits.frames - touched
     bits = surplus_bits(idle, max(hits.exchanges, idle), HEALTHY)
     bits += likelihood_bits(frames, idle + frames, WELL) - likelihood_bits(frames, idle + frames, 0.5)
@@ -55,6 +57,14 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     if touched > _MOST * hits.damaged or hits.damaged < _FEW * idle:
         explains |= frozenset((Symptom.DAMAGE, unit.unit) for unit in evidence.units)
     yield Suspicion((), bits, explains, hits.numbers, **span_of_hits(evidence))
+
+
+def _run_into(evidence: Evidence, unit: UnitLedger) -> float:
+    """The share of a unit's damaged answers into whose beginning noise runs: bytes come before it ever answers."""
+    readings, soonest = evidence.readings(unit), unit.delays.quantile(_SOONEST)
+    before = (soonest or 0.0) - evidence.verdict.wait_ns - _HALF_CHAR * evidence.ledger.char_ns
+    found = [each for each in readings if kind_of(each) in ("head", "ahead") or 0 <= each.delay < before]
+    return len(found) / len(readings) if readings else 0.0
 
 
 @suspect(

@@ -160,6 +160,27 @@ def overload_few_polls(random: Random, tap: str) -> Site:
     return bench, Expected("overload")
 
 
+@field_case("overload-fixed-pause", LOCAL)
+def overload_fixed_pause(random: Random, tap: str) -> Site:
+    """A long list of long polls, one after the other; the client keeps a pause somewhat longer than is due."""
+    bench = site(random, tap, units=(8, 15), seconds=(60, 300), bauds=(2400, 4800))
+    due = 3.5 * bench.uart.char_ns
+    pause = random.uniform(0.15, 0.6) * due / 1e6
+    bench.master.manners.pause_ms = lambda _: pause
+    for unit in bench.units.values():
+        unit.delay_ms = random.uniform(2, 8)
+    bench.master.manners.timeout_ms += 260 * bench.uart.char_ns / 1e6
+    bench.master.polls = [
+        FieldPoll(unit, read_pdu(3, 100 * k, random.choice((50, 60, 80))))
+        for unit in sorted(bench.units)
+        for k in range(random.randint(1, 2))
+    ]
+    for poll in bench.master.polls:
+        poll.period_ns = SECOND
+        poll.due = random.random() * SECOND
+    return bench, Expected("overload")
+
+
 @field_case("ascii-healthy")
 def ascii_healthy(random: Random, tap: str) -> Site:
     """All is well, in Modbus ASCII."""
