@@ -43,7 +43,7 @@ CANARY = (
 )
 NAME = CANARY.replace("/", "")
 ONE_LINE = CANARY.replace("\n", " ")  # line ends pass the streams: those of a command are its own
-OURS = re.compile(r"\x1b\[(?:0|1|2|4|31|32|33|36|1;31)m|\r\x1b\[K")  # what the program itself sends
+OURS = re.compile(r"\x1b\[(?!5m)[\d;]*m|\r\x1b\[K")  # what the program itself sends: colours, but no blinking
 
 
 def foreign(text: str) -> set[str]:
@@ -239,7 +239,7 @@ def test_a_canary_in_the_name_of_a_port(monkeypatch: pytest.MonkeyPatch, capsys:
 def test_a_terminal_gets_our_own_sequences_and_no_others(capture: Path, tmp_path: Path) -> None:
     rules = tmp_path / "rules.toml"
     rules.write_text(f'[[rule]]\nname = {json.dumps(CANARY)}\ncheck = "no exceptions"\n'.replace("\\u007f", ""))
-    painted_ones = 0
+    painted = set()
     for arguments in (
         ("replay", str(capture), "--speed", "max"),
         ("parse", "11 2B 0E 01 01 00 00 01 00 02 1B 07"),
@@ -254,8 +254,9 @@ def test_a_terminal_gets_our_own_sequences_and_no_others(capture: Path, tmp_path
         terminal.status()
         text = terminal.seen.decode().replace("\r\n", "\n")
         assert not foreign(text), (arguments, text)
-        painted_ones += "\x1b[0m" in text
-    assert painted_ones == 4
+        if "\x1b[0m" in text:
+            painted.add(arguments[0])
+    assert painted >= {"replay", "parse", "check", "report"}
     assert "no text to show on a terminal" in Terminal("export", str(capture), "--format", "mcap").whole()
 
 
