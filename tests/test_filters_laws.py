@@ -13,6 +13,7 @@ import numpy as np
 from batches import whole
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made import SMALL, batches
 
 import captures
 from analyzer.filters import BatchTable, Filter, FilterError, check, compile_filter, complete
@@ -23,6 +24,7 @@ from analyzer.tables.columns import AreaCode, Decoded, decode
 from analyzer.tables.findings import Severity
 from analyzer.tables.schema import NO_GAP, Direction, Kind, Protocol
 from captures import samples
+from captures.line import LineSettings
 from dissectors.functions import exception_name, function_name
 
 CHAR_NS = 10e9 / 19200  # of the captures below
@@ -366,6 +368,20 @@ def test_rows_pass_alike_however_the_table_is_cut(tree: Tree, cuts: list[int]) -
         for first, last in pairwise(bounds)
     ]
     assert np.concatenate(pieces).tolist() == compiled.mask(table).tolist()
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data())
+def test_values_of_any_function_are_found_where_decoding_finds_them(data: st.DataObject) -> None:
+    """Few rows are decoded for a test that few numbers pass; of damaged frames and listed values no other ones."""
+    batch = data.draw(batches(data.draw(st.sampled_from(sorted({code for code, _ in SMALL})))))
+    decoded = decode(batch)
+    wanted = data.draw(st.sampled_from(decoded.values.tolist()) if len(decoded.values) else st.integers(0, 0xFFFF))
+    operation = data.draw(st.sampled_from(["==", ">", "<="]))
+    got = compile_filter(f"value {operation} {wanted}").mask(BatchTable(batch, LineSettings()))
+    said = OPERATORS[operation]
+    rows = range(len(batch))
+    assert got.tolist() == [any(said(value, wanted) for value in decoded.values_of(row).tolist()) for row in rows]
 
 
 WORDS = st.sampled_from(

@@ -30,7 +30,7 @@ class HeldSlice:
 
     def known(self) -> Mask:
         mask = np.zeros(self.count, np.bool_)
-        for span in self._spans():
+        for span in self._spans(None):
             mask[span.rows[span.counts > 0]] = True
         return mask
 
@@ -39,26 +39,40 @@ class HeldSlice:
             return ValueSlice(values.view(np.int16) if self.signed else values).passing(wanted)
 
         mask = np.zeros(self.count, np.bool_)
-        registers = [span for span in self._spans() if span.read is None]
+        before, size = _counted(self.held.pdus.data, passes)
+        bits_pass = bool(passes(np.arange(2, dtype=np.uint16)).any())
+        spans = self._spans(None if bits_pass else self._touched(before, size))
+        registers = [span for span in spans if span.read is None]
         if registers:
-            self._registers(registers, passes, mask)
-        for span in self._spans():
-            if span.read is not None and (not span.is_bits or passes(np.arange(2, dtype=np.uint16)).any()):
+            _in_registers(registers, before, size, mask)
+        for span in spans:
+            if span.read is not None and (bits_pass or not span.is_bits):
                 of, _, values = span.each(self.held.pdus)
                 mask[span.rows[of[passes(values)]]] = True
         return mask
 
-    def _spans(self) -> list[ValueSpans]:
-        return [span for span in self.held.spans if span.area not in self.left_out]
+    def _spans(self, among: Mask | None) -> list[ValueSpans]:
+        return [span for span in self.held.spans(among) if span.area not in self.left_out]
 
-    def _registers(self, spans: list[ValueSpans], passes: Passes, mask: Mask) -> None:
-        rows, begins, counts = (
-            np.concatenate([getattr(span, name) for span in spans]) for name in ("rows", "begins", "counts")
-        )
-        before, size = _counted(self.held.pdus.data, passes)
-        first = (begins & 1) * size + (begins >> 1)
-        first[counts == 0] = 0  # what a cut frame does not reach may lie behind the bytes
-        mask[rows[before[first + counts] > before[first]]] = True
+    def _touched(self, before: NDArray[np.int32], size: int) -> Mask:
+        """Rows in whose PDUs stands a number that passes, whatever it is: of most filters few, so that few are read."""
+        begins, ends = self.held.pdus.begins, self.held.pdus.ends
+        touched = np.zeros(self.count, np.bool_)
+        for odd in (0, 1):
+            counts = before[odd * size : (odd + 1) * size]
+            first, behind = (begins - odd + 1) >> 1, (ends - odd) >> 1
+            touched |= counts.take(behind, mode="clip") > counts.take(first, mode="clip")
+        return touched
+
+
+def _in_registers(spans: list[ValueSpans], before: NDArray[np.int32], size: int, mask: Mask) -> None:
+    """Mark the rows whose registers pass."""
+    rows, begins, counts = (
+        np.concatenate([getattr(span, name) for span in spans]) for name in ("rows", "begins", "counts")
+    )
+    first = (begins & 1) * size + (begins >> 1)
+    first[counts == 0] = 0  # what a cut frame does not reach may lie behind the bytes
+    mask[rows[before[first + counts] > before[first]]] = True
 
 
 def _counted(data: NDArray[np.uint8], passes: Passes) -> tuple[NDArray[np.int32], int]:

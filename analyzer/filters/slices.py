@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..tables.batch import Batch
-from ..tables.columns import Decoded, HeldValues, decode, held_values
+from ..tables.columns import Decoded, HeldValues, decode
 from ..tables.schema import Kind
 from ..tables.schema import Protocol as Envelope
 from .table import FilterTable
@@ -230,7 +230,7 @@ class TableSlice:
     @cached_property
     def held(self) -> HeldValues:
         """Where their values lie."""
-        return held_values(self.batch)
+        return HeldValues(self.batch)
 
     @cached_property
     def each(self) -> Each:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 
 _COPIED = ("start", "length", "t_start_ns", "t_end_ns", "response_ns", "confidence", "kind", "unit", "function",
            "exception", "check", "port", "protocol", "gap_before_ns", "gap_most_ns", "errors")  # fmt: skip
+_READ_BY = ("length", "kind", "unit", "function", "exception", "check", "protocol")
 
 # What the other columns of `Rows` are given as, for want of being kept.
 _LEFT_OUT: Final[dict[str, Any]] = {
@@ -230,28 +232,39 @@ class Bus:
 
     def batch(self, rows: NDArray[np.int64]) -> Batch:
         """Rows, ascending, all of one piece, as what the pipeline gives; bytes between them are in its data too."""
+        batch, requests = self._placed(rows, _COPIED)
+        out = batch.rows
+        out.gap_least_ns[:], out.request_start[:] = NO_GAP, -1
+        answers = np.flatnonzero(requests >= 0)
+        out.request_start[answers] = self.table.take("start", requests[answers])
+        return replace(batch, findings=self.found.on(rows))
+
+    def contents(self, rows: NDArray[np.int64]) -> Batch:
+        """The same as far as it takes to read their bytes: places, times, confidence and findings are left out."""
+        return self._placed(rows, _READ_BY)[0]
+
+    def _placed(self, rows: NDArray[np.int64], names: Sequence[str]) -> tuple[Batch, NDArray[np.int64]]:
+        """These rows with some columns, their bytes and those of their requests; the rows of the requests, or -1."""
         number = int(rows[0]) // PIECE
         first = int(rows[0]) - number * PIECE
         all_between = rows[-1] - rows[0] == len(rows) - 1
         slots = slice(first, first + len(rows)) if all_between else rows - number * PIECE
         column = self.table.stretch
         out = Rows.zeros(len(rows))
-        for name in _COPIED:
+        for name in names:
             out.column(name)[:] = column(number, name, slots)
-        at = column(number, "at", slots).astype(np.int64)
-        out.at[:], out.gap_least_ns[:] = at - at[0], NO_GAP
-        frames = out.kind != Kind.NOISE
-        out.index[:] = np.where(frames, column(number, "frame", slots).astype(np.int64), -1)
-        requests = np.where(out.kind == Kind.RESPONSE, column(number, "partner", slots), -1).astype(np.int64)
+        at, frame, partner = (column(number, name, slots).astype(np.int64) for name in ("at", "frame", "partner"))
+        np.subtract(at, at[0], out=out.at)
+        out.index[:] = np.where(out.kind != Kind.NOISE, frame, -1)
+        requests = np.where(out.kind == Kind.RESPONSE, partner, -1)
         answers = np.flatnonzero(requests >= 0)
-        out.request[:] = out.request_start[:] = -1
-        out.request[answers] = self.table.take("frame", requests[answers])
-        out.request_start[answers] = self.table.take("start", requests[answers])
         asked = requests[answers]
+        out.request[:] = -1
+        out.request[answers] = self.table.take("frame", asked)
         away = asked[(asked < rows[0]) | (asked > rows[-1])] if all_between else asked[~np.isin(asked, rows)]
         earlier = {self.table.value("frame", row): self.captured(row) for row in np.unique(away).tolist()}
         data = self.store.get(int(at[0]), int(at[-1]) + int(out.length[-1]) - int(at[0]))
-        return Batch(out, data, earlier, findings=self.found.on(rows))
+        return Batch(out, data, earlier), requests
 
     def transactions(self, requests: NDArray[np.int64]) -> TransactionRows:
         """What became of the requests among these rows, as the pipeline gives it; open ones are left out."""

@@ -98,5 +98,5 @@ class PieceTable:
         return rows - self._first, rules
 
     def batch(self, first: int, last: int) -> Batch:
-        """Some of the rows, with their bytes."""
-        return self._bus.batch(np.arange(self._first + first, self._first + last)) if last > first else Batch.empty()
+        """Some of the rows, as far as it takes to read their bytes."""
+        return self._bus.contents(np.arange(self._first + first, self._first + last)) if last > first else Batch.empty()

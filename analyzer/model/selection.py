@@ -129,17 +129,17 @@ def transactions_with(test: Test) -> Test:
     """Rows that begin a transaction of which the request or its answer passes."""
 
     def either(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:
-        rows = np.flatnonzero(test(bus, number, low, high))
+        passed = test(bus, number, low, high)
         first, size = number * PIECE + low, high - low
         kinds, partner = (bus.table.column(number, name)[low:high] for name in ("kind", "partner"))
-        out = np.zeros(size, np.bool_)
-        kind, other = kinds[rows], partner[rows]
-        out[rows[(kind == Kind.REQUEST) | ((kind == Kind.RESPONSE) & (other < 0))]] = True
-        joined = (kind == Kind.RESPONSE) & (other >= first) & (other < first + size)
-        answers, requests = rows[joined], other[joined] - first
-        out[requests[partner[requests] == answers + first]] = True  # a second answer is not the request's own
-        for request in np.flatnonzero((partner >= first + size) & (kinds == Kind.REQUEST) & ~out).tolist():
-            piece, at = divmod(int(partner[request]), PIECE)
+        requests = kinds == Kind.REQUEST
+        out: NDArray[np.bool_] = passed & (requests | ((kinds == Kind.RESPONSE) & (partner < 0)))
+        open_ones = np.flatnonzero(requests & ~out & (partner >= 0))  # those whose own answer tells
+        answers = partner[open_ones].astype(np.int64) - first
+        here = answers < size
+        out[open_ones[here]] = passed[answers[here]]
+        for request, answer in zip(open_ones[~here].tolist(), answers[~here].tolist(), strict=True):
+            piece, at = divmod(first + answer, PIECE)
             out[request] = test(bus, piece, at, at + 1)[0]
         return out
 

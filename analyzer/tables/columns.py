@@ -28,6 +28,7 @@ from .schema import Kind
 _Ints = NDArray[np.int64]
 _WORD: Final = 2  # bytes of a register
 _ROLES: Final = {int(Kind.NOISE): None, int(Kind.REQUEST): Role.REQUEST, int(Kind.RESPONSE): Role.RESPONSE}
+_KINDS: Final = {role: kind for kind, role in _ROLES.items() if role is not None}
 
 
 class AreaCode(IntEnum):
@@ -105,18 +106,19 @@ class ValueSpans:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class HeldValues:
     """Where the values of a batch's rows lie in its bytes: for who only asks which rows have some, or such ones."""
 
-    pdus: Pdus
-    spans: list[ValueSpans]
+    def __init__(self, batch: Batch) -> None:
+        self._batch = batch
+        self.pdus = Pdus(batch)
 
+    def spans(self, among: NDArray[np.bool_] | None = None) -> list[ValueSpans]:
+        """The places of the values that `decode` gives.
 
-def held_values(batch: Batch) -> HeldValues:
-    """The places of the values that `decode` gives."""
-    decoding = _Decoding(batch, Pdus(batch))
-    return HeldValues(decoding.pdus, decoding.held())
+        `among` is a mask of rows that are enough (None: all); values without a fixed place come in any case.
+        """
+        return _Decoding(self._batch, self.pdus).held(among)
 
 
 class _Decoding:
@@ -144,27 +146,38 @@ class _Decoding:
         offsets = np.concatenate(([0], np.cumsum(self.counts)))
         return Decoded(self.address, self.quantity, self.area, self.value_address, offsets, self._joined(offsets))
 
-    def held(self) -> list[ValueSpans]:
+    def held(self, among: NDArray[np.bool_] | None) -> list[ValueSpans]:
         """The values' places alone."""
-        for code, content, selected in self._sides():
+        for code, content, selected in self._sides(among):
             if not code & EXCEPTION:
                 self._contained(content, selected)
         return self.blocks
 
-    def _sides(self) -> Iterator[tuple[int, Contents, _Ints]]:
-        """The rows (ascending) of each declared function code and role, exceptions by their code with the high bit."""
+    def _sides(self, among: NDArray[np.bool_] | None = None) -> Iterator[tuple[int, Contents, _Ints]]:
+        """The rows (ascending) of each declared function code and role, exceptions by their code with the high bit.
+
+        `among`: of those rows alone, where values have their place.
+        """
         rows, declared = self.batch.rows, contents()
         keys = rows.kind.astype(np.uint16) << 8 | rows.function
         keys[(rows.exception > 0) & (rows.kind == Kind.RESPONSE)] |= EXCEPTION
+        chosen = None
+        if among is not None:
+            unplaced = np.zeros(len(_ROLES) << 8, np.bool_)
+            for (code, role), content in declared.items():
+                unplaced[_KINDS[role] << 8 | code] = bool(content.listed)
+            chosen = np.flatnonzero(among | unplaced[keys] if unplaced.any() else among)
+            keys = keys[chosen]
         order = np.argsort(keys, kind="stable")  # short keys sort in linear time
         ordered = keys[order]
+        order = order if chosen is None else chosen[order]
         cuts = [0, *(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1).tolist(), len(ordered)]
         for first, last in pairwise(cuts):
             key = int(ordered[first]) if first < last else 0
-            code, role = key & 0xFF, _ROLES[key >> 8]
-            content = None if role is None else declared.get((code & ~EXCEPTION, role))
-            if content is not None:
-                yield code, content, order[first:last]
+            code, side = key & 0xFF, _ROLES[key >> 8]
+            said = None if side is None else declared.get((code & ~EXCEPTION, side))
+            if said is not None:
+                yield code, said, order[first:last]
 
     def _exceptions(self, request: Contents, rows: _Ints) -> None:
         """What their requests spoke of."""

@@ -28,8 +28,12 @@ if TYPE_CHECKING:
 _BLOCKS = "▁▂▃▄▅▆▇█"
 _MANY = 0.05  # of the requests without a good answer
 _FEW = 0.005
-_NONE: Final = (("none", 6, "unanswered"), ("bad", 6, "damaged"))  # head, width, which of Counts
-_HEARD: Final = (("silent", 7, "unanswered"), ("garbage", 8, "damaged"))  # where one is told from the other
+_NONE: Final = {"none": 6, "bad": 6}  # columns of no answer and a damaged one, and their widths
+_HEARD: Final = {"silent": 7, "garbage": 8}  # where one is told from the other
+_BEFORE: Final = {"unit": 5, "load": 6, "asked": 6, "ok": 6, "exc": 6}
+_BEHIND: Final = {"late": 6, "err": 6, "p50": 8, "p95": 8, "max": 8}
+_DROPPED: Final = ("ok", "load", "p50", "late", "exc", "bad", "garbage", "none", "silent", "max")  # for want of room
+_SPARKS: Final = 8  # columns from which on a line of answer times says something
 
 
 def sparkline(values: NDArray[np.float64], width: int) -> str:
@@ -85,41 +89,59 @@ class UnitList(Lines):
     def count(self) -> int:
         return len(self.report.units) if self.report else 0
 
-    @property
-    def _columns(self) -> Sequence[tuple[str, int, str]]:
-        lost = _HEARD if self.report is not None and self.report.cards else _NONE
-        return (("ok", 6, "answered"), ("exc", 6, "exceptions"), *lost, ("late", 6, "late"))
+    def columns(self, width: int) -> dict[str, int]:
+        """Those that there is room for, and their widths."""
+        columns = _BEFORE | (_HEARD if self.report is not None and self.report.cards else _NONE) | _BEHIND
+        for name in _DROPPED:
+            if sum(columns.values()) > width:
+                columns.pop(name, None)
+        return columns
 
     def head(self, width: int) -> Sequence[StyledText]:
-        counts = "".join(f"{tr(name):>{room}}" for name, room, _ in self._columns)
-        text = f"{tr(' unit  load asked')}{counts}{tr('   err    p50    p95    max')}"
-        return fitted([StyledText(text + (tr("  answer times over the capture") if width >= 100 else ""))], width)
+        columns = self.columns(width)
+        text = "".join(f"{tr(f' {name}'):>{room}}" for name, room in columns.items())
+        title = tr("  answer times over the capture")
+        room = width - sum(columns.values()) - 2
+        return fitted([StyledText(text + (title if room >= len(title) else ""))], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         assert self.report is not None
-        unit = self._units[line]
-        bus, counts, times = self.desk.bus, unit.counts, unit.times
-        load = ""
-        if bus.char_ns and bus.timed and bus.t_last > bus.t_first:
-            load = f"{self.desk.figures.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first):.1%}"
-        bad = counts.unanswered + counts.exceptions + counts.damaged
-        rate = bad / counts.requests if counts.requests else 0.0
-        parts = [
-            StyledText(f"{unit.unit:>5} "),
-            StyledText(f"{load:>5} ", "dim"),
-            StyledText(f"{compact(counts.requests):>5}"),
-        ]
-        for name, room, key in self._columns:
-            number = getattr(counts, key)
-            kind = "" if name == "ok" else "warning" if name == "exc" else "error"
-            parts.append(StyledText(f"{compact(number) if number else '-':>{room}}", kind if number else "dim"))
-        grave = "error" if rate > _MANY else "warning" if rate else "dim"
-        share = f"{rate:.0%}" if rate >= _FEW else "<1%" if rate else "-"
-        parts.append(StyledText(f"{share:>6}", grave))
-        parts += [StyledText(f"{short_bound(times.bounds(each)):>7}") for each in ("p50", "p95", "max")]
-        if width >= 90:
-            parts.append(StyledText("  " + sparkline(self.desk.figures.units.means(unit.unit), width - 80), "accent"))
+        unit, columns = self._units[line], self.columns(width)
+        parts = [self._cell(unit, name, room) for name, room in columns.items()]
+        room = width - sum(columns.values()) - 2
+        if room >= _SPARKS:
+            parts.append(StyledText("  " + sparkline(self.desk.figures.units.means(unit.unit), room), "accent"))
         return fitted(parts, width)
+
+    def _cell(self, unit: UnitRow, name: str, room: int) -> StyledText:
+        """What stands in a column."""
+        counts = unit.counts
+        if name in ("p50", "p95", "max"):
+            return StyledText(f"{short_bound(unit.times.bounds(name)):>{room}}")
+        if name == "unit":
+            return StyledText(f"{unit.unit:>{room}}")
+        if name == "load":
+            return StyledText(f"{self._load(unit.unit):>{room}}", "dim")
+        if name == "err":
+            rate = (counts.unanswered + counts.exceptions + counts.damaged) / max(1, counts.requests)
+            share = f"{rate:.0%}" if rate >= _FEW else "<1%" if rate else "-"
+            return StyledText(f"{share:>{room}}", "error" if rate > _MANY else "warning" if rate else "dim")
+        number, kind = {
+            "asked": (counts.requests, ""),
+            "ok": (counts.answered, ""),
+            "exc": (counts.exceptions, "warning"),
+            "late": (counts.late, "error"),
+            **dict.fromkeys(("none", "silent"), (counts.unanswered, "error")),
+            **dict.fromkeys(("bad", "garbage"), (counts.damaged, "error")),
+        }[name]
+        return StyledText(f"{compact(number) if number else '-':>{room}}", kind if number else "dim")
+
+    def _load(self, unit: int) -> str:
+        """The share of the line's time that a unit's frames take; empty where it is not known."""
+        bus = self.desk.bus
+        if not bus.char_ns or not bus.timed or bus.t_last <= bus.t_first:
+            return ""
+        return f"{self.desk.figures.units.octets[unit] * bus.char_ns / (bus.t_last - bus.t_first):.1%}"
 
 
 def _widget(desk: ViewState) -> Widget:
