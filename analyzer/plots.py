@@ -6,6 +6,7 @@ back, for titles and limits of one's own. What is foreign is drawn as harmless t
 
 from __future__ import annotations
 
+import io
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final
@@ -34,6 +35,7 @@ _STATUSES: Final = {  # what became of a request: colour, mark
 }
 _BINS: Final = 4000  # along the time: marks that would fall on one another are drawn once
 _MS: Final = 1e6
+_HOUR_NS: Final = 3_600_000_000_000
 _WIDE: Final = (9.0, 3.5)  # inches
 
 
@@ -132,6 +134,47 @@ class Plots:
             for at in np.flatnonzero(wanted).tolist():
                 if columns["area"][at] == area:
                     yield {name: columns[name][at] for name in names}
+
+
+def series_over_time(
+    series: Mapping[str, tuple[NDArray[np.int64], NDArray[np.float64]]], title: str, ax: Axes | None = None
+) -> Axes:
+    """Raw values over time, a stepped line for each name: of its values the times (ns, in order), and themselves.
+
+    Along dates where the times have any and are more than an hour; else along seconds.
+    """
+    ax = _axes(ax)
+    moments = [times for times, _ in series.values()]
+    known = np.concatenate([np.zeros(0, np.int64), *moments])
+    dated = len(known) > 0 and is_clock(int(known.min())) and int(np.ptp(known)) > _HOUR_NS
+    axis = None if dated else _TimeAxis(ax, moments)
+    for name, (times, values) in series.items():
+        places = times.astype("datetime64[ns]") if axis is None else axis.places(times)
+        many = len(times) > _BINS  # in a picture of lines each would be a stroke of its own
+        ax.step(places, values, ".-", where="post", markersize=2, linewidth=0.8, label=_text(name), rasterized=many)
+    if dated:
+        from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+        locator = AutoDateLocator()
+        ax.xaxis.set_major_locator(locator)
+        ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+        ax.set_xlabel("UTC")
+    ax.set_ylabel("raw value")
+    ax.set_title(_text(title))
+    return _told(ax)
+
+
+def drawn_series(kind: str, series: Mapping[str, tuple[NDArray[np.int64], NDArray[np.float64]]], title: str) -> bytes:
+    """The same as a file of a kind, `png`, `svg` or `pdf`. ImportError says how to get matplotlib."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ImportError(needs("a picture", "matplotlib", "plot"), name="matplotlib") from error
+    figure = Figure(figsize=_WIDE, layout="constrained")
+    series_over_time(series, title, figure.subplots())
+    file = io.BytesIO()
+    figure.savefig(file, format=kind, dpi=150)
+    return file.getvalue()
 
 
 class _TimeAxis:

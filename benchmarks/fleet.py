@@ -3,7 +3,8 @@
     python -m benchmarks.fleet batch /tmp/fleet --sites 20 --days 30
     python -m benchmarks.fleet questions /tmp/fleet --frames 100_000_000
 
-The corpus is simulated: eight buses at 9600 bit/s, each day of a site one of them, spread over the day. The factor
+The corpus is simulated: eight buses at 9600 bit/s, two of them noisy, each day of a site one of them, in 24 pieces an
+hour apart. The factor
 to a real fleet is said with the figures. The large lake of `questions` is one site's month, its files linked under so
 many sites' names: all footers and pages are read, though the operating system has the pages once.
 """
@@ -46,14 +47,17 @@ READY = (
 
 
 def bus_of(number: int, transactions: int) -> tuple[captures.LineSettings, list[captures.Chunk]]:
-    """A bus's day: its conversation spread over it."""
+    """A bus's day: its conversation in 24 pieces, each as dense as it was, one an hour."""
     wire = "noisy" if number % 4 == 3 else "clean"
     made = simulate(Scenario(wire, "precise", transactions=transactions, seed=number, baud=9600))
-    pauses = np.diff([0, *(chunk.t_ns for chunk in made.chunks)])
-    longer = max((0.98 * DAY_NS - made.chunks[-1].t_ns) / max(int((pauses > 5_000_000).sum()), 1), 0)
-    times = np.cumsum(np.where(pauses > 5_000_000, pauses + longer, pauses)).astype(np.int64)
+    times = np.array([chunk.t_ns for chunk in made.chunks])
+    pauses = np.flatnonzero(np.diff(times) > 5_000_000) + 1
+    begins = np.searchsorted(times, np.linspace(0, times[-1], 25)[1:-1])
+    begins = np.unique(pauses[np.searchsorted(pauses, begins).clip(0, len(pauses) - 1)])
+    free = max(0.98 * DAY_NS - times[-1], 0) / max(len(begins), 1)
+    times = times + (np.searchsorted(begins, np.arange(len(times)), side="right") * free).astype(np.int64)
     return made.line, [
-        captures.Chunk(int(t), chunk.data, chunk.port) for t, chunk in zip(times, made.chunks, strict=True)
+        captures.Chunk(t, chunk.data, chunk.port) for t, chunk in zip(times.tolist(), made.chunks, strict=True)
     ]
 
 

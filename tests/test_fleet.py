@@ -310,6 +310,49 @@ def test_a_register_that_cannot_be_is_told(made, words):
         ready(Lake(str(made)), "register", Asked(words))
 
 
+@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+def test_a_register_is_drawn(made, tmp_path, ending):
+    pytest.importorskip("matplotlib", reason="pictures are drawn by matplotlib")
+    begins = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+    picture = tmp_path / f"register.{ending}"
+    unit, address = register_of(made)
+    command = ["ask", str(made), "register", unit, address, "--plot", str(picture)]
+    assert main(command) == 0
+    data = picture.read_bytes()
+    assert data.startswith(begins[ending])
+    assert main(command) == 2 and picture.read_bytes() == data
+    assert main([*command, "--overwrite", "--site", "site1"]) == 0
+
+
+def test_what_cannot_be_drawn_is_told(made, tmp_path, capsys):
+    for words, told in (
+        (["register", "1", "0", "--plot", "x.txt"], "ending"),
+        (["register", "200", "65000", "--plot", str(tmp_path / "x.png")], "nothing is known"),
+        (["worst-units", "--plot", str(tmp_path / "x.png")], "register"),
+    ):
+        assert main(["ask", str(made), *words]) == 2
+        assert told in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_register_as_csv_is_all_of_its_values(made, capsys):
+    unit, address = register_of(made)
+    assert main(["ask", str(made), "register", unit, address, "--site", "site1", "--csv"]) == 0
+    heading, *lines = capsys.readouterr().out.splitlines()
+    assert heading == "t_ns,site,line,area,raw"
+    wanted = Lake(str(made)).sql(
+        f"SELECT count(*) FROM values WHERE unit = {unit} AND address = {address} AND site = 'site1'"
+    )
+    assert len(lines) == wanted.fetchall()[0][0] > 2
+
+
+def register_of(made):
+    """The register of site1 that was read most often, as words."""
+    by_count = "GROUP BY ALL ORDER BY count(*) DESC, unit, address LIMIT 1"
+    often = f"SELECT unit, address FROM values WHERE site = 'site1' {by_count}"
+    return [str(word) for word in Lake(str(made)).sql(often).fetchall()[0]]
+
+
 def test_the_page_of_a_fleet_tells_each_site(lake_path, tmp_path, capsys):
     hostile = "<script>alert(1)</script>"
     captures.write(tmp_path / "x.jsonl", bus("noisy", 5))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from dissectors.values import harmless
 
 from .exits import DONE, UsageError
+from .outputs import add_overwrite_argument, to_be_overwritten
 from .quantities import seconds
 from .terminal import put_json
 
@@ -21,6 +23,8 @@ rtuscope batch bus.jsonl -o lake --site plant-1
 rtuscope ask lake worst-units
 rtuscope ask lake 'SELECT site, name, count(*) FROM frames GROUP BY ALL' --csv"""
 _WIDEST: Final = 60  # characters of a cell on a terminal
+_PICTURES: Final = (".png", ".svg", ".pdf")
+_LINES: Final = 20  # that can be told apart in a picture
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -39,6 +43,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     shape = parser.add_mutually_exclusive_group()
     shape.add_argument("--json", action="store_true", help="an array of objects")
     shape.add_argument("--csv", action="store_true", help="comma-separated, with a heading")
+    shape.add_argument(
+        "--plot", metavar="FILE", type=_picture, help="of register: a picture over time, .png, .svg or .pdf"
+    )
+    add_overwrite_argument(parser, "FILE")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -48,6 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.limit < 1:
         raise UsageError("--limit takes a number from 1")
+    if arguments.plot is not None and arguments.question != "register":
+        raise UsageError("--plot draws the values of a register: rtuscope ask LAKE register UNIT ADDRESS --plot FILE")
     lake = Lake(arguments.lake)
     if arguments.question in QUESTIONS:
         asked = Asked(tuple(arguments.words), arguments.since, arguments.site, arguments.limit)
@@ -61,13 +71,47 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError("further words, --since and --site go with ready questions: SQL says it all by itself")
     else:
         answer = lake.arrow(arguments.question)
-    if arguments.json:
+    if arguments.plot is not None:
+        to_be_overwritten(arguments.plot, overwrite=arguments.overwrite)
+        _plot(answer, arguments.plot, f"unit {arguments.words[0]}, address {arguments.words[1]}")
+    elif arguments.json:
         put_json(_plain(answer))
     elif arguments.csv:
         _put_csv(answer)
     else:
         _put_table(answer)
     return DONE
+
+
+def _picture(text: str) -> Path:
+    path = Path(text)
+    if path.suffix.lower() not in _PICTURES:
+        raise argparse.ArgumentTypeError(f"{text!r} has no such ending: {', '.join(_PICTURES)}")
+    return path
+
+
+def _plot(answer: Any, path: Path, title: str) -> None:
+    """A line a place and area that the register is known of."""
+    import numpy as np
+    import pyarrow as pa
+
+    from ..exports.output import output
+    from ..plots import drawn_series
+
+    if not len(answer):
+        raise UsageError(f"nothing is known of {title}: no picture of it")
+    keys = [
+        ", ".join(key)
+        for key in zip(*(answer.column(name).to_pylist() for name in ("site", "line", "area")), strict=True)
+    ]
+    times, values = answer.column("t_ns").cast(pa.int64()).to_numpy(), answer.column("raw").to_numpy()
+    names, which = np.unique(np.array(keys, object).astype(str), return_inverse=True)
+    if len(names) > _LINES:
+        raise UsageError(f"{title} is known of {len(names):,} lines and areas: choose by --site or AREA")
+    series = {str(name): (times[which == i], values[which == i].astype(np.float64)) for i, name in enumerate(names)}
+    picture = drawn_series(path.suffix[1:].lower(), series, title)
+    with output(path) as file:
+        file.write(picture)
 
 
 def _plain(answer: Any) -> list[dict[str, Any]]:

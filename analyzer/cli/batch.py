@@ -34,7 +34,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="LAKE", required=True, help="the lake: a folder or an object store")
     parser.add_argument("--resume", action="store_true", help="go on with a lake that is there: nothing is done twice")
     parser.add_argument(
-        "--redo", action="store_true", help="with --resume: make anew what another version or other options made"
+        "--redo",
+        action="store_true",
+        help="with --resume: make anew what other options made, or rules that changed since, and no other tables",
     )
     parser.add_argument(
         "--compact",
@@ -98,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     tell_result(result)
     if not arguments.redo and result.outdated:
-        tell(f"{result.outdated} lines were made by another version or other options: --redo makes them anew")
+        tell(f"{result.outdated} lines were made by other rules or options: --redo makes anew what these touch")
     if result.partial:
         tell("stopped by Ctrl-C; what was done is kept: --resume goes on")
         return INTERRUPTED

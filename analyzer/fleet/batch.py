@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import takewhile
-from typing import Any
+from typing import Any, Final
 
 from ..version import __version__
+from .datasets import DATASETS, touched
 from .errors import FleetError
 from .manifest import LakeLine, Manifest, writing
 from .packs import LakePacking, pack
 from .runners import Runner
 from .sources import LineFiles, SourceFile
 from .stores import LakeStore
-from .tasks import BatchOptions, LineTask
+from .tasks import BatchOptions, KeptRows, LineTask
 
-_FOLDERS = ("frames", "transactions", "values", "findings", "causes", "captures", "hours", "state", "scratch")
+_FOLDERS: Final = (*DATASETS, "state", "scratch")
+_HAVE_ROWS: Final = ("whole", "damaged")  # states of captures
 
 
 @dataclass(slots=True)
@@ -30,7 +32,7 @@ class BatchResult:
     frames: int = 0
     octets: int = 0
     skipped: int = 0  # captures that the lake has already
-    outdated: int = 0  # lines that another version or other options made
+    outdated: int = 0  # lines that other rules or other options made, and that are left so
     failed: int = 0  # tasks
     damaged: int = 0  # captures
     partial: bool = False
@@ -54,35 +56,81 @@ def planned(
 ) -> list[LineTask]:
     """The tasks that are left to do, the largest first. What is not done is counted in `result`."""
     tasks = []
+    taken = _Taken(manifest)
     for line in lines:
-        task = _planned(manifest, line, options, redo=redo, result=result)
+        known = taken.elsewhere(line.site, line.line)
+        plain = LineTask(
+            manifest.store.root, line.site, line.line, line.files, options, known, None, sliced=line.sliced
+        )
+        before = manifest.lines.get((line.site, line.line))
+        task = plain if before is None else _further(before, plain, redo=redo, result=result)
         if task is not None:
             tasks.append(task)
     return sorted(tasks, key=lambda task: (-sum(file.size for file in task.files), task.site, task.line))
 
 
-def _planned(
-    manifest: Manifest, line: LineFiles, options: BatchOptions, *, redo: bool, result: BatchResult
-) -> LineTask | None:
-    before = manifest.lines.get((line.site, line.line))
-    others = [each for key, each in manifest.lines.items() if key[0] == line.site and each is not before]
-    elsewhere = frozenset(one["sha256"] for each in others for one in each.slices() if one["sha256"])
-    plain = LineTask(manifest.store.root, line.site, line.line, line.files, options, elsewhere, None, line.sliced)
-    if before is None:
-        return plain
-    made_so = before.last["version"] == __version__ and before.last["options"] == options.mark()
-    if not made_so:
-        if redo:
-            return plain
+class _Taken:
+    """Whose rows the lake has, by content: the lines of a site that took a capture, by its SHA-256."""
+
+    def __init__(self, manifest: Manifest) -> None:
+        self._lines: dict[str, dict[str, set[str]]] = {}
+        for (site, line), entries in manifest.lines.items():
+            self.add(site, line, entries.slices())
+
+    def add(self, site: str, line: str, slices: Iterable[Mapping[str, Any]]) -> None:
+        """What a line has."""
+        taken = self._lines.setdefault(site, {})
+        for one in slices:
+            if one["state"] in _HAVE_ROWS:
+                taken.setdefault(one["sha256"], set()).add(line)
+
+    def elsewhere(self, site: str, line: str) -> frozenset[str]:
+        """What another line of the site has; where this one has it as well, it is the first one's by name."""
+        return frozenset(
+            sha for sha, lines in self._lines.get(site, {}).items() if (min(lines) < line if line in lines else lines)
+        )
+
+
+def _further(before: LakeLine, plain: LineTask, *, redo: bool, result: BatchResult) -> LineTask | None:
+    """What is left to do of a line that the lake has."""
+    if outdated := _outdated(before, plain):
+        gone = {one["url"] for one in before.slices()} - {file.url for file in plain.files}
+        if redo and not gone:
+            return _anew(before, plain, outdated)
         result.outdated += 1
+        if redo:
+            result.troubles.append(
+                f"site {plain.site}, line {plain.line}: left as other rules or options made it: "
+                f"{len(gone)} of its captures are there no more"
+            )
     known = {(one["url"], one["size"], one["stamp"]) for one in before.slices()}
-    fresh = tuple(file for file in line.files if (file.url, file.size, file.stamp) not in known)
-    result.skipped += len(line.files) - len(fresh)
+    fresh = tuple(file for file in plain.files if (file.url, file.size, file.stamp) not in known)
+    result.skipped += len(plain.files) - len(fresh)
     if not fresh:
         return None
-    if not made_so and not line.sliced:
+    return _continued(before, plain, fresh, result) if plain.sliced else plain
+
+
+def _outdated(before: LakeLine, plain: LineTask) -> frozenset[str]:
+    """The tables of a line that are not as these rules and options make them."""
+    mark = plain.options.mark()
+    if any(entry["options"] != mark for entry in before.entries):
+        return frozenset(DATASETS)
+    return frozenset().union(*(touched(entry.get("rules", {})) for entry in before.entries))
+
+
+def _anew(before: LakeLine, plain: LineTask, outdated: frozenset[str]) -> LineTask:
+    """The whole line again; rows of other tables than these stay, where one pass over the same captures made them."""
+    slices = tuple(before.slices())
+    same = [(file.url, file.size, file.stamp) for file in plain.files[: len(slices)]]
+    if len({entry["version"] for entry in before.entries}) > 1 or same != [
+        (one["url"], one["size"], one["stamp"]) for one in slices
+    ]:
         return plain
-    return _continued(before, plain, fresh, result) if line.sliced else plain
+    if not (stay := DATASETS.keys() - outdated):
+        return plain
+    settled, tail = ({table: tuple(of(table)) for table in stay} for of in (before.settled, before.tail))
+    return replace(plain, kept=KeptRows(settled, tail, slices))
 
 
 def _continued(before: LakeLine, plain: LineTask, fresh: tuple[SourceFile, ...], result: BatchResult) -> LineTask:
@@ -97,7 +145,8 @@ def _continued(before: LakeLine, plain: LineTask, fresh: tuple[SourceFile, ...],
             f"{fresh[0].url}: belongs before slices of which some are there no more: taken in behind them"
         )
     hashes = plain.known | {one["sha256"] for one in before.slices() if one["sha256"]}
-    state = before.last["state"] if before.last["version"] == __version__ else None
+    usable = before.last["version"] == __version__ and not touched(before.last.get("rules", {}))
+    state = before.last["state"] if usable else None
     return LineTask(
         plain.lake, plain.site, plain.line, fresh, plain.options, hashes, state, sliced=True, after=before.numbers[-1]
     )
@@ -125,18 +174,35 @@ def run_batch(
         remove_waste(manifest)
         tasks = planned(manifest, lines, options, redo=redo, result=result)
         total, done = sum(_size(task) for task in tasks), 0
-        wanted = takewhile(lambda _: stop is None or not stop(), tasks)
-        with closing(runner(wanted)) as outcomes:
-            for task, outcome in outcomes:
-                done += _size(task)
-                _enter(manifest, task, outcome, result)
-                if progress is not None:
-                    progress(BatchStep(done, total, result.frames, time.monotonic() - begun))
+        taken = _Taken(manifest)
+        while tasks:
+            again: list[LineTask] = []
+            wanted = takewhile(lambda _: stop is None or not stop(), tasks)
+            with closing(runner(wanted)) as outcomes:
+                for task, outcome in outcomes:
+                    if copies := _copies(taken, task, outcome):
+                        again.append(replace(task, known=task.known | copies))
+                        continue
+                    done += _size(task)
+                    _enter(manifest, task, outcome, result)
+                    if not isinstance(outcome, Exception):
+                        taken.add(task.site, task.line, outcome["slices"])
+                    if progress is not None:
+                        progress(BatchStep(done, total, result.frames, time.monotonic() - begun))
+            tasks = again
         result.partial = done < total
         if not result.partial:
             result.packed = pack(manifest, 1 if compact else None, stop)
     result.seconds = time.monotonic() - begun
     return result
+
+
+def _copies(taken: _Taken, task: LineTask, outcome: dict[str, Any] | Exception) -> frozenset[str]:
+    """What a task took though another line of the site has it since: two copies of a capture, in one batch."""
+    if isinstance(outcome, Exception):
+        return frozenset()
+    own = {one["sha256"] for one in outcome["slices"] if one["state"] in _HAVE_ROWS}
+    return taken.elsewhere(task.site, task.line) & own
 
 
 def _enter(manifest: Manifest, task: LineTask, outcome: dict[str, Any] | Exception, result: BatchResult) -> None:

@@ -21,6 +21,7 @@ import numpy as np
 
 from ..exports.records import TABLES
 from ..extras import needs
+from ..version import RULES
 from .errors import FleetError
 
 if TYPE_CHECKING:
@@ -105,10 +106,11 @@ HOURS: Final = pa.schema(
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
-    """A table of a lake: its columns, for a large one that by whose time a row has its day, and its order in packs."""
+    """A table of a lake: its columns, the rules (`version.RULES`) that its rows hang on, and how they lie."""
 
     schema: Any
-    time: str | None = None
+    rules: tuple[str, ...]
+    time: str | None = None  # of a large one: the column by which a row has its day
     order: tuple[str, ...] = ()  # within a site and day; what is alike in these stays in the order of time
 
 
@@ -116,15 +118,24 @@ def _with_line(schema: Any) -> Any:
     return pa.schema([_LINE, *schema])
 
 
+_FRAMED: Final = ("reading", "framing")
+_PAIRED: Final = (*_FRAMED, "pairing")
+_FOUND: Final = (*_PAIRED, "findings")
 DATASETS: Final[Mapping[str, Dataset]] = {
-    "frames": Dataset(_with_line(SCHEMA), "t_start_ns"),
-    "transactions": Dataset(_with_line(record_schema(TABLES["transactions"])), "t_start_ns", ("unit",)),
-    "values": Dataset(_with_line(record_schema(TABLES["values"])), "t_ns", ("unit", "address")),
-    "findings": Dataset(_with_line(record_schema(TABLES["findings"])), "t_ns"),
-    "causes": Dataset(_with_line(CAUSES)),
-    "captures": Dataset(_with_line(CAPTURES)),
-    "hours": Dataset(_with_line(HOURS), order=("line", "unit")),
+    "frames": Dataset(_with_line(SCHEMA), _FOUND, "t_start_ns"),  # the codes of findings stand beside each
+    "transactions": Dataset(_with_line(record_schema(TABLES["transactions"])), _PAIRED, "t_start_ns", ("unit",)),
+    "values": Dataset(_with_line(record_schema(TABLES["values"])), _FRAMED, "t_ns", ("unit", "address")),
+    "findings": Dataset(_with_line(record_schema(TABLES["findings"])), _FOUND, "t_ns"),
+    "causes": Dataset(_with_line(CAUSES), (*_PAIRED, "causes")),
+    "captures": Dataset(_with_line(CAPTURES), ("reading",)),
+    "hours": Dataset(_with_line(HOURS), _PAIRED, order=("line", "unit")),
 }
+
+
+def touched(made: Mapping[str, int]) -> frozenset[str]:
+    """The tables whose rows may be others now than those that rules of these numbers made."""
+    changed = {name for name, number in RULES.items() if made.get(name) != number}
+    return frozenset(table for table, dataset in DATASETS.items() if changed & set(dataset.rules))
 
 
 def pack_schema(table: str) -> Any:
@@ -155,9 +166,13 @@ class _DayFile:
 
 
 class LakeFiles:
-    """Rows of one line into files of a lake, a file a table and day; memory holds a row group of each."""
+    """Rows of one line into files of a lake, a file a table and day; memory holds a row group of each.
+
+    `tables`: those that are wanted; rows of others are let go.
+    """
 
     def __init__(self, store: LakeStore, site: str, line: str, prefix: str) -> None:
+        self.tables = frozenset(DATASETS)
         self._store, self._site, self._prefix = store, site, prefix
         self._line = pa.array([line], pa.string())
         self._open: dict[tuple[str, int | None], _DayFile] = {}
@@ -166,7 +181,7 @@ class LakeFiles:
 
     def add(self, table: str, part: Any) -> None:
         """A RecordBatch of rows of a table, its column `line` left out."""
-        if not len(part):
+        if not len(part) or table not in self.tables:
             return
         dataset = DATASETS[table]
         none = pa.DictionaryArray.from_arrays(pa.array(np.zeros(len(part), np.int8)), self._line)

@@ -126,10 +126,12 @@ class LineState:
 
     def _take(self, parts: Iterable[Analysed], files: LakeFiles) -> None:
         for analysed in parts:
-            frames = record_batch(analysed.batch, noise=self.noise)
-            self.frames += len(frames) if not self.noise else int((analysed.batch.rows.index >= 0).sum())
-            files.add("frames", frames)
+            self.frames += int((analysed.batch.rows.index >= 0).sum())
+            if "frames" in files.tables:
+                files.add("frames", record_batch(analysed.batch, noise=self.noise))
             for name, table in TABLES.items():
+                if name not in files.tables and name != "transactions":  # of these hours are counted on
+                    continue
                 records = record_arrow(record_schema(table), table.columns(analysed))
                 files.add(name, records)
                 if name == "transactions":
@@ -151,13 +153,15 @@ class LineState:
         if self._ledger is None:
             return
         self._ledger.close()
+        ledger, self._ledger = self._ledger, None
+        if "causes" not in files.tables:
+            return
         rows = [
             {**cause.to_json(), "t_ns": self._begun_ns if cause.since_ns is None else cause.since_ns}
-            for cause in causes_of(self._ledger)
+            for cause in causes_of(ledger)
         ]
         columns = [_cells(field.type, [row[field.name] for row in rows]) for field in CAUSES]
         files.add("causes", pa.record_batch(columns, schema=CAUSES))
-        self._ledger = None
 
     def kept(self) -> bytes:
         """The whole of it, to go on from."""

@@ -45,13 +45,17 @@ class LakeLine:
 
     def files(self, table: str) -> Iterator[PackMember]:
         """The names of the files that were made of a table, and how many rows each has."""
+        yield from self.settled(table)
+        yield from self.tail(table)
+
+    def settled(self, table: str) -> Iterator[PackMember]:
+        """Of these those that stay, whatever slices come."""
         for entry in self.entries:
             yield from ((name, rows) for name, rows in entry["files"].get(table, ()))
-        yield from ((name, rows) for name, rows in self.last["tail"].get(table, ()))
 
-    def tail(self, table: str) -> Iterator[str]:
-        """Of these the names of those that the next slice replaces."""
-        yield from (name for name, _ in self.last["tail"].get(table, ()))
+    def tail(self, table: str) -> Iterator[PackMember]:
+        """Of these those that the next slice replaces."""
+        yield from ((name, rows) for name, rows in self.last["tail"].get(table, ()))
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,7 +85,7 @@ def pack(manifest: Manifest, least: int | None = None, stop: Callable[[], bool] 
 def _small(manifest: Manifest, table: str) -> tuple[list[_SmallFile], int]:
     """What is worth packing, by site and day; and how much of it a line that goes on will not soon replace."""
     files, rows = manifest.files(table), manifest.rows(table)
-    passing = {name for line in manifest.lines.values() if line.last["state"] for name in line.tail(table)}
+    passing = {name for line in manifest.lines.values() if line.last["state"] for name, _ in line.tail(table)}
     pieces = [_SmallFile(name, ((name, rows[name]),)) for name in files.loose if rows[name] < SMALL]
     settled = sum(piece.file not in passing for piece in pieces)
     for name, stale in files.packs.items():

@@ -7,21 +7,22 @@ scheduler that tries again and two that do the same leave nothing in the lake bu
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
 import captures
 from captures.chunks import Capture
-from captures.errors import CaptureError
+from captures.errors import CaptureError, os_reason
 
 from ..options import Options
-from ..version import __version__
-from .datasets import CAPTURES, LakeFiles
+from ..version import RULES, __version__
+from .datasets import CAPTURES, DATASETS, LakeFiles
 from .errors import FleetError
 from .linestate import LineState, resumed
+from .manifest import PackMember
 from .sources import SourceFile
 from .stores import LakeStore, fetched, store
 
@@ -38,10 +39,26 @@ class BatchOptions:
     noise: bool = False
 
     def mark(self) -> str:
-        """What tells these options from others: rows made with others are others."""
-        return hashlib.sha256(
-            repr((sorted(self.reading.items()), self.analysis, self.functions, self.noise)).encode()
-        ).hexdigest()[:12]
+        """What tells these options from others: rows made with others are others. Raises FleetError."""
+        try:
+            functions = [(path, _digest(Path(path))) for path in self.functions]
+        except OSError as error:
+            raise FleetError(f"{error.filename}: {os_reason(error)}") from error
+        told = (sorted(self.reading.items()), self.analysis, functions, self.noise)
+        return hashlib.sha256(repr(told).encode()).hexdigest()[:12]
+
+
+@dataclass(frozen=True, slots=True)
+class KeptRows:
+    """Files of tables of a line that no changed rule touches: they stay, and the other tables are made anew.
+
+    `slices`: what is known of the captures that they are of, the task's first ones. `tail`: of these files those that
+    the next slice replaces.
+    """
+
+    files: Mapping[str, Sequence[PackMember]]
+    tail: Mapping[str, Sequence[PackMember]]
+    slices: tuple[Mapping[str, Any], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +74,7 @@ class LineTask:
     state: str | None = None  # name of the file in the lake
     sliced: bool = False  # more of the line may come
     after: int | None = None  # the manifest's entry that this one goes on from
+    kept: KeptRows | None = None
 
 
 def line_key(site: str, line: str) -> str:
@@ -67,7 +85,14 @@ def line_key(site: str, line: str) -> str:
 def run_task(task: LineTask) -> dict[str, Any]:
     """Do it; what the manifest is to say, but for the entry's number."""
     _declare(task.options.functions)
-    return _TaskRun(task).entry()
+    entry = _TaskRun(task).entry()
+    if task.kept is not None and any(
+        now[key] != then[key]
+        for now, then in zip(entry["slices"], task.kept.slices, strict=False)
+        for key in ("sha256", "state")
+    ):  # a capture is not what it was: nothing of its rows may stay
+        return _TaskRun(replace(task, kept=None)).entry()
+    return entry
 
 
 @cache
@@ -93,8 +118,12 @@ class _TaskRun:
         self._known = set(task.known)
 
     def entry(self) -> dict[str, Any]:
-        task = self.task
-        for file in task.files:
+        task, kept = self.task, self.task.kept
+        if kept is not None:
+            self.files.tables = self.files.tables.difference(kept.files)
+        for number, file in enumerate(task.files):
+            if kept is not None and number == len(kept.slices):
+                self.files.tables = frozenset(DATASETS)
             self.slices.append(self._slice(file))
         done = self.files.close()
         state = None
@@ -104,11 +133,16 @@ class _TaskRun:
                 self.store.write(state, self.state.kept())
             self.state.close(self.files)
         tail = self.files.close()
+        if kept is not None:
+            done = {table: [*kept.files.get(table, ()), *done.get(table, ())] for table in {*kept.files, *done}}
+            if len(task.files) == len(kept.slices):
+                tail |= {table: list(files) for table, files in kept.tail.items()}
         frames, octets = (self.state.frames, self.state.octets) if self.state else (0, 0)
         return {
             "site": task.site,
             "line": task.line,
             "version": __version__,
+            "rules": dict(RULES),
             "options": task.options.mark(),
             "after": task.after,
             "slices": self.slices,
