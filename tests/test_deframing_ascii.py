@@ -41,6 +41,14 @@ def test_a_wrong_lrc_is_a_damaged_frame_and_text_around_is_noise() -> None:
     assert found.rows.check.tolist() == [False, True, False]
 
 
+def test_an_echo_that_is_cut_at_the_very_end_answers_nothing() -> None:
+    """A stream of the campaign: its fields were looked for behind the last byte."""
+    deframer = Deframer(LINE, Options(protocol="ascii"))
+    found = collect([deframer.feed(Chunk(1, b":110F0013000A02CD01F3\r\n:110F0468\r\n")), deframer.close()])
+    assert found.rows.check.tolist() == [True, False]
+    assert found.rows.request.tolist() == [-1, -1]
+
+
 def test_rtu_bytes_are_not_taken_for_ascii() -> None:
     assert not ascii_after(bytes.fromhex("1103006b00037687") * 20)
     assert ascii_after(READ + ANSWER)

@@ -162,13 +162,19 @@ def conversation_after(conversation: Conversation, run: FrameRun) -> Conversatio
 
 
 def responses_fit(data: Bytes, requests: Index, responses: Index) -> Mask:
-    """For pairs of ADU starts: whether the response answers the request. Shape: that of the two arrays."""
+    """For pairs of ADU starts: whether the response answers the request. Shape: that of the two arrays.
+
+    One that is cut at the end of the data, before what should agree, answers nothing.
+    """
     function = data.take(requests + 1)
     answer = data.take(responses + 1)
     fits: NDArray[np.bool_] = (data.take(requests) == data.take(responses)) & ((answer & 0x7F) == function)
     plain = fits & (answer == function)
     for code in np.bincount(function[plain]).nonzero()[0].tolist():
         which = (plain & (function == code)).nonzero()[0]
+        furthest = np.maximum(requests, responses).take(which) + max(map(_reach, relations(code)), default=0)
+        fits[which] = False
+        which = which.compress(furthest < len(data))
         request, response = requests.take(which), responses.take(which)
         agree = np.ones(len(which), np.bool_)
         for relation in relations(code):
@@ -180,6 +186,13 @@ def responses_fit(data: Bytes, requests: Index, responses: Index) -> Mask:
                 agree &= _echoed(data, request, response, relation)
         fits[which] = agree
     return fits
+
+
+def _reach(relation: RequestedByteCount | Echo) -> int:
+    """How many bytes behind its unit a frame has, at the least, that holds what this relates."""
+    if isinstance(relation, RequestedByteCount):
+        return max(relation.quantity_offset + 2, relation.count_offset + 1)
+    return max(relation.request_offset, relation.response_offset) + relation.width
 
 
 def _echoed(data: Bytes, request: Index, response: Index, echo: Echo) -> Mask:
