@@ -63,6 +63,7 @@ class WireOrder:
     def __init__(self, line: LineSettings) -> None:
         self._ports: list[int] = []  # as they came
         self._since: int | None = None  # ns: when there were two; what was heard before is of one port
+        self._alone_ns = 0  # from when on the first port is alone, as long as no other is heard
         self._held = UnorderedRows.nothing()
         self._directions = said_directions(line)
         self._settled = self._directions is not None
@@ -79,13 +80,19 @@ class WireOrder:
         self._ports.append(port)
         if self._settled:
             self._since = _EVER
+        elif len(self._ports) == 1:
+            self._alone_ns = first_ns + _MOST_NS
         elif len(self._ports) == 2:
-            self._since = first_ns
+            self._since = first_ns if first_ns > self._alone_ns else _EVER
 
     def take(self, parts: Sequence[UnorderedRows], until: int | None) -> tuple[UnorderedRows, Across | None]:
         """Rows whose places are certain, with more of them; all that was heard before `until` is known (None: all)."""
         if self._since is None:
-            loose = UnorderedRows.joined(parts)
+            loose = UnorderedRows.joined([self._held, *parts])
+            if until is not None and until <= self._alone_ns:
+                self._held = loose
+                return UnorderedRows.nothing(), None
+            self._held = UnorderedRows.nothing()
             self._remember(loose, np.arange(len(loose.rows)))
             return loose, None
         loose = UnorderedRows.joined([self._held, *parts])
