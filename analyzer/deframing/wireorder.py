@@ -136,7 +136,7 @@ class WireOrder:
         return loose.picked(placed), Across(across, asks, unsure)
 
     def _alone_from(self, loose: UnorderedRows, until: int | None) -> int | None:
-        """When the first port had been heard so long, or in both directions, that it is no half of a pair; None: wait."""
+        """When the first port had been heard so long, or in both directions, that it is no half of a pair."""
         if not self._ports:
             return None
         certain = certain_frames(loose.rows) & (loose.rows.port == self._ports[0])
