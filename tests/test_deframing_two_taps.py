@@ -103,13 +103,16 @@ def test_directions_that_nobody_says_are_settled_by_certain_frames(monkeypatch: 
 
 
 @pytest.mark.parametrize("first", [0, 1])
-def test_writes_and_their_echoes_alone_are_told_apart_by_the_ports(first: int, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("poll_ms", [0, 16])
+def test_writes_and_their_echoes_alone_are_told_apart_by_the_ports(
+    poll_ms: int, first: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     bus = TwoTaps(19200, Random(5))
     for i in range(40):
         write = adu(f"0b06{i % 7:04x}{i:04x}") if i % 3 else adu(f"0b1600{i:02x}00f20025")
         bus.send(first, write, (20, 60))
         bus.send(1 - first, write, (2, 9))
-    rows, _ = bus.analysed(bus.read(monkeypatch, 0, 0, 0), said=False)
+    rows, _ = bus.analysed(bus.read(monkeypatch, poll_ms, 0, 0), said=False)
     assert (rows.kind == np.where(rows.port == first, Kind.REQUEST, Kind.RESPONSE)).all()
     assert (rows.request[1::2] == rows.index[::2]).all()
 

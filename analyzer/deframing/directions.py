@@ -16,7 +16,7 @@ from .rules import Bytes, length_tables
 DIRECTIONS_NOTE: Final = "directions"  # of a line: the direction of each port, in order: `request,response`
 _ROLES: Final = {"request": Role.REQUEST, "response": Role.RESPONSE}
 _SHARE: Final = 8  # certain frames of one kind, for each of the other, on a port that carries one direction
-_FEW: Final = 2  # certain frames are no chance; pairs of like frames by which the times tell
+_FEW: Final = 2  # certain frames are no chance, nor are pairs of like frames
 
 
 def port_role(line: LineSettings, port: int) -> Role | None:
@@ -71,19 +71,24 @@ def settled_directions(rows: Rows, data: Bytes, ports: tuple[int, int]) -> tuple
 
 
 def _by_echoes(rows: Rows, data: Bytes, ports: tuple[int, int]) -> tuple[int, int] | None:
-    """The same where every frame looks like its echo: an echo follows soon, the next request later."""
+    """The same where every frame looks like its echo: an echo follows soon, the next request later.
+
+    Clocks and late reads may swap a pair, so most of those that are each other's nearest decide.
+    """
     frames = rows[either_way(rows)]
-    texts = [data[at : at + length].tobytes() for at, length in zip(frames.at, frames.length, strict=True)]
-    waits: dict[int, list[int]] = {port: [] for port in ports}
-    for i in range(1, len(frames)):
-        port = int(frames.port[i - 1])
-        if port != frames.port[i] and texts[i - 1] == texts[i] and port in waits:
-            waits[port].append(int(frames.t_start_ns[i]) - int(frames.t_end_ns[i - 1]))
-    first, second = (waits[port] for port in ports)
-    if len(first) > max(_FEW - 1, _SHARE * len(second)):
-        return ports
-    if len(second) > max(_FEW - 1, _SHARE * len(first)):
-        return ports[::-1]
-    if min(len(first), len(second)) < _FEW:
+    ends: list[dict[bytes, list[int]]] = [{}, {}]
+    for at, length, port, t_end_ns in zip(frames.at, frames.length, frames.port, frames.t_end_ns, strict=True):
+        if port in ports:
+            ends[ports.index(port)].setdefault(data[at : at + length].tobytes(), []).append(int(t_end_ns))
+    behind = []  # ns by which a frame of the second port comes behind its like on the first
+    for text in ends[0].keys() & ends[1].keys():
+        first, second = ends[0][text], ends[1][text]
+        nearest = [_nearest(second, t_ns) for t_ns in first]
+        behind += [other - t_ns for t_ns, other in zip(first, nearest, strict=True) if _nearest(first, other) == t_ns]
+    if len(behind) < _FEW:
         return None
-    return ports if float(np.median(first)) <= float(np.median(second)) else ports[::-1]
+    return ports if float(np.median(behind)) >= 0 else ports[::-1]
+
+
+def _nearest(times: list[int], t_ns: int) -> int:
+    return min(times, key=lambda other: abs(other - t_ns))
