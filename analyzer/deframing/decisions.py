@@ -163,9 +163,11 @@ class Decider:
             if look.first_ends.get(look.origin, NEVER) <= point.position:  # else there is noise, whatever comes
                 look.lattice.advance(point.position)
                 decision = self._certain(look, look.lattice, point, stage)
-                if decision.only_frames:
+                legal = _breaks_no_limit(decision.steps or look.lattice.steps())
+                if decision.only_frames and legal:
                     return decision
-                tiled = stage == GAP and not look.lattice.best.noisy and look.lattice.best.end == point.position
+                best = look.lattice.best
+                tiled = legal and stage == GAP and not best.noisy and best.end == point.position
             if (look.affordable and not tiled) or stage == CUT or overdue:
                 decision = self._of_everything(look, stretch, at, point, stage)
                 if decision.steps:
@@ -295,6 +297,11 @@ def _enough(lattice: Lattice, point: DecisionPoint) -> bool:
         return False
     alone = point.silent and not path.noisy
     return path.since_noise >= (_ALONE if alone else _AMID) or (lattice.framed and _goes_on(lattice))
+
+
+def _breaks_no_limit(steps: Sequence[PathStep]) -> bool:
+    """Whether none of these frames, all declared, does what a device's answer that counts wrong may look like."""
+    return all(step.candidate is None or step.candidate.structure >= 0 for step in steps)
 
 
 def _goes_on(lattice: Lattice) -> bool:

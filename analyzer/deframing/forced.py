@@ -44,7 +44,7 @@ class ForcedRuns(NamedTuple):
     either: Mask  # both roles read alike
     structure: NDArray[np.float32]
     lean: NDArray[np.float32]  # bits of structure for a request over an answer, where both roles read alike
-    clean: Mask  # no other interval overlaps it
+    clean: Mask  # no other interval overlaps it, and it breaks no limit
     last: Index  # the last interval of the run that each is in
     second: Mask  # its role, though either, follows from that of the one before it
     again: Index  # places of those that ask, though either, if silence agrees: nobody answers, as those before
@@ -113,7 +113,7 @@ def forced_runs(found: Candidates, data: Bytes, known: int) -> ForcedRuns:
     m = len(start)
     furthest = np.zeros(m, np.intp)
     furthest[1:] = np.maximum.accumulate(end)[:-1]
-    clean = (furthest <= start) & (end <= known)
+    clean = (furthest <= start) & (end <= known) & (found.structure[first] >= 0)  # else it breaks a limit
     clean[:-1] &= start[1:] >= end[:-1]
     joined = np.zeros(m + 1, np.bool_)  # at k: k follows k - 1 in one run
     joined[1:m] = clean[1:] & clean[:-1] & (start[1:] == end[:-1])

@@ -33,6 +33,7 @@ _SPARE: Final = 4  # bytes that a fault may have added
 _MORE: Final = 48  # and another sender, beyond twice the length
 _NEARLY: Final = -3.0  # a request that is a byte short or long: less sure to be one at all
 _LEAST: Final = 3
+_AS_LONG: Final = 6.0  # a right CRC, and just as many bytes as were asked for
 
 
 def damaged_answers(
@@ -74,7 +75,7 @@ def damaged_answers(
             if not due or (start, end) in found or end > len(data):
                 continue
             if crc.heads[at + start] == crc.tails[at + end]:
-                found[start, end] = Candidate(start, end, Role.RESPONSE, KNOWN_BITS + BROKEN, doubtful=True)
+                found[start, end] = Candidate(start, end, Role.RESPONSE, KNOWN_BITS + BROKEN + _AS_LONG, doubtful=True)
             elif end in edges.ends and not edges.parted(start, end):
                 bits = _bits(due, due) + _OTHER_COUNT
                 found[start, end] = Candidate(start, end, Role.RESPONSE, bits, damaged=True)
