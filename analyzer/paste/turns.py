@@ -14,7 +14,7 @@ from typing import Final
 from dissectors.answers import expectation
 from dissectors.envelopes import Adu
 from dissectors.length_rules import Role
-from dissectors.lengths import pdu_length, plausibility
+from dissectors.lengths import miscounted_role, pdu_length, plausibility
 
 from .model import PastedFrame
 
@@ -115,7 +115,9 @@ def other(role: Role) -> Role:
 
 
 def _likelier(pdu: bytes, roles: Sequence[Role]) -> Role:
-    """The role of which the PDU breaks fewer rules, the request if neither."""
+    """The role of which the PDU breaks fewer rules, the request if neither; of another length, the one that counts."""
+    if pdu and all(pdu_length(pdu, role) != len(pdu) for role in roles):
+        return miscounted_role(pdu[0])
     return min(roles, key=lambda role: (len(plausibility(pdu, role)), role))
 
 
