@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -18,6 +18,8 @@ from seats import Seat, opened, sample_in, using
 
 import captures
 from analyzer.causes.ledger import Ledger
+from analyzer.causes.model import Cause
+from analyzer.core import Analysed
 from analyzer.model.activity import Activity
 from analyzer.model.bus import Bus
 from analyzer.model.filtering import CompiledTest
@@ -212,3 +214,39 @@ def test_a_row_is_under_study_though_home_comes_up_before_any_list(
             await work(Seat(app, pilot))
 
     asyncio.run(main())
+
+
+def test_causes_that_nobody_looks_at_are_not_worked_out_once_a_key_was_pressed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, pressed, asked = opened(sample_in(tmp_path)), threading.Event(), list[bool]()
+    steps, causes = source.steps, Bus.causes
+
+    def held_back(stop: Callable[[], bool]) -> Iterator[Analysed]:
+        for analysed in steps(stop):
+            yield analysed
+            pressed.wait(20)
+
+    def noted(bus: Bus) -> list[Cause]:
+        asked.append(pressed.is_set())
+        return causes(bus)
+
+    monkeypatch.setattr(source, "steps", held_back)
+    monkeypatch.setattr(Bus, "causes", noted)
+
+    async def main() -> None:
+        app = Rtuscope(source)
+        async with app.run_test() as pilot:
+            sitting = Seat(app, pilot)
+            await sitting.until(lambda: sitting.bus.count > 0 and sitting.screen.studied is not None)
+            await pilot.press("down")
+            await sitting.until(lambda: sitting.screen.touched)
+            pressed.set()
+            await sitting.until(lambda: sitting.bus.whole)
+            await sitting.settle()
+            sitting.screen.query_one(FilterBar).use("value >= 0")
+            await sitting.settle()
+            assert sitting.screen.view == "transactions"
+
+    asyncio.run(main())
+    assert True not in asked

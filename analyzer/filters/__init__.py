@@ -14,7 +14,7 @@ from .errors import FilterError as FilterError
 if TYPE_CHECKING:
     from .completion import Completion, complete
     from .evaluation import Filter, check, compile_filter
-    from .table import BatchTable, FilterTable, narrowed
+    from .table import BatchTable, FilterTable, RowOctets, narrowed
 
 __all__ = [
     "BatchTable",
@@ -22,6 +22,7 @@ __all__ = [
     "Filter",
     "FilterError",
     "FilterTable",
+    "RowOctets",
     "check",
     "compile_filter",
     "complete",
@@ -33,6 +34,7 @@ _HOMES = {
     "Completion": "completion",
     "Filter": "evaluation",
     "FilterTable": "table",
+    "RowOctets": "table",
     "check": "evaluation",
     "compile_filter": "evaluation",
     "complete": "completion",

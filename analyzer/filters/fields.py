@@ -261,12 +261,12 @@ FIELDS: Final = (
     ),
     FilterField(
         "value", NumberKind(0, 0xFFFF), "register values, unsigned, and bits (0 or 1) in the frame", "value > 1000",
-        lambda section, _: HeldSlice(section.held, len(section)), Cost.CONTENTS, (), _value,
+        HeldSlice, Cost.CONTENTS, (), _value,
     ),
     FilterField(
         "signed_value", NumberKind(-0x8000, 0x7FFF), "register values in the frame, as 16-bit signed numbers",
         "register == 40001 and signed_value < 0",
-        lambda section, _: HeldSlice(section.held, len(section), signed=True, left_out=frozenset(BITS)),
+        lambda section, requested: HeldSlice(section, requested, signed=True, left_out=frozenset(BITS)),
         Cost.CONTENTS, (), _signed,
     ),
     FilterField(

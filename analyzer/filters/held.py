@@ -1,36 +1,44 @@
 """Which rows hold a wanted value, told from the bytes as they stand: no value is copied out of its frame.
 
 At every second byte begins a number; those that pass are counted along the bytes once, from the first byte and from the
-second. A row holds one where that count grows between its first register and its last.
+second. A row holds one where that count grows between its first register and its last. Where few numbers pass, only the
+rows that they stand in are fetched.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables.columns import AreaCode, HeldValues, ValueSpans
-from .slices import Mask, ValueSlice
+from ..tables.columns import AreaCode, HeldValues, ValueSpans, unplaced_keys
+from ..tables.pdus import words_of
+from .slices import Mask, TableSlice, ValueSlice
+from .table import RowOctets
 from .tree import Wanted
 
 Passes = Callable[[NDArray[np.uint16]], Mask]
+_WORTH: Final = 0.25  # numbers that pass, a row: from there on all rows are read
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeldSlice:
-    """The values of `count` rows; `signed`: of registers alone, as signed numbers. `left_out` are areas without."""
+    """The values of some rows; `signed`: of registers alone, as signed numbers. `left_out` are areas without.
 
-    held: HeldValues
-    count: int
+    `requested` are the rows that are asked for (None: all); what is said of others means nothing.
+    """
+
+    section: TableSlice
+    requested: Mask | None
     signed: bool = False
     left_out: frozenset[AreaCode] = frozenset()
 
     def known(self) -> Mask:
-        mask = np.zeros(self.count, np.bool_)
-        for span in self._spans(None):
+        mask = np.zeros(len(self.section), np.bool_)
+        for span in self._spans(self.section.held, None):
             mask[span.rows[span.counts > 0]] = True
         return mask
 
@@ -38,31 +46,56 @@ class HeldSlice:
         def passes(values: NDArray[np.uint16]) -> Mask:
             return ValueSlice(values.view(np.int16) if self.signed else values).passing(wanted)
 
-        mask = np.zeros(self.count, np.bool_)
-        before, size = _counted(self.held.pdus.data, passes)
         bits_pass = bool(passes(np.arange(2, dtype=np.uint16)).any())
-        spans = self._spans(None if bits_pass else self._touched(before, size))
+        octets = None if bits_pass else self.section.octets
+        candidates = None if octets is None else self._candidates(octets, passes)
+        if octets is None or candidates is None:
+            return self._of(self.section.held, len(self.section), passes, bits_pass=bits_pass)
+        mask = np.zeros(len(self.section), np.bool_)
+        if len(candidates):
+            batch, rows = octets.some(candidates)
+            rows = rows[self._of(HeldValues(batch), len(batch), passes, bits_pass=False)]
+            mask[rows[rows >= 0]] = True
+        return mask
+
+    def _candidates(self, octets: RowOctets, passes: Passes) -> NDArray[np.intp] | None:
+        """Rows in whose bytes a number passes, whatever it is; None where that leaves too many to be worth choosing."""
+        hits = np.flatnonzero(passes(words_of(octets.data)))
+        if len(hits) > len(self.section) * _WORTH:
+            return None
+        kinds, functions = (self.section.column(name) for name in ("kind", "function"))
+        chosen: Mask = unplaced_keys()[kinds.astype(np.uint16) << 8 | functions]
+        rows = np.searchsorted(octets.begins, hits, side="right") - 1
+        chosen[rows[(rows >= 0) & (hits + 2 <= octets.ends[rows])]] = True
+        return np.flatnonzero(chosen if self.requested is None else chosen & self.requested)
+
+    def _of(self, held: HeldValues, count: int, passes: Passes, *, bits_pass: bool) -> Mask:
+        """Which rows of a batch pass."""
+        mask = np.zeros(count, np.bool_)
+        before, size = _counted(held.pdus.data, passes)
+        spans = self._spans(held, None if bits_pass else _touched(held, before, size))
         registers = [span for span in spans if span.read is None]
         if registers:
             _in_registers(registers, before, size, mask)
         for span in spans:
             if span.read is not None and (bits_pass or not span.is_bits):
-                of, _, values = span.each(self.held.pdus)
+                of, _, values = span.each(held.pdus)
                 mask[span.rows[of[passes(values)]]] = True
         return mask
 
-    def _spans(self, among: Mask | None) -> list[ValueSpans]:
-        return [span for span in self.held.spans(among) if span.area not in self.left_out]
+    def _spans(self, held: HeldValues, among: Mask | None) -> list[ValueSpans]:
+        return [span for span in held.spans(among) if span.area not in self.left_out]
 
-    def _touched(self, before: NDArray[np.int32], size: int) -> Mask:
-        """Rows in whose PDUs stands a number that passes, whatever it is: of most filters few, so that few are read."""
-        begins, ends = self.held.pdus.begins, self.held.pdus.ends
-        touched = np.zeros(self.count, np.bool_)
-        for odd in (0, 1):
-            counts = before[odd * size : (odd + 1) * size]
-            first, behind = (begins - odd + 1) >> 1, (ends - odd) >> 1
-            touched |= counts.take(behind, mode="clip") > counts.take(first, mode="clip")
-        return touched
+
+def _touched(held: HeldValues, before: NDArray[np.int32], size: int) -> Mask:
+    """Rows in whose PDUs stands a number that passes, whatever it is: of most filters few, so that few are read."""
+    begins, ends = held.pdus.begins, held.pdus.ends
+    touched = np.zeros(len(begins), np.bool_)
+    for odd in (0, 1):
+        counts = before[odd * size : (odd + 1) * size]
+        first, behind = (begins - odd + 1) >> 1, (ends - odd) >> 1
+        touched |= counts.take(behind, mode="clip") > counts.take(first, mode="clip")
+    return touched
 
 
 def _in_registers(spans: list[ValueSpans], before: NDArray[np.int32], size: int, mask: Mask) -> None:

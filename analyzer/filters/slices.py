@@ -18,7 +18,7 @@ from ..tables.batch import Batch
 from ..tables.columns import Decoded, HeldValues, decode
 from ..tables.schema import Kind
 from ..tables.schema import Protocol as Envelope
-from .table import FilterTable
+from .table import FilterTable, RowOctets
 from .tree import BytesWanted, Span, Spans, TextPart, TextWanted, Wanted
 
 Mask = NDArray[np.bool_]
@@ -179,7 +179,7 @@ def says(text: str, wanted: TextWanted) -> bool:
 # Some rows of a table while a filter looks at them; what is dear to make is made once, and only if it is asked for.
 
 
-BLOCK: Final = 1 << 14  # rows whose bytes are fetched at once
+BLOCK: Final = 1 << 16  # rows whose bytes are fetched at once
 
 
 class TableSlice:
@@ -221,6 +221,11 @@ class TableSlice:
     def batch(self) -> Batch:
         """The rows with their bytes."""
         return self.table.batch(self.first, self.last)
+
+    @cached_property
+    def octets(self) -> RowOctets | None:
+        """The rows by their bytes alone."""
+        return self.table.octets(self.first, self.last)
 
     @cached_property
     def decoded(self) -> Decoded:

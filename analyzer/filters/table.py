@@ -5,7 +5,8 @@ Only what a filter needs is asked for: columns one by one, bytes and words of fe
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, Protocol
 
@@ -25,6 +26,17 @@ PLAIN: Final = (
     "kind", "unit", "function", "exception", "check", "port", "protocol", "errors",
 )  # fmt: skip
 OUTCOMES: Final = ("retry", "late", "unanswered")  # bool; retry and unanswered of a request, late of an answer
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RowOctets:
+    """Rows by their bytes alone, end to end: the PDU of row i is `data[begins[i] : ends[i]]`."""
+
+    data: NDArray[np.uint8]
+    begins: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    some: Callable[[NDArray[np.intp]], tuple[Batch, NDArray[np.intp]]]
+    """Rows by their numbers, and requests that they answer: as a batch, and the number of each in it."""
 
 
 class FilterTable(Protocol):
@@ -51,6 +63,10 @@ class FilterTable(Protocol):
 
     def batch(self, first: int, last: int) -> Batch:
         """Rows `first` to `last` (excluded) with their bytes, and in `earlier` the requests that stand before them."""
+        ...
+
+    def octets(self, first: int, last: int) -> RowOctets | None:
+        """Their bytes, by which few of them may be chosen; None where it is as quick to take them all."""
         ...
 
 
@@ -124,6 +140,10 @@ class BatchTable:
         earlier = requests_of(self.whole, np.arange(first, last))
         rows.at[:] -= low
         return Batch(rows, self.whole.data[low:high], earlier)
+
+    def octets(self, first: int, last: int) -> RowOctets | None:  # noqa: ARG002 - all are there already
+        """See `Table`."""
+        return None
 
 
 def requests_of(batch: Batch, chosen: NDArray[np.intp]) -> Mapping[int, bytes]:

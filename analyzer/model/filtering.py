@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from captures.line import LineSettings
+from dissectors.adu import CRC_SIZE
 from dissectors.maps.units import UnitMaps
 
-from ..filters import compile_filter
+from ..filters import RowOctets, compile_filter
 from ..tables.batch import Batch
-from ..tables.schema import Kind
+from ..tables.schema import Kind, Protocol
 from ..tables.transactions import Status
 from .bus import Bus
 from .selection import Test
@@ -100,3 +101,27 @@ class PieceTable:
     def batch(self, first: int, last: int) -> Batch:
         """Some of the rows, as far as it takes to read their bytes."""
         return self._bus.contents(np.arange(self._first + first, self._first + last)) if last > first else Batch.empty()
+
+    def octets(self, first: int, last: int) -> RowOctets | None:
+        """Their bytes, where no row spells them as digits."""
+        protocols = self._own("protocol")[first:last]
+        if not len(protocols) or (protocols == Protocol.ASCII).any():
+            return None
+        at = self._own("at")[first:last].astype(np.int64)
+        lengths = self._own("length")[first:last].astype(np.int64)
+        data = self._bus.store.get(int(at[0]), int(at[-1] + lengths[-1] - at[0]))
+        at -= at[0]
+        ends = at + lengths
+        ends[protocols == Protocol.RTU] -= CRC_SIZE
+        return RowOctets(data, at + 1, ends, lambda rows: self._some(first, rows))
+
+    def _some(self, first: int, rows: NDArray[np.intp]) -> tuple[Batch, NDArray[np.intp]]:
+        """Some rows, and the requests in this piece that they answer, with their numbers; these count from `first`."""
+        first += self._low
+        slots = first + rows
+        kinds, partners = (self._bus.table.stretch(self._number, name, slots) for name in ("kind", "partner"))
+        requests = partners[kinds == Kind.RESPONSE].astype(np.int64) - self._number * PIECE
+        chosen = np.zeros(self._high, np.bool_)
+        chosen[slots] = chosen[requests[requests >= 0]] = True
+        slots = np.flatnonzero(chosen)
+        return self._bus.contents(slots + self._number * PIECE), slots - first

@@ -121,6 +121,14 @@ class HeldValues:
         return _Decoding(self._batch, self.pdus).held(among)
 
 
+def unplaced_keys() -> NDArray[np.bool_]:
+    """By `kind << 8 | function`: whether values of such frames have no fixed place."""
+    unplaced = np.zeros(len(_ROLES) << 8, np.bool_)
+    for (code, role), content in contents().items():
+        unplaced[_KINDS[role] << 8 | code] = bool(content.listed)
+    return unplaced
+
+
 class _Decoding:
     """One batch on its way to columns."""
 
@@ -163,9 +171,7 @@ class _Decoding:
         keys[(rows.exception > 0) & (rows.kind == Kind.RESPONSE)] |= EXCEPTION
         chosen = None
         if among is not None:
-            unplaced = np.zeros(len(_ROLES) << 8, np.bool_)
-            for (code, role), content in declared.items():
-                unplaced[_KINDS[role] << 8 | code] = bool(content.listed)
+            unplaced = unplaced_keys()
             chosen = np.flatnonzero(among | unplaced[keys] if unplaced.any() else among)
             keys = keys[chosen]
         order = np.argsort(keys, kind="stable")  # short keys sort in linear time

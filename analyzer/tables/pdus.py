@@ -48,11 +48,7 @@ class Pdus:
     @cached_property
     def words(self) -> NDArray[np.uint16]:
         """The big-endian number that begins at each byte."""
-        words = np.zeros(max(len(self.data), 1), np.uint16)
-        words[: len(self.data)] = self.data
-        words <<= 8
-        words[: max(len(self.data) - 1, 0)] |= self.data[1:]
-        return words
+        return words_of(self.data)
 
     def number(self, offset: int, width: int, rows: _Ints, *, asked: bool = False) -> _Ints:
         """A number of 1 or 2 bytes at this offset of some rows' PDUs, or of their requests'; -1 where there is none."""
@@ -106,3 +102,12 @@ class Pdus:
         self._more.append(pdu)
         self._size += len(pdu)
         return self._size - len(pdu), self._size
+
+
+def words_of(data: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """The big-endian number that begins at each byte, the last one's with a zero behind it; one at least."""
+    words = np.zeros(max(len(data), 1), np.uint16)
+    words[: len(data)] = data
+    words <<= 8
+    words[: max(len(data) - 1, 0)] |= data[1:]
+    return words

@@ -55,6 +55,7 @@ class HomeList(Lines):
         self.state: BusState | None = None
         self.next_at = 0.0  # when it may be reckoned again
         self.basis: tuple[int, ...] = ()  # what it was reckoned of
+        self.first_at, self.first_pause_s = 0.0, _AGAIN_S  # when, unseen, it is reckoned: should it come up?
 
     def use(self, state: BusState) -> None:
         """Newer figures."""
@@ -255,9 +256,11 @@ def _refresh(screen: BusScreen) -> None:
 def first(screen: BusScreen) -> None:
     """Come up first where there are causes to tell and nobody has pressed a key yet."""
     home, bus, source = screen.query_one(HomeList), screen.desk.bus, screen.desk.source
-    if not screen.undecided or not bus.count or (time.monotonic() < home.next_at and not bus.whole):
+    screen.undecided &= not screen.touched
+    if not screen.undecided or not bus.count or (time.monotonic() < home.first_at and not bus.whole):
         return
-    home.next_at = time.monotonic() + _AGAIN_S
+    home.first_at = time.monotonic() + home.first_pause_s
+    home.first_pause_s *= 2  # the longer the capture, the dearer a look, and the less there is to expect of the next
 
     def decide(state: BusState) -> None:
         if screen.touched or not screen.undecided:

@@ -46,7 +46,7 @@ class Jobs:
         self.selection: Selection | None = None
         _, self._transactions = self.scope.selections(self._bus)
         self._waiting: Selection | None = None  # will be shown once it has come as far as the cursor
-        self._counted_at: dict[str, float] = {}  # by view
+        self._reported: dict[str, tuple[tuple[object, ...], float]] = {}  # by view: of what, and when
         self._counted: Selection | None = None  # the selection whose figures were asked for, its rows, when again
         self._counted_to, self._count_next = -1, 0.0
         self._notices: set[str] = set()
@@ -212,7 +212,6 @@ class Jobs:
         self._screen.transactions.use(self._transactions)
         self._screen.desk.narrowed = None
         self._drop("scope")  # figures of another scope
-        self._counted_at.clear()
         self.doing = "" if self._bus.whole else self.doing
         self.count_scope()
         self._select()
@@ -272,15 +271,17 @@ class Jobs:
     def _use_figures(self, figures: ScopedFigures) -> None:
         self._screen.desk.narrowed = figures
         self.doing = "" if self._bus.whole else self.doing
-        self._counted_at.clear()
         self._screen.refresh_view()
 
     def count_report(self, view: str, then: Callable[[Report], None], *, story: bool = False) -> None:
         """Newer figures for a view, not too often; `story`: with the causes."""
-        now = time.monotonic()
-        if now - self._counted_at.get(view, 0.0) >= _REPORT_S or self._bus.whole:
-            self._counted_at[view] = now
-            self.run(f"report for {view}", lambda _: self._screen.desk.figures.report(self._source, story=story), then)
+        figures, bus, now = self._screen.desk.figures, self._bus, time.monotonic()
+        basis = figures, bus.whole, bus.count, bus.found.count
+        before, at = self._reported.get(view, ((None, False), 0.0))
+        if basis == before or (basis[:2] == before[:2] and now - at < _REPORT_S):
+            return
+        self._reported[view] = basis, now
+        self.run(f"report for {view}", lambda _: figures.report(self._source, story=story), then)
 
 
 def _extended(selections: Sequence[Selection], seconds: float, stop: Stop) -> bool:
