@@ -166,14 +166,12 @@ class GapStatistics:
         """Bits that a request without an answer costs: less on a bus where that is common."""
         return self._unanswered_bits
 
-    @property
-    def unasked(self) -> NDArray[np.float64]:
-        """Bits that an answer costs that nobody was heard to ask for, by certain (0, 1) and class of silence before it.
+    def unasked_bits(self, *, certain: bool) -> float:
+        """Bits that an answer costs that nobody was heard to ask for: little on a tap that hears answers only.
 
-        Little on a tap that hears answers only. What is not certain looks like a request and rather is one, but behind
-        a log's mark of the side that answers.
+        `certain`: it does not look like a request; else it rather is one.
         """
-        return self._unasked_table
+        return self._unasked_bits if certain or self._request_bits else _UNASKED[0]
 
     @property
     def request_bits(self) -> float:
@@ -248,14 +246,9 @@ class GapStatistics:
         self._unit_bits = exact_bits(np.clip(np.log2(share * 256), -_UNIT, _UNIT)).tolist()
         self._noise_cost = min(_NOISE, max(_NOISY, exact_bits(-math.log2(self._noises / self._frames))))
         unasked = exact_bits(math.log2(self._unasked / self._answers))
-        unasked = min(_UNASKED[1], max(_UNASKED[0], unasked))
+        self._unasked_bits = min(_UNASKED[1], max(_UNASKED[0], unasked))
         requests, responses = self._certain.tolist()
         self._request_bits = _REQUESTS_ONE_WAY if responses >= _ONE_WAY * (1 + 8 * requests) else 0.0
-        self._unasked_table = np.full((2, CLASSES), unasked)
-        if not self._request_bits:
-            self._unasked_table[0] = _UNASKED[0]
-        answers = self._table[SpeakerTurn.RESPONSE, TURNS:] > self._table[SpeakerTurn.REQUEST, TURNS:]
-        self._unasked_table[:, TURNS:][:, answers] = _UNASKED[1]
         self._glitch_cost = min(_CERTAIN, max(1.0, exact_bits(-math.log2(self._glitches / self._frames))))
         if self._inside.sum() > _MEMORY:
             self._inside *= 0.5

@@ -77,7 +77,7 @@ class Lattice:
         self.glitch_cost = statistics.glitch_cost
         self.noise_cost = statistics.noise_cost
         self._request = statistics.request_bits
-        self._unasked: list[list[float]] = statistics.unasked.tolist()
+        self._unasked = [statistics.unasked_bits(certain=certain) for certain in (False, True)]
         self._certain = length_tables().certain.tobytes()
         self._units = statistics.unit_bits
         self._unanswered = statistics.unanswered_bits + HALF
@@ -227,8 +227,7 @@ class Lattice:
         if which is None:
             if conversation.waits_for(adu) and self._certain[adu[1] & 0x7F]:
                 return MISMATCH, conversation
-            unit = self._units[adu[0]]
-            unasked = self._unasked[self._certain[adu[1] & 0x7F]][self._silences[start]]
+            unit, unasked = self._units[adu[0]], self._unasked[self._certain[adu[1] & 0x7F]]
             if lost:
                 return max(ASKED_IN_NOISE, unasked) + unit, conversation
             return (unasked if conversation.answered else CONTRARY) + unit, conversation
@@ -274,7 +273,7 @@ class Lattice:
             turn, bits = (SpeakerTurn.AGAIN, self._unanswered) if waiting else (SpeakerTurn.REQUEST, 0.0)
             bits += self._request
         else:
-            turn, bits = SpeakerTurn.RESPONSE, CONTRARY if waiting else self._unasked[certain][self._silences[start]]
+            turn, bits = SpeakerTurn.RESPONSE, CONTRARY if waiting else self._unasked[certain]
         return max(self._units[unit] + bits + self._gap_bits[turn][self._silences[start]], AGAINST_FRAME)
 
     @property

@@ -34,7 +34,7 @@ from dissectors.adu import EXCEPTION, MAX_ADU, MIN_ADU, OVERHEAD
 from dissectors.answers import expectation
 from dissectors.declaration import USER_DEFINED
 from dissectors.length_rules import Role
-from dissectors.lengths import miscounted_role, rule
+from dissectors.lengths import rule
 from dissectors.limits import Sized, taken
 
 from .candidates import GLITCHES, KNOWN_BITS, ZERO_BITS, predicted_length
@@ -52,7 +52,6 @@ _ENDS: Final = 6  # of them at one place
 _USER_BITS: Final = 3.0
 LONGEST: Final = MAX_ADU + 64  # what a firmware makes of a byte count, or of a buffer
 _SILENT_BITS: Final = 4.0  # a right CRC between two silences
-_FIXED: Final = -8.0  # bits: one that needs no count is hardly made longer or shorter
 _BROKEN: Final = -12.0  # bits: few senders break such a rule
 _IMPOSSIBLE: Final = -10.0  # or send a request that is none
 _DAMAGED: Final = -9.0  # bits: answers are damaged now and then
@@ -91,13 +90,9 @@ def possible_edges(
     idle: Sequence[int],
     statistics: GapStatistics,
     *,
-    first: bool,
     over: bool,
 ) -> PossibleEdges:
-    """Edges in `data`; `idle`: where the line was quiet, its end too maybe; `over`: it is quiet behind the end.
-
-    `first`: the capture begins with these bytes, which parts no less where nothing but one frame follows.
-    """
+    """Edges in `data`; `idle`: where the line was quiet, its end too maybe; `over`: it is quiet behind the end."""
     parts, trusted = statistics.parts(), statistics.trusted
     gaps = (1 + np.flatnonzero(classes[1 : len(data)] >= SILENT)).tolist()
     begins = {0, *gaps, *(c.end for c in candidates)}
@@ -114,8 +109,7 @@ def possible_edges(
             ends.add(at)
     cuts = (1 + np.flatnonzero(parts[classes[1 : len(data)]])).tolist()
     silences = np.flatnonzero(trusted[classes[: len(data)]]).tolist()
-    if over:
-        silences = [0] * (first and not silences) + silences + [len(data)]
+    silences += [len(data)] * over
     return PossibleEdges(frozenset(begins), frozenset(ends), tuple(cuts), tuple(silences))
 
 
@@ -271,11 +265,7 @@ def silent_windows(
         function = data[start + 1]
         if (start, end) in taken_ones or _holds_a_frame(candidates, start, end) or rule(function, Role.REQUEST) is None:
             continue
-        likelier = miscounted_role(function)
-        windows += [
-            Candidate(start, end, role, _SILENT_BITS + (0.0 if role is likelier else _FIXED), doubtful=True)
-            for role in Role
-        ]
+        windows += [Candidate(start, end, role, _SILENT_BITS, doubtful=True) for role in Role]
     return windows
 
 
