@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from array import array
-from random import Random
-
-from buses import CHAR_NS, LINE, deframed, transactions
+from buses import LINE, deframed, heard, transactions
 from hypothesis import event, example, given, settings
 from hypothesis import strategies as st
 
 from analyzer.simulation import TAPS
 from analyzer.tables.schema import Kind
-from captures.chunks import Chunk
 from dissectors.lengths import sound_roles
 
-_PAUSE_NS = 8_000_000  # well over 3.5 characters
 _MOST_STRAYS = 8
 
 conversations = st.lists(transactions(), max_size=3)
@@ -22,18 +17,6 @@ glitches = st.lists(st.sampled_from([b"\0", b"\xff", b"\xfe"]), max_size=_MOST_S
 stray_bytes = st.one_of(glitches, st.binary(max_size=_MOST_STRAYS))
 frames = st.tuples(transactions(), st.integers(0, 1)).map(lambda drawn: drawn[0][drawn[1]])
 ANSWER = bytes.fromhex("0103020019798e")
-
-
-def heard(pieces: list[bytes], tap: str, seed: int) -> list[Chunk]:
-    """What a tap gives of pieces with pauses between them."""
-    data, times, now = bytearray(), array("d"), 1e9
-    for piece in pieces:
-        for byte in piece:
-            now += CHAR_NS
-            data.append(byte)
-            times.append(now)
-        now += _PAUSE_NS
-    return list(TAPS[tap].deliver(bytes(data), times, Random(seed), CHAR_NS))
 
 
 @settings(deadline=None)

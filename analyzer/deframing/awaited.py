@@ -16,8 +16,8 @@ from dissectors.lengths import plausibility
 from .candidates import CRC_BITS, KNOWN_BITS, predicted_length
 from .lattice import EMBEDDED, FITS, NOISE_BYTE, Lattice
 from .paths import PathStep
+from .possible_edges import next_byte
 from .rules import length_tables
-from .unpredicted import next_byte
 
 _HEADERS: Final = 8  # beginnings of an awaited answer that are gone through
 _ODD: Final = 8  # steps whose beginnings are looked at, the newest
@@ -62,7 +62,7 @@ def frame_may_come(
     idle_bits: float,
     only: Role | None,
 ) -> bool:
-    """Whether a legal frame has begun where the best path has noise, or a frame that the conversation speaks against.
+    """Whether a legal frame has begun where the best path has noise, or what limits or conversation speak against.
 
     `only`: the role that frames here have.
     """
@@ -70,7 +70,8 @@ def frame_may_come(
     odd = [
         step
         for step in steps
-        if position - MAX_ADU < step.start < frames[-1].end and (step.candidate is None or step.conversation_bits < 0)
+        if position - MAX_ADU < step.start < frames[-1].end
+        and (step.candidate is None or step.conversation_bits < 0 or step.candidate.structure < 0)
     ]
     for step in odd[-_ODD:]:
         before, conversation = lattice.before(step)
@@ -85,6 +86,8 @@ def frame_may_come(
                 if checks is None or plausibility(head, role):
                     continue
                 legal = CRC_BITS + KNOWN_BITS + checks.bits + sum(checks.soft_bits)
+                if not idle_bits and step.candidate is not None and step.candidate.structure < 0:
+                    return True  # what breaks a limit never stands for what breaks none
                 if score + legal + lattice.bits_of_start(start, role, conversation) > best:
                     return True
     return False

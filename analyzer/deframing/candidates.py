@@ -70,8 +70,8 @@ def search_candidates(data: Bytes, crc: CrcWindows) -> Candidates:
     if broken.any():
         _rule_out(keep, start, end, broken)
     if not keep.all():
-        start, end, role, structure = start[keep], end[keep], role[keep], structure[keep]
-    _discount_zeros(structure, data, start, end)
+        start, end, role, structure, broken = start[keep], end[keep], role[keep], structure[keep], broken[keep]
+    _weigh_zeros(structure, data, start, end, broken)
     return Candidates(start, end, role, structure)
 
 
@@ -91,10 +91,9 @@ def more_candidates(known: Candidates, searched: int, data: Bytes, crc: CrcWindo
 
 
 def _rule_out(keep: Mask, start: Index, end: Index, broken: Mask) -> None:
-    """Drop those that break a limit and hold, or begin like, one that breaks none.
+    """Drop those that break a limit and hold, or begin like, one that breaks none, be it the same bytes.
 
-    `01 03 02 00 19 79 8E 00` is an answer and a stray byte, whatever a request for 6521 registers looks like. Where the
-    very same bytes are legal in the other role the conversation tells.
+    `01 03 02 00 19 79 8E 00` is an answer and a stray byte, whatever a request for 6521 registers looks like.
     """
     legal = (keep & ~broken).nonzero()[0]
     if not len(legal):
@@ -105,20 +104,22 @@ def _rule_out(keep: Mask, start: Index, end: Index, broken: Mask) -> None:
     soonest = np.append(np.minimum.accumulate(ends[::-1])[::-1], _NEVER)  # end of any from here on
     shorter = soonest.take(starts.searchsorted(begin, side="right")) <= until
     alike = starts.searchsorted(begin)
-    shorter |= (np.append(starts, -1).take(alike) == begin) & (np.append(ends, _NEVER).take(alike) < until)
+    shorter |= (np.append(starts, -1).take(alike) == begin) & (np.append(ends, _NEVER).take(alike) <= until)
     keep[some[shorter]] = False
 
 
-def _discount_zeros(structure: NDArray[np.float32], data: Bytes, start: Index, end: Index) -> None:
+def _weigh_zeros(structure: NDArray[np.float32], data: Bytes, start: Index, end: Index, broken: Mask) -> None:
     """Take bits from candidates that hold only zeros behind a shorter one with the same start.
 
-    Zeros behind a right CRC leave it right, so it proves nothing that the shorter one's does not.
+    Zeros behind a right CRC leave it right, so it proves nothing that the shorter one's does not. But where only the
+    shorter one breaks a limit, the longer one is the frame, for every 256th check value ends in 00, and gains them.
     """
     longer = (start[1:] == start[:-1]).nonzero()[0] + 1
     more = end.take(longer) - end.take(longer - 1)
     for i in longer.compress((more > 0) & (more <= 4)).tolist():
         if not data[end[i - 1] : end[i]].any():
-            structure[i] += ZERO_BITS * (end[i] - end[i - 1])
+            zeros = int(end[i] - end[i - 1])
+            structure[i] += -ZERO_BITS if broken[i - 1] and not broken[i] else ZERO_BITS * zeros
 
 
 class _CheckedWindows(NamedTuple):

@@ -24,6 +24,7 @@ from dissectors.length_rules import Role
 
 from ..options import Options
 from .awaited import answer_may_come, frame_may_come
+from .broken import broken_windows, silent_windows
 from .buffer import ByteBuffer
 from .certainty import UNDECIDED, Decision, evidence_of_steps, margins
 from .conversation import Conversation
@@ -32,16 +33,11 @@ from .forced import ForcedRuns, SearchedBytes
 from .gaps import AGAINST, SILENT, GapStatistics, SpeakerTurn, classes_of, next_checkpoint
 from .lattice import LEAD, Lattice
 from .looks import CUT, GAP, IDLE, NEVER, DecisionPoint, LaidPaths, OpenLook
+from .mangled import damaged_answers, damaged_requests
 from .paths import SURE, PathStep, by_end
+from .possible_edges import possible_edges
 from .segments import NOISE, DecidedSegments
-from .unpredicted import (
-    broken_windows,
-    damaged_answers,
-    damaged_requests,
-    possible_edges,
-    silent_windows,
-    unknown_windows,
-)
+from .unpredicted import unknown_windows
 
 WINDOWS: Final = (96, 384, 2048)  # bytes looked at: mostly a few frames do; the last at most waits for a decision
 _ALONE: Final = 15.0  # bits that frames end to end with silence behind them need
@@ -217,10 +213,11 @@ class Decider:
         edges = possible_edges(data, classes, declared, quiet, self._statistics, over=stage > GAP)
         may = possible_starts(stretch.crc, at + origin, len(data))
         more = unknown_windows(data, stretch.crc, at + origin, edges, declared, self.heard, may)
-        more += broken_windows(data, stretch.crc, at + origin, edges, declared + more, may)
+        asked = look.conversation.open_requests
+        more += broken_windows(data, stretch.crc, at + origin, edges, declared + more, asked, may)
         more += silent_windows(data, stretch.crc, at + origin, edges, declared + more)
         more += damaged_requests(data, edges.behind(more), declared)
-        more += damaged_answers(data, edges, declared, look.conversation.open_requests)
+        more += damaged_answers(data, stretch.crc, at + origin, edges, declared, asked)
         look.work += _DEAR * max(0, len(declared) + len(more) - len(data) // _SPARSE)
         candidates = [c for c in look.candidates if c.start >= origin and c.end <= end]
         candidates += [

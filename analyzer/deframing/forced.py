@@ -354,6 +354,7 @@ def plain_evidence(
     if role[0] == _ANSWERS:
         known = conversation.answers(data[start[0] : end[0]].tobytes()) is not None
         certain = bool(length_tables().certain[data[start[0] + 1] & 0x7F])
-        unasked = statistics.unasked_bits(certain=certain) if conversation.answered else CONTRARY
+        free = conversation.answered or statistics.answers_only
+        unasked = statistics.unasked_bits(certain=certain) if free else CONTRARY
         conversation_bits[0] = FITS if known else unasked
     return statistics.table[turns, classes], conversation_bits

@@ -171,7 +171,12 @@ class GapStatistics:
 
         `certain`: it does not look like a request; else it rather is one.
         """
-        return self._unasked_bits if certain or self._request_bits else _UNASKED[0]
+        return self._unasked_bits if certain or self.answers_only else _UNASKED[0]
+
+    @property
+    def answers_only(self) -> bool:
+        """Whether this tap hears answers only: what was taken for a request before that showed waits for nothing."""
+        return self._request_bits < 0
 
     @property
     def request_bits(self) -> float:

@@ -38,7 +38,7 @@ FITS = 21.0  # an answer of the right unit, function and count: what its header 
 FITS_BARE = 13.0  # an answer of which only unit and function are known
 FITS_EXCEPTION = 8.0
 LATE = -8.0  # it answers an older request
-LATE_BYTE = -1.0 / 16  # for each byte that has passed since: late answers come soon or never
+LATE_BYTE = -1.0 / 16  # for each byte that has passed since the request: answers come soon or never
 ANSWERED_IN_NOISE = -1.0
 ASKED_IN_NOISE = -9.0  # nothing was, but what was noise may have been the request
 CONTRARY = -24.0  # something else was pending
@@ -78,6 +78,7 @@ class Lattice:
         self.noise_cost = statistics.noise_cost
         self._request = statistics.request_bits
         self._unasked = [statistics.unasked_bits(certain=certain) for certain in (False, True)]
+        self._contrary = self._unasked if statistics.answers_only else [CONTRARY, CONTRARY]
         self._certain = length_tables().certain.tobytes()
         self._units = statistics.unit_bits
         self._unanswered = statistics.unanswered_bits + HALF
@@ -187,7 +188,7 @@ class Lattice:
             if request is not None:
                 bits, conversation = self._asks(conversation, request, damaged=damaged, lost=lost)
             else:
-                bits, conversation = self._answers(conversation, adu, start, damaged=damaged, lost=lost)
+                bits, conversation = self._answers(conversation, candidate, adu, lost=lost)
             worth = gain + (max(silence + bits, AGAINST_FRAME) if legal else silence + bits)
             since = 0.0 if damaged else worth if noise else path.since_noise + worth
             if noise:
@@ -207,7 +208,7 @@ class Lattice:
         unit = self._units[adu[0]]
         if damaged:
             return unit, conversation  # nobody will answer it
-        if adu == conversation.last:  # its very bytes, as many as they are: not by chance
+        if adu == conversation.last and not self._request:  # its very bytes, as many as they are: not by chance
             same = min(FITS, 8.0 * (len(adu) - 2) - KNOWN)
             bits = same + (REPEATED if conversation.answered else self._unanswered)
         elif conversation.answered:
@@ -217,25 +218,32 @@ class Lattice:
         return bits + self._request, conversation.ask(request)
 
     def _answers(
-        self, conversation: Conversation, adu: bytes, start: int, *, damaged: bool, lost: bool
+        self, conversation: Conversation, candidate: Candidate, adu: bytes, *, lost: bool
     ) -> tuple[float, Conversation]:
-        """The same of a response, which begins at `start`."""
+        """The same of a response."""
         which = conversation.answers(adu)
         newest = which == len(conversation.open_requests) - 1 and not conversation.answered
-        if damaged and not newest:
+        if candidate.damaged and not newest:
             return IMPOSSIBLE, conversation
+        stray = self._unasked_for(conversation, adu, lost=lost)
         if which is None:
-            if conversation.waits_for(adu) and self._certain[adu[1] & 0x7F]:
-                return MISMATCH, conversation
-            unit, unasked = self._units[adu[0]], self._unasked[self._certain[adu[1] & 0x7F]]
-            if lost:
-                return max(ASKED_IN_NOISE, unasked) + unit, conversation
-            return (unasked if conversation.answered else CONTRARY) + unit, conversation
+            return stray, conversation
         asked = conversation.open_requests[which]
-        bits = FITS_EXCEPTION if adu[1] & EXCEPTION else FITS if asked.expects.marks else FITS_BARE
-        if not newest:
-            bits += LATE + LATE_BYTE * (self.offset + start - asked.start - len(asked.adu))
-        return bits, conversation.answer(which)
+        if candidate.declared and candidate.doubtful:  # a header as it should be speaks against what contradicts it
+            bits = MISMATCH
+        else:
+            bits = FITS_EXCEPTION if adu[1] & EXCEPTION else FITS if asked.expects.marks else FITS_BARE
+        bits += LATE_BYTE * (self.offset + candidate.start - asked.start - len(asked.adu)) + (0.0 if newest else LATE)
+        return (bits, conversation.answer(which)) if bits >= stray else (stray, conversation)
+
+    def _unasked_for(self, conversation: Conversation, adu: bytes, *, lost: bool) -> float:
+        """The same of a response to no request that is known."""
+        unit, certain = self._units[adu[0]], self._certain[adu[1] & 0x7F]
+        if conversation.waits_for(adu) and certain:
+            return MISMATCH
+        if lost:
+            return max(ASKED_IN_NOISE, self._unasked[certain]) + unit
+        return (self._unasked if conversation.answered else self._contrary)[certain] + unit
 
     def _inside(self, outer: Candidate) -> float:
         """What the candidates inside one would score at best by themselves, less the price of being there."""
@@ -273,7 +281,7 @@ class Lattice:
             turn, bits = (SpeakerTurn.AGAIN, self._unanswered) if waiting else (SpeakerTurn.REQUEST, 0.0)
             bits += self._request
         else:
-            turn, bits = SpeakerTurn.RESPONSE, CONTRARY if waiting else self._unasked[certain]
+            turn, bits = SpeakerTurn.RESPONSE, (self._contrary if waiting else self._unasked)[certain]
         return max(self._units[unit] + bits + self._gap_bits[turn][self._silences[start]], AGAINST_FRAME)
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -23,6 +24,11 @@ class Candidate(NamedTuple):
     declared: bool = True  # its function's length is known; else the window's CRC alone speaks for it
     damaged: bool = False  # its CRC is wrong: only an answer that fits a request is believed to be that
     doubtful: bool = False  # breaks a rule, or its function was never heard: whole frames inside count against it
+
+
+def holds_a_frame(candidates: Sequence[Candidate], start: int, end: int) -> bool:
+    """Whether a whole frame takes most of these bytes: then the rest are strays."""
+    return any(start <= c.start and c.end <= end and 2 * (c.end - c.start) > end - start for c in candidates)
 
 
 Losers = tuple[tuple[float, "PathStep | None"], ...]  # paths beaten: by how many bits, and their last steps

@@ -23,7 +23,7 @@ from dissectors.answers import Expectation, expectation
 
 from ..tables.frame import adu_of
 from ..tables.schema import NO_GAP, Kind, Protocol, Row
-from .directions import either_way, said_directions, settled_directions
+from .directions import certain_frames, either_way, said_directions, settled_directions
 from .unordered import UnorderedRows
 
 _SETTLE_FRAMES: Final = 32  # by which directions are settled
@@ -63,6 +63,8 @@ class WireOrder:
     def __init__(self, line: LineSettings) -> None:
         self._ports: list[int] = []  # as they came
         self._since: int | None = None  # ns: when there were two; what was heard before is of one port
+        self._first_ns: list[int] = []  # when each was heard first
+        self._alone = False  # the first one was given as it came
         self._held = UnorderedRows.nothing()
         self._directions = said_directions(line)
         self._settled = self._directions is not None
@@ -77,17 +79,26 @@ class WireOrder:
     def joins(self, port: int, first_ns: int) -> None:
         """A port is heard for the first time."""
         self._ports.append(port)
+        self._first_ns.append(first_ns)
         if self._settled:
             self._since = _EVER
-        elif len(self._ports) == 2:
+        elif self._alone and len(self._ports) == 2:
             self._since = first_ns
 
     def take(self, parts: Sequence[UnorderedRows], until: int | None) -> tuple[UnorderedRows, Across | None]:
         """Rows whose places are certain, with more of them; all that was heard before `until` is known (None: all)."""
         if self._since is None:
-            loose = UnorderedRows.joined(parts)
-            self._remember(loose, np.arange(len(loose.rows)))
-            return loose, None
+            loose = UnorderedRows.joined([self._held, *parts])
+            alone_ns = 0 if self._alone else self._alone_from(loose, until)
+            if alone_ns is None:
+                self._held = loose
+                return UnorderedRows.nothing(), None
+            if len(self._ports) < 2:
+                self._alone, self._held = True, UnorderedRows.nothing()
+                self._remember(loose, np.arange(len(loose.rows)))
+                return loose, None
+            self._since = self._first_ns[1] if self._first_ns[1] > alone_ns else _EVER
+            self._held, parts = loose, ()
         loose = UnorderedRows.joined([self._held, *parts])
         heard = loose.heard
         order = np.lexsort((loose.rows.port, heard))
@@ -123,6 +134,17 @@ class WireOrder:
             across, unsure = np.pad(across, (0, len(rest))), np.pad(unsure, (0, len(rest)))
         self._held = loose.picked(order[left[order]])
         return loose.picked(placed), Across(across, asks, unsure)
+
+    def _alone_from(self, loose: UnorderedRows, until: int | None) -> int | None:
+        """When the first port had been heard so long, or in both directions, that it is no half of a pair."""
+        if not self._ports:
+            return None
+        certain = certain_frames(loose.rows) & (loose.rows.port == self._ports[0])
+        heard = [loose.heard[certain & (loose.rows.kind == kind)] for kind in (Kind.REQUEST, Kind.RESPONSE)]
+        alone_ns = self._first_ns[0] + _MOST_NS
+        if all(map(len, heard)):
+            alone_ns = min(alone_ns, max(int(times[0]) for times in heard))
+        return alone_ns if until is None or alone_ns < until else None
 
     def _remember(self, loose: UnorderedRows, which: NDArray[np.intp]) -> None:
         """Keep the newest row that was heard before there was a second port."""

@@ -18,7 +18,7 @@ def healthy(bus: Bus, random: Random, polls: Sequence[bytes]) -> None:
     bus.wait(random.uniform(8, 40))
 
 
-@edge("counts that contradict the frame, between silences", ("precise", "irq"))
+@edge("counts that contradict the frame, between silences")
 def _contrary_counts(random: Random) -> tuple[Bus, dict[str, str]]:
     bus = Bus(random)
     polls = [request(random, random.randint(1, 5)) for _ in range(8)]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from random import Random
 
 import pytest
 from hypothesis import strategies as st
 
 from analyzer.deframing.stream import RtuDeframer
 from analyzer.options import Options
+from analyzer.simulation import TAPS
 from analyzer.tables.batch import Batch
 from analyzer.tables.schema import Kind, Rows
 from captures.chunks import Block, Chunk
@@ -77,6 +80,18 @@ def spaced(pieces: Sequence[bytes], gap_ns: int = 6_000_000) -> list[Chunk]:
         now += gap_ns + len(piece) * CHAR_NS
         chunks.append(Chunk(now, piece))
     return chunks
+
+
+def heard(pieces: Sequence[bytes], tap: str, seed: int, pause_ns: int = 8_000_000) -> list[Chunk]:
+    """What a tap gives of pieces with pauses of well over 3.5 characters between them."""
+    data, times, now = bytearray(), array("d"), 1e9
+    for piece in pieces:
+        for byte in piece:
+            now += CHAR_NS
+            data.append(byte)
+            times.append(now)
+        now += pause_ns
+    return list(TAPS[tap].deliver(bytes(data), times, Random(seed), CHAR_NS))
 
 
 units = st.sampled_from([1, 2, 17, 247])
