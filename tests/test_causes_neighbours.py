@@ -70,3 +70,27 @@ def test_a_pace_is_told_from_chance() -> None:
 @pytest.mark.parametrize("case", ["two-masters", "two-masters-alike"])
 def test_requests_sooner_than_the_client_is_seen_to_wait_are_another_client_s(case: str) -> None:
     assert _named(case, 9324, "precise") == [("two-masters", ())]
+
+
+@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
+def test_requests_into_answers_that_the_client_does_wait_for_are_a_second_client_s(tap: str) -> None:
+    """Though one slow unit alone is met."""
+    assert [cause for cause, _ in _named("two-masters", 11005, tap)] == ["two-masters"]
+
+
+@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
+def test_late_answers_that_run_into_the_poll_after_the_next_are_no_second_client_s(tap: str) -> None:
+    assert _named("timeout-too-short", 11003, tap) == [("timeout-too-short", (22,))]
+
+
+def test_spikes_behind_the_last_answer_of_a_round_are_no_driver_that_is_held() -> None:
+    assert _named("emi-mains", 9309, "precise") == [("emi-mains", ())]
+
+
+def test_slow_answers_behind_which_the_client_goes_on_by_its_timer_were_given_up() -> None:
+    assert _named("timeout-too-short", 9333, "precise") == [("timeout-too-short", (115,))]
+
+
+def test_a_high_word_that_makes_a_float_with_either_neighbour_is_no_other_order() -> None:
+    """Two units of different kinds, asked for the same registers."""
+    assert _named("healthy-timers", 11005, "precise") == []

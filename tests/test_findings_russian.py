@@ -110,7 +110,7 @@ def test_nouns_and_senders_agree() -> None:
     noise = by_code["noise"]
     after = {"pattern": float(Pattern.AFTER), "bytes": 2.0, "unit": 7.0}
     assert noise.words(noise.text, after) == "00 или FF вплотную за кадром устройства 7: 2 байта"
-    assert "передатчик мастера" in noise.words(noise.cause, {"pattern": float(Pattern.AFTER), "bytes": 1.0})
+    assert "передатчик клиента" in noise.words(noise.cause, {"pattern": float(Pattern.AFTER), "bytes": 1.0})
     cut = by_code["truncated"]
     said = cut.words(cut.text, {"bytes": 5.0, "due": 21.0})
     assert said == "кадр оборван: начинается как кадр длиной 21 байт, а пришло 5 байтов"
@@ -118,3 +118,18 @@ def test_nouns_and_senders_agree() -> None:
     assert other.words(other.text, {"protocol": NAMES.index("HDLC (DLMS/COSEM meters)"), "bytes": 1.0}) == (
         "другой протокол, HDLC (счётчики DLMS/COSEM): 1 байт; это не Modbus и не неисправность"
     )
+
+
+def test_who_asks_and_who_answers_have_one_name() -> None:
+    """A client asks a device, which is a server; other names only where the glossary explains them."""
+    others = re.compile("мастер|ведущ|ведом|слейв", re.IGNORECASE)
+    root = Path(__file__).parent.parent
+    pages = [*(root / "analyzer" / "languages").glob("ru*.toml"), *(root / "docs" / "ru").rglob("*.md")]
+    assert len(pages) > 10
+    found = [
+        line
+        for page in [*pages, root / "docs" / "ru.md"]
+        for line in page.read_text(encoding="utf-8").splitlines()
+        if others.search(line) and not line.startswith("| client, server |")
+    ]
+    assert not found

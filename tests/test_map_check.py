@@ -80,3 +80,16 @@ def test_planted_contradictions_are_found_where_they_stand(name: str) -> None:
         spoilt: RegisterMap = replace(chart, rows=tuple(wrong if one is row else one for one in chart.rows))
         told = [r for r in check_map(readings, {1: spoilt}) if r.kind == "contradiction"]
         assert {(r.area, r.address) for r in told} == {(row.area, row.address)}, (kind, row.name, told)
+
+
+def test_a_high_word_that_is_zero_all_the_time_contradicts_no_wide_integer() -> None:
+    readings, random = RegisterReadings(), Random(5)
+    power = [620 + random.randrange(-9, 10) for _ in range(200)]
+    volts = [2300 + random.randrange(-30, 31) for _ in range(200)]
+    readings.put(1, "holding", 298, np.array([[0, p, v] for p, v in zip(power, volts, strict=True)], np.uint16))
+    rows = (MappedValue("holding", 298, "Power", "s32", length=2), MappedValue("holding", 300, "Voltage", "u16"))
+    assert not check_map(readings, {1: RegisterMap("meter", rows)})
+    turned = replace(rows[0], order="CDAB")
+    assert [remark.kind for remark in check_map(readings, {1: RegisterMap("meter", (turned, rows[1]))})] == [
+        "contradiction"
+    ]

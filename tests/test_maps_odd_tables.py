@@ -12,6 +12,26 @@ TABLES: dict[str, OddFile] = {
         ["holding 0 u16 x0.1 Level, tank 1", "holding 1 u16 x0.1 Level, tank 2"],
         "",
     ),
+    "headings that are one long word": (
+        "liste.csv",
+        "Pumpe PS-40;;;;;\n;;;;;\nLfd. Nr.;Modbus-Adresse;Bezeichnung;Datenformat;Einheit;Skalierungsfaktor;"
+        "Lesen/Schreiben\n1;0x0100;Vorlauf;INT16;°C;0,1;R\n2;0x0101;Durchfluss;UINT32 (Low Word first);l/h;0,01;R\n"
+        "3;0x0103;Betriebsart (0 = Aus, 1 = Hand, 2 = Auto);UINT16;-;1;R/W\n4;0x0104;Leistung;FLOAT32;kW;-;R\n"
+        .encode("cp1252"),
+        ["holding 256 s16 x0.1 °C r Vorlauf", "holding 257 u32 CDAB x0.01 l/h r Durchfluss",
+         "holding 259 u16 rw {0=Aus; 1=Hand; 2=Auto} Betriebsart", "holding 260 f32 kW r Leistung"],
+        "",
+    ),
+    "logical numbers of all four areas, states in remarks": (
+        "list.csv",
+        b"Function code,Starting address,Qty,Data name,Data type,Unit,Resolution,Remark\n"
+        b"04H,30001,1,Voltage,UINT,V,0.1 V,\n"
+        b"04H,30011-30012,2,Energy,UDINT,kWh,0.01 kWh,High word first\n02H,10003,1,Door,BOOL,,,\n"
+        b'03H,40101,1,Baud,UINT,,1,"0: 4800, 1: 9600"\n01H,00001,1,Relay,BOOL,,,\n',
+        ["input 0 u16 x0.1 V Voltage", "input 10 u32 x0.01 kWh Energy", "discrete 2 bool Door",
+         "holding 100 u16 {0=4800; 1=9600} Baud", "coil 0 bool Relay"],
+        "",
+    ),
     "UTF-16 without its mark": (
         "list.txt",
         "Address\tName\tType\n5\tFlow\tfloat\n7\tTotal\tU32\n".encode("utf-16-le"),

@@ -14,6 +14,7 @@ from oddmaps import check_import, row_texts
 
 from dissectors.maps import MapError
 from dissectors.maps.importers import import_maps
+from dissectors.maps.tablewords import area_words
 
 openpyxl = pytest.importorskip("openpyxl")
 Cells = list[list[Any]]
@@ -131,6 +132,29 @@ def test_each_sheet_with_a_table_is_a_map_and_hidden_ones_are_none() -> None:
         ("pump Sheet 2", ["holding 1 u16 V U"]),
         ("pump Sheet 4", ["holding 9 f32 Hz F"]),
     ]
+
+
+def test_sheets_that_are_named_after_an_area_are_one_device() -> None:
+    sheets: list[Cells] = [
+        [HEADINGS, [1, "U", "U16", "V"]],
+        [HEADINGS, [1, "Limit", "U16", "V"]],
+    ]
+
+    def name(book: Any) -> None:
+        book.worksheets[0].title, book.worksheets[1].title = "Input registers", "Settings (FC 03)"
+
+    (found,) = import_maps("pump.xlsx", book_of(*sheets, change=name))
+    assert found.chart.device == "pump"
+    assert row_texts(found) == ["input 1 u16 V U", "holding 1 u16 V Limit"]
+
+
+@pytest.mark.parametrize(
+    ("title", "area"),
+    [("Read-only data, function code 04h", "input"), ("Functions 03, 04 and 06", None), ("FC02", "discrete"),
+     ("Регистры (функция 3)", "holding"), ("Function list 4", None)],
+)  # fmt: skip
+def test_the_one_function_of_a_title_says_the_area(title: str, area: str | None) -> None:
+    assert area_words(title) == area
 
 
 def with_values(data: bytes, values: dict[str, str]) -> bytes:

@@ -356,6 +356,19 @@ def test_pasted_frames_by_a_map(capsys: pytest.CaptureFixture[str]) -> None:
     assert lines[0]["values"] == []
 
 
+@pytest.mark.parametrize(
+    ("frame", "value"),
+    [
+        ("01 06 00 0E 00 01 29 C9", "Standby  on  (holding 14)"),
+        ("01 05 00 01 FF 00 DD FA", "Output 1  on  (coil 1)"),
+        ("01 05 00 01 00 00 9C 0A", "Output 1  off  (coil 1)"),
+    ],
+)
+def test_a_single_write_by_a_map(frame: str, value: str, capsys: pytest.CaptureFixture[str]) -> None:
+    chart = "nl-16di" if "coil" in value else "el-psu"
+    assert value in ran(capsys, "parse", "--map", chart, frame).out
+
+
 def test_both_devices_of_the_manuals_are_shown_whole(capsys: pytest.CaptureFixture[str]) -> None:
     words = [5, 2, 0, 1, 1023, 1, 0x3F84, 0xD9A8, 0x3F80, 0, 0, 0, 0x3F80, 0, 1, 550, 150]
     answer = bytes((3, 2 * len(words))) + b"".join(word.to_bytes(2, "big") for word in words)

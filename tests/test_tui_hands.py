@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from seats import Seat, opened, sample_in, using
 from analyzer.model.goto import GotoError, span
 from analyzer.model.spoken import spoken
 from analyzer.tui.app import Rtuscope
+from analyzer.tui.findings import FindingList
 from analyzer.tui.help import Help
 from analyzer.tui.keys import BINDINGS
 from analyzer.tui.openfiles import NextFile
@@ -81,6 +83,19 @@ def test_no_view_is_wider_than_the_terminal(capture: Path, width: int) -> None:
             assert sitting.screen.panes.all[0].size.width > 0
 
     using(opened(capture), work, size=(width, 24))
+
+
+def test_at_40_columns_a_finding_still_says_what_was_seen(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("3", "b")
+        listing = sitting.screen.query_one(FindingList)
+        finding = listing.finding
+        assert finding is not None and not listing.grouped
+        line = next(line for line in sitting.shown().splitlines() if f" {finding.code} " in line)
+        assert f"{finding.code} {finding.text[:8]}" in line and line.rstrip().endswith("…")
+        assert re.search(r"\d E, \d+ W, \d+ N   showing all: \d", sitting.shown())
+
+    using(opened(capture), work, size=(40, 24))
 
 
 def test_a_file_is_read_anew_with_its_filter_and_row(capture: Path) -> None:

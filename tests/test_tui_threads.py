@@ -250,3 +250,29 @@ def test_causes_that_nobody_looks_at_are_not_worked_out_once_a_key_was_pressed(
 
     asyncio.run(main())
     assert True not in asked
+
+
+def test_nothing_is_called_right_before_it_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    source, begun, go_on = opened(samples.path("healthy.jsonl")), threading.Event(), threading.Event()
+    steps = source.steps
+
+    def held_back(stop: Callable[[], bool]) -> Iterator[Analysed]:
+        begun.wait(20)
+        for analysed in steps(stop):
+            yield analysed
+            go_on.wait(20)
+
+    monkeypatch.setattr(source, "steps", held_back)
+
+    async def main() -> None:
+        app = Rtuscope(source, view="home")
+        async with app.run_test(size=(80, 24)) as pilot:
+            sitting = Seat(app, pilot)
+            await sitting.until(lambda: "reading …" in sitting.shown())
+            assert "wrong" not in sitting.shown()
+            begun.set()
+            await sitting.until(lambda: "Nothing wrong so far" in sitting.shown())
+            go_on.set()
+            await sitting.until(lambda: "Nothing is wrong" in sitting.shown())
+
+    asyncio.run(main())

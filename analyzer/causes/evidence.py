@@ -121,14 +121,16 @@ class Evidence:
         return self._readings[unit.unit]
 
     def begun_by(self, reading: Signature) -> int | None:
-        """Another unit that is polled, and by whose number and function a damaged answer begins; None for none."""
+        """Another unit that is polled, and by whose number and function a damaged answer begins, or what stands behind a
+        good one; None for none."""
         begin = bytes(reading.heard[:2])
         return begin[0] if begin in self._begins and begin[0] != reading.request[0] else None
 
     @cached_property
     def begun(self) -> Counter[int]:
-        """How many damaged answers of others begin by the number and function of each unit."""
-        readings = [reading for unit in self.units for reading in self.readings(unit)]
+        """How many damaged answers of others, or bytes behind their good ones, begin by the number and function of each
+        unit."""
+        readings = [each for unit in self.units for each in (*self.readings(unit), *self.followed(unit))]
         return Counter(sender for reading in readings if (sender := self.begun_by(reading)) is not None)
 
     @cached_property

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from .bits import likelihood_bits
+from .bits import likelihood_bits, surplus_bits
 from .evidence import Evidence
 from .registry import Symptom
 from .signatures import Behind, known_header
@@ -22,6 +22,9 @@ _MOST_LATE: Final = 0.85  # what one late answer meets may make another late
 _ONE_LATE_BITS: Final = 12.0
 _MOST_HIT: Final = 0.98
 _ABOUT: Final = 20.0  # bytes
+_TOLD: Final = 5  # waits or delays, by which a clock's errors even out
+_SOONEST: Final = 0.05  # of delays
+_SOONER: Final = 0.8  # of them: no timer strays so far
 _HEADER: Final = 3  # bytes: unit, function, byte count
 
 # How damage spreads over kinds where it strikes all senders alike.
@@ -90,27 +93,38 @@ def is_one_units(evidence: Evidence) -> bool:
 
 
 def is_about_one(evidence: Evidence) -> bool:
-    """Whether nearly all that was hit is a unit's or right behind what it was asked, and that is no such share of the
-    bytes on the line: what comes from elsewhere, a second master too, meets whatever is sent.
+    """Whether nearly all that was hit is a unit's or at most two behind what it was asked, and that is no such share of the
+    time that exchanges take: what comes from elsewhere, a second master too, meets whatever is going on.
 
     Not told where but one other unit is spared: two cycles may keep step, and meet at the same place each time.
     """
     successors = evidence.ledger.successors
-    met = {  # but what is explained
-        (unit, before): count
-        for (unit, before), count in successors.met.items()
-        if evidence.is_open(Symptom.DAMAGE, unit)
-    }
-    if len({unit.unit for unit in evidence.units} - {unit for unit, _ in met}) < _SPARED:
+    hit = {unit for unit, _ in successors.met if evidence.is_open(Symptom.DAMAGE, unit)}  # but what is explained
+    if len({unit.unit for unit in evidence.units} - hit) < _SPARED:
         return False
-    weights = {unit.unit: _mean_due(evidence, unit.unit) for unit in evidence.units}
-    every = sum(count * weights.get(unit, 0.0) for (unit, _), count in successors.followed.items())
-    for one in weights:
-        hits = sum(count for pair, count in met.items() if one in pair)
-        exposed = sum(count * weights.get(pair[0], 0.0) for pair, count in successors.followed.items() if one in pair)
-        if hits >= _ABOUT_ONE * sum(met.values()) and -hits * log2(max(exposed, 1) / every) >= _SURE_BITS:
+    every = sum(count for (unit, _), count in successors.met.items() if unit in hit)
+    times = {unit.unit: _mean_time(evidence, unit) for unit in evidence.units}
+    whole = sum(count * times.get(unit, 0.0) for (unit, _), count in successors.followed.items())
+    for one in times:
+        hits = sum(count for (unit, near), count in successors.near_hit.items() if near == one and unit in hit)
+        share = sum(n * times.get(unit, 0.0) for (unit, near), n in successors.near.items() if near == one) / whole
+        if hits >= _ABOUT_ONE * every and surplus_bits(hits, every, share) >= _SURE_BITS:
             return True
     return False
+
+
+def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
+    """Requests to a unit behind which another came well before it ever answers, for which the master does wait: nobody
+    gives up so soon, that is another who sends. Of a coarse clock all or none, by the mean of the waits."""
+    waits, delays, off = unit.waits.numbers, unit.delays.numbers, evidence.verdict.wait_ns
+    if len(waits) < 1 or len(delays) < _TOLD or not evidence.is_open(Symptom.SILENCE, unit.unit):
+        return 0
+    soonest = float(np.quantile(delays, _SOONEST))
+    early = float((waits < _SOONER * (soonest - off)).mean())
+    if len(waits) >= _TOLD:
+        error = 3 * off / (12 * len(waits)) ** 0.5  # of the mean of times that are wrong by up to so much
+        early = 1.0 if waits.mean() + error < _SOONER * float(np.quantile(delays, 0.25)) else early
+    return round(early * len(unit.waits))
 
 
 def late_of_any(evidence: Evidence) -> int:
@@ -145,6 +159,12 @@ def _mean_due(evidence: Evidence, unit: int) -> float:
     polls = evidence.polls_of(unit)
     asked = sum(poll.asked for poll in polls)
     return sum(poll.asked * poll.about_bytes for poll in polls) / asked if asked else _ABOUT
+
+
+def _mean_time(evidence: Evidence, unit: UnitLedger) -> float:
+    """How long an exchange with a unit takes (ns), about."""
+    waits = unit.delays.numbers
+    return _mean_due(evidence, unit.unit) * evidence.ledger.char_ns + (float(waits.mean()) if len(waits) else 0.0)
 
 
 def span_of_hits(evidence: Evidence) -> dict[str, Any]:

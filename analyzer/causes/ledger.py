@@ -40,7 +40,7 @@ _NOISE_SAMPLES: Final = 64
 _NOISE_BYTES: Final = 512
 _EXAMPLES: Final = 3
 _BACK: Final = 2  # exchanges
-_STRAY: Final = 3  # bytes that one spike makes
+STRAY: Final = 3  # bytes that one spike makes
 _EIGHT: Final = 8  # bytes of a request by one of these functions
 _OF_EIGHT: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6))
 _COUNTED: Final = np.isin(np.arange(256), (1, 2, 3, 4))  # whose answers have a byte count,
@@ -181,7 +181,7 @@ class Ledger:
     def _count_noise(self, table: RowColumns, noise: NDArray[np.intp]) -> None:
         length, begins = table.rows.length[noise], table.rows.t_start_ns[noise]
         self.noise_bytes += int(length.sum())
-        self.stray_times.add(begins[length <= _STRAY])
+        self.stray_times.add(begins[length <= STRAY])
         for row in noise[: max(_NOISE_SAMPLES - len(self.noise), 0)].tolist():
             port = int(table.rows.port[row])
             self.noise.append((int(table.rows.t_start_ns[row]), port, table.bytes_of(row)[:_NOISE_BYTES]))
@@ -240,7 +240,8 @@ class Ledger:
         gaps = exchanges.gap_before[1:][clean[:-1]]
         self.request_gaps.add(gaps[gaps != NO_GAP])
         self._count_broadcasts(exchanges, outcome == _BROADCAST)
-        self.successors.add(exchanges.unit, outcome == _SILENT, odd, exchanges.t_asked, exchanges.delay)
+        waits = np.where(t_next == NEVER, 0, t_next - exchanges.t_asked)
+        self.successors.add(exchanges.unit, outcome == _SILENT, odd, exchanges.t_asked, exchanges.delay, waits)
         self.grid.add("asked", times)
         self.grid.add("damage", times[(outcome == _GARBAGE) | (exchanges.noise > 0)])
 

@@ -68,7 +68,8 @@ class Signature:
     """The reading of one sample.
 
     `bytes` how many are damaged or lost, `length` how many came (of a good answer: behind it), `at` the first damaged byte (-1 unknown), `flips` the
-    bits of it that are wrong (0 the earliest), `t_ns` when, `marks` bytes that the UART marked, `detail` a name.
+    bits of it that are wrong (0 the earliest), `t_ns` when, `marks` bytes that the UART marked, `detail` a name, `heard` its
+    bytes (of a good answer: those of no right frame behind it).
     """
 
     damage: AnswerDamage
@@ -126,7 +127,9 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
         if before and kind is Behind.NOTHING and (not is_in_ascii(sample.request) or ahead.strip(b"\r\n")):
             kind = Behind.NOISE
         length = sum(len(piece.data) for i, piece in enumerate(sample.pieces) if i > before and not piece.answers)
-        return Signature(AnswerDamage.NONE, kind, length=length, marks=marks, t_behind=t, detail=detail, due=sample.due)
+        strange = b"".join(piece.data for piece in sample.pieces[before + 1 :] if not piece.check)
+        return Signature(AnswerDamage.NONE, kind, length=length, marks=marks, t_behind=t, detail=detail, due=sample.due,
+                         heard=strange, request=sample.request)  # fmt: skip
     burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
     every = b"".join(piece.data for piece in sample.pieces)
     if not burst or (len(every) == sample.due and crc16(every) == 0 and every.startswith(_header(sample.request))):

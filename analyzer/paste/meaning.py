@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from dissectors.maps import RegisterMap
@@ -12,6 +12,8 @@ _AREAS: Final = {
     1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding", 16: "holding", 22: "holding",
     23: "holding", 4: "input",
 }  # fmt: skip
+_SINGLE: Final = ("register", "output")  # what functions 06 and 05 write: fields _address and _value
+_ON: Final = 0xFF00
 
 
 def mapped_readings(line: Mapping[str, Any], chart: RegisterMap) -> list[MappedReading]:
@@ -22,8 +24,13 @@ def mapped_readings(line: Mapping[str, Any], chart: RegisterMap) -> list[MappedR
     return readings_by_map(chart, area, dict(_words(line.get("fields") or ())))
 
 
-def _words(fields: Iterable[Mapping[str, Any]]) -> Iterator[tuple[int, int]]:
+def _words(fields: Sequence[Mapping[str, Any]]) -> Iterator[tuple[int, int]]:
     """Addresses and values of a frame's registers and bits."""
+    by_name = {field["name"]: field.get("value") for field in fields}
+    for what in _SINGLE:
+        address, value = by_name.get(f"{what}_address"), by_name.get(f"{what}_value")
+        if isinstance(address, int) and isinstance(value, int):
+            yield address, int(value == _ON) if what == "output" else value
     for field in fields:
         address, value = field.get("address"), field.get("value")
         if isinstance(address, int) and isinstance(value, int) and field["name"] not in ("address", "start"):

@@ -20,6 +20,7 @@ from dissectors.envelopes import MBAP, Adu, ascii_frames, tcp
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, plausibility, rule
 
+from ..languages import counted, tr
 from . import rtu
 from .mixing import Envelope, kinds_of, mixed
 from .model import Paste, PastedFrame, PastedNoise, PastePart, Piece, Unread
@@ -101,24 +102,27 @@ def _alike(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]
     if envelope == "ascii":
         return Paste("ascii", _why_ascii(frames := _ascii(data, roles)), _tiled(data, frames))
     if envelope == "tcp":
-        return Paste("tcp", "TCP: MBAP headers (protocol 0, a length)", _tcp(data, parts, roles))
+        return Paste("tcp", tr("TCP: MBAP headers (protocol 0, a length)"), _tcp(data, parts, roles))
     if envelope == "auto":
         frames = _ascii(data, roles)
         if frames and (any(part.ascii for part in parts) or any(frame.check_ok for frame in frames)):
             return Paste("ascii", _why_ascii(frames), _tiled(data, frames))
     exact = rtu.exact(data, parts, roles)
     if exact is not None:
-        length = (
-            "at the predicted length"
+        why = (
+            tr("RTU: right CRC at the predicted length, {cover}", cover=_cover(exact, data))
             if all(map(_sound, exact))
-            else "though not at the length that its function predicts"
+            else tr(
+                "RTU: right CRC though not at the length that its function predicts, {cover}", cover=_cover(exact, data)
+            )
         )
-        return Paste("rtu", f"RTU: right CRC {length}, {_frames(len(exact))} over all {len(data)} bytes", tuple(exact))
+        return Paste("rtu", why, tuple(exact))
     if envelope == "auto":
         mbap = _tcp(data, parts, roles)
         if all(isinstance(piece, PastedFrame) and not piece.missing and _sound(piece) for piece in mbap):
-            cover = f"{_frames(len(mbap))} over all {len(data)} bytes"
-            return Paste("tcp", f"TCP: MBAP headers (protocol 0, right length), {cover}; no CRC fits", mbap)
+            cover = _cover(mbap, data)
+            why = tr("TCP: MBAP headers (protocol 0, right length), {cover}; no CRC fits", cover=cover)
+            return Paste("tcp", why, mbap)
     return _inexact(data, parts, envelope, roles)
 
 
@@ -132,21 +136,26 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
         right = sum(1 for piece in pieces if isinstance(piece, PastedFrame) and piece.check_ok)
         if right:
             rest = sum(piece.length for piece in pieces if not isinstance(piece, PastedFrame) or not piece.check_ok)
-            around = f", which leaves {rest} of {len(data)} bytes" if rest else f", over all {len(data)} bytes"
-            return Paste("rtu", f"RTU: right CRC in {_frames(right)}{around}", tuple(pieces))
+            frames, octets = counted(right, "frame", "frames"), _octets(data)
+            why = (
+                tr("RTU: right CRC in {frames}, which leaves {rest} of {bytes}", frames=frames, rest=rest, bytes=octets)
+                if rest
+                else tr("RTU: right CRC in {frames}, over all {bytes}", frames=frames, bytes=octets)
+            )
+            return Paste("rtu", why, tuple(pieces))
         alone = pieces
     if any(isinstance(piece, PastedFrame) and piece.check_ok for piece in alone):
-        return Paste("rtu", "RTU: a right CRC, though not at the length that its function predicts", tuple(alone))
+        return Paste("rtu", tr("RTU: a right CRC, though not at the length that its function predicts"), tuple(alone))
     if envelope == "auto" and len(data) >= _LENGTH_END:
         mbap = _tcp(data, parts, roles)
         first, rival = mbap[0], rtu.lone(parts[0].data, parts[:1], roles) or alone
         if isinstance(first, PastedFrame) and _speaks_for_tcp(first) > max(map(_speaks_for_rtu, rival)):
-            return Paste("tcp", "TCP: begins with an MBAP header (protocol 0, a length); no CRC is right", mbap)
+            return Paste("tcp", tr("TCP: begins with an MBAP header (protocol 0, a length); no CRC is right"), mbap)
     if any(isinstance(piece, PastedFrame) for piece in alone):
         return Paste(
-            "rtu", "RTU: reads like it by its header; no CRC is right, and there is no MBAP header", tuple(alone)
+            "rtu", tr("RTU: reads like it by its header; no CRC is right, and there is no MBAP header"), tuple(alone)
         )
-    return Paste("rtu", "no frame: no right CRC, no MBAP header, no ASCII frame", tuple(alone))
+    return Paste("rtu", tr("no frame: no right CRC, no MBAP header, no ASCII frame"), tuple(alone))
 
 
 def _speaks_for_rtu(piece: Piece) -> int:
@@ -179,7 +188,12 @@ def _speaks_for_tcp(frame: PastedFrame) -> int:
 
 
 def _why_ascii(frames: Sequence[PastedFrame]) -> str:
-    return f"ASCII: {_frames(len(frames))} between colon and line end, {_verdict(frames, 'LRC')}"
+    number, right = counted(len(frames), "frame", "frames"), sum(1 for frame in frames if frame.check_ok)
+    if not right:
+        return tr("ASCII: {frames} between colon and line end, LRC wrong", frames=number)
+    if right == len(frames):
+        return tr("ASCII: {frames} between colon and line end, LRC right", frames=number)
+    return tr("ASCII: {frames} between colon and line end, LRC right in {right}", frames=number, right=right)
 
 
 def _ascii(data: bytes, roles: Sequence[Role]) -> list[PastedFrame]:
@@ -244,12 +258,9 @@ def _tiled(data: bytes, frames: Sequence[PastedFrame]) -> tuple[Piece, ...]:
     return tuple(pieces)
 
 
-def _verdict(frames: Sequence[PastedFrame], check: str) -> str:
-    right = sum(1 for frame in frames if frame.check_ok)
-    if right == len(frames):
-        return f"{check} right"
-    return f"{check} wrong" if not right else f"{check} right in {right}"
+def _cover(frames: Sequence[Piece], data: bytes) -> str:
+    return tr("{frames} over all {bytes}", frames=counted(len(frames), "frame", "frames"), bytes=_octets(data))
 
 
-def _frames(count: int) -> str:
-    return f"{count} frame" if count == 1 else f"{count} frames"
+def _octets(data: bytes) -> str:
+    return counted(len(data), "byte", "bytes")

@@ -190,7 +190,8 @@ def _wrong_types(
             continue
         if int((mine[1:] != mine[:-1]).any(axis=1).sum()) < _ENOUGH or any(_absurd(row, mine)):
             continue
-        if (rival := _rival_reading(row, free)) is not None and rival.confidence >= _LIKELY:
+        rival = _rival_reading(row, free)
+        if rival is not None and rival.confidence >= _LIKELY and not _same_numbers(row, rival, blocks):
             doubtful.append((row, rival))
     sure = [pair for pair in doubtful if pair[1].confidence >= _SURE]
     for row, rival in doubtful[:_MOST_REPEATED] if len(sure) < _SEVERAL else sure:
@@ -220,6 +221,17 @@ def _rival_reading(row: MappedValue, values: Sequence[RegisterValue]) -> Registe
         if value.name is None and value.changes >= _ENOUGH and max(value.words, row.length) > 1:
             return value
     return None
+
+
+def _same_numbers(row: MappedValue, rival: RegisterValue, blocks: Sequence[BlockReadings]) -> bool:
+    """Whether another reading of a whole number gives what the map has, as 16 bits beside a register at zero do."""
+    order = cast(Order, {"BADC": "ABCD", "DCBA": "CDAB"}.get(rival.order or "", rival.order or "ABCD"))
+    other = replace(row, address=rival.address, length=rival.words)
+    mine, others = _readings_of(row, blocks), _readings_of(other, blocks)
+    if row.is_float or rival.kind == "float" or mine is None or others is None or len(mine) != len(others):
+        return False
+    numbers_of_map = numbers(mine, cast(Order, row.order), is_float=False, signed=row.is_signed)
+    return bool((numbers_of_map == numbers(others, order, is_float=False, signed=rival.signed)).all())
 
 
 def _cuts(unit: int, chart: RegisterMap, blocks: Sequence[BlockReadings]) -> Iterator[MapRemark]:

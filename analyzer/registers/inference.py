@@ -214,9 +214,8 @@ def _values(run: Run, cuts: list[Cut], chart: RegisterMap | None, order: str | N
             yield _value(run, cut, row, order)
         else:  # nothing moved: each register for itself
             for at in range(cut.at, cut.at + HYPOTHESES[cut.number].words):
-                yield _value(
-                    run, Cut(run, at, 0, cut.confidence, False, (cut.at, cut.number, cut.confidence)), None, order
-                )
+                alone = Cut(run, at, 0, 1 - cut.confidence, False, (cut.at, cut.number, cut.confidence))
+                yield _value(run, alone, None, order)
 
 
 def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None) -> RegisterValue:

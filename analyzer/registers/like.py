@@ -27,6 +27,7 @@ _SCALES: Final = (1.0, 0.1, 0.01, 0.001, 10.0, 100.0, 0.0001, 1000.0)
 _LIKELY: Final = (1.0, 0.9, 0.8, 0.6, 0.4, 0.3, 0.3, 0.3)  # how usual each scale is
 _LAGS: Final = 241
 _LAG_S: Final = 60.0
+_STEEPEST: Final = 1e10  # units of measure a step: no device has more, nor less than its inverse
 _INSIDE: Final = 0.6  # of the table, or of as much of it as the capture can hold
 _LOOSE: Final = 0.05  # share of the table's variance: where more is left, its clock may be another one
 
@@ -166,7 +167,7 @@ def _laid_over(
         fits = 1 - left
         which = int(np.argmax(np.round(fits, 6) - 1e-7 * np.abs(lags)))
         fit = float(fits[which])
-        if fit < 0.5:
+        if fit < 0.5 or not 1 / _STEEPEST < abs(scale[which]) < _STEEPEST:
             continue
         score = fit * (0.7 + 0.3 * agreed.get(_key(reading), 0.05))
         row = int(rows[which, np.flatnonzero(inside[which])[-1]])

@@ -111,7 +111,8 @@ def _is_sure(value: RegisterValue) -> bool:
     """Whether enough is known of a value: that it moved, and how it is read; or somebody said so."""
     if value.area in ("coil", "discrete") or value.confidence < _SURE:
         return False
-    return value.kind == "text" or value.confidence == 1.0 or (value.changes > 0 and value.readings >= _LEAST)
+    said = value.scale is not None  # by a map, or the user
+    return said or (value.readings >= _LEAST and (value.changes > 0 or value.kind == "text"))
 
 
 def _readable(values: Sequence[RegisterValue], unit: int) -> RegisterMap:

@@ -34,6 +34,7 @@ _LEAST: Final = {
 }  # fmt: skip
 _AGAIN_S: Final = 2.0  # between two reckonings of causes while rows come
 _PAUSE_S: Final = 0.3  # between two countings while rows come
+_ROOMY: Final = 60  # columns from which on codes stand below each other, with their frames
 
 
 class _LineBlock(NamedTuple):
@@ -186,11 +187,15 @@ class FindingList(Lines):
         return sum(block.lines for block in self._blocks) if self.grouped else len(self._numbers)
 
     def heads(self, y: int, width: int) -> Sequence[StyledText]:
+        roomy = width >= _ROOMY
         if y:
-            return [StyledText(f"  {tr('time'):>12} {tr('frame'):>8}  {tr('code'):<20} {tr('what was seen')}")]
+            frame, code = (f"{tr('frame'):>8}  ", f"{tr('code'):<20}") if roomy else ("", tr("code"))
+            return fitted([StyledText(f"  {tr('time'):>12} {frame}{code} {tr('what was seen')}")], width)
         log = self.desk.bus.found
         counts = [
             counted(log.by_severity[level], level.name.lower(), f"{level.name.lower()}s")
+            if roomy
+            else f"{log.by_severity[level]:,} {LETTER[level]}"
             for level in sorted(Severity, reverse=True)
         ]
         which = tr(_LEAST[self.least]) + (tr(", {code} only", code=self.code) if self.code else "")
@@ -201,8 +206,9 @@ class FindingList(Lines):
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         block, number = self._at(line)
         if block is not None and number < 0:
-            return fitted(self._heading(block) if not block.code else self._counted(block), width)
-        return fitted(self._finding_line(number), width)
+            roomy = width >= _ROOMY
+            return fitted(self._heading(block) if not block.code else self._counted(block, roomy=roomy), width)
+        return fitted(self._finding_line(number, roomy=width >= _ROOMY), width)
 
     def _heading(self, block: _LineBlock) -> list[StyledText]:
         total = sum(len(each.numbers) for each in self._blocks if each.cause == block.cause)
@@ -214,14 +220,14 @@ class FindingList(Lines):
         kind = cause.severity
         return [StyledText(f"{letter} ", kind), StyledText(f"{findings}: ", "dim"), StyledText(cause.text, "strong")]
 
-    def _counted(self, block: _LineBlock) -> list[StyledText]:
+    def _counted(self, block: _LineBlock, *, roomy: bool) -> list[StyledText]:
         log = self.desk.bus.found
         finding = log.finding(int(block.numbers[0]))
         sign = "-" if block.opened else "+"
         return [
             StyledText(f"  {sign} ", "dim"),
-            StyledText(f"{finding.code:<20} ", SEVERITY[finding.severity]),
-            StyledText(f"{len(block.numbers):>7,} ×  "),
+            StyledText(f"{finding.code:<20} " if roomy else f"{finding.code} ", SEVERITY[finding.severity]),
+            StyledText(f"{len(block.numbers):>{7 if roomy else 0},} ×  "),
             StyledText(f"{self._row_words(int(block.numbers[0]))}: {finding.text}", "dim"),
         ]
 
@@ -230,15 +236,15 @@ class FindingList(Lines):
         row = bus.found.row(number)
         return tr("bus") if row < 0 else tr("noise") if bus.is_noise(row) else str(bus.table.value("frame", row))
 
-    def _finding_line(self, number: int) -> list[StyledText]:
+    def _finding_line(self, number: int, *, roomy: bool) -> list[StyledText]:
         bus = self.desk.bus
         finding, row = bus.found.finding(number), bus.found.row(number)
         kind = SEVERITY[finding.severity]
         return [
             StyledText(f"{LETTER[finding.severity]} ", kind),
             StyledText(f"{self.desk.time(row, None) if row >= 0 else '':>12} "),
-            StyledText(f"{self._row_words(number):>8}  ", "dim"),
-            StyledText(f"{finding.code:<20} ", kind),
+            StyledText(f"{self._row_words(number):>8}  " if roomy else "", "dim"),
+            StyledText(f"{finding.code:<20} " if roomy else f"{finding.code} ", kind),
             StyledText(finding.text),
         ]
 

@@ -122,7 +122,9 @@ class HomeList(Lines):
         if self.desk.scope.narrows:
             shown = tr("{some:,} of {frames}", some=self.desk.figures.frames, frames=frames)
             totals = StyledText(f"   {shown}{span}", "dim")
-        if state is None:
+        if bus.whole and not bus.frames:
+            return [StyledText(f"  {tr('no Modbus frame was found')}"), totals]
+        if state is None or not bus.frames:
             return [StyledText(f"  {tr('reading …')}"), totals]
         wrong = len(state.causes)
         if wrong:
@@ -131,7 +133,7 @@ class HomeList(Lines):
         grave = sum(count for level, count in bus.found.by_severity.items() if level > 1)
         if grave:
             return [StyledText(f"  {tr('Single troubles, with no cause behind them')}", "warning"), totals]
-        return [StyledText(f"  {tr('Nothing is wrong')}", "good"), totals]
+        return [StyledText(f"  {tr('Nothing is wrong') if bus.whole else tr('Nothing wrong so far')}", "good"), totals]
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         assert self.state is not None

@@ -9,6 +9,7 @@ from textual.app import ComposeResult
 from textual.containers import VerticalScroll
 from textual.widgets import Static
 
+from ..languages import tr
 from .view import JUMPS, View
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ class ReportPage(VerticalScroll):
     _report: Report | None = None
 
     def compose(self) -> ComposeResult:
-        yield Static("", id="page", markup=False)
+        yield Static(f"  {tr('reading …')}", id="page", markup=False)
 
     def show(self, report: Report) -> None:
         """A newer one."""

@@ -19,11 +19,12 @@ _THOUSANDS: Final = re.compile("(?<=\\d)[ \u00a0\u202f'](?=\\d{3}(?!\\d))")
 @dataclass(frozen=True, slots=True)
 class AddressForm:
     """How a column of addresses is written: hexadecimal without a mark, which its heading may say; with bits behind a
-    point."""
+    point; all as logical numbers (00001, 10001, 30001, 40001)."""
 
     is_hex: bool = False
     is_said: bool = False
     has_bits: bool = False
+    is_logical: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,10 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
     letters = any(re.search("[A-Fa-f]", part.rstrip("hH")) and re.search(r"\d", part) for part in bare)
     letters = letters and len(bare) > 0.8 * len(parts)
     bits = [match for cell in cells if (match := _BIT.fullmatch(cell))]
-    return AddressForm(declared or letters, declared, any(int(match["bit"]) for match in bits))
+    numbers = [part for part in parts if part.isdecimal()]
+    logical = all(re.fullmatch(r"[0134]\d{4,5}", part) for part in numbers) and any(p[0] in "34" for p in numbers)
+    has_bits = any(int(match["bit"]) for match in bits)
+    return AddressForm(declared or letters, declared, has_bits, logical and not (declared or letters))
 
 
 def address_of(cell: str, form: AddressForm) -> TableAddress | None:

@@ -29,7 +29,7 @@ _HEADINGS: Final[Mapping[str, str]] = {
     "offset": r"offset|смещение|сдвиг",
     "unit": r"units?|uom|eng\.? ?units?|measure|ед\.?( ?изм\.?)?|единиц\w*|размерность|einheit",
     "values": r"values|enum|states|options|значени\w*|состояни\w*|werte|zustände",
-    "access": r"access|r/w|rw|mode|permission|attribute|доступ|чтение|режим|zugriff",
+    "access": r"access|r/w|rw|read|mode|permission|attribute|доступ|чтение|режим|zugriff|lesen",
     "range": r"(value |data |setting )?range|limits|диапазон|пределы|wertebereich|messbereich|grenzen",
     "min": r"min(imum)?|lower|мин\w*|untergrenze",
     "max": r"max(imum)?|upper|макс\w*|obergrenze",
@@ -38,6 +38,15 @@ _HEADINGS: Final[Mapping[str, str]] = {
     r"beschreibung|bemerkung|kommentar",
     "group": r"group|section|category|группа|раздел|gruppe",
 }
+_ENDINGS: Final[Mapping[str, str]] = {
+    "address": r"adresse|address|адрес",
+    "name": r"name|bezeichnung|наименование|название",
+    "type": r"format|typ|type",
+    "scale": r"faktor|factor|множитель|коэффициент",
+    "unit": r"einheit|units?",
+    "range": r"bereich|range|диапазон",
+}
+"""How longer headings end: `Datenformat`, `Skalierungsfaktor`, `Modbus-Adresse`, `Data name`."""
 _RAISED: Final = re.compile("([⁻-]?)([⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
 _SUPERSCRIPTS: Final = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
 _MEASURE: Final = (
@@ -48,10 +57,15 @@ _MEASURE: Final = (
 _NAMED_MEASURE: Final = re.compile(
     rf"(?P<name>.*\S)\s*(?:,\s*(?P<plain>{_MEASURE})|[(\[]\s*(?P<held>{_MEASURE})\s*[)\]])"
 )
+_NO_UNIT: Final = ("-", "--", "–", "—", "/", "n/a", "N/A")
 _NUMERALS: Final = r"^(?:dec\w*|hex\w*|modbus|дес\w*|шестн\w*)$"
 """Headings that say how the numbers below one are written."""
 _FUNCTIONS: Final[Mapping[int, MapArea]] = {1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding",
                                             16: "holding", 4: "input"}  # fmt: skip
+_CODE: Final = re.compile(
+    r"\b(?:functions?|fc|funktion|функци\w*)\W{0,3}(?:code\W{0,3})?(?:0x)?(\d{1,2})h?\b(?!\s*(?:[,/&+\d]|and\b|und\b|и\b))"
+)
+"""One function, not the list of those that a device has."""
 
 
 def headings(row: Sequence[str], below: Sequence[Sequence[str]] = ()) -> dict[str, int]:
@@ -71,6 +85,12 @@ def headings(row: Sequence[str], below: Sequence[Sequence[str]] = ()) -> dict[st
         for column in _HEADINGS:
             for at, text in enumerate(texts):
                 if column not in columns and at not in used and _means(text, column, exact=exact):
+                    columns[column] = at
+                    used.add(at)
+    if len(columns) > 1 and not any(text[:1].isdecimal() for text in texts):  # a row of values is no heading
+        for column, ending in _ENDINGS.items():
+            for at, text in enumerate(texts):
+                if column not in columns and at not in used and re.search(rf"(?:{ending})$", text):
                     columns[column] = at
                     used.add(at)
     if "name" not in columns and "description" in columns:
@@ -140,6 +160,13 @@ def values_of(text: str) -> str | None:
     return "; ".join(f"{state}={name.strip()}" for state, name in pairs) if len(pairs) > 1 else None
 
 
+def has_only_states(text: str) -> bool:
+    """Whether a remark is a list of states from 0 or 1 on: `0 - off, 1 - on`, `0: 4800, 1: 9600`."""
+    parts = [part.strip() for part in re.split(r"[;,\n|]", text) if part.strip()]
+    states = [re.fullmatch(r"(\d+)\s*(?:[=:]\s*\S.*|[–-]\s*[^\W\d].*)", part) for part in parts]
+    return len(states) > 1 and all(states) and states[0] is not None and int(states[0][1]) < 2
+
+
 def measure_in(name: str) -> tuple[str, str]:
     """A name without the unit of measure that stands behind it, and that unit: `Voltage L1, V`, `Ток [А]`."""
     match = _NAMED_MEASURE.fullmatch(name)
@@ -191,6 +218,7 @@ def area_of_cell(text: str, *, function: bool = False) -> MapArea | None:
 
 
 def area_words(text: str) -> MapArea | None:
+    """The area of which a title speaks, by its words or by the one function that it names."""
     word = text.lower()
     patterns: tuple[tuple[str, MapArea], ...] = (
         (r"discrete|дискретн\w* вход|контакт", "discrete"),
@@ -198,7 +226,9 @@ def area_words(text: str) -> MapArea | None:
         (r"holding|регистр\w* хранения|выходн\w* регистр|halteregister", "holding"),
         (r"input|входн\w* регистр|регистр\w* ввода|eingangsregister", "input"),
     )
-    return next((area for pattern, area in patterns if re.search(pattern, word)), None)
+    named = next((area for pattern, area in patterns if re.search(pattern, word)), None)
+    code = _CODE.search(word)
+    return named or (_FUNCTIONS.get(int(code[1])) if code else None)
 
 
 def plain_number(text: str) -> str | None:
@@ -225,6 +255,8 @@ def limits_of(cells: Mapping[str, str]) -> tuple[str | None, str | None]:
 def unit_of(cells: Mapping[str, str]) -> tuple[str | None, str | None]:
     """Scale and unit of measure; where no column has a scale it may stand before the unit (`0.1 V`, `x0,01 A`)."""
     measure = cells.get("unit", "")
+    if measure in _NO_UNIT:
+        measure = ""
     if not {"scale", "divisor", "power"} & set(cells):
         match = re.fullmatch(r"(?:[x×*]\s*)?(\d+(?:[.,]\d+)?)\s*[x×*]?\s*([^\d\s].*)?", measure)
         if match and float(match[1].replace(",", ".")):

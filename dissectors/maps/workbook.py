@@ -54,10 +54,9 @@ def sheets_of(data: bytes, name: str, most_rows: int, most_columns: int) -> list
             whole = False  # a cell far away: read at once, all the cells between would be made
             book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
         shown = [sheet for sheet in book.worksheets if sheet.sheet_state == "visible"] or book.worksheets
-        several = len(shown) > 1
         return [
             WorkbookSheet(
-                sheet.title if several else "",
+                sheet.title,
                 _rows_of(sheet, most_rows, most_columns, merged=whole),
                 _hidden(sheet) if whole else frozenset(),
                 notes,

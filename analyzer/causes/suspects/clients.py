@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
+from ...diagnosis.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..asciireading import is_in_ascii
 from ..bits import likelihood_bits, surplus_bits
-from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
+from ..evidence import HEALTHY, Evidence, kind_bits, overlaid, share_of
 from ..exchanges import Ending
-from ..hits import evenness_bits, is_about_one, late_of_any
+from ..hits import evenness_bits, interrupted, is_about_one, late_of_any
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Behind
 from ..unitledger import UnitLedger
@@ -21,6 +22,7 @@ _LEAST: Final = 5
 _MET: Final = 3  # times, that two are seen to send at once or to know nothing of each other
 _SENT_INTO: Final = 0.15  # of damaged answers
 _HASTY: Final = 0.35  # of the timeout: nobody gives up so soon
+_BLIND_NS: Final = 1e8  # by which times may be wrong, for answers to be told from what follows
 _AT_ONCE: Final = 0.1  # the same, by which times may be wrong
 _COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.22, "long": 0.07, "other": 0.03,
                     "middle": 0.03, "tail": 0.02, "head": 0.02, "ahead": 0.06, "bits": 0.01}  # fmt: skip
@@ -29,6 +31,8 @@ _TOO_SOON: Final = 0.9  # of t3.5
 _MOSTLY: Final = 0.5
 _OFTEN: Final = 0.3
 _BUSY: Final = 0.75  # of the line's time
+_BUSY_SILENT: Final = 0.6  # where the silences that are due take the rest,
+_NO_MORE: Final = 0.97  # so much of it together
 _HURRIED: Final = 1.1  # of t3.5: the mean pause of a master that never rests
 _HURRIED_NS: Final = 3e5
 _RESTED: Final = 0.02  # of the time, beyond t3.5: without these rests a round would be no shorter to speak of
@@ -55,20 +59,27 @@ _HOLE_CHARS: Final = 1.5
 )
 def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     """Requests while an answer is due, and what collides with them, for all units alike."""
-    if not evidence.ordered or _broadcasts_answered(evidence) or is_about_one(evidence):
-        return
     units = [unit for unit in evidence.units if evidence.is_open(Symptom.DAMAGE, unit.unit)]
-    hasty = sum(_hasty(evidence, unit) for unit in units)
+    early = {unit.unit: interrupted(evidence, unit) for unit in units}
     late = late_of_any(evidence)
+    sure = sum(early.values()) >= _MET or late - max((unit.late for unit in units), default=0) >= _LEAST
+    if not evidence.ordered or _broadcasts_answered(evidence) or (is_about_one(evidence) and not sure):
+        return  # where it is sure, it need not meet all alike: slow units are met most
+    hasty = sum(max(_hasty(evidence, unit), early[unit.unit]) for unit in units)
+    late = sum(unit.late for unit in units) if sure else late
     behind = sum(evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in units)
     damaged = sum(map(evidence.damaged, units))
-    readings = [reading for unit in units for reading in evidence.readings(unit)]
+    told = sure or not _BLIND_NS < evidence.verdict.wait_ns < UNKNOWN  # damaged answers from what is sent behind them
+    readings = [each for unit in units for each in evidence.readings(unit)] if told else []
     hit = [unit for unit in units if evidence.damaged(unit) or unit.late or _hasty(evidence, unit)]
     requests = sum(map(evidence.requests_behind, units))
-    sent_into = max(_share(readings, "crossed", "cut", "cut-short", "long"), overlaid(readings) / max(len(readings), 1))
+    sent_into = max(
+        share_of(readings, "crossed", "cut", "cut-short", "long"), overlaid(readings) / max(len(readings), 1)
+    )
     crossed = hasty + late + requests + damaged * sent_into
     hits = min(hasty + late + behind + damaged, evidence.ledger.exchanges)
-    if crossed < _LEAST or crossed < 0.4 * hits or len(hit) < min(2, len(units)) or not hasty + late + requests:
+    few = len(hit) < min(2, len(units)) and not sure
+    if few or crossed < _LEAST or crossed < 0.4 * hits or not hasty + late + requests:
         return
     if hasty + late < _MET and overlaid(readings) < max(_MET, _SENT_INTO * len(readings)):
         return  # damage alone: one transmitter and a bad line do as well
@@ -100,13 +111,6 @@ def _broadcasts_answered(evidence: Evidence) -> bool:
     """Whether many broadcasts are, for what answers them runs into requests as a second master's would."""
     ledger = evidence.ledger
     return ledger.broadcasts_answered >= _LEAST and ledger.broadcasts_answered > _OFTEN * ledger.broadcasts
-
-
-def _share(readings: Sequence[object], *kinds: str) -> float:
-    from ..evidence import share_of
-    from ..signatures import Signature
-
-    return share_of([each for each in readings if isinstance(each, Signature)], *kinds)
 
 
 def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
@@ -358,7 +362,7 @@ def overload(evidence: Evidence) -> Iterator[Suspicion]:
         load is None
         or len(ledger.ports) > 1
         or ledger.span_ns < _SECONDS_NS
-        or not _BUSY <= load <= 1.02
+        or not _BUSY_SILENT <= load <= 1.02
         or ledger.exchanges < 30
         or any(is_in_ascii(request) for request in ledger.polls.requests)  # no silence is due in ASCII
     ):
@@ -366,6 +370,8 @@ def overload(evidence: Evidence) -> Iterator[Suspicion]:
     due = evidence.t35_ns
     if due is None or not len(ledger.pauses):
         return
+    if load < _BUSY and (load + 2 * due * ledger.exchanges / ledger.span_ns < _NO_MORE or not evidence.verdict.fine):
+        return  # on slow lines with short answers the silences that are due take much of the time
     mean = ledger.pauses.total / len(ledger.pauses)
     rested = (mean - due) * ledger.exchanges / ledger.span_ns
     if mean > _HURRIED * due + _HURRIED_NS and (load < _FULL or rested > _RESTED):
@@ -386,7 +392,7 @@ def overload(evidence: Evidence) -> Iterator[Suspicion]:
         return  # one that does not even keep the pause that is due would never rest, whatever its list
     yield Suspicion(
         (),
-        100 * (load - _BUSY) + 40,
+        100 * max(load - _BUSY, 0.0) + 40,
         frozenset({(Symptom.REQUESTS, None)}),
         {"load": load, "polls": len(intervals), "cycle": intervals[-1] / 1e9},
     )

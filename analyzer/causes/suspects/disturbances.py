@@ -130,7 +130,7 @@ def interference(evidence: Evidence) -> Iterator[Suspicion]:
 )
 def emi_mains(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at one phase of the mains or of its half-waves."""
-    hits, bits = _anywhere(evidence)
+    hits, bits = _anywhere(evidence, sparse=True)
     if bits <= 0 or not evidence.ledger.timed or evidence.verdict.wait_ns > _PHASE_NS:
         return
     times = _times_of_hits(evidence)

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...diagnosis.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
 from ..exchanges import Ending
+from ..hits import interrupted
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Signature
 from ..unitledger import UnitLedger
@@ -24,6 +26,7 @@ _SURE_BITS: Final = 16.0
 _RUN_INTO_BITS: Final = 30.0
 _CONTRAST: Final = 8  # exchanges of a unit behind others, or behind answers
 _SOONER: Final = 0.85
+_HURRIED: Final = 5  # answers, each of which would come so by chance once in ten times at the most
 _SILENT: Final = 0.02
 _OTHERS: Final = 2
 _STEADY: Final = 0.3
@@ -31,7 +34,6 @@ _STEADIEST: Final = 0.01  # of a delay: so much any device's strays
 _SHIFTED: Final = 4.0
 _OVERDUE: Final = 0.8  # of the timeout
 _FAR_SLOWER: Final = 3.0
-_AT_ONCE: Final = 0.5  # of a usual delay
 _KINDS: Final = {
     "crossed": 0.5,
     "other": 0.12,
@@ -63,8 +65,8 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         if evidence.is_open(Symptom.LATENESS, unit.unit):
             late[unit.unit] += min(evidence.begun[unit.unit], unit.count(Ending.SILENT, Ending.GARBAGE))
     for unit in evidence.units:
-        if _went_on_at_once(evidence, unit):
-            continue
+        if interrupted(evidence, unit) > _MOSTLY * len(unit.waits):
+            continue  # nobody gives up so soon
         others = [other for other in evidence.units if other.unit != unit.unit]
         behind, run_into = _run_into(evidence, unit)
         series, in_series = _shifted(evidence, unit)
@@ -104,13 +106,6 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         )
 
 
-def _went_on_at_once(evidence: Evidence, unit: UnitLedger) -> bool:
-    """Whether requests behind those that stayed without an answer come far sooner than this unit's answers, for which
-    the master does wait: so nobody gives up, that is another who sends."""
-    wait, delay = unit.waits.quantile(0.5), unit.delays.quantile(0.5)
-    return wait is not None and delay is not None and wait + evidence.verdict.wait_ns < _AT_ONCE * delay
-
-
 def _run_into(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
     """How much likelier the damage right behind a unit's silent exchanges is its doing (bits), and how many of its
     answers ran into what was sent next: no more than it left requests silent, and none where that is not sure.
@@ -120,6 +115,8 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
     """
     successors, ledgers = evidence.ledger.successors, evidence.ledger.units
     bits, mine, by_chance = 0.0, 0, 0.0
+    if not unit.answered + unit.late + unit.strays + evidence.begun[unit.unit]:
+        return 0.0, 0  # nothing tells that it lives
     for behind in successors.behind(unit.unit):
         then, then_of, other, other_of = successors.rates(behind, unit.unit)
         elsewhere = max(HEALTHY, (other + 0.5) / (other_of + 50))
@@ -144,7 +141,7 @@ def _shifted(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
     known = max(evidence.verdict.wait_ns, _STEADIEST * float(np.median(lagged)))
     if len(own) < 2 * _LEAST or not np.isfinite(known):
         return 0.0, 0
-    strays, strays_lagged = (float(np.subtract(*np.quantile(each, (0.9, 0.1)))) + known for each in (own, lagged))
+    strays, strays_lagged = (_strays(each) + known for each in (own, lagged))
     bits = len(own) * float(np.log2(strays / strays_lagged))
     sure = bits >= _SURE_BITS and strays > _SHIFTED * strays_lagged
     return (bits, len(successors.delays[unit.unit])) if sure else (0.0, 0)
@@ -160,9 +157,40 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
     readings = evidence.readings(unit)
     slow = _redundant(unit)
     bound = min(slow.bound_ns, _overdue_ns(evidence, unit))
-    late = [r for r in readings if kind_of(r) == "crossed" or r.delay >= bound or _own(r, unit)]
+    hurried, char_ns = _hurried(evidence, unit), evidence.ledger.char_ns
+    late = [
+        r
+        for r in readings
+        if kind_of(r) == "crossed" or r.delay >= bound or r.delay + r.due * char_ns >= hurried.bound_ns or _own(r, unit)
+    ]
     found += round(unit.count(Ending.GARBAGE) * len(late) / max(len(readings), 1))
-    return found + max(slow.count, _unheeded(evidence, unit))
+    return found + max(slow.count, hurried.count, _unheeded(evidence, unit))
+
+
+def _hurried(evidence: Evidence, unit: UnitLedger) -> Slow:
+    """Good answers that take long and behind which the next request comes sooner than the master ever pauses: it had
+    given up, and went on by its own timer. `bound_ns`: from the request to the answer's end."""
+    pauses, turns = unit.pauses.numbers, unit.turns.numbers  # of the same answers
+    took = turns - pauses
+    longest = max((poll.about_bytes for poll in evidence.polls_of(unit.unit)), default=0) * evidence.ledger.char_ns
+    others = [other for other in evidence.units if other is not unit]
+    usually = max((other.delays.quantile(0.5) or 0.0 for other in others), default=0.0)
+    if len(took) < 3 * _LEAST:
+        return Slow()
+    order = np.argsort(took)
+    took, pauses, turns = took[order], pauses[order], turns[order]
+    elsewhere = [pause for other in others if (pause := other.pauses.quantile(0.1))]
+    for first in range(len(took) // 4, len(took) - _HURRIED + 1):
+        usual = min([float(np.quantile(pauses[:first], 0.1)), *elsewhere])
+        sooner = pauses[first:].max() < min(_SOONER * usual, usual - evidence.verdict.wait_ns)
+        by_timer = _strays(turns[first:]) < _STEADY * _strays(took[first:])
+        if sooner and by_timer and took[first] > longest + _FAR_SLOWER * usually:
+            return Slow(round(len(unit.pauses) * (1 - first / len(took))), float(took[first]))
+    return Slow()
+
+
+def _strays(numbers: NDArray[np.float64]) -> float:
+    return float(np.subtract(*np.quantile(numbers, (0.9, 0.1))))
 
 
 def _own(reading: Signature, unit: UnitLedger) -> bool:

@@ -13,6 +13,7 @@ from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
 from ..exchanges import Ending
+from ..ledger import STRAY
 from ..misreading import beheaded, formats_of
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Behind, Signature, known_header
@@ -307,9 +308,16 @@ def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
 
 
 def _always_spoilt(evidence: Evidence, unit: UnitLedger, spoilt: float) -> bool:
-    """Whether noise stands behind most good answers of a unit, which are well themselves, and no request does."""
-    damaged = evidence.damaged(unit)
-    return spoilt >= _MOSTLY * unit.answered and spoilt >= _LEAST and damaged <= _RARELY * unit.asked
+    """Whether noise of more than a spike's bytes stands behind most good answers of a unit, which are well themselves,
+    and no request does."""
+    damaged, readings = evidence.damaged(unit), evidence.followed(unit)
+    long = sum(reading.length > STRAY for reading in readings)
+    return (
+        spoilt >= _MOSTLY * unit.answered
+        and spoilt >= _LEAST
+        and long >= _MOSTLY * len(readings)
+        and damaged <= _RARELY * unit.asked
+    )
 
 
 @suspect(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from math import log2
 from typing import Any, Final
@@ -49,7 +49,7 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
         readings = evidence.readings(unit)
         if len(readings) >= _LEAST and share_of(readings, "whole", "middle", "long", "cut") >= 0.6:
             bits, words = _fitting(evidence, readings)
-            bits += evidence.surplus(unit) + kind_bits(readings, _EXPECTED) + _steadiness(unit)
+            bits += evidence.surplus(unit) + kind_bits(readings, _EXPECTED) + _steadiness(evidence, unit)
             if bits > 0:
                 yield damage_suspicion(evidence, unit, bits, {"settings": words, "how": _GARBAGE})
         elif evidence.is_open(Symptom.MARKS, unit.unit):
@@ -82,23 +82,24 @@ def _match(header: bytes, heard: bytes, sender: CharacterFormat, receiver: Chara
     return _BYTE * same if same == len(garbled) else -2.0
 
 
-def _steadiness(unit: UnitLedger) -> float:
+def _steadiness(evidence: Evidence, unit: UnitLedger) -> float:
     """Whether the same poll gives the same garbage each time, as far as its header goes."""
     polls: dict[int, list[bytes]] = defaultdict(list)
     for sample in unit.samples.kept:
         if sample.outcome == Ending.GARBAGE:
             polls[sample.poll].append(b"".join(piece.data for piece in sample.pieces)[:2])
-    return max(_alike(polls.values(), unit.unit, count) for count in (1, 2))
+    numbers = {bytes((each.unit,)) for each in evidence.units}
+    return sum(_alike(heads, numbers) for heads in polls.values())
 
 
-def _alike(polls: Iterable[Sequence[bytes]], unit: int, count: int) -> float:
-    """The same by so many bytes; the first one by itself only where it is not the unit's own."""
-    bits = 0.0
-    for heads in polls:
+def _alike(heads: Sequence[bytes], numbers: Set[bytes]) -> float:
+    """The same by one byte or by two; by one only where that is no unit's number, which is no garbage."""
+    found = []
+    for count in (1, 2):
         common, times = Counter(head[:count] for head in heads).most_common(1)[0]
-        same = 0.0 if common == bytes((unit,)) else _SAME  # the unit's own number is no garbage
-        bits += (times - 1) * same + (len(heads) - times) * _OTHER
-    return bits
+        if common not in numbers:
+            found.append((times - 1) * _SAME + (len(heads) - times) * _OTHER)
+    return max(found, default=0.0)
 
 
 def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:

@@ -32,6 +32,7 @@ _MOST_BITS: Final = 240.0
 _FLOATS: Final = (1e-3, 1e7)  # what measured values are
 _OCTAVES: Final = 3.0  # that a measured value moves in
 _LEAST_SPREAD: Final = 0.1
+_ALIKE: Final = 1 / 3  # of the values: so many may read the same way in both orders, by a neighbour's word
 
 
 def _sisters(evidence: Evidence) -> Iterator[list[PollValues]]:
@@ -222,27 +223,27 @@ def word_order(evidence: Evidence) -> Iterator[Suspicion]:
     for group in _sisters(evidence):
         if len(group) < 2:
             continue
-        votes = {poll.unit: [0, 0] for poll in group}
-        first: dict[int, int] = {}
+        columns: dict[int, dict[int, int]] = {}  # by the first register: the order in each unit
         for column in range(group[0].words.shape[1] - 1):
             orders = {poll.unit: _order(poll, column) for poll in group}
-            if None in orders.values():
-                continue
-            for unit, order in orders.items():
-                if order is not None:
-                    votes[unit][order] += 1
-                    first.setdefault(unit, column)
-        yield from _outvoted(group, votes, first)
+            told = {unit: order for unit, order in orders.items() if order is not None}
+            if len(told) == len(group):
+                columns[column] = told
+        yield from _outvoted(group, columns)
 
 
-def _outvoted(group: list[PollValues], votes: dict[int, list[int]], first: dict[int, int]) -> Iterator[Suspicion]:
-    swapped = [unit for unit, (right, wrong) in votes.items() if wrong > right]
-    usual = [unit for unit, (right, wrong) in votes.items() if right > wrong]
+def _outvoted(group: list[PollValues], columns: dict[int, dict[int, int]]) -> Iterator[Suspicion]:
+    wrong = {poll.unit: sum(2 * orders[poll.unit] - 1 for orders in columns.values()) for poll in group}
+    swapped, usual = ([unit for unit, sum_ in wrong.items() if sign * sum_ > 0] for sign in (1, -1))
     odd, rest, order = (swapped, usual, 1) if len(swapped) <= len(usual) else (usual, swapped, 0)
     if len(odd) != 1 or len(rest) < 1 or (len(rest) == 1 and order == 0):
         return
+    alike = sum(2 * sum(orders[unit] == orders[odd[0]] for unit in rest) > len(rest) for orders in columns.values())
+    if alike > _ALIKE * len(columns):
+        return  # a unit that exchanges the words does so with all of them
+    first = next(iter(columns))
     poll = next(poll for poll in group if poll.unit == odd[0])
-    pairs = votes[odd[0]][order]
+    pairs = sum(orders[odd[0]] == order for orders in columns.values())
     if pairs < (_PAIRS if len(rest) > 1 else _PAIRS_OF_TWO):
         return
     yield Suspicion(
@@ -252,7 +253,7 @@ def _outvoted(group: list[PollValues], votes: dict[int, list[int]], first: dict[
         {
             "unit": odd[0],
             "pairs": pairs,
-            "address": poll.address + first[odd[0]],
+            "address": poll.address + first,
             "sisters": ", ".join(map(str, rest)),
         },
         since=int(poll.times[0]),

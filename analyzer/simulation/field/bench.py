@@ -28,6 +28,7 @@ SECOND = 1e9
 _BAUDS = (1200, 2400, 4800, 9600, 9600, 9600, 19200, 19200, 38400, 57600, 115200)
 _PARITIES = ("N", "N", "E", "E", "O")
 _SLOW = 9600  # bit/s, at which a cycle may take all the time there is
+_RESTS = 14  # characters
 _REQUESTS = 1500  # about: a site's capture is no longer than these take
 
 
@@ -161,7 +162,7 @@ def site(
     servers = {number: FieldUnit(number, uart, wire, random) for number in sorted(numbers)}
     polls = _polls(random, uart, list(servers))
     slowest = max(server.delay_ms for server in servers.values())
-    manners = _manners(random, uart, slowest)
+    manners = _manners(random, uart, slowest, polls)
     master = FieldMaster(uart, wire, random, polls, manners)
     duration = min(random.uniform(*seconds), max(seconds[0], _REQUESTS * _usual_seconds(uart, manners, slowest, polls)))
     header = {"baud": int(uart.baud), "char_bits": uart.char_bits, "tap": tap}
@@ -181,13 +182,16 @@ def longest_answer_ms(uart: LineUart) -> float:
     return 140 * uart.char_ns / MS
 
 
-def _manners(random: Random, uart: LineUart, slowest_ms: float) -> Manners:
+def _manners(random: Random, uart: LineUart, slowest_ms: float, polls: Sequence[FieldPoll]) -> Manners:
     least = 4 * slowest_ms + longest_answer_ms(uart)
     base = random.choice((0.0, 2.0, 5.0, 10.0, 20.0, 50.0))
     spread = random.choice((0.0, 0.1, 0.5))
     cycle = random.choice((0.0, 0.0, 500.0, 1000.0, 2000.0))
+    char_ms = uart.char_ns / MS
     if not cycle or uart.baud < _SLOW:  # a client whose line is not full rests a little between its polls
-        base = max(base, random.uniform(8, 20) * uart.char_ns / MS)
+        base = max(base, random.uniform(8, 20) * char_ms)
+    elif sum(_characters(poll) for poll in polls if not poll.period_ns) * char_ms > cycle:
+        base = max(base, _RESTS * char_ms)  # no round of all of them is over by then
     return Manners(
         timeout_ms=max(least, random.choice((100.0, 200.0, 250.0, 500.0, 1000.0))),
         retries=random.choice((0, 1, 1, 2, 3)),
@@ -196,6 +200,14 @@ def _manners(random: Random, uart: LineUart, slowest_ms: float) -> Manners:
         turnaround_ms=random.choice((100.0, 120.0, 150.0, 200.0)),
         on_bad=random.choice(("wait", "wait", "again")),
     )
+
+
+def _characters(poll: FieldPoll) -> int:
+    """Of a request, its answer and the silences around them."""
+    pdu = poll.pdu(0.0)
+    quantity = int.from_bytes(pdu[3:5])
+    held = (quantity + 7) // 8 if pdu[0] <= 2 else 2 * quantity if pdu[0] <= 4 else 3
+    return len(pdu) + held + 15
 
 
 def _usual_seconds(uart: LineUart, manners: Manners, delay_ms: float, polls: Sequence[FieldPoll]) -> float:

@@ -36,7 +36,7 @@ class PolledBlock:
 class MappedClient:
     """Polls its devices in turn; `exchange` gives the next request with its answer."""
 
-    def __init__(self, random: Random, charts: list[tuple[int, RegisterMap]], wild: float = 0.2) -> None:
+    def __init__(self, random: Random, charts: list[tuple[int, RegisterMap]], wild: float = 0.0) -> None:
         self._random = random
         seconds = 10 ** random.uniform(-0.3, 1.8)
         self.devices = [

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Final
 
 from ..cells import area_and_address
-from ..model import VALUE_TYPES, MapArea, MapError
+from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea, MapError
 from ..table import csv_rows
 from ..tableaddresses import AddressForm, address_form, address_of
 from ..tabletypes import is_inverse, order_of, says_order, type_of
@@ -20,6 +21,7 @@ from ..tablewords import (
     access_of,
     area_of_cell,
     area_words,
+    has_only_states,
     headings,
     is_function,
     is_powers,
@@ -56,21 +58,33 @@ def read(source: MapSource) -> list[ImportedMap]:
         sheets = sheets_of(source.data, source.name, MOST_ROWS, MOST_COLUMNS)
     else:
         sheets = [WorkbookSheet("", _rows_of_text(source.text, source.name, MOST_ROWS))]
-    charts = [_sheet(source, sheet) for sheet in sheets]
-    complete = [one for one in charts if one is not None]
+    several = len(sheets) > 1
+    charts = [(area_words(sheet.name), _sheet(source, sheet, several=several)) for sheet in sheets]
+    complete = [(area, one) for area, one in charts if one is not None]
     if not complete:
         raise refused(source, "a table of registers", "a row of headings such as address, name, type, unit")
-    return complete
+    areas = [area for area, _ in complete if area is not None]
+    if len(complete) > 1 and len(set(areas)) == len(complete):
+        return [_of_one_device(source, [one for _, one in complete])]
+    return [one for _, one in complete]
 
 
-def _sheet(source: MapSource, sheet: WorkbookSheet) -> ImportedMap | None:
+def _of_one_device(source: MapSource, parts: Sequence[ImportedMap]) -> ImportedMap:
+    """Sheets that are named after one area each, as one map."""
+    rows = tuple(row for part in parts for row in part.chart.rows)
+    notes = dict.fromkeys(note for part in parts for note in part.notes)
+    told = f"{len(parts)} sheets, an area each, were taken for one device"
+    return ImportedMap(replace(parts[0].chart, device=source.stem, rows=rows), (told, *notes))
+
+
+def _sheet(source: MapSource, sheet: WorkbookSheet, *, several: bool) -> ImportedMap | None:
     """The map of one sheet; a later row of headings begins the next table of it."""
-    builder = MapBuilder(source.name, device=f"{source.stem} {sheet.name}".strip())
+    builder = MapBuilder(source.name, device=f"{source.stem} {sheet.name if several else ''}".strip())
     rows, hidden = _visible(sheet)
     for note in (*hidden, *sheet.notes):
         builder.note(note)
     columns: dict[str, int] = {}
-    area: MapArea | None = None
+    area = area_words(sheet.name)
     group = above = ""
     form, function, second = AddressForm(), False, 0
     for number, row in enumerate(rows, 1):
@@ -150,7 +164,7 @@ def _row(
         return
     named = area
     address: object = position.first
-    if position.prefixed or (re.fullmatch(r"[34]\d{4,5}", position.text) and _logical(named, position.first)):
+    if position.prefixed or _is_logical(position.text, named, form):
         address, named = position.text, None
     elif named is None:
         named = "holding"
@@ -176,18 +190,21 @@ def _row(
     if "unit" not in cells:
         name, measure = measure_in(" ".join(name.split()))
     low, high = limits_of(cells)
+    states = _states(cells, kind)
+    if not states and (held := re.fullmatch(r"(.*\S)\s*[(\[](.*)[)\]]", name)) and has_only_states(held[2]):
+        name, states = held[1], values_of(held[2])
     builder.add(
         {
             "area": named,
             "address": address,
             "name": " ".join(name.split()),
-            "type": "bool" if named in ("coil", "discrete") else kind,
+            "type": "bool" if named in ("coil", "discrete") or (named is None and position.text[0] in "01") else kind,
             "order": order,
             "length": length if kind in ("text", "bits", "enum") else None,
             "scale": scale if kind not in ("text", "bits", "enum", "bool") else None,
             "offset": plain_number(cells.get("offset", "")),
             "unit": measure,
-            "values": _states(cells, kind),
+            "values": states,
             "access": access_of(cells.get("access", "")),
             "min": low,
             "max": high,
@@ -201,13 +218,17 @@ def _row(
 def _states(cells: dict[str, str], kind: str) -> str | None:
     """Names of states or bits out of their column, else out of the remarks."""
     states = values_of(cells.get("values", "")) if kind in ("enum", "bits", "u16") else None
-    return states or (values_of(cells.get("description", "")) if kind in ("enum", "bits") else None)
+    remark = cells.get("description", "")
+    return states or (values_of(remark) if kind in ("enum", "bits") or has_only_states(remark) else None)
 
 
-def _logical(named: MapArea | None, number: int) -> bool:
-    """Whether 40108 is a logical number: where the row says nothing else, or the same."""
-    digit = str(number)[0]
-    return named is None or (named == "holding" and digit == "4") or (named == "input" and digit == "3")
+def _is_logical(text: str, named: MapArea | None, form: AddressForm) -> bool:
+    """Whether 40108 is a logical number: where the row says nothing else, or the same; 00001 and 10001 in a column that
+    has nothing but such numbers."""
+    digits = "0134" if form.is_logical else "34"
+    if re.fullmatch(rf"[{digits}]\d{{4,5}}", text) is None or int(text) % 10 ** (len(text) - 1) == 0:
+        return False
+    return named is None or text[0] == DIGIT_OF_AREA[named]
 
 
 def _rows_of_text(text: str, file: str, most: int) -> list[list[str]]:

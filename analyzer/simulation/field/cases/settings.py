@@ -26,7 +26,7 @@ def another_format(random: Random, uart: LineUart) -> LineUart:
     if kind < 0.85:
         parity = random.choice([parity for parity in "NEO" if parity != uart.parity])
         return replace(uart, parity=parity, stop_bits=1)
-    return replace(uart, data_bits=7, parity=random.choice("NE"))
+    return replace(uart, data_bits=15 - uart.data_bits, parity=random.choice("NE"))
 
 
 @field_case("unit-line-settings")
