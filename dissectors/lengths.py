@@ -94,6 +94,13 @@ def rule(function: int, role: Role) -> LengthRule | None:
     return _all().rules.get((function, role))
 
 
+def miscounted_role(function: int) -> Role:
+    """Who rather made a frame of another length than its header predicts: the one role whose length a count tells."""
+    declared = [(role, rule(function, role)) for role in Role]
+    counted = [role for role, one in declared if one is not None and one.count is not None]
+    return counted[0] if len(counted) == 1 else Role.REQUEST
+
+
 def relations(function: int) -> tuple[Echo | RequestedByteCount, ...]:
     """What a response must share with its request; nothing for undeclared functions and exceptions."""
     return _all().relations.get(function, ())

@@ -135,3 +135,68 @@ def test_who_is_responding_is_heard() -> None:
     echo = with_crc(bytes.fromhex("110600640001"))
     for word in ("responding", "responded", "replies", "answered"):
         assert pieces(read(f"the drive {word}: {hexed(echo)}")) == of(("response", echo))
+
+
+def test_a_cut_answer_before_a_repeated_request_is_no_copy_of_the_whole_one() -> None:
+    bracketed, angled = (
+        "".join(f"{a}{octet:02X}{b}" for octet in data) for data, a, b in ((ASK, *"[]"), (REPLY, *"<>"))
+    )
+    said = [bracketed, "Waiting for a confirmation...", angled[:20] + "Bytes flushed (5)", bracketed, angled]
+    found = pieces(read("\n".join(said)))
+    assert found == of(("request", ASK), ("response", REPLY[:5]), ("request", ASK), ("response", REPLY))
+
+
+def test_a_buffer_shown_at_each_arrival_is_no_read_of_its_own() -> None:
+    said = [f"send: {hashed(ASK)}"]
+    for start, end in ((0, 4), (4, 12), (12, 13)):
+        said += [f"recv: {hashed(REPLY[start:end])}", f"Processing: {hashed(REPLY[:end])}", "Frame - not ready"]
+    assert pieces(read("\n".join(said))) == of(("request", ASK), ("response", REPLY))
+
+
+def test_two_handlers_with_clocks_of_their_own_log_one_event() -> None:
+    said = []
+    for second, word, data in ((1, "send", ASK), (2, "recv", REPLY), (3, "send", ASK), (4, "send", ASK)):
+        said += [f"2026-03-05 10:00:0{second}.250 DEBUG (MainThread) [pymodbus.logging] {word}: {hashed(data)}"]
+        said += [f"2026-03-05 10:00:0{second},251 DEBUG transport:334 {word}: {hashed(data)}"]
+    assert pieces(read("\n".join(said))) == of(
+        ("request", ASK), ("response", REPLY), ("request", ASK), ("request", ASK)
+    )
+
+
+@pytest.mark.parametrize("body", ["0105000AFF00", "0106000A0003", "010800001234", "01410102"])
+@pytest.mark.parametrize(("mark", "direction"), [("TX", "request"), ("RX", "response")])
+def test_a_lone_frame_that_reads_both_ways_goes_as_its_mark_says(body: str, mark: str, direction: str) -> None:
+    frame = with_crc(bytes.fromhex(body))
+    text = f"{mark} {hexed(frame)}\n"
+    assert pieces(read(text)) == of((direction, frame))
+
+
+def test_the_side_that_is_echoed_asks() -> None:
+    write = with_crc(bytes.fromhex("0106000A0003"))
+    text = f"RX {hexed(write)}\nTX {hexed(write)}\n"
+    assert pieces(read(text)) == of(("request", write), ("response", write))
+
+
+@pytest.mark.parametrize(
+    ("body", "direction"),
+    [
+        ("01030500010002", "response"),
+        ("110403 00FA", "response"),
+        ("011000000002 0000010002", "request"),
+        ("0103 0000", "response"),
+    ],
+)
+def test_a_lone_frame_with_a_wrong_count_is_of_the_side_that_counts(body: str, direction: str) -> None:
+    frame = with_crc(bytes.fromhex(body))
+    assert pieces(read(hexed(frame))) == of((direction, frame))
+
+
+def test_seconds_with_as_many_decimals_as_a_program_has_are_times(tmp_path: Path) -> None:
+    octets = [(2.5 + 0.001 * i, octet) for i, octet in enumerate(ASK)] + [
+        (2.6 + 0.001 * i, o) for i, o in enumerate(REPLY)
+    ]
+    log, out = tmp_path / "log.txt", tmp_path / "out.jsonl"
+    log.write_text("".join(f"{at:.15f},'{octet}'\t(0x{octet:02X}),,\n" for at, octet in octets), encoding="utf-8")
+    assert main(["export", str(log), "--format", "jsonl", "-o", str(out)]) == 0
+    starts = [json.loads(line)["t_start_ns"] for line in out.open(encoding="utf-8")]
+    assert starts[1] - starts[0] == 100_000_000

@@ -13,7 +13,7 @@ from dissectors.crc import crc_bytes, crc_ends
 from dissectors.envelopes import Adu, rtu
 from dissectors.functions import function
 from dissectors.length_rules import Role
-from dissectors.lengths import plausibility
+from dissectors.lengths import miscounted_role, plausibility
 
 from .model import PastedFrame, PastedNoise, PastePart, Piece
 from .tiling import LIMIT, predicted, tiling, windows
@@ -141,10 +141,8 @@ def _mended(noise: PastedNoise, edges: Sequence[int]) -> list[Piece]:
             at = following
             continue
         adu = data[at:end]
-        role = Role.RESPONSE if adu[1] & EXCEPTION else Role.REQUEST
-        split.append(
-            replace(_frame(adu, noise.start + at, role, 0), also=None if adu[1] & EXCEPTION else Role.RESPONSE)
-        )
+        role = Role.RESPONSE if adu[1] & EXCEPTION else miscounted_role(adu[1])
+        split.append(replace(_frame(adu, noise.start + at, role, 0), also=None if adu[1] & EXCEPTION else other(role)))
         at = end
     return [*split, PastedNoise(noise.start + at, data[at:])] if at < len(data) else split
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 from dissectors.answers import expectation
 from dissectors.envelopes import Adu
 from dissectors.length_rules import Role
-from dissectors.lengths import pdu_length, plausibility
+from dissectors.lengths import miscounted_role, pdu_length, plausibility
 
 from .model import PastedFrame
 
@@ -114,16 +115,28 @@ def other(role: Role) -> Role:
 
 
 def _likelier(pdu: bytes, roles: Sequence[Role]) -> Role:
-    """The role of which the PDU breaks fewer rules, the request if neither."""
+    """The role of which the PDU breaks fewer rules, the request if neither; of another length, the one that counts."""
+    if pdu and all(pdu_length(pdu, role) != len(pdu) for role in roles):
+        return miscounted_role(pdu[0])
     return min(roles, key=lambda role: (len(plausibility(pdu, role)), role))
 
 
 def _senders(frames: Sequence[Turn]) -> dict[int, Role]:
-    """Which direction a mark means: a server's log has them the other way round, which frames of one kind only tell."""
+    """Which direction a mark means: a server's log has them the other way round.
+
+    Frames of one kind only tell; where there are none, so do echoes: what comes twice was asked first.
+    """
     for frame in frames:
         if frame.mark and len(frame.roles) == 1:
             return {frame.mark: frame.roles[0], TX + RX - frame.mark: other(frame.roles[0])}
-    return {TX: Role.REQUEST, RX: Role.RESPONSE}
+    echoed = [first.mark for first, second in pairwise(frames) if _echoed(first, second)]
+    asks = RX if 2 * echoed.count(RX) > len(echoed) else TX
+    return {asks: Role.REQUEST, TX + RX - asks: Role.RESPONSE}
+
+
+def _echoed(first: Turn, second: Turn) -> bool:
+    """Whether one side of a marked log says the same bytes right behind the other."""
+    return first.mark + second.mark == TX + RX and 0 < first.mark < TX + RX and first.adu.data == second.adu.data
 
 
 def _answers(request: Adu, response: Adu) -> bool:

@@ -49,7 +49,7 @@ def settle_columns(lines: Sequence[LogLine], judge: Judge, experience: Experienc
     for line in [*lines, None]:
         if line is not None and ((line.clean.strip() == "" and not line.runs) or _is_ruler(line)):
             continue
-        if line is not None and not _is_right(line) and _TOKEN.search(line.clean) is not None:
+        if line is not None and not line.is_known and not _is_right(line) and _TOKEN.search(line.clean) is not None:
             named = not _holds_bytes(line) or _LETTERS.search(line.clean) is not None
             _fields_of(line, _tokens(line), judge, experience, named=named)
             if not _holds_bytes(line) or (group and named):

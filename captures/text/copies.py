@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -14,6 +15,8 @@ _LEAST_COPY: Final = 3  # bytes: fewer are alike by chance
 _ENTRY_LINES: Final = 8  # between two reports of the same bytes
 _ENTRY_FINE_NS: Final = 60_000_000
 _ENTRY_COARSE_NS: Final = 1_000_000_000
+_HANDLERS_NS: Final = 2_000_000  # between two handlers of one event
+_DIGITS: Final = re.compile(r"\d")
 
 
 @dataclass(slots=True)
@@ -77,10 +80,12 @@ def _entries(lines: Sequence[LogLine]) -> Iterator[_Entry]:
 def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
     recent: list[_Entry] = []
     for entry in _entries(lines):
+        turned = False  # the other side spoke in between
         for earlier in reversed(recent):
             if not _one_report(earlier, entry):
+                turned = turned or 0 != earlier.mark != entry.mark != 0
                 continue
-            drop = _copy_of_two(earlier, entry, experience)
+            drop = _copy_of_two(earlier, entry, experience, turned=turned)
             if drop is not None:
                 other = earlier if drop is entry else entry
                 for run in drop.runs:
@@ -107,10 +112,13 @@ def _one_report(earlier: _Entry, entry: _Entry) -> bool:
     return abs(second - first) <= limit
 
 
-def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience) -> _Entry | None:
-    """The one of two that only repeats bytes of the other; None where both are of their own."""
+def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turned: bool) -> _Entry | None:
+    """The one of two that only repeats bytes of the other; None where both are of their own.
+
+    `turned`: the other side spoke between them, which ends what comes in pieces.
+    """
     same_line = earlier.last is entry.first
-    if earlier.template == entry.template and _has_grown(earlier, entry, experience):
+    if earlier.template == entry.template and not turned and _has_grown(earlier, entry, experience):
         return earlier
     if min(len(earlier.data), len(entry.data)) < _LEAST_COPY:
         return None
@@ -144,17 +152,23 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience) -> _Ent
         if earlier.checked and not earlier.repeats:
             experience.reports.add(pair)
         return entry if pair in experience.reports else None
-    if not earlier.checked and entry.checked and earlier.data in entry.data:
+    if not turned and not earlier.checked and entry.checked and earlier.data in entry.data:
         return earlier
     return None
 
 
 def _is_logged_twice(earlier: _Entry, entry: _Entry) -> bool:
-    """Whether two lines are one event, which two handlers of a log have written: no frame is sent in no time."""
+    """Whether two lines are one event, which two handlers of a log have written: no frame is sent in no time.
+
+    Handlers that write in ways of their own may read the clock one after the other.
+    """
     if earlier.data != entry.data or not earlier.mark == entry.mark != 0 or not entry.runs[0].label:
         return False
-    timed = earlier.first.fine and entry.first.fine
-    return timed and earlier.first.t_ns == entry.first.t_ns and entry.first.number - earlier.last.number == 1
+    first, second = earlier.first, entry.first
+    if not (first.fine and second.fine) or second.number - earlier.last.number != 1:
+        return False
+    alike = _DIGITS.sub("", first.text) == _DIGITS.sub("", second.text)
+    return abs((second.t_ns or 0) - (first.t_ns or 0)) <= (0 if alike else _HANDLERS_NS)
 
 
 def _has_grown(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:

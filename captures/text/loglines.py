@@ -66,6 +66,13 @@ class LogLine:
     quiet: bool = False
     problem: str | None = None
 
+    @property
+    def is_known(self) -> bool:
+        """Whether it is known for what it is: a line without bytes, or a row of a dump behind its offset."""
+        if not self.runs:
+            return self.quiet
+        return self.runs[0].offset is not None and len(self.runs[0].data) >= _FULL_ROW
+
 
 @dataclass(slots=True)
 class LineReader:

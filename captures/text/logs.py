@@ -19,6 +19,7 @@ from .candidates import H, Writing
 from .choosing import ByteRun, Experience, Judge, no_judge
 from .halves import halves
 from .loglines import LineReader, LogLine
+from .payloads import payload_of
 from .plain import is_of_mail, quoted
 from .settling import only_bytes, settle
 
@@ -290,7 +291,10 @@ def _why(line: LogLine) -> tuple[str, bool]:
 
 
 def joined(reads: Iterable[Piece | UnreadLine], limit: int | None = None) -> Iterator[Piece | UnreadLine]:
-    """The same with pieces that continue one put together, up to about `limit` bytes each."""
+    """The same with pieces that continue one put together, up to about `limit` bytes each.
+
+    Of a packet with its headers, what it carries.
+    """
     first: Piece | None = None
     parts: list[bytes] = []
     size = 0
@@ -303,7 +307,17 @@ def joined(reads: Iterable[Piece | UnreadLine], limit: int | None = None) -> Ite
             size += len(read.data)
             continue
         if first is not None:
-            yield first if len(parts) == 1 else replace(first, data=b"".join(parts))
+            yield _whole_read(first, parts)
         first, parts, size = read, [read.data], len(read.data)
     if first is not None:
-        yield first if len(parts) == 1 else replace(first, data=b"".join(parts))
+        yield _whole_read(first, parts)
+
+
+def _whole_read(first: Piece, parts: list[bytes]) -> Piece | UnreadLine:
+    data = first.data if len(parts) == 1 else b"".join(parts)
+    payload = payload_of(data)
+    if payload is None:
+        return first if len(parts) == 1 else replace(first, data=data)
+    if not payload.data:
+        return UnreadLine(first.line, first.text, "a packet that carries nothing")
+    return replace(first, data=payload.data, mark=first.mark or payload.mark, envelope="")

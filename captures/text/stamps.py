@@ -32,7 +32,7 @@ _CLOCK = re.compile(
     rf"(?<![\w:.])(?:{_DATE}(?:,? ?T?| |_|-|,){{0,1}} ?(?<=[T _,-])|(?P<y6>\d{{4}})年(?P<mo6>\d{{1,2}})月(?P<d6>\d{{1,2}})日 ?)?"
     r"(?P<h>\d{1,2}):(?P<mi>\d\d):(?P<s>\d\d)"
     r"(?:\.(?P<fz>\d{3},\d{3})(?!\d)|\.(?P<f>\d{1,9})|,(?P<fc>\d{3}(?:\d{3}){0,2})(?!\d)|:(?P<fm>\d{3})(?!\d))?"
-    r"(?:\ ?(?P<half>[AaPp])\.?[Mm]\.?)?(?:\ ?(?P<zone>Z\b|[+-]\d\d:?\d\d|UTC\b|GMT\b))?(?!\w|:\w|\.\d)"
+    r"(?:\ ?(?P<half>[AaPp])\.?[Mm]\.?)?(?:\ ?(?P<zone>Z\b|[+-]\d\d:?\d\d|UTC\b|GMT\b))?(?:(?=[i-wyz][a-z]{2})|(?!\w|:\w|\.\d))"
     r"(?:\ (?P<y7>20\d\d)(?=[\]) ]))?",
     re.IGNORECASE,
 )
@@ -48,7 +48,7 @@ _HEAD: Final = 256  # in the first of them alone
 _DATE_LENGTH: Final = 40  # characters that a date and a zone take at most
 _DIGIT = re.compile(r"\d")
 _LEAD = r"^[\s\[(|\"']*"
-_SECONDS = re.compile(_LEAD + r"(\d{1,10})\.(\d{3,9})(?: ?s)?(?=[\s\]):,;>|\"']|-\D|$)")
+_SECONDS = re.compile(_LEAD + r"(\d{1,10})\.(\d{3,18})(?: ?s)?(?=[\s\]):,;>|\"']|-\D|$)")
 _COMMA_SECONDS = re.compile(_LEAD + r"(\d{1,10}),(\d{1,9})(?: ?s)?(?=[;\t])")  # of a table in a comma's country
 _NUMBERED_SECONDS = re.compile(r"^\s*\d{1,9}[ \t]+(\d{1,10})\.(\d{6}|\d{9})(?=[ \t])")  # Wireshark's list of packets
 _MINUTES = re.compile(_LEAD + r"(\d{1,3}):([0-5]\d)\.(\d{1,6})(?=[\s\]):,;>|\"'])")  # since some start
