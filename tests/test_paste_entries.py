@@ -163,12 +163,22 @@ def test_two_handlers_with_clocks_of_their_own_log_one_event() -> None:
     )
 
 
+def captured(text: str, folder: Path) -> list[tuple[str, str]]:
+    """Directions and bytes as a capture has them."""
+    log, out = folder / "log.txt", folder / "out.jsonl"
+    log.write_text(text, encoding="utf-8")
+    assert main(["export", str(log), "--format", "jsonl", "-o", str(out), "--overwrite"]) == 0
+    return [(row["direction"], hexed(bytes.fromhex(row["hex"]))) for row in map(json.loads, out.open(encoding="utf-8"))]
+
+
 @pytest.mark.parametrize("body", ["0105000AFF00", "0106000A0003", "010800001234", "01410102"])
 @pytest.mark.parametrize(("mark", "direction"), [("TX", "request"), ("RX", "response")])
-def test_a_lone_frame_that_reads_both_ways_goes_as_its_mark_says(body: str, mark: str, direction: str) -> None:
+def test_a_lone_frame_that_reads_both_ways_goes_as_its_mark_says(
+    body: str, mark: str, direction: str, tmp_path: Path
+) -> None:
     frame = with_crc(bytes.fromhex(body))
     text = f"{mark} {hexed(frame)}\n"
-    assert pieces(read(text)) == of((direction, frame))
+    assert pieces(read(text)) == captured(text, tmp_path) == of((direction, frame))
 
 
 def test_the_side_that_is_echoed_asks() -> None:
@@ -186,9 +196,9 @@ def test_the_side_that_is_echoed_asks() -> None:
         ("0103 0000", "response"),
     ],
 )
-def test_a_lone_frame_with_a_wrong_count_is_of_the_side_that_counts(body: str, direction: str) -> None:
+def test_a_lone_frame_with_a_wrong_count_is_of_the_side_that_counts(body: str, direction: str, tmp_path: Path) -> None:
     frame = with_crc(bytes.fromhex(body))
-    assert pieces(read(hexed(frame))) == of((direction, frame))
+    assert pieces(read(hexed(frame))) == captured(hexed(frame), tmp_path) == of((direction, frame))
 
 
 def test_seconds_with_as_many_decimals_as_a_program_has_are_times(tmp_path: Path) -> None:

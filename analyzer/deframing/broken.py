@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from dissectors.adu import EXCEPTION, MAX_ADU, MIN_ADU, OVERHEAD
 from dissectors.answers import expectation
 from dissectors.length_rules import Role
-from dissectors.lengths import rule
+from dissectors.lengths import miscounted_role, rule
 from dissectors.limits import Sized, taken
 
 from .candidates import GLITCHES, KNOWN_BITS, predicted_length
@@ -30,6 +30,7 @@ from .rules import Mask
 
 _LONGEST: Final = MAX_ADU + 64  # what a firmware makes of a byte count, or of a buffer
 _SILENT_BITS: Final = 4.0  # a right CRC between two silences
+_FIXED: Final = -8.0  # bits: one that needs no count is hardly made longer or shorter
 _IMPOSSIBLE: Final = -10.0  # or send a request that is none
 _HEADER: Final = 3  # bytes of an answer that a request tells: unit, function, byte count
 BROKEN: Final = -12.0  # bits: few senders break such a rule
@@ -94,7 +95,11 @@ def silent_windows(
         function = data[start + 1]
         if (start, end) in taken_ones or holds_a_frame(candidates, start, end) or rule(function, Role.REQUEST) is None:
             continue
-        windows += [Candidate(start, end, role, _SILENT_BITS, doubtful=True) for role in Role]
+        likelier = miscounted_role(function)
+        windows += [
+            Candidate(start, end, role, _SILENT_BITS + (0.0 if role is likelier else _FIXED), doubtful=True)
+            for role in Role
+        ]
     return windows
 
 

@@ -134,12 +134,11 @@ class ByteBuffer:
             heard[0] = NO_GAP
         self._silence = np.concatenate((self._silence[:first], heard))
         classes = classes_of(silence, self.char_ns)
-        if marks.any():
-            turned = (marks[1:] != marks[:-1]) & (marks[1:] != 0)
-            turned[0] &= before != _FAR
-            classes[turned] = TURNS + marks[1:][turned] - 1
         if before == _FAR:
             classes[0] = 0  # nothing is known of the silence before a capture
+        if marks.any():
+            turned = (marks[1:] != marks[:-1]) & (marks[1:] != 0)
+            classes[turned] = TURNS + marks[1:][turned] - 1
         self.classes[self.group[first:upto]] = classes
         self._closed = upto
 

@@ -212,7 +212,8 @@ class Decider:
         ]
         quiet = [p.position - origin for p in look.points if p.stages > 1 and origin < p.position < end]
         quiet += [end - origin] * (point.silent and point.parted)
-        edges = possible_edges(data, classes, declared, quiet, self._statistics, over=stage > GAP)
+        first = look.offset + origin == 0
+        edges = possible_edges(data, classes, declared, quiet, self._statistics, first=first, over=stage > GAP)
         may = possible_starts(stretch.crc, at + origin, len(data))
         more = unknown_windows(data, stretch.crc, at + origin, edges, declared, self.heard, may)
         asked = look.conversation.open_requests

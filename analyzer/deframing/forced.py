@@ -286,7 +286,7 @@ def plain_reach(
         answered = (first >= _PLAIN) & (echo >= least)
         unanswered = statistics.unanswered_bits + table[_AGAIN, behind] - table[_ASKS, behind]
         unanswered = np.where(data.take(start) != 0, unanswered, 0.0)  # a broadcast is not answered
-        bits = first - statistics.unasked_bits(certain=False) + unanswered
+        bits = first - statistics.unasked[0].take(before) + unanswered
         certain = np.where(alone, (bits >= _ENOUGH) & ~waits, answered) & ~late
         if not certain.all():
             high = int(np.argmin(certain))
@@ -353,8 +353,8 @@ def plain_evidence(
     conversation_bits[answers] = np.where(fits, np.where(failed, FITS_EXCEPTION, FITS), CONTRARY)
     if role[0] == _ANSWERS:
         known = conversation.answers(data[start[0] : end[0]].tobytes()) is not None
-        certain = bool(length_tables().certain[data[start[0] + 1] & 0x7F])
+        certain = int(length_tables().certain[data[start[0] + 1] & 0x7F])
         free = conversation.answered or statistics.answers_only
-        unasked = statistics.unasked_bits(certain=certain) if free else CONTRARY
+        unasked = float(statistics.unasked[certain, classes[0]]) if free else CONTRARY
         conversation_bits[0] = FITS if known else unasked
     return statistics.table[turns, classes], conversation_bits

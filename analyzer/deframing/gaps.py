@@ -166,12 +166,14 @@ class GapStatistics:
         """Bits that a request without an answer costs: less on a bus where that is common."""
         return self._unanswered_bits
 
-    def unasked_bits(self, *, certain: bool) -> float:
-        """Bits that an answer costs that nobody was heard to ask for: little on a tap that hears answers only.
+    @property
+    def unasked(self) -> NDArray[np.float64]:
+        """Bits that an answer costs that nobody was heard to ask for, by certain (0, 1) and class of silence before it.
 
-        `certain`: it does not look like a request; else it rather is one.
+        Little on a tap that hears answers only. What is not certain looks like a request and rather is one, but behind
+        a log's mark of the side that answers.
         """
-        return self._unasked_bits if certain or self.answers_only else _UNASKED[0]
+        return self._unasked_table
 
     @property
     def answers_only(self) -> bool:
@@ -251,9 +253,13 @@ class GapStatistics:
         self._unit_bits = exact_bits(np.clip(np.log2(share * 256), -_UNIT, _UNIT)).tolist()
         self._noise_cost = min(_NOISE, max(_NOISY, exact_bits(-math.log2(self._noises / self._frames))))
         unasked = exact_bits(math.log2(self._unasked / self._answers))
-        self._unasked_bits = min(_UNASKED[1], max(_UNASKED[0], unasked))
         requests, responses = self._certain.tolist()
         self._request_bits = _REQUESTS_ONE_WAY if responses >= _ONE_WAY * (1 + 8 * requests) else 0.0
+        self._unasked_table = np.full((2, CLASSES), min(_UNASKED[1], max(_UNASKED[0], unasked)))
+        if not self.answers_only:
+            self._unasked_table[0] = _UNASKED[0]
+        answers = self._table[SpeakerTurn.RESPONSE, TURNS:] > self._table[SpeakerTurn.REQUEST, TURNS:]
+        self._unasked_table[:, TURNS:][:, answers] = _UNASKED[1]
         self._glitch_cost = min(_CERTAIN, max(1.0, exact_bits(-math.log2(self._glitches / self._frames))))
         if self._inside.sum() > _MEMORY:
             self._inside *= 0.5

@@ -77,8 +77,8 @@ class Lattice:
         self.glitch_cost = statistics.glitch_cost
         self.noise_cost = statistics.noise_cost
         self._request = statistics.request_bits
-        self._unasked = [statistics.unasked_bits(certain=certain) for certain in (False, True)]
-        self._contrary = self._unasked if statistics.answers_only else [CONTRARY, CONTRARY]
+        self._unasked: list[list[float]] = statistics.unasked.tolist()
+        self._answers_only = statistics.answers_only
         self._certain = length_tables().certain.tobytes()
         self._units = statistics.unit_bits
         self._unanswered = statistics.unanswered_bits + HALF
@@ -225,7 +225,7 @@ class Lattice:
         newest = which == len(conversation.open_requests) - 1 and not conversation.answered
         if candidate.damaged and not newest:
             return IMPOSSIBLE, conversation
-        stray = self._unasked_for(conversation, adu, lost=lost)
+        stray = self._unasked_for(conversation, adu, self._silences[candidate.start], lost=lost)
         if which is None:
             return stray, conversation
         asked = conversation.open_requests[which]
@@ -236,14 +236,17 @@ class Lattice:
         bits += LATE_BYTE * (self.offset + candidate.start - asked.start - len(asked.adu)) + (0.0 if newest else LATE)
         return (bits, conversation.answer(which)) if bits >= stray else (stray, conversation)
 
-    def _unasked_for(self, conversation: Conversation, adu: bytes, *, lost: bool) -> float:
-        """The same of a response to no request that is known."""
-        unit, certain = self._units[adu[0]], self._certain[adu[1] & 0x7F]
+    def _unasked_for(self, conversation: Conversation, adu: bytes, silence: int, *, lost: bool) -> float:
+        """The same of a response to no request that is known; `silence`: the class of that before it."""
+        certain = self._certain[adu[1] & 0x7F]
         if conversation.waits_for(adu) and certain:
             return MISMATCH
+        unasked = self._unasked[certain][silence]
         if lost:
-            return max(ASKED_IN_NOISE, self._unasked[certain]) + unit
-        return (self._unasked if conversation.answered else self._contrary)[certain] + unit
+            unasked = max(ASKED_IN_NOISE, unasked)
+        elif not (conversation.answered or self._answers_only):
+            unasked = CONTRARY
+        return unasked + self._units[adu[0]]
 
     def _inside(self, outer: Candidate) -> float:
         """What the candidates inside one would score at best by themselves, less the price of being there."""
@@ -281,7 +284,8 @@ class Lattice:
             turn, bits = (SpeakerTurn.AGAIN, self._unanswered) if waiting else (SpeakerTurn.REQUEST, 0.0)
             bits += self._request
         else:
-            turn, bits = SpeakerTurn.RESPONSE, (self._contrary if waiting else self._unasked)[certain]
+            contrary = waiting and not self._answers_only
+            turn, bits = SpeakerTurn.RESPONSE, CONTRARY if contrary else self._unasked[certain][self._silences[start]]
         return max(self._units[unit] + bits + self._gap_bits[turn][self._silences[start]], AGAINST_FRAME)
 
     @property

@@ -38,9 +38,13 @@ def possible_edges(
     idle: Sequence[int],
     statistics: GapStatistics,
     *,
+    first: bool,
     over: bool,
 ) -> PossibleEdges:
-    """Edges in `data`; `idle`: where the line was quiet, its end too maybe; `over`: it is quiet behind the end."""
+    """Edges in `data`; `idle`: where the line was quiet, its end too maybe; `over`: it is quiet behind the end.
+
+    `first`: the capture begins with these bytes, which parts no less where nothing but one frame follows.
+    """
     parts, trusted = statistics.parts(), statistics.trusted
     gaps = (1 + np.flatnonzero(classes[1 : len(data)] >= SILENT)).tolist()
     begins = {0, *gaps, *(c.end for c in candidates)}
@@ -57,7 +61,8 @@ def possible_edges(
             ends.add(at)
     cuts = (1 + np.flatnonzero(parts[classes[1 : len(data)]])).tolist()
     silences = np.flatnonzero(trusted[classes[: len(data)]]).tolist()
-    silences += [len(data)] * over
+    if over:
+        silences = [0] * (first and not silences) + silences + [len(data)]
     return PossibleEdges(frozenset(begins), frozenset(ends), tuple(cuts), tuple(silences))
 
 
