@@ -55,3 +55,10 @@ def test_a_breach_is_seen() -> None:
     other = ways.Told(told.rows.copy(), told.transactions, told.findings[:0])
     other.rows.start[:] += 1
     assert len(list(ways._differences(told, other, set()))) >= 1 + bool(len(told.findings))
+
+
+@pytest.mark.parametrize("seed", [1000021, 1001243])
+def test_transactions_over_tcp_pair_by_what_stands_before_them_and_in_them(seed: int) -> None:
+    """A connection asks from its first request on; a frame too short to say what it asks is answered by nothing."""
+    stream = package("feeding.streams").stream("tcp", seed)
+    assert list(package("feeding.ways").breaches(stream, Random(seed))) == []

@@ -161,10 +161,11 @@ def conversation_after(conversation: Conversation, run: FrameRun) -> Conversatio
     return conversation
 
 
-def responses_fit(data: Bytes, requests: Index, responses: Index) -> Mask:
+def responses_fit(data: Bytes, requests: Index, responses: Index, ends: tuple[Index, Index] | None = None) -> Mask:
     """For pairs of ADU starts: whether the response answers the request. Shape: that of the two arrays.
 
-    One that is cut at the end of the data, before what should agree, answers nothing.
+    `ends`: of requests and responses, where frames may be shorter than they should be; else the end of the data. One
+    that ends before what should agree answers nothing.
     """
     function = data.take(requests + 1)
     answer = data.take(responses + 1)
@@ -172,9 +173,11 @@ def responses_fit(data: Bytes, requests: Index, responses: Index) -> Mask:
     plain = fits & (answer == function)
     for code in np.bincount(function[plain]).nonzero()[0].tolist():
         which = (plain & (function == code)).nonzero()[0]
-        furthest = np.maximum(requests, responses).take(which) + max(map(_reach, relations(code)), default=0)
         fits[which] = False
-        which = which.compress(furthest < len(data))
+        reach = np.max([(0, 0), *map(_reach, relations(code))], axis=0)
+        for starts, end, least in zip((requests, responses), ends or (None, None), reach.tolist(), strict=True):
+            room = len(data) if end is None else end.take(which)
+            which = which.compress(starts.take(which) + least < room)
         request, response = requests.take(which), responses.take(which)
         agree = np.ones(len(which), np.bool_)
         for relation in relations(code):
@@ -188,11 +191,11 @@ def responses_fit(data: Bytes, requests: Index, responses: Index) -> Mask:
     return fits
 
 
-def _reach(relation: RequestedByteCount | Echo) -> int:
-    """How many bytes behind its unit a frame has, at the least, that holds what this relates."""
+def _reach(relation: RequestedByteCount | Echo) -> tuple[int, int]:
+    """How many bytes behind its unit a request, and a response, has at the least that holds what this relates."""
     if isinstance(relation, RequestedByteCount):
-        return max(relation.quantity_offset + 2, relation.count_offset + 1)
-    return max(relation.request_offset, relation.response_offset) + relation.width
+        return relation.quantity_offset + 2, relation.count_offset + 1
+    return relation.request_offset + relation.width, relation.response_offset + relation.width
 
 
 def _echoed(data: Bytes, request: Index, response: Index, echo: Echo) -> Mask:

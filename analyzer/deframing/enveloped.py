@@ -115,7 +115,8 @@ class _TransactionPairer:
         asked, answers = order[:-1], order[1:]
         pairs = (keys[asked] == keys[answers]) & (kind[asked] == _REQUEST) & (kind[answers] == _RESPONSE)
         asked, answers = asked[pairs], answers[pairs]
-        fits = responses_fit(data, at[asked] + _UNIT, at[answers] + _UNIT)
+        ends = at + rows.length[which]
+        fits = responses_fit(data, at[asked] + _UNIT, at[answers] + _UNIT, (ends[asked], ends[answers]))
         asked, answers = asked[fits], answers[fits]
         mine, its = which[answers], which[asked]
         waited = np.maximum(rows.t_start_ns[mine] - rows.t_end_ns[its], 0)
@@ -127,21 +128,23 @@ class _TransactionPairer:
         reused = np.isin(keys, [*self._open, *keys[loose].tolist()]) & (kind == _REQUEST)
         earlier: dict[int, bytes] = {}
         first = int(rows.index[which[0]])
+        asking, since = np.unique(keys[kind == _REQUEST] >> 16, return_index=True)
+        asks_from = dict(zip(asking.tolist(), np.flatnonzero(kind == _REQUEST)[since].tolist(), strict=True))
+        asks_from |= dict.fromkeys(self._asking, -1)
         for i in np.flatnonzero(loose | reused).tolist():
             row, key, begin = int(which[i]), int(keys[i]), int(at[i])
             adu = data[begin : begin + int(rows.length[row])].tobytes()
             if kind[i] == _REQUEST:
                 self._open.pop(key, None)  # the transaction is used anew
-                self._asking.add(key >> 16)
                 if loose[i]:
                     self._ask(rows.row(row), key, adu, int(tail[row]))
-            elif (found := self._found(key, adu)) is not None:
+            elif (found := self._found(key, adu, asks=asks_from.get(key >> 16, i) < i)) is not None:
                 same = int(head[row]) == found.read
                 rows.request[row], rows.request_start[row] = found.number, found.start
                 rows.response_ns[row] = -1 if same else max(0, int(rows.t_start_ns[row]) - found.t_end)
                 if found.number < first:
                     earlier[found.number] = found.adu
-        self._asking.update(np.unique(keys[kind == _REQUEST] >> 16).tolist())
+        self._asking.update(asking.tolist())
         return earlier
 
     def _ask(self, asked: Row, key: int, adu: bytes, read: int) -> None:
@@ -150,9 +153,9 @@ class _TransactionPairer:
         if len(self._open) > _OPEN:
             del self._open[next(iter(self._open))]
 
-    def _found(self, key: int, adu: bytes) -> _OpenTransaction | None:
-        """The request of a response, taken from those that are open."""
-        if key >> 16 not in self._asking:  # a direction of its own
+    def _found(self, key: int, adu: bytes, *, asks: bool) -> _OpenTransaction | None:
+        """The request of a response, taken from those that are open; `asks`: there were requests on its port before."""
+        if not asks:  # a direction of its own
             key = next((each for each in reversed(self._open) if each & 0xFFFF == key & 0xFFFF), key)
         found = self._open.get(key)
         if found is None or not found.expects.fits(adu[_UNIT:]):
