@@ -44,6 +44,7 @@ STRAY: Final = 3  # bytes that one spike makes
 _EIGHT: Final = 8  # bytes of a request by one of these functions
 _OF_EIGHT: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6))
 _COUNTED: Final = np.isin(np.arange(256), (1, 2, 3, 4))  # whose answers have a byte count,
+_REGISTERS: Final = np.isin(np.arange(256), (3, 4))
 _AROUND: Final = 5  # and so many bytes besides
 _HOLE: Final = 1.5  # characters
 _ECHOES: Final = 5
@@ -175,7 +176,8 @@ class Ledger:
         of_eight = right & (rows.protocol == Protocol.RTU) & _OF_EIGHT[rows.function]
         misshapen: NDArray[np.bool_] = of_eight & asks & (rows.length != _EIGHT)
         counted = (of_eight & ~asks & _COUNTED[rows.function] & (rows.length == _EIGHT)).nonzero()[0]
-        misshapen[counted] = table.data[rows.at[counted] + 2] + _AROUND != _EIGHT
+        odd = _REGISTERS[rows.function[counted]]  # three bytes of data are no registers, whatever the count says
+        misshapen[counted] = odd | (table.data[rows.at[counted] + 2] + _AROUND != _EIGHT)
         return misshapen
 
     def _count_noise(self, table: RowColumns, noise: NDArray[np.intp]) -> None:
