@@ -29,6 +29,7 @@ _NEVER: Final = 1 << 62  # further than any byte
 GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))  # what RS-485 drivers leave on the line when they switch
 ZERO_BITS: Final = -8.0  # 1 in 256 check values ends in 00
 _BITS_OF_FUNCTION: Final = np.array([STRANGE_BITS, KNOWN_BITS], np.float32)  # by whether it is declared
+UNLIKELY_ROLE: Final = -4.0  # bits: the role in which these bytes break a limit, where they break none in the other
 BROKEN_LIMIT: Final = -6.0  # a limit of the specification that real frames do break now and then
 
 
@@ -72,6 +73,7 @@ def search_candidates(data: Bytes, crc: CrcWindows) -> Candidates:
     if not keep.all():
         start, end, role, structure, broken = start[keep], end[keep], role[keep], structure[keep], broken[keep]
     _weigh_zeros(structure, data, start, end, broken)
+    _weigh_roles(structure, start, end, broken)
     return Candidates(start, end, role, structure)
 
 
@@ -91,9 +93,10 @@ def more_candidates(known: Candidates, searched: int, data: Bytes, crc: CrcWindo
 
 
 def _rule_out(keep: Mask, start: Index, end: Index, broken: Mask) -> None:
-    """Drop those that break a limit and hold, or begin like, one that breaks none, be it the same bytes.
+    """Drop those that break a limit and hold, or begin like, one that breaks none.
 
-    `01 03 02 00 19 79 8E 00` is an answer and a stray byte, whatever a request for 6521 registers looks like.
+    `01 03 02 00 19 79 8E 00` is an answer and a stray byte, whatever a request for 6521 registers looks like. Where the
+    very same bytes are legal in the other role (`_weigh_roles`) the conversation may tell.
     """
     legal = (keep & ~broken).nonzero()[0]
     if not len(legal):
@@ -104,7 +107,7 @@ def _rule_out(keep: Mask, start: Index, end: Index, broken: Mask) -> None:
     soonest = np.append(np.minimum.accumulate(ends[::-1])[::-1], _NEVER)  # end of any from here on
     shorter = soonest.take(starts.searchsorted(begin, side="right")) <= until
     alike = starts.searchsorted(begin)
-    shorter |= (np.append(starts, -1).take(alike) == begin) & (np.append(ends, _NEVER).take(alike) <= until)
+    shorter |= (np.append(starts, -1).take(alike) == begin) & (np.append(ends, _NEVER).take(alike) < until)
     keep[some[shorter]] = False
 
 
@@ -120,6 +123,16 @@ def _weigh_zeros(structure: NDArray[np.float32], data: Bytes, start: Index, end:
         if not data[end[i - 1] : end[i]].any():
             zeros = int(end[i] - end[i - 1])
             structure[i] += -ZERO_BITS if broken[i - 1] and not broken[i] else ZERO_BITS * zeros
+
+
+def _weigh_roles(structure: NDArray[np.float32], start: Index, end: Index, broken: Mask) -> None:
+    """Take bits from candidates that break a limit where the very same bytes break none in the other role.
+
+    So that the legal one is likelier, and not so much that it is decided before what follows may speak for the other.
+    """
+    same = ((start[1:] == start[:-1]) & (end[1:] == end[:-1])).nonzero()[0]
+    structure[same.compress(broken[same] & ~broken[same + 1])] += UNLIKELY_ROLE
+    structure[1 + same.compress(broken[same + 1] & ~broken[same])] += UNLIKELY_ROLE
 
 
 class _CheckedWindows(NamedTuple):

@@ -152,7 +152,7 @@ COLLISION: Final = Rule(
     numbers=("bytes", "due", "certainty", "unit"),
     loses=True,
     text=lambda numbers: (
-        phrase("{bytes} that are no frame where an answer was due", bytes=_bytes(numbers["bytes"]))
+        phrase("{bytes} of no frame where an answer was due", bytes=_bytes(numbers["bytes"]))
         + (phrase(" of {due:.0f}", numbers) if "due" in numbers else "")
     ),
     cause="two transmitters at once: two devices share an address, a second master, or a device that sends unasked",

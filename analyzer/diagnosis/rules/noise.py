@@ -48,7 +48,7 @@ _TEXTS: Final = {
     Pattern.STRAY: "{bytes} that belong to no frame",
     Pattern.BEFORE: "{bytes} of 00 or FF right before the frame of {sender}",
     Pattern.AFTER: "{bytes} of 00 or FF right after the frame of {sender}",
-    Pattern.IDLE: "{bytes} that are no frame, on an idle line",
+    Pattern.IDLE: "{bytes} of no frame, on an idle line",
 }
 _CAUSES: Final = {
     Pattern.STRAY: "interference, bytes of a damaged frame, or a device that speaks another protocol",
