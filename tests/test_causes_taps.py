@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from math import ceil
 from random import Random
 
 import pytest
@@ -11,11 +13,18 @@ from analyzer.causes.reasoning import causes_of
 from analyzer.core import analyse
 from analyzer.simulation.field.bench import Expected, FieldCapture, site
 from analyzer.simulation.field.cases.registry import field_cases
-from captures.chunks import Capture
+from captures.chunks import Capture, Chunk
+from captures.line import LineSettings
+from dissectors.crc import crc_bytes
+
+_CHAR_NS = 11e9 / 19200
 
 
 def _named(made: FieldCapture) -> list[str]:
-    capture = Capture.of(made.line, made.chunks)
+    return _causes(Capture.of(made.line, made.chunks))
+
+
+def _causes(capture: Capture) -> list[str]:
     ledger = ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line)
     return [cause.cause for cause in causes_of(ledger)]
 
@@ -41,3 +50,27 @@ def test_requests_whose_pace_is_the_timeouts_are_not(seed: int, tap: str) -> Non
         unit.silent = lambda _: True
     bench.master.manners.retries = 0
     assert _named(bench.run(Expected(None))) == ["absent-units"]
+
+
+def _asked_only(rest_ns: Callable[[int], float], rounds: int, strays_ns: float) -> list[str]:
+    """Causes where units 1 to 5 are asked for several quantities, and no answer is heard: `rest_ns` from the end of a
+    request for so many registers to the next request, and a pause that strays; reads return 16 ms apart."""
+    random, t, line = Random(5), 0.0, LineSettings(baud=19200, char_bits=11)
+    reads: dict[int, bytes] = {}
+    for _ in range(rounds):
+        for unit, quantity in ((1 + k // 2, (2, 6)[k % 2] + k // 2 % 4) for k in range(10)):
+            t += 8 * _CHAR_NS
+            at = ceil(t / 16e6) * 16_000_000
+            asked = bytes((unit, 3, 0, quantity, 0, quantity))
+            reads[at] = reads.get(at, b"") + asked + crc_bytes(asked)
+            t += rest_ns(quantity) + random.uniform(16e6, 16e6 + strays_ns)
+    return _causes(Capture.of(line, [Chunk(at, data) for at, data in reads.items()]))
+
+
+def test_the_longer_the_answer_that_is_asked_for_the_later_the_master_goes_on() -> None:
+    """A few characters tell it behind pauses and a clock that stray by more."""
+    assert _asked_only(lambda quantity: 10e6 + (5 + 2 * quantity) * _CHAR_NS, 128, 10e6) == ["tap-one-direction"]
+
+
+def test_a_timer_behind_which_pauses_stray_is_told_by_some_rounds() -> None:
+    assert _asked_only(lambda _: 200e6, 17, 40e6) == ["absent-units"]

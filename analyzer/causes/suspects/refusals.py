@@ -81,14 +81,25 @@ def _well(evidence: Evidence, unit: int, functions: tuple[int, ...]) -> list[Pol
 
 def _beside(poll: Poll, well: list[Poll]) -> bool:
     """Whether a poll reaches just one register beyond what reads well, or all but one of its registers read well."""
-    for good in well:
-        if good.address <= poll.address and good.end == poll.end - 1 and good.end > poll.address:
+    for begin, end in _areas(well):
+        if begin <= poll.address < end == poll.end - 1:
             return True
-        if good.end >= poll.end and good.address == poll.address + 1 < poll.end:
+        if end >= poll.end > begin == poll.address + 1:
             return True
-        if (poll.quantity == good.quantity and good.end == poll.address) or poll.end == good.address:
-            return True
-    return False
+    return any(
+        (poll.quantity == good.quantity and good.end == poll.address) or poll.end == good.address for good in well
+    )
+
+
+def _areas(well: list[Poll]) -> list[tuple[int, int]]:
+    """What these polls read, as addresses [begin, end), those that touch or overlap put together."""
+    areas: list[tuple[int, int]] = []
+    for begin, end in sorted((poll.address, poll.end) for poll in well):
+        if areas and begin <= areas[-1][1]:
+            areas[-1] = areas[-1][0], max(end, areas[-1][1])
+        else:
+            areas.append((begin, end))
+    return areas
 
 
 def _suspicion(evidence: Evidence, unit: int, polls: list[Poll], weight: float) -> Suspicion:

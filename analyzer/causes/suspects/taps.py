@@ -17,6 +17,7 @@ from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
+from ..polls import Poll
 from ..registry import Explained, Suspicion, Symptom, suspect
 from ..timegrid import Spell
 from ..unitledger import UnitLedger
@@ -37,7 +38,9 @@ _STEADY: Final = 0.02  # of it: so little it strays where a timer makes it
 _CLOCKS: Final = 4.0  # times what the tap's times may be wrong by
 _INNER: Final = (0.05, 0.95)  # what a hole in the capture or a rare rest makes is left out
 _ANOTHER: Final = 2  # polls
+_FEW: Final = 8  # waits of a poll that tell their mean and its error
 _ERRORS: Final = 6.0  # times the error of a mean
+_SLOPE_ERRORS: Final = 4.0  # times its own, for a slope that is about a character a byte besides
 _ADU: Final = 3  # bytes around a PDU
 
 
@@ -120,15 +123,33 @@ def _one(evidence: Evidence, heard: str, frames: int, others: int, every: int | 
 
 def _as_given_up(evidence: Evidence) -> bool:
     """Whether the master goes on after always the same time, whatever it asks, as it does when nobody answers."""
-    waits = [poll.waits for poll in evidence.polls if len(poll.waits)]
+    polls = [poll for poll in evidence.polls if len(poll.waits)]
+    waits = [poll.waits for poll in polls]
     if not waits or not evidence.ledger.timed:
+        return False
+    if _by_length(polls, evidence.ledger.char_ns):
         return False
     numbers = np.concatenate(waits)
     low, middle = float(np.quantile(numbers, 0.1)), float(np.quantile(numbers, 0.6))
     strays = _TIMERS * middle + _LATE_NS
-    if (alike := _are_alike([each for each in waits if len(each) >= _LEAST], strays)) is not None:
+    if (alike := _are_alike([each for each in waits if len(each) >= _FEW], strays)) is not None:
         return alike
     return middle - low < strays + min(_CLOCKS * evidence.verdict.wait_ns, _TIMERS * middle + evidence.ledger.char_ns)
+
+
+def _by_length(polls: Sequence[Poll], char_ns: float) -> bool:
+    """Whether the master goes on the later the longer the answer is that it asks for, about a character a byte: answers
+    pass then, though the tap hears none. Over all waits, so that a coarse clock tells it as well."""
+    due = np.concatenate([np.full(len(poll.waits), float(poll.about_bytes)) for poll in polls])
+    waits = np.concatenate([np.clip(poll.waits, *np.quantile(poll.waits, _INNER)) for poll in polls])
+    varied = due - due.mean()
+    weight = float(varied @ varied)
+    if len(due) <= _LEAST or not weight:
+        return False
+    slope = float(varied @ waits) / weight
+    rest = waits - waits.mean() - slope * varied
+    error = float(np.sqrt(rest @ rest / (len(due) - 2) / weight))
+    return slope > _SLOPE_ERRORS * error and abs(slope - char_ns) < char_ns * _MOSTLY
 
 
 def _are_alike(waits: Sequence[NDArray[np.float64]], strays: float) -> bool | None:
