@@ -29,7 +29,7 @@ CHARTS = UnitMaps({1: shipped_map("eastron-sdm630"), 7: shipped_map("xy-md02")})
 @pytest.fixture(scope="module")
 def bus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("mapped") / "bus.jsonl"
-    write(Scenario("clean", "precise", transactions=200, seed=10, maps=MAPS), path)
+    write(Scenario("clean", "precise", transactions=200, seed=19, maps=MAPS), path)
     return path
 
 
@@ -64,7 +64,7 @@ def told(bus: Path, name: str) -> dict[int, float]:
 
 def test_a_value_by_its_name_as_one_reads_it(bus: Path) -> None:
     volts = told(bus, "Voltage L1")
-    middle = float(np.median(list(volts.values())))
+    middle = float(np.mean(list(volts.values())))
     assert passing(bus, 'value("Voltage L1")') == set(volts)
     for text in (f"> {middle:.4f}", f"> {middle / 1000:.7f} kV", f">= {middle:.4f} V"):
         expected = {index for index, value in volts.items() if value > round(middle, 4)}
