@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import insort
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -180,13 +181,28 @@ def _hurried(evidence: Evidence, unit: UnitLedger) -> Slow:
     order = np.argsort(took)
     took, pauses, turns = took[order], pauses[order], turns[order]
     elsewhere = [pause for other in others if (pause := other.pauses.quantile(0.1))]
-    for first in range(len(took) // 4, len(took) - _HURRIED + 1):
-        usual = min([float(np.quantile(pauses[:first], 0.1)), *elsewhere])
-        sooner = pauses[first:].max() < min(_SOONER * usual, usual - evidence.verdict.wait_ns)
-        by_timer = _strays(turns[first:]) < _STEADY * _strays(took[first:])
-        if sooner and by_timer and took[first] > longest + _FAR_SLOWER * usually:
-            return Slow(round(len(unit.pauses) * (1 - first / len(took))), float(took[first]))
+    first = max(len(took) // 4, int(np.searchsorted(took, longest + _FAR_SLOWER * usually, side="right")))
+    if first > len(took) - _HURRIED:
+        return Slow()
+    usual = np.minimum(_lowest_tenths(pauses), min(elsewhere, default=UNKNOWN))[first - 1 : len(took) - _HURRIED]
+    behind = np.maximum.accumulate(pauses[::-1])[::-1][first : len(took) - _HURRIED + 1]
+    sooner = behind < np.minimum(_SOONER * usual, usual - evidence.verdict.wait_ns)
+    for bound in (first + np.flatnonzero(sooner)).tolist():
+        if _strays(turns[bound:]) < _STEADY * _strays(took[bound:]):  # by its timer
+            return Slow(round(len(unit.pauses) * (1 - bound / len(took))), float(took[bound]))
     return Slow()
+
+
+def _lowest_tenths(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The first decile of the first n numbers, for every n from 1 on."""
+    ordered: list[float] = []
+    deciles = np.empty(len(numbers))
+    for n, number in enumerate(numbers.tolist()):
+        insort(ordered, number)
+        low, part = divmod(0.1 * n, 1)
+        low = int(low)
+        deciles[n] = ordered[low] + part * (ordered[min(low + 1, n)] - ordered[low])
+    return deciles
 
 
 def _strays(numbers: NDArray[np.float64]) -> float:
