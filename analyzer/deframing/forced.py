@@ -113,7 +113,10 @@ def forced_runs(found: Candidates, data: Bytes, known: int) -> ForcedRuns:
     m = len(start)
     furthest = np.zeros(m, np.intp)
     furthest[1:] = np.maximum.accumulate(end)[:-1]
-    clean = (furthest <= start) & (end <= known) & (found.structure[first] >= 0)  # else it breaks a limit
+    lean = np.zeros(m, np.float32)  # candidates of one place are by role
+    lean[either] = found.structure[first[either]] - found.structure[first[either] + 1]
+    structure = found.structure[first] + np.maximum(-lean, 0)
+    clean = (furthest <= start) & (end <= known) & (structure >= 0)  # else it breaks a limit
     clean[:-1] &= start[1:] >= end[:-1]
     joined = np.zeros(m + 1, np.bool_)  # at k: k follows k - 1 in one run
     joined[1:m] = clean[1:] & clean[:-1] & (start[1:] == end[:-1])
@@ -124,13 +127,11 @@ def forced_runs(found: Candidates, data: Bytes, known: int) -> ForcedRuns:
     fits = _answering(data, start, plain.role, joined)
     late = _late(data, start, plain.role, fits, plain.ask)
     asks = ForcedRequests(plain.ask, plain.alone, plain.waits, late)
-    structure = found.structure[first]
-    lean = np.zeros(m, np.float32)
-    lean[either] = structure[either] - found.structure[first[either] + 1]  # candidates of one place are by role
+    structure = found.structure[first] - np.where(either & (plain.role == _ANSWERS), lean, 0)
+    doubt = np.union1d(plain.doubt, np.flatnonzero(either & (structure < 0)))
     return ForcedRuns(
-        start, end, plain.role, either, structure, lean, clean, last, plain.second, plain.again, plain.doubt,
-        asks, fits,
-    )  # fmt: skip
+        start, end, plain.role, either, structure, lean, clean, last, plain.second, plain.again, doubt, asks, fits
+    )
 
 
 def _answering(data: Bytes, start: Index, role: NDArray[np.uint8], joined: Mask) -> Mask:
