@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
 import pytest
 
 from analyzer.core import deframe
 from analyzer.deframing.decisions import Decider
+from analyzer.deframing.forced import ForcedRuns, SearchedBytes
+from analyzer.deframing.protocols import Deframer
+from analyzer.tables.batch import join_batches
 from analyzer.tables.schema import Kind
-from captures.chunks import Capture, Chunk
+from captures.chunks import Block, Capture, Chunk
 from captures.line import LineSettings
 from dissectors.crc import crc_bytes
 
 _BAUD = 19_200
+_LINE = LineSettings(baud=_BAUD, tap="precise")
 _CHARACTER_NS = 11 * 10**9 // _BAUD
 
 
@@ -32,24 +40,47 @@ def _exchange(poll: int, turn: int) -> tuple[bytes, bytes]:
     )[poll]
 
 
-@pytest.mark.parametrize("exchanges", [4000])
-def test_a_healthy_bus_is_hardly_weighed_frame_by_frame(exchanges: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    weighed = 0
-    decide = Decider.decide
-
-    def counted(self: Decider, *args: object, **more: object) -> object:
-        nonlocal weighed
-        weighed += 1
-        return decide(self, *args, **more)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(Decider, "decide", counted)
+def _bus(exchanges: int, polls: Sequence[int]) -> list[Chunk]:
+    """So many exchanges, these polls in turn, a read a frame."""
     now, chunks = 10**18, []
     for turn in range(exchanges):
-        for adu in _exchange(turn % 5, turn):
+        for adu in _exchange(polls[turn % len(polls)], turn):
             now += 4 * _CHARACTER_NS + _CHARACTER_NS * len(adu)
             chunks.append(Chunk(now, adu))
         now += 20_000_000
-    capture = Capture.of(LineSettings(baud=_BAUD, tap="precise"), chunks)
+    return chunks
+
+
+@pytest.fixture
+def weighed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Frames, or what else, that the lattice decided: how many at a time."""
+    steps: list[int] = []
+    decide = Decider.decide
+
+    def counted(self: Decider, stretch: SearchedBytes, runs: ForcedRuns, at: int, *args: Any, **more: Any) -> Any:
+        decisions = decide(self, stretch, runs, at, *args, **more)
+        steps.append(sum(len(decision.steps) for decision in decisions))
+        return decisions
+
+    monkeypatch.setattr(Decider, "decide", counted)
+    return steps
+
+
+def test_a_healthy_bus_is_hardly_weighed_frame_by_frame(weighed: list[int]) -> None:
+    capture = Capture.of(_LINE, _bus(4000, range(5)))
     batches = list(deframe(capture))
-    assert sum(int((batch.rows.kind != Kind.NOISE).sum()) for batch in batches) == 2 * exchanges
-    assert weighed < 2 * exchanges / 100
+    assert sum(int((batch.rows.kind != Kind.NOISE).sum()) for batch in batches) == 8000
+    assert sum(weighed) < 80
+
+
+def test_nor_is_it_live_where_what_follows_is_not_known(weighed: list[int]) -> None:
+    chunks = _bus(3000, (2, 3))
+    live, rows = Deframer(_LINE), []
+    for first in range(0, len(chunks), 10):
+        block = Block.from_chunks(chunks[first : first + 10])
+        rows.append(live.feed(block, int(block.t_ns[-1])).rows)
+    rows.append(live.close().rows)
+    assert sum(weighed) < 2 * len(rows)  # of ten frames a feed, the newest
+    whole = join_batches(list(deframe(Capture.of(_LINE, chunks)))).rows
+    for name in ("index", "kind", "unit", "request", "response_ns", "t_end_ns"):
+        np.testing.assert_array_equal(np.concatenate([part.column(name) for part in rows]), whole.column(name))

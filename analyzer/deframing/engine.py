@@ -21,10 +21,11 @@ from .candidates import CRC_BITS, GLITCHES, Candidates, more_candidates, search_
 from .conversation import REACH, ConversationTracker, FrameRun
 from .crc_windows import CrcWindows, crc_windows
 from .decisions import WINDOWS, Decider
-from .forced import ForcedRuns, SearchedBytes, forced_runs, plain_evidence, plain_reach, without_tail
+from .forced import ForcedRuns, SearchedBytes, forced_runs
 from .gaps import GapStatistics, LearntFrames, SpeakerTurn, classes_of, next_checkpoint
 from .lattice import GLITCH_RUN, LOST
 from .looks import STAGES
+from .reach import plain_evidence, plain_reach, quiet_reach, without_tail
 from .rules import Bytes, Index, Mask, length_tables
 from .segments import NOISE, DecidedSegments, StreamSegments, evidence_rows, join_segments
 
@@ -146,7 +147,8 @@ class Engine:
             return 0
         crc = crc_windows(data)
         found = self._whole(self._search(data, crc, self.buffer.base + begin), begin)
-        runs = forced_runs(found, data, len(data) if final else len(data) - MAX_ADU)
+        known = len(data) if final else len(data) - MAX_ADU
+        runs = forced_runs(found, data, known, self.buffer.classes[begin:upto])
         stretch = SearchedBytes(data, begin, crc, found)
         at = 0
         while at < stop:
@@ -213,6 +215,7 @@ class Engine:
         classes = self.buffer.classes[begin : begin + len(data)]
         bound = last
         last, margin = plain_reach(runs, i, last, data, classes, self.statistics, self._tracker, waiting=self._waiting)
+        last = quiet_reach(runs, i, last, data, classes, self.statistics, self._tracker, waiting=self._waiting)
         if last < bound or last > runs.last[i] or runs.either[last]:
             last = without_tail(runs, i, last, classes, self.statistics)
         if last <= i:

@@ -46,8 +46,13 @@ class Columns:
 
     @classmethod
     def zeros(cls, size: int) -> Self:
-        """So many rows of nothing."""
-        return cls(*[np.zeros(size, dtype) for dtype in _dtypes(cls).values()])
+        """So many rows of nothing; of no rows, always the same table."""
+        if size:
+            return cls(*[np.zeros(size, dtype) for dtype in _dtypes(cls).values()])
+        none = _NONE.get(cls)
+        if none is None:
+            none = _NONE[cls] = cls(*[np.zeros(0, dtype) for dtype in _dtypes(cls).values()])
+        return none
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -118,6 +123,7 @@ class Columns:
 
 
 _TYPES: dict[type[Any], dict[str, np.dtype[Any]]] = {}
+_NONE: dict[type[Any], Any] = {}  # of each, the table without rows
 _GETTERS: dict[type[Any], attrgetter[tuple[NDArray[Any], ...]]] = {}
 
 

@@ -1,0 +1,192 @@
+"""How far a forced run is taken, once silence has its say.
+
+As far as roles are plain; and where so little is known of what follows that a longer frame may still come, as live, as
+far as the lattice would not wait for one.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dissectors.adu import EXCEPTION
+
+from .candidates import CRC_BITS
+from .conversation import REACH, Conversation, ConversationTracker, responses_fit
+from .forced import ANSWERS, ASKS, ForcedRuns
+from .gaps import AGAINST, GapStatistics, SpeakerTurn
+from .lattice import CONTRARY, FITS, FITS_EXCEPTION, HALF, LEAD
+from .rules import Bytes, Index, length_tables
+
+_PLAIN: Final = -4.0  # bits by which silence may speak against a role that the places speak for
+_SURE: Final = 10.0  # bits for an echo, and not the request once more, where requests go unanswered
+_ENOUGH: Final = 6.0  # bits for a request that nobody answers over an answer that nobody asked for
+_MORE: Final = 12.0  # bits for one that comes after others that nobody answers
+_FEW: Final = 64  # intervals that are looked at one by one
+_AGAIN: Final = int(SpeakerTurn.AGAIN)
+
+
+def plain_reach(
+    runs: ForcedRuns,
+    i: int,
+    last: int,
+    data: Bytes,
+    silences: NDArray[np.uint8],
+    statistics: GapStatistics,
+    tracker: ConversationTracker,
+    *,
+    waiting: bool,
+) -> tuple[int, NDArray[np.float32]]:
+    """How far, from interval i on and before `last`, roles are plain: the first one that is not; and by how many bits.
+
+    `waiting`: the frame before is a request that wants an answer; `tracker` is the conversation up to it.
+    """
+    at = int(np.searchsorted(runs.doubt, i))
+    if at < len(runs.doubt):
+        last = min(last, int(runs.doubt[at]))
+    table, asking = statistics.table, statistics.request_bits
+    low, high = np.searchsorted(runs.again, (i, last))
+    if low < high:
+        again = runs.again[low:high]
+        if again[0] == i and not waiting:
+            return i, np.empty(0, np.float32)
+        before = silences.take(runs.start[again])
+        first = table[_AGAIN, before] - table[ANSWERS, before] + asking + runs.lean.take(again)
+        certain = first + (statistics.unanswered_bits - CONTRARY) >= _MORE
+        if not certain.all():
+            last = int(again[int(np.argmin(certain))])
+    low, high = np.searchsorted(runs.asks.number, (i, last))
+    number, alone, waits, late = (column[low:high] for column in runs.asks)
+    if len(number):
+        start = runs.start[number]
+        if number[0] == i:
+            waits = np.append(waiting, waits[1:])
+        early = np.flatnonzero(start < REACH)
+        if len(early):  # what was asked before may be before these bytes
+            conversation = tracker.conversation
+            asked = {open_requests.adu[:2] for open_requests in conversation.open_requests}
+            late = late.copy()
+            late[early] |= [data[s : s + 2].tobytes() in asked for s in start[early].tolist()]
+            for k in early[alone[early]].tolist():  # the request before it once more, behind it
+                behind = number[k] + 1
+                late[k] |= data[runs.start[behind] : runs.end[behind]].tobytes() == conversation.last
+        before, behind = silences.take(start), silences.take(runs.end[number])
+        first = table[np.where(waits, _AGAIN, ASKS), before] - table[ANSWERS, before] + asking
+        first += runs.lean.take(number)
+        echo = table[ANSWERS, behind] - table[_AGAIN, behind] - runs.lean.take(number + 1)
+        repeated = statistics.unanswered_bits + HALF  # two requests that nobody answers stand against an echo
+        least = np.where(waits, _SURE + statistics.unanswered_bits, max(_PLAIN, LEAD + 2 * repeated))
+        answered = (first >= _PLAIN) & (echo >= least)
+        unanswered = statistics.unanswered_bits + table[_AGAIN, behind] - table[ASKS, behind]
+        unanswered = np.where(data.take(start) != 0, unanswered, 0.0)  # a broadcast is not answered
+        bits = first - statistics.unasked[0].take(before) + unanswered
+        certain = np.where(alone, (bits >= _ENOUGH) & ~waits, answered) & ~late
+        if not certain.all():
+            high = int(np.argmin(certain))
+            last, number, alone, bits = int(number[high]), number[:high], alone[:high], bits[:high]
+    margin = runs.structure[i:last] + np.float32(CRC_BITS + statistics.noise_cost)
+    if len(number):
+        margin[number[alone] - i] = bits[alone]
+    return last, margin
+
+
+def quiet_reach(
+    runs: ForcedRuns,
+    i: int,
+    last: int,
+    data: Bytes,
+    silences: NDArray[np.uint8],
+    statistics: GapStatistics,
+    tracker: ConversationTracker,
+    *,
+    waiting: bool,
+) -> int:
+    """The end of a run from interval i on, before `last`, as far as the lattice would not wait for longer frames.
+
+    It waits for none where requests and their answers alternate, of units that are known, each before a silence that
+    may end a frame, and nobody waits for an answer from before. `waiting`: as of `plain_reach`.
+    """
+    known = max(i, runs.known)
+    if last <= known:
+        return last
+    conversation = tracker.conversation
+    if known - i > _FEW or len(conversation.open_requests) != waiting:
+        return known
+    asked = waiting
+    for k in range(i, last):
+        start, end = int(runs.start[k]), int(runs.end[k])
+        if runs.role[k] == ASKS:
+            unit = int(data[start])
+            plain = not asked and bool(unit) and statistics.unit_bits[unit] + statistics.request_bits >= 0
+        else:
+            answers = bool(runs.fits[k]) if k > i else conversation.answers(data[start:end].tobytes()) is not None
+            plain = asked and answers
+        if not plain or (k >= known and statistics.most[silences[end]] < AGAINST):
+            return max(k, known)
+        asked = not asked
+    return last
+
+
+def without_tail(runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics) -> int:
+    """The end of a run from interval i on, before `last`, behind which the lattice has the word.
+
+    After a whole exchange, and where silence parts them, the lattice would decide as well before it goes on; a frame
+    by itself it would decide together with what follows, but for a request after others that nobody answers.
+    """
+    last = _without_echoes(runs, i, last, silences, statistics)
+    end = int(runs.end[last - 1]) if last > i else 0
+    if last == i or end == len(silences) or silences[end] or (runs.fits[last - 1] and last - 2 >= i):
+        return last
+    last -= 1
+    while last > i and runs.either[last - 1] and runs.either[last] and not _holds(runs.again, last - 1):
+        last -= 1
+    return _without_echoes(runs, i, last, silences, statistics)
+
+
+def _without_echoes(runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics) -> int:
+    """The same without exchanges at the end of which the second frame may be the request once more: what follows
+    tells, and the lattice would wait for it."""
+    while last - 2 >= i and runs.fits[last - 1] and runs.either[last - 1] and runs.end[last - 1] < len(silences):
+        silence = silences[runs.start[last - 1]]
+        echo = statistics.table[ANSWERS, silence] - statistics.table[_AGAIN, silence]
+        if echo - statistics.unanswered_bits >= LEAD:
+            break
+        last -= 2
+    return last
+
+
+def _holds(indices: Index, number: int) -> bool:
+    at = int(np.searchsorted(indices, number))
+    return at < len(indices) and int(indices[at]) == number
+
+
+def plain_evidence(
+    data: Bytes,
+    start: Index,
+    end: Index,
+    role: NDArray[np.uint8],
+    classes: NDArray[np.uint8],
+    statistics: GapStatistics,
+    conversation: Conversation,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What silence and conversation say for frames of a run, in bits, as the lattice would weigh them.
+
+    `classes` are those of the silences before the frames; `conversation` is the conversation before the first.
+    """
+    asks = (role == ASKS) & (data.take(start) != 0)
+    open_requests = np.append(not conversation.answered, asks[:-1])
+    turns = np.where(asks & open_requests, _AGAIN, role)
+    conversation_bits = np.where(asks & open_requests, statistics.unanswered_bits, 0.0)
+    answers = np.flatnonzero(role[1:] > role[:-1]) + 1
+    fits = responses_fit(data, start[answers - 1], start[answers])
+    failed = data.take(start[answers] + 1) & EXCEPTION != 0
+    conversation_bits[answers] = np.where(fits, np.where(failed, FITS_EXCEPTION, FITS), CONTRARY)
+    if role[0] == ANSWERS:
+        known = conversation.answers(data[start[0] : end[0]].tobytes()) is not None
+        certain = int(length_tables().certain[data[start[0] + 1] & 0x7F])
+        free = conversation.answered or statistics.answers_only
+        unasked = float(statistics.unasked[certain, classes[0]]) if free else CONTRARY
+        conversation_bits[0] = FITS if known else unasked
+    return statistics.table[turns, classes], conversation_bits
