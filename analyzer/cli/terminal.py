@@ -129,7 +129,11 @@ def _obeys(stream: IO[str]) -> bool:
     import msvcrt
     from ctypes import wintypes
 
-    console, mode = wintypes.HANDLE(msvcrt.get_osfhandle(stream.fileno())), wintypes.DWORD()
+    try:
+        descriptor = stream.fileno()
+    except OSError:  # a program's own terminal (IDLE, a notebook): no console
+        return True
+    console, mode = wintypes.HANDLE(msvcrt.get_osfhandle(descriptor)), wintypes.DWORD()
     kernel = ctypes.windll.kernel32
     if not kernel.GetConsoleMode(console, ctypes.byref(mode)):
         return False  # NUL, which calls itself a terminal
