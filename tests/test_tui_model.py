@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from datetime import timedelta, timezone, tzinfo
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -22,6 +23,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 import analyzer
 import captures
+from analyzer import words
 from analyzer.causes.links import SYMPTOM_OF
 from analyzer.core import Analysed
 from analyzer.exports import export
@@ -43,7 +45,7 @@ from analyzer.tables.frame import Frame
 from analyzer.tables.schema import NO_GAP, Kind
 from analyzer.tui.saving import save
 from analyzer.usernotes import Notes, NotesError
-from analyzer.words import pointed_ms, seconds, short
+from analyzer.words import date_and_time, pointed_ms, seconds, short, time_of_day, zone_name
 from captures import samples
 from captures.chunks import Capture
 
@@ -530,3 +532,17 @@ def test_findings_about_unit_255_are_none_about_the_bus() -> None:
     cause = SimpleNamespace(explains={(SYMPTOM_OF["no-response"], 255)})
     explained, rest = by_cause(cast(Any, SimpleNamespace(found=log, table=table)), np.arange(2), cast(Any, [cause]))
     assert (explained.by_code["no-response"].tolist(), rest.by_code["no-response"].tolist()) == ([0], [1])
+
+
+def test_a_time_before_1970_is_told_where_the_system_knows_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    class WindowsDatetime(words.datetime):
+        @classmethod
+        def fromtimestamp(cls, timestamp: float, tz: tzinfo | None = None) -> Any:
+            assert timestamp >= 0, "OSError: [Errno 22] Invalid argument"
+            return super().fromtimestamp(timestamp, tz)
+
+    monkeypatch.setattr(words, "datetime", WindowsDatetime)
+    far = timezone(timedelta(hours=3))
+    assert (time_of_day(-18_437_500), zone_name(-18_437_500, far)) == ("23:59:59.981562", "UTC+03:00")
+    assert time_of_day(-18_437_500, far) == "02:59:59.981562"
+    assert date_and_time(1795249791416938506, far) == "2026-11-21 11:29:51.416938 UTC+03:00"
