@@ -40,8 +40,8 @@ def seconds(ns: int) -> str:
     return f"{sign}{micros // 1_000_000}.{micros % 1_000_000:06d}"
 
 
-def moment_of(since_s: float, zone: tzinfo = UTC) -> datetime:
-    """The moment so many seconds after 1970 began, or before: Windows' own calls know none before."""
+def moment_of(since_s: float, zone: tzinfo | None = UTC) -> datetime:
+    """The moment so many seconds after 1970 began, or before (Windows knows none); `zone` None: the system's."""
     return (_EPOCH + timedelta(seconds=since_s)).astimezone(zone)
 
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from datetime import timedelta, timezone, tzinfo
+from datetime import datetime, timedelta, timezone, tzinfo
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -535,7 +535,7 @@ def test_findings_about_unit_255_are_none_about_the_bus() -> None:
 
 
 def test_a_time_before_1970_is_told_where_the_system_knows_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    class WindowsDatetime(words.datetime):
+    class WindowsDatetime(datetime):
         @classmethod
         def fromtimestamp(cls, timestamp: float, tz: tzinfo | None = None) -> Any:
             assert timestamp >= 0, "OSError: [Errno 22] Invalid argument"
