@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from datetime import UTC, datetime, tzinfo
+from datetime import UTC, datetime, timedelta, tzinfo
 from enum import Enum
 from typing import TYPE_CHECKING, Final, overload
 
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _EPOCH_NS: Final = 10**17  # times after 1973 are taken for a clock's, others count from the start of the capture
+_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class TimeBase(Enum):
@@ -39,10 +40,15 @@ def seconds(ns: int) -> str:
     return f"{sign}{micros // 1_000_000}.{micros % 1_000_000:06d}"
 
 
+def moment_of(since_s: float, zone: tzinfo | None = UTC) -> datetime:
+    """The moment so many seconds after 1970 began, or before (Windows knows none); `zone` None: the system's."""
+    return (_EPOCH + timedelta(seconds=since_s)).astimezone(zone)
+
+
 def time_of_day(t_ns: int, zone: tzinfo = UTC) -> str:
     """`08:29:51.123456` in a zone."""
     micros = t_ns // 1000
-    moment = datetime.fromtimestamp(micros // 1_000_000, zone)
+    moment = moment_of(micros // 1_000_000, zone)
     return f"{moment:%H:%M:%S}.{micros % 1_000_000:06d}"
 
 
@@ -50,13 +56,13 @@ def date_and_time(t_ns: int, zone: tzinfo = UTC) -> str:
     """`2026-11-21 08:29:51.123456 UTC`, or seconds on the capture's own clock."""
     if not is_clock(t_ns):
         return f"{seconds(t_ns)} s on the capture's clock"
-    moment = datetime.fromtimestamp(t_ns // 1_000_000_000, zone)
+    moment = moment_of(t_ns // 1_000_000_000, zone)
     return f"{moment:%Y-%m-%d} {time_of_day(t_ns, zone)} {zone_name(t_ns, zone)}"
 
 
 def zone_name(t_ns: int, zone: tzinfo = UTC) -> str:
     """How a zone is called at a time: `UTC`, `MSK`, `UTC+03:00`."""
-    return datetime.fromtimestamp(t_ns // 1_000_000_000, zone).tzname() or "UTC"
+    return moment_of(t_ns // 1_000_000_000, zone).tzname() or "UTC"
 
 
 def short(ns: int | None) -> str:
@@ -103,7 +109,7 @@ def short_bound(bounds: tuple[int, int] | None) -> str:
 
 def moment(t_ns: int) -> str:
     """A time of a clock."""
-    return f"{datetime.fromtimestamp(t_ns / 1e9, UTC):%Y-%m-%d %H:%M:%S} UTC"
+    return f"{moment_of(t_ns / 1e9):%Y-%m-%d %H:%M:%S} UTC"
 
 
 def duration(ns: int) -> str:

@@ -211,6 +211,21 @@ def test_a_terminal_without_our_characters_gets_escapes():
     assert done.out.isascii()
 
 
+@pytest.mark.parametrize("page", ["cp866", "cp1251"])
+def test_what_programs_read_is_utf8_whatever_the_code_page(page, tmp_path):
+    chart = tmp_path / "счётчик.yaml"
+    chart.write_text("registers: [{area: holding, address: 107, name: Ток≈, unit: °C}]", encoding="utf-8")
+    for told in (
+        ("replay", samples.path("healthy.jsonl"), "--speed", "max", "--json", "--map", f"{chart}@17"),
+        ("replay", samples.path("healthy.jsonl"), "--speed", "max", "--influx", "--map", f"{chart}@17"),
+        ("map", "show", chart, "--format", "yaml"),
+        ("map", "show", chart, "--format", "csv"),
+    ):
+        done = spawned(*told, PYTHONIOENCODING=page)
+        assert (done.status, done.err.count("defect")) == (0, 0), done
+        assert "Ток≈" in done.raw.decode(), told
+
+
 def test_a_word_that_is_no_command_says_what_to_do(capsys, tmp_path):
     assert refused(capsys, "exprot", "bus.jsonl") == "no command 'exprot': did you mean export? (see rtuscope --help)"
     capture = tmp_path / "bus.jsonl"

@@ -83,6 +83,7 @@ def test_two_gateways_that_restart_at_once_are_both_heard_on():
     assert min(heard) > 0
 
 
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
 @pytest.mark.parametrize("command", ["sniff", "record"])
 def test_a_command_outlives_its_gateways_restarts(tmp_path, command):
     with Gateway() as gateway:
@@ -145,6 +146,7 @@ def test_a_reader_that_fails_is_an_error_with_its_reason():
             list(listening.items())
 
 
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals and /proc")
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="the reader's process is looked up in /proc")
 @pytest.mark.parametrize("command", ["sniff", "record"])
 def test_a_reader_that_dies_ends_the_command_with_an_error_and_a_whole_recording(tmp_path, command):

@@ -114,7 +114,7 @@ def test_mbpoll_is_sniffed_by_a_blocking_read_too():
 
 
 @pytest.mark.parametrize("command", ["sniff", "record"])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", None)])
 def test_a_signal_ends_it_cleanly_with_a_whole_recording(tmp_path, command, number):
     master, name = pty()
     running = Running(command, name, "--baud", "9600", "-o", tmp_path / "bus.mcap")

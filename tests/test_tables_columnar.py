@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from types import GenericAlias
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
@@ -23,6 +24,19 @@ class Marks(Columns):
     place: Int64s
     right: Bools
     figures: Annotated[Float64s, 2]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Spelled(Columns):
+    """The same kinds as numpy spells them before 2.5 (`ndarray[shape, dtype[T]]`) and since (an alias with T alone)."""
+
+    before: np.ndarray[tuple[Any, ...], np.dtype[np.uint16]]
+    since: GenericAlias(list, (np.uint16,))  # type: ignore[valid-type]
+    figures: Annotated[GenericAlias(list, (np.float64,)), 2]  # type: ignore[valid-type]
+
+
+def test_columns_are_typed_however_numpy_spells_an_array() -> None:
+    assert list(Spelled.dtypes().values()) == [np.dtype("u2"), np.dtype("u2"), np.dtype((np.float64, (2,)))]
 
 
 def marks(count: int, first: int = 0) -> Marks:

@@ -7,8 +7,10 @@ import os
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from datetime import datetime, timedelta, timezone, tzinfo
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -21,11 +23,14 @@ from mcap_protobuf.decoder import DecoderFactory
 
 import analyzer
 import captures
+from analyzer import words
+from analyzer.causes.links import SYMPTOM_OF
 from analyzer.core import Analysed
 from analyzer.exports import export
 from analyzer.model import goto, search
 from analyzer.model.bus import Bus
 from analyzer.model.bytestore import ByteStore
+from analyzer.model.explained import by_cause
 from analyzer.model.polls import changed
 from analyzer.model.registers import RegisterSeries
 from analyzer.model.scope import ScopedFigures
@@ -35,12 +40,12 @@ from analyzer.model.source import CaptureSource
 from analyzer.model.table import PIECE, BusRows, RowTable
 from analyzer.simulation import Scenario, simulate
 from analyzer.tables.batch import Batch
-from analyzer.tables.findings import Severity
+from analyzer.tables.findings import Severity, codes
 from analyzer.tables.frame import Frame
 from analyzer.tables.schema import NO_GAP, Kind
 from analyzer.tui.saving import save
 from analyzer.usernotes import Notes, NotesError
-from analyzer.words import pointed_ms, seconds, short
+from analyzer.words import date_and_time, pointed_ms, seconds, short, time_of_day, zone_name
 from captures import samples
 from captures.chunks import Capture
 
@@ -516,3 +521,28 @@ def test_answer_times_are_as_sure_as_the_report_has_them(troubled: Bus) -> None:
         assert float(first) * 1e6 <= low and float(last) * 1e6 >= high
     assert bus.response(next(row for row, ns in took.items() if ns < 0)) is None
     assert pointed_ms(12_340_000, 12_340_000) == "   12.3  "
+
+
+def test_findings_about_unit_255_are_none_about_the_bus() -> None:
+    silent = codes().index("no-response")
+    log = SimpleNamespace(
+        rows_of=lambda numbers: np.array([0, -1])[numbers], rules_of=lambda numbers: np.array([silent, silent])[numbers]
+    )
+    table = SimpleNamespace(take=lambda _, rows: np.array([255], np.uint8)[rows])
+    cause = SimpleNamespace(explains={(SYMPTOM_OF["no-response"], 255)})
+    explained, rest = by_cause(cast(Any, SimpleNamespace(found=log, table=table)), np.arange(2), cast(Any, [cause]))
+    assert (explained.by_code["no-response"].tolist(), rest.by_code["no-response"].tolist()) == ([0], [1])
+
+
+def test_a_time_before_1970_is_told_where_the_system_knows_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    class WindowsDatetime(datetime):
+        @classmethod
+        def fromtimestamp(cls, timestamp: float, tz: tzinfo | None = None) -> Any:
+            assert timestamp >= 0, "OSError: [Errno 22] Invalid argument"
+            return super().fromtimestamp(timestamp, tz)
+
+    monkeypatch.setattr(words, "datetime", WindowsDatetime)
+    far = timezone(timedelta(hours=3))
+    assert (time_of_day(-18_437_500), zone_name(-18_437_500, far)) == ("23:59:59.981562", "UTC+03:00")
+    assert time_of_day(-18_437_500, far) == "02:59:59.981562"
+    assert date_and_time(1795249791416938506, far) == "2026-11-21 11:29:51.416938 UTC+03:00"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -12,7 +11,7 @@ from dissectors.values import harmless
 from .exits import DONE, UsageError
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .quantities import seconds
-from .terminal import put_json
+from .terminal import put_data, put_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -122,10 +121,18 @@ def _plain(answer: Any) -> list[dict[str, Any]]:
 def _rows(answer: Any, *, keep: bool = False) -> Iterable[list[Any]]:
     """Rows of plain values; without `keep` all of them text. Times as ISO 8601 with all nanoseconds."""
     import pyarrow as pa
+    import pyarrow.compute as pc
 
     columns = []
     for column in answer.columns:
-        if pa.types.is_temporal(column.type) or pa.types.is_decimal(column.type) or pa.types.is_dictionary(column.type):
+        if (
+            pa.types.is_timestamp(column.type) and column.type.tz == "UTC"
+        ):  # without the system's zones: it may have none
+            plain = column.cast(pa.timestamp(column.type.unit)).cast(pa.string())
+            column = pc.binary_join_element_wise(plain, "Z", "")
+        elif (
+            pa.types.is_temporal(column.type) or pa.types.is_decimal(column.type) or pa.types.is_dictionary(column.type)
+        ):
             column = column.cast(pa.string())
         values = column.to_pylist()
         columns.append([_json(value) if keep else "" if value is None else _text(value) for value in values])
@@ -152,12 +159,14 @@ def _text(value: Any) -> str:
 
 def _put_csv(answer: Any) -> None:
     import csv
+    import io
 
     from ..exports.targets.csv import safe
 
-    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer = csv.writer(made := io.StringIO(), lineterminator="\n")
     writer.writerow(answer.column_names)
     writer.writerows([safe(cell) if _words(cell) else cell for cell in row] for row in _rows(answer))
+    put_data(made.getvalue())
 
 
 def _words(cell: str) -> bool:

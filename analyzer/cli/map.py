@@ -11,7 +11,7 @@ from .exits import DONE, FAILED, NO_FRAME, UsageError
 from .inputs import known_name, load_functions, tell_damage
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .progress import Progress
-from .terminal import interruptible, tell
+from .terminal import interruptible, put_data, tell
 
 if TYPE_CHECKING:
     from analyzer.registers.readings import RegisterReadings
@@ -105,11 +105,11 @@ def _show(arguments: argparse.Namespace) -> int:
 
         from dissectors.maps.schema import json_schema
 
-        print(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+        put_data(f"{json.dumps(json_schema(), indent=2, ensure_ascii=False)}\n")
         return DONE
     chart = read_map(arguments.map)
     if arguments.format != "table":
-        sys.stdout.write(map_text(chart, f"x.{arguments.format}"))
+        put_data(map_text(chart, f"x.{arguments.format}"))
         return DONE
     sys.stdout.write(_table(chart))
     return DONE

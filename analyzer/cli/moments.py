@@ -6,7 +6,7 @@ import re
 from datetime import UTC, datetime, timedelta, tzinfo
 from typing import Final
 
-from ..words import is_clock
+from ..words import is_clock, moment_of
 from .exits import UsageError
 
 _UNITS: Final = {
@@ -47,7 +47,7 @@ def moment(text: str, flag: str, first_ns: int, zone: tzinfo | None) -> int:
     try:
         if offset is not None:
             zone = UTC if offset == "Z" else datetime.fromisoformat(f"2000-01-01T00:00{offset}").tzinfo
-        first = datetime.fromtimestamp(first_ns // _SECOND, UTC).astimezone(zone)
+        first = moment_of(first_ns // _SECOND, zone)
         day = first if date is None else datetime.fromisoformat(date).replace(tzinfo=zone)
         clock = day.replace(hour=int(hour), minute=int(minute), second=int(second or 0), microsecond=0)
         ns = int(clock.timestamp()) * _SECOND + int((rest or "0").ljust(9, "0"))

@@ -94,7 +94,16 @@ def put_page(text: str) -> None:
 
 def put(text: str) -> None:
     """Write all of a text to standard output, now: unbuffered, a stream may take part of it when a signal comes."""
-    put_bytes(terminal_text(text).encode(sys.stdout.encoding, "backslashreplace"), sys.stdout.buffer)
+    _put_encoded(text, sys.stdout.encoding)
+
+
+def put_data(text: str) -> None:
+    """The same of a text that programs read: UTF-8, whatever Windows' code page is; on a terminal as it takes text."""
+    _put_encoded(text, sys.stdout.encoding if sys.stdout.isatty() else "utf-8")
+
+
+def _put_encoded(text: str, encoding: str) -> None:
+    put_bytes(terminal_text(text).encode(encoding, "backslashreplace"), sys.stdout.buffer)
 
 
 def put_bytes(data: bytes, stream: BinaryIO) -> None:
@@ -129,7 +138,11 @@ def _obeys(stream: IO[str]) -> bool:
     import msvcrt
     from ctypes import wintypes
 
-    console, mode = wintypes.HANDLE(msvcrt.get_osfhandle(stream.fileno())), wintypes.DWORD()
+    try:
+        descriptor = stream.fileno()
+    except OSError:  # a program's own terminal (IDLE, a notebook): no console
+        return True
+    console, mode = wintypes.HANDLE(msvcrt.get_osfhandle(descriptor)), wintypes.DWORD()
     kernel = ctypes.windll.kernel32
     if not kernel.GetConsoleMode(console, ctypes.byref(mode)):
         return False  # NUL, which calls itself a terminal

@@ -16,7 +16,7 @@ from ..terminal_text import terminal_text
 from .exits import DONE, NO_FRAME
 from .maps import add_map_argument, chosen_charts
 from .quantities import seconds
-from .terminal import coloured, hung_up, places, put, put_bytes, say_in_place, tell
+from .terminal import coloured, hung_up, places, put, put_bytes, put_data, say_in_place, tell
 
 if TYPE_CHECKING:
     from dissectors.maps.model import RegisterMap
@@ -210,7 +210,7 @@ class Watch:
 
     def _put(self, parts: list[Any]) -> None:
         if isinstance(parts[0], str):
-            put(terminal_text(*parts))
+            (put if self._arguments.view_format == "text" else put_data)(terminal_text(*parts))
         else:
             put_bytes(b"".join(parts), self._out or sys.stdout.buffer)
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -22,6 +21,7 @@ import numpy as np
 from ..exports.records import TABLES
 from ..extras import needs
 from ..version import RULES
+from ..words import moment_of
 from .errors import FleetError
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def pack_schema(table: str) -> Any:
 @cache
 def day_name(day: int) -> str:
     """`2026-11-22`, of a day since the epoch."""
-    return f"{datetime.fromtimestamp(day * 86_400, UTC):%Y-%m-%d}"
+    return f"{moment_of(day * 86_400):%Y-%m-%d}"
 
 
 @dataclass(slots=True)

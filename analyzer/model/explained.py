@@ -32,7 +32,7 @@ def by_cause(bus: Bus, numbers: NDArray[np.int64], causes: Sequence[Cause]) -> l
     """Some findings by cause: of each cause, best first, what it explains of them, then what none explains."""
     log, table, names = bus.found, bus.table, codes()
     rows = log.rows_of(numbers).astype(np.int64)
-    units = np.where(rows >= 0, table.take("unit", np.maximum(rows, 0)), -1)
+    units = np.where(rows >= 0, table.take("unit", np.maximum(rows, 0)).astype(np.int64), -1)
     keys = log.rules_of(numbers).astype(np.int64) << 16 | units + 1
     groups: dict[int | None, dict[str, list[NDArray[np.int64]]]] = {}
     for key in np.unique(keys).tolist():

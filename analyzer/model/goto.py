@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta, tzinfo
 from typing import Final
 
 from ..languages import tr
-from ..words import is_clock
+from ..words import is_clock, moment_of
 from .bus import Bus
 
 _UNITS: Final = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000, "min": 60_000_000_000, "h": 3_600_000_000_000}
@@ -77,7 +77,7 @@ def span(text: str, bus: Bus, zone: tzinfo = UTC, now: datetime | None = None) -
     if not is_clock(bus.t_first):
         raise GotoError(tr("this capture's clock has no time of day: give seconds since its start, such as 10s-25s"))
     now = now or datetime.now(zone)
-    newest = datetime.fromtimestamp(bus.t_last // 1_000_000_000, zone)
+    newest = moment_of(bus.t_last // 1_000_000_000, zone)
     try:
         day = newest
         if match[1]:
@@ -109,7 +109,7 @@ def _on_the_day(match: re.Match[str], bus: Bus, text: str, zone: tzinfo) -> int:
     """A time of day, on the first day of the capture that has it."""
     if not is_clock(bus.t_first):
         raise GotoError(tr("this capture's clock has no time of day: give a time since its start, such as 12.5s"))
-    first = datetime.fromtimestamp(bus.t_first / 1e9, zone)
+    first = moment_of(bus.t_first / 1e9, zone)
     try:
         if match[1]:
             first = datetime.fromisoformat(match[1]).replace(tzinfo=zone)

@@ -136,10 +136,13 @@ def _dtypes(table: type[Any]) -> dict[str, np.dtype[Any]]:
 
 
 def _dtype(hint: Any) -> np.dtype[Any]:
-    """The dtype of an annotation `NDArray[T]` or `Annotated[NDArray[T], n]`."""
+    """The dtype of an annotation `NDArray[T]` or `Annotated[NDArray[T], n]`.
+
+    To numpy before 2.5 the first is `ndarray[shape, dtype[T]]`, to later ones an alias whose one argument is T.
+    """
     if get_origin(hint) is Annotated:
         array, width = get_args(hint)
         return np.dtype((_dtype(array), (width,)))
-    _, scalar = get_args(hint)
-    dtype: np.dtype[Any] = np.dtype(get_args(scalar)[0])
+    last = get_args(hint)[-1]
+    dtype: np.dtype[Any] = np.dtype(get_args(last)[0] if get_origin(last) is np.dtype else last)
     return dtype

@@ -198,7 +198,7 @@ def _refused(url: str, error: Exception) -> str:
         return f"{url}: in use by another program: {_IN_USE}"
     if code == errno.EACCES:
         return f"{url}: no permission: {access_advice(url)}"
-    if code == errno.ENOTTY or "Inappropriate ioctl" in text:
+    if code == errno.ENOTTY or "Inappropriate ioctl" in text or Path(url).is_file():  # Windows fails as it is set up
         return f"{url}: not a serial port"
     return f"{url}: cannot be opened: {_words(error)}"
 
