@@ -15,6 +15,8 @@ from ..valuetable import PollValues
 
 _READS: Final = 24  # kept ones, under which nothing is said
 _MOVES: Final = 0.3  # of its reads a value that moves is another one
+_SOME_MOVES: Final = 0.1  # the same, of one that moves slowly
+_MANY_COLUMNS: Final = 6  # each of which stands still by chance in a third of all units
 _COLUMNS: Final = 3  # that stand still together
 _MOST_SISTERS: Final = 0.75
 _EMPTY: Final = (0, 0x7FFF, 0x8000, 0xFFFF)  # what is not connected stands still
@@ -75,7 +77,9 @@ def frozen_values(evidence: Evidence) -> Iterator[Suspicion]:
             if np.count_nonzero(frozen) < max(_COLUMNS, 0.5 * np.count_nonzero(lively)):
                 continue
             if not (
-                _stopped(changed[:, frozen], last[frozen]) or (_never(others, frozen) and _of_a_kind(moves[i], others))
+                _stopped(changed[:, frozen], last[frozen])
+                or (_never(others, frozen) and _of_a_kind(moves[i], others))
+                or _altogether(changed, others)
             ):
                 continue
             since = int(last[frozen].max())
@@ -108,6 +112,19 @@ def _never(others: NDArray[np.float64], frozen: NDArray[np.bool_]) -> bool:
     """Whether some registers that never moved do so in every one of several sisters."""
     lively = frozen & (others >= _MOVES).all(axis=0)
     return len(others) >= _PAIRS and int(np.count_nonzero(lively)) >= _COLUMNS
+
+
+def _altogether(changed: NDArray[np.bool_], others: NDArray[np.float64]) -> bool:
+    """Whether not one register has moved for long, while many do in every one of several sisters: whatever each of them
+    stands for, a unit that measures anything moves some."""
+    at = np.flatnonzero(changed.any(axis=1))
+    still = len(changed) - (int(at[-1]) + 1 if len(at) else 0)
+    moving = (others >= _SOME_MOVES).all(axis=0)
+    return (
+        len(others) >= _PAIRS
+        and still >= max(_READS // 2, _STILL * len(changed))
+        and int(np.count_nonzero(moving)) >= _MANY_COLUMNS
+    )
 
 
 def _of_a_kind(own: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
