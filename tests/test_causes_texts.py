@@ -31,7 +31,7 @@ _CASES = (
     *("other-protocol", "tap-one-direction", "unit-line-settings", "bias", "missing-registers", "frozen-values"),
 )
 _SILLY = re.compile(
-    r"\b0 of 0\b|\b0 из 0\b|(?<!unit )(?<![.\d])1 [a-z]+s\b|\bunits \d+\b(?!,)|\b([^\W\d]+) \1\b|  |, ,|\(\)|None|[][{}|]"
+    r"\b0 (of|из) 0\b|(?<!unit )(?<![.\d])1 [a-z]+s\b|\bunits \d+\b(?!,)|\b([^\W\d]+) \2\b|  |, ,|\(\)|None|[][{}|]"
 )
 _ENGLISH = re.compile(r"\b(?!Modbus|BACnet|HDLC|DLMS|COSEM|UART|MODBUS|MAXIM|KERMIT|CRC)[A-Za-z]{4,}")
 
