@@ -15,7 +15,8 @@ import captures
 from analyzer import languages
 from analyzer.causes.registry import Suspect, suspects
 from analyzer.cli import main
-from analyzer.languages import cause_words, filled
+from analyzer.languages import cause_words
+from analyzer.languages.templates import fill
 
 SAMPLES = Path(captures.__file__).parent / "samples"
 _REPORTS = Path(analyzer.__file__).parent / "reports"
@@ -112,7 +113,7 @@ def test_causes_agree_with_their_numbers(suspect: Suspect) -> None:
     languages.use("ru")
     for part, english in (("text", suspect.text), ("share", suspect.share), ("remedy", suspect.remedy)):
         for number in (1, 3, 21.0, 112):
-            words = filled(cause_words(suspect.cause, part, english), dict.fromkeys(_places(english), number))
+            words = fill(cause_words(suspect.cause, part, english), dict.fromkeys(_places(english), number))
             assert "{" not in words and "|" not in words
             for noun in ("запрос", "ответ", "обмен"):
                 for before, form in re.findall(rf"(из |из его |около |у )?\b{number:.0f} ({noun}\w*)", words):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from ..languages import cause_words, filled
+from ..languages import sentence
 from .evidence import Evidence
 from .ledger import Ledger
 from .model import Cause
@@ -59,7 +59,7 @@ def _cause(best: Weighed, rival: Weighed | None, *, timed: bool) -> Cause:
     confidence = min(_SURE, 1 - 1 / (2 + margin / _DOUBT))
 
     def said(part: str, english: str) -> str:
-        return filled(cause_words(suspect.cause, part, english), found.numbers)
+        return sentence(suspect.cause, part, english, found.numbers)
 
     return Cause(
         cause=suspect.cause,

@@ -9,15 +9,15 @@ is told in English.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextvars import ContextVar
 from functools import cache
-from string import Formatter
 from typing import Any, Final
 
 from dissectors.wording import ENGLISH, Wording
 
 from ..words import plural
+from .templates import TemplateFiller, fill, form_of
 
 LANGUAGES: Final = ("en", "ru")
 _NONE: Final[Mapping[str, object]] = {}
@@ -69,7 +69,7 @@ def counted(number: int, one: str, many: str) -> str:
     forms = catalogue(_language.get()).get("counted", {}).get(one)
     if forms is None:
         return plural(number, one, many)
-    return _agreeing(number, forms)
+    return f"{number:,} {form_of(number, forms)}"
 
 
 def wording() -> Wording:
@@ -82,32 +82,27 @@ def wording() -> Wording:
     )
 
 
-def _agreeing(number: int, forms: Sequence[str]) -> str:
-    """A number with that of three forms which goes with it: one, two to four, five and more."""
-    last, teens = number % 10, number % 100 // 10 == 1
-    return f"{number:,} {forms[0 if last == 1 and not teens else 1 if last in (2, 3, 4) and not teens else 2]}"
-
-
-class _Filler(Formatter):
-    """Fills templates in which a noun may agree with its number: `{asked:запрос|запроса|запросов}`."""
-
-    def format_field(self, value: Any, spec: str) -> str:
-        return _agreeing(round(value), spec.split("|")) if "|" in spec else str(super().format_field(value, spec))
-
-
 def cause_words(cause: str, part: str, english: str) -> str:
     """A template of a cause: `text`, `share`, `test` or `remedy`."""
     words = catalogue(_language.get()).get("causes", {})
     return str(words.get(cause, {}).get(part, english))
 
 
+def sentence(cause: str, part: str, english: str, numbers: Mapping[str, Any]) -> str:
+    """A part of what is said of a cause, filled (see `templates`), words among its numbers told in the language too."""
+    return fill(cause_words(cause, part, english), _told(numbers))
+
+
 def filled(template: str, numbers: Mapping[str, Any]) -> str:
-    """A template with its numbers, those that are words told in the language too."""
-    words = catalogue(_language.get()).get("fragments", {})
-    if not words:
+    """A template of a finding with its numbers, those that are words told in the language too."""
+    if _language.get() == "en":
         return template.format_map(numbers)
-    told = {k: _fragment(words, v) if isinstance(v, str) else v for k, v in numbers.items()}
-    return _Filler().vformat(template, (), told)
+    return TemplateFiller().vformat(template, (), _told(numbers))
+
+
+def _told(numbers: Mapping[str, Any]) -> Mapping[str, Any]:
+    words = catalogue(_language.get()).get("fragments", {})
+    return {k: _fragment(words, v) if isinstance(v, str) else v for k, v in numbers.items()} if words else numbers
 
 
 def _fragment(words: Mapping[str, str], english: str) -> str:

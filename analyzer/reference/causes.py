@@ -6,6 +6,7 @@ import re
 from typing import Final
 
 from ..causes.registry import Suspect, suspects
+from ..languages.templates import CLAUSE
 
 _HEAD: Final = """\
 # Causes
@@ -23,7 +24,8 @@ what was counted.
 | --- | --- | --- |
 """
 _BLAMED: Final = {"unit": "a unit", "master": "the master", "line": "the line", "tap": "the tap", "nobody": "nobody"}
-_BLANK: Final = re.compile(r"\{([a-z_]+)[^}]*\}")
+_BLANK: Final = re.compile(r"\{([a-z_]+)(?::([^}]*))?\}")
+_LISTS: Final = ("units", "sisters")  # behind their noun
 
 
 def markdown() -> str:
@@ -42,7 +44,17 @@ def _section(one: Suspect) -> str:
 
 
 def _plain(text: str) -> str:
-    return _BLANK.sub(lambda match: f"⟨{match[1].replace('_', ' ')}⟩", text).rstrip(".")
+    return _BLANK.sub(_blank, CLAUSE.sub(r"\1", text)).rstrip(".")
+
+
+def _blank(match: re.Match[str]) -> str:
+    """What stands for a number, with the noun or the verb of several."""
+    name, (noun, *forms) = f"⟨{match[1].replace('_', ' ').strip()}⟩", (match[2] or "").split("|")
+    if not forms:
+        return name
+    if not noun:
+        return forms[-1]
+    return f"{forms[-1]} {name}" if match[1] in _LISTS else f"{name} {forms[-1]}"
 
 
 if __name__ == "__main__":

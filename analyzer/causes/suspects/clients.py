@@ -51,9 +51,9 @@ _HOLE_CHARS: Final = 1.5
     "two-masters",
     Severity.ERROR,
     blame="master",
-    text="Two masters poll on this line and know nothing of each other: {crossed} requests came while an answer was due, "
-    "{damaged} answers are cut or overlaid by one",
-    share="{hits} of {exchanges} exchanges, of {units_hit} units",
+    text="Two masters poll on this line and know nothing of each other: {crossed} requests came while an answer was due"
+    "[, {damaged:answer|answers} {damaged:|is|are} cut or overlaid by one]",
+    share="{hits} of {exchanges} exchanges, of {units_hit:unit|units}",
     deciding_test="Take one master off: no request may then come while an answer is due",
     remedy="Let one master poll and the other get its values from it, or put a gateway with several clients between",
 )
@@ -161,7 +161,7 @@ def _run_into(evidence: Evidence) -> set[tuple[Symptom, int | None]]:
     "broadcast-storm",
     Severity.ERROR,
     blame="master",
-    text="Broadcasts leave no time for anything else: {broadcasts} of {requests} requests go to unit 0, {pause}",
+    text="Broadcasts leave no time for anything else: {broadcasts} of {requests} requests go to unit 0, {pause:.3g} ms apart",
     share="{broadcasts} of {requests} requests",
     deciding_test="Stop what broadcasts and see whether the polls come back to their pace",
     remedy="Broadcast when something changes, not all the time, and leave 100 to 200 ms behind each",
@@ -186,7 +186,7 @@ def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
         {
             "broadcasts": ledger.broadcasts,
             "requests": ledger.exchanges,
-            "pause": f"{pause / 1e6:.3g} ms apart",
+            "pause": pause / 1e6,
         },
         lost_answers=sum(lost for lost, _ in costs),
         lost_ms=round(sum(known), 3) if known else None,
@@ -248,10 +248,10 @@ def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     "unit-too-fast",
     Severity.WARNING,
     blame="unit",
-    text="Unit {list} answers {gap:.3g} characters after the request (median), where 3.5 are due: {short} of {answers} "
-    "answers",
-    share="{short} of {answers} answers of unit {list}",
-    deciding_test="Look whether the master, or units that listen, lose frames right behind requests to unit {list}",
+    text="Answers of {units:unit|units} come {gap:.3g} characters after the request (median), where 3.5 are due: {short} "
+    "of {answers}",
+    share="{short} of {answers} answers of {units:unit|units}",
+    deciding_test="Look whether the master, or units that listen, lose frames right behind requests to {units:unit|units}",
     remedy="Set the unit's response delay to 3.5 characters ({due:.3g} ms) at the least",
 )
 def unit_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
@@ -277,7 +277,7 @@ def unit_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
         sum(bits for bits, _, _ in found),
         frozenset((Symptom.TIMING, unit.unit) for _, unit, _ in found),
         {
-            "list": ", ".join(str(unit.unit) for _, unit, _ in found),
+            "units": tuple(unit.unit for _, unit, _ in found),
             "gap": float(np.median(np.concatenate([unit.gaps.numbers for _, unit, _ in found])))
             / evidence.ledger.char_ns,
             "short": round(sum(share * len(unit.gaps) for _, unit, share in found)),
@@ -291,9 +291,9 @@ def unit_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     "converter-gaps",
     Severity.WARNING,
     blame="line",
-    text="Answers of {list} come in pieces with silences of about {hole:.3g} ms inside{size}: a radio, modem or converter "
-    "passes them on so",
-    share="{broken} of {answers} answers of {list}, {others_broken} of {others_answers} of others",
+    text="Answers[ of {units:unit|units}] come in pieces[ of {size} bytes] with silences of about {hole:.3g} ms inside: a "
+    "radio, modem or converter passes them on so",
+    share="{broken} of {answers} answers[ of {units:unit|units}][, {others_broken} of {others_answers} of others]",
     deciding_test="Tap the line on the far side of the converter: there the answers must be in one piece",
     remedy="Give masters and gateways on the way a longer silence that ends a frame (t3.5 of 50 ms), or a converter that "
     "knows Modbus and passes frames on whole",
@@ -317,17 +317,14 @@ def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:
         return
     holes = np.concatenate([unit.holes.numbers[unit.holes.numbers > least] for _, unit in behind])
     places = sum((unit.hole_places for _, unit in behind), start=type(behind[0][1].hole_places)())
-    common = _piece(places)
     yield Suspicion(
         tuple(unit.unit for _, unit in behind),
         sum(surplus_bits(share * len(unit.holes), len(unit.holes), 0.02) for share, unit in behind),
         frozenset({(Symptom.TIMING, unit.unit) for _, unit in behind} | {(Symptom.TIMING, None)}),
         {
-            "list": "unit " + ", ".join(str(unit.unit) for _, unit in behind)
-            if others or len(behind) < 6
-            else "all units",
+            "units": tuple(unit.unit for _, unit in behind) if others or len(behind) < 6 else (),
             "hole": float(np.median(holes)) / 1e6,
-            "size": f", each {common} bytes long" if common else "",
+            "size": _piece(places),
             "broken": round(broken),
             "answers": sum(len(unit.holes) for _, unit in behind),
             "others_broken": round(sum(share * len(unit.holes) for share, unit in others)),

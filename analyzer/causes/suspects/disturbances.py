@@ -98,15 +98,15 @@ def _suspicion(evidence: Evidence, hits: Hits, bits: float, more: Mapping[str, A
     )
 
 
-_SHARE: Final = "{hits} hits in {exchanges} exchanges: {damaged} answers, {requests} requests, {idle} on the idle line"
+_SHARE: Final = "{hits} hits in {exchanges} exchanges: {damaged:answer|answers}[, {requests:request|requests}][, {idle} on the idle line]"
 
 
 @suspect(
     "interference",
     Severity.ERROR,
     blame="line",
-    text="Something disturbs the line, whoever sends: {damaged} answers and about {requests} requests of {exchanges} "
-    "exchanges are damaged, at no place and no time in particular",
+    text="Something disturbs the line, whoever sends: {damaged:answer|answers}[ and about {requests:request|requests}] of "
+    "{exchanges} exchanges are damaged, at no place and no time in particular",
     share=_SHARE,
     deciding_test="Halve the baud rate: if the share of damaged frames falls, spikes are the cause and not the wiring",
     remedy="Check shield (earthed at one end), common wire, loose terminals, and cables that run beside power cables",
@@ -160,7 +160,7 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
     "emi-drive",
     Severity.ERROR,
     blame="line",
-    text="The line is disturbed while {what} of unit {unit} is {value}: {then} of {then_of} exchanges are hit then, {else_} of "
+    text="The line is disturbed while {area} {address} of unit {unit} is {value}: {then} of {then_of} exchanges are hit then, {else_} of "
     "{else_of} otherwise",
     share=_SHARE,
     deciding_test="Switch what this value stands for off and on by hand, and watch the damaged frames",
@@ -175,7 +175,8 @@ def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
         return
     area = {1: "coil", 2: "discrete input", 3: "holding register", 4: "input register"}[state.function]
     numbers = {
-        "what": f"{area} {state.address}",
+        "area": area,
+        "address": state.address,
         "unit": state.unit,
         "value": state.value,
         "then": state.hits,
@@ -190,8 +191,7 @@ def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
     "hours",
     Severity.ERROR,
     blame="line",
-    text="Interference at certain times: {inside} of {hits} hits fall into {spells} spells that make up {part:.0%} of the "
-    "time",
+    text="Interference at certain times: {inside} of {hits} hits fall into {spells:spell|spells}, {part:.0%} of the time",
     share=_SHARE,
     deciding_test="Ask what runs in the plant at these times, and record over a week",
     remedy="Find the machine that runs then (shift, pump, charger, lighting) and keep the bus cable away from its cables",

@@ -51,8 +51,8 @@ _KINDS: Final = {
     Severity.ERROR,
     blame="master",
     text="The master does not wait long enough for unit {unit}: {late} of its answers came when the master had gone on"
-    "{delay}; what it takes for an answer to one request may be that of the one before",
-    share="{late} of {asked} requests to unit {unit}, {others_late} of {others_asked} to others",
+    "[ (it takes up to {delay:.3g} ms)]; what it takes for an answer to one request may be that of the one before",
+    share="{late} of {asked} requests to unit {unit}[, {others_late} of {others_asked} to others]",
     deciding_test="Set the master's timeout three times as long: no request may stay without an answer then",
     remedy="Set the response timeout longer than the slowest answer of unit {unit}, and let the master drop what comes "
     "late before it sends again",
@@ -95,9 +95,9 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
                 "asked": unit.asked,
                 "others_late": rest,
                 "others_asked": sum(other.asked for other in others),
-                "delay": f" (it takes up to {slow / 1e6:.3g} ms)"
-                if slow and evidence.verdict.wait_ns < slow and slow > 0.5 * (evidence.timeout_ns or 0.0)
-                else "",
+                "delay": slow / 1e6
+                if slow and evidence.timeout_ns and slow > max(evidence.verdict.wait_ns, 0.5 * evidence.timeout_ns)
+                else 0.0,
             },
             since=unit.first,
             until=unit.last,

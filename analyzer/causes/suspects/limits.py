@@ -16,7 +16,7 @@ _BITS = 30.0  # for the first value, and one for each other
     Severity.WARNING,
     blame="unit",
     text="Unit {unit}: {said}; values out of their map's limits: {values}",
-    share="{values} values",
+    share="{values:value|values}",
     deciding_test="Compare the value with the device's display: it tells a wrong map from a wrong measurement",
     remedy="Check scale, type and limits of the map, then the sensor or the wiring behind unit {unit}",
 )

@@ -30,7 +30,7 @@ _HARDLY: Final = 0.1
     Severity.ERROR,
     blame="line",
     text="Units {list} fall silent together{again}: {silent} requests to them stayed without a byte{others}",
-    share="{silent} of {asked} requests to units {list}, {others_silent} of {others_asked} to others",
+    share="{silent} of {asked} requests to units {list}[, {others_silent} of {others_asked} to others]",
     deciding_test="Tap the line at the first of these units when it happens next: if requests arrive there, look at what the "
     "units share; if not, at the cable and the converters before it",
     remedy="Check what the silent units have in common: the trunk cable and its terminals, the converter or gateway that "
@@ -77,13 +77,15 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
         + sum(outage.bits for outage in group),
         frozenset((Symptom.SILENCE, unit.unit) for unit in (*mine, *few)),
         {
-            "list": ", ".join(str(number) for number in sorted(unit.unit for unit in mine)),
+            "list": tuple(sorted(unit.unit for unit in mine)),
             "again": _how_long(group),
             "silent": silent,
             "asked": asked,
             "others": _meanwhile(evidence, group, [unit.unit for unit in rest])
             if any(unit.answered for unit in rest)
-            else ", and no other unit ever answers",
+            else ", and no other unit ever answers"
+            if rest
+            else ", and no others are polled",
             "others_silent": sum(map(evidence.silent, rest)),
             "others_asked": sum(unit.asked for unit in rest),
         },

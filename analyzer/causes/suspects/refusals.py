@@ -16,6 +16,7 @@ _LEAST: Final = 3
 _BUSY_LEAST: Final = 5
 _BACKGROUND: Final = 0.02  # of requests that a healthy unit refuses
 _ALWAYS: Final = 0.9
+_AREAS: Final = 4  # that are named
 _WRITES: Final = (5, 6, 15, 16, 22, 23)
 _READ_BY: Final = {5: (1,), 15: (1,), 6: (3, 4), 16: (3, 4), 22: (3,), 23: (3,)}
 _ILLEGAL_ADDRESS: Final = 2
@@ -27,7 +28,7 @@ _REFUSES: Final = (1, 2, 3, 4)
     "unit-busy",
     Severity.WARNING,
     blame="unit",
-    text="Unit {unit} says that it is busy, in {spells} spells: {busy} of {asked} requests got exception {code}",
+    text="Unit {unit} says that it is busy, in {spells:spell|spells}: {busy} of {asked} requests got exception {code}",
     share="{busy} of {asked} requests to unit {unit}",
     deciding_test="Poll unit {unit} half as often: the exceptions go if it cannot keep up",
     remedy="Poll it less often or fewer registers at once, and let the master ask again after a pause when it is busy",
@@ -105,7 +106,7 @@ def _areas(well: list[Poll]) -> list[tuple[int, int]]:
 def _suspicion(evidence: Evidence, unit: int, polls: list[Poll], weight: float) -> Suspicion:
     hits = sum(poll.count(Ending.EXCEPTION) for poll in polls)
     asked = sum(poll.asked for poll in polls)
-    areas = ", ".join(f"{poll.address}..{poll.end - 1}" for poll in polls[:4]) + (" and more" if len(polls) > 4 else "")
+    areas = tuple(_area(poll) for poll in polls[:_AREAS])
     return Suspicion(
         (unit,),
         surplus_bits(hits, asked, _BACKGROUND) * weight,
@@ -115,6 +116,7 @@ def _suspicion(evidence: Evidence, unit: int, polls: list[Poll], weight: float) 
             "refused": hits,
             "asked": asked,
             "areas": areas,
+            "more": len(polls) - len(areas),
             "codes": ", ".join(f"{code:02d}" for code in sorted({code for poll in polls for code in poll.exceptions})),
         },
         since=min(poll.first for poll in polls),
@@ -124,6 +126,10 @@ def _suspicion(evidence: Evidence, unit: int, polls: list[Poll], weight: float) 
     )
 
 
+def _area(poll: Poll) -> str:
+    return f"{poll.address}..{poll.end - 1}" if poll.end - poll.address > 1 else f"{poll.address}"
+
+
 _TEST: Final = "Read the registers of unit {unit} one by one around {areas}: it shows where its map begins and ends"
 
 
@@ -131,7 +137,7 @@ _TEST: Final = "Read the registers of unit {unit} one by one around {areas}: it 
     "off-by-one",
     Severity.WARNING,
     blame="master",
-    text="The master's list is off by one for unit {unit}: {areas} is refused (exception {codes}, {refused} of {asked}), "
+    text="The master's list is off by one for unit {unit}: {areas}[ and {more} more] is refused (exception {codes}, {refused} of {asked}), "
     "while all but one register of it reads well",
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test=_TEST,
@@ -149,8 +155,8 @@ def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     "missing-registers",
     Severity.WARNING,
     blame="master",
-    text="The master asks unit {unit} for registers that it does not have: {areas} get exception {codes}, "
-    "{refused} of {asked} times",
+    text="The master asks unit {unit} for registers that it does not have: {areas}[ and {more} more], refused "
+    "{refused} of {asked} times (exception {codes})",
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test=_TEST,
     remedy="Take these registers off the list, or correct their addresses or function by the device's manual",
@@ -167,8 +173,8 @@ def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
     "read-only",
     Severity.WARNING,
     blame="master",
-    text="The master writes registers of unit {unit} that it may only read: {areas} are refused (exception {codes}, "
-    "{refused} of {asked}), though they read well",
+    text="The master writes registers of unit {unit} that it may only read: {areas}[ and {more} more], refused "
+    "{refused} of {asked} times (exception {codes}), though read well",
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test="Write one of these registers of unit {unit} by hand, with the value that it has",
     remedy="Take the writes off the list, or unlock the device for writing (a parameter, a switch, remote mode)",

@@ -70,7 +70,7 @@ def damage_suspicion(evidence: Evidence, unit: UnitLedger, bits: float, more: Ma
     )
 
 
-_SHARE: Final = "{damaged} of {answers} answers of unit {unit}, {others_damaged} of {others_answers} of others"
+_SHARE: Final = "{damaged} of {answers} answers of unit {unit}[, {others_damaged} of {others_answers} of others]"
 
 
 _BYTE: Final = 8.0
@@ -92,7 +92,7 @@ def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     Severity.ERROR,
     blame="unit",
     text="Unit {unit} enables its driver too late: the beginning of {damaged} of {answers} answers is lost or mangled "
-    "(the first {bytes:.0f} bytes, what follows is whole), of no other unit so",
+    "({bytes:byte|bytes}; what follows is whole)",
     share=_SHARE,
     deciding_test="Swap the drops of unit {unit} and a good one: the damage goes with the unit if it is its driver",
     remedy="Lengthen the delay between driver enable and first byte in the unit, or use a converter with automatic "
@@ -139,7 +139,7 @@ def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     Severity.ERROR,
     blame="unit",
     text="Unit {unit} releases its driver too early: the end of {damaged} of {answers} answers is cut off or filled with "
-    "ones (the last {bytes:.0f} bytes), of no other unit so",
+    "ones ({bytes:byte|bytes})",
     share=_SHARE,
     deciding_test="Swap the drops of unit {unit} and a good one: the damage goes with the unit if it is its driver",
     remedy="Let the unit hold its driver until the last stop bit is out (wait for the transmitter to be empty, not for its "
@@ -192,8 +192,8 @@ def byte_count(evidence: Evidence) -> Iterator[Suspicion]:
     "duplicate-address",
     Severity.ERROR,
     blame="unit",
-    text="Two devices answer to address {unit}: {doubles} requests got two answers, {damaged} one in which two "
-    "transmitters mix, and no other unit's so",
+    text="Two devices answer to address {unit}[; {doubles:request|requests} got two answers][; in {damaged:answer|answers} "
+    "two transmitters mix]",
     share=_SHARE,
     deciding_test="Take the device with address {unit} off the bus: if the address still answers, there is another one",
     remedy="Give one of the two devices an address of its own",
@@ -267,8 +267,8 @@ def _shortened(readings: list[Signature]) -> int:
     Severity.ERROR,
     blame="unit",
     text="Unit {unit} holds its driver into the next request: {spoilt} requests that came behind its {answers} answers are "
-    "damaged, {others_spoilt} behind the {others_answers} of others",
-    share="{spoilt} of {answers} requests behind answers of unit {unit}, {others_spoilt} of {others_answers} behind others",
+    "damaged[, {others_spoilt} behind the {others_answers} of others]",
+    share="{spoilt} of {answers} requests behind answers of unit {unit}[, {others_spoilt} of {others_answers} behind others]",
     deciding_test="Let the master pause for 50 ms before each request: if the damage goes, a driver was held too long",
     remedy="Shorten the time for which the unit (or its converter) holds its driver behind the last byte",
 )
@@ -324,9 +324,9 @@ def _always_spoilt(evidence: Evidence, unit: UnitLedger, spoilt: float) -> bool:
     "null-suffix",
     Severity.WARNING,
     blame="unit",
-    text="Unit {unit} sends a 00 behind its frames: {zeros} of {answers} answers have one",
-    share="{zeros} of {answers} answers of unit {unit}, {others_zeros} of {others_answers} of others",
-    deciding_test="Take unit {unit} off the bus: the extra bytes go with it",
+    text="A 00 follows the frames of {units:unit|units}: {zeros} of {answers} answers have one",
+    share="{zeros} of {answers} answers of {units:unit|units}[, {others_zeros} of {others_answers} of others]",
+    deciding_test="Take {units:unit|units} off the bus: the extra bytes go with {units:|it|them}",
     remedy="Update the unit's firmware, or let its driver go sooner behind the last byte; masters that wait for a silence "
     "take such frames for damaged",
 )
@@ -345,7 +345,7 @@ def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
         sum(surplus_bits(totals[unit.unit], unit.answered, background) for unit in found),
         frozenset((Symptom.BEHIND, unit.unit) for unit in found),
         {
-            "unit": ", ".join(str(unit.unit) for unit in found),
+            "units": tuple(unit.unit for unit in found),
             "zeros": round(sum(totals[unit.unit] for unit in found)),
             "answers": sum(unit.answered for unit in found),
             "others_zeros": round(others_zeros),

@@ -37,9 +37,9 @@ _MOST_REFUSED: Final = 90.0
     "unit-line-settings",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} does not send as the line is set ({settings}): {damaged} of its {answers} answers {how}",
-    share="{damaged} of {answers} answers of unit {unit}, {others_damaged} of {others_answers} of others",
-    deciding_test="Listen to unit {unit} alone at other settings ({settings}): its answers must then read well",
+    text="Unit {unit} does not send as the line is set ({settings}[ by {drift:+.0%}]): {damaged} of its {answers} answers {how}",
+    share="{damaged} of {answers} answers of unit {unit}[, {others_damaged} of {others_answers} of others]",
+    deciding_test="Listen to unit {unit} alone at other settings ({settings}[ by {drift:+.0%}]): its answers must then read well",
     remedy="Set the unit's baud rate, parity and stop bits to those of the line; a clock that is off by some per cent "
     "(an RC oscillator) wants another device",
 )
@@ -48,18 +48,19 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in evidence.units:
         readings = evidence.readings(unit)
         if len(readings) >= _LEAST and share_of(readings, "whole", "middle", "long", "cut") >= 0.6:
-            bits, words = _fitting(evidence, readings)
+            bits, words, drift = _fitting(evidence, readings)
             bits += evidence.surplus(unit) + kind_bits(readings, _EXPECTED) + _steadiness(evidence, unit)
             if bits > 0:
-                yield damage_suspicion(evidence, unit, bits, {"settings": words, "how": _GARBAGE})
+                yield damage_suspicion(evidence, unit, bits, {"settings": words, "drift": drift, "how": _GARBAGE})
         elif evidence.is_open(Symptom.MARKS, unit.unit):
             yield from _marked(evidence, unit)
             yield from _refused(evidence, unit)
 
 
-def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, str]:
-    """The other settings by which the garbage's first bytes are just what was to be sent, and their weight."""
-    best, words = 0.0, "another speed or parity, or a clock that is off"
+def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, str, float]:
+    """The other settings by which the garbage's first bytes are just what was to be sent: their weight, their words, and
+    by how much a clock is off."""
+    best, words, off = 0.0, "another speed or parity, or a clock that is off", 0.0
     pairs = Counter((known_header(r.request), r.heard[:_MOST_BYTES]) for r in readings)
     for receiver in formats_of(evidence.ledger.line):
         for sender, drift in other_formats(receiver):
@@ -68,9 +69,9 @@ def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, 
                 for sample in samples(sender, receiver)
             )
             if bits > best:
-                best = bits
-                words = f"a clock off by {drift:+.0%}" if drift else sender.words
-    return best, words
+                best, off = bits, drift
+                words = "a clock that is off" if drift else sender.words
+    return best, words, off
 
 
 def _match(header: bytes, heard: bytes, sender: CharacterFormat, receiver: CharacterFormat, sample: float) -> float:
@@ -108,7 +109,11 @@ def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
     background = max(HEALTHY, (sum(o.marked for o in others) + 0.5) / (sum(o.answered for o in others) + 50))
     if unit.marked < max(_LEAST, _MARKED * unit.answered):
         return
-    numbers: Mapping[str, Any] = {"settings": "another parity", "how": "have right bytes and marks of the UART"}
+    numbers: Mapping[str, Any] = {
+        "settings": "another parity",
+        "drift": 0.0,
+        "how": "have right bytes and marks of the UART",
+    }
     found = damage_suspicion(evidence, unit, surplus_bits(unit.marked, unit.answered, background), numbers)
     yield Suspicion(
         found.units,
@@ -139,7 +144,11 @@ def _refused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
     ):
         return
     bits = min(surplus_bits(repeats, asked, max(HEALTHY, (others_repeats + 0.5) / (others_asked + 50))), _MOST_REFUSED)
-    words = {"settings": "another parity, which this tap does not mark", "how": "are whole, and the master asks again"}
+    words = {
+        "settings": "another parity, which this tap does not mark",
+        "drift": 0.0,
+        "how": "are whole, and the master asks again",
+    }
     found = damage_suspicion(evidence, unit, bits, words)
     yield replace(
         found,

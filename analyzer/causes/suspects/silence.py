@@ -107,9 +107,9 @@ def silence_bits(silent: int, asked: int) -> float:
     "dead-unit",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} never answers{since}: {silent} of {asked} requests to it {how}, while "
-    "{others_answered} of {others_asked} to other units were answered",
-    share="{silent} of {asked} requests to unit {unit}, {others_silent} of {others_asked} to others",
+    text="Unit {unit} {answers}: {silent} of {asked} requests to it {how}[, while {others_answered} of "
+    "{others_asked} to other units were answered]",
+    share="{silent} of {asked} requests to unit {unit}[, {others_silent} of {others_asked} to others]",
     deciding_test="Poll unit {unit} alone, with a master put in the place of the bus: if it stays silent, it is the unit "
     "or its address; if it answers, its drop or its place on the bus",
     remedy="Check the unit's power, its address, and whether A and B are swapped at it; take it off the poll list if it is "
@@ -138,7 +138,7 @@ def _excused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
         "unit": unit.unit,
         "silent": excused,
         "asked": unit.asked,
-        "since": "",
+        "answers": "never answers",
         "how": "got exception 0B, by which a gateway says that its target is silent",
         "others_asked": sum(other.asked for other in others),
         "others_answered": sum(other.answered for other in others),
@@ -172,7 +172,7 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
             "unit": unit.unit,
             "silent": silent,
             "asked": silent if since is not None else unit.asked,
-            "since": " any more" if since is not None else "",
+            "answers": "never answers" if since is None else "answers no more",
             "how": "stayed without a byte",
             "others_asked": sum(other.asked for other in others),
             "others_answered": sum(other.answered for other in others),
@@ -191,7 +191,7 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
     Severity.ERROR,
     blame="master",
     text="{count} of {polled} polled units never answer ({list}): {silent} requests to them stayed without a byte",
-    share="{silent} of {asked} requests to units {list}, {others_silent} of {others_asked} to others",
+    share="{silent} of {asked} requests to units {list}[, {others_silent} of {others_asked} to others]",
     deciding_test="Ask each of these units alone; if one answers then, the bus or its drop is at fault, and not the list",
     remedy="Take units that do not exist off the poll list; check power, address and wiring of those that do",
 )
@@ -211,7 +211,7 @@ def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
         {
             "count": len(never),
             "polled": len(evidence.units),
-            "list": ", ".join(str(unit.unit) for unit in never),
+            "list": tuple(unit.unit for unit in never),
             "silent": sum(evidence.silent(unit) for unit in never),
             "asked": sum(unit.asked for unit in never),
             "others_silent": sum(unit.count(Ending.SILENT) for unit in others),

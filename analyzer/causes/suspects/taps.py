@@ -53,7 +53,7 @@ def _everything(evidence: Evidence) -> Explained:
     "tap-one-direction",
     Severity.WARNING,
     blame="tap",
-    text="The tap hears {heard} only: {frames} of them, and {others} of the other kind; nobody need be dead",
+    text="The tap hears {heard} only: {frames} of them[, and {others} of the other kind]; nobody need be dead",
     share="{frames} of {all} frames",
     deciding_test="Tap the other pair, or at the other end: the missing half must be there",
     remedy="On four wires tap both pairs; on two wires check that the tap sees both A and B, and that it does not sit behind "
@@ -249,10 +249,10 @@ def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
     Severity.ERROR,
     blame="tap",
     text="Nearly nothing of what the tap hears is a frame ({right} of {bytes} bytes): it is set to another speed, parity or "
-    "polarity than the line{marks}",
+    "polarity than the line[; its UART marks {marks:.0%} of the bytes]",
     share="{right} of {bytes} bytes in frames",
     deciding_test="Listen at other speeds and parities (`rtuscope sniff --baud auto`), then with A and B exchanged",
-    remedy="Set the tap's baud rate and parity to those of the line ({baud} bit/s now), and connect A to A",
+    remedy="Set the tap's baud rate and parity to those of the line[ ({baud} bit/s now)], and connect A to A",
 )
 def tap_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
     """Bytes, and no frames."""
@@ -270,12 +270,11 @@ def tap_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
     marks = ledger.marked_bytes / ledger.bytes
     if text > _TEXT and marks < 0.02:
         return
-    marked = f"; its UART marks {marks:.0%} of the bytes" if marks > 0.02 else ""
     numbers = {
         "right": ledger.right_bytes,
         "bytes": ledger.bytes,
-        "marks": marked,
-        "baud": ledger.line.baud or "unknown",
+        "marks": marks if marks > 0.02 else 0.0,
+        "baud": ledger.line.baud or 0,
     }
     yield Suspicion(
         (), 30 + 200 * marks + ledger.noise_bytes / 2, _everything(evidence), numbers, ledger.begin, ledger.end

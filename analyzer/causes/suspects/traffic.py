@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from dissectors.declaration import USER_DEFINED
-from dissectors.functions import function_name
+from dissectors.functions import function
 
 from ...tables.findings import Severity
 from ..evidence import Evidence
@@ -22,7 +22,7 @@ _ODD: Final = 0.6
     "vendor-transfer",
     Severity.NOTE,
     blame="nobody",
-    text="A transfer by function {function} ({name}) with unit {unit}: {frames} frames, {part:.0%} of all bytes; nothing is "
+    text="A transfer by function {function}[ ({name})][ with {units:unit|units}]: {frames} frames, {part:.0%} of all bytes; nothing is "
     "wrong with it",
     share="{part:.0%} of the bytes",
     deciding_test="Ask whether firmware, a recipe or a log is being moved",
@@ -31,17 +31,23 @@ _ODD: Final = 0.6
 def vendor_transfer(evidence: Evidence) -> Iterator[Suspicion]:
     """Long traffic of a user-defined function."""
     ledger = evidence.ledger
-    for function in sorted(USER_DEFINED):
+    for code in sorted(USER_DEFINED):
         frames, part = (
-            int(ledger.functions[function]),
-            int(ledger.function_bytes[function]) / max(ledger.right_bytes, 1),
+            int(ledger.functions[code]),
+            int(ledger.function_bytes[code]) / max(ledger.right_bytes, 1),
         )
         if frames < _FRAMES or part < _BYTES:
             continue
-        polls = [poll for poll in evidence.polls if poll.function == function]
+        polls = [poll for poll in evidence.polls if poll.function == code]
         units = sorted({poll.unit for poll in polls}, key=lambda u: -sum(p.asked for p in polls if p.unit == u))
-        numbers = {"function": function, "name": function_name(function), "unit": ", ".join(map(str, units[:4])) or "?",
-                   "frames": frames, "part": part}  # fmt: skip
+        declared = function(code)
+        numbers = {
+            "function": code,
+            "name": declared.name if declared else "",
+            "units": tuple(units[:4]),
+            "frames": frames,
+            "part": part,
+        }
         yield Suspicion(tuple(units), 100 + part * 20, frozenset({(Symptom.REQUESTS, None)}), numbers)
 
 
@@ -51,7 +57,7 @@ def vendor_transfer(evidence: Evidence) -> Iterator[Suspicion]:
     blame="nobody",
     text="Other traffic shares the pair: {protocol}, {frames} of its frames among the bytes looked at; it is no noise and no "
     "fault of the wiring",
-    share="{foreign} of {bytes} bytes in no Modbus frame",
+    share="[of {bytes} bytes {foreign} are in no Modbus frame]",
     deciding_test="Ask what else is connected to the pair, and switch it off for a minute",
     remedy="Give the other protocol a pair of its own if Modbus devices mind it; many take its frames for their own",
 )

@@ -15,6 +15,8 @@ from ..valuetable import PollValues
 
 _READS: Final = 24  # kept ones, under which nothing is said
 _MOVES: Final = 0.3  # of its reads a value that moves is another one
+_SOME_MOVES: Final = 0.1  # the same, of one that moves slowly
+_MANY_COLUMNS: Final = 6  # each of which stands still by chance in a third of all units
 _COLUMNS: Final = 3  # that stand still together
 _MOST_SISTERS: Final = 0.75
 _EMPTY: Final = (0, 0x7FFF, 0x8000, 0xFFFF)  # what is not connected stands still
@@ -55,7 +57,7 @@ def _moves(poll: PollValues) -> NDArray[np.float64]:
     Severity.WARNING,
     blame="unit",
     text="The values of unit {unit} stand still: {registers} registers from {address} on have not changed in {reads} reads, "
-    "those of its sister units {sisters} did all the time",
+    "those of its {sisters:sister unit|sister units} did all the time",
     share="{registers} registers of unit {unit}",
     deciding_test="Change something that unit {unit} measures, and watch whether its registers follow",
     remedy="Restart the unit or its measuring part; look for a hold or simulation mode",
@@ -75,7 +77,9 @@ def frozen_values(evidence: Evidence) -> Iterator[Suspicion]:
             if np.count_nonzero(frozen) < max(_COLUMNS, 0.5 * np.count_nonzero(lively)):
                 continue
             if not (
-                _stopped(changed[:, frozen], last[frozen]) or (_never(others, frozen) and _of_a_kind(moves[i], others))
+                _stopped(changed[:, frozen], last[frozen])
+                or (_never(others, frozen) and _of_a_kind(moves[i], others))
+                or _altogether(changed, others)
             ):
                 continue
             since = int(last[frozen].max())
@@ -90,7 +94,7 @@ def frozen_values(evidence: Evidence) -> Iterator[Suspicion]:
                     "registers": int(np.count_nonzero(frozen)),
                     "address": poll.address + int(np.argmax(frozen)),
                     "reads": still * poll.every,
-                    "sisters": ", ".join(str(each.unit) for j, each in enumerate(group) if j != i),
+                    "sisters": tuple(each.unit for j, each in enumerate(group) if j != i),
                 },
                 since=int(poll.times[since]),
                 until=int(poll.times[-1]),
@@ -108,6 +112,19 @@ def _never(others: NDArray[np.float64], frozen: NDArray[np.bool_]) -> bool:
     """Whether some registers that never moved do so in every one of several sisters."""
     lively = frozen & (others >= _MOVES).all(axis=0)
     return len(others) >= _PAIRS and int(np.count_nonzero(lively)) >= _COLUMNS
+
+
+def _altogether(changed: NDArray[np.bool_], others: NDArray[np.float64]) -> bool:
+    """Whether not one register has moved for long, while many do in every one of several sisters: whatever each of them
+    stands for, a unit that measures anything moves some."""
+    at = np.flatnonzero(changed.any(axis=1))
+    still = len(changed) - (int(at[-1]) + 1 if len(at) else 0)
+    moving = (others >= _SOME_MOVES).all(axis=0)
+    return (
+        len(others) >= _PAIRS
+        and still >= max(_READS // 2, _STILL * len(changed))
+        and int(np.count_nonzero(moving)) >= _MANY_COLUMNS
+    )
 
 
 def _of_a_kind(own: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
@@ -147,7 +164,7 @@ def _jumps(values: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.in
     "counter-jumps",
     Severity.WARNING,
     blame="unit",
-    text="A counter of unit {unit} (register {address}, 32 bits) jumps: {jumps} times it fell back or leapt, by up to {most:,}",
+    text="A counter of unit {unit} (register {address}, 32 bits) jumps: {jumps:time|times} it fell back or leapt, by up to {most:,}",
     share="{jumps} of {reads} reads",
     deciding_test="Record this counter alone for an hour, and compare it with the unit's own display",
     remedy="Look whether two registers of one counter are read in two requests, or the unit loses it at a restart",
@@ -213,7 +230,7 @@ def _spread(values: NDArray[np.float64]) -> float:
     Severity.WARNING,
     blame="unit",
     text="Unit {unit} sends its floats with the two words exchanged: {pairs} values from register {address} on read like "
-    "those of its sister units {sisters} only the other way round",
+    "those of its {sisters:sister unit|sister units} only the other way round",
     share="{pairs} values of unit {unit}",
     deciding_test="Compare one value of unit {unit} with its own display, in both orders",
     remedy="Set the unit's word order, or that of its tags in the master, to that of the others",
@@ -254,7 +271,7 @@ def _outvoted(group: list[PollValues], columns: dict[int, dict[int, int]]) -> It
             "unit": odd[0],
             "pairs": pairs,
             "address": poll.address + first,
-            "sisters": ", ".join(map(str, rest)),
+            "sisters": tuple(rest),
         },
         since=int(poll.times[0]),
         until=int(poll.times[-1]),

@@ -36,7 +36,7 @@ _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
     blame="line",
     text="Nothing holds the line when nobody drives it: {idle} stretches of stray bytes on the idle line, while "
     "{well} of {answers} frames are whole",
-    share="{idle} stretches in {exchanges} exchanges, {damaged} damaged answers",
+    share="{idle} stretches in {exchanges} exchanges[, {damaged:damaged answer|damaged answers}]",
     deciding_test="Measure A against B on the idle line: under 200 mV it floats",
     remedy="Fit bias resistors (pull-up on B, pull-down on A, 390 to 650 ohm) at one place of the bus, or switch the "
     "master's on",
@@ -71,9 +71,9 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> float:
     "termination",
     Severity.ERROR,
     blame="line",
-    text="Answers of units {list} come with flipped bits ({damaged} of {answers}), requests and other units' answers do "
-    "not: reflections on the way from there{early}",
-    share="{damaged} of {answers} answers of units {list}, {others_damaged} of {others_answers} of others",
+    text="Answers of {units:unit|units} come with flipped bits ({damaged} of {answers}), requests and what others send "
+    "hardly do: reflections on the way from there{early}",
+    share="{damaged} of {answers} answers of {units:unit|units}[, {others_damaged} of {others_answers} of others]",
     deciding_test="Put 120 ohm across A and B at the far end, or halve the baud rate: the errors must go",
     remedy="Terminate both ends of the cable with 120 ohm, and nowhere else; shorten stubs; avoid stars",
 )
@@ -108,7 +108,7 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
                 bits,
                 frozenset((Symptom.DAMAGE, unit.unit) for unit in far),
                 {
-                    "list": ", ".join(str(unit.unit) for unit in far),
+                    "units": tuple(unit.unit for unit in far),
                     "damaged": sum(map(evidence.damaged, far)),
                     "answers": sum(unit.asked for unit in far),
                     "others_damaged": hits,
@@ -128,9 +128,10 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
     "bad-drop",
     Severity.ERROR,
     blame="line",
-    text="Answers of unit {list} are damaged ({damaged} of {answers}), in no particular way; those of others are not",
-    share="{damaged} of {answers} answers of unit {list}, {others_damaged} of {others_answers} of others",
-    deciding_test="Swap the drops of unit {list} and a good one: does the damage stay with the unit or with the drop?",
+    text="Answers of unit {unit} are damaged in no particular way: {damaged} of {answers}[, those of others "
+    "{others_damaged} of {others_answers}]",
+    share="{damaged} of {answers} answers of unit {unit}[, {others_damaged} of {others_answers} of others]",
+    deciding_test="Swap the drops of unit {unit} and a good one: does the damage stay with the unit or with the drop?",
     remedy="Check the terminals, the stub and the shield of this drop, then the unit's line driver",
 )
 def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
@@ -146,7 +147,7 @@ def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
                 bits,
                 frozenset({(Symptom.DAMAGE, unit.unit)}),
                 {
-                    "list": unit.unit,
+                    "unit": unit.unit,
                     "damaged": evidence.damaged(unit),
                     "answers": unit.asked,
                     "others_damaged": sum(map(evidence.damaged, others)),
