@@ -31,18 +31,21 @@ Floats = NDArray[np.float64]
 OUT = Path(__file__).resolve().parents[1] / "analyzer" / "registers" / "weights.json"
 STARTS = dict(zip(TABLES, np.cumsum([0, *TABLES.values()])[:-1].tolist(), strict=True))
 TOTAL = sum(TABLES.values())
+_GAINS = (-3, -2, -1, -0.5, 0, 0.3, 0.8, 1.2, 1.8, 2.4, 3, 3.5, 4, 4)
+_CARRIES = (0, 2, 3.5, 5, 2, 0, 0, 0, -1, -2, -0.5, -2, -2)
+_AGREED = (0, 1.2, 3, 5, -1)
 HELD: dict[str, tuple[float, ...]] = {
     # lengths are log odds: 0.69 nats a bit, less where they are many
-    "i32 gain": tuple(np.repeat((-3, -2, -1, -0.5, 0, 0.3, 0.8, 1.2, 1.8, 2.4, 3, 3.5, 4, 4), 2).tolist()),
+    "i32 gain": tuple(np.repeat(_GAINS, 2).tolist()), "i64 gain": _GAINS,
     # a carry at the right time is no chance, nor is one that is missing
-    "i32 wraps": (0, 2, 3.5, 5, 2, 0, 0, 0, -1, -2, -0.5, -2, -2),
+    "i32 wraps": _CARRIES, "i64 wraps": _CARRIES,
     # a counter's low word grows while its high word stays: half a chance each time
-    "i32 agreed": (0, 1.2, 3, 5, -1),
+    "i32 agreed": _AGREED, "i64 agreed": _AGREED,
     # nothing that is measured goes evenly through all that 16 bits can hold
     "i16 even": (0, 0, -0.5, -1.5, -3),
     # nor has any quantity such sizes
     "f32 value": (0, 0, 0, 0, 0, 0, 0, 0, *3 * (0, 0, 0, 0, 0, 0, -1, -4)),
-}
+}  # fmt: skip
 """What is held before anything is learnt (log odds in nats), of what a fit to some layouts hardly ever sees."""
 BUCKETS = (4, 10, 25, 60, 130)
 

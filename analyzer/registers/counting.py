@@ -45,7 +45,7 @@ SIZES: Final[Mapping[str, int]] = {
     "i64": 16, "i64 gain": 14, "i64 top": 16 * 2, "i64 low": 8 * 3, "i64 zeros": 16 * 4 * 2,
     "f64": 16, "f64 gain": 14, "f64 value": 8 * 2,
     "f64 decimals": 4 * 6, "f64 spread": 2 * 6, "f64 as float": 8 * 8,
-    "i64 even": 2 * EVEN, "f64 even": 4,
+    "i64 even": 2 * EVEN, "i64 wraps": 13, "i64 agreed": 5, "f64 even": 4,
     "f32 decimals": 4 * 6,
     # by the size of the block, and whether the value begins or ends it
     "i16 block": 7 * 2, "i32 block": 7 * 4, "f32 block": 7 * 4, "wide block": 7 * 4,
@@ -301,6 +301,8 @@ class Counting:
             "i64 top": self._class[columns[:, 0]] * 2 + any_moved,
             "i64 zeros": (case * 4 + (self._class[columns[:, :3]] == 0).sum(axis=1)) * 2 + in_row,
             "i64 even": np.where(self.moved[low], self.moved[columns[:, 2]] * EVEN + self._even[low], NONE),
+            "i64 wraps": np.where(self.moved[low], self._carried(columns[:, 2], low), NONE),
+            "i64 agreed": np.where(moved[:, 2] & moved[:, 3], self._agreed(columns[:, 2], low), NONE),
             "i64 low": np.where(self.moved[low], self._size[low] * 3 + self._direction[low], NONE),
             "wide block": self._edges(4),
         }
