@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from analyzer.registers.hypotheses import HYPOTHESES
 from analyzer.registers.readings import RegisterReadings
+from analyzer.simulation.mapped import series
 from analyzer.simulation.mapped.client import MappedClient
 from analyzer.simulation.mapped.device import MappedDevice
 from dissectors.maps import RegisterMap, read_map, shipped_map, shipped_names
@@ -61,12 +62,13 @@ def made_device(
     flip: float = 0.0,
     widen: float = 0.0,
     refine: float = 0.0,
+    stir: float = 0.0,
     move: bool = True,
     wild: float = 0.2,
 ) -> MadeDevice:
     """A device of this layout, polled so many times; of chances `flip` has the other word order, `widen` and `refine`
-    wider and finer integers; at other addresses unless told not to `move`; `wild` of its values do what nobody
-    expects."""
+    wider and finer integers, `stir` those of 32 bits go over their carries; at other addresses unless told not to
+    `move`; `wild` of its values do what nobody expects."""
     if random.random() < refine:
         chart = refined(chart, random)
     if random.random() < flip:
@@ -77,6 +79,8 @@ def made_device(
         chart = moved(chart, random)
     client = MappedClient(random, [(1, chart)], wild)
     device = client.devices[0]
+    if random.random() < stir:
+        stir_up(device, random)
     blocks: dict[tuple[MapArea, int, int], list[list[int]]] = {
         (poll.area, poll.address, poll.quantity): [] for poll in client.polls
     }
@@ -93,6 +97,30 @@ def made_device(
             rows_of_block = chart.within(area, address, quantity)
             truth.append((area, address, quantity, tuple(part for row in rows_of_block for part in _parts(row))))
     return MadeDevice(name, family(chart), chart.word_order, readings, tuple(truth))
+
+
+def stir_up(device: MappedDevice, random: Random) -> None:
+    """Let most of the integers of 32 bits move in ways that take both of their words along."""
+    for at, (row, _) in enumerate(device.motions):
+        if row.type in ("u32", "s32") and row.length == 2 and random.random() < 0.7:
+            raw = _restless(random, signed=row.is_signed)
+            device.motions[at] = row, (number * row.scale + row.offset for number in raw)
+
+
+def _restless(random: Random, *, signed: bool) -> series.Series:
+    """Whole numbers over 65535: walks, scatter, fast counters, and what goes to and fro over a carry or zero."""
+    level = 10 ** random.uniform(4.9, 9.2)
+    match random.choice(("walk", "scatter", "count", "carry", "carry")):
+        case "walk":
+            reach = min(level / 3, 10 ** random.uniform(4.3, 7.5))
+            return series.motion(random, level, reach)
+        case "scatter":
+            return series.noise(random, level, level * 10 ** random.uniform(-2.2, -0.6))
+        case "count":
+            return series.counter(random, level, 10 ** random.uniform(2.5, 6))
+    about = 0x10000 * (0 if signed and random.random() < 0.5 else random.randrange(1, random.choice((3, 40, 4000))))
+    reach = 10 ** random.uniform(0.5, 4)
+    return series.motion(random, about + random.uniform(-1, 1) * reach / 2, reach)
 
 
 def _in_forms(device: MappedDevice) -> None:
@@ -216,12 +244,13 @@ def true_cut(address: int, quantity: int, rows: tuple[MappedValue, ...]) -> NDAr
 
 
 def devices(
-    seeds: range, polls: int, *, flip: float = 0.3, widen: float = 0.0, refine: float = 0.0
+    seeds: range, polls: int, *, flip: float = 0.3, widen: float = 0.0, refine: float = 0.0, stir: float = 0.0
 ) -> Iterator[MadeDevice]:
     """Devices of all layouts, once a seed."""
     for name, chart in layouts().items():
         for seed in seeds:
-            yield made_device(name, chart, Random(f"{name} {seed}"), polls, flip=flip, widen=widen, refine=refine)
+            random = Random(f"{name} {seed}")
+            yield made_device(name, chart, random, polls, flip=flip, widen=widen, refine=refine, stir=stir)
 
 
 def composed_devices(count: int, without: Set[str] = frozenset()) -> Iterator[MadeDevice]:
@@ -234,4 +263,4 @@ def composed_devices(count: int, without: Set[str] = frozenset()) -> Iterator[Ma
     for number in range(count):
         random = Random(f"composed {number}")
         polls = random.choice(_POLLS)
-        yield made_device(f"composed {number}", composed(charts, random), random, polls, widen=0.05)
+        yield made_device(f"composed {number}", composed(charts, random), random, polls, widen=0.05, stir=0.2)

@@ -48,6 +48,18 @@ def test_parse_shows_every_value_of_the_map(name: str, capsys: pytest.CaptureFix
         assert re.search(rf"\b{re.escape(row.name)}\b", shown), row.name
 
 
+@pytest.mark.parametrize("name", DEVICES)
+def test_the_limits_and_remarks_of_a_map_are_shown(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    shown = ran(capsys, "map", "show", name).out.splitlines()
+    bounded = [row for row in shipped_map(name).rows if row.maximum is not None and not row.values]
+    remarked = [row for row in shipped_map(name).rows if row.description]
+    assert bounded and remarked
+    for row in bounded:
+        assert any(row.name in line and f"{row.minimum:g} to {row.maximum:g}" in line for line in shown), row.name
+    for row in remarked:
+        assert any(row.name in line and line.endswith(row.description) for line in shown), row.name
+
+
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("two")

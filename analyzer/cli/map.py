@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from analyzer.registers.readings import RegisterReadings
     from analyzer.registers.recognition import UnitTexts
     from dissectors.maps import RegisterMap
+    from dissectors.maps.model import MappedValue
 
 EXAMPLE = """\
 rtuscope map list
@@ -133,7 +134,7 @@ def _table(chart: RegisterMap) -> str:
                 row.name,
                 f"{scale} {row.unit}".strip(),
                 row.access,
-                states,
+                "; ".join(part for part in (_limits(row), states, row.description) if part),
             )
         )
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
@@ -142,6 +143,15 @@ def _table(chart: RegisterMap) -> str:
         for row in rows
     ]
     return "".join(f"{harmless(line)}\n" for line in lines)
+
+
+def _limits(row: MappedValue) -> str:
+    """The limits of a number, in its unit of measure; states have none of their own."""
+    if row.values or (row.minimum is None and row.maximum is None):
+        return ""
+    if row.minimum is None or row.maximum is None:
+        return f"from {row.minimum:g}" if row.maximum is None else f"to {row.maximum:g}"
+    return f"{row.minimum:g} to {row.maximum:g}"
 
 
 def _check(arguments: argparse.Namespace) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 from dissectors.maps.model import MappedValue, RegisterMap
 from dissectors.values import Order
 
+from .floatshapes import float_classes
 from .hypotheses import numbers, patterns
 from .inference import hypothesis_number, infer
 from .readings import BlockReadings, RegisterReadings, Words
@@ -191,7 +192,9 @@ def _wrong_types(
         if int((mine[1:] != mine[:-1]).any(axis=1).sum()) < _ENOUGH or any(_absurd(row, mine)):
             continue
         rival = _rival_reading(row, free)
-        if rival is not None and rival.confidence >= _LIKELY and not _same_numbers(row, rival, blocks):
+        if rival is None or rival.confidence < _LIKELY or _same_numbers(row, rival, blocks):
+            continue
+        if not _is_possible(row, rival, mine):
             doubtful.append((row, rival))
     sure = [pair for pair in doubtful if pair[1].confidence >= _SURE]
     for row, rival in doubtful[:_MOST_REPEATED] if len(sure) < _SEVERAL else sure:
@@ -221,6 +224,25 @@ def _rival_reading(row: MappedValue, values: Sequence[RegisterValue]) -> Registe
         if value.name is None and value.changes >= _ENOUGH and max(value.words, row.length) > 1:
             return value
     return None
+
+
+def _is_possible(row: MappedValue, rival: RegisterValue, mine: Words) -> bool:
+    """Whether the readings (n, length) can well be what the map has, however likely a rival is.
+
+    A whole number whose low word alone moved, without running over, is told from a register of its own by what is usual
+    only; so is a float of sizes that people measure from a whole number in the same registers.
+    """
+    if rival.kind == "float":
+        return False
+    if row.is_float:
+        value = numbers(mine, cast(Order, row.order), is_float=True)[:, None]
+        return (rival.address, rival.words, rival.order) == (row.address, row.length, row.order) and bool(
+            float_classes(value)[0] <= 1
+        )
+    ordered = mine if row.order in ("ABCD", "BADC") else mine[:, ::-1]
+    still = (ordered == ordered[0]).all(axis=0)
+    steps = np.abs(np.diff(ordered[:, -1].astype(np.int64)))
+    return bool(still[:-1].all() and not still[-1] and (steps < 0x8000).all())
 
 
 def _same_numbers(row: MappedValue, rival: RegisterValue, blocks: Sequence[BlockReadings]) -> bool:

@@ -12,8 +12,8 @@ from captures.ragged import Ints
 
 from .floatshapes import decimals, float_classes, float_ordinals, in_last_digits, is_absurd, spreads
 from .hypotheses import HYPOTHESES, Hypothesis, patterns
-from .lengths import change_bits, change_lengths, directions, summed_lengths
-from .manners import MANNERS, manners
+from .lengths import change_bits, change_lengths, directions
+from .manners import EVEN, MANNERS, evenness, manners
 from .readings import Words
 from .wordclasses import QUIET_GROUP, word_classes
 
@@ -31,18 +31,21 @@ _RANGES: Final = np.array([1, 3, 5, 7, 9, 11, 13, 15, 15.9])  # bits
 SIZES: Final[Mapping[str, int]] = {
     # of one register
     "i16": 1, "i16 quiet": 16, "i16 quiet beside": 16 * 9, "i16 moved": 9 * 9, "i16 shape": 8 * 3 * 3,
-    "i16 share": 6 * 3, "i16 manner": MANNERS * 3,
+    "i16 share": 6 * 3, "i16 manner": MANNERS * 3, "i16 even": EVEN,
     # of two, as an integer
     "i32": 4, "i32 gain": 14 * 2, "i32 words": 9 * 10, "i32 high": 16 * 2, "i32 low": 6 * 8 * 3,
     "i32 low range": 6 * 10, "i32 low cost": 6 * 9, "i32 high only": 16 * 4, "i32 quiet": 16 * 16,
-    "i32 as float": 2 * 8 * 2, "i32 carries": 16, "i32 sign": 6 * 3, "i32 wraps": 12,
+    "i32 as float": 2 * 8 * 2, "i32 carries": 16, "i32 sign": 6 * 3, "i32 wraps": 13,
     "i32 low manner": 6 * MANNERS, "i32 manners": MANNERS * MANNERS, "i32 rhythm": 2 * 5 * 5,
+    "i32 even": 4 * EVEN, "i32 agreed": 5,
     # of two, as a float
     "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
+    "f32 even": 2 * EVEN,
     # of four
     "i64": 16, "i64 gain": 14, "i64 top": 16 * 2, "i64 low": 8 * 3, "i64 zeros": 16 * 4 * 2,
     "f64": 16, "f64 gain": 14, "f64 value": 8 * 2,
     "f64 decimals": 4 * 6, "f64 spread": 2 * 6, "f64 as float": 8 * 8,
+    "i64 even": 2 * EVEN, "i64 wraps": 13, "i64 agreed": 5, "f64 even": 4,
     "f32 decimals": 4 * 6,
     # by the size of the block, and whether the value begins or ends it
     "i16 block": 7 * 2, "i32 block": 7 * 4, "f32 block": 7 * 4, "wide block": 7 * 4,
@@ -67,8 +70,9 @@ class Counting:
         changes = self.steps(words.astype(np.int32))
         self._changes = ((changes + 0x8000) & 0xFFFF) - 0x8000
         self._wraps = ((changes < -0x8000).astype(np.int8) - (changes > 0x8000)).astype(np.int8)
+        self._rises = np.sign(changes).astype(np.int8)
         self._bits16 = change_bits(self._changes, 17)
-        self._cost16 = summed_lengths(self._bits16)
+        self._cost16 = change_lengths(self._changes, 17)
         self._absurd: dict[Hypothesis, NDArray[np.bool_]] = {}
         self._never = np.zeros(words.shape[1], np.bool_)
         self._singles()
@@ -109,6 +113,11 @@ class Counting:
         self._mean = np.digitize(self._bits16.sum(axis=0) / np.maximum(count, 1), _COSTS)
         self._direction = directions(changes)
         self._manner = manners(words, count)
+        self._even = evenness(words, count)
+        amount = np.abs(changes)
+        self._smooth = (amount > 0x1000).sum(axis=0) * 8 < np.maximum(count, 1)
+        usual = np.median(amount, axis=0) if len(amount) else np.zeros(words.shape[1])
+        self._pace = np.where(self.moved, np.digitize(usual, (2, 64)) + 1, 0)
 
     def _codes(self, number: int) -> Codes:
         hypothesis = HYPOTHESES[number]
@@ -137,6 +146,7 @@ class Counting:
             "i16 shape": np.where(moved, (self._size * 3 + self._direction) * 3 + self._sign(), NONE),
             "i16 share": np.where(moved, self._share * 3 + self._direction, NONE),
             "i16 manner": np.where(moved, self._manner * 3 + self._direction, NONE),
+            "i16 even": np.where(moved, self._even, NONE),
             "i16 block": self._block_size * 2 + moved,
         }
 
@@ -179,6 +189,7 @@ class Counting:
                 "f32 quiet": np.where(case == 0, kinds * 16 + self._class[low], NONE),
                 "f32 spread": np.where(case > 0, case * 6 + spreads(value), NONE),
                 "f32 decimals": case * 6 + decimals(value),
+                "f32 even": np.where(self.moved[low], both * EVEN + self._even[low], NONE),
                 "f32 block": self._edges(2),
             }
         gain = np.digitize(separate - change_lengths(steps, 33), _GAINS)
@@ -200,7 +211,9 @@ class Counting:
             "i32 as float": np.where(case > 0, (both * 8 + kinds) * 2 + few, NONE),
             "i32 carries": np.where(both, self._carries(high, steps), NONE),
             "i32 wraps": np.where(low_only | both, self._carried(high, low), NONE),
+            "i32 agreed": np.where(both, self._agreed(high, low), NONE),
             "i32 rhythm": np.where(low_only, (group == 0) * 25 + self._rhythm(high, low), NONE),
+            "i32 even": np.where(low_only | both, self._pace[high] * EVEN + self._even[low], NONE),
             "i32 block": self._edges(2),
         }
 
@@ -223,19 +236,28 @@ class Counting:
 
         0 it never runs over; 1 to 3 so it does (once, to three times, more often), 4 nearly so, 5 now and then, 6
         never. Where the high word stands still: 7 it never runs over, 8 and 9 a smooth one does (once, more often), 10
-        a wild one.
+        a wild one. A smooth one beside a high word that changes: 11 never runs over, 12 hardly ever when that changes.
         """
         wraps, steps = self._wraps[:, low], self._changes[:, high]
         over, moved = (wraps != 0).sum(axis=0), (steps != 0).sum(axis=0)
         matched = ((wraps != 0) & (steps == wraps)).sum(axis=0)
         most = np.maximum(np.maximum(over, moved), 1)
-        grades = np.where(matched >= 0.8 * most, 4, np.where(matched > 0, 5, 6))
+        smooth = self._smooth[low]
+        grades = np.where(matched >= 0.8 * most, 4, np.where(matched > 0.2 * most, 5, np.where(smooth, 12, 6)))
         grades = np.where(matched == most, np.digitize(over, (2, 4)) + 1, grades)
-        grades = np.where(over == 0, 0, grades)
-        size = np.abs(self._changes[:, low])
-        smooth = (size > 0x1000).sum(axis=0) * 8 < np.maximum((size > 0).sum(axis=0), 1)
+        grades = np.where(over == 0, np.where(smooth, 11, 0), grades)
         still = np.where(over == 0, 7, np.where(smooth, np.where(over == 1, 8, 9), 10))
         return np.where(moved == 0, still, grades)
+
+    def _agreed(self, high: Ints, low: Ints) -> Ints:
+        """Where a high word only grows, or only falls: whether the low word goes the same way each time that the high
+        word stays: 1 to 3 it does (to three times, to eight, more often), 4 it does not; 0 nothing can be said."""
+        stays = self._changes[:, high] == 0
+        up, down = ((stays & (self._rises[:, low] == sign)).sum(axis=0) for sign in (1, -1))
+        way = self._direction[high]
+        agreed, seen = np.where(way == 1, up, down), up + down
+        grades = np.where(agreed == seen, np.digitize(seen, (4, 9)) + 1, 4)
+        return np.where((way == 0) | (seen < 2), 0, grades)
 
     def _carries(self, high: Ints, steps: NDArray[np.int64]) -> Ints:
         """How the high word's changes fit a carry: their number, and the share of which the whole moved little."""
@@ -266,6 +288,7 @@ class Counting:
                 "f64 decimals": np.minimum(moved.sum(axis=1), 3) * 6 + decimals(value, 52),
                 "f64 spread": any_moved * 6 + spreads(value),
                 "f64 as float": self._as_floats(columns),
+                "f64 even": np.where(any_moved, (self._even[columns[:, 1:]] >= 3).sum(axis=1), NONE),
                 "wide block": self._edges(4),
             }
         steps = self._across(np.diff(pattern, axis=0).view(np.int64))
@@ -277,6 +300,9 @@ class Counting:
             "i64 gain": np.where(any_moved, gain, NONE),
             "i64 top": self._class[columns[:, 0]] * 2 + any_moved,
             "i64 zeros": (case * 4 + (self._class[columns[:, :3]] == 0).sum(axis=1)) * 2 + in_row,
+            "i64 even": np.where(self.moved[low], self.moved[columns[:, 2]] * EVEN + self._even[low], NONE),
+            "i64 wraps": np.where(self.moved[low], self._carried(columns[:, 2], low), NONE),
+            "i64 agreed": np.where(moved[:, 2] & moved[:, 3], self._agreed(columns[:, 2], low), NONE),
             "i64 low": np.where(self.moved[low], self._size[low] * 3 + self._direction[low], NONE),
             "wide block": self._edges(4),
         }

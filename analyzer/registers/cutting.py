@@ -16,7 +16,7 @@ from .hypotheses import HYPOTHESES, WORDS, moved_registers
 from .runs import Run
 
 _QUIET = 0.02  # what a register that never moved counts beside one that did
-_LONE = 0.47  # and a moving one beside a quiet one as one value: in doubt it stands alone, which gives the same number
+_LONE = 0.85  # and a moving one beside a quiet one as one value: in doubt it stands alone, which gives the same number
 
 
 @dataclass(frozen=True, slots=True, eq=False)

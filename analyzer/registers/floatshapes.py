@@ -11,7 +11,7 @@ from captures.ragged import Ints
 
 Floats = NDArray[np.float64]
 _LEAST: Final = 1e-30
-_GREATEST: Final = 1e30
+_GREATEST: Final = 1e16
 
 
 def float_ordinals(pair: NDArray[np.uint64]) -> NDArray[np.int64]:

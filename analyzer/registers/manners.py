@@ -1,6 +1,8 @@
-"""In what manner a register moves: as flags, states, packed bytes or parts of a clock do, or as a number does.
+"""In what manner a register moves: as flags, states, packed bytes or parts of a clock do, or as a number does; and how
+evenly it goes through all that it can hold.
 
-The manners that no low word of a wide number has tell registers that stand for themselves.
+The manners that no low word of a wide number has tell registers that stand for themselves. What is spread evenly over
+0000 to FFFF is hardly ever a register of its own: no quantity does so, the low words of all wide ones that move do.
 """
 
 from __future__ import annotations
@@ -15,8 +17,12 @@ from captures.ragged import Ints
 from .readings import Words
 
 MANNERS: Final = 7
+EVEN: Final = 5
 _FEW: Final = 3  # states, of which nothing more can be said
 _STATES: Final = 8
+_GATHERED: Final = 5.0  # Rayleigh's sum over the number of readings: by chance in one of 150 cases
+_MANY: Final = 30  # readings
+_ONES: Final = np.array([number.bit_count() for number in range(256)])
 _AGAIN: Final = 2  # changes for each state, where states come again
 
 
@@ -41,6 +47,26 @@ def manners(words: Words, changes: Ints) -> Ints:
     classes[(single.sum(axis=0) >= 0.9 * amount) & (flips >= 8).any(axis=0)] = 3
     classes[changes == 0] = 0
     return classes
+
+
+def evenness(words: Words, changes: Ints) -> Ints:
+    """Of each register how evenly its readings spread over 0000 to FFFF: 0 in half of it at most, 1 wider, 2 all over
+    but not evenly, 3 evenly, 4 evenly in many readings.
+
+    Even is what no turn of the whole circle, once or twice round, gathers anywhere (Rayleigh's test).
+    """
+    occupied = np.bitwise_or.reduce(np.uint8(1) << (words >> 13).astype(np.uint8), axis=0)
+    count = _ONES[occupied]
+    grades = np.where(count <= 4, 0, np.where(count <= 6, 1, 2)).astype(np.int64)
+    wide = np.flatnonzero((count >= 6) & (changes >= 0.6 * (len(words) - 1)) & (len(words) > 8))
+    if len(wide):
+        angles = words[:, wide].astype(np.float32) * np.float32(2 * np.pi / 0x10000)
+        gathered = [
+            np.cos(turns * angles).sum(axis=0) ** 2 + np.sin(turns * angles).sum(axis=0) ** 2 for turns in (1, 2)
+        ]
+        even = np.maximum(*gathered) < _GATHERED * len(words)
+        grades[wide[even]] = 3 if len(words) < _MANY else 4
+    return grades
 
 
 def _is_clock(words: Words, changed: NDArray[np.bool_], amount: Ints) -> NDArray[np.bool_]:

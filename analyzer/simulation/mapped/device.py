@@ -54,7 +54,7 @@ class MappedDevice:
     random: Random
     wild: float = 0.2  # of the values, those that do what nobody expects of their names
     words: dict[tuple[MapArea, int], int] = field(default_factory=dict)
-    _motions: list[tuple[MappedValue, Series]] = field(default_factory=list)
+    motions: list[tuple[MappedValue, Series]] = field(default_factory=list)
     _unlisted: list[tuple[tuple[MapArea, int], Series]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -67,11 +67,11 @@ class MappedDevice:
                 for register, word in enumerate(self._still(row), row.address):
                     self.words[row.area, register] = word
             else:
-                self._motions.append((row, plant.motion_of(row)))
+                self.motions.append((row, plant.motion_of(row)))
         for area, address, stored in self.chart.match.registers:
             for register, word in enumerate(stored, address):
                 self.words[area, register] = word
-        self._motions = [(row, motion) for row, motion in self._motions if not self._identifies(row)]
+        self.motions = [(row, motion) for row, motion in self.motions if not self._identifies(row)]
         self.step()
 
     def _identifies(self, row: MappedValue) -> bool:
@@ -83,7 +83,7 @@ class MappedDevice:
 
     def step(self) -> None:
         """One poll cycle later."""
-        for row, motion in self._motions:
+        for row, motion in self.motions:
             words = encoded(self._in_powers(row), next(motion))
             for offset, word in enumerate(words):
                 self.words[row.area, row.address + offset] = word
@@ -106,10 +106,10 @@ class MappedDevice:
         for register, word in enumerate(words, address):
             self.words[area, register] = word
         end = address + len(words)
-        for at, (row, _) in enumerate(self._motions):
+        for at, (row, _) in enumerate(self.motions):
             if row.area == area and address <= row.address and row.end <= end:
                 value = decoded(row, [self.words[area, register] for register in range(row.address, row.end)])
-                self._motions[at] = (row, series.constant(value))
+                self.motions[at] = (row, series.constant(value))
 
     def _still(self, row: MappedValue) -> list[int]:
         """The words of a text, or of a value that this device does not have."""
