@@ -14,6 +14,7 @@ from dissectors.length_rules import Role
 from dissectors.values import harmless
 
 from ..languages import counted, field_name, tr, wording
+from ..languages.retelling import retold
 from ..terminal_text import TerminalText, painted, terminal_text
 from .model import Paste, PastedFrame, PastedNoise
 from .numbers import every_reading, likely_floats
@@ -65,7 +66,9 @@ def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> Termina
 def left_out(paste: Paste) -> list[str]:
     """What of the text was not read, a line each; lines without anything like bytes are only counted."""
     lines = [
-        tr("line {number}: {why}", number=one.line, why=harmless(one.why)) for one in paste.unread if not one.empty
+        tr("line {number}: {why}", number=one.line, why=harmless(retold(one.why)))
+        for one in paste.unread
+        if not one.empty
     ]
     if not lines:
         return lines
