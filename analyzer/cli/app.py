@@ -111,7 +111,7 @@ def _with_settings(parser: argparse.ArgumentParser, arguments: list[str]) -> arg
 def _speak(arguments: list[str]) -> None:
     """The language that is asked for, in use before anything is said of the other arguments."""
     chosen = os.environ.get("RTUSCOPE_LANG")
-    for word, following in zip(arguments, [*arguments[1:], ""], strict=True):
+    for word, following in zip(arguments, [*arguments[1:], ""], strict=False):
         if word == "--lang" or word.startswith("--lang="):
             chosen = word.partition("=")[2] or following
     if chosen:
