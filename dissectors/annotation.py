@@ -18,11 +18,11 @@ from .functions.exceptions import RESPONSE as EXCEPTION_RESPONSE
 from .functions.exceptions import exception_name
 from .length_rules import Role
 from .lengths import layout
-from .parts import AnyConstruct
+from .parts import AnyConstruct, Short
 from .registry import function as declared
 from .registry import function_class, function_code, function_name
 from .tracing import record
-from .wording import ENGLISH, Wording, plural
+from .wording import ENGLISH, Wording
 
 __all__ = ["Context", "Field", "annotate", "summary"]
 
@@ -36,14 +36,17 @@ class Context:
     request: bytes | None = None
 
 
-def annotate(adu: Adu, role: Role, context: Context = Context()) -> tuple[Field, ...]:
-    """Every field of a frame, in order; offsets are in `adu.data`. Never raises, whatever the bytes."""
+def annotate(adu: Adu, role: Role, context: Context = Context(), wording: Wording = ENGLISH) -> tuple[Field, ...]:
+    """Every field of a frame, in order; offsets are in `adu.data`. Never raises, whatever the bytes.
+
+    Texts and problems are told in `wording`; names never are, and text that is the device's own stays.
+    """
     data = adu.data
-    head = header_fields(adu)
+    head = header_fields(adu, wording)
     at = sum(field.length for field in head)
     end = at + len(adu.pdu)
-    body = _pdu(data, at, end, role, context) if at < end else ()
-    return (*head, *body, *check_fields(adu, end))
+    body = _pdu(data, at, end, role, context, wording) if at < end else ()
+    return (*head, *body, *check_fields(adu, end, wording))
 
 
 def summary(adu: Adu, role: Role, context: Context = Context(), wording: Wording = ENGLISH) -> str:
@@ -64,7 +67,7 @@ def summary(adu: Adu, role: Role, context: Context = Context(), wording: Wording
     function = declared(code)
     if function is None or code & EXCEPTION:
         return say("{name}, {bytes} of data").format(name=name, bytes=wording.count(end - at - 1, "byte"))
-    recorder = _recorder(data, at, end, role, context, brief=True)
+    recorder = _recorder(data, at, end, role, context, wording, brief=True)
     declaration = function.request if role is Role.REQUEST else function.response
     _, problem = record(declaration, data[at + 1 : end], recorder)
     for template in function.words(role.name.lower()):
@@ -74,42 +77,44 @@ def summary(adu: Adu, role: Role, context: Context = Context(), wording: Wording
     return f"{name} {say(role.name.lower())}{': ' + problem if problem else ''}"
 
 
-def header_fields(adu: Adu) -> tuple[Field, ...]:
+def header_fields(adu: Adu, wording: Wording = ENGLISH) -> tuple[Field, ...]:
     """What stands before the PDU."""
     data = adu.data
     if adu.protocol != "tcp":
-        return (_unit(data, 0, serial=True),) if data else ()
+        return (_unit(data, 0, wording, serial=True),) if data else ()
     fields: list[Field] = []
     for name, at, end in (("transaction", 0, 2), ("protocol_id", 2, 4), ("length", 4, 6)):
         part = data[at:end]
         if not part:
             return tuple(fields)
         if len(part) < 2:
-            fields.append(Field(name, at, 1, part.hex(), part.hex(), part.hex(), problem="2 bytes are due, 1 is there"))
+            problem = Short(2, 1).told(wording)
+            fields.append(Field(name, at, 1, part.hex(), part.hex(), part.hex(), problem=problem))
             return tuple(fields)
         value = int.from_bytes(part, "big")
-        problem = None
+        problem = ""
         if name == "protocol_id" and value:
-            problem = "0 is Modbus, anything else is not"
+            problem = wording.say("0 is Modbus, anything else is not")
         elif name == "length" and value != len(data) - end:
-            problem = f"{plural(value, 'byte')} should follow, {len(data) - end} do"
-        fields.append(Field(name, at, 2, value, part.hex(), str(value), problem=problem))
+            due = wording.count(value, "byte")
+            problem = wording.tell("{due} should follow, {there} do", due=due, there=len(data) - end)
+        fields.append(Field(name, at, 2, value, part.hex(), str(value), problem=problem or None))
     if len(data) >= MBAP:
-        fields.append(_unit(data, MBAP - 1, serial=False))
+        fields.append(_unit(data, MBAP - 1, wording, serial=False))
     return tuple(fields)
 
 
-def _unit(data: bytes, at: int, *, serial: bool) -> Field:
+def _unit(data: bytes, at: int, wording: Wording, *, serial: bool) -> Field:
     unit = data[at]
     text, problem = str(unit), None
     if serial and unit == BROADCAST:
-        text = "0 (broadcast)"
+        text = wording.say("0 (broadcast)")
     elif serial and unit > LAST_UNIT:
-        problem = "units 248 to 255 are reserved"
+        problem = wording.say("units 248 to 255 are reserved")
     return Field("unit", at, 1, unit, f"{unit:02x}", text, problem=problem)
 
 
-def function_field(data: bytes, at: int, role: Role) -> Field:
+def function_field(data: bytes, at: int, role: Role, wording: Wording = ENGLISH) -> Field:
     """The function code's field, which is at `at`."""
     code = data[at]
     raw = f"{code:02x}"
@@ -117,26 +122,27 @@ def function_field(data: bytes, at: int, role: Role) -> Field:
     text = f"{function_code(code)} {function_name(code)}"
     if code & EXCEPTION and role is Role.RESPONSE:
         parts = (
-            Field("exception_flag", at, 1, True, raw, "exception", 7, 1),
+            Field("exception_flag", at, 1, True, raw, wording.say("exception"), 7, 1),
             Field("function_code", at, 1, code & ~EXCEPTION, raw, text, 0, 7),
         )
-        return Field("function", at, 1, code, raw, f"exception to {text}", fields=parts)
+        text = wording.tell("exception to {function}", function=text)
+        return Field("function", at, 1, code, raw, text, fields=parts)
     problem = None
     if code & EXCEPTION:
-        text, problem = f"0x{code:02X}", "function codes of requests are 1 to 127"
+        text, problem = f"0x{code:02X}", wording.say("function codes of requests are 1 to 127")
     elif kind == "invalid":
-        problem = "function codes are 1 to 127"
+        problem = wording.say("function codes are 1 to 127")
     return Field("function", at, 1, code, raw, text, problem=problem)
 
 
-def _pdu(data: bytes, at: int, end: int, role: Role, context: Context) -> tuple[Field, ...]:
+def _pdu(data: bytes, at: int, end: int, role: Role, context: Context, wording: Wording) -> tuple[Field, ...]:
     """The fields of the PDU from `at` to `end`."""
-    head = function_field(data, at, role)
+    head = function_field(data, at, role, wording)
     code = data[at]
     function = declared(code)
     begin = at + 1
     exception = bool(code & EXCEPTION)
-    recorder = _recorder(data, at, end, role, context)
+    recorder = _recorder(data, at, end, role, context, wording)
     if (role is Role.REQUEST) if exception else (function is None):
         rest = data[begin:end]
         return (head, opaque("data", 0, len(rest), rest, recorder)) if rest else (head,)
@@ -148,11 +154,13 @@ def _pdu(data: bytes, at: int, end: int, role: Role, context: Context) -> tuple[
     fields = [head, *_tiled(recorder, begin, begin + reached if problem is None else end, end)]
     if problem is not None and not any(field.problem for field in fields):
         # Nothing of the part that failed is there to carry the problem: the last field that is there does.
-        fields[-1] = replace(fields[-1], problem=f"after this, {problem}")
+        fields[-1] = replace(fields[-1], problem=wording.tell("after this, {problem}", problem=problem))
     return tuple(fields)
 
 
-def _recorder(data: bytes, at: int, end: int, role: Role, context: Context, *, brief: bool = False) -> FieldTracer:
+def _recorder(
+    data: bytes, at: int, end: int, role: Role, context: Context, wording: Wording, *, brief: bool = False
+) -> FieldTracer:
     code = data[at]
     request: Mapping[str, int] = {}
     echoes: tuple[str, ...] = ()
@@ -165,7 +173,7 @@ def _recorder(data: bytes, at: int, end: int, role: Role, context: Context, *, b
         }
         function = declared(code)
         echoes = function.echoes if function is not None else ()
-    return FieldTracer(data, at + 1, end, brief, request, echoes)
+    return FieldTracer(data, at + 1, end, brief, request, echoes, wording)
 
 
 def _tiled(recorder: FieldTracer, begin: int, reached: int, end: int) -> Iterator[Field]:
@@ -182,28 +190,33 @@ def _tiled(recorder: FieldTracer, begin: int, reached: int, end: int) -> Iterato
         yield _gap("unnamed", at, reached, recorder)
         at = reached
     if at < end:
-        left = plural(end - at, "byte")
-        yield _gap("surplus", at, end, recorder, f"{left} more than the frame's fields take")
+        left = recorder.wording.count(end - at, "byte")
+        problem = recorder.wording.tell("{bytes} more than the frame's fields take", bytes=left)
+        yield _gap("surplus", at, end, recorder, problem)
 
 
 def _gap(name: str, at: int, end: int, recorder: FieldTracer, problem: str | None = None) -> Field:
     return opaque(name, at - recorder.offset, end - at, recorder.data[at:end], recorder, problem)
 
 
-def check_fields(adu: Adu, at: int) -> tuple[Field, ...]:
+def check_fields(adu: Adu, at: int, wording: Wording = ENGLISH) -> tuple[Field, ...]:
     """The check value's field, which is at `at`; TCP has none."""
+    say = wording.say
     width = _CHECK_WIDTH[adu.protocol]
     if not width or not adu.data:
         return ()
     name = "crc" if adu.protocol == "rtu" else "lrc"
     if adu.check_received is None and at < len(adu.data):
         raw = adu.data[at:].hex()
-        return (Field(name, at, len(adu.data) - at, None, raw, f"{raw.upper()} …", problem="cut: half of it is there"),)
+        problem = say("cut: half of it is there")
+        return (Field(name, at, len(adu.data) - at, None, raw, f"{raw.upper()} …", problem=problem),)
     if adu.check_received is None or adu.check_computed is None:
-        return (Field(name, at, 0, None, "", "missing", problem=f"{plural(at, 'byte')} can't hold a frame"),)
+        problem = wording.tell("{bytes} can't hold a frame", bytes=wording.count(at, "byte"))
+        return (Field(name, at, 0, None, "", say("missing"), problem=problem),)
     raw = adu.data[at:].hex()
     if adu.check_ok:
-        return (Field(name, at, width, adu.check_received, raw, "ok"),)
+        return (Field(name, at, width, adu.check_received, raw, say("ok")),)
     due = adu.check_computed.to_bytes(width, "little").hex(" ").upper()
-    text = f"wrong: {due} is right, {adu.data[at:].hex(' ').upper()} is there"
-    return (Field(name, at, width, adu.check_received, raw, text, problem=f"{due} is right"),)
+    there = adu.data[at:].hex(" ").upper()
+    text = wording.tell("wrong: {due} is right, {there} is there", due=due, there=there)
+    return (Field(name, at, width, adu.check_received, raw, text, problem=wording.tell("{due} is right", due=due)),)

@@ -15,6 +15,7 @@ import construct
 from .fields import Field, FieldTracer, Value
 from .parts import AnyConstruct, Part, Short, register_text
 from .values import Area, device_text, is_text, logical
+from .wording import ENGLISH, Wording
 
 if TYPE_CHECKING:
     _Struct = construct.Struct
@@ -87,10 +88,10 @@ class Registers(Counted):
     def looks_at(self) -> tuple[str, ...]:
         return () if self.start is None else (self.start,)
 
-    def text(self, value: Sequence[int]) -> str:
+    def text(self, value: Sequence[int], wording: Wording = ENGLISH) -> str:
         """The registers on one line."""
         text = " ".join(map(self.digits, value[: self.shown]))
-        return f"{text} … {len(value)} in all" if len(value) > self.shown else text
+        return f"{text}{_in_all(len(value), wording)}" if len(value) > self.shown else text
 
     @staticmethod
     def digits(register: int) -> str:
@@ -109,7 +110,7 @@ class Registers(Counted):
         return Field(self.each, at, 2, register, raw, text, None, None, (), None, address)
 
     def describe(self, name: str, start: int, length: int, value: Sequence[int], tracer: FieldTracer) -> Field:
-        text = self.text(value)
+        text = self.text(value, tracer.wording)
         if tracer.brief:
             return tracer.make(name, start, length, len(value), text)
         first = tracer.number(self.start)
@@ -121,7 +122,7 @@ class Registers(Counted):
         ]
         problem = None
         if length % 2:
-            problem = "an odd number of bytes: the last is half a register"
+            problem = tracer.wording.say("an odd number of bytes: the last is half a register")
             children.append(tracer.make("rest", start + length - 1, 1, raw[-2:], raw[-2:], problem=problem))
         return Field(name, at, length, None, raw, text, None, None, tuple(children), problem)
 
@@ -149,15 +150,15 @@ class Bits(Counted):
     def looks_at(self) -> tuple[str, ...]:
         return self.start, self.quantity
 
-    def text(self, value: Sequence[bool]) -> str:
+    def text(self, value: Sequence[bool], wording: Wording = ENGLISH) -> str:
         """The bits on one line, those of a byte together."""
         digits = "".join("1" if on else "0" for on in value[: self.shown])
         text = " ".join(digits[i : i + 8] for i in range(0, len(digits), 8))
-        return f"{text} … {len(value)} in all" if len(value) > self.shown else text
+        return f"{text}{_in_all(len(value), wording)}" if len(value) > self.shown else text
 
-    def child(self, at: int, on: bool, raw: str, bit: int, address: int | None) -> Field:
+    def child(self, at: int, on: bool, raw: str, bit: int, address: int | None, wording: Wording = ENGLISH) -> Field:
         """The field of one coil or input, in the byte at `at` in the ADU."""
-        text = "on" if on else "off"
+        text = wording.say("on" if on else "off")
         if address is not None:
             text = f"{logical(address, self.area)}: {text}"
         return Field(self.each, at, 1, on, raw, text, bit, 1, (), None, address)
@@ -165,27 +166,29 @@ class Bits(Counted):
     def describe(self, name: str, start: int, length: int, value: Sequence[bool], tracer: FieldTracer) -> Field:
         quantity = tracer.number(self.quantity)
         n = len(value) if quantity is None else min(quantity, len(value))
-        text = self.text(value[:n])
+        text = self.text(value[:n], tracer.wording)
         if tracer.brief:
             return tracer.make(name, start, length, n, text)
         first = tracer.number(self.start)
         at = tracer.offset + start
         raw = tracer.data[at : at + length].hex()
         children = [
-            self.child(at + (i >> 3), value[i], raw[i >> 3 << 1 : (i >> 3 << 1) + 2], i & 7, _address(first, i))
+            self.child(
+                at + (i >> 3), value[i], raw[i >> 3 << 1 : (i >> 3 << 1) + 2], i & 7, _address(first, i), tracer.wording
+            )
             for i in range(n)
         ]
         if n < len(value):
-            children.append(self.padding(at, raw, value, n))
+            children.append(self.padding(at, raw, value, n, tracer.wording))
         return Field(name, at, length, None, raw, text, None, None, tuple(children))
 
     @staticmethod
-    def padding(at: int, raw: str, value: Sequence[bool], n: int) -> Field:
+    def padding(at: int, raw: str, value: Sequence[bool], n: int, wording: Wording = ENGLISH) -> Field:
         """What the last bytes hold beyond the quantity: zeros ([1] 6.1)."""
         byte, bit = n >> 3, n & 7
         spare = len(value) - n
         number = sum(on << i for i, on in enumerate(value[n:]))
-        problem = "unused bits are not zero" if number else None
+        problem = wording.say("unused bits are not zero") if number else None
         if spare < 8:
             return Field(
                 "padding", at + byte, 1, number, raw[2 * byte :], f"{number:0{spare}b}", bit, spare, (), problem
@@ -223,25 +226,34 @@ class Text(Counted):
 class Split(Counted):
     """Counted bytes that a function takes apart: it is given them and returns (name, length, value, text) in order.
 
-    A value of None stands for the bytes' hex.
+    A value of None stands for the bytes' hex. Where it is a number the text is the declaration's, and told in the words
+    of who reads it, by `told` where that is given; other texts are the device's own.
     """
 
     def __init__(
-        self, count: str, pieces: Callable[[bytes], Sequence[tuple[str, int, Value, str]]], *, less: int = 0
+        self,
+        count: str,
+        pieces: Callable[[bytes], Sequence[tuple[str, int, Value, str]]],
+        *,
+        less: int = 0,
+        told: Callable[[int, Wording], str] | None = None,
     ) -> None:
         super().__init__(count, less=less)
         self.pieces = pieces
+        self.told = told
 
     def describe(self, name: str, start: int, length: int, value: bytes, tracer: FieldTracer) -> Field:
         children = []
         at = start
         for label, size, plain, text in self.pieces(value):
             shown = value[at - start : at - start + size].hex() if plain is None else plain
+            if isinstance(plain, int):
+                text = tracer.wording.say(text) if self.told is None else self.told(plain, tracer.wording)
             children.append(tracer.make(label, at, size, shown, text))
             at += size
         text = ", ".join(child.text for child in children[:_SHOWN_PIECES])
         if len(children) > _SHOWN_PIECES:
-            text += f" … {len(children)} in all"
+            text += _in_all(len(children), tracer.wording)
         return tracer.make(name, start, length, None, text, tuple(children))
 
 
@@ -296,7 +308,8 @@ class Items(Part):
     def problem(self, value: Any, length: int, tracer: FieldTracer) -> str | None:  # noqa: ARG002
         counted = tracer.number(self.octets)
         if counted is not None and counted != length:
-            return f"the byte count says {counted}, what is in it takes {length}"
+            words = "the byte count says {counted}, what is in it takes {length}"
+            return tracer.wording.tell(words, counted=counted, length=length)
         return None
 
 
@@ -310,6 +323,11 @@ class Record(_Struct):
 
 class Variant(_Switch):
     """A Switch that holds the rest of a PDU: its fields stand beside those before it, not below a field of its own."""
+
+
+def _in_all(number: int, wording: Wording) -> str:
+    """What stands behind the first of many."""
+    return wording.tell(" … {number} in all", number=number)
 
 
 def _address(first: int | None, i: int) -> int | None:

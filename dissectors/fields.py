@@ -67,7 +67,8 @@ class FieldTracer:
 
     `data` is the ADU, `offset` and `end` where in it the declared part begins and ends. `brief` asks for the
     short texts of a summary and no children of long blocks. `request` holds the numbers of the request that is
-    answered, by name; `echoes` names those that the response must repeat.
+    answered, by name; `echoes` names those that the response must repeat. `wording` is what texts and problems are told
+    in.
     """
 
     data: bytes
@@ -76,6 +77,7 @@ class FieldTracer:
     brief: bool = False
     request: Mapping[str, int] = field(default_factory=dict)
     echoes: tuple[str, ...] = ()
+    wording: Wording = ENGLISH
     values: dict[str, object] = field(default_factory=dict)
     fields: list[Field] = field(default_factory=list)
 

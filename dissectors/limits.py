@@ -11,6 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
+from .wording import ENGLISH, Wording
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -36,9 +38,11 @@ class Bound:
     high: int
     soft: bool = True
 
-    def broken(self, value: int) -> str | None:
+    def broken(self, value: int, wording: Wording = ENGLISH) -> str | None:
         """What is wrong with this value, or None."""
-        return None if self.low <= value <= self.high else f"{value} is outside {self.low} to {self.high}"
+        if self.low <= value <= self.high:
+            return None
+        return wording.tell("{value} is outside {low} to {high}", value=value, low=self.low, high=self.high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,15 +54,16 @@ class Choice:
     values: tuple[int, ...]
     soft: bool = True
 
-    def broken(self, value: int) -> str | None:
+    def broken(self, value: int, wording: Wording = ENGLISH) -> str | None:
         """What is wrong with this value, or None."""
         if value in self.values:
             return None
         digits = 2 * self.width
+        shown = f"{value:0{digits}X}"
         if len(self.values) > _LISTED:
-            return f"{value:0{digits}X} is not defined"
-        choices = " or ".join(f"{v:0{digits}X}" for v in self.values)
-        return f"{value:0{digits}X} should be {choices}"
+            return wording.tell("{value} is not defined", value=shown)
+        choices = wording.say(" or ").join(f"{v:0{digits}X}" for v in self.values)
+        return wording.tell("{value} should be {choices}", value=shown, choices=choices)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +75,9 @@ class Multiple:
     n: int
     soft: bool = False
 
-    def broken(self, value: int) -> str | None:
+    def broken(self, value: int, wording: Wording = ENGLISH) -> str | None:
         """What is wrong with this value, or None."""
-        return f"{value} is no multiple of {self.n}" if value % self.n else None
+        return wording.tell("{value} is no multiple of {n}", value=value, n=self.n) if value % self.n else None
 
 
 @dataclass(frozen=True, slots=True)

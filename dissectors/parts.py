@@ -17,6 +17,7 @@ from .fields import Field, FieldTracer
 from .limits import Bound, Check, Choice, Multiple, taken
 from .values import Area, hexadecimal, logical, signed
 from .values import bits as bit_text
+from .wording import ENGLISH, Wording
 
 if TYPE_CHECKING:
     AnyConstruct = construct.Construct[Any, Any]
@@ -32,8 +33,17 @@ class Short(construct.StreamError):
     """A part that the bytes end in; `value` is what there was of it."""
 
     def __init__(self, wanted: int, there: int, value: object = None) -> None:
-        super().__init__(f"{wanted} bytes are due, {there} {'is' if there == 1 else 'are'} there")
+        self.wanted = wanted
+        self.there = there
         self.value = value
+        super().__init__(self.told(ENGLISH))
+
+    def told(self, wording: Wording) -> str:
+        """How many bytes are missing."""
+        if self.wanted == 1:
+            return wording.say("1 byte is due, none is there")
+        words = "{wanted} are due, 1 is there" if self.there == 1 else "{wanted} are due, {there} are there"
+        return wording.tell(words, wanted=wording.count(self.wanted, "byte"), there=self.there)
 
 
 class Part(AnyConstruct):
@@ -88,18 +98,25 @@ class Number(Part):
     def describe(self, name: str, start: int, length: int, value: int, tracer: FieldTracer) -> Field:
         at = tracer.offset + start
         raw = tracer.data[at : at + length].hex()
-        text = self.brief(value) if tracer.brief else self.text(value)
+        if tracer.brief and (brief := self.brief(value)) != self.text(value):
+            text = tracer.wording.say(brief)
+        else:
+            text = self.told(value, tracer.wording)
         return Field(name, at, length, value, raw, text, None, None, (), self.problem(value, length, tracer))
 
     def problem(self, value: int, length: int, tracer: FieldTracer) -> str | None:  # noqa: ARG002
         for check in self.checks:
-            if (broken := check.broken(value)) is not None:
+            if (broken := check.broken(value, tracer.wording)) is not None:
                 return broken
         return None
 
     def text(self, value: int) -> str:
         """The value for people."""
         return f"{value} {self.noun}" if self.noun else str(value)
+
+    def told(self, value: int, wording: Wording) -> str:
+        """The value for people, in words of theirs."""
+        return f"{value} {wording.say(self.noun)}" if self.noun else wording.say(self.text(value))
 
     def brief(self, value: int) -> str:
         """The value in a summary."""
@@ -154,8 +171,11 @@ class ByteCount(Number):
     def problem(self, value: int, length: int, tracer: FieldTracer) -> str | None:
         quantity = tracer.number(self.of)
         if quantity is not None and value != taken(quantity, self.bits):
-            where = "" if self.of in tracer.values else " of the request"
-            return f"the quantity{where}, {quantity}, takes {taken(quantity, self.bits)} bytes, not {value}"
+            here = "the quantity, {quantity}, takes {taken}, not {value}"
+            asked = "the quantity of the request, {quantity}, takes {taken}, not {value}"
+            due = tracer.wording.count(taken(quantity, self.bits), "byte")
+            words = here if self.of in tracer.values else asked
+            return tracer.wording.tell(words, quantity=quantity, taken=due, value=value)
         return super().problem(value, length, tracer)
 
 
@@ -200,6 +220,10 @@ class Code(Number):
         digits = f"{value:0{2 * self.width}X}"
         return f"{digits} {word}" if word else digits
 
+    def told(self, value: int, wording: Wording) -> str:
+        word = self.words.get(value)
+        return self.text(value).replace(word, wording.say(word)) if word else self.text(value)
+
     def brief(self, value: int) -> str:
         return self.words.get(value) or self.text(value)
 
@@ -231,7 +255,7 @@ class Flags(Number):
 
     def describe(self, name: str, start: int, length: int, value: int, tracer: FieldTracer) -> Field:
         field = super().describe(name, start, length, value, tracer)
-        return field if tracer.brief else replace(field, fields=flag_fields(field, value, self.names))
+        return field if tracer.brief else replace(field, fields=flag_fields(field, value, self.names, tracer.wording))
 
     def text(self, value: int) -> str:
         return f"0x{value:02X} ({value:08b})"
@@ -248,12 +272,12 @@ def dependencies(part: Part) -> tuple[str, ...] | None:
     return None
 
 
-def flag_fields(parent: Field, value: int, names: Mapping[int, str]) -> tuple[Field, ...]:
+def flag_fields(parent: Field, value: int, names: Mapping[int, str], wording: Wording = ENGLISH) -> tuple[Field, ...]:
     """A field for each named bit of a byte."""
     fields = []
     for bit, name in names.items():
         on = bool(value >> bit & 1)
-        fields.append(Field(name, parent.start, 1, on, parent.raw, "yes" if on else "no", bit, 1))
+        fields.append(Field(name, parent.start, 1, on, parent.raw, wording.say("yes" if on else "no"), bit, 1))
     return tuple(fields)
 
 

@@ -20,6 +20,7 @@ from .fields import Field, FieldTracer, Value, filled
 from .parts import AnyConstruct, AnySubconstruct, Number, Part, Short
 from .structure import rebuilt
 from .values import harmless
+from .wording import Wording
 
 _TRIALS: Final = (construct.GreedyRange, construct.Select, construct.Peek)
 _RECORDER: Final = "recorder"
@@ -32,9 +33,10 @@ def record(declaration: AnyConstruct, data: bytes, recorder: FieldTracer) -> tup
     try:
         _telling(declaration).parse_stream(stream, recorder=recorder)
     except construct.ConstructError as error:
-        problem = _message(error)
+        problem = _message(error, recorder.wording)
     except Exception as error:  # a user's declaration may fail in any way on bytes that it was not made for
-        problem = f"the declaration failed: {type(error).__name__}: {error}"
+        why = f"{type(error).__name__}: {error}"
+        problem = recorder.wording.tell("the declaration failed: {why}", why=why)
     return min(stream.tell(), len(data)), problem
 
 
@@ -123,7 +125,7 @@ class _Leaf(AnySubconstruct):
         data = tracer.data[tracer.offset + start : tracer.end]
         if not data:
             return
-        problem = _message(error)
+        problem = _message(error, tracer.wording)
         if isinstance(error, Short) and error.value is not None and self.part is not None:
             field = self.part.describe(self.label, start, len(data), error.value, tracer)
             tracer.fields.append(replace(field, problem=problem))
@@ -138,7 +140,8 @@ def echoed(field: Field, part: AnyConstruct, value: Any, tracer: FieldTracer) ->
     requested = tracer.request.get(field.name)
     if requested is None or requested == value:
         return field
-    return replace(field, problem=f"the request has {part.text(requested) if isinstance(part, Number) else requested}")
+    asked = part.told(requested, tracer.wording) if isinstance(part, Number) else requested
+    return replace(field, problem=tracer.wording.tell("the request has {value}", value=asked))
 
 
 class _Level(AnySubconstruct):
@@ -165,10 +168,12 @@ class _Level(AnySubconstruct):
             if not failed:
                 end = max(end, stream.tell())
             if not failed or inner:
-                words = filled(getattr(self.subcon, "words", ""), inner) or ", ".join(c.text for c in inner)
+                words = filled(getattr(self.subcon, "words", ""), inner, tracer.wording) or ", ".join(
+                    c.text for c in inner
+                )
                 problem = None
                 if failed:
-                    problem = "incomplete"
+                    problem = tracer.wording.say("incomplete")
                 elif isinstance(self.subcon, Part):
                     problem = self.subcon.problem(value, end - start, tracer)
                 tracer.fields.append(tracer.make(self.label, start, end - start, None, words, inner, problem))
@@ -234,8 +239,10 @@ def _shown(value: Any) -> tuple[Value, str]:
     return text, text
 
 
-def _message(error: Exception) -> str:
+def _message(error: Exception, wording: Wording) -> str:
     """What went wrong, on one line, without construct's path."""
+    if isinstance(error, Short):
+        return error.told(wording)
     text = str(error.args[0]) if isinstance(error, construct.ConstructError) and error.args else str(error)
     text = text.split("\n")[0] if not text.startswith("Error in path") else text.split("\n", 1)[-1].split("\n")[0]
     return harmless(text) or type(error).__name__

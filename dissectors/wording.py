@@ -19,5 +19,9 @@ class Wording:
     say: Callable[[str], str] = str
     count: Callable[[int, str], str] = plural
 
+    def tell(self, template: str, /, **numbers: object) -> str:
+        """A template by its English, filled."""
+        return self.say(template).format_map(numbers)
+
 
 ENGLISH: Final = Wording()

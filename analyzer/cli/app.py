@@ -50,7 +50,9 @@ class Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, f"invalid choice: {value!r}{near or f' (choose from {choices})'}")
 
     def error(self, message: str) -> NoReturn:
-        raise UsageError(f"{message} (see {self.prog} --help)")
+        from ..languages.retelling import retold
+
+        raise UsageError(f"{retold(message)} {retold(f'(see {self.prog} --help)')}")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -106,7 +108,21 @@ def _with_settings(parser: argparse.ArgumentParser, arguments: list[str]) -> arg
     return parsed
 
 
+def _speak(arguments: list[str]) -> None:
+    """The language that is asked for, in use before anything is said of the other arguments."""
+    chosen = os.environ.get("RTUSCOPE_LANG")
+    for word, following in zip(arguments, [*arguments[1:], ""], strict=False):
+        if word == "--lang" or word.startswith("--lang="):
+            chosen = word.partition("=")[2] or following
+    if chosen:
+        from ..languages import LANGUAGES, use
+
+        if chosen in LANGUAGES:
+            use(chosen)
+
+
 def _run(arguments: list[str]) -> int:
+    _speak(arguments)
     if "_ARGCOMPLETE" in os.environ:
         import argcomplete
 

@@ -53,9 +53,11 @@ def interruptible() -> Iterator[Stop]:
 
 
 def tell(text: str) -> None:
-    """A line on standard error, past a status line that may stand there."""
+    """A line on standard error, in the language in use, past a status line that may stand there."""
+    from ..languages.retelling import retold
+
     erase = ERASE_LINE if places(sys.stderr) else ""
-    print(terminal_text(erase, f"rtuscope: {harmless(text)}"), file=sys.stderr, flush=True)
+    print(terminal_text(erase, f"rtuscope: {harmless(retold(text))}"), file=sys.stderr, flush=True)
 
 
 def say_in_place(text: str) -> None:

@@ -2,9 +2,10 @@
 
 A catalogue is the TOML files of this package that begin with the language's name: `page` (words of the report, by their
 English), `fragments` (words that are filled into others), `causes` (by id: text, share, test, remedy), `findings`
-(pieces of what findings say, by their English), `frames` (templates of what a frame says), `interface` (words of the
-interface) and `counted` (nouns behind a number, by their English singular, in all their forms). What a catalogue lacks
-is told in English.
+(pieces of what findings say, by their English), `frames` (templates of what a frame and its fields say), `fields`
+(names of fields), `errors` (templates of one-line errors), `interface` (words of the interface) and `counted` (nouns
+behind a number, by their English singular, in all their forms). What a catalogue lacks is told in
+English.
 """
 
 from __future__ import annotations
@@ -80,6 +81,11 @@ def wording() -> Wording:
     return Wording(
         lambda english: str(own.get(english, english)), lambda number, noun: counted(number, noun, f"{noun}s")
     )
+
+
+def field_name(name: str) -> str:
+    """A field's name for people; JSON and filters have it as it is."""
+    return str(catalogue(_language.get()).get("fields", {}).get(name, name))
 
 
 def cause_words(cause: str, part: str, english: str) -> str:

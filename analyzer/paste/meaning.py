@@ -8,6 +8,8 @@ from typing import Any, Final
 from dissectors.maps import RegisterMap
 from dissectors.maps.decoding import MappedReading, readings_by_map
 
+from ..languages import tr
+
 _AREAS: Final = {
     1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding", 16: "holding", 22: "holding",
     23: "holding", 4: "input",
@@ -46,7 +48,7 @@ def meaning_text(lines: Iterable[Mapping[str, Any]], chart_of: Mapping[int, Regi
         readings = mapped_readings(line, chart) if chart is not None else []
         if readings:
             width = max(len(reading.row.name) for reading in readings)
-            parts.append(f"by the map, unit {line['unit']} at byte {line['start']}:")
+            parts.append(tr("by the map, unit {unit} at byte {start}:", unit=line["unit"], start=line["start"]))
             for reading in readings:
                 last = f"-{reading.row.end - 1}" if reading.row.length > 1 else ""
                 where = f"{reading.row.area} {reading.row.address}{last}"

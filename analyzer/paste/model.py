@@ -65,10 +65,10 @@ class PastedFrame:
         """Check value right; None where the envelope has none. A cut frame's is not."""
         return False if self.missing else self.adu.check_ok
 
-    def fields(self, role: Role | None = None) -> tuple[Field, ...]:
+    def fields(self, role: Role | None = None, wording: Wording = ENGLISH) -> tuple[Field, ...]:
         """Every field, read as the frame's own role or as another."""
         role = self.role if role is None else role
-        fields = annotate(self.adu, role, self._context(role))
+        fields = annotate(self.adu, role, self._context(role), wording)
         return tuple(field for field in fields if field.length or not self.missing)
 
     def summary(self, role: Role | None = None, wording: Wording = ENGLISH) -> str:

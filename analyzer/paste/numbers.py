@@ -12,6 +12,8 @@ from typing import Final
 from dissectors.fields import Field
 from dissectors.values import Order, floating, readings
 
+from ..languages import tr
+
 _USUAL: Final[tuple[Order, ...]] = ("ABCD", "CDAB")
 _SMALLEST: Final = 1e-3
 _LARGEST: Final = 1e7
@@ -28,7 +30,7 @@ def likely_floats(fields: Sequence[Field]) -> dict[int, str]:
         pair = values[i : i + 2]
         hints = [f"{order} {floating(pair, order):.7g}" for order in _USUAL if _everyday(floating(pair, order))]
         if hints and all(pair):
-            texts[i] = f"with the next as float: {' or '.join(hints)}"
+            texts[i] = tr("with the next as float: {readings}", readings=tr(" or ").join(hints))
     return texts
 
 
@@ -45,7 +47,7 @@ def every_reading(field: Field) -> Iterator[str]:
             continue
         yield ""
         kinds = ("u", "s", "f")
-        yield f"  {'registers':<15}{'order':<7}" + "".join(
+        yield f"  {tr('registers'):<15}{tr('order'):<7}" + "".join(
             f"{f'{kind}{16 * size}':>{26 if size == 4 else 18}}" for kind in kinds
         )
         for i in range(0, len(values) - size + 1, size):

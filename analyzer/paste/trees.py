@@ -13,7 +13,8 @@ from dissectors.fields import Field
 from dissectors.length_rules import Role
 from dissectors.values import harmless
 
-from ..languages import counted, tr, wording
+from ..languages import counted, field_name, tr, wording
+from ..languages.retelling import retold
 from ..terminal_text import TerminalText, painted, terminal_text
 from .model import Paste, PastedFrame, PastedNoise
 from .numbers import every_reading, likely_floats
@@ -65,7 +66,9 @@ def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> Termina
 def left_out(paste: Paste) -> list[str]:
     """What of the text was not read, a line each; lines without anything like bytes are only counted."""
     lines = [
-        tr("line {number}: {why}", number=one.line, why=harmless(one.why)) for one in paste.unread if not one.empty
+        tr("line {number}: {why}", number=one.line, why=harmless(retold(one.why)))
+        for one in paste.unread
+        if not one.empty
     ]
     if not lines:
         return lines
@@ -86,14 +89,14 @@ def _frame(frame: PastedFrame, style: Style, values: bool) -> Iterator[str]:
         for head, words in ((tr("likely"), finding.cause), (tr("do"), finding.remedy)):
             if words:
                 yield painted(f"  {head}: {words}", style.dim)
-    fields = frame.fields()
+    fields = frame.fields(wording=wording())
     yield from _table(fields, style)
     if values:
         for field in fields:
             yield from every_reading(field)
     if frame.also is None:
         return
-    others = frame.fields(frame.also)
+    others = frame.fields(frame.also, wording())
     yield ""
     if others == fields:
         same = tr("its request and its response look alike: field by field the same")
@@ -158,7 +161,7 @@ def _rows(fields: Sequence[Field], depth: int) -> Iterator[_TreeRow]:
             continue
         text = field.text + (f"   {floats[i]}" if i in floats else "")
         problem = None if field.name in _CHECKS else field.problem
-        yield _TreeRow(str(field.start), _octets(field), indent + field.name, text, problem)
+        yield _TreeRow(str(field.start), _octets(field), indent + field_name(field.name), text, problem)
         yield from _rows(field.fields, depth + 1)
         i += 1
 
@@ -178,15 +181,16 @@ def _bit_row(bits: Sequence[Field], indent: str) -> _TreeRow:
     """A byte of coils on one line, the lowest address first as in the summary."""
     first, last = (bit.text.partition(":")[0] for bit in (bits[0], bits[-1]))
     states = "".join("1" if bit.value else "0" for bit in bits)
-    where = f"{first} to {last}: " if bits[0].address is not None else ""
-    return _TreeRow(
-        str(bits[0].start), bits[0].raw.upper(), f"{indent}{bits[0].name}s", f"{where}{states[:4]} {states[4:]}"
-    )
+    where = tr("{first} to {last}: ", first=first, last=last) if bits[0].address is not None else ""
+    name = indent + field_name(f"{bits[0].name}s")
+    return _TreeRow(str(bits[0].start), bits[0].raw.upper(), name, f"{where}{states[:4]} {states[4:]}")
 
 
 def _octets(field: Field) -> str:
     if field.bit is not None:
-        return f"bit {field.bit}" if field.bits == 1 else f"bits {field.bit}-{field.bit + (field.bits or 1) - 1}"
+        if field.bits == 1:
+            return tr("bit {bit}", bit=field.bit)
+        return tr("bits {first}-{last}", first=field.bit, last=field.bit + (field.bits or 1) - 1)
     return shown(bytes.fromhex(field.raw), _HEX_BYTES)
 
 

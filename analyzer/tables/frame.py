@@ -113,9 +113,9 @@ class Frame:
             return Context()
         return Context(request=adu_of(self.request_bytes, self.row.protocol).pdu)
 
-    def fields(self) -> tuple[Field, ...]:
+    def fields(self, wording: Wording = ENGLISH) -> tuple[Field, ...]:
         """Every field, annotated; offsets are in the ADU."""
-        return annotate(self.adu, self.role, self.context)
+        return annotate(self.adu, self.role, self.context, wording)
 
     def summary(self, wording: Wording = ENGLISH) -> str:
         """The frame in words, on one line."""

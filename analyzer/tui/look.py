@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from dissectors.fields import Field
 from dissectors.values import harmless, readings
 
-from ..languages import counted, tr, wording
+from ..languages import counted, field_name, tr, wording
 from ..model.polls import changed
 from ..paste.model import PastedFrame, PastedNoise
 from ..words import between, date_and_time, seconds, short
@@ -32,10 +32,19 @@ def at_row(desk: ViewState, row: int) -> FrameDetail:
     bus = desk.bus
     if bus.is_noise(row):
         data = bus.captured(row)
-        head = Item("noise", _unexplained(data), 0, len(data), "noise", children=_facts(desk, row), ready=False)
+        head = Item(
+            "noise",
+            _unexplained(data),
+            0,
+            len(data),
+            "noise",
+            label=tr("noise"),
+            children=_facts(desk, row),
+            ready=False,
+        )
         return FrameDetail(tr("noise"), data, (head, *_findings(bus.findings(row)), *why(bus, row)))
     frame = bus.frame(row)
-    fields = frame.fields()
+    fields = frame.fields(wording())
     title = tr("frame {number}", number=frame.index)
     items = (
         Item("frame", _heading(frame), kind="strong", label=title, children=_facts(desk, row, frame),
@@ -56,7 +65,7 @@ def _versus(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[It
     if before is None:
         return
     earlier = bus.frame(before)
-    pairs = list(changed(earlier.fields(), fields))
+    pairs = list(changed(earlier.fields(wording()), fields))
     ago = ""
     if bus.timed:
         time = short(bus.table.value("t_start_ns", row) - bus.table.value("t_start_ns", before))
@@ -70,7 +79,7 @@ def _versus(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[It
             Item(
                 f"{i} {new.name}", tr("{new}, was {old}", new=new.text, old=old.text.rpartition(": ")[2]),
                 new.start, new.length,
-                label=new.name,
+                label=field_name(new.name),
             )
             for i, (old, new) in enumerate(pairs[:_DIFFERENT])
         ),
@@ -81,18 +90,18 @@ def at_piece(pasted: PastedFrame | PastedNoise) -> FrameDetail:
     """A piece of a paste."""
     if isinstance(pasted, PastedNoise):
         return FrameDetail(tr("in no frame"), pasted.data, (Item("noise", _unexplained(pasted.data),
-                                                     0, pasted.length, "noise"),))  # fmt: skip
+                                                     0, pasted.length, "noise", label=tr("noise")),))  # fmt: skip
     from ..paste.trees import heading, trouble
 
-    fields = pasted.fields()
-    items = [Item("frame", heading(pasted), kind="strong")]
+    fields = pasted.fields(wording=wording())
+    items = [Item("frame", heading(pasted), kind="strong", label=tr("frame"))]
     problem = trouble(pasted)
     if problem:
         items.append(Item("trouble", problem, kind="error", label="!"))
     items.extend(_findings(getattr(pasted, "findings", ())))
     items.extend(_fields(fields))
     if pasted.also is not None:
-        others = pasted.fields(pasted.also)
+        others = pasted.fields(pasted.also, wording())
         same = others == fields
         text = tr("field by field the same") if same else heading(pasted, pasted.also)
         name = pasted.also.name.lower()
@@ -100,7 +109,7 @@ def at_piece(pasted: PastedFrame | PastedNoise) -> FrameDetail:
             Item(
                 "also",
                 text,
-                label=tr("or {name}", name=name),
+                label=tr("or {name}", name=tr(name)),
                 ready=False,
                 children=() if same else tuple(_fields(others)),
             )
@@ -185,7 +194,7 @@ def _fields(fields: Sequence[Field]) -> Iterator[Item]:
         yield Item(
             field.name if alone else f"{field.name} {i}",
             field.text, field.start, field.length, "error" if field.problem else "",
-            label=field.name, children=children, ready=not _is_register(field), values=_is_register(field),
+            label=field_name(field.name), children=children, ready=not _is_register(field), values=_is_register(field),
         )  # fmt: skip
 
 

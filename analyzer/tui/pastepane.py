@@ -14,6 +14,7 @@ from textual.widgets import Label, TextArea
 from captures.text.halves import HexError
 
 from ..languages import counted, tr
+from ..languages.retelling import retold
 from ..paste import Paste, PasteError, read
 from ..paste.model import PastedFrame, PastedNoise
 from ..paste.trees import heading, shown, trouble
@@ -109,7 +110,7 @@ class PastePane(Vertical):
                 paste = read(text[:_LONGEST])
                 why = paste.why
             except (PasteError, HexError) as error:
-                why = str(error)
+                why = retold(str(error))
         label = self.query_one("#paste-why", Label)
         label.update(Text(why, no_wrap=True, overflow="ellipsis"))
         label.set_class(bool(text.strip()) and paste is None, "-wrong")

@@ -12,6 +12,7 @@ from ..declaration import Function
 from ..fields import Value
 from ..limits import Choice
 from ..parts import AnyConstruct, ByteCount, Code, Flags, Mask, Number, State
+from ..wording import ENGLISH, Wording
 
 _ZERO: Final = Number(2, Choice(0, 2, (0,)))
 _QUERY: Final = Rest(usual=2)
@@ -80,22 +81,23 @@ _SENT: Final = {
 }
 
 
-def event(byte: int) -> str:
+def event(byte: int, wording: Wording = ENGLISH) -> str:
     """An event byte in words ([1] 6.10): received, sent, listen only entered, communications restarted."""
+    say = wording.say
     if byte == 0x04:
-        return "entered listen only mode"
+        return say("entered listen only mode")
     if byte == 0x00:
-        return "communications restarted"
+        return say("communications restarted")
     if byte == 0x20:  # so in the specification's example, though bit 6 marks what was sent
-        return "in listen only mode"
+        return say("in listen only mode")
     if byte & 0x80:
         kind, names = "received", _RECEIVED
     elif byte & 0x40:
         kind, names = "sent", _SENT
     else:
-        return f"unknown event {byte:02X}"
-    bits = [name for bit, name in names.items() if byte >> bit & 1]
-    return f"{kind}: {', '.join(bits)}" if bits else kind
+        return wording.tell("unknown event {code}", code=f"{byte:02X}")
+    bits = [say(name) for bit, name in names.items() if byte >> bit & 1]
+    return f"{say(kind)}: {', '.join(bits)}" if bits else say(kind)
 
 
 def _events(data: bytes) -> Sequence[tuple[str, int, Value, str]]:
@@ -131,7 +133,7 @@ GET_COMM_EVENT_LOG: Final = Function(
         "status" / _STATUS,
         "event_count" / Number(2),
         "message_count" / Number(2),
-        "events" / Split("byte_count", _events, less=6),
+        "events" / Split("byte_count", _events, less=6, told=event),
     ),
     clause="6.10",
     request_words="get comm event log",

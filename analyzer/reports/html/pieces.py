@@ -9,7 +9,7 @@ from dissectors.annotation import annotate
 from dissectors.fields import Field
 from dissectors.length_rules import Role
 
-from ...languages import page_words
+from ...languages import field_name, page_words, wording
 from ...tables.delays import bounds_of
 from ...tables.findings import Finding
 from ...tables.frame import Frame, adu_of
@@ -69,7 +69,7 @@ def shown(example: FindingExample, origin_ns: int | None, off_ns: float | None) 
     strips = []
     if frame.request_bytes is not None:
         request = adu_of(frame.request_bytes, frame.row.protocol)
-        fields = annotate(request, Role.REQUEST)
+        fields = annotate(request, Role.REQUEST, wording=wording())
         strips.append(Strip(page_words("the request before it"), "", _cells(fields, request.data, range(0))))
     strips.append(_strip(frame, finding, origin_ns, off_ns))
     return ExampleView(finding.text, tuple(strips))
@@ -85,7 +85,7 @@ def _strip(frame: Frame, finding: Finding, origin_ns: int | None, off_ns: float 
     bounds = None if frame.response_time_ns is None else bounds_of(frame.response_time_ns, off_ns)
     if bounds is not None:
         parts.append(page_words("{time} after its request", time=between(*bounds)))
-    return Strip(" · ".join(parts), frame.summary(), _cells(frame.fields(), frame.adu.data, marks))
+    return Strip(" · ".join(parts), frame.summary(wording()), _cells(frame.fields(wording()), frame.adu.data, marks))
 
 
 def _meant(frame: Frame, finding: Finding) -> range:
@@ -112,5 +112,7 @@ def _cells(fields: tuple[Field, ...], data: bytes, marks: range) -> tuple[FieldC
         octets = tuple(Octet(f"{data[i]:02X}", i in marks) for i in span[:_BYTES])
         text = field.text if len(field.text) <= _TEXT else field.text[: _TEXT - 1] + "…"
         problem = field.problem or ""
-        cells.append(FieldCell(field.name.replace("_", " "), octets, len(span) - len(octets), text, problem))
+        cells.append(
+            FieldCell(field_name(field.name).replace("_", " "), octets, len(span) - len(octets), text, problem)
+        )
     return tuple(cells)

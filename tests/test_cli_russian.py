@@ -1,0 +1,125 @@
+"""One-line errors in Russian: what any floor raises has its words in the catalogue, and no English is left in them."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import analyzer
+import captures
+import dissectors
+from analyzer import languages
+from analyzer.cli import main
+from analyzer.languages.retelling import retold
+
+_PACKAGES = (analyzer, captures, dissectors)
+_RAISED = re.compile(
+    "(Usage|Capture|Port|PortGone|TapSetup|Map|Export|Fleet|Notes|Paste|Panel|Settings|ValueForm|ArgumentType)Error$"
+)
+_INSIDE = ("fleet", "reference")  # a batch's own business, read by who runs it
+
+
+@pytest.fixture(autouse=True)
+def _english() -> Iterator[None]:
+    yield
+    languages.use("en")
+
+
+def _template(node: ast.expr) -> str:
+    """A text of the source with `⟨⟩` where something is filled in."""
+    if isinstance(node, ast.Constant):
+        return str(node.value)
+    if isinstance(node, ast.JoinedStr):
+        return "".join(_template(part) for part in node.values)
+    if isinstance(node, ast.BinOp):
+        return _template(node.left) + _template(node.right)
+    return "⟨⟩"
+
+
+def _said() -> Iterator[str]:
+    """What the source raises for people, or tells them."""
+    for package in _PACKAGES:
+        root = Path(str(package.__file__)).parent
+        for path in root.rglob("*.py"):
+            if path.relative_to(root).parts[0] in _INSIDE:
+                continue
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if not isinstance(node, ast.Call):
+                    continue
+                name = str(getattr(node.func, "id", None) or getattr(node.func, "attr", ""))
+                if name == "tell" and "cli" not in path.parts:
+                    continue
+                if (name == "tell" or _RAISED.search(name)) and node.args:
+                    yield _template(node.args[-1 if "ArgumentType" not in name else 0])
+
+
+_FLAGS = re.compile(r"--?[a-z][\w-]*|⟨⟩|\b(?:line|row|unit|function|recording|metrics|foxglove|standard output)\b")
+
+
+def test_every_error_is_in_the_catalogue() -> None:
+    languages.use("ru")
+    said = {words for words in _said() if re.search("[a-z]{3}.* ", _FLAGS.sub("", words))}
+    assert len(said) > 200
+    missing = [words for words in said if not re.search("[а-я]{2}", retold(words.replace("⟨⟩", "'x 1'")))]
+    assert not missing, missing
+
+
+def test_places_are_the_same() -> None:
+    errors = languages.catalogue("ru")["errors"]
+    assert len(errors) > 300
+    for english, words in errors.items():
+        known = set(re.findall(r"\{\d+\}", english))
+        assert set(re.findall(r"\{\d+\}", words)) <= known == {f"{{{n}}}" for n in range(len(known))}, english
+
+
+_COMMANDS = (
+    "parse xx yy", "parse 11 03 0", "parse --foo", "parse --as foo", "parse --as rtuu 11", "parse --as", "parse -f",
+    "parse -f {0}/none", "parse 1 2 3 4 5", "parse {0}", "open {0}/none", "open {0}", "open --plain", "report",
+    "repord x", "foo", "help filtres", "report {0}/none --tz nowhere", "export {0}/none --filter unt==3",
+    "export {0}/empty.bin", "report {0}/hex.txt", "convert {0}/a.jsonl", "sniff nowhere --baud x", "check {0}/none",
+    "export --t15-ms nine {0}/none",
+)  # fmt: skip
+_NAMES = re.compile(
+    r"'[^']*'|\([\w, -]*\)|есть [\w, -]+|/\S*|--?[a-z][\w-]*|\brtuscope [a-z]+(?: [A-Z]+)?|\b[A-Z]{2,}\b"
+    r"|hex|Ctrl-\w|:1103…"
+    r"|может быть, [\w-]+\?|Europe/Berlin|\blocal\b|\bauto\b|\bbit/s"
+    r"|0x11|\\x\d+|\(11 03.*?\[43?\]\)|\((?:11 03|11)[^)]*\)|\bms\b|\.\w+"
+)
+
+
+@pytest.mark.parametrize("command", _COMMANDS)
+def test_no_error_is_left_in_english(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "empty.bin").write_bytes(b"")
+    (tmp_path / "hex.txt").write_text("nothing here\n")
+    (tmp_path / "a.jsonl").write_text("{}\n")
+    words = [word.format(tmp_path) for word in command.split()]
+    assert main([*words[:1], "--lang", "ru", *words[1:]] if words[0] not in ("repord", "foo", "help") else words)
+    line = capsys.readouterr().err
+    if words[0] in ("repord", "foo", "help"):
+        return
+    assert line.startswith("rtuscope: ") and line.count("\n") == 1
+    left = re.findall(r"[A-Za-z]{3,}", _NAMES.sub(" ", line.removeprefix("rtuscope: ")))
+    assert not left, line
+
+
+def test_the_environment_s_language_tells_errors_too(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RTUSCOPE_LANG", "ru")
+    assert main(["repord"]) == 2
+    assert (
+        capsys.readouterr().err == "rtuscope: нет команды 'repord': может быть, report? (подробнее: rtuscope --help)\n"
+    )
+
+
+def test_data_and_names_stay_as_they_are() -> None:
+    languages.use("ru")
+    assert retold("a file: b.csv: no such file") == "a file: b.csv: нет такого файла"
+    assert retold("anything else: at all") == "anything else: at all"
+    assert retold("x: " * 5000) == "x: " * 5000
+    languages.use("en")
+    assert retold("b.csv: no such file") == "b.csv: no such file"
