@@ -351,17 +351,3 @@ def register_of(made):
     by_count = "GROUP BY ALL ORDER BY count(*) DESC, unit, address LIMIT 1"
     often = f"SELECT unit, address FROM values WHERE site = 'site1' {by_count}"
     return [str(word) for word in Lake(str(made)).sql(often).fetchall()[0]]
-
-
-def test_the_page_of_a_fleet_tells_each_site(lake_path, tmp_path, capsys):
-    hostile = "<script>alert(1)</script>"
-    captures.write(tmp_path / "x.jsonl", bus("noisy", 5))
-    batch(lake_path, tmp_path / "x.jsonl", site=hostile)
-    page = tmp_path / "fleet.html"
-    assert main(["report", str(lake_path), "--html", str(page)]) == 0
-    text = page.read_text(encoding="utf-8")
-    assert hostile not in text and "&lt;script&gt;" in text
-    assert all(f'id="site-site{n}"' in text for n in range(3))
-    assert "interference" in text
-    assert main(["report", str(lake_path)]) == 2
-    assert "--html" in capsys.readouterr().err

@@ -20,6 +20,7 @@ from analyzer.languages.templates import fill
 
 SAMPLES = Path(captures.__file__).parent / "samples"
 _REPORTS = Path(analyzer.__file__).parent / "reports"
+_PAGES = (_REPORTS, _REPORTS.parent / "fleet" / "pages")
 _PIECE = re.compile(r"""\bw\((?:"([^"]+)"|'([^']+)')""")
 
 
@@ -31,7 +32,8 @@ def _english() -> Iterator[None]:
 
 def _literals(name: str) -> Iterator[str]:
     """What the code of the report hands to a function of the catalogue, as it stands there."""
-    for path in (*_REPORTS.rglob("*.py"), _REPORTS.parent / "outages.py"):
+    sources = [path for folder in _PAGES for path in folder.rglob("*.py")]
+    for path in (*sources, _REPORTS.parent / "outages.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == name and node.args:
                 for each in ast.walk(node.args[0]):
@@ -45,8 +47,8 @@ def _places(template: str) -> set[str]:
 
 def test_every_piece_of_the_report_is_in_the_catalogue() -> None:
     known = languages.catalogue("ru")["page"]
-    template = (_REPORTS / "html" / "page.html.j2").read_text(encoding="utf-8")
-    asked = {*_literals("page_words"), *(one or other for one, other in _PIECE.findall(template))} - {": {words}"}
+    templates = "".join(path.read_text(encoding="utf-8") for folder in _PAGES for path in folder.rglob("*.j2"))
+    asked = {*_literals("page_words"), *(one or other for one, other in _PIECE.findall(templates))} - {": {words}"}
     assert len(asked) > 120
     assert not asked - set(known)
     for english, words in known.items():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..html_text import html_page, html_table
@@ -40,6 +41,7 @@ class Cause:
     frames: tuple[int, ...]
     bits: float
     explains: frozenset[tuple[Symptom, int | None]] = frozenset()  # for `links`: which findings point here
+    numbers: Mapping[str, Any] = field(default_factory=dict, compare=False)  # that its words are filled with
 
     def _repr_html_(self) -> str:
         """For notebooks."""
@@ -57,5 +59,5 @@ class Cause:
     def to_json(self) -> dict[str, Any]:
         """As plain values."""
         plain = {**asdict(self), "units": list(self.units), "frames": list(self.frames)}
-        del plain["explains"]
+        del plain["explains"], plain["numbers"]
         return plain

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from ..languages import sentence
 from .evidence import Evidence
 from .ledger import Ledger
 from .model import Cause
 from .registry import Suspect, Suspicion, suspects
+from .telling import words_of
 
 THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
@@ -57,27 +57,25 @@ def _cause(best: Weighed, rival: Weighed | None, *, timed: bool) -> Cause:
     suspect, found = best.suspect, best.suspicion
     margin = found.bits - (max(rival.suspicion.bits, THRESHOLD / 2) if rival else THRESHOLD / 2)
     confidence = min(_SURE, 1 - 1 / (2 + margin / _DOUBT))
-
-    def said(part: str, english: str) -> str:
-        return sentence(suspect.cause, part, english, found.numbers)
-
+    words = words_of(suspect, found.numbers)
     return Cause(
         cause=suspect.cause,
         severity=suspect.severity.name.lower(),
         units=found.units,
         blame=suspect.blame,
-        text=said("text", suspect.text),
-        share=said("share", suspect.share),
+        text=words.text,
+        share=words.share,
         since_ns=found.since if timed else None,
         until_ns=found.until if timed else None,
         period_s=found.period_s if timed else None,
         confidence=round(confidence, 3),
         runner_up=rival.suspect.cause if rival else None,
-        deciding_test=said("test", suspect.deciding_test),
-        remedy=said("remedy", suspect.remedy),
+        deciding_test=words.deciding_test,
+        remedy=words.remedy,
         lost_answers=found.lost_answers,
         lost_ms=found.lost_ms if timed else None,
         frames=found.frames,
         bits=round(found.bits, 1),
         explains=found.explains,
+        numbers=found.numbers,
     )

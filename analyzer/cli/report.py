@@ -6,6 +6,7 @@ import argparse
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from ..words import plural
 from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_capture_arguments,
@@ -42,6 +43,8 @@ rtuscope report bus.jsonl --html bus.html
 rtuscope report bus.jsonl --by hour
 rtuscope report bus.jsonl --against bus.jsonl
 rtuscope report bus.jsonl --json"""
+
+_OF_CAPTURES = ("filter", "check", "map", "against", "by", "values", "json")  # what is not for lakes
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -107,17 +110,24 @@ def is_lake(path: str) -> bool:
 
 
 def write_fleet(arguments: argparse.Namespace) -> int:
-    """The page of a fleet."""
-    if arguments.html is None:
-        raise UsageError(f"{arguments.capture}: is a lake: --html FILE writes a page of it, rtuscope ask answers")
-    from ..exports.output import output
+    """The pages of a fleet."""
+    lake, page = arguments.capture, arguments.html
+    if page is None:
+        raise UsageError(f"{lake}: is a lake: --html FILE writes pages of it, rtuscope ask answers")
+    if page == "-":
+        raise UsageError(f"{lake}: is a lake, of which there is a page a site as well: --html takes a file's name")
+    if unfit := [f"--{name}" for name in _OF_CAPTURES if getattr(arguments, name, None)]:
+        raise UsageError(f"{lake}: is a lake: {', '.join(unfit)} is for captures; rtuscope ask answers questions")
     from ..fleet.lake import Lake
-    from ..fleet.pages import fleet_page
+    from ..fleet.pages import site_folder, write_pages
 
-    lake = Lake(arguments.capture)
-    to_be_overwritten(arguments.html, overwrite=arguments.overwrite)
-    with output(arguments.html) as file:
-        file.write(fleet_page(lake).encode())
+    opened = Lake(lake)
+    if not to_be_overwritten(page, overwrite=arguments.overwrite) and not arguments.overwrite:
+        folder = site_folder(page)
+        if folder.exists():
+            raise UsageError(f"{folder}: is there already: give another name, or --overwrite")
+    count = write_pages(opened, page)
+    tell(f"{page}: {plural(count, 'site', 'sites')}, a page each in {site_folder(page)}")
     return DONE
 
 

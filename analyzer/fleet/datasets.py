@@ -62,6 +62,7 @@ CAUSES: Final = pa.schema(
         ("lost_ms", pa.float64()),
         ("frames", pa.list_(pa.int64())),
         ("bits", pa.float64()),
+        ("numbers", pa.string()),  # that the words are filled with, as JSON: so it can be told in another language
     ]
 )
 CAPTURES: Final = pa.schema(

@@ -21,6 +21,7 @@ from captures.time_order import CLOCK_STEP_NS, TimeOrder
 
 from ..causes.ledger import Ledger
 from ..causes.reasoning import causes_of
+from ..causes.telling import numbers_kept
 from ..core import Analysed, Analyzer, EvenBlocks
 from ..exports.arrow import record_batch
 from ..exports.record_files import record_arrow, record_schema
@@ -157,7 +158,11 @@ class LineState:
         if "causes" not in files.tables:
             return
         rows = [
-            {**cause.to_json(), "t_ns": self._begun_ns if cause.since_ns is None else cause.since_ns}
+            {
+                **cause.to_json(),
+                "t_ns": self._begun_ns if cause.since_ns is None else cause.since_ns,
+                "numbers": numbers_kept(cause.numbers),
+            }
             for cause in causes_of(ledger)
         ]
         columns = [_cells(field.type, [row[field.name] for row in rows]) for field in CAUSES]

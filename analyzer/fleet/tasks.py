@@ -17,6 +17,7 @@ import captures
 from captures.chunks import Capture
 from captures.errors import CaptureError, os_reason
 
+from ..languages import telling
 from ..options import Options
 from ..version import RULES, __version__
 from .datasets import CAPTURES, DATASETS, LakeFiles
@@ -83,7 +84,12 @@ def line_key(site: str, line: str) -> str:
 
 
 def run_task(task: LineTask) -> dict[str, Any]:
-    """Do it; what the manifest is to say, but for the entry's number."""
+    """Do it; what the manifest is to say, but for the entry's number. Rows are told in English, wherever it runs."""
+    with telling("en"):
+        return _entry(task)
+
+
+def _entry(task: LineTask) -> dict[str, Any]:
     _declare(task.options.functions)
     entry = _TaskRun(task).entry()
     if task.kept is not None and any(

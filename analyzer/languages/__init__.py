@@ -10,7 +10,8 @@ English.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
 from typing import Any, Final
@@ -30,6 +31,17 @@ def use(language: str) -> None:
     if language not in LANGUAGES:
         raise ValueError(f"no such language: {language}; there are {', '.join(LANGUAGES)}")
     _language.set(language)
+
+
+@contextmanager
+def telling(language: str) -> Iterator[None]:
+    """Tell everything in this language within the block, as `use` does."""
+    before = in_use()
+    use(language)
+    try:
+        yield
+    finally:
+        use(before)
 
 
 def in_use() -> str:

@@ -1,26 +1,20 @@
-"""A report with what was seen on the way, as HTML: values for the template `page.html.j2`, which only lays out.
-
-Every string that reaches the page is made harmless and escaped, whatever it says: names and strings come from files
-and devices that anybody may have written.
-"""
+"""A report with what was seen on the way, as HTML: values for the template `page.html.j2`, which only lays out."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Final
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from analyzer.reports import findings, pagetables, values
 from captures.line import LineSettings
-from dissectors.values import harmless
 
-from ...languages import counted, in_use, page_words, tr
-from ...version import __version__
-from ...words import duration, is_clock, moment
+from ...languages import counted, page_words
+from ...words import duration
 from ..model import FindingRow, Report, UnitCard
 from ..page import facts, file_name, nothing
+from .causecards import about
 from .charts import range_chart, time_chart
+from .environment import page_environment
 from .outcomes import OutcomeBar, cause_bars, unit_bar
 from .pieces import shown
 
@@ -33,29 +27,14 @@ _UNITS: Final = 12  # that did not answer well
 _REGIONS: Final = 5  # of a unit
 _POLLS: Final = 60
 _HOURS: Final = 24 * 14
-_BLAMED: Final[Mapping[str, str]] = {
-    "unit": "fault of the unit",
-    "master": "fault of the master",
-    "line": "fault of the line",
-    "tap": "fault of the tap",
-}
 
 
 def page(report: Report, sights: Sights) -> str:
     """The whole document."""
-    environment = Environment(
-        loader=PackageLoader("analyzer.reports.html", ""),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=lambda value: harmless(value) if type(value) is str else value,
-    )
+    environment = page_environment()
     environment.filters.update(duration=lambda ns: "?" if ns is None else duration(ns), seconds=findings.seconds)
     environment.filters["short"] = values.short
     environment.filters["poll"] = pagetables.poll_words
-    environment.globals["w"] = page_words
-    environment.globals["grade"] = tr
     environment.globals["bytes"] = lambda count: counted(count, "byte", "bytes")
     char_ns = LineSettings(baud=report.baud, char_bits=report.char_bits).character_ns
     worst = [row for row in report.findings if row.severity != "note"]
@@ -64,12 +43,11 @@ def page(report: Report, sights: Sights) -> str:
     return environment.get_template("page.html.j2").render(
         report=report,
         named=file_name,
-        language=in_use(),
         facts=_joined(report),
         nothing=nothing(report),
         verdict=_verdict(worst),
         causes=[
-            (cause, cause_bars(cause, report.cards), list(_about(cause)), _follows(cause, report, worst))
+            (cause, cause_bars(cause, report.cards), list(about(cause)), _follows(cause, report, worst))
             for cause in report.causes
         ],
         units=list(_units(report.cards)),
@@ -87,22 +65,7 @@ def page(report: Report, sights: Sights) -> str:
         time=time_chart(sights.timeline, span, char_ns, report.deaf) if span and report.frames else None,
         load_known=char_ns is not None,
         response=range_chart(report.units),
-        version=__version__,
     )
-
-
-def _about(cause: Cause) -> Iterator[str]:
-    """Whose fault it is, since when, what it cost, and what else it could be."""
-    if cause.blame in _BLAMED:  # else it is nobody's
-        yield page_words(_BLAMED[cause.blame])
-    if cause.since_ns is not None and is_clock(cause.since_ns):
-        first, last = (moment(t)[:-4] for t in (cause.since_ns, cause.until_ns or cause.since_ns))
-        end = last[11:] if last[:11] == first[:11] else last
-        yield f"{first}{page_words(' to ')}{end}" if last != first else first
-    if cause.lost_answers:
-        yield page_words("{what} lost", what=findings.lost(cause.lost_answers, cause.lost_ms))
-    if cause.runner_up:
-        yield page_words("else {cause}", cause=cause.runner_up)
 
 
 def _follows(cause: Cause, report: Report, worst: list[FindingRow]) -> list[tuple[str, bool]]:

@@ -1,0 +1,115 @@
+"""Where the pages of a fleet go: `fleet.html`, and a page a site in `fleet.sites` beside it.
+
+All of them are written under names of their own and put in their places at the end, so that whoever opens them sees the
+old pages or the new ones.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+from collections import Counter
+from collections.abc import Iterable
+from hashlib import sha256
+from pathlib import Path
+from typing import Final
+from unicodedata import normalize
+
+from captures.errors import CaptureError, os_reason
+from captures.files import replacing
+
+from ..errors import FleetError
+from ..lake import Lake
+from .render import rendered
+
+_PLAIN: Final = re.compile(r"[^\w.-]+")
+_LONGEST: Final = 48  # characters of a site's name in that of its page
+_DEVICES: Final = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?")  # what Windows takes for something else
+_ENDING: Final = ".html"
+_PAGES: Final = (_ENDING, ".htm")
+
+
+def site_folder(page: str | Path) -> Path:
+    """The folder of the sites' pages, beside that of the fleet: `fleet.sites` of `fleet.html`."""
+    page = Path(page)
+    return page.with_name(f"{page.stem if page.suffix.lower() in _PAGES else page.name}.sites")
+
+
+def page_names(sites: Iterable[str]) -> dict[str, str]:
+    """The file of each site's page: its name where any file system has that, else something like it that no other has.
+
+    The same site has the same name whenever pages are made, but where another is told from it by its case alone.
+    """
+    sites = list(sites)
+    alike = Counter(map(_folded, sites))
+    return {site: _page_name(site, alone=alike[_folded(site)] == 1) for site in sites}
+
+
+def _page_name(site: str, *, alone: bool) -> str:
+    plain = _PLAIN.sub("-", normalize("NFC", site)).strip(".-")[:_LONGEST]
+    if plain and plain == site and alone and not _DEVICES.fullmatch(plain.lower()):
+        return plain + _ENDING
+    return f"{plain or 'site'}-{sha256(site.encode('utf-8', 'surrogatepass')).hexdigest()[:8]}{_ENDING}"
+
+
+def _folded(site: str) -> str:
+    return normalize("NFC", site).casefold()
+
+
+def write_pages(lake: Lake, page: str | Path) -> int:
+    """Write the fleet's page and those of its sites, all or none; how many sites there are.
+
+    What stands there is replaced. Raises FleetError where the lake cannot be asked, where they cannot be written, or
+    where the folder of the sites' pages holds anything else.
+    """
+    page = Path(page).resolve()
+    folder = site_folder(page)
+    if page.is_dir():
+        raise FleetError(f"{page}: is a folder: give the name of a file to write")
+    foreign = foreign_file(folder)
+    if foreign is not None:
+        raise FleetError(f"{foreign}: is no page of a site: empty {folder.name}, or give another name")
+    named = page_names(lake.sites)
+    try:
+        scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=page.parent))
+    except FileNotFoundError as error:
+        raise FleetError(f"{page}: cannot be written: no such folder as {page.parent}") from error
+    except OSError as error:
+        raise FleetError(f"{page}: cannot be written: {os_reason(error)}") from error
+    try:
+        new, old = scratch / "new", scratch / "old"
+        new.mkdir()
+        with replacing(page) as stream:
+            for name, text in rendered(lake, page.name, folder.name, named):
+                if name is None:
+                    stream.write(text.encode())
+                else:
+                    (new / name).write_bytes(text.encode())
+            if folder.exists():
+                folder.rename(old)
+            _settle(new, folder, old)
+    except CaptureError as error:
+        raise FleetError(str(error)) from error
+    except OSError as error:
+        raise FleetError(f"{page}: cannot be written: {os_reason(error)}") from error
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+    return len(named)
+
+
+def _settle(new: Path, folder: Path, old: Path) -> None:
+    """The new folder in its place; if that cannot be, the old one again."""
+    try:
+        new.rename(folder)
+    except BaseException:
+        if old.exists():
+            old.rename(folder)
+        raise
+
+
+def foreign_file(folder: Path) -> Path | None:
+    """What stands in the way of sites' pages: something in their folder, or under its name, that is none of them."""
+    if folder.is_dir() and not folder.is_symlink():
+        return next((each for each in sorted(folder.iterdir()) if each.suffix != _ENDING or not each.is_file()), None)
+    return folder if folder.exists() or folder.is_symlink() else None
