@@ -23,6 +23,7 @@ from .files import HEAD_BYTES, opened
 
 STANDARD_INPUT: Final = "-"
 _PIECE: Final = 1 << 18
+_ZSTD_PIECE: Final = 1 << 10  # each of them may grow 32,000 times
 _ROOM: Final = 1 << 28  # bytes that are left free on the disk
 _SMALL: Final = 1 << 26  # bytes up to which a packed file may grow whatever its size
 _GROWTH: Final = 250  # times its size, beyond that
@@ -128,9 +129,10 @@ def _temporary() -> Path:
 def _copied(source: IO[bytes], out: IO[bytes], name: str, *, limit: int | None) -> str | None:
     """All of a stream into a file; what is wrong where packed data ends too early. CaptureError for too much."""
     size = 0
+    read = getattr(source, "read1", source.read)  # else what came before a cut, of the same piece, would be lost
     while True:
         try:
-            piece = source.read(_PIECE)
+            piece = read(_PIECE)
         except Exception as error:  # zlib.error, LZMAError, ZstdError: they have no base of their own
             if limit is None:
                 raise
@@ -235,17 +237,41 @@ def _xz(packed: BinaryIO) -> Any:
     return lzma.LZMAFile(packed)
 
 
-def _zstd(packed: BinaryIO) -> Any:
-    import zstandard  # comes with mcap
+class _ZstdFrames:
+    """The frames of a zstd file end to end; the library's own reader does not tell of one that was cut."""
 
-    decompressor = zstandard.ZstdDecompressor(max_window_size=1 << 27)
-    return decompressor.stream_reader(packed, read_across_frames=True, closefd=False)
+    def __init__(self, packed: BinaryIO) -> None:
+        import zstandard  # comes with mcap
+
+        self._packed = packed
+        self._decompressor = zstandard.ZstdDecompressor(max_window_size=1 << 27)
+        self._frame: Any = None
+        self._left = b""  # what was read and is of the next frame
+
+    def __enter__(self) -> _ZstdFrames:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """The file is closed by whoever opened it."""
+
+    def read(self, _: int) -> bytes:
+        """The next bytes, as many as there are at hand; none at the end."""
+        while data := self._left or self._packed.read(_ZSTD_PIECE):
+            if self._frame is None or self._frame.eof:
+                self._frame = self._decompressor.decompressobj()
+            out: bytes = self._frame.decompress(data)
+            self._left = self._frame.unused_data if self._frame.eof else b""
+            if out:
+                return out
+        if self._frame is not None and not self._frame.eof:
+            raise EOFError("Compressed file ended before the end of its last frame")
+        return b""
 
 
 _PACKINGS: Final = (
     _Packing("gzip", lambda head: head[:3] == b"\x1f\x8b\x08" and head[3:4] < b"\x20", _gzip, (".gz", ".gzip")),
     _Packing("bzip2", lambda head: head[:3] == b"BZh" and head[4:10] == b"1AY&SY", _bzip2, (".bz2",)),
     _Packing("xz", lambda head: head[:6] == b"\xfd7zXZ\x00", _xz, (".xz",)),
-    _Packing("zstd", lambda head: head[:4] == b"\x28\xb5\x2f\xfd", _zstd, (".zst", ".zstd")),
+    _Packing("zstd", lambda head: head[:4] == b"\x28\xb5\x2f\xfd", _ZstdFrames, (".zst", ".zstd")),
     _Zip("zip", lambda head: head[:4] == b"PK\x03\x04", zipfile.ZipFile),
 )

@@ -208,6 +208,8 @@ class Engine:
         offset = self.buffer.base + begin
         if runs.second[i] and self._asked[1] != offset + at:
             return at
+        if runs.role[i] == Role.RESPONSE and self._framed != offset + at:
+            return at  # by itself, that is little to begin with: the lattice would wait for what follows
         limit = next_checkpoint(offset + at) - offset
         last = int(runs.last[i]) + 1
         if runs.end[last - 1] > limit:

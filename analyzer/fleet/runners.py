@@ -56,9 +56,10 @@ class ProcessPool:
     ) -> Iterator[Outcome]:
         """Outcomes until all is done. Raises BrokenProcessPool where a worker dies; `begun` then has no outcome yet."""
         running: dict[Future[dict[str, Any]], LineTask] = {}
+        at_hand = workers + (workers > 1)  # nobody waits for its next task while an outcome is put down
         with ProcessPoolExecutor(workers, get_context("spawn"), _heed_no_interrupt) as pool:
             while True:
-                while len(begun) < workers and (task := _next(tasks)) is not None:
+                while len(begun) < at_hand and (task := _next(tasks)) is not None:
                     begun.append(task)
                     running[pool.submit(run_task, task)] = task
                 if not begun:
