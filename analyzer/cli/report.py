@@ -6,7 +6,7 @@ import argparse
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ..words import plural
+from ..languages import counted
 from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_capture_arguments,
@@ -127,7 +127,7 @@ def write_fleet(arguments: argparse.Namespace) -> int:
         if folder.exists():
             raise UsageError(f"{folder}: is there already: give another name, or --overwrite")
     count = write_pages(opened, page)
-    tell(f"{page}: {plural(count, 'site', 'sites')}, a page each in {site_folder(page)}")
+    tell(f"{page}: {counted(count, 'site', 'sites')}, a page each in {site_folder(page)}")
     return DONE
 
 
