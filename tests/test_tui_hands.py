@@ -10,7 +10,10 @@ from pathlib import Path
 
 import pytest
 from seats import Seat, opened, sample_in, using
+from textual.widgets._footer import FooterKey
 
+from analyzer import languages
+from analyzer.languages import tr
 from analyzer.model.goto import GotoError, span
 from analyzer.model.spoken import spoken
 from analyzer.tui.app import Rtuscope
@@ -81,6 +84,24 @@ def test_no_view_is_wider_than_the_terminal(capture: Path, width: int) -> None:
             lines = sitting.shown().splitlines()
             assert len(lines) == 24 and {len(line) for line in lines} == {width}, view
             assert sitting.screen.panes.all[0].size.width > 0
+
+    using(opened(capture), work, size=(width, 24))
+
+
+@pytest.mark.parametrize("language", ["en", "ru"])
+@pytest.mark.parametrize("width", [40, 80, 120])
+def test_the_footer_shows_whole_keys_and_always_help_and_the_way_out(width: int, language: str, capture: Path) -> None:
+    languages.use(language)
+    help_, leave = tr("Help"), tr("Quit")
+
+    async def work(sitting: Seat) -> None:
+        for view in "12345":
+            await sitting.press(view)
+            await sitting.until(lambda: bool(sitting.screen.query(FooterKey)))
+            keys = [key for key in sitting.screen.query(FooterKey) if key.display]
+            assert all(key.region.right <= width for key in keys), [str(key.render()) for key in keys]
+            told = [key.description for key in keys]
+            assert help_ in told and leave in told and len(told) >= 3
 
     using(opened(capture), work, size=(width, 24))
 

@@ -216,6 +216,7 @@ class DiagnosisStep:
 
 _REACH: Final = 64  # rows
 _FEW: Final = 16  # of them, made at once
+_MADE: Final = 1024  # of a batch, kept at most
 
 
 class EarlierRow(NamedTuple):
@@ -234,43 +235,68 @@ class EarlierRow(NamedTuple):
         return self.row.kind != Kind.NOISE
 
 
-def _backwards(batch: Batch, number: int, most: int) -> Iterator[EarlierRow]:
-    """At most so many rows before row number `number` of a batch, the nearest first; made few by few."""
-    end = max(number - most, 0)
-    while number > end:
-        first = max(number - _FEW, end)
-        for before, row in zip(range(number - 1, first - 1, -1), reversed(list(batch.rows[first:number])), strict=True):
-            yield EarlierRow(row, batch.bytes_of(before))
-        number = first
+class _MadeRows:
+    """Rows of a batch, each made once for all that look back at it."""
+
+    def __init__(self, batch: Batch) -> None:
+        self.batch = batch
+        self._rows: dict[int, EarlierRow] = {}
+
+    def __len__(self) -> int:
+        return len(self.batch)
+
+    def before(self, number: int, most: int) -> Iterator[EarlierRow]:
+        """At most so many rows before row number `number`, the nearest first; made few by few."""
+        end = max(number - most, 0)
+        while number > end:
+            first = max(number - _FEW, end)
+            self._make(first, number)
+            yield from [self._rows[before] for before in range(number - 1, first - 1, -1)]
+            number = first
+
+    def _make(self, first: int, last: int) -> None:
+        missing = [number for number in range(first, last) if number not in self._rows]
+        if not missing:
+            return
+        if len(self._rows) >= _MADE:
+            self._rows.clear()
+            missing = list(range(first, last))
+        low, high = missing[0], missing[-1] + 1
+        for number, row in zip(range(low, high), self.batch.rows[low:high], strict=True):
+            self._rows[number] = EarlierRow(row, self.batch.bytes_of(number))
 
 
 class LookBack:
     """Looks back from any row of a batch, at most some rows into the batches before."""
 
     def __init__(self) -> None:
-        self._earlier: deque[Batch] = deque()  # their last rows, enough of them together
+        self._earlier: deque[_MadeRows] = deque()  # their last rows, enough of them together
         self._rows = 0
+        self._current: _MadeRows | None = None
 
     def back(self, batch: Batch, number: int) -> Iterator[EarlierRow]:
         """The last rows before row number `number`, the nearest first."""
-        yield from _backwards(batch, number, _REACH)
+        if self._current is None or self._current.batch is not batch:
+            self._current = _MadeRows(batch)
+        yield from self._current.before(number, _REACH)
         left = _REACH - number
         for earlier in reversed(self._earlier):
             if left <= 0:
                 return
-            yield from _backwards(earlier, len(earlier), left)
+            yield from earlier.before(len(earlier), left)
             left -= len(earlier)
 
     @property
     def newest(self) -> Rows:
         """The last row before this batch (a table of one); all zeros where there is none."""
-        return self._earlier[-1].rows[-1:] if self._earlier else Rows.zeros(1)
+        return self._earlier[-1].batch.rows[-1:] if self._earlier else Rows.zeros(1)
 
     def go_on(self, batch: Batch) -> None:
         """This batch is done."""
         if not len(batch):
             return
-        self._earlier.append(batch if len(batch) <= _REACH else _end(batch))
+        self._current = None
+        self._earlier.append(_MadeRows(batch if len(batch) <= _REACH else _end(batch)))
         self._rows += min(len(batch), _REACH)
         while self._rows - len(self._earlier[0]) >= _REACH:
             self._rows -= len(self._earlier.popleft())

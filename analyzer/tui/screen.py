@@ -26,6 +26,7 @@ from .columns import ShownColumns
 from .detailpane import DetailPane
 from .doors import Doors
 from .filterbar import FilterBar
+from .footing import fitting
 from .frames import FrameList
 from .jobs import Jobs
 from .jumps import Jumps
@@ -241,7 +242,11 @@ class BusScreen(Screen[None]):
     def active_bindings(self) -> dict[str, ActiveBinding]:
         """Those that the footer shows, in the language in use."""
         active = super().active_bindings
-        return {key: _in_language(each) if each.binding.show else each for key, each in active.items()}
+        told = {key: _in_language(each) if each.binding.show else each for key, each in active.items()}
+        return fitting(told, self.app.get_key_display, self.size.width)
+
+    def on_resize(self) -> None:
+        self.refresh_bindings()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Keys that mean nothing in a view are not shown there."""
