@@ -16,7 +16,7 @@ def fitting(
     active: Mapping[str, ActiveBinding], display: Callable[[Binding], str], width: int
 ) -> dict[str, ActiveBinding]:
     """The same bindings by key, those that do not fit into a line of `width` cells no longer shown in it."""
-    first = {each.binding.action: each.binding for each in reversed(active.values()) if each.binding.show}
+    first = {each.binding.action: each.binding for each in reversed([*active.values()]) if each.binding.show}
     cells = {action: cell_len(f"{display(binding)} {binding.description} ") for action, binding in first.items()}
     room = width - sum(cells[action] for action in _ALWAYS & cells.keys())
     left_out: set[str] = set()
