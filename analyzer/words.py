@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_EPOCH_NS: Final = 10**17  # times after 1973 are taken for a clock's, others count from the start of the capture
+CLOCK_FROM_NS: Final = 10**17  # times after 1973 are taken for a clock's, others count from the start of the capture
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -30,7 +30,7 @@ def is_clock(t_ns: int) -> bool: ...
 def is_clock(t_ns: NDArray[np.int64]) -> NDArray[np.bool_]: ...
 def is_clock(t_ns: int | NDArray[np.int64]) -> bool | NDArray[np.bool_]:
     """Whether a time, or each of some, is a clock's, and so has a date."""
-    return t_ns > _EPOCH_NS
+    return t_ns > CLOCK_FROM_NS
 
 
 def seconds(ns: int) -> str:

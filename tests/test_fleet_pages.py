@@ -14,7 +14,7 @@ import pytest
 import captures
 from analyzer import languages
 from analyzer.causes.registry import suspects
-from analyzer.causes.telling import numbers_kept, retold
+from analyzer.causes.telling import numbers_kept, told_again
 from analyzer.cli import main
 
 pytest.importorskip("duckdb", reason="a lake is asked by DuckDB")
@@ -202,16 +202,21 @@ def test_pages_in_russian_say_the_same(lake, tmp_path, pages):
 def test_a_cause_that_cannot_be_retold_is_told_as_it_was_kept():
     suspect = next(each for each in suspects() if "{" in each.text)
     languages.use("ru")
-    assert retold("no-such-cause", "{}") is None
-    assert retold(suspect.cause, None) is retold(suspect.cause, "no JSON") is retold(suspect.cause, "{}") is None
-    assert retold(suspect.cause, "[1]") is None
+    assert told_again("no-such-cause", "{}") is None
+    assert (
+        told_again(suspect.cause, None)
+        is told_again(suspect.cause, "no JSON")
+        is told_again(suspect.cause, "{}")
+        is None
+    )
+    assert told_again(suspect.cause, "[1]") is None
 
 
 def test_causes_are_told_again_from_their_numbers(lake):
     rows = lake.arrow("SELECT cause, text, share, deciding_test, remedy, numbers FROM causes").to_pylist()
     assert rows
     for row in rows:
-        words = retold(row["cause"], row["numbers"])
+        words = told_again(row["cause"], row["numbers"])
         assert words is not None
         assert (words.text, words.share, words.deciding_test, words.remedy) == tuple(
             row[name] for name in ("text", "share", "deciding_test", "remedy")

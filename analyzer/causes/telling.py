@@ -36,7 +36,7 @@ def words_of(suspect: Suspect, numbers: Mapping[str, Any]) -> CauseWords:
 
 
 def numbers_kept(numbers: Mapping[str, Any]) -> str:
-    """The numbers of a cause as JSON, by which `retold` tells it again."""
+    """The numbers of a cause as JSON, by which `told_again` tells it again."""
     return json.dumps(dict(numbers), ensure_ascii=False, default=_plain)
 
 
@@ -50,7 +50,7 @@ def _as_found(number: Any) -> Any:
     return tuple(number) if isinstance(number, list) else number
 
 
-def retold(cause: str, numbers: str | None) -> CauseWords | None:
+def told_again(cause: str, numbers: str | None) -> CauseWords | None:
     """A cause that was kept, in the language in use now; None where this version knows no such cause, or it had other
     numbers then."""
     known = next((each for each in suspects() if each.cause == cause), None)

@@ -23,6 +23,7 @@ rtuscope ask lake worst-units
 rtuscope ask lake 'SELECT site, name, count(*) FROM frames GROUP BY ALL' --csv"""
 _WIDEST: Final = 60  # characters of a cell on a terminal
 _PICTURES: Final = (".png", ".svg", ".pdf")
+_PIECE: Final = 1 << 16  # characters of CSV that are put out at once
 _LINES: Final = 20  # that can be told apart in a picture
 
 
@@ -165,7 +166,12 @@ def _put_csv(answer: Any) -> None:
 
     writer = csv.writer(made := io.StringIO(), lineterminator="\n")
     writer.writerow(answer.column_names)
-    writer.writerows([safe(cell) if _words(cell) else cell for cell in row] for row in _rows(answer))
+    for row in _rows(answer):
+        writer.writerow([safe(cell) if _words(cell) else cell for cell in row])
+        if made.tell() > _PIECE:
+            put_data(made.getvalue())
+            made.seek(0)
+            made.truncate()
     put_data(made.getvalue())
 
 

@@ -25,7 +25,7 @@ from .forced import ForcedRuns, SearchedBytes, forced_runs
 from .gaps import GapStatistics, LearntFrames, SpeakerTurn, classes_of, next_checkpoint
 from .lattice import GLITCH_RUN, LOST
 from .looks import STAGES
-from .reach import plain_evidence, plain_reach, quiet_reach, without_tail
+from .reach import RunContext, plain_evidence, run_reach
 from .rules import Bytes, Index, Mask, length_tables
 from .segments import NOISE, DecidedSegments, StreamSegments, evidence_rows, join_segments
 
@@ -215,15 +215,12 @@ class Engine:
         if runs.end[last - 1] > limit:
             last = max(i + 1, i + int(np.searchsorted(runs.end[i:last], limit, side="right")))
         classes = self.buffer.classes[begin : begin + len(data)]
-        bound = last
-        last, margin = plain_reach(runs, i, last, data, classes, self.statistics, self._tracker, waiting=self._waiting)
-        last = quiet_reach(runs, i, last, data, classes, self.statistics, self._tracker, waiting=self._waiting)
-        if last < bound or last > runs.last[i] or runs.either[last]:
-            last = without_tail(runs, i, last, classes, self.statistics)
+        context = RunContext(data, classes, self.statistics, self._tracker, self._waiting)
+        last, margin = run_reach(runs, i, last, context)
         if last <= i:
             return at
         start, end, role = runs.start[i:last], runs.end[i:last], runs.role[i:last]
-        structure, margin = runs.structure[i:last], margin[: last - i]
+        structure = runs.structure[i:last]
         why = None
         if self.options.explain:
             why = evidence_rows(last - i)

@@ -135,21 +135,9 @@ def forced_runs(found: Candidates, data: Bytes, known: int, silences: NDArray[np
     doubt = np.union1d(plain.doubt, np.flatnonzero(either & (structure < 0)))
     first_open = int(open_ones[0]) if len(open_ones) else m
     return ForcedRuns(
-        start,
-        end,
-        plain.role,
-        either,
-        structure,
-        lean,
-        clean,
-        first_open,
-        last,
-        plain.second,
-        plain.again,
-        doubt,
-        asks,
-        fits,
-    )
+        start, end, plain.role, either, structure, lean, clean, first_open, last, plain.second, plain.again, doubt,
+        asks, fits,
+    )  # fmt: skip
 
 
 def _answering(data: Bytes, start: Index, role: NDArray[np.uint8], joined: Mask) -> Mask:

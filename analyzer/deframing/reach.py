@@ -6,6 +6,7 @@ far as the lattice would not wait for one.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -28,21 +29,33 @@ _FEW: Final = 64  # intervals that are looked at one by one
 _AGAIN: Final = int(SpeakerTurn.AGAIN)
 
 
-def plain_reach(
-    runs: ForcedRuns,
-    i: int,
-    last: int,
-    data: Bytes,
-    silences: NDArray[np.uint8],
-    statistics: GapStatistics,
-    tracker: ConversationTracker,
-    *,
-    waiting: bool,
-) -> tuple[int, NDArray[np.float32]]:
-    """How far, from interval i on and before `last`, roles are plain: the first one that is not; and by how many bits.
+@dataclass(frozen=True, slots=True)
+class RunContext:
+    """What is known where a run begins. `silences` are classes of those before the bytes of `data`.
 
     `waiting`: the frame before is a request that wants an answer; `tracker` is the conversation up to it.
     """
+
+    data: Bytes
+    silences: NDArray[np.uint8]
+    statistics: GapStatistics
+    tracker: ConversationTracker
+    waiting: bool
+
+
+def run_reach(runs: ForcedRuns, i: int, last: int, context: RunContext) -> tuple[int, NDArray[np.float32]]:
+    """The end of a run from interval i on, before `last`, and the margin (bits) of each interval in it."""
+    bound = last
+    last, margin = _plain_reach(runs, i, last, context)
+    last = _quiet_reach(runs, i, last, context)
+    if last < bound or last > runs.last[i] or runs.either[last]:
+        last = _without_tail(runs, i, last, context.silences, context.statistics)
+    return last, margin[: last - i]
+
+
+def _plain_reach(runs: ForcedRuns, i: int, last: int, context: RunContext) -> tuple[int, NDArray[np.float32]]:
+    """How far, from interval i on and before `last`, roles are plain: the first that is not; and by how many bits."""
+    data, silences, statistics, waiting = context.data, context.silences, context.statistics, context.waiting
     at = int(np.searchsorted(runs.doubt, i))
     if at < len(runs.doubt):
         last = min(last, int(runs.doubt[at]))
@@ -65,7 +78,7 @@ def plain_reach(
             waits = np.append(waiting, waits[1:])
         early = np.flatnonzero(start < REACH)
         if len(early):  # what was asked before may be before these bytes
-            conversation = tracker.conversation
+            conversation = context.tracker.conversation
             asked = {open_requests.adu[:2] for open_requests in conversation.open_requests}
             late = late.copy()
             late[early] |= [data[s : s + 2].tobytes() in asked for s in start[early].tolist()]
@@ -92,29 +105,19 @@ def plain_reach(
     return last, margin
 
 
-def quiet_reach(
-    runs: ForcedRuns,
-    i: int,
-    last: int,
-    data: Bytes,
-    silences: NDArray[np.uint8],
-    statistics: GapStatistics,
-    tracker: ConversationTracker,
-    *,
-    waiting: bool,
-) -> int:
+def _quiet_reach(runs: ForcedRuns, i: int, last: int, context: RunContext) -> int:
     """The end of a run from interval i on, before `last`, as far as the lattice would not wait for longer frames.
 
     It waits for none where requests and their answers alternate, of units that are known, each before a silence that
-    may end a frame, and nobody waits for an answer from before. `waiting`: as of `plain_reach`.
+    may end a frame, and nobody waits for an answer from before.
     """
     known = max(i, runs.known)
     if last <= known:
         return last
-    conversation = tracker.conversation
-    if known - i > _FEW or len(conversation.open_requests) != waiting:
+    data, silences, statistics = context.data, context.silences, context.statistics
+    conversation, asked = context.tracker.conversation, context.waiting
+    if known - i > _FEW or len(conversation.open_requests) != asked:
         return known
-    asked = waiting
     for k in range(i, last):
         start, end = int(runs.start[k]), int(runs.end[k])
         if runs.role[k] == ASKS:
@@ -129,7 +132,7 @@ def quiet_reach(
     return last
 
 
-def without_tail(runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics) -> int:
+def _without_tail(runs: ForcedRuns, i: int, last: int, silences: NDArray[np.uint8], statistics: GapStatistics) -> int:
     """The end of a run from interval i on, before `last`, behind which the lattice has the word.
 
     After a whole exchange, and where silence parts them, the lattice would decide as well before it goes on; a frame

@@ -43,6 +43,11 @@ def retold(line: str) -> str:
     return (_retold(line, templates) or line) if templates else line
 
 
+def error_words(error: BaseException) -> str:
+    """What an error says, in the language in use; its type where it says nothing."""
+    return retold(str(error)) or type(error).__name__
+
+
 def _retold(line: str, templates: tuple[_Template, ...]) -> str | None:
     if (told := _matched(line, templates)) is not None:
         return told

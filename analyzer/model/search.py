@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dissectors.wording import ENGLISH
 
 from ..languages import tr, wording
-from ..languages.retelling import retold
+from ..languages.retelling import error_words
 from ..tables.columns import decode
 from .bus import Bus
 from .selection import Test
@@ -76,7 +76,7 @@ def _octets(text: str) -> bytes:
     try:
         return b"".join(words.data for words in read_text(text))
     except HexError as error:
-        raise SearchError(retold(str(error))) from error
+        raise SearchError(error_words(error)) from error
 
 
 def for_bytes(text: str) -> Hits:

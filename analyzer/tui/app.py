@@ -15,7 +15,7 @@ from textual.filter import Monochrome
 from textual.screen import Screen
 
 from ..languages import tr
-from ..languages.retelling import retold
+from ..languages.retelling import error_words
 from ..model.bus import Bus
 from ..usernotes import Notes, NotesError
 from .burst import KeyQueue
@@ -71,7 +71,7 @@ class Rtuscope(App[NextFile | None]):
         try:
             notes = Notes.beside(source.path)
         except NotesError as error:
-            notes, self._trouble = Notes(), retold(str(error))
+            notes, self._trouble = Notes(), error_words(error)
         wishes = Preferences.of_user()
         self._trouble = self._trouble or wishes.trouble
         self.desk = ViewState(source, Bus.of(source), notes, wishes=wishes)

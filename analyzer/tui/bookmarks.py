@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from captures import CaptureError
 
 from ..languages import tr
-from ..languages.retelling import retold
+from ..languages.retelling import error_words
 from ..words import TimeBase
 from .frames import FrameList
 from .prompts import Ask
@@ -109,7 +109,7 @@ class Bookmarks:
         try:
             change()
         except CaptureError as error:
-            screen.tell(tr("kept until you quit only: {error}", error=retold(str(error))), wrong=True)
+            screen.tell(tr("kept until you quit only: {error}", error=error_words(error)), wrong=True)
         for each in screen.query(FrameList):
             each.unpaint()
         if screen.row is not None:

@@ -9,7 +9,15 @@ from typing import Final
 from rich.cells import cell_len
 from textual.binding import ActiveBinding, Binding
 
+from ..languages import tr
+
 _ALWAYS: Final = frozenset({"help", "leave"})  # actions
+
+
+def in_language(active: ActiveBinding) -> ActiveBinding:
+    """The same binding, told in the language in use."""
+    binding = replace(active.binding, description=tr(active.binding.description))
+    return active._replace(binding=binding, tooltip=tr(active.tooltip))
 
 
 def fitting(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 from textual.worker import get_current_worker
 
 from ..languages import in_use, tr, use
-from ..languages.retelling import retold
+from ..languages.retelling import error_words
 from ..model.scope import Scope, ScopedFigures
 from ..model.selection import Everything, Selection
 from ..model.source import Grave
@@ -116,7 +116,7 @@ class Jobs:
             try:
                 thread()
             except Exception as error:
-                words = tr("this view could not be made: {trouble}", trouble=retold(str(error)) or type(error).__name__)
+                words = tr("this view could not be made: {trouble}", trouble=error_words(error))
                 self._screen.call_later(self._screen.tell, words, wrong=True)
                 self._screen.call_later(failed)
                 raise
@@ -141,7 +141,7 @@ class Jobs:
                     shown_at, came = now, False
                     self._screen.call_later(self._rows_came)
         except Exception as error:  # told in one line; what was read stays
-            trouble = retold(str(error)) or type(error).__name__
+            trouble = error_words(error)
         try:
             self._bus.close()
         finally:

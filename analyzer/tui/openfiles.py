@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from captures.recording.notes import MARK
 
 from ..languages import tr
-from ..languages.retelling import retold
+from ..languages.retelling import error_words
 from ..outages import notes_of
 from .prompts import Ask
 
@@ -103,5 +103,5 @@ def _no_capture(text: str) -> str:
     try:
         captures.open(path)
     except captures.CaptureError as error:
-        return retold(str(error))
+        return error_words(error)
     return ""

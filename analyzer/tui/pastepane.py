@@ -14,7 +14,7 @@ from textual.widgets import Label, TextArea
 from captures.text.halves import HexError
 
 from ..languages import counted, tr
-from ..languages.retelling import retold
+from ..languages.retelling import error_words
 from ..paste import Paste, PasteError, read
 from ..paste.model import PastedFrame, PastedNoise
 from ..paste.trees import heading, shown, trouble
@@ -110,7 +110,7 @@ class PastePane(Vertical):
                 paste = read(text[:_LONGEST])
                 why = paste.why
             except (PasteError, HexError) as error:
-                why = retold(str(error))
+                why = error_words(error)
         label = self.query_one("#paste-why", Label)
         label.update(Text(why, no_wrap=True, overflow="ellipsis"))
         label.set_class(bool(text.strip()) and paste is None, "-wrong")

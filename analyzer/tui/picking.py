@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..exports.output import OutputStream
 from ..languages import counted, tr
-from ..languages.retelling import retold
+from ..languages.retelling import error_words
 from ..model.selection import Selection
 from .copying import WAYS
 from .jobs import Stop
@@ -140,7 +140,7 @@ class PickedRows:
             nameless.seek(0)
             return _Saved(count, file=nameless)
         except Exception as error:  # told in one line
-            return _Saved(0, retold(str(error)) or type(error).__name__)
+            return _Saved(0, error_words(error))
 
     def _saved(self, path: Path, saved: _Saved) -> None:
         screen, rows = self._screen, counted(saved.rows, "row", "rows")
@@ -177,5 +177,5 @@ def _no_format(path: Path) -> str:
     try:
         target(path)
     except ExportError as error:
-        return retold(str(error))
+        return error_words(error)
     return ""

@@ -16,7 +16,7 @@ import captures
 
 from ..filters import check
 from ..languages import tr
-from ..languages.retelling import retold
+from ..languages.retelling import error_words
 from ..settingfiles import user_folder
 from ..settings import COLOURS, SettingsError, read_settings
 
@@ -112,7 +112,7 @@ class Preferences:
             with captures.replacing(self.path) as out:
                 out.write((json.dumps(stored, indent=2, ensure_ascii=False) + "\n").encode(errors="backslashreplace"))
         except (OSError, captures.CaptureError) as error:
-            self.path, self.trouble = None, tr("settings last until you quit: {error}", error=retold(str(error)))
+            self.path, self.trouble = None, tr("settings last until you quit: {error}", error=error_words(error))
 
 
 def _colour(name: object) -> str:

@@ -14,7 +14,7 @@ from captures import CaptureError
 from dissectors.values import AREAS, logical
 
 from ..languages import counted, tr
-from ..languages.retelling import retold
+from ..languages.retelling import error_words
 from ..model.meanings import AREA_WORDS, CHOICES, PLAIN, Meaning, Spot, chosen, told
 from ..model.registers import RegisterSeries, WatchedRegister
 from ..registers.pace import is_due
@@ -194,7 +194,7 @@ class RegisterList(Lines):
         try:
             self.desk.notes.choose_type(spot, type_words)
         except CaptureError as error:
-            self.app.notify(tr("kept until you quit only: {error}", error=retold(str(error))), markup=False)
+            self.app.notify(tr("kept until you quit only: {error}", error=error_words(error)), markup=False)
         self._find_parts()
         self.move_to(self._line_of.get(spot, self.cursor))
         self.unpaint()

@@ -8,7 +8,6 @@ in threads in `jobs`; each is a member that is handed the screen.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.app import ComposeResult
@@ -26,7 +25,7 @@ from .columns import ShownColumns
 from .detailpane import DetailPane
 from .doors import Doors
 from .filterbar import FilterBar
-from .footing import fitting
+from .footing import fitting, in_language
 from .frames import FrameList
 from .jobs import Jobs
 from .jumps import Jumps
@@ -242,7 +241,7 @@ class BusScreen(Screen[None]):
     def active_bindings(self) -> dict[str, ActiveBinding]:
         """Those that the footer shows, in the language in use."""
         active = super().active_bindings
-        told = {key: _in_language(each) if each.binding.show else each for key, each in active.items()}
+        told = {key: in_language(each) if each.binding.show else each for key, each in active.items()}
         return fitting(told, self.app.get_key_display, self.size.width)
 
     def on_resize(self) -> None:
@@ -388,11 +387,6 @@ class BusScreen(Screen[None]):
         self.notify(
             harmless(text), severity="error" if wrong else "information", markup=False, timeout=6 if wrong else 3
         )
-
-
-def _in_language(active: ActiveBinding) -> ActiveBinding:
-    binding = replace(active.binding, description=tr(active.binding.description))
-    return active._replace(binding=binding, tooltip=tr(active.tooltip))
 
 
 def _view_of(widget: Widget) -> View | None:

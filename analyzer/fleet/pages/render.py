@@ -69,17 +69,10 @@ def _verdict(sites: list[SiteHealth]) -> str:
         words += page_words(
             "; {bad:.3g} % of {asked:,} requests without a good answer", bad=100 * bad / asked, asked=asked
         )
-    return (
-        words
-        + (
-            page_words(
-                "; errors in the last two days of {sites}", sites=counted(ill, "recorded site", "recorded sites")
-            )
-            if ill
-            else ""
-        )
-        + "."
-    )
+    if ill:
+        told = counted(ill, "recorded site", "recorded sites")
+        words += page_words("; errors in the last two days of {sites}", sites=told)
+    return f"{words}."
 
 
 def _state(state: str) -> str:

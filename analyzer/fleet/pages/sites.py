@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Any, Final
 
 from ...causes.model import Cause
-from ...causes.telling import CauseWords, retold
+from ...causes.telling import CauseWords, told_again
 from ...languages import counted, in_use, page_words
 from ...reports.html.outcomes import OutcomeBar, OutcomePart
 from ...reports.page import file_name
@@ -30,6 +30,7 @@ _LEVELS: Final = ((0.1, "good"), (1.0, "fair"), (5.0, "poor"))  # percent of bad
 _WORST: Final = "bad"
 _NONE: Final = "none"
 _FRESH: Final = 7  # days
+_DAMAGE: Final = 3  # of a capture, told
 CURVE: Final = (120, 24)  # width and height of a drawing of response times, in its own units
 _OUTCOMES: Final = (  # kind of a part, which of the sums, words
     ("ok", "answered", "{number:,} answered"),
@@ -107,7 +108,7 @@ def _response(row: Mapping[str, Any]) -> str:
     """The mean response time, as far as it is known."""
     if row.get("mean_ms_low") is None:
         return "–"
-    return between(round(row["mean_ms_low"] * 1e6), round(row["mean_ms_high"] * 1e6))
+    return _between_ms(row["mean_ms_low"], row["mean_ms_high"])
 
 
 def _strip(days: Sequence[int], rows: Iterable[LakeRow]) -> HealthStrip:
@@ -197,7 +198,7 @@ def _spell(row: LakeRow, fresh: int) -> CauseSpell:
 def _told(cause: str, kept: LakeRow) -> CauseWords:
     """A cause in the language in use; as it was kept where that is English, or this version knows no such cause."""
     plain = CauseWords(*(kept[name] or "" for name in ("text", "share", "deciding_test", "remedy")))
-    return plain if in_use() == "en" else retold(cause, kept["numbers"]) or plain
+    return plain if in_use() == "en" else told_again(cause, kept["numbers"]) or plain
 
 
 def _capture(row: LakeRow) -> CaptureEntry:
@@ -214,9 +215,6 @@ def _capture(row: LakeRow) -> CaptureEntry:
         damage=tuple(each.replace(row["source"], name) for each in (row["damage"] or ())[:_DAMAGE]),
         damage_count=row["damage_count"],
     )
-
-
-_DAMAGE: Final = 3  # of a capture, told
 
 
 def _when(t_ns: int) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import Any, Final
 
+from ...words import CLOCK_FROM_NS
 from ..datasets import DAY_NS
 from ..lake import Lake
 from ..questions import UNIT_COLUMNS
@@ -14,7 +15,7 @@ DAYS: Final = 60  # shown, the newest
 UNITS: Final = 60  # of a site, those with the largest share of bad answers
 CAUSES: Final = 24
 CAPTURES: Final = 60  # the newest, and as many of which something could not be read
-NO_CLOCK: Final = 1158  # days since the epoch: what is before is no date, as `words.is_clock` has it
+NO_CLOCK: Final = -(-CLOCK_FROM_NS // DAY_NS)  # days since the epoch: what is before is no date
 
 _DAY: Final = f"epoch_ns(t_ns) // {DAY_NS}"
 _SUMS: Final = f"sum(answered) AS answered, {UNIT_COLUMNS}"
