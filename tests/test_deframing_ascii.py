@@ -41,6 +41,27 @@ def test_a_wrong_lrc_is_a_damaged_frame_and_text_around_is_noise() -> None:
     assert found.rows.check.tolist() == [False, True, False]
 
 
+def test_a_line_feed_that_the_tap_held_back_belongs_to_its_frame() -> None:
+    """A gateway sends its first 17 bytes, the rest 200 ms later: characters of a frame may be a second apart."""
+    deframer = Deframer(LINE, Options(protocol="ascii"))
+    parts = [(10**9, READ[:-1]), (1_200_000_000, READ[-1:] + ANSWER)]
+    batches = [deframer.feed(Chunk(*parts[0])), deframer.tick(1_100_000_000), deframer.feed(Chunk(*parts[1]))]
+    found = collect([*batches, deframer.close()])
+    assert found.rows.kind.tolist() == [1, 2]
+    assert found.rows.length.tolist() == [len(READ), len(ANSWER)]
+
+
+def test_frames_that_end_without_a_line_feed_do_not_wait_for_one() -> None:
+    """Once one was seen that does; then a quiet line tells as it does elsewhere."""
+    deframer = Deframer(LINE, Options(protocol="ascii"))
+    deframer.feed(Chunk(10**9, READ[:-1] + ANSWER[:-1]))
+    assert len(deframer.tick(1_100_000_000))
+    other = Deframer(LINE, Options(protocol="ascii"))
+    other.feed(Chunk(10**9, READ[:-1]))
+    assert not len(other.tick(1_100_000_000))
+    assert len(other.tick(2_100_000_000))
+
+
 def test_an_echo_that_is_cut_at_the_very_end_answers_nothing() -> None:
     """A stream of the campaign: its fields were looked for behind the last byte."""
     deframer = Deframer(LINE, Options(protocol="ascii"))

@@ -28,18 +28,19 @@ def ascii_streams(draw: st.DrawFn) -> tuple[list[Chunk], LineSettings]:
     """Frames with faults, on one port or two, in reads of any size."""
     two, said = draw(st.booleans()), draw(st.booleans())
     size = draw(st.sampled_from([1, 5, 16, 17, 62]))
-    pauses = draw(st.sampled_from([[0], [0, CHAR_NS], [3_000_000, 60_000_000]]))
+    pauses = draw(st.sampled_from([[0], [0, CHAR_NS], [3_000_000, 60_000_000], [0, 60_000_000, 1_200_000_000]]))
+    ends = draw(st.sampled_from([b"\r\n", b"\r\n", b"\r"]))
     chunks, now = [], 10**9
     for pair in draw(st.lists(transactions(), max_size=8)):
         for direction, frame in enumerate(pair):
-            text = text_of(frame)
+            text = text_of(frame)[:-2] + ends
             fault = draw(st.integers(0, 11))
             if fault == 0:
                 text = text[: draw(st.integers(1, len(text)))]
             elif fault == 1:
                 text = draw(st.sampled_from([b"\0", b":", b"\r", b"\n", b"::01", b"xyz" * 700])) + text
             elif fault == 2:
-                text = text[:-1] if draw(st.booleans()) else text[:-2] + b"\n"
+                text = text_of(frame)[:-2] + draw(st.sampled_from([b"\r", b"\n", b"\r\n"]))
             for at in range(0, len(text), size):
                 read = text[at : at + size]
                 now += len(read) * CHAR_NS + draw(st.sampled_from(pauses))
@@ -65,7 +66,11 @@ def test_text_gives_the_same_however_it_is_read(stream: tuple[list[Chunk], LineS
     for i, chunk in enumerate(chunks):
         ticked.append(chunk)
         free = chunks[i + 1].t_ns - len(chunks[i + 1].data) * CHAR_NS - chunk.t_ns if i + 1 < len(chunks) else 0
-        ticked += [chunk.t_ns + pause for pause in (CHAR_NS, 55_000_000) if pause < free and data.draw(st.booleans())]
+        ticked += [
+            chunk.t_ns + pause
+            for pause in (CHAR_NS, 55_000_000, 1_050_000_000)
+            if pause < free and data.draw(st.booleans())
+        ]
     for other in (found_in(line, list(chunks)), found_in(line, octets), found_in(line, ticked)):
         assert other.data == once.data
         assert len(other.rows) == len(once.rows)

@@ -29,6 +29,7 @@ _FRAME: Final = re.compile(rb"[:>][0-9A-Fa-f]{6,%d}(?:\r\n?|\n)" % _LONGEST)
 STRAY: Final = 2  # bytes that are none of it and that a line may begin with: a driver's switching, a late start
 _ENOUGH: Final = 2  # frames with a right LRC that make a capture one of ASCII mode
 _GARBLED: Final = 4  # such frames that do among bytes which are no text, and no RTU either
+_PATIENCE_NS: Final = 1_000_000_000  # that may pass between characters of one frame ([2] 2.5.2.1): a tap held them back
 _LEAST_RTU: Final = 4  # bytes of a frame
 _MOST_RTU: Final = 256
 
@@ -80,19 +81,27 @@ class AsciiEngine(SelfDelimitedEngine):
     def __init__(self, character: CharacterTime, options: Options = Options(), role: Role | None = None) -> None:  # noqa: B008
         super().__init__(character, options, role)
         self._asked: Expectation | None = None
+        self._bare = False  # frames end with CR alone here
+        self._open = False  # whether the last one does, what follows it tells
 
-    def _work(self, *, last: bool = False, quiet: bool = False) -> None:
+    def _work(self, *, last: bool = False, silence_ns: int = 0) -> None:
         buffer = self.buffer
         ready = buffer.ready
         text = (buffer.data[:ready] & 0x7F).tobytes()
+        if self._open and text:
+            self._bare, self._open = not text.startswith(b"\n"), False
         found: list[tuple[int, int, Adu | None]] = []
         done = 0
         for match in _FRAME.finditer(text):
             begin, behind = match.span()
-            if behind == ready and text.endswith(b"\r") and not (quiet or last):
+            patience_ns = self._options.idle_ns if self._bare else max(self._options.idle_ns, _PATIENCE_NS)
+            bare = text[behind - 1 : behind] == b"\r"
+            if bare and behind == ready and silence_ns < patience_ns and not last:
                 break  # a line feed may follow
-            if text[behind - 2 : behind] == b"\r\n" and len(buffer.quiet(behind - 2, behind, self._options.idle_ns)):
+            if text[behind - 2 : behind] == b"\r\n" and len(buffer.quiet(behind - 2, behind, patience_ns)):
                 behind -= 1  # the line feed came too late to belong to it
+            self._open = bare and behind == ready
+            self._bare = bare and not self._open
             found += [(*cut, None) for cut in noise_parts(done, begin)]
             found.append((begin, behind, ascii_frames(match[0])[0]))
             done = behind

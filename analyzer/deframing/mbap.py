@@ -75,11 +75,11 @@ class MbapEngine(SelfDelimitedEngine):
         self._astray = False  # in noise: only what a function predicts is a frame
         self._open: dict[bytes, Expectation] = {}  # by transaction
 
-    def _work(self, *, last: bool = False, quiet: bool = False) -> None:
+    def _work(self, *, last: bool = False, silence_ns: int = 0) -> None:
         ready = self.buffer.ready
         data = self.buffer.data[:ready].tobytes()
         pauses = set(self.buffer.quiet(0, ready, self._options.idle_ns).tolist()) if ready else set()
-        if quiet:
+        if silence_ns >= self._options.idle_ns:
             pauses.add(len(self.buffer))
         frames, done = frames_in(data, astray=self._astray, last=last, pauses=pauses)
         if not done:

@@ -47,7 +47,7 @@ class SelfDelimitedEngine(ABC):
         silence = now_ns - self.buffer.last_time
         if silence > 0:
             self.buffer.close(over=True)
-        self._work(quiet=silence >= self._options.idle_ns)
+        self._work(silence_ns=silence)
 
     def close(self) -> None:
         """No more bytes come."""
@@ -65,8 +65,8 @@ class SelfDelimitedEngine(ABC):
         return int(self.buffer.time[0]) if len(self.buffer) else None
 
     @abstractmethod
-    def _work(self, *, last: bool = False, quiet: bool = False) -> None:
-        """Decide what is certain of the bytes that are ready, and `_give` it. `quiet`: nothing has come for a while."""
+    def _work(self, *, last: bool = False, silence_ns: int = 0) -> None:
+        """Decide what is certain of the bytes that are ready, and `_give` it. `silence_ns`: nothing has come since."""
 
     def _give(
         self,
