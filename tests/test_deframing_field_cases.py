@@ -8,6 +8,7 @@ import pytest
 from buses import CHAR_NS, LINE, adu, deframed, spaced
 
 from captures.chunks import Block, Chunk
+from dissectors.crc import crc_bytes
 
 READ = adu("1103006b0003")
 ANSWER = bytes.fromhex("110306ae415652434049ad")
@@ -170,3 +171,20 @@ def test_across_ports_of_known_directions_all_at_once_and_read_by_read_pair_alik
         assert (answers == (rows.port == 1)).all()
         assert (rows.request[answers] == rows.index[answers] - 1).all()
     assert (once.response_ns == read_by_read.response_ns).all()
+
+
+@pytest.mark.parametrize("registers", [0x2D, 0x05, 0x03])
+def test_a_check_value_that_leaves_the_unit_out_makes_no_frame_of_the_rest(registers: int) -> None:
+    """Firmware that computes it over the PDU alone, behind a gateway that sends the unit by itself: what follows the
+    unit checks as a frame of its own, of whatever function the byte count is."""
+    answer = bytes([3, 2 * registers]) + bytes((7 * i + 1) % 251 for i in range(2 * registers))
+    asked = adu(f"0d030075{registers:04x}")
+    pieces = [asked + b"\x0d", answer + crc_bytes(answer)] * 8
+    others = [adu("0a0404130001") + adu("0a0402ffff"), adu("1b0303ec0002") + adu("1b030400112233")]
+    found = deframed(spaced([*others * 6, *pieces], gap_ns=60_000_000))
+    size = len(answer) + 3
+    assert found.frames()[-16:] == [
+        frame
+        for start in range(len(found.data) - 8 * (8 + size), len(found.data), 8 + size)
+        for frame in ((start, 8, "request", True), (start + 8, size, "response", False))
+    ]

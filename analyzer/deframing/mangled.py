@@ -16,7 +16,7 @@ from dissectors.answers import expectation
 from dissectors.length_rules import Role
 
 from .broken import BROKEN
-from .candidates import GLITCHES, KNOWN_BITS, predicted_length
+from .candidates import CRC_BITS, GLITCHES, KNOWN_BITS, predicted_length
 from .conversation import OpenRequest
 from .crc_windows import CrcWindows
 from .lattice import GLITCH_RUN
@@ -68,9 +68,10 @@ def damaged_answers(
                 least = start + (_LEAST if len(header) >= _LEAST else length)
                 for end in ends[bisect_left(ends, least) : bisect_right(ends, most)]:
                     if not edges.parted(start, end):
-                        found[start, end] = Candidate(
-                            start, end, Role.RESPONSE, _bits(end - start, length), damaged=True
-                        )
+                        bits = _bits(end - start, length)
+                        if end - start == length and crc.heads[at + start + 1] == crc.tails[at + end]:
+                            bits = CRC_BITS + KNOWN_BITS + BROKEN  # the check value is that of all but the unit
+                        found[start, end] = Candidate(start, end, Role.RESPONSE, bits, damaged=True)
             end = start + (due or 0)
             if not due or (start, end) in found or end > len(data):
                 continue
