@@ -22,7 +22,6 @@ from .likelihood import BYTE, likelihood
 
 XON_XOFF: Final = frozenset((0x11, 0x13))
 _PRIOR: Final = -4.0
-_LET_THROUGH: Final = -16.0  # bits: this port does let them through
 _NONE_YET: Final = 1.5  # bits: it has not let one through so far
 _A_BYTE: Final = 0.0085  # bits that each byte says which is neither: one in 170 should be
 _MOST: Final = 10.0  # bits that their absence is worth
@@ -36,11 +35,11 @@ Fit = tuple[float, tuple[ByteRepair, ...], bytes]
 
 def swallowed(case: DamagedFrame) -> Iterator[Explanation]:
     """The frame with its 11 and 13 bytes put back."""
-    if XON_XOFF.intersection(case.data) or len(case.data) >= MAX_ADU:
-        return
+    if case.flow_free == 0 or XON_XOFF.intersection(case.data) or len(case.data) >= MAX_ADU:
+        return  # a port that lets one through eats none
     prior = _PRIOR
     if case.flow_free is not None:
-        prior += min(_NONE_YET + _A_BYTE * case.flow_free, _MOST) if case.flow_free else _LET_THROUGH
+        prior += min(_NONE_YET + _A_BYTE * case.flow_free, _MOST)
     fits = [fit for lost, reach in _REACH.items() if len(case.data) <= reach for fit in _solved(case, lost)]
     if fits:
         best = max(fits)

@@ -110,10 +110,10 @@ class Triage:
         request = None if pending is None else pending.captured
         return divided(DamagedFrame(row.captured, None, request, requests, units, flow_free=free))
 
-    def _flow_free(self, row: Row) -> int:
-        """How many bytes the port had given without any 11 or 13; 0 where there were some."""
+    def _flow_free(self, row: Row) -> int | None:
+        """How many bytes the port had given without any 11 or 13; 0 where there were some, None where no byte was."""
         first = self._flow_at.get(row.port)
-        return row.start if first is None or first >= row.start else 0
+        return (row.start or None) if first is None or first >= row.start else 0
 
     def _verdict(self, batch: Batch, number: int, row: EarlierRow) -> Explanation | None:
         """What happened to a row; None where it is noise that nothing ties to a frame."""
@@ -241,7 +241,7 @@ def _autopsy(
     request: bytes | None,
     requests: frozenset[bytes],
     units: frozenset[int],
-    free: int,
+    free: int | None,
     _revision: int,
 ) -> Explanation:
     return autopsy(DamagedFrame(data, role, request, requests, units, flow_free=free))
