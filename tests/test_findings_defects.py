@@ -6,13 +6,14 @@ from collections import Counter
 from functools import cache
 
 import pytest
+from buses import CHAR_NS, LINE, adu
 
 from analyzer.core import analyse
 from analyzer.simulation import Scenario, simulate
 from analyzer.simulation.defects import defects
 from analyzer.simulation.truth import TruthFinding
 from analyzer.tables.findings import Finding, described
-from captures.chunks import Capture
+from captures.chunks import Capture, Chunk
 
 # Where nothing but a read's end parts two senders, it may be taken for a frame's.
 HARD = {("collision", tap): 0.8 for tap in ("irq", "gateway", "untimed")}
@@ -87,3 +88,26 @@ def test_the_convention_of_a_check_value_is_named() -> None:
     truth, found = diagnosed("crc-variant", "precise")
     texts = {f.start: f.text for f in found if f.code == "crc-variant"}
     assert all(t.detail["variant"] in texts[t.start] for t in truth)
+
+
+def test_frames_of_a_unit_whose_address_flow_control_eats_are_told_apart_and_mended() -> None:
+    """Unit 19 never shows its address: its requests and answers are noise, which its silences part; a request that was
+    mended tells how long its answer is, and so how many bytes that lost."""
+    polls = [(adu("050300330002"), adu("050304ff00fe01")), (adu("130300750020"), adu("130340" + "0102aa13" + "0102aaff" * 15))]
+    chunks, now, due = [], 10**9, []
+    offset = 0
+    for number in range(60):
+        for frame in polls[number % 5 == 4]:
+            now += 6_000_000
+            heard = frame.translate(None, b"\x11\x13")
+            for byte in frame:
+                now += CHAR_NS
+                if byte not in b"\x11\x13":
+                    chunks.append(Chunk(now, bytes([byte])))
+            if heard != frame:
+                due.append(("flow-control-loss", offset, len(heard)))
+            offset += len(heard)
+    found = [finding for part in analyse(Capture.of(LINE, chunks)) for finding in described(part.findings)]
+    said = {place(finding) for finding in found if finding.start >= 0}
+    assert set(due[6:]) <= said  # before, too little is known of this tap
+    assert not [f.text for f in found if f.code == "noise" and f.start > due[6][1]]

@@ -29,7 +29,6 @@ from .reach import RunContext, plain_evidence, run_reach
 from .rules import Bytes, Index, Mask, length_tables
 from .segments import NOISE, DecidedSegments, StreamSegments, evidence_rows, join_segments
 
-_PARTS_NOISE: Final = 6.0  # bits of a silence at which noise is cut in two
 _SLICE: Final = 1 << 20  # bytes searched at once
 _MUCH: Final = 1 << 16  # bytes: fed at once, more will follow, or a quiet line
 _LOOKS_AHEAD: Final = 16  # bytes behind its end that a search may want to see of a short frame
@@ -278,7 +277,7 @@ class Engine:
             why.margin[:] = margin
         self._fresh.clear()
         noise = role == NOISE
-        parts = self.statistics.parts(_PARTS_NOISE) if noise.any() else None
+        parts = self.statistics.trusted if noise.any() else None
         self._learn(start, end, role, check)
         if parts is not None:
             start, end, segment = self.buffer.parted(start, end, noise, parts)

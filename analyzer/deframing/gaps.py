@@ -136,9 +136,9 @@ class GapStatistics:
         """The same as an array."""
         return self._table
 
-    def parts(self, bits: float = _PARTS) -> NDArray[np.bool_]:
+    def parts(self) -> NDArray[np.bool_]:
         """By class, whether such a silence surely parts two frames, whichever they are."""
-        surely: NDArray[np.bool_] = self._least >= bits
+        surely: NDArray[np.bool_] = self._least >= _PARTS
         return surely
 
     @property

@@ -137,13 +137,21 @@ def divided(case: DamagedFrame) -> list[DividedFrame]:
         best = max(candidates, key=lambda part: part.verdict.bits)
         parts.append(best)
         at += best.length
-        repaired = best.verdict.repaired or b""
-        request_length = told(repaired, Role.REQUEST)
-        answers = rest.expected is not None and rest.expected.fits(repaired)
-        pending = (
-            repaired if not answers and request_length is not None and request_length.length == len(repaired) else None
-        )
+        pending = asked_by(best.verdict, pending)
     return parts if len(parts) > 1 else []
+
+
+def asked_by(verdict: Explanation, pending: bytes | None) -> bytes | None:
+    """The request that a frame was before flow control robbed it: the tap alone did not hear it, and its unit answers.
+
+    `pending` is the request that waited for its answer before it. None where the frame is an answer, or not known.
+    """
+    if verdict.code != "flow-control-loss" or verdict.repaired is None:
+        return None
+    length = told(verdict.repaired, Role.REQUEST)
+    expected = DamagedFrame(b"", request=pending).expected
+    answers = expected is not None and expected.fits(verdict.repaired)
+    return verdict.repaired if not answers and length is not None and length.length == len(verdict.repaired) else None
 
 
 def _lengths(case: DamagedFrame) -> list[int]:

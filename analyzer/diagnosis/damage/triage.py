@@ -21,7 +21,7 @@ from dissectors.registry import revision
 from ...tables.batch import Batch
 from ...tables.schema import NO_GAP, Kind, Protocol, Row
 from ..view import DiagnosisStep, EarlierRow, LookBack, where
-from . import DamagedFrame, DividedFrame, Explanation, autopsy, divided, joined
+from . import DamagedFrame, DividedFrame, Explanation, asked_by, autopsy, divided, joined
 
 HASTE_NS: Final = 50_000_000  # sooner than any master gives up waiting
 _HARD_NS: Final = 1_500_000  # what comes sooner belongs to the frame before
@@ -44,6 +44,8 @@ class Triage:
         self._trail = trail
         self._flow_at: dict[int, int] = {}  # port: where its first 11 or 13 came
         self._vague: tuple[int, int, str] | None = None  # port, end and verdict of the newest row, if that may change
+        self._mended: tuple[int, int, bytes] | None = None  # port and end of the newest row, if flow control robbed a
+        # request there, and that request
         self.explained: dict[int, None] = {}  # requests of late, by index, whose answer came damaged
 
     def examine(self, view: DiagnosisStep) -> dict[int, Sequence[DividedFrame]]:
@@ -55,14 +57,17 @@ class Triage:
         explained: dict[int, Sequence[DividedFrame]] = {}
         for number in _suspects(view):
             row = EarlierRow.of(batch, number)
+            request = self._request(row, self._recent_traffic(batch, number)[0])
             if rejoined := self._joined(batch, number, row):
                 explained.pop(number - 1, None)
                 explained[number], self._vague = rejoined, None
+                self._remember(row, rejoined, request)
                 continue
             verdict = self._verdict(batch, number, row)
             parts = self._divided(batch, number, row) if verdict is None or verdict.code in VAGUE else []
             if verdict is not None or parts:
                 explained[number] = parts or [DividedFrame(0, row.row.length, verdict or Explanation("crc-error", 0.0))]
+            self._remember(row, explained.get(number, ()), request)
             self._vague = None
             if row.is_frame and verdict is not None and verdict.code in VAGUE:
                 self._vague = row.row.port, row.row.start + row.row.length, verdict.code
@@ -87,7 +92,7 @@ class Triage:
         ):
             return []
         pending, requests, units = self._recent_traffic(batch, number)
-        request = None if pending is None else pending.captured
+        request = self._request(row, pending)
         role = None if pending else Role.REQUEST if before.row.kind == Kind.REQUEST else Role.RESPONSE
         case = DamagedFrame(before.captured, role, request, requests, units, flow_free=self._flow_free(before.row))
         best = joined(case, after=row.captured)
@@ -107,7 +112,7 @@ class Triage:
         if not free or len(row.captured) <= 2 * _LEAST or row.row.errors:
             return []
         pending, requests, units = self._recent_traffic(batch, number)
-        request = None if pending is None else pending.captured
+        request = self._request(row, pending)
         return divided(DamagedFrame(row.captured, None, request, requests, units, flow_free=free))
 
     def _flow_free(self, row: Row) -> int | None:
@@ -118,7 +123,7 @@ class Triage:
     def _verdict(self, batch: Batch, number: int, row: EarlierRow) -> Explanation | None:
         """What happened to a row; None where it is noise that nothing ties to a frame."""
         pending, requests, units = self._recent_traffic(batch, number)
-        request = None if pending is None else pending.captured
+        request = self._request(row, pending)
         role = None
         if row.is_frame:
             role = Role.REQUEST if row.row.kind == Kind.REQUEST else Role.RESPONSE
@@ -162,6 +167,18 @@ class Triage:
             if len(self.explained) > _MOST_EXPLAINED:
                 del self.explained[next(iter(self.explained))]
         return verdict
+
+    def _request(self, row: EarlierRow, pending: EarlierRow | None) -> bytes | None:
+        """The request that a row may answer: the last right one, or one that this tap alone did not hear whole."""
+        if self._mended is not None and self._mended[:2] == (row.row.port, row.row.start):
+            return self._mended[2]
+        return None if pending is None else pending.captured
+
+    def _remember(self, row: EarlierRow, parts: Sequence[DividedFrame], request: bytes | None) -> None:
+        """Keep the request that a row ends with, if flow control robbed it; `request` waited before the row."""
+        for part in parts:
+            request = asked_by(part.verdict, request)
+        self._mended = (row.row.port, row.row.start + row.row.length, request) if parts and request else None
 
     def _recent_traffic(self, batch: Batch, number: int) -> tuple[EarlierRow | None, frozenset[bytes], frozenset[int]]:
         """The request that waits for its answer, if one does, and requests and units of late."""
