@@ -44,15 +44,12 @@ def test_stray_bytes_of_a_switching_driver_belong_to_no_frame(stray: bytes) -> N
 
 
 def test_a_frame_that_ends_in_00_keeps_its_last_byte() -> None:
-    answer = bytes.fromhex("01040203017800")
-    assert answer[-1] == 0 or answer[-2] == 0
     frame = next(f for n in range(65536) if (f := adu(f"010402{n:04x}"))[-1] == 0)
     assert deframed(untimed(adu("010400000001"), frame)).good() == [adu("010400000001"), frame]
 
 
 def test_stray_00_after_a_short_answer() -> None:
-    request, answer = adu("010400000001"), bytes.fromhex("010402030178")
-    answer = adu("0104020301")
+    request, answer = adu("010400000001"), adu("0104020301")
     assert deframed(untimed(request, answer, b"\0", request, answer)).good() == [request, answer, request, answer]
 
 
