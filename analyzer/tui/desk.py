@@ -15,7 +15,7 @@ from ..model.bus import Bus
 from ..model.scope import Scope, ScopedFigures
 from ..model.table import PIECE
 from ..usernotes import Notes, Place
-from ..words import TimeBase, date_and_time, is_clock, seconds, short, time_of_day
+from ..words import TimeBase, date_and_time, is_clock, seconds, short, time_of_day, zone_name
 from .preferences import Preferences
 
 if TYPE_CHECKING:
@@ -78,8 +78,20 @@ class ViewState:
         scope = self.scope
         words = [] if scope.filter is None else [scope.filter.text]
         if scope.span is not None:
-            words.append(f"{self.when(scope.span[0])} + {short(scope.span[1] - scope.span[0])}")
+            words.append(self.span_words(scope.span))
         return tr(" in ").join(words)
+
+    def span_words(self, span: tuple[int, int]) -> str:
+        """`2026-11-21 14:00–16:00 UTC`; on a capture's own clock `10–25 s`."""
+        if not self.bus.timed or not is_clock(self.bus.t_first):
+            low, high = ((t - self.bus.t_first) / 1e9 for t in span)
+            return f"{low:.10g}–{high:.10g} s"
+        begin, end = (date_and_time(t, self.zone)[:23] for t in span)
+        for zeros in (".000", ":00"):
+            if not (begin.endswith(zeros) and end.endswith(zeros)):
+                break
+            begin, end = begin[: -len(zeros)], end[: -len(zeros)]
+        return f"{begin}–{end[11:] if end[:10] == begin[:10] else end} {zone_name(span[0], self.zone)}"
 
     def when(self, t_ns: int) -> str:
         """A time by itself, as times are shown."""

@@ -8,7 +8,6 @@ in threads in `jobs`; each is a member that is handed the screen.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 from textual.app import ComposeResult
@@ -220,6 +219,7 @@ class BusScreen(Screen[None]):
 
     def on_filter_changed(self, event: FilterChanged) -> None:
         self.jobs.scope.filter = event.filter
+        self.narrowing.say()
         self.jobs.reselect()
 
     def on_span_seen(self) -> None:
@@ -241,9 +241,7 @@ class BusScreen(Screen[None]):
     @property
     def active_bindings(self) -> dict[str, ActiveBinding]:
         """Those that the footer shows, in the language in use."""
-        active = super().active_bindings
-        told = {key: _in_language(each) if each.binding.show else each for key, each in active.items()}
-        return fitting(told, self.app.get_key_display, self.size.width)
+        return fitting(super().active_bindings, self.app.get_key_display, self.size.width)
 
     def on_resize(self) -> None:
         self.refresh_bindings()
@@ -381,18 +379,13 @@ class BusScreen(Screen[None]):
     def action_help(self) -> None:
         from .help import Help
 
-        self.app.push_screen(Help(self.desk.wishes.keys))
+        self.app.push_screen(Help(self.desk.wishes.keys, self.query_one(f"#{self.view}")))
 
     def tell(self, text: str, *, wrong: bool = False) -> None:
         """A short notice; nothing in it is markup."""
         self.notify(
             harmless(text), severity="error" if wrong else "information", markup=False, timeout=6 if wrong else 3
         )
-
-
-def _in_language(active: ActiveBinding) -> ActiveBinding:
-    binding = replace(active.binding, description=tr(active.binding.description))
-    return active._replace(binding=binding, tooltip=tr(active.tooltip))
 
 
 def _view_of(widget: Widget) -> View | None:

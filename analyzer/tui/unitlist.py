@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 
 from ..languages import tr
@@ -51,6 +52,9 @@ class UnitList(Lines):
     """A line a unit; opening one filters the frames by it."""
 
     EMPTY = "no unit was asked yet"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("enter", "enter", "Open", tooltip="The rows of this unit alone"),
+    ]
 
     def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
