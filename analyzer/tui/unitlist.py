@@ -11,7 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 
 from ..languages import tr
-from ..words import compact, short, short_bound
+from ..words import compact, percent, short, short_bound
 from .doorcells import DoorCell
 from .filterbar import FilterBar
 from .history import History
@@ -145,7 +145,7 @@ class UnitList(Lines):
         bus = self.desk.bus
         if not bus.char_ns or not bus.timed or bus.t_last <= bus.t_first:
             return ""
-        return f"{self.desk.figures.units.octets[unit] * bus.char_ns / (bus.t_last - bus.t_first):.1%}"
+        return percent(self.desk.figures.units.octets[unit] * bus.char_ns / (bus.t_last - bus.t_first))
 
 
 def _widget(desk: ViewState) -> Widget:
