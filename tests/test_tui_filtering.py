@@ -64,7 +64,7 @@ _OF_FEW = (
     "exception or unit == {unit} and bit in 1..20",
     "unit == 250 and register == {register} and signed_value < 0",
     "response or register == {register}",
-    "frame < 40 and address == 107 and value != 0",
+    "index < 40 and address == 107 and value != 0",
 )
 
 

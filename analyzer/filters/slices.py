@@ -247,10 +247,11 @@ class TableSlice:
             return Spoken(self.decoded.address, self.decoded.quantity, self.decoded.area)
         batch, rows = some
         decoded, here = decode(batch), rows >= 0
-        out = Spoken(*(np.full(len(self), -1, np.int64) for _ in range(2)), np.zeros(len(self), np.uint8))
-        for whole, part in zip(out, (decoded.address, decoded.quantity, decoded.area), strict=True):
-            whole[rows[here]] = part[here]
-        return out
+        address, quantity = np.full((2, len(self)), -1, np.int64)
+        area = np.zeros(len(self), np.uint8)
+        address[rows[here]], quantity[rows[here]] = decoded.address[here], decoded.quantity[here]
+        area[rows[here]] = decoded.area[here]
+        return Spoken(address, quantity, area)
 
     @cached_property
     def held(self) -> HeldValues:
@@ -307,9 +308,10 @@ class Each:
         """The address of each, -1 unknown."""
         first = self._decoded.value_address.astype(np.int64)
         before = np.where(first < 0, _NOWHERE, first - self._decoded.offsets[:-1])
-        address = np.repeat(before, self._counts)
+        address: NDArray[np.int64] = np.repeat(before, self._counts)
         address += np.arange(len(address))
-        return np.maximum(address, -1, out=address)
+        np.maximum(address, -1, out=address)
+        return address
 
     @cached_property
     def area(self) -> NDArray[np.uint8]:
