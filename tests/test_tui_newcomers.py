@@ -15,6 +15,7 @@ from analyzer.meant import meant
 from analyzer.model.filtering import compiled
 from analyzer.model.goto import span
 from analyzer.tui.filterbar import FilterBar
+from analyzer.tui.keys import key_name
 from analyzer.tui.picking import _no_file
 from analyzer.tui.plot import Series
 from analyzer.words import percent
@@ -153,6 +154,15 @@ def test_the_zone_is_asked_with_the_time(capture: Path) -> None:
         assert "UTC" in sitting.shown()
 
     using(opened(capture), work)
+
+
+@pytest.mark.parametrize(
+    ("key", "name"),
+    [("space", "Space"), ("ctrl+up", "Ctrl+↑"), ("ctrl+l", "Ctrl+L"), ("f1", "F1"), ("shift+tab", "Shift+Tab"),
+     ("G", "G"), ("f", "f"), ("pagedown", "PgDn"), ("plus", "+")],
+)  # fmt: skip
+def test_a_key_is_called_as_it_is_engraved(key: str, name: str) -> None:
+    assert key_name(key) == name
 
 
 numbers = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=300)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, tzinfo
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
     from ..model.selection import Test
     from ..model.source import ViewSource
+
+_MINUTE_NS: Final = 60 * 10**9
+_HOUR_NS: Final = 60 * _MINUTE_NS
 
 
 def _no_charts(units: Iterable[int]) -> Mapping[int, RegisterMap]:  # noqa: ARG001
@@ -86,12 +89,13 @@ class ViewState:
         if not self.bus.timed or not is_clock(self.bus.t_first):
             low, high = ((t - self.bus.t_first) / 1e9 for t in span)
             return f"{low:.10g}–{high:.10g} s"
-        begin, end = (date_and_time(t, self.zone)[:23] for t in span)
+        size = 16 if span[1] - span[0] >= _HOUR_NS else 19 if span[1] - span[0] >= _MINUTE_NS else 23
+        begin, end = (date_and_time(t, self.zone)[:size] for t in span)
         for zeros in (".000", ":00"):
-            if not (begin.endswith(zeros) and end.endswith(zeros)):
-                break
-            begin, end = begin[: -len(zeros)], end[: -len(zeros)]
-        return f"{begin}–{end[11:] if end[:10] == begin[:10] else end} {zone_name(span[0], self.zone)}"
+            if size > 16 and begin.endswith(zeros) and end.endswith(zeros):
+                begin, end = begin[: -len(zeros)], end[: -len(zeros)]
+        same = 11 if end[:10] == begin[:10] else 5 if end[:4] == begin[:4] else 0
+        return f"{begin}–{end[same:]} {zone_name(span[0], self.zone)}"
 
     def when(self, t_ns: int) -> str:
         """A time by itself, as times are shown."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Final
 
 from textual.binding import Binding
@@ -88,8 +89,13 @@ _ENGRAVED: Final = {
 }  # fmt: skip
 
 
+_FUNCTION: Final = re.compile(r"f\d+")
+
+
 def key_name(key: str) -> str:
     """A key as it stands on a keyboard."""
-    if key == "space":
-        return tr("Space")
-    return _ENGRAVED.get(key) or key.replace("ctrl+", "Ctrl+").replace("shift+", "Shift+")
+    *held, last = key.split("+")
+    name = tr("Space") if last == "space" else _ENGRAVED.get(last, last)
+    if (held and len(name) == 1) or _FUNCTION.fullmatch(name):
+        name = name.upper()
+    return "+".join([*map(str.capitalize, held), name])
