@@ -150,6 +150,13 @@ def compact(number: int) -> str:
     return ">999T"
 
 
+def percent(share: float) -> str:
+    """A share in at most five characters; one that is not nothing is never called `0%`: `12%`, `0.4%`, `<0.1%`."""
+    if share >= 0.0995 or share <= 0:
+        return f"{share:.0%}"
+    return f"{share:.1%}" if share >= 0.0005 else "<0.1%"
+
+
 def plural(number: int, one: str, many: str) -> str:
     """`1 retry`, `2 retries`."""
     return f"{number:,} {one if number == 1 else many}"

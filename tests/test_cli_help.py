@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import argparse
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from running import ran, refused
 
 import analyzer
+from analyzer.cli.app import command_line
+from analyzer.cli.commands import COMMANDS
+from analyzer.cli.exits import meanings
+from analyzer.languages import catalogue, telling
+from analyzer.languages.retelling import retold
 from analyzer.reference.causes import markdown
 from captures.formats import foreign_formats, formats
 
@@ -105,3 +113,65 @@ def test_short_options_of_tshark_are_taken(
     assert ran(capsys, "export", "-r", "bus.mcap", "-Y", "function < 200", "-w", "frames.csv").status == 0
     assert ran(capsys, "open", "-r", "bus.mcap", "--plain", "-Y", "function < 200").status == 0
     assert ran(capsys, "repair", "bus.mcap", "-w", "whole.mcap").status == 0
+
+
+def help_words(parser: argparse.ArgumentParser) -> Iterator[str]:
+    """All that a parser and those of its actions say of themselves, in English."""
+    yield from (words for group in parser._action_groups for words in (group.title, group.description) if words)
+    for action in parser._actions:
+        if action.help and action.help != argparse.SUPPRESS:
+            yield action.help
+        if isinstance(action, argparse._SubParsersAction):
+            yield from (choice.help for choice in action._choices_actions if choice.help)
+            for inner in dict.fromkeys(action.choices.values()):
+                yield from help_words(inner)
+
+
+def all_help_words() -> list[str]:
+    statuses = [words for name in COMMANDS for _, words in meanings(name)]
+    around = ["usage: ", "exit status:", "example:", command_line(()).description or ""]
+    around.append((command_line(()).epilog or "").splitlines()[-1])
+    return list(dict.fromkeys([*help_words(command_line(COMMANDS)), *statuses, *around]))
+
+
+def test_help_is_told_in_russian_word_for_word() -> None:
+    english = all_help_words()
+    with telling("ru"):
+        for words in english:
+            told = retold(words, "help")
+            assert told != words and re.search("[а-я]", told), words
+            for code in re.findall(r"%\(\w+\)s|(?<!\w)--?\w[\w-]*|`[^`]+`|https?://\S+|\b[A-Z]{2,}\b", words):
+                assert code in told or code in ("HTML", "MAP", "CHANGING", "OpenMetrics"), (code, told)
+            assert not re.search(r"\{\d+\}", told), told
+
+
+def test_no_words_of_help_are_left_over() -> None:
+    english, left = all_help_words(), []
+    for template in catalogue("ru")["help"]:
+        pattern = "(.+?)".join(map(re.escape, re.split(r"\{\d+\}", template)))
+        if not any(re.search(pattern, words, re.DOTALL) for words in english):
+            left.append(template)
+    assert not left
+
+
+@pytest.mark.parametrize("words", ["", "parse", "open", "sniff", "map", "map check", "ask", "simulate"])
+def test_a_page_of_help_in_russian_has_no_english_around_it(
+    words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RTUSCOPE_LANG", "ru")
+    page = ran(capsys, *words.split(), "--help").out
+    for english in ("usage:", "options:", "positional arguments", "show this help", "exit status", "example:"):
+        assert english not in page
+    assert page.startswith("вызов: rtuscope") and "--help" in page
+
+
+def test_the_language_of_the_settings_is_that_of_help_and_of_errors(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv("RTUSCOPE_LANG", raising=False)
+    settings = tmp_path / "config.toml"
+    settings.write_text('lang = "ru"\n', encoding="utf-8")
+    monkeypatch.setenv("RTUSCOPE_CONFIG", str(settings))
+    assert ran(capsys, "parse", "--help").out.startswith("вызов:")
+    assert "нет" in refused(capsys, "parse", "--no-such")
+    assert ran(capsys, "parse", "--help", "--lang", "en").out.startswith("usage:")

@@ -68,6 +68,29 @@ def test_every_error_is_in_the_catalogue() -> None:
     assert not missing, missing
 
 
+_TELLING = ("captures/recording/recorder.py", "analyzer/simulation/bus.py")
+_LAST_LINES = (
+    "bus.mcap: 236 reads, 1,590 bytes of the line", "recorded 12 bytes of the line", "/dev/ttyX: no such port; "
+    "`rtuscope ports` lists those that are there", "recorded 12 bytes of the line, 3 taken away by someone, LOST 4",
+    "mqtt: broker:1883: connected again",
+)  # fmt: skip
+
+
+def test_what_is_told_while_it_runs_and_at_its_end_is_in_the_catalogue() -> None:
+    root, said = Path(str(analyzer.__file__)).parents[1], [*_LAST_LINES]
+    for name in _TELLING:
+        for node in ast.walk(ast.parse((root / name).read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and (
+                "tell" in ast.unparse(node.func) or "ValueError" in ast.unparse(node)[:10]
+            ):
+                said += [_template(each).replace("⟨⟩", "x 1") for each in node.args[:1]]
+    said = [words for words in said if re.search("[a-z]{3}.* ", words)]
+    assert len(said) > 15
+    languages.use("ru")
+    missing = [words for words in said if not re.search("[а-я]{2}", retold(words))]
+    assert not missing, missing
+
+
 def test_places_are_the_same() -> None:
     errors = languages.catalogue("ru")["errors"]
     assert len(errors) > 300

@@ -56,6 +56,32 @@ def test_values_of_a_capture(name: str) -> None:
     alike(bus, of_values(rare[:: max(1, len(rare) // 12)]))
 
 
+_OF_FEW = (
+    "unit == {unit} and register == {register}",
+    "unit == {unit} and register == {register} and value > 3",
+    "unit == {unit} and not (register == {register} and value > 3)",
+    "unit == {unit} and quantity > 2 and not exception",
+    "exception or unit == {unit} and bit in 1..20",
+    "unit == 250 and register == {register} and signed_value < 0",
+    "response or register == {register}",
+    "index < 40 and address == 107 and value != 0",
+)
+
+
+@pytest.mark.parametrize("name", ["troubled.jsonl", "healthy.jsonl", "mbpoll.mcap"])
+def test_what_few_rows_hold_is_told_as_of_all(name: str) -> None:
+    source = CaptureSource(captures.open(samples.path(name)), name)
+    bus = Bus.of(source)
+    for analysed in source.steps(bool):
+        bus.feed(analysed)
+    bus.close()
+    units = np.unique(bus.table.column(0, "unit")[: bus.count]).tolist()
+    alike(
+        bus,
+        [text.format(unit=unit, register=number) for text in _OF_FEW for unit in units for number in (40108, 30009)],
+    )
+
+
 @settings(max_examples=150, deadline=None)
 @given(st.data(), st.lists(st.sampled_from(sorted({code for code, _ in SMALL})), min_size=1, max_size=8))
 def test_values_of_any_function_whole_or_damaged(data: st.DataObject, codes: list[int]) -> None:

@@ -25,12 +25,24 @@ from .terminal import shell_word, tell
 _OURS: Final = frozenset({"analyzer", "captures", "dissectors"})
 
 
+class HelpText(argparse.RawDescriptionHelpFormatter):
+    """argparse's help, its own words in the language in use too."""
+
+    def add_usage(self, usage: Any, actions: Any, groups: Any, prefix: str | None = None) -> None:
+        super().add_usage(usage, actions, groups, _told("usage: ") if prefix is None else prefix)
+
+
 class Parser(argparse.ArgumentParser):
     """argparse, but an error is one line, and help has no colours (Python 3.14): the gate would escape them."""
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
-        super().__init__(*arguments, **settings)
+        super().__init__(*arguments, **{"formatter_class": HelpText, **settings})
         self.color = False
+
+    def format_help(self) -> str:
+        """argparse's, in the language in use."""
+        _tell_arguments(self)
+        return super().format_help()
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """argparse's, but an option that is not known is told with the one that was meant."""
@@ -110,7 +122,7 @@ def _with_settings(parser: argparse.ArgumentParser, arguments: list[str]) -> arg
 
 def _speak(arguments: list[str]) -> None:
     """The language that is asked for, in use before anything is said of the other arguments."""
-    chosen = os.environ.get("RTUSCOPE_LANG")
+    chosen = os.environ.get("RTUSCOPE_LANG") or _language_set()
     for word, following in zip(arguments, [*arguments[1:], ""], strict=False):
         if word == "--lang" or word.startswith("--lang="):
             chosen = word.partition("=")[2] or following
@@ -119,6 +131,18 @@ def _speak(arguments: list[str]) -> None:
 
         if chosen in LANGUAGES:
             use(chosen)
+
+
+def _language_set() -> str | None:
+    """The language of the settings, if they can be read: what is wrong with them is told later."""
+    if next(found_files(), None) is None:
+        return None
+    from ..settings import SettingsError, read_settings
+
+    with suppress(SettingsError, OSError):
+        setting = read_settings().values.get("lang")
+        return None if setting is None else str(setting.value)
+    return None
 
 
 def _run(arguments: list[str]) -> int:
@@ -159,10 +183,9 @@ def command_line(filled: Iterable[str]) -> Parser:
     """All commands by name; those in `filled` with their arguments too."""
     parser = Parser(
         prog="rtuscope",
-        description="Frame parser and serial-capture analyzer for Modbus RTU buses.",
-        epilog="example:\n  rtuscope parse 11 03 00 6B 00 03 76 87\n\n"
-        "`rtuscope COMMAND --help` tells the rest, each with an example.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description=_told("Frame parser and serial-capture analyzer for Modbus RTU buses."),
+        epilog=f"{_told('example:')}\n  rtuscope parse 11 03 00 6B 00 03 76 87\n\n"
+        + _told("`rtuscope COMMAND --help` tells the rest, each with an example."),
     )
     parser.add_argument("--version", action="version", version=f"rtuscope {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", title="commands")
@@ -188,11 +211,30 @@ def _fill(parser: argparse.ArgumentParser, name: str, command: Command) -> None:
 
 def _help(parser: argparse.ArgumentParser, name: str, words: str, lines: list[str]) -> None:
     """What stands around a parser's arguments in its help."""
-    statuses = [f"  {status:<5}{meaning}\n" for status, meaning in meanings(name)]
+    words = _told(words)
+    statuses = [f"  {status:<5}{_told(meaning)}\n" for status, meaning in meanings(name)]
     examples = [f"  {line}\n" for line in lines]
     parser.description = f"{words[:1].upper()}{words[1:]}."
-    parser.epilog = "".join(["exit status:\n", *statuses, *(["\nexample:\n", *examples] if examples else [])])
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    told = [f"{_told('exit status:')}\n", *statuses]
+    parser.epilog = "".join([*told, *([f"\n{_told('example:')}\n", *examples] if examples else [])])
+
+
+def _tell_arguments(parser: argparse.ArgumentParser) -> None:
+    """What arguments say of themselves, and the titles above them, in the language in use."""
+    for group in parser._action_groups:
+        group.title = group.title and _told(group.title)
+        group.description = group.description and _told(group.description)
+    for action in parser._actions:
+        action.help = action.help and _told(action.help)
+        if isinstance(action, argparse._SubParsersAction):
+            for choice in action._choices_actions:
+                choice.help = choice.help and _told(choice.help)
+
+
+def _told(words: str) -> str:
+    from ..languages.retelling import retold
+
+    return retold(words, "help")
 
 
 def _words(error: Exception) -> str:

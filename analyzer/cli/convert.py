@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from dissectors.values import harmless
 
+from ..languages.retelling import retold
 from ..meant import did_you_mean
 from .exits import DONE, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
@@ -108,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
     if lost := _lost(edited, chosen, written):
         tell(f"{arguments.output}: files of this format have no room for {', '.join(lost)}")
     line = f"{arguments.output}: {written.reads:,} reads, {written.bytes:,} bytes of the line"
-    print(harmless(line), file=sys.stderr if arguments.output == "-" else sys.stdout)
+    print(harmless(retold(line)), file=sys.stderr if arguments.output == "-" else sys.stdout)
     if stopped:
         tell("stopped by Ctrl-C; what was done is kept, and partial")
         return INTERRUPTED

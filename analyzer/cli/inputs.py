@@ -57,7 +57,7 @@ def add_capture_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
 def add_language_argument(parser: argparse.ArgumentParser) -> None:
     """--lang, which `app` heeds."""
     parser.add_argument(
-        "--lang", choices=("en", "ru"), help="language of the interface, reports, causes and findings (en)"
+        "--lang", choices=("en", "ru"), help="language of the interface, reports, causes, findings and help (en)"
     )
 
 

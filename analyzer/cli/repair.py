@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dissectors.values import harmless
 
+from ..languages.retelling import retold
 from .exits import DONE, NO_FRAME
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .terminal import tell
@@ -45,5 +46,5 @@ def run(arguments: argparse.Namespace) -> int:
     result = repair(source, target)
     for loss in result.damage:
         tell(f"{source}: {loss}")
-    print(f"{harmless(str(target))}: {result.chunks:,} reads, {result.bytes:,} bytes of the line")
+    print(harmless(retold(f"{target}: {result.chunks:,} reads, {result.bytes:,} bytes of the line")))
     return DONE if result.bytes else NO_FRAME

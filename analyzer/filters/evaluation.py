@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 
 from ..languages import tr
+from ..tables.columns import decode
 from .errors import FilterError
 from .fields import Cost
 from .parsing import cost, parsed
@@ -86,15 +87,24 @@ def _passing(node: Node, section: TableSlice, requested: Mask | None) -> Mask:
     if cost(node) >= Cost.BYTES and len(section) > BLOCK:
         return _by_blocks(node, section, requested)
     if isinstance(node, Same):
-        each = section.each
-        mask = np.zeros(len(section), np.bool_)
-        mask[each.rows[_of_values(node.part, each)]] = True
-        return mask
+        return _same(node, section, requested)
     values = node.field.get(section, requested)
     if node.wanted is None:
         return values.known()
     good = values.passing(node.wanted)
     return values.known() & ~good if node.negated else good
+
+
+def _same(node: Same, section: TableSlice, requested: Mask | None) -> Mask:
+    """Rows with a value of which all is true."""
+    mask = np.zeros(len(section), np.bool_)
+    some = section.some(requested)
+    each = section.each if some is None else Each(decode(some[0]))
+    good = each.rows[_of_values(node.part, each)]
+    if some is not None:
+        good = some[1][good]
+    mask[good[good >= 0]] = True
+    return mask
 
 
 def _by_blocks(node: Test | Same, section: TableSlice, requested: Mask | None) -> Mask:

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from ..tables.columns import AreaCode, Decoded
+from ..tables.columns import AreaCode
 from ..tables.schema import NO_GAP, Direction, Protocol
 from ..tables.schema import Kind as RowKind
 from .held import HeldSlice
@@ -102,21 +102,21 @@ def _severities(section: TableSlice, _: Mask | None) -> FieldSlice:
     return Several(ValueSlice(grave[rules]), rows, len(section))
 
 
-def _quantity(section: TableSlice, _: Mask | None) -> FieldSlice:
-    quantity = section.decoded.quantity
+def _quantity(section: TableSlice, requested: Mask | None) -> FieldSlice:
+    quantity = section.spoken(requested).quantity
     return ValueSlice(quantity, quantity >= 0)
 
 
 def _spoken(areas: tuple[AreaCode, ...] | None) -> Callable[[TableSlice, Mask | None], FieldSlice]:
     """The addresses that a frame speaks of, in some areas (None: in any, or in none)."""
 
-    def get(section: TableSlice, _: Mask | None) -> FieldSlice:
-        decoded: Decoded = section.decoded
-        first = decoded.address.astype(np.int64)
+    def get(section: TableSlice, requested: Mask | None) -> FieldSlice:
+        spoken = section.spoken(requested)
+        first = spoken.address.astype(np.int64)
         has = first >= 0
         if areas is not None:
-            has &= np.isin(decoded.area, areas)
-        return ValueSlice(first, has, first + np.maximum(decoded.quantity, 1) - 1, decoded.area)
+            has &= np.isin(spoken.area, areas)
+        return ValueSlice(first, has, first + np.maximum(spoken.quantity, 1) - 1, spoken.area)
 
     return get
 
@@ -125,7 +125,9 @@ def _addresses(areas: tuple[AreaCode, ...] | None) -> Callable[[Each], ValueSlic
     def each(values: Each) -> ValueSlice:
         has = values.address >= 0
         if areas is not None:
-            has &= np.isin(values.area, areas)
+            among = np.zeros(256, np.bool_)
+            among[[*areas]] = True
+            has &= among[values.area]
         return ValueSlice(values.address, has, values.address, values.area)
 
     return each

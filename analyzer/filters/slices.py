@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
-from typing import Any, Final, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from .table import FilterTable, RowOctets
 from .tree import BytesWanted, Span, Spans, TextPart, TextWanted, Wanted
 
 Mask = NDArray[np.bool_]
+_NOWHERE: Final = -(1 << 60)  # below all addresses, whatever is added to it
+_READ_ALONE: Final = 0.25  # of the rows: fewer are read one by one
 _FEW: Final = 8  # spans: beyond, single numbers are looked up together
 
 
@@ -232,6 +234,25 @@ class TableSlice:
         """Their addresses and values."""
         return decode(self.batch)
 
+    def some(self, requested: Mask | None) -> tuple[Batch, NDArray[np.intp]] | None:
+        """Those rows alone that are asked for, and where each stands here (below 0: nowhere), where they are few."""
+        if requested is None or np.count_nonzero(requested) >= len(self) * _READ_ALONE or self.octets is None:
+            return None
+        return self.octets.some(np.flatnonzero(requested))
+
+    def spoken(self, requested: Mask | None) -> Spoken:
+        """The addresses that each row speaks of; of rows that are not asked for maybe none."""
+        some = self.some(requested)
+        if some is None:
+            return Spoken(self.decoded.address, self.decoded.quantity, self.decoded.area)
+        batch, rows = some
+        decoded, here = decode(batch), rows >= 0
+        address, quantity = np.full((2, len(self)), -1, np.int64)
+        area = np.zeros(len(self), np.uint8)
+        address[rows[here]], quantity[rows[here]] = decoded.address[here], decoded.quantity[here]
+        area[rows[here]] = decoded.area[here]
+        return Spoken(address, quantity, area)
+
     @cached_property
     def held(self) -> HeldValues:
         """Where their values lie."""
@@ -257,6 +278,14 @@ class TableSlice:
         return TextSlice(texts, rows, len(self))
 
 
+class Spoken(NamedTuple):
+    """What rows speak of: first address and how many, -1 for none; AreaCodes."""
+
+    address: NDArray[np.integer[Any]]
+    quantity: NDArray[np.integer[Any]]
+    area: NDArray[np.uint8]
+
+
 class Each:
     """Single values: the row of each among `count`, its address (-1 unknown), its area and itself."""
 
@@ -266,17 +295,25 @@ class Each:
         self.count = len(decoded.offsets) - 1
 
     @cached_property
+    def _counts(self) -> NDArray[np.int64]:
+        return np.diff(self._decoded.offsets)
+
+    @cached_property
     def rows(self) -> NDArray[np.intp]:
         """The row of each."""
-        return np.repeat(np.arange(self.count), np.diff(self._decoded.offsets))
+        return np.repeat(np.arange(self.count), self._counts)
 
     @cached_property
     def address(self) -> NDArray[np.int64]:
         """The address of each, -1 unknown."""
-        first = self._decoded.value_address.astype(np.int64)[self.rows]
-        return np.where(first < 0, -1, first + np.arange(len(first)) - self._decoded.offsets[self.rows])
+        first = self._decoded.value_address.astype(np.int64)
+        before = np.where(first < 0, _NOWHERE, first - self._decoded.offsets[:-1])
+        address: NDArray[np.int64] = np.repeat(before, self._counts)
+        address += np.arange(len(address))
+        np.maximum(address, -1, out=address)
+        return address
 
     @cached_property
     def area(self) -> NDArray[np.uint8]:
         """The AreaCode of each."""
-        return self._decoded.area[self.rows]
+        return np.repeat(self._decoded.area, self._counts)

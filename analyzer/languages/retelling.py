@@ -1,4 +1,4 @@
-"""One-line errors in the language in use, told by what they say.
+"""One-line errors, and what `--help` says, in the language in use, told by what they say.
 
 What raises them stands on floors that know no language, so a finished line is matched with the templates of the
 catalogue's `errors` (`{0}: no such file`, without the file: what stands before a colon stays). What is filled in may be
@@ -30,16 +30,16 @@ class _Template(NamedTuple):
 
 
 @cache
-def _templates(language: str) -> tuple[_Template, ...]:
+def _templates(language: str, table: str) -> tuple[_Template, ...]:
     """Those that say most first."""
-    known: dict[str, str] = catalogue(language).get("errors", {})
+    known: dict[str, str] = catalogue(language).get(table, {})
     made = [_Template(tuple(_PLACE.split(english)), words) for english, words in known.items()]
     return tuple(sorted(made, key=lambda one: -sum(map(len, one.pieces))))
 
 
-def retold(line: str) -> str:
-    """A line in the language in use; as it is where no template has its words."""
-    templates = _templates(in_use()) if len(line) <= _LONGEST else ()
+def retold(line: str, table: str = "errors") -> str:
+    """A line in the language in use; as it is where no template of the catalogue's table has its words."""
+    templates = _templates(in_use(), table) if len(line) <= _LONGEST else ()
     return (_retold(line, templates) or line) if templates else line
 
 

@@ -24,7 +24,7 @@ class TransactionValues:
     """One transaction: `row` begins it, `answer` is -1 for none.
 
     `register` is the logical number of the first that it speaks of, empty for none; `values` are those read, or else
-    written; `changed` the places among them of which the last good answer to this poll said otherwise.
+    written; `changed` the places among them of which the last good answer to this poll said otherwise: `before`.
     """
 
     row: int
@@ -33,6 +33,7 @@ class TransactionValues:
     quantity: int = -1
     values: tuple[int, ...] = ()
     changed: frozenset[int] = frozenset()
+    before: tuple[int, ...] = ()
 
 
 class _CarriedRows:
@@ -71,7 +72,7 @@ def poll_values(bus: Bus, rows: Sequence[int]) -> list[TransactionValues]:
         values, old = carried.values(answer) or carried.values(row), carried.values(last)
         changed = {i for i, value in enumerate(values) if len(old) == len(values) and old[i] != value}
         register = logical(address, _AREAS[area - 1]) if area and address >= 0 else ""
-        polls.append(TransactionValues(row, answer, register, quantity, values, frozenset(changed)))
+        polls.append(TransactionValues(row, answer, register, quantity, values, frozenset(changed), old))
     return polls
 
 

@@ -70,10 +70,18 @@ class Selection:
                 return True
         return False
 
+    @property
+    def upto(self) -> int:
+        """Rows that can be tested now."""
+        return self._bus.count if self._bus.whole else max(self.done, self._bus.count - self._lag)
+
+    def has_tested(self, row: int) -> bool:
+        """Whether a row was tested, or all that can be were."""
+        return self.done > row or self.done >= self.upto
+
     def extend_by_piece(self) -> bool:
         """Test those of them that stand in the next piece; whether there were any."""
-        upto = self._bus.count if self._bus.whole else max(self.done, self._bus.count - self._lag)
-        for number, low, high in self._bus.table.slices(self.done, upto):
+        for number, low, high in self._bus.table.slices(self.done, self.upto):
             passed = np.flatnonzero(self._test(self._bus, number, low, high))
             self._add((passed + (number * PIECE + low)).astype(np.uint32))
             self.done = number * PIECE + high

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 from textual import events
 from textual._compositor import CompositorUpdate
 from textual.app import App, SystemCommand
-from textual.binding import BindingType
+from textual.binding import Binding, BindingType
 from textual.command import CommandPalette
 from textual.filter import Monochrome
 from textual.screen import Screen
@@ -22,6 +22,7 @@ from .burst import KeyQueue
 from .colourless import COLOURLESS
 from .desk import ViewState
 from .keptfilters import rules_of
+from .keys import key_name
 from .openfiles import NextFile
 from .paint import DARK, HARMLESS, LIGHT
 from .palette16 import DARK_16, LIGHT_16
@@ -121,6 +122,10 @@ class Rtuscope(App[NextFile | None]):
         """Every command by name."""
         if self.use_command_palette and not isinstance(self.screen, CommandPalette):
             self.push_screen(CommandPalette(placeholder=tr("Search for commands…"), id="--command-palette"))
+
+    def get_key_display(self, binding: Binding) -> str:
+        """A key in the footer, as it stands on a keyboard."""
+        return binding.key_display or key_name(binding.key.split(",")[0])
 
     def use_16_colours(self) -> None:
         """Those that every terminal has."""

@@ -2,7 +2,7 @@
 
 Textual hands a key to the widget in focus and takes the next at once. Typed fast, or sent by a script, a key then finds
 the cursor, the view or the question of some keys ago. Here a key waits for the one before it: for the widget that got
-it, for whoever is told by it, and for a question that it brings up to have the keys.
+it, for whoever is told by it, for a question that it brings up to have the keys, and for a list to show other rows.
 """
 
 from __future__ import annotations
@@ -103,4 +103,7 @@ def _coming(app: App[Any]) -> bool:
     top = app.screen
     if isinstance(top, ModalScreen):
         return not top.is_running or (top.focused is None and top.AUTO_FOCUS != "")
+    jobs = getattr(top, "jobs", None)
+    if jobs is not None and jobs.unsettled:
+        return True
     return any(worker.group in (ASKING, FINDING) and not worker.is_finished for worker in app.workers)

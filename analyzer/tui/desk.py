@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, tzinfo
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from ..model.bus import Bus
 from ..model.scope import Scope, ScopedFigures
 from ..model.table import PIECE
 from ..usernotes import Notes, Place
-from ..words import TimeBase, date_and_time, is_clock, seconds, short, time_of_day
+from ..words import TimeBase, date_and_time, is_clock, seconds, short, time_of_day, zone_name
 from .preferences import Preferences
 
 if TYPE_CHECKING:
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
     from ..model.selection import Test
     from ..model.source import ViewSource
+
+_MINUTE_NS: Final = 60 * 10**9
+_HOUR_NS: Final = 60 * _MINUTE_NS
 
 
 def _no_charts(units: Iterable[int]) -> Mapping[int, RegisterMap]:  # noqa: ARG001
@@ -78,8 +81,21 @@ class ViewState:
         scope = self.scope
         words = [] if scope.filter is None else [scope.filter.text]
         if scope.span is not None:
-            words.append(f"{self.when(scope.span[0])} + {short(scope.span[1] - scope.span[0])}")
+            words.append(self.span_words(scope.span))
         return tr(" in ").join(words)
+
+    def span_words(self, span: tuple[int, int]) -> str:
+        """`2026-11-21 14:00–16:00 UTC`; on a capture's own clock `10–25 s`."""
+        if not self.bus.timed or not is_clock(self.bus.t_first):
+            low, high = ((t - self.bus.t_first) / 1e9 for t in span)
+            return f"{low:.10g}–{high:.10g} s"
+        size = 16 if span[1] - span[0] >= _HOUR_NS else 19 if span[1] - span[0] >= _MINUTE_NS else 23
+        begin, end = (date_and_time(t, self.zone)[:size] for t in span)
+        for zeros in (".000", ":00"):
+            if size > 16 and begin.endswith(zeros) and end.endswith(zeros):
+                begin, end = begin[: -len(zeros)], end[: -len(zeros)]
+        same = 11 if end[:10] == begin[:10] else 5 if end[:4] == begin[:4] else 0
+        return f"{begin}–{end[same:]} {zone_name(span[0], self.zone)}"
 
     def when(self, t_ns: int) -> str:
         """A time by itself, as times are shown."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import ClassVar
 
+from rich.cells import cell_len
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -25,6 +26,7 @@ from .preferences import Preferences
 
 _UNITS = 256
 _MOST = 8  # completions in sight
+_HINTS = ("/ to type, e.g.  unit == 17 and exception", "/ to type, e.g.  unit == 17", "/ to type")
 
 
 class Completions(Lines):
@@ -64,6 +66,10 @@ class FilterInput(Input):
         Binding("ctrl+down", "past(1)", "Newer", show=False),
         Binding("escape", "leave", "Leave", show=False),
     ]
+
+    def on_resize(self) -> None:
+        hints = [tr(each) for each in _HINTS]
+        self.placeholder = next((hint for hint in hints if cell_len(hint) < self.size.width), "")
 
     def action_past(self, step: int) -> None:
         self.query_ancestor(FilterBar).recall(step)
@@ -107,10 +113,11 @@ class FilterBar(Vertical):
     def compose(self) -> ComposeResult:
         with Horizontal(id="filter-line"):
             yield Label(tr("Filter "), id="filter-label")
-            yield FilterInput(placeholder=tr("/ to type, e.g.  unit == 17 and exception"), id="filter", compact=True)
+            yield FilterInput(id="filter", compact=True)
+            yield Label("", id="filter-scope", markup=False)
+        with Vertical(id="filter-below"):
             yield Label("", id="filter-trouble", markup=False)
-            yield Label("", id="filter-span", markup=False)
-        yield Completions(id="completions")
+            yield Completions(id="completions")
 
     def on_mount(self) -> None:
         self.query_one(Completions).display = False
@@ -145,18 +152,29 @@ class FilterBar(Vertical):
         event.stop()
         wrong = check(event.value, self._speaks, self._maps)
         self.line.set_class(wrong is not None, "-wrong")
-        self._say("" if wrong is None else str(wrong))
         self._suggest()
+        self._say("" if wrong is None or self._goes_on else str(wrong))
+
+    @property
+    def _goes_on(self) -> bool:
+        """Whether what is typed may still become a word that is listed below."""
+        line, shown = self.line, self.query_one(Completions).found
+        return bool(shown and _begun(line.value[: line.cursor_position], shown[0].text))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Use it; a word that was only begun is the one picked below."""
         event.stop()
-        if self._use(event.value):
+        if check(event.value, self._speaks, self._maps) is not None and self._goes_on:
+            self.complete()
+        if self._use(self.line.value):
             self.leave()
 
     def on_descendant_blur(self) -> None:
+        self.set_class(False, "-typing")
         self.query_one(Completions).show(())
 
     def on_descendant_focus(self) -> None:
+        self.set_class(True, "-typing")
         self._suggest()
 
     def on_line_entered(self, event: LineEntered) -> None:
@@ -183,11 +201,11 @@ class FilterBar(Vertical):
         label.update(Text(text, no_wrap=True, overflow="ellipsis"))
         label.display = bool(text)
 
-    def say_span(self, words: str) -> None:
-        """The span of time that rows are narrowed to."""
-        label = self.query_one("#filter-span", Label)
+    def say_scope(self, words: str) -> None:
+        """What narrows the rows besides the filter."""
+        label = self.query_one("#filter-scope", Label)
         label.update(Text(words, no_wrap=True, overflow="ellipsis"))
-        label.display = bool(words)
+        label.set_class(bool(words), "-said")
 
     def _suggest(self) -> None:
         line = self.line

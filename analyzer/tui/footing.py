@@ -1,4 +1,7 @@
-"""Which keys the footer shows: whole ones, as many as there is room for, those for help and to leave among them."""
+"""Which keys the footer shows: whole ones, as many as there is room for, those for help and to leave among them.
+
+They are told in the language in use.
+"""
 
 from __future__ import annotations
 
@@ -12,25 +15,20 @@ from textual.binding import ActiveBinding, Binding
 from ..languages import tr
 
 _ALWAYS: Final = frozenset({"help", "leave"})  # actions
-
-
-def in_language(active: ActiveBinding) -> ActiveBinding:
-    """The same binding, told in the language in use."""
-    binding = replace(active.binding, description=tr(active.binding.description))
-    return active._replace(binding=binding, tooltip=tr(active.tooltip))
+_LAST: Final = ("export", "door('=')", "span")  # where all others have room
 
 
 def fitting(
-    active: Mapping[str, ActiveBinding], display: Callable[[Binding], str], width: int
+    bindings: Mapping[str, ActiveBinding], display: Callable[[Binding], str], width: int
 ) -> dict[str, ActiveBinding]:
     """The same bindings by key, those that do not fit into a line of `width` cells no longer shown in it."""
+    active = {key: _in_language(each) if each.binding.show else each for key, each in bindings.items()}
     first = {each.binding.action: each.binding for each in reversed([*active.values()]) if each.binding.show}
     cells = {action: cell_len(f"{display(binding)} {binding.description} ") for action, binding in first.items()}
     room = width - sum(cells[action] for action in _ALWAYS & cells.keys())
     left_out: set[str] = set()
-    for action in dict.fromkeys(each.binding.action for each in active.values() if each.binding.show):
-        if action in _ALWAYS:
-            continue
+    wanted = dict.fromkeys(each.binding.action for each in active.values() if each.binding.show)
+    for action in sorted((each for each in wanted if each not in _ALWAYS), key=_rank):
         room = -1 if cells[action] > room else room - cells[action]  # and none behind it: they keep their order
         if room < 0:
             left_out.add(action)
@@ -38,3 +36,12 @@ def fitting(
         key: each._replace(binding=replace(each.binding, show=False)) if each.binding.action in left_out else each
         for key, each in active.items()
     }
+
+
+def _rank(action: str) -> int:
+    return _LAST.index(action) + 1 if action in _LAST else 0
+
+
+def _in_language(active: ActiveBinding) -> ActiveBinding:
+    binding = replace(active.binding, description=tr(active.binding.description))
+    return active._replace(binding=binding, tooltip=tr(active.tooltip))

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from .desk import ViewState
     from .screen import BusScreen
 
+Dropped = tuple[tuple[int, tuple[str, ...]], ...]  # columns of the screen under which columns of the list are left out
+_SLIM = 48  # columns under which times are shorter
 _NARROW = 60  # columns from which on there is room for the silence before a row
 _WIDE = 100  # columns from which on there is room for the answer's time
 
@@ -29,6 +31,7 @@ class FrameList(Lines):
 
     EMPTY = "no frames yet"
     COLUMNS: ClassVar[tuple[str, ...]] = ("number", "time", "gap", "unit", "function", "answer")
+    DROPPED: ClassVar[Dropped] = ((_SLIM, ("number", "function")),)
 
     @property
     def empty(self) -> str:
@@ -79,13 +82,25 @@ class FrameList(Lines):
 
     def columns(self, width: int) -> tuple[int, int, int]:
         """Widths: number, time, answer's time (0: not shown)."""
-        time = {TimeBase.ABSOLUTE: 21, TimeBase.PREVIOUS: 7}.get(self.desk.base, 10)
         bus = self.desk.bus
+        time = {TimeBase.ABSOLUTE: 21, TimeBase.PREVIOUS: 7}.get(self.desk.base, 10)
         if self.desk.base in (TimeBase.START, TimeBase.REFERENCE):
             time = max(time, len(str((bus.t_last - bus.t_first) // 1_000_000_000)) + 8)
         if not bus.timed:
             time = 1
+        elif width < _SLIM:
+            time = len(self._as_short("0" * time))
         return max(4, len(str(bus.frames))), time, 7 if width >= _WIDE else 0
+
+    def time(self, row: int, before: int | None, width: int) -> str:
+        """When a row began, as exact as there is room for."""
+        text = self.desk.time(row, before)
+        return self._as_short(text) if width < _SLIM and self.desk.bus.timed else text
+
+    def _as_short(self, text: str) -> str:
+        """Milliseconds, and no date."""
+        base = self.desk.base
+        return text if base is TimeBase.PREVIOUS else text[6:-3] if base is TimeBase.ABSOLUTE else text[:-3]
 
     def time_title(self) -> str:
         """What stands over the times."""
@@ -94,10 +109,11 @@ class FrameList(Lines):
         dated = tr("date, {zone}", zone=zone_name(desk.bus.t_first, desk.zone)) if desk.bus.timed else ""
         return dated if title is None or not dated else tr(title)
 
-    def shown(self, cells: Sequence[tuple[str, StyledText]]) -> list[StyledText]:
-        """Cells by column, without those of columns that the user hid."""
+    def shown(self, cells: Sequence[tuple[str, StyledText]], width: int) -> list[StyledText]:
+        """Cells by column, without those that the user hid, nor some where else there was no room for what happened."""
         hidden = self.desk.wishes.hidden
-        return [cell for column, cell in cells if f"{self.id}.{column}" not in hidden]
+        dropped = next((names for least, names in self.DROPPED if width < least), ())
+        return [cell for column, cell in cells if f"{self.id}.{column}" not in hidden and column not in dropped]
 
     def head(self, width: int) -> Sequence[StyledText]:
         number, time, answer = self.columns(width)
@@ -107,7 +123,7 @@ class FrameList(Lines):
             ("unit", f"{tr('unit'):>4} "), ("function", f"{tr('fn'):>3} "),
             ("answer", f"{tr('answer'):>{answer}}  " if answer else " "), ("", tr("what")),
         )  # fmt: skip
-        return self.shown([(column, StyledText(text)) for column, text in heads])
+        return self.shown([(column, StyledText(text)) for column, text in heads], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         return self.row_pieces(self.rows.row(line), self.rows.row(line - 1) if line else None, width)
@@ -125,13 +141,13 @@ class FrameList(Lines):
         parts = self.shown([
             ("", words.marks(desk, row)),
             ("number", StyledText(f"{index:>{number}} ", "dim")),
-            ("time", StyledText(f"{desk.time(row, before):>{time}} ")),
+            ("time", StyledText(f"{self.time(row, before, width):>{time}} ")),
             ("gap", StyledText(f"{short(desk.bus.gap_ns(row)):>6} " if width >= _NARROW else "", "dim")),
             ("", StyledText(f" {words.joint(desk, row)} ", kind)),
             ("unit", StyledText(f"{unit:>4} ", kind)),
             ("function", StyledText(f"{function:>3} ", kind)),
             ("answer", StyledText(f"{tr(ended.text):>{answer}}  ", ended.kind) if answer else StyledText(" ")),
-        ])  # fmt: skip
+        ], width)  # fmt: skip
         content, about = words.words(desk, row)
         if not answer and ended.text == words.UNHEARD:
             about.append(StyledText(f"  {tr('answer not heard')}", "dim"))
@@ -155,9 +171,12 @@ def to_its_fields(screen: BusScreen, sender: Widget) -> None:  # noqa: ARG001
 
 
 def at_the_row(screen: BusScreen) -> None:
-    """The list that has come up is at the row under study."""
+    """The list that has come up is at the row under study, which stands below."""
+    listing = screen.query_one(f"#{screen.view}", FrameList)
     if screen.studied is not None:
-        screen.query_one(f"#{screen.view}", FrameList).go(screen.studied)
+        listing.go(screen.studied)
+        if listing.row is not None:
+            screen.study_row(listing.row)
 
 
 def under_cursor(screen: BusScreen) -> int | None:

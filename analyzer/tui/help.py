@@ -18,12 +18,14 @@ from ..languages import tr
 from .details import Details
 from .filterbar import FilterInput
 from .findings import FindingList
-from .keys import GROUPS
+from .home import HomeList
+from .keys import GROUPS, key_name
 from .lines import Lines
 from .octets import BytesPane
 from .registerlist import RegisterList
 from .timeline import Timeline
 from .transactions import TransactionList
+from .unitlist import UnitList
 
 MARKS: Final = (
     ("E W N", "error, warning, note"), ("* R", "bookmark, time reference"),
@@ -32,14 +34,9 @@ MARKS: Final = (
 )  # fmt: skip
 
 
-_NAMES: Final = {
-    "up": "↑", "down": "↓", "left": "←", "right": "→", "pageup": "PgUp", "pagedown": "PgDn",
-    "home": "Home", "end": "End",
-    "enter": "Enter", "space": "Space", "tab": "Tab", "escape": "Esc", "plus": "+", "minus": "-", "equals_sign": "=",
-}  # fmt: skip
 _WIDGETS: Final[tuple[tuple[str, type[Widget]], ...]] = (
-    ("In any list", Lines), ("In Transactions", TransactionList), ("In Findings", FindingList),
-    ("In Registers", RegisterList), ("In the timeline", Timeline), ("In the fields", Details),
+    ("At Home", HomeList), ("In Transactions", TransactionList), ("In Findings", FindingList), ("In Units", UnitList),
+    ("In Registers", RegisterList), ("In the timeline", Timeline), ("In any list", Lines), ("In the fields", Details),
     ("In the bytes", BytesPane), ("In the filter's line", FilterInput),
 )  # fmt: skip
 
@@ -53,14 +50,14 @@ class Help(ModalScreen[None]):
         Binding("down,j", "scroll(1)", show=False),
     ]
 
-    def __init__(self, mine: Mapping[str, str]) -> None:
-        """`mine`: the user's own keys, by the id of what they do."""
+    def __init__(self, mine: Mapping[str, str], view: Widget) -> None:
+        """`mine`: the user's own keys, by the id of what they do; those of the view in sight come first."""
         super().__init__()
-        self._mine = mine
+        self._mine, self._here = mine, [view, *view.query("*").results(Widget)]
 
     def compose(self) -> ComposeResult:
         with VerticalScroll(id="help"):
-            yield Static(_page(self._mine))
+            yield Static(_page(self._mine, self._here))
 
     def on_mount(self) -> None:
         self.query_one("#help").focus()
@@ -69,12 +66,12 @@ class Help(ModalScreen[None]):
         self.query_one("#help").scroll_relative(y=lines, animate=False)
 
 
-def _keys(mine: Mapping[str, str]) -> Iterator[tuple[str, Sequence[tuple[str, str]]]]:
-    """Every binding there is: the screen's by group, then those of each widget."""
-    for title, group in GROUPS:
-        yield title, [(_shown(each, mine), tr(each.tooltip or each.description)) for each in group]
-    for title, widget in _WIDGETS:
-        own = [each for each in widget.BINDINGS if isinstance(each, Binding)]
+def _keys(mine: Mapping[str, str], here: Sequence[Widget]) -> Iterator[tuple[str, Sequence[tuple[str, str]]]]:
+    """Every binding there is: those of the view in sight, the screen's by group, then those of each widget."""
+    groups = [(title, [*kind.BINDINGS]) for title, kind in _WIDGETS]
+    first = [title for title, kind in _WIDGETS if any(type(widget) is kind for widget in here)]
+    for title, group in sorted([*GROUPS, *groups], key=lambda each: each[0] not in first):
+        own = [each for each in group if isinstance(each, Binding)]
         yield title, [(_shown(each, mine), tr(each.tooltip or each.description)) for each in own]
 
 
@@ -83,15 +80,14 @@ def _shown(binding: Binding, mine: Mapping[str, str]) -> str:
     own = mine.get(binding.id or "")
     if own is None and binding.key_display:
         return binding.key_display
-    keys = (own or binding.key).split(",")
-    return " ".join(_NAMES.get(key, key.replace("ctrl+", "Ctrl+").replace("shift+", "Shift+")) for key in keys)
+    return " ".join(key_name(key) for key in (own or binding.key).split(","))
 
 
-def _page(mine: Mapping[str, str]) -> Table:
+def _page(mine: Mapping[str, str], here: Sequence[Widget]) -> Table:
     page = Table.grid(padding=(0, 2))
     page.add_column(no_wrap=True)
     page.add_column()
-    for title, keys in (*_keys(mine), ("In the list", [(sign, tr(words)) for sign, words in MARKS])):
+    for title, keys in (*_keys(mine, here), ("In the list", [(sign, tr(words)) for sign, words in MARKS])):
         page.add_row(Text(tr(title), "bold"), "")
         for key, words in keys:
             page.add_row(Text(f"  {key}"), Text(words))

@@ -6,12 +6,13 @@ import re
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
 import numpy as np
+from textual.binding import Binding, BindingType
 
 from ..languages import counted, tr
-from ..words import compact, duration, short
+from ..words import compact, duration, percent, short
 from .causeitems import of_cause, whose
 from .doorcells import DoorCell
 from .filterbar import FilterBar
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 _AGAIN_S: Final = 2.0  # between two reckonings while rows come
 _LABEL: Final = 9
 _WIDE: Final = 100  # columns from which on there is room to say whose fault a cause is
+_NARROW: Final = 60  # and under which there is room for the least of a unit only
 _LETTERS: Final = {"error": "E", "warning": "W", "note": "N"}
 _MANY: Final = 0.05  # of the requests without a good answer
 
@@ -48,6 +50,9 @@ class HomeList(Lines):
 
     HEAD = 3
     EMPTY = "nothing captured yet"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("enter", "enter", "Open", tooltip="Of a cause the first frame that shows it; of a unit its rows alone"),
+    ]
 
     def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
@@ -105,13 +110,15 @@ class HomeList(Lines):
         if y == 1:
             most = ""
             if bus.char_ns:
-                most = tr(
-                    "{share:>5.0%} most", share=min(1.0, float((bins.octets * bus.char_ns / bins.width_ns).max()))
-                )
+                share = min(1.0, float((bins.octets * bus.char_ns / bins.width_ns).max()))
+                most = tr("{share:>5} most", share=percent(share))
             return fitted(
                 [StyledText(f"{tr('load'):>{_LABEL - 1}} "), *_bars(bins.octets, room), StyledText(most)], width
             )
-        marks = "".join(" " if not n else "▪" if n < 3 else "█" for n in bins.troubles.tolist())
+        marks = "".join(
+            bar if n else " "
+            for n, bar in zip(bins.troubles.tolist(), sparkline(bins.troubles.astype(float), room), strict=False)
+        )
         return fitted([StyledText(f"{tr('trouble'):>{_LABEL - 1}} "), StyledText(marks, "error")], width)
 
     def _verdict(self) -> list[StyledText]:
@@ -130,6 +137,8 @@ class HomeList(Lines):
         if wrong:
             verdict = tr("{things} what is wrong", things=counted(wrong, "thing explains", "things explain"))
             return [StyledText(f"  {verdict}", "error"), totals]
+        if self.desk.scope.narrows:
+            return [StyledText(f"  {tr('No cause concerns what is shown')}"), totals]
         grave = sum(count for level, count in bus.found.by_severity.items() if level > 1)
         if grave:
             return [StyledText(f"  {tr('Single troubles, with no cause behind them')}", "warning"), totals]
@@ -150,17 +159,20 @@ class HomeList(Lines):
         load = ""
         if bus.char_ns and bus.timed and bus.t_last > bus.t_first:
             share = self.desk.figures.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first)
-            load = tr("load {share:.0%}", share=share)
+            load = tr("load {share}", share=percent(share))
         answers = tr("no answer times")
         half, most = times.bounds("p50"), times.bounds("p95")
         if half is not None and most is not None:
-            answers = tr("{low} to {high}", low=short(half[0]), high=short(most[1]))
+            answers = tr("{half}, 95% {most}", half=short(half[1]), most=short(most[1]))
         health = tr("{share:>4} bad", share=f"{rate:.0%}" if rate >= 0.005 else "<1%") if bad else tr("sound")
+        whom = [StyledText(tr("  unit {unit:>3} ", unit=unit.unit)), StyledText(f"{health:>8} ", kind)]
+        if width < _NARROW:
+            return [*whom, StyledText("" if most is None else f"  95% {short(most[1])}")]
         parts = [
-            StyledText(tr("  unit {unit:>3} ", unit=unit.unit)),
-            StyledText(f"{health:>8} ", kind),
-            StyledText(tr("{asked:>6} asked  {load:>8}  ", asked=compact(counts.requests), load=load)),
-            StyledText(tr("answers {times:<16}", times=answers)),
+            *whom,
+            StyledText(tr("{asked:>6} asked  ", asked=compact(counts.requests))),
+            StyledText(f"{load:>10}  " if width >= _WIDE else ""),
+            StyledText(tr("answers {times:<17}", times=answers)),
         ]
         room = width - sum(len(part.text) for part in parts) - 2
         if room > 7:
@@ -241,7 +253,13 @@ def _unit_items(unit: UnitRow, causes: Sequence[Cause], *, heard: bool) -> tuple
         Item(f"cause {i}", cause.text, kind=cause.severity, label=f"{tr('cause'):<11}") for i, cause in enumerate(mine)
     ]
     items.append(Item("Enter", tr("its rows alone"), kind="dim", label=f"{'Enter':<11}"))
+    if times.p95_ns:
+        items.append(Item("slow", _slow(times.p95_ns), kind="dim", label=f"{'= s 1':<11}"))
     return tuple(items)
+
+
+def _slow(limit_ns: int) -> str:
+    return tr("its slow answers: {time} and more, one in twenty", time=short(limit_ns))
 
 
 def _refresh(screen: BusScreen) -> None:
@@ -305,9 +323,7 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
         cells = [DoorCell("u", tr("unit {unit}", unit=unit), f"unit == {unit}")]
         if times.p95_ns:
             slow = f"unit == {unit} and response_time >= {times.p95_ns / 1e6:.6g}ms"
-            cells.append(
-                DoorCell("s", tr("its slow answers: {time} and more, one in twenty", time=short(times.p95_ns)), slow)
-            )
+            cells.append(DoorCell("s", _slow(times.p95_ns), slow))
         return cells
     units = () if home.cause is None else home.cause.units
     return [

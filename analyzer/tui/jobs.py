@@ -6,12 +6,14 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from textual.worker import get_current_worker
 
 from ..languages import in_use, tr, use
 from ..languages.retelling import error_words
 from ..model.scope import Scope, ScopedFigures
-from ..model.selection import Everything, Selection
+from ..model.selection import Everything, ListRows, Selection
 from ..model.source import Grave
 from . import home
 from .status import is_gone
@@ -46,7 +48,7 @@ class Jobs:
         self.scope: Scope = screen.desk.scope
         self.selection: Selection | None = None
         _, self._transactions = self.scope.selections(self._bus)
-        self._waiting: Selection | None = None  # will be shown once it has come as far as the cursor
+        self._waiting: tuple[ListRows, Selection] | None = None  # shown once both have come as far as the cursor
         self._reported: dict[str, tuple[tuple[object, ...], float]] = {}  # by view: of what, and when
         self._counted: Selection | None = None  # the selection whose figures were asked for, its rows, when again
         self._counted_to, self._count_next = -1, 0.0
@@ -206,11 +208,8 @@ class Jobs:
 
     def reselect(self) -> None:
         """The rows that the scope leaves."""
-        self._waiting, self._transactions = self.scope.selections(self._bus)
-        self.selection = self._waiting
-        if self._waiting is None:
-            self._screen.frames.use(Everything(self._bus))
-        self._screen.transactions.use(self._transactions)
+        self.selection, self._transactions = self.scope.selections(self._bus)
+        self._waiting = self.selection or Everything(self._bus), self._transactions
         self._screen.desk.narrowed = None
         self._drop("scope")  # figures of another scope
         self.doing = "" if self._bus.whole else self.doing
@@ -219,7 +218,7 @@ class Jobs:
 
     def _select(self) -> None:
         """Test rows as they come, until there are no more of them."""
-        selections = [each for each in (self.selection, self._transactions) if each is not None]
+        selections = self._selections
 
         def thread() -> None:
             worker = get_current_worker()
@@ -236,6 +235,45 @@ class Jobs:
 
         self._start("select", thread, exclusive=True, failed=self._rest)
 
+    @property
+    def unsettled(self) -> bool:
+        """Whether the lists still show the rows of the scope before."""
+        return self._waiting is not None
+
+    @property
+    def _selections(self) -> list[Selection]:
+        return [each for each in (self.selection, self._transactions) if each is not None]
+
+    @property
+    def shown_count(self) -> int | None:
+        """Rows that the scope leaves; None where they are not counted yet."""
+        counted = self._transactions if self._of_transactions else self.selection
+        if counted is None:
+            return self._bus.count
+        return None if self.unsettled or counted.done < counted.upto or self._of_transactions else counted.count
+
+    @property
+    def _of_transactions(self) -> bool:
+        """Whether the rows shown are those of some transactions alone."""
+        return self.scope.only_changed and self._screen.list_view == "transactions"
+
+    def shown(self) -> Callable[[Stop], NDArray[np.int64]]:
+        """What finds the rows that the scope leaves now, all of them, in a thread: who waits for the lists has some."""
+        rows, begins = self.scope.selections(self._bus)
+        of_transactions = self._of_transactions
+
+        def found(stop: Stop) -> NDArray[np.int64]:
+            if of_transactions:
+                begins.extend(stop)
+                partners = self._bus.table.take("partner", begins.rows()).astype(np.int64)
+                return np.union1d(begins.rows(), partners[partners >= 0])
+            if rows is None:
+                return np.arange(self._bus.count)
+            rows.extend(stop)
+            return rows.rows()
+
+        return found
+
     def _rest(self) -> None:
         """Nothing goes on that the status line would tell."""
         self.doing = ""
@@ -243,9 +281,10 @@ class Jobs:
 
     def _selection_grew(self) -> None:
         waiting, row = self._waiting, self._screen.row
-        if waiting is not None and (row is None or waiting.done > row or waiting.done >= self._bus.count):
+        if waiting is not None and (row is None or all(each.has_tested(row) for each in self._selections)):
             self._waiting = None
-            self._screen.frames.use(waiting)
+            self._screen.frames.use(waiting[0])
+            self._screen.transactions.use(waiting[1])
         if self.selection is not None and self._bus.whole:
             tested, count = self.selection.done, self._bus.count
             self.doing = tr("filtering {share:.0%}", share=tested / max(1, count)) if tested < count else ""

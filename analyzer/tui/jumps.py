@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from ..languages import tr
 from ..model import goto, search
+from ..words import is_clock, zone_name
 from .burst import FINDING
 from .frames import FrameList
 from .jobs import Stop
@@ -71,6 +72,13 @@ class Jumps:
         else:
             self.go(row)
 
+    def _asks(self, question: str) -> str:
+        """A question that times of day may answer, with the zone that they are of."""
+        if not self._bus.timed or not is_clock(self._bus.t_first):
+            return tr(question)
+        zone = zone_name(self._bus.t_last, self._screen.desk.zone)
+        return tr("{question}  (times in {zone})", question=tr(question), zone=zone)
+
     async def ask_where(self) -> None:
         """Ask where to go, and go there."""
         begin = self._screen.row or 0
@@ -82,7 +90,7 @@ class Jumps:
                 return str(error)
             return ""
 
-        text = await self._screen.app.push_screen_wait(Ask(tr("Go to"), tr(goto.FORMS), wrong=wrong))
+        text = await self._screen.app.push_screen_wait(Ask(self._asks("Go to"), tr(goto.FORMS), wrong=wrong))
         if text is not None:
             self.go(goto.place(text, self._bus, begin, self._screen.desk.zone))
 
@@ -97,7 +105,7 @@ class Jumps:
                 return str(error)
             return ""
 
-        text = await self._screen.app.push_screen_wait(Ask(tr("Only the time"), tr(goto.SPANS), wrong=wrong))
+        text = await self._screen.app.push_screen_wait(Ask(self._asks("Only the time"), tr(goto.SPANS), wrong=wrong))
         if text is not None:
             self._screen.narrowing.to_span(goto.span(text, self._bus, zone))
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from typing import Final
 
 from textual.binding import Binding
 
+from ..languages import tr
 from .views import VIEWS
 
 Group = tuple[str, tuple[Binding, ...]]
@@ -24,11 +26,12 @@ GROUPS: Final[tuple[Group, ...]] = (
     ("Narrow", (
         key("slash", "filter", "Filter", "the filter; Tab completes, Enter uses it, Up: past ones", shown=True,
             as_="/"),
-        key("equals_sign", "door('=')", "Filter to", "filter to what stands under the cursor", as_="=", id="door.to"),
+        key("equals_sign", "door('=')", "Filter to", "filter to what stands under the cursor", shown=True, as_="=",
+            id="door.to"),
         key("exclamation_mark", "door('!')", "Filter out", "filter it out", as_="!", id="door.out"),
         key("ampersand", "door('&')", "And", "put it into the filter's line, joined by and", as_="&", id="door.and"),
         key("vertical_line", "door('|')", "Or", "the same, joined by or", as_="|", id="door.or"),
-        key("T", "span", "Span", "only a span of time: 14:00-16:00, yesterday 14-16"),
+        key("T", "span", "Span", "only a span of time: 14:00-16:00, yesterday 14-16", shown=True),
         key("S", "kept", "Kept filters", "use, keep or drop a filter; with a colour its rows are lit"),
         key("z", "noise", "Noise", "noise in place, or hidden"),
         key("escape", "whole", "Take back", "take back the selection, then the filter, then the span", as_="Esc"),
@@ -64,9 +67,9 @@ GROUPS: Final[tuple[Group, ...]] = (
         key("apostrophe", "next_bookmark", "Next mark", "the next bookmark", as_="'"),
         key("semicolon", "comment", "Comment", "a comment on a row", as_=";"),
         key("u", "undo", "Undo", "take back the last change of a bookmark or comment"),
-        key("space", "select", "Select", "in a list: begin a selection; again ends and keeps it", as_="Space"),
+        key("space", "select", "Select", "in a list: begin a selection; again ends and keeps it"),
         key("y", "copy", "Copy", "copy as hex, C array, Python, rtuscope parse"),
-        key("e", "export", "Export", "export the selection, or the rows shown, to a file"),
+        key("e", "export", "Export", "export the selection, or the rows shown, to a file", shown=True),
     )),
     ("Live and files", (
         key("F", "follow", "Follow", "the newest row, of a file that grows too"),
@@ -79,3 +82,20 @@ GROUPS: Final[tuple[Group, ...]] = (
     )),
 )  # fmt: skip
 BINDINGS: Final = [binding for _, group in GROUPS for binding in group]
+_ENGRAVED: Final = {
+    "up": "↑", "down": "↓", "left": "←", "right": "→", "pageup": "PgUp", "pagedown": "PgDn",
+    "home": "Home", "end": "End",
+    "enter": "Enter", "tab": "Tab", "escape": "Esc", "plus": "+", "minus": "-", "equals_sign": "=",
+}  # fmt: skip
+
+
+_FUNCTION: Final = re.compile(r"f\d+")
+
+
+def key_name(key: str) -> str:
+    """A key as it stands on a keyboard."""
+    *held, last = key.split("+")
+    name = tr("Space") if last == "space" else _ENGRAVED.get(last, last)
+    if (held and len(name) == 1) or _FUNCTION.fullmatch(name):
+        name = name.upper()
+    return "+".join([*map(str.capitalize, held), name])

@@ -96,6 +96,8 @@ class Lines(Painted, ScrollView, can_focus=True):
                 self._tell()
         elif self.cursor >= count > 0:
             self.cursor = count - 1
+        if count and self._announced < 0:  # the first lines of a list that began empty
+            self._tell()
         self.refresh()
 
     _fresh_until = 0.0

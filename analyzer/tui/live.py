@@ -15,6 +15,7 @@ from ..live.session import Session
 from ..live.status import LineStatus
 from ..model.source import Grave
 from ..outages import Deaf, deaf_times
+from ..words import percent
 
 _NOTICES: Final = 5  # the newest
 _BAD: Final = frozenset({"lost", "failed", "gap"})  # events that mean a loss
@@ -119,7 +120,7 @@ class LiveSource:
             words.append((tr("{bytes} not analysed", bytes=counted(self._missed, "byte", "bytes")), "error"))
         load = self._status.load
         rate = tr("{rate:.0f} frames/s", rate=self._status.frames_per_s)
-        words.append((rate + ("" if load is None else f", {tr('load {share:.0%}', share=load)}"), ""))
+        words.append((rate + ("" if load is None else f", {tr('load {share}', share=percent(load))}"), ""))
         return words
 
 

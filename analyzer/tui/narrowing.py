@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from ..languages import tr
-from ..words import short
 from .filterbar import FilterBar
 
 if TYPE_CHECKING:
     from .screen import BusScreen
+
+_WIDE: Final = 110  # columns from which on there is room to say how the span is taken back
 
 
 class Narrowing:
@@ -22,7 +23,7 @@ class Narrowing:
     def to_span(self, span: tuple[int, int]) -> None:
         """Only this span of time from now on."""
         self._scope.span = span
-        self._say_span()
+        self.say()
         self._screen.jobs.reselect()
         self._screen.refresh_view()
 
@@ -30,6 +31,7 @@ class Narrowing:
         """Only transactions whose answer differs from the last one to that poll; or all again."""
         scope = self._scope
         scope.only_changed = not scope.only_changed
+        self.say()
         self._screen.jobs.reselect()
         only = tr("only what changed since the last same poll; d shows all")
         self._screen.tell(only if scope.only_changed else tr("all shown"))
@@ -38,6 +40,7 @@ class Narrowing:
         """Noise in place, or hidden."""
         scope = self._scope
         scope.hide_noise = not scope.hide_noise
+        self.say()
         self._screen.jobs.reselect()
         self._screen.tell(tr("noise hidden; z shows it") if scope.hide_noise else tr("noise shown in place"))
 
@@ -51,13 +54,17 @@ class Narrowing:
         elif scope.span is not None:
             scope.span = None
             screen.jobs.reselect()
-        self._say_span()
+        self.say()
         screen.panes.all[0].focus()
 
-    def _say_span(self) -> None:
-        """The span stands on the scope's line, beside the filter."""
-        span, desk = self._scope.span, self._screen.desk
-        words = ""
-        if span is not None:
-            words = f"{desk.when(span[0])} + {short(span[1] - span[0])}, {tr('Esc removes it')}"
-        self._screen.query_one(FilterBar).say_span(words)
+    def say(self) -> None:
+        """What narrows the rows stands on the scope's line, beside the filter."""
+        scope, desk = self._scope, self._screen.desk
+        words = [] if scope.span is None else [desk.span_words(scope.span)]
+        if scope.only_changed:
+            words.append(tr("changed only (d)"))
+        if scope.hide_noise:
+            words.append(tr("no noise (z)"))
+        if scope.span is not None and scope.filter is None and self._screen.size.width >= _WIDE:
+            words[0] += f" ({tr('Esc removes it')})"
+        self._screen.query_one(FilterBar).say_scope("  ".join(words))

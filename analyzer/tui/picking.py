@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..exports.output import OutputStream
 from ..languages import counted, tr
-from ..languages.retelling import error_words
+from ..languages.retelling import error_words, retold
 from ..model.selection import Selection
 from .copying import WAYS
 from .jobs import Stop
@@ -99,16 +99,16 @@ class PickedRows:
     async def export(self) -> None:
         """Ask for a file, and write the picked rows to it, or the shown ones; a browser downloads it."""
         screen, app = self._screen, self._screen.app
-        rows = self._rows_to_save()
-        if not len(rows):
+        picked = None if self.anchor is None else self.rows()
+        count = screen.jobs.shown_count if picked is None else len(picked)
+        if count == 0:
             screen.tell(tr("no rows to export"))
             return
-        subject = counted(len(rows), "row", "rows") + (tr(" shown") if self.anchor is None else tr(" selected"))
+        some = tr("the rows") if count is None else counted(count, "row", "rows")
+        subject = some + (tr(" shown") if picked is None else tr(" selected"))
         question = tr("Download {rows} as", rows=subject) if app.is_web else tr("Export {rows} to", rows=subject)
         wrong = _no_download if app.is_web else _no_file
-        text = await app.push_screen_wait(
-            Ask(question, tr("a file; its suffix tells the format"), wrong=wrong, value="frames.csv")
-        )
+        text = await app.push_screen_wait(Ask(question, _formats(), wrong=wrong, value="frames.csv"))
         if not text:
             return
         path = Path(text).expanduser()
@@ -119,15 +119,12 @@ class PickedRows:
                 return
         screen.jobs.doing = tr("exporting")
         screen.say()
-        screen.jobs.run(
-            "export", lambda stop: self._save(rows, path, stop), lambda saved: self._saved(path, saved), exclusive=False
-        )
+        shown = screen.jobs.shown()
 
-    def _rows_to_save(self) -> NDArray[np.int64]:
-        if self.anchor is not None:
-            return self.rows()
-        shown = self._screen.frames.rows
-        return shown.rows() if isinstance(shown, Selection) else np.arange(shown.count)
+        def work(stop: Stop) -> _Saved:
+            return self._save(shown(stop) if picked is None else picked, path, stop)
+
+        screen.jobs.run("export", work, lambda saved: self._saved(path, saved), exclusive=False)
 
     def _save(self, rows: NDArray[np.int64], path: Path, stop: Stop) -> _Saved:
         """Write them: for a browser to a file without a name, since nobody there is to name files of this machine."""
@@ -152,7 +149,15 @@ class PickedRows:
             screen.app.deliver_binary(saved.file, save_filename=path.name)
             screen.tell(tr("{rows} handed to the browser as {file}", rows=rows, file=path.name))
         else:
-            screen.tell(tr("{rows} written to {file}", rows=rows, file=path))
+            screen.tell(tr("{rows} written to {file}", rows=rows, file=path.absolute()))
+
+
+def _formats() -> str:
+    from ..exports.sink import formats, target
+
+    of_parts = [name for name in formats() if not hasattr(target("-", name), "WHOLE")]
+    words = tr("a file; its suffix tells the format: {formats}", formats=" ".join(f".{name}" for name in of_parts))
+    return f"{words}. {tr('A .pcapng opens in Wireshark and here')}"
 
 
 def _no_file(text: str) -> str:
@@ -175,7 +180,6 @@ def _no_format(path: Path) -> str:
     from ..exports.sink import target
 
     try:
-        target(path)
+        return retold(getattr(target(path), "WHOLE", ""))
     except ExportError as error:
         return error_words(error)
-    return ""

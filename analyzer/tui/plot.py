@@ -20,7 +20,14 @@ from .paint import Painted, StyledText, fitted
 _DOTS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # of a braille cell: row, column
 _KINDS: Final = ("accent", "request", "response", "noise", "warning")
 _LABEL: Final = 11
+_SHORT_LABEL: Final = 8
+_NARROW: Final = 60  # columns under which labels are shorter
+_DATE: Final = 10  # of a time, where there is no room for more
 _BLANK: Final = 0x2800
+_FAR: Final = 0.01  # the share of readings at either end that may stand far off
+_LOST: Final = 5  # times so wide must all of them be, for the others to be drawn by themselves
+_NAMED: Final = 2  # numbers off the scale that are named
+_ENOUGH: Final = 50  # readings from which on a few are known from many
 
 
 @dataclass(frozen=True)
@@ -37,6 +44,25 @@ class Series:
         good = self.numbers[np.isfinite(self.numbers)]
         return (float(good.min()), float(good.max())) if len(good) else None
 
+    @property
+    def scale(self) -> tuple[float, float] | None:
+        """Between what it is drawn: `range`, but for a few numbers so far off that they would flatten all others."""
+        reach = self.range
+        if reach is None or len(self.numbers) < _ENOUGH:
+            return reach
+        low, high = (float(each) for each in np.nanquantile(self.numbers, (_FAR, 1 - _FAR)))
+        good = self.numbers[np.isfinite(self.numbers)]
+        room = (high - low) / 2
+        inner = good[(good >= low - room) & (good <= high + room)]
+        low, high = float(inner.min()), float(inner.max())
+        return (low, high) if 0 < (high - low) * _LOST <= reach[1] - reach[0] else reach
+
+    @property
+    def beyond(self) -> NDArray[np.float64]:
+        """The numbers outside the scale."""
+        low, high = self.scale or (0.0, 0.0)
+        return self.numbers[(self.numbers < low) | (self.numbers > high)]
+
     def at(self, t_ns: int) -> float | None:
         """What it was then."""
         index = int(np.searchsorted(self.t_ns, t_ns, side="right")) - 1
@@ -46,17 +72,17 @@ class Series:
 def dots(series: Series, span: tuple[int, int], columns: int, rows: int) -> NDArray[np.int64]:
     """A series as braille cells (rows, columns): least to greatest of each column of dots, joined to the one before."""
     grid = np.zeros((rows, columns), np.int64)
-    reach = series.range
-    if reach is None:
+    scale = series.scale
+    if scale is None:
         return grid
-    low, high = reach
+    low, high = scale
     wide, tall = 2 * columns, 4 * rows
     indices = ((series.t_ns - span[0]).astype(float) * (wide - 1) / max(1, span[1] - span[0])).round().astype(np.int64)
     inside = (indices >= 0) & (indices < wide)
     indices, number = indices[inside], series.numbers[inside]
     level = np.full(len(number), tall // 2) if high == low else np.zeros(len(number))
     with np.errstate(invalid="ignore"):
-        level = level if high == low else (number - low) / (high - low) * (tall - 1)
+        level = level if high == low else ((number - low) / (high - low) * (tall - 1)).clip(0, tall - 1)
     before: int | None = None
     cuts = np.flatnonzero(np.diff(indices)) + 1
     begins, ends = np.concatenate(([0], cuts)), np.concatenate((cuts, [len(indices)]))
@@ -107,9 +133,18 @@ class Plot(Painted):
         self._cells, self._drawn = [], (0, 0)
         self.refresh()
 
+    @property
+    def _label(self) -> int:
+        """Columns of what stands left of the plot."""
+        return _LABEL if self.content_size.width >= _NARROW else _SHORT_LABEL
+
+    @property
+    def _columns(self) -> int:
+        return max(2, self.content_size.width - self._label - 1)
+
     def move(self, step: int) -> None:
         """The cursor of time, by columns; over either end it goes."""
-        columns = max(2, self.content_size.width - _LABEL - 1)
+        columns = self._columns
         at = (columns if step < 0 else -1) if self.cursor is None else round(self.cursor * (columns - 1))
         at += step
         self.cursor = at / (columns - 1) if 0 <= at < columns else None
@@ -125,16 +160,17 @@ class Plot(Painted):
 
     def render_line(self, y: int) -> Strip:
         width, height = self.content_size.width, self.content_size.height
-        return self.strip(fitted(self._line(y, width, height), width), width, self.base)
+        return self.strip(fitted(self._line(y, height), width), width, self.base)
 
-    def _line(self, y: int, width: int, height: int) -> list[StyledText]:
+    def _line(self, y: int, height: int) -> list[StyledText]:
         span = self.span
         legend = len(self.series) if len(self.series) > 1 else 0
         if y == 0 or span is None:
-            return [StyledText(self.title if y == 0 else "", "strong")]
+            far = _far_off(self.series[0]) if y == 0 and len(self.series) == 1 else ""
+            return [StyledText(self.title if y == 0 else "", "strong"), StyledText(far, "warning")]
         if y <= legend:
             return self._legend(y - 1)
-        columns, rows = max(2, width - _LABEL - 1), height - 3 - legend
+        columns, rows = self._columns, height - 3 - legend
         y -= 1 + legend
         if rows < 1:
             return []
@@ -146,6 +182,7 @@ class Plot(Painted):
         series = self.series[number]
         reach = series.range
         values = tr("no number") if reach is None else tr("{low:.6g} to {high:.6g}", low=reach[0], high=reach[1])
+        values += _far_off(series)
         return [
             StyledText(" ━ ", _KINDS[number % len(_KINDS)]),
             StyledText(f"{series.name}: {values}{self._read(series)}"),
@@ -166,12 +203,12 @@ class Plot(Painted):
         if self._drawn != (columns, rows):
             self._cells = [dots(series, span, columns, rows) for series in self.series]
             self._drawn = columns, rows
-        reach = self.series[0].range if len(self.series) == 1 else None
+        reach = self.series[0].scale if len(self.series) == 1 else None
         label = "" if reach is None else f"{reach[1]:.6g}" if y == 0 else f"{reach[0]:.6g}" if y == rows - 1 else ""
         if reach is not None and reach[0] == reach[1]:
             label = f"{reach[0]:.6g}" if y == rows // 2 else ""
         cursor_column = None if self.cursor is None else round(self.cursor * (columns - 1))
-        parts = [StyledText(f"{label:>{_LABEL}} ", "dim")]
+        parts = [StyledText(f"{label:>{self._label}} ", "dim")]
         text, kind = "", ""
         for column in range(columns):
             owner = next((i for i, cells in enumerate(self._cells) if cells[y, column]), None)
@@ -192,12 +229,14 @@ class Plot(Painted):
         for position in np.unique(positions).tolist():
             marks[position] = "▴"
         return [
-            StyledText(f"{tr('findings') if len(positions) else '':>{_LABEL}} ", "dim"),
+            StyledText(f"{tr('findings') if len(positions) else '':>{self._label}} ", "dim"),
             StyledText("".join(marks), "error"),
         ]
 
     def _axis(self, columns: int, span: tuple[int, int]) -> list[StyledText]:
         first, last = self._when(span[0]), self._when(span[1])
+        if len(first) + len(last) >= columns:
+            first, last = first[:_DATE], last[:_DATE]
         middle = ""
         if self.cursor is not None:
             middle = self._when(self._time(span))
@@ -205,7 +244,19 @@ class Plot(Painted):
                 middle += self._read(self.series[0])
         room = columns - len(first) - len(last)
         return [
-            StyledText(" " * (_LABEL + 1) + first, "dim"),
+            StyledText(" " * (self._label + 1) + first, "dim"),
             StyledText(f"{middle:^{max(0, room)}}" if len(middle) <= room else " " * max(1, room), "strong"),
             StyledText(last, "dim"),
         ]
+
+
+def _far_off(series: Series) -> str:
+    """How many numbers stand at the edge of the plot since they are beyond it, and what they are."""
+    beyond = series.beyond
+    if not len(beyond):
+        return ""
+    some = np.unique(beyond)
+    words = ", ".join(f"{number:.6g}" for number in some[:_NAMED])
+    return tr(
+        ", {count} off the scale: {numbers}", count=len(beyond), numbers=words + (" …" if len(some) > _NAMED else "")
+    )

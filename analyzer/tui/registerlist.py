@@ -18,7 +18,7 @@ from ..languages.retelling import error_words
 from ..model.meanings import AREA_WORDS, CHOICES, PLAIN, Meaning, Spot, chosen, told
 from ..model.registers import RegisterSeries, WatchedRegister
 from ..registers.pace import is_due
-from ..words import short
+from ..words import duration, short
 from .burst import ASKING
 from .doorcells import DoorCell, register_text
 from .lines import Lines
@@ -307,7 +307,7 @@ def _plotted(screen: BusScreen) -> None:
         count = len(series[-1].t_ns) if series else 0
         span = ""
         if count > 1 and bus.timed:
-            span = tr(" over {time}", time=short(int(series[-1].t_ns[-1] - series[-1].t_ns[0])))
+            span = tr(" over {time}", time=duration(int(series[-1].t_ns[-1] - series[-1].t_ns[0])))
         plot.show(
             f" {listing.label(own)}: {counted(count, 'reading', 'readings')}{span}",
             series,

@@ -25,7 +25,7 @@ from .columns import ShownColumns
 from .detailpane import DetailPane
 from .doors import Doors
 from .filterbar import FilterBar
-from .footing import fitting, in_language
+from .footing import fitting
 from .frames import FrameList
 from .jobs import Jobs
 from .jumps import Jumps
@@ -219,6 +219,7 @@ class BusScreen(Screen[None]):
 
     def on_filter_changed(self, event: FilterChanged) -> None:
         self.jobs.scope.filter = event.filter
+        self.narrowing.say()
         self.jobs.reselect()
 
     def on_span_seen(self) -> None:
@@ -240,9 +241,7 @@ class BusScreen(Screen[None]):
     @property
     def active_bindings(self) -> dict[str, ActiveBinding]:
         """Those that the footer shows, in the language in use."""
-        active = super().active_bindings
-        told = {key: in_language(each) if each.binding.show else each for key, each in active.items()}
-        return fitting(told, self.app.get_key_display, self.size.width)
+        return fitting(super().active_bindings, self.app.get_key_display, self.size.width)
 
     def on_resize(self) -> None:
         self.refresh_bindings()
@@ -380,7 +379,7 @@ class BusScreen(Screen[None]):
     def action_help(self) -> None:
         from .help import Help
 
-        self.app.push_screen(Help(self.desk.wishes.keys))
+        self.app.push_screen(Help(self.desk.wishes.keys, self.query_one(f"#{self.view}")))
 
     def tell(self, text: str, *, wrong: bool = False) -> None:
         """A short notice; nothing in it is markup."""

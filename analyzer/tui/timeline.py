@@ -16,7 +16,7 @@ from textual.strip import Strip
 from ..languages import counted, tr
 from ..model.bands import Band, bands
 from ..model.explained import rows_of_causes
-from ..words import short
+from ..words import percent, short
 from .keptfilters import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen
 from .paint import Painted, StyledText, fitted
@@ -50,7 +50,7 @@ class Timeline(Painted, can_focus=True):
         Binding("end", "edge(1)", "End", show=False),
         Binding("plus,equals_sign,up", "zoom(0.5)", "Zoom in", key_display="+"),
         Binding("minus,down", "zoom(2)", "out", key_display="-"),
-        Binding("0", "whole", "Whole"),
+        Binding("a", "whole", "All", tooltip="The whole capture again"),
         Binding("space", "pin", "Span", tooltip="Begin a span here, or take it back"),
         Binding("enter", "enter", "Show", tooltip="The span in the frame list, or the frame here"),
     ]
@@ -145,7 +145,7 @@ class Timeline(Painted, can_focus=True):
         title = (
             tr(" load, share of the line's capacity") if self.desk.bus.char_ns else tr(" load, bytes (baud not known)")
         )
-        most = tr(", at most {share:.0%}", share=load.max()) if self.desk.bus.char_ns else ""
+        most = tr(", at most {share}", share=percent(load.max())) if self.desk.bus.char_ns else ""
         return [
             StyledText(title, "strong"),
             StyledText(tr("   a column is {time}", time=short(round(bins.width_ns))) + most, "dim"),
@@ -236,7 +236,7 @@ class Timeline(Painted, can_focus=True):
     def _under_cursor(self, bins: Bins) -> list[StyledText]:
         i = self.cursor
         at = (self.time_at(i) - self.desk.bus.t_first) / 1e9
-        load = f", {tr('load {share:.0%}', share=self._loads(bins)[i])}" if self.desk.bus.char_ns else ""
+        load = f", {tr('load {share}', share=percent(self._loads(bins)[i]))}" if self.desk.bus.char_ns else ""
         frames = counted(int(bins.frames[i]), "frame", "frames")
         words = f" {at:.6f} s: {frames}{load}, {counted(int(bins.troubles[i]), 'trouble', 'troubles')}"
         span = self._span()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final, cast
 
 from rich.cells import cell_len
 from textual.binding import Binding, BindingType
 from textual.cache import LRUCache
+
+from dissectors.values import Area, logical
 
 from ..languages import tr
 from ..model.pollvalues import TransactionValues, poll_values
@@ -23,10 +25,8 @@ from .view import View, grown
 if TYPE_CHECKING:
     from .desk import ViewState
 
-_DROPPED: Final = (  # columns of the screen under which columns of the list are left out
-    (48, ("number", "quantity", "answer")), (64, ("number", "quantity")),
-)  # fmt: skip
 _OUTCOMES: Final = {"none": "no answer", "bcast": "broadcast", words.UNHEARD: "answer not heard", "": "…"}
+_WORDY: Final = 48  # columns from which on there is room for all of the head
 _BLOCK: Final = 32  # lines that are read at once
 _CACHED: Final = 2048  # transactions
 _WORD: Final = 5  # columns of a register's value
@@ -38,6 +38,7 @@ class TransactionList(FrameList):
 
     EMPTY = "no requests yet"
     COLUMNS = ("number", "time", "unit", "function", "register", "quantity", "answer")
+    DROPPED = ((48, ("number", "quantity", "answer", "function")), (64, ("number", "quantity")))
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("right,l", "fold(True)", "Unfold", tooltip="Its frames, the noise and the bytes, below the line"),
         Binding("left,h", "fold(False)", "Fold", show=False),
@@ -112,17 +113,13 @@ class TransactionList(FrameList):
     def head(self, width: int) -> Sequence[StyledText]:
         number, time, _ = self.columns(width)
         title = "" if time == 1 else self.time_title()
+        what = tr("what came of it") if width >= _WORDY else tr("what")
         heads = (
             ("", "  "), ("number", f"{'#':>{number}} "), ("time", f"{title:>{time}} "), ("unit", f"{tr('unit'):>4} "),
             ("function", f"{tr('fn'):>3} "), ("register", f"{tr('register'):>8} "),
-            ("quantity", f"{tr('qty'):<5}"), ("answer", f"{'ms':>6}     "), ("", tr("what came of it")),
+            ("quantity", f"{tr('qty'):<5}"), ("answer", f"{'ms':>6}     "), ("", what),
         )  # fmt: skip
-        return self._fitting([(column, StyledText(text)) for column, text in heads], width)
-
-    def _fitting(self, cells: Sequence[tuple[str, StyledText]], width: int) -> list[StyledText]:
-        """Those shown, without some where else there was no room for what came of it."""
-        dropped = next((names for least, names in _DROPPED if width < least), ())
-        return self.shown([cell for cell in cells if cell[0] not in dropped])
+        return self.shown([(column, StyledText(text)) for column, text in heads], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         row, below = self._lines.place(line)
@@ -137,10 +134,10 @@ class TransactionList(FrameList):
         mark = words.marks(desk, row)
         took = desk.bus.response(answer) if answer >= 0 else None
         quantity = "" if carried.quantity < 0 else f"×{carried.quantity}"
-        parts = self._fitting([
+        parts = self.shown([
             ("", StyledText(words.LETTER[grave] + mark.text[1], words.SEVERITY[grave] or mark.kind)),
             ("number", StyledText(f"{table.value('frame', row):>{number}} ", "dim")),
-            ("time", StyledText(f"{desk.time(row, self.row_at(line - 1) if line else None):>{time}} ")),
+            ("time", StyledText(f"{self.time(row, self.row_at(line - 1) if line else None, width):>{time}} ")),
             ("unit", StyledText(f"{table.value('unit', row):>4} ", "request")),
             ("function", StyledText(f"{table.value('function', row):>3} ", "request")),
             ("register", StyledText(f"{carried.register:>8} ", "accent")),
@@ -166,7 +163,8 @@ class TransactionList(FrameList):
             if carried.register and carried.values:
                 outcome += [StyledText(": "), *_columns(carried)]
         elif carried.values and not bad:
-            return words.shared(_columns(carried), about, room)
+            told = _changes(carried) if desk.scope.only_changed and carried.changed else _columns(carried)
+            return words.shared(told, about, room)
         elif answer >= 0:
             outcome = words.words(desk, answer)[0]
         if not carried.register:
@@ -193,6 +191,15 @@ def _columns(carried: TransactionValues) -> list[StyledText]:
     for i, value in enumerate(carried.values):
         star = "*" if i in carried.changed else " "
         out.append(StyledText(f"{star}{value:>{width}}", "warning" if i in carried.changed else ""))
+    return out
+
+
+def _changes(carried: TransactionValues) -> list[StyledText]:
+    """Only what changed, by its number: `40101 230→231`."""
+    out = []
+    for i in sorted(carried.changed):
+        number = logical(int(carried.register[1:]) - 1 + i, cast(Area, f"{carried.register[0]}x"))
+        out += [StyledText(f" {number} ", "accent"), StyledText(f"{carried.before[i]}→{carried.values[i]} ", "warning")]
     return out
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 
 from ..languages import tr
-from ..words import compact, short, short_bound
+from ..words import compact, percent, short, short_bound
 from .doorcells import DoorCell
 from .filterbar import FilterBar
 from .history import History
@@ -51,6 +52,9 @@ class UnitList(Lines):
     """A line a unit; opening one filters the frames by it."""
 
     EMPTY = "no unit was asked yet"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("enter", "enter", "Open", tooltip="The rows of this unit alone"),
+    ]
 
     def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
@@ -141,7 +145,7 @@ class UnitList(Lines):
         bus = self.desk.bus
         if not bus.char_ns or not bus.timed or bus.t_last <= bus.t_first:
             return ""
-        return f"{self.desk.figures.units.octets[unit] * bus.char_ns / (bus.t_last - bus.t_first):.1%}"
+        return percent(self.desk.figures.units.octets[unit] * bus.char_ns / (bus.t_last - bus.t_first))
 
 
 def _widget(desk: ViewState) -> Widget:
