@@ -16,6 +16,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -234,10 +235,12 @@ def shy(weights: Weights, lone: float) -> Weights:
 
 def training(seeds: int) -> list[tuple[MadeDevice, list[Run]]]:
     """Devices of all layouts, as they are, in finer steps and stirred up, with their runs."""
-    kinds = (  # polls, seeds, chances
+    kinds: tuple[tuple[int, range, dict[str, Any]], ...] = (  # polls, seeds, chances
         (60, range(seeds), {"refine": 0.0}),
+        (60, range(400, 400 + seeds), {"another": 1.0}),
         (60, range(200, 202), {"refine": 1.0}),
         (60, range(300, 302), {"stir": 1.0}),
+        (60, range(500, 502), {"another": 0.5, "sisters": 2}),
         (150, range(100, 101), {"refine": 0.0}),
     )
     return [
@@ -259,8 +262,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--rounds", type=int, default=60)
     parser.add_argument("--strength", type=float, default=3.0)
-    parser.add_argument("--temperature", type=float, default=0.9)
-    parser.add_argument("--lone", type=float, default=0.55, help="nats against 32 bits where one word moved")
+    parser.add_argument("--temperature", type=float, default=0.8)
+    parser.add_argument("--lone", type=float, default=0.2, help="nats against 32 bits where one word moved")
     parser.add_argument("--composed", type=int, default=800, help="devices made of parts of several others")
     parser.add_argument("--misses", action="store_true", help="print each miss of a held-out family")
     parser.add_argument("--only-fold", type=int)

@@ -72,11 +72,11 @@ def tallied(device: MadeDevice, weights: Weights, tally: Tally) -> None:
     runs = runs_of(device.readings)
     answers: dict[tuple[MapArea, int], tuple[int, Cut]] = {}
     for run, posterior in zip(runs, run_posteriors(runs, weights), strict=True):
-        for cut in cut_of(run, posterior):
+        for cut in cut_of(run, posterior) if run.unit == 1 else ():
             answers[run.area, run.address + cut.at] = (cut.number, cut)
     truths: dict[tuple[MapArea, int], int] = {}
     for area, address, quantity, rows in device.truth:
-        block = next(b for b in device.readings if (b.area, b.address, b.quantity) == (area, address, quantity))
+        block = next(b for b in device.readings if b.key == (1, area, address, quantity))
         words = block.series[0]
         moved = (words != words[0]).any(axis=0)
         for row in rows:

@@ -6,7 +6,7 @@ device is made anew from a layout: moved to other addresses, sometimes with the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
+from register_plants import by_another_hand
 
 from analyzer.registers.hypotheses import HYPOTHESES
 from analyzer.registers.readings import RegisterReadings
@@ -63,12 +64,15 @@ def made_device(
     widen: float = 0.0,
     refine: float = 0.0,
     stir: float = 0.0,
+    another: float = 0.0,
     move: bool = True,
     wild: float = 0.2,
+    sisters: int = 0,
 ) -> MadeDevice:
     """A device of this layout, polled so many times; of chances `flip` has the other word order, `widen` and `refine`
-    wider and finer integers, `stir` those of 32 bits go over their carries; at other addresses unless told not to
-    `move`; `wild` of its values do what nobody expects."""
+    wider and finer integers, `stir` those of 32 bits go over their carries, `another` series of another hand; at other
+    addresses unless told not to `move`; `wild` of its values do what nobody expects. It is unit 1; so many `sisters`
+    of it, read alike, are the units behind it."""
     if random.random() < refine:
         chart = refined(chart, random)
     if random.random() < flip:
@@ -79,24 +83,40 @@ def made_device(
         chart = moved(chart, random)
     client = MappedClient(random, [(1, chart)], wild)
     device = client.devices[0]
+    if random.random() < another:
+        by_another_hand(device, random)
     if random.random() < stir:
         stir_up(device, random)
-    blocks: dict[tuple[MapArea, int, int], list[list[int]]] = {
-        (poll.area, poll.address, poll.quantity): [] for poll in client.polls
-    }
+    polled = {(poll.area, poll.address, poll.quantity): None for poll in client.polls}
+    readings = RegisterReadings()
+    _read(device, polled, polls, readings)
+    for unit in range(2, 2 + sisters):
+        level, seconds = device.response_ns, device.seconds
+        sister = MappedDevice(unit, chart, level, seconds, random, wild)
+        if random.random() < another:
+            by_another_hand(sister, random)
+        _read(sister, polled, polls, readings)
+    truth = []
+    for area, address, quantity in polled:
+        if area in ("input", "holding"):
+            rows_of_block = chart.within(area, address, quantity)
+            truth.append((area, address, quantity, tuple(part for row in rows_of_block for part in _parts(row))))
+    return MadeDevice(name, family(chart), chart.word_order, readings, tuple(truth))
+
+
+def _read(
+    device: MappedDevice, polled: Iterable[tuple[MapArea, int, int]], polls: int, readings: RegisterReadings
+) -> None:
+    """Enter what so many polls of a device say."""
+    blocks: dict[tuple[MapArea, int, int], list[list[int]]] = {block: [] for block in polled}
     for _ in range(polls):
         device.step()
         _in_forms(device)
         for area, address, quantity in blocks:
             blocks[area, address, quantity].append(device.read(area, address, quantity))
-    readings = RegisterReadings()
-    truth = []
-    for (area, address, quantity), rows in blocks.items():
+    for (area, address, _), rows in blocks.items():
         if area in ("input", "holding"):
-            readings.put(1, area, address, np.array(rows, np.uint16))
-            rows_of_block = chart.within(area, address, quantity)
-            truth.append((area, address, quantity, tuple(part for row in rows_of_block for part in _parts(row))))
-    return MadeDevice(name, family(chart), chart.word_order, readings, tuple(truth))
+            readings.put(device.unit, area, address, np.array(rows, np.uint16))
 
 
 def stir_up(device: MappedDevice, random: Random) -> None:
@@ -244,13 +264,32 @@ def true_cut(address: int, quantity: int, rows: tuple[MappedValue, ...]) -> NDAr
 
 
 def devices(
-    seeds: range, polls: int, *, flip: float = 0.3, widen: float = 0.0, refine: float = 0.0, stir: float = 0.0
+    seeds: range,
+    polls: int,
+    *,
+    flip: float = 0.3,
+    widen: float = 0.0,
+    refine: float = 0.0,
+    stir: float = 0.0,
+    another: float = 0.0,
+    sisters: int = 0,
 ) -> Iterator[MadeDevice]:
     """Devices of all layouts, once a seed."""
     for name, chart in layouts().items():
         for seed in seeds:
             random = Random(f"{name} {seed}")
-            yield made_device(name, chart, random, polls, flip=flip, widen=widen, refine=refine, stir=stir)
+            yield made_device(
+                name,
+                chart,
+                random,
+                polls,
+                flip=flip,
+                widen=widen,
+                refine=refine,
+                stir=stir,
+                another=another,
+                sisters=sisters,
+            )
 
 
 def composed_devices(count: int, without: Set[str] = frozenset()) -> Iterator[MadeDevice]:
@@ -263,4 +302,5 @@ def composed_devices(count: int, without: Set[str] = frozenset()) -> Iterator[Ma
     for number in range(count):
         random = Random(f"composed {number}")
         polls = random.choice(_POLLS)
-        yield made_device(f"composed {number}", composed(charts, random), random, polls, widen=0.05, stir=0.2)
+        chart = composed(charts, random)
+        yield made_device(f"composed {number}", chart, random, polls, widen=0.05, stir=0.2, another=0.5)

@@ -1,6 +1,7 @@
 """Scores the inference of registers on devices whose maps are known.
 
     python benchmarks/score_registers.py [--polls N] [--seeds N] [--layouts FOLDER] [--family F] [--misses]
+        [--sisters N] [--another]
 
 Devices are made from the layouts (shipped maps and `layouts/`, or the maps of another folder), moved to other
 addresses, polled as masters do. A value counts where a word of it moved; it is right where registers, integer or float,
@@ -28,6 +29,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--first-seed", type=int, default=5000)
     parser.add_argument("--layouts", type=Path, metavar="FOLDER", help="maps of your own instead")
+    parser.add_argument("--sisters", type=int, default=0, help="units beside each device that have its layout")
+    parser.add_argument("--another", action="store_true", help="series of another hand")
     parser.add_argument("--family", help="only layouts of this maker")
     parser.add_argument("--by-layout", action="store_true", help="a line a layout")
     parser.add_argument("--misses", action="store_true", help="print each miss")
@@ -41,7 +44,9 @@ def main(arguments: list[str]) -> int:
             continue
         tally = Tally()
         for seed in range(options.first_seed, options.first_seed + options.seeds):
-            device = made_device(name, chart, Random(f"{name} {seed}"), options.polls)
+            random = Random(f"{name} {seed}")
+            more = {"another": float(options.another), "sisters": options.sisters}
+            device = made_device(name, chart, random, options.polls, **more)
             tallied(device, weights, tally)
             tallied(device, weights, everything)
         if options.by_layout and tally.due["all"]:

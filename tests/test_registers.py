@@ -301,14 +301,31 @@ def test_the_map_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         assert refused(capsys, "map", *wrong)
 
 
+def test_the_table_is_none_where_nothing_moved_and_no_text_widens_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    still, texts = tmp_path / "still.txt", tmp_path / "texts.txt"
+    request, answer = adu(7, b"\x03\x00\x10\x00\x02"), adu(7, b"\x03\x04\x00\x05\x00\x06")
+    still.write_text("\n".join([request.hex(" "), answer.hex(" ")] * 6))
+    shown = ran(capsys, "registers", str(still), "--map", "xy-md02@9")
+    assert shown.out == "2 registers never moved (--all lists them)\n"
+    assert "has no values of unit 9: units with values: 7" in shown.err
+    request, answer = adu(7, b"\x03\x00\x10\x00\x40"), adu(7, b"\x03\x80" + b"Long name " * 12 + b"No 12345")
+    texts.write_text("\n".join([request.hex(" "), answer.hex(" ")] * 6))
+    assert max(map(len, ran(capsys, "registers", str(texts)).out.splitlines())) < 140
+    assert "Long name " * 12 in ran(capsys, "registers", str(texts), "--json").out
+
+
 WRONG = [
     (("registers", "BUS", "--unit", "99"), "--unit: no values of it in"),
+    (("registers", "BUS", "--unit", "x"), "'x' is no unit from 0 to 255"),
     (("registers", "BUS", "--like", ""), "--like: expected a number, or a table"),
     (("registers", "BUS", "--like", "nosuch.csv"), "neither a number nor a table"),
     (("registers", "BUS", "--map", "nosuch"), "no such file, and no shipped map"),
     (("registers", "BUS", "--map", "el-psu@300"), "unit 300"),
     (("map",), "required: ACTION"),
     (("map", "show", "nosuch"), "map list"),
+    (("map", "show", "BUS"), "no table: expected a row of column names"),
     (("map", "check", "xy-md02", "BUS", "--unit", "9"), "no answer of unit 9"),
     (("map", "import", "BUS"), "no known form of a register map"),
     (("map", "import", "nosuch.csv"), "no such file"),
@@ -392,7 +409,8 @@ def test_the_table_of_values_with_a_map(tmp_path: Path, capsys: pytest.CaptureFi
     rows = [json.loads(line) for line in out.read_text(encoding="utf-8").splitlines()]
     warm = [row for row in rows if row["name"] == "Temperature"]
     assert warm and all(row["unit_of_measure"] == "°C" for row in warm)
-    assert all(row["value"] == pytest.approx(row["raw"] * 0.1) for row in warm)
+    signed = [(row["raw"] ^ 0x8000) - 0x8000 for row in warm]
+    assert [row["value"] for row in warm] == pytest.approx([number * 0.1 for number in signed])
     assert [row["t_ns"] for row in rows] == sorted(row["t_ns"] for row in rows)
 
 

@@ -43,6 +43,7 @@ _READING: Final = (
     "tz",
     "sample_rate",
 )  # what `captures.open` takes besides the format
+_LAST_UNIT: Final = 255
 _COMPLAINTS: Final = 5  # complaints printed; the rest are counted
 
 
@@ -118,6 +119,13 @@ def zone_name(text: str) -> str:
     from captures.io import time_zone
 
     return known_name(text, time_zone, "time zone", available_timezones)
+
+
+def unit_number(text: str) -> int:
+    """A unit's number, for argparse."""
+    if not text.isdecimal() or int(text) > _LAST_UNIT:
+        raise argparse.ArgumentTypeError(f"{text!r} is no unit from 0 to {_LAST_UNIT}")
+    return int(text)
 
 
 def add_functions_argument(parser: argparse.ArgumentParser) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..extras import needs
 from .exits import DONE, FAILED, NO_FRAME, UsageError
-from .inputs import known_name, load_functions, tell_damage
+from .inputs import known_name, load_functions, tell_damage, unit_number
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .progress import Progress
 from .terminal import interruptible, put_data, tell
@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     check = actions.add_parser("check", help="a map by itself, or against a capture; exit status 1 on contradictions")
     check.add_argument("map", metavar="MAP[@UNIT]", help="a file, or the name of a shipped map")
     check.add_argument("capture", metavar="CAPTURE", nargs="?", help="traffic to hold it against")
-    check.add_argument("--unit", type=int, metavar="N", help="the unit that the map is of")
+    check.add_argument("--unit", type=unit_number, metavar="N", help="the unit that the map is of")
     check.add_argument("--json", action="store_true", help="an object a remark, one a line")
     _capture_arguments(check)
     importing = actions.add_parser("import", help="a map out of a spreadsheet or of what another program has")
@@ -54,7 +54,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     inferring = actions.add_parser("infer", help="a map out of traffic")
     inferring.add_argument("capture", metavar="CAPTURE", help="a recording; - reads standard input")
     _output_arguments(inferring)
-    inferring.add_argument("--unit", type=int, metavar="N", help="the unit to map, where the bus has several")
+    inferring.add_argument("--unit", type=unit_number, metavar="N", help="the unit to map, where the bus has several")
     _capture_arguments(inferring)
     differ = actions.add_parser("diff", help="what two maps have different")
     differ.add_argument("map", metavar="A", help="a file, or the name of a shipped map")
@@ -94,7 +94,7 @@ def _list(arguments: argparse.Namespace) -> int:
         return DONE
     width = max(len(name) for name, _ in charts)
     for name, chart in charts:
-        print(f"{name.ljust(width)}  {chart.vendor} {chart.device}, {len(chart.rows)} values")
+        print(f"{name.ljust(width)}  {chart.called}, {len(chart.rows)} values")
     return DONE
 
 

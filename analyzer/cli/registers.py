@@ -14,6 +14,7 @@ from .inputs import (
     load_functions,
     open_capture,
     tell_damage,
+    unit_number,
 )
 from .maps import add_map_argument, chosen_charts
 from .progress import Progress
@@ -30,13 +31,16 @@ rtuscope registers meter.jsonl
 rtuscope registers meter.jsonl --json
 rtuscope registers meter.jsonl --map eastron-sdm630@1
 rtuscope registers meter.jsonl --like 0.9"""
+_WIDEST: Final = 40  # signs of a text in the table; --json has it whole
 _WORDS: Final = ("unit", "register", "type", "order", "role", "min", "max", "last", "sure", "why")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_capture_arguments(parser)
-    parser.add_argument("--unit", type=int, action="append", metavar="N", help="only this unit; may be given again")
+    parser.add_argument(
+        "--unit", type=unit_number, action="append", metavar="N", help="only this unit; may be given again"
+    )
     add_map_argument(parser)
     parser.add_argument("--recognise", action="store_true", help="use the maps of devices that are recognised")
     parser.add_argument(
@@ -77,9 +81,11 @@ def run(arguments: argparse.Namespace) -> int:
     progress.clear()
     tell_damage(arguments.capture, capture)
     units = sorted({block.unit for block in readings})
+    listed = ", ".join(map(str, units))
     if arguments.unit and units and not set(arguments.unit) & set(units):
-        listed = ", ".join(map(str, units))
         raise UsageError(f"--unit: no values of it in {arguments.capture}: units with values: {listed}")
+    for unit in sorted(set(charts) - set(units) if units else ()):
+        tell(f"--map: {arguments.capture} has no values of unit {unit}: units with values: {listed}")
     named, words = charts.of(units), _own_words(arguments.capture)
     values = infer(readings, units=arguments.unit, charts=with_own_words(named, words))
     devices: list[Recognised] = []
@@ -140,15 +146,15 @@ def _table(values: list[RegisterValue], *, everything: bool) -> str:
     from dissectors.values import harmless
 
     shown = [value for value in values if everything or value.changes or value.name or value.kind == "text"]
-    rows = [_WORDS, *(_row(value) for value in shown)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(_WORDS) - 1)]
+    rows = [_WORDS, *(_row(value) for value in shown)] if shown else []
+    widths = [max((len(row[column]) for row in rows), default=0) for column in range(len(_WORDS) - 1)]
     lines = []
     for row in rows:
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
         lines.append(harmless("  ".join([*cells, row[-1]]).rstrip()))
     if len(shown) < len(values):
         lines.append(f"{len(values) - len(shown)} registers never moved (--all lists them)")
-    return "\n".join(lines) + "\n"
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _devices(devices: list[Recognised], *, used: bool) -> str:
@@ -157,8 +163,7 @@ def _devices(devices: list[Recognised], *, used: bool) -> str:
     for one in devices:
         names = f"--map {one.name}@{one.unit}" if one.name else "--recognise"
         hint = "its map is used" if used else f"{names} names its values"
-        device = f"{one.chart.vendor} {one.chart.device}"
-        lines.append(f"unit {one.unit} looks like {device} ({one.confidence:.0%}, {one.why}): {hint}")
+        lines.append(f"unit {one.unit} looks like {one.chart.called} ({one.confidence:.0%}, {one.why}): {hint}")
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -183,4 +188,5 @@ def _row(value: RegisterValue) -> tuple[str, ...]:
 
 
 def _number(value: float | str | None) -> str:
-    return "" if value is None else f"{value:.7g}" if isinstance(value, float) else str(value)
+    text = "" if value is None else f"{value:.7g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= _WIDEST else f"{text[: _WIDEST - 1]}…"

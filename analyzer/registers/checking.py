@@ -183,7 +183,7 @@ def _wrong_types(
 ) -> Iterator[MapRemark]:
     """Values that are read otherwise beyond doubt: by themselves where several are, else with the rest of the map taken
     for right."""
-    free = infer(readings, units=[unit])
+    free = infer(readings, units=[unit], alone=True)
     doubtful = []
     for row in chart.rows:
         mine = None if hypothesis_number(row) is None else _readings_of(row, blocks)
@@ -202,7 +202,8 @@ def _wrong_types(
             rest = [
                 one for one in chart.rows if one.area != row.area or one.end <= row.address or one.address >= row.end
             ]
-            again = infer(readings, units=[unit], charts={unit: replace(chart, rows=tuple(rest))})
+            others = {unit: replace(chart, rows=tuple(rest))}
+            again = infer(readings, units=[unit], charts=others, alone=True)
             confirmed = _rival_reading(row, again)
             if confirmed is None or confirmed.confidence < _SURE_OF_ONE:
                 continue

@@ -15,6 +15,7 @@ from .hypotheses import HYPOTHESES, Hypothesis, patterns
 from .lengths import change_bits, change_lengths, directions
 from .manners import EVEN, MANNERS, evenness, manners
 from .readings import Words
+from .sisters import PAIR_CODES
 from .wordclasses import QUIET_GROUP, word_classes
 
 Step = TypeVar("Step", np.int64, np.float64)
@@ -24,6 +25,9 @@ NONE: Final = -1  # the hypothesis does not reach so far
 _GAINS: Final = np.array([-24, -8, -3, -0.5, 0.5, 3, 8, 16, 32, 64, 128, 256, 512])  # bits
 _COSTS: Final = np.array([2.5, 4, 6, 8, 10, 12, 13.5, 15])  # bits a change
 _BESIDE: Final = (-8, -6, -4, -2, 2, 4, 6, 8)
+_IN_LINE: Final = (-12, -10, *_BESIDE, 10, 12)
+_MARKS: Final = (0, 0xFFFF, 0x7FFF, 0x8000)  # high words of small numbers, and of what a device lacks
+_ROWS: Final = 6 * 4
 _SHARES: Final = np.array([0.02, 0.1, 0.3, 0.7, 0.95])
 _SIZES: Final = np.array([1, 4, 7, 9, 11, 13, 15])  # bits
 _RANGES: Final = np.array([1, 3, 5, 7, 9, 11, 13, 15, 15.9])  # bits
@@ -37,7 +41,7 @@ SIZES: Final[Mapping[str, int]] = {
     "i32 low range": 6 * 10, "i32 low cost": 6 * 9, "i32 high only": 16 * 4, "i32 quiet": 16 * 16,
     "i32 as float": 2 * 8 * 2, "i32 carries": 16, "i32 sign": 6 * 3, "i32 wraps": 13,
     "i32 low manner": 6 * MANNERS, "i32 manners": MANNERS * MANNERS, "i32 rhythm": 2 * 5 * 5,
-    "i32 even": 4 * EVEN, "i32 agreed": 5,
+    "i32 even": 4 * EVEN, "i32 agreed": 5, "i32 in line": 2 * _ROWS, "i32 sisters": PAIR_CODES,
     # of two, as a float
     "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
     "f32 even": 2 * EVEN,
@@ -213,6 +217,7 @@ class Counting:
             "i32 wraps": np.where(low_only | both, self._carried(high, low), NONE),
             "i32 agreed": np.where(both, self._agreed(high, low), NONE),
             "i32 rhythm": np.where(low_only, (group == 0) * 25 + self._rhythm(high, low), NONE),
+            "i32 in line": np.where(low_only, (group == 0) * _ROWS + self._in_line(high, low), NONE),
             "i32 even": np.where(low_only | both, self._pace[high] * EVEN + self._even[low], NONE),
             "i32 block": self._edges(2),
         }
@@ -230,6 +235,23 @@ class Counting:
             others += there & ~zero[np.where(there, low + away, 0)]
         shares = [np.digitize(count / np.maximum(seen, 1), (0.2, 0.6, 0.9)) + 1 for count in (zeros, others)]
         return np.where(seen > 0, shares[0] * 5 + shares[1], 0)
+
+    def _in_line(self, high: Ints, low: Ints) -> Ints:
+        """Of every second register to either side of a pair: how many pairs there are alike, of the same quiet high
+        word or one that says nothing, and of a low word that says something (0 to 3, 4 and 5, more), and how many
+        cannot be so (0 to 2, more)."""
+        words, moved = self.words[0], self.moved
+        says_nothing = np.isin(words, _MARKS)
+        alike, against = (np.zeros(len(high), np.int64) for _ in range(2))
+        for away in _IN_LINE:
+            there = (low + away >= self._first[low]) & (high + away >= self._first[high])
+            there &= (low + away <= self._last[low]) & (high + away <= self._last[high])
+            top, bottom = np.where(there, high + away, 0), np.where(there, low + away, 0)
+            fits = ~moved[top] & (says_nothing[top] | (words[top] == words[high]))
+            alike += there & fits & (moved[bottom] | (words[bottom] != 0))
+            against += there & ~fits & ~(moved[top] & moved[bottom])
+        rows: Ints = np.digitize(alike, (1, 2, 3, 4, 6)) * 4 + np.minimum(against, 3)
+        return rows
 
     def _carried(self, high: Ints, low: Ints) -> Ints:
         """Whether the high word counts each time that the low word runs over, and at no other time.

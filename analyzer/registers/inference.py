@@ -32,6 +32,7 @@ from .readings import BlockReadings, RegisterReadings, Words
 from .reasons import reasons
 from .relations import SeriesKey, with_relations
 from .runs import Run, run_posteriors, runs_of
+from .sisters import asked_alike
 from .texts import bit_values, text_value, texts_in
 from .values import Number, OtherReading, RegisterValue
 from .weights import Weights, shipped_weights
@@ -49,17 +50,24 @@ def infer(
     units: Sequence[int] | None = None,
     charts: Mapping[int, RegisterMap] | None = None,
     weights: Weights | None = None,
+    alone: bool = False,
 ) -> list[RegisterValue]:
-    """The values of all units, or of these, by unit, area and address; `charts` are the maps of units."""
+    """The values of all units, or of these, by unit, area and address; `charts` are the maps of units. Units are
+    weighed together with their sisters; these with none but each other where they stand `alone`."""
     weights = weights or shipped_weights()
     charts = charts or {}
-    blocks = [block for block in readings if units is None or block.unit in units]
+    blocks = list(readings)
+    if units is not None:
+        heard = set(units) if alone else asked_alike(blocks, units)
+        blocks = [block for block in blocks if block.unit in heard]
     values, runs = _as_they_stand(blocks, charts, weights, ())
     turned = _turned(blocks, values, charts, weights)
     if turned:
         values, runs = _as_they_stand(blocks, charts, weights, turned)
         replaced = {(v.unit, v.area, v.address + n) for v in turned for n in range(v.words)}
         values = [value for value in values if (value.unit, value.area, value.address) not in replaced] + turned
+    if units is not None:
+        values = [value for value in values if value.unit in units]
     values.sort(key=lambda value: (value.unit, value.area, value.address))
     return with_relations(values, _moved_series(runs, values))
 
@@ -105,7 +113,8 @@ def _as_they_stand(
         chart = charts.get(unit)
         order = _device_order([cut for _, cut_list in cuts.get(unit, []) for cut in cut_list])
         for run, cut_list in cuts.get(unit, []):
-            values += _values(run, cut_list, chart, order)
+            sisters = sorted({runs[number].unit for number, _ in run.sisters})
+            values += _values(run, cut_list, chart, order, sisters)
         values += bit_values([block for block in blocks if block.unit == unit], chart)
     return values, runs
 
@@ -194,7 +203,9 @@ def _device_order(cuts: list[Cut]) -> str | None:
     return best if sums[best] > 1.5 and sums[best] > 5 * sums[second] else None
 
 
-def _values(run: Run, cuts: list[Cut], chart: RegisterMap | None, order: str | None) -> Iterator[RegisterValue]:
+def _values(
+    run: Run, cuts: list[Cut], chart: RegisterMap | None, order: str | None, sisters: Sequence[int]
+) -> Iterator[RegisterValue]:
     texts = dict(texts_in(run))
     until = 0
     for cut in cuts:
@@ -211,14 +222,14 @@ def _values(run: Run, cuts: list[Cut], chart: RegisterMap | None, order: str | N
             yield text_value(run, cut.at, until, None)
             continue
         if cut.moved or row is not None or HYPOTHESES[cut.number].words == 1:
-            yield _value(run, cut, row, order)
+            yield _value(run, cut, row, order, sisters)
         else:  # nothing moved: each register for itself
             for at in range(cut.at, cut.at + HYPOTHESES[cut.number].words):
-                alone = Cut(run, at, 0, 1 - cut.confidence, False, (cut.at, cut.number, cut.confidence))
-                yield _value(run, alone, None, order)
+                lone = Cut(run, at, 0, 1 - cut.confidence, False, (cut.at, cut.number, cut.confidence))
+                yield _value(run, lone, None, order, sisters)
 
 
-def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None) -> RegisterValue:
+def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None, sisters: Sequence[int]) -> RegisterValue:
     hypothesis = HYPOTHESES[cut.number]
     if row is not None and (row.address != run.address + cut.at or row.length != hypothesis.words):
         row = None
@@ -241,7 +252,7 @@ def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None) -> Re
     if row is not None:
         confidence, why = 1.0, "as you said" if SAID in row.other else "as the map has it"
     elif moved:
-        why = reasons(cut, [mine[0].tolist(), mine[-1].tolist()], shared=shared)
+        why = reasons(cut, [mine[0].tolist(), mine[-1].tolist()], shared=shared, sisters=sisters)
     else:
         why = _constant_words(run, cut, int(mine[0, 0]))
     second = None if row is not None else _runner_up(run, cut)

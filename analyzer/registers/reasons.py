@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from .cutting import Cut
 from .hypotheses import HYPOTHESES
 
 _SHOWN = 0.6  # below this confidence two readings are shown
+_NAMED = 4  # units
 
 
 def type_words(number: int) -> str:
@@ -16,8 +19,9 @@ def type_words(number: int) -> str:
     )
 
 
-def reasons(cut: Cut, words: list[list[int]], *, shared: str | None) -> str:
-    """One line about a value that moved; `words` are the first and the last reading of its registers."""
+def reasons(cut: Cut, words: list[list[int]], *, shared: str | None, sisters: Sequence[int] = ()) -> str:
+    """One line about a value that moved; `words` are the first and the last reading of its registers, `sisters` the
+    units that speak for it too."""
     hypothesis = HYPOTHESES[cut.number]
     first, last = words
     lines = []
@@ -34,8 +38,16 @@ def reasons(cut: Cut, words: list[list[int]], *, shared: str | None) -> str:
             lines.append(shared)
     elif first != last or cut.moved:
         lines.append("moves by itself")
+    if sisters:
+        lines.append(f"weighed together with {_units(sisters)}, asked the same and answering alike")
     if cut.second and cut.confidence < _SHOWN:
         at, number, share = cut.second
         rival = f"{type_words(number)} at {cut.run.address + at} ({share:.0%})"
         lines.append(f"{type_words(cut.number)} ({cut.confidence:.0%}) or {rival}")
     return "; ".join(lines)
+
+
+def _units(units: Sequence[int]) -> str:
+    if len(units) > _NAMED:
+        return f"{len(units)} other units"
+    return f"unit {units[0]}" if len(units) == 1 else f"units {', '.join(map(str, units))}"

@@ -7,7 +7,7 @@ registers that no block covers together are never one value.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,11 @@ from dissectors.maps.model import MapArea
 
 from .chain import IMPOSSIBLE, chain_sums
 from .counting import NONE, Codes
-from .device import device_codes, device_counts, zero_codes, zero_counts
+from .device import device_codes, device_counts, padded, zero_codes, zero_counts
 from .evidence import BlockEvidence, block_evidence
 from .hypotheses import HYPOTHESES, moved_registers
 from .readings import BlockReadings, Words
+from .sisters import Mask, pair_codes, pooled, sister_runs
 from .weights import DEVICE_ORDERS, Weights
 
 Floats = NDArray[np.float64]
@@ -32,7 +33,8 @@ class Run:
 
     `codes[h]` are the tables' entries of hypothesis h, `fits` (T, H) where it can stand, `moved` (T) which registers
     moved, `words` (T) what they held at first, `source` (T, H) the number of the block that
-    speaks of a segment, `series` the readings of each block.
+    speaks of a segment, `series` the readings of each block; `sisters` are the runs of other units that speak for these
+    registers too, by number, and where they do.
     """
 
     unit: int
@@ -45,6 +47,7 @@ class Run:
     moved: NDArray[np.bool_]
     words: Ints
     source: Ints
+    sisters: list[tuple[int, Mask]] = field(default_factory=list)
 
     @property
     def length(self) -> int:
@@ -78,6 +81,13 @@ def runs_of(blocks: Iterable[BlockReadings]) -> list[Run]:
             together.append(block)
             end = max(end, block.address + block.quantity) if len(together) > 1 else block.address + block.quantity
         runs.append(_run(together, series, evidence))
+    for run, sisters in zip(runs, sister_runs(runs), strict=True):
+        run.sisters = sisters
+        kin = [runs[number] for number, _ in sisters]
+        for number, hypothesis in enumerate(HYPOTHESES if kin and run.length > 1 else ()):
+            if hypothesis.family == "i32":
+                codes = padded(pair_codes(run, kin, reverse=hypothesis.order == "CDAB"), run.length)
+                run.codes[number] = {**run.codes[number], "i32 sisters": np.where(run.fits[:, number], codes, NONE)}
     return runs
 
 
@@ -108,12 +118,14 @@ def _run(
 
 
 def run_posteriors(runs: Sequence[Run], weights: Weights) -> list[Floats]:
-    """The share of each segment (T, H) of each run, in the light of its whole unit."""
+    """The share of each segment (T, H) of each run, in the light of its whole unit and of its sisters."""
     if not runs:
         return []
-    first = run_pass(runs, weights, 0, [weights.scores(0, run.codes, run.length) for run in runs], 1.0)
+    kin = [run.sisters for run in runs]
+    scores = [weights.scores(0, run.codes, run.length) for run in runs]
+    first = run_pass(runs, weights, 0, pooled(scores, kin), 1.0)
     scores = [weights.scores(1, codes, run.length) for run, codes in zip(runs, second_codes(runs, first), strict=True)]
-    return run_pass(runs, weights, 1, scores, weights.temperature)
+    return run_pass(runs, weights, 1, pooled(scores, kin), weights.temperature)
 
 
 def second_codes(runs: Sequence[Run], first: Sequence[Floats]) -> list[list[Codes]]:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from captures.ragged import Ints
 
-_ABSENT: Final = (0xFFFF, 0x8000, 0x7FFF)  # of the first word
+WORD_CLASSES: Final = 16
+_ABSENT: Final = (0xFFFF, 0x8000, 0x7FFF, 0x7FC0, 0xFFC0, 0x7FF8)  # of the first word; the last are no number
 QUIET_GROUP: Final = np.array([0, 1, 1, 1, 2, 2, 3, 3, 4, 5, 5, 3, 3, 3, 3, 2])
 """The classes of a quiet high word, coarser."""
 
@@ -33,8 +34,11 @@ def word_classes(words: NDArray[np.uint16]) -> Ints:
 
 
 def is_absent(words: NDArray[np.uint16]) -> bool:
-    """Whether a value holds what devices put where they have none."""
-    first = int(words[0, 0])
-    rest = words[:, 1:]
-    same = bool((words == words[0]).all())
-    return same and ((first in _ABSENT and not rest.any()) or (first == 0xFFFF and bool((rest == 0xFFFF).all())))
+    """Whether a value holds what devices put where they have none, of either word order."""
+    stands = bool((words == words[0]).all())
+    return stands and any(_is_mark(pattern) for pattern in (words[0].tolist(), words[0, ::-1].tolist()))
+
+
+def _is_mark(pattern: list[int]) -> bool:
+    first, rest = pattern[0], set(pattern[1:])
+    return (first in _ABSENT and rest <= {0}) or (first in (0xFFFF, 0x7FFF) and rest <= {0xFFFF})

@@ -126,6 +126,13 @@ class RegisterMap:
     licence: str = ""
     other: Mapping[str, str] = field(default_factory=dict)
 
+    @property
+    def called(self) -> str:
+        """Maker and device, the maker once."""
+        if self.device.casefold().startswith(self.vendor.casefold()):
+            return self.device
+        return f"{self.vendor} {self.device}"
+
     def at(self, area: str, address: int) -> MappedValue | None:
         """The value that has this register, if any; of two the one that begins last."""
         best = None

@@ -60,6 +60,8 @@ def read_table(text: str, file: str) -> RegisterMap:
             break
     if begin == len(lines):
         raise MapError(f"{file}: no table: expected a row of column names (address, name, type ...)")
+    if lines[begin].lstrip()[:1] in ("{", "["):
+        raise MapError(f"{file}: no table: expected a row of column names (address, name, type ...)")
     delimiter = max(",;\t", key=lines[begin].count)
     numbered = ((begin + number, row) for number, row in csv_rows(lines[begin:], delimiter, file))
     _, names = next(numbered)

@@ -20,6 +20,7 @@ from .truth import TruthRegister
 _LAST: Final = 0x10000
 _MOST: Final = 125
 _TIDY: Final = 0.9
+_EVEN: Final = 0.08
 _WRITES: Final = 0.004  # of the exchanges
 
 
@@ -113,6 +114,11 @@ def _polls(random: Random, device: MappedDevice) -> list[PolledBlock]:
                 blocks[-1][1] = max(blocks[-1][1], row.end)
             else:
                 blocks.append([row.address, row.end])
+        if rows and random.random() < _EVEN:  # so many registers at a time, whatever a map says of them
+            stretch = random.choice((10, 16, 25, 50, 100))
+            begins = range(rows[0].address, rows[-1].end, stretch)
+            blocks = [[begin, min(begin + stretch, rows[-1].end)] for begin in begins]
+            blocks = [block for block in blocks if any(block[0] <= row.address < block[1] for row in rows)]
         for begin, end in blocks:
             first = max(0, begin - (random.randint(0, beyond) if beyond else 0))
             last = min(_LAST, end + (random.randint(0, beyond) if beyond else 0))
