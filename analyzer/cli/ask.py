@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from decimal import Decimal
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -36,10 +38,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="SQL on frames, transactions, values, findings, causes, captures, hours; or one of worst-units, "
         "new-causes, drift, register UNIT ADDRESS [AREA], silent, compare SITE SITE, damaged",
     )
-    parser.add_argument("words", nargs="*", metavar="WORD", help="what a ready question takes")
+    parser.add_argument("words", nargs="*", default=(), metavar="WORD", help="what a ready question takes")
     parser.add_argument("--since", type=seconds, metavar="TIME", help="of the newest 12h, 7d ... that the lake has")
     parser.add_argument("--site", metavar="NAME", help="of this site alone (ready questions)")
-    parser.add_argument("--limit", type=int, default=20, metavar="N", help="rows of a ready question (20)")
+    parser.add_argument("--limit", type=_limit, default=20, metavar="N", help="rows of a ready question (20)")
     shape = parser.add_mutually_exclusive_group()
     shape.add_argument("--json", action="store_true", help="an array of objects")
     shape.add_argument("--csv", action="store_true", help="comma-separated, with a heading")
@@ -54,19 +56,18 @@ def run(arguments: argparse.Namespace) -> int:
     from ..fleet.lake import Lake
     from ..fleet.questions import QUESTIONS, Asked, ready
 
-    if arguments.limit < 1:
-        raise UsageError("--limit takes a number from 1")
     if arguments.plot is not None and arguments.question != "register":
         raise UsageError("--plot draws the values of a register: rtuscope ask LAKE register UNIT ADDRESS --plot FILE")
     lake = Lake(arguments.lake)
     if arguments.question in QUESTIONS:
         asked = Asked(tuple(arguments.words), arguments.since, arguments.site, arguments.limit)
         answer = ready(lake, arguments.question, asked)
-    elif " " not in arguments.question.strip():
-        from ..meant import did_you_mean
+    elif len(arguments.question.split()) < 2:  # no query is one word
+        from ..meant import meant
 
-        near = did_you_mean(arguments.question, QUESTIONS)
-        raise UsageError(f"no question {arguments.question!r}{near}: there are {', '.join(QUESTIONS)}, or SQL")
+        if near := meant(arguments.question, QUESTIONS):
+            raise UsageError(f"no question {arguments.question!r}: did you mean {near}?")
+        raise UsageError(f"no question {arguments.question!r}: there are {', '.join(QUESTIONS)}, or SQL")
     elif arguments.words or arguments.since is not None or arguments.site is not None:
         raise UsageError("further words, --since and --site go with ready questions: SQL says it all by itself")
     else:
@@ -81,6 +82,12 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         _put_table(answer)
     return DONE
+
+
+def _limit(text: str) -> int:
+    if not (text.isascii() and text.isdecimal() and len(text) < 19 and int(text)):
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of rows, from 1")
+    return int(text)
 
 
 def _picture(text: str) -> Path:
@@ -126,14 +133,11 @@ def _rows(answer: Any, *, keep: bool = False) -> Iterable[list[Any]]:
 
     columns = []
     for column in answer.columns:
-        if (
-            pa.types.is_timestamp(column.type) and column.type.tz == "UTC"
-        ):  # without the system's zones: it may have none
+        if pa.types.is_timestamp(column.type):  # without the system's zones: it may have none
             plain = column.cast(pa.timestamp(column.type.unit)).cast(pa.string())
-            column = pc.binary_join_element_wise(plain, "Z", "")
-        elif (
-            pa.types.is_temporal(column.type) or pa.types.is_decimal(column.type) or pa.types.is_dictionary(column.type)
-        ):
+            zone = "Z" if column.type.tz == "UTC" else ""
+            column = pc.binary_join_element_wise(pc.replace_substring(plain, " ", "T", max_replacements=1), zone, "")
+        elif pa.types.is_temporal(column.type) or pa.types.is_dictionary(column.type):
             column = column.cast(pa.string())
         values = column.to_pylist()
         columns.append([_json(value) if keep else "" if value is None else _text(value) for value in values])
@@ -145,14 +149,20 @@ def _json(value: Any) -> Any:
         return value.hex(" ").upper()
     if isinstance(value, list):
         return [_json(each) for each in value]
-    if isinstance(value, float) and value != value:  # JSON has no NaN
+    if isinstance(value, dict):
+        return {str(name): _json(each) for name, each in value.items()}
+    if isinstance(value, Decimal):  # sums of whole numbers are of that kind
+        return int(value) if value == value.to_integral_value() else float(value)
+    if isinstance(value, float) and not isfinite(value):  # JSON has none of these
         return None
-    return value if isinstance(value, str | int | float | bool | dict) or value is None else str(value)
+    return value if isinstance(value, str | int | float | bool) or value is None else str(value)
 
 
 def _text(value: Any) -> str:
     if isinstance(value, bytes):
         return value.hex(" ").upper()
+    if isinstance(value, bool):
+        return str(value).lower()  # as exports have it
     if isinstance(value, list):
         return " ".join(map(_text, value))
     return str(value)
@@ -184,9 +194,13 @@ def _words(cell: str) -> bool:
     return False
 
 
+def _short(cell: str) -> str:
+    return cell if len(cell) <= _WIDEST else cell[: _WIDEST - 1] + "…"
+
+
 def _put_table(answer: Any) -> None:
     rows = [[harmless(cell) for cell in row] for row in _rows(answer)]
-    rows = [[cell if len(cell) <= _WIDEST else cell[: _WIDEST - 1] + "…" for cell in row] for row in rows]
+    rows = [[*map(_short, row[:-1]), *row[-1:]] for row in rows]  # the last column has nothing beside it
     heads = [harmless(name) for name in answer.column_names]
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     for row in [heads, *rows]:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from .exits import DONE, FAILED, INTERRUPTED, UsageError
-from .inputs import add_functions_argument, add_limit_arguments, add_reading_arguments, chosen_limits
+from .inputs import add_functions_argument, add_limit_arguments, add_reading_arguments, chosen_limits, load_functions
 from .progress import Progress
 from .terminal import interruptible, places, say_in_place, tell
 
@@ -34,11 +34,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="LAKE", required=True, help="the lake: a folder or an object store")
     parser.add_argument("--resume", action="store_true", help="go on with a lake that is there: nothing is done twice")
     parser.add_argument(
-        "--redo",
-        action="store_true",
-        help="with --resume: make anew what other options made, or rules that changed since, and no other tables",
-    )
-    parser.add_argument(
         "--compact",
         action="store_true",
         help="make all small files of the lake into larger ones, with a SOURCE or none (done unasked where many are)",
@@ -48,6 +43,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def add_fleet_arguments(parser: argparse.ArgumentParser) -> None:
     """What `batch` and `watch` have in common."""
+    parser.add_argument(
+        "--redo",
+        action="store_true",
+        help="of a lake that is there: make anew what other options or rules made, and no other tables",
+    )
     parser.add_argument("--site", metavar="NAME", help="site of all of them; by default the folder that each is in")
     parser.add_argument(
         "--site-from",
@@ -86,33 +86,47 @@ def run(arguments: argparse.Namespace) -> int:
         return DONE
     if not arguments.resume and Manifest(lake).newest:
         raise UsageError(f"{arguments.output}: is a lake already: go on with it by --resume")
-    lines = lines_of(found(arguments.source), arguments.site, arguments.site_from)
+    options, refused = batch_options(arguments), list[str]()
+    lines = lines_of(found(arguments.source, refused), arguments.site, arguments.site_from, refused)
     with interruptible() as stop:
         result = run_batch(
             lake,
             lines,
-            batch_options(arguments),
+            options,
             chosen_runner(arguments),
             redo=arguments.redo,
             compact=arguments.compact,
             progress=shown_progress("batch"),
             stop=stop,
         )
+    result.troubles = [*refused, *result.troubles]
     tell_result(result)
     if not arguments.redo and result.outdated:
-        tell(f"{result.outdated} lines were made by other rules or options: --redo makes anew what these touch")
+        tell(outdated(result))
     if result.partial:
         tell("stopped by Ctrl-C; what was done is kept: --resume goes on")
         return INTERRUPTED
-    return FAILED if result.failed or result.damaged else DONE
+    return FAILED if result.failed or result.damaged or refused else DONE
+
+
+def outdated(result: BatchResult) -> str:
+    """What is said of lines that are as other rules or options made them."""
+    return f"{result.outdated} lines were made by other rules or options: --redo makes anew what these touch"
 
 
 def batch_options(arguments: argparse.Namespace) -> BatchOptions:
-    """How the captures are to be read and analysed, as was asked for."""
+    """How the captures are to be read and analysed, as was asked for. Raises UsageError for what no capture can be."""
     from pathlib import Path
+
+    from captures.line import LineSettings
 
     from ..fleet.tasks import BatchOptions
 
+    try:
+        LineSettings().with_settings(arguments.baud, arguments.parity, arguments.bits, arguments.stop)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    load_functions(arguments)
     names = ("baud", "parity", "bits", "stop", "polarity", "tz", "sample_rate")
     reading = {name: value for name in names if (value := getattr(arguments, name)) is not None}
     if arguments.input_format is not None:

@@ -19,6 +19,7 @@ FAILURES: Final = {  # what status 1 tells, by command; the others do not end wi
     "report": "no frame; with --check, a finding of severity error is among the findings",
     "check": "a rule fails, or the capture holds no frame",
     "batch": "a capture cannot be read, or is damaged; the others are in the lake",
+    "watch": "with --once: a capture cannot be read, or is damaged; the others are in the lake",
     "registers": "no frame, no answer that carries a register, or with --like none that fits",
     "map": "traffic contradicts the map, or the capture holds no frame, or no register to make a map of",
     "sniff": "no frame came, or bytes were lost by the tap or by the recording",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import time
 
-from .batch import add_fleet_arguments, batch_options, chosen_runner, shown_progress, tell_result
-from .exits import DONE
+from .batch import add_fleet_arguments, batch_options, chosen_runner, outdated, shown_progress, tell_result
+from .exits import DONE, FAILED
 from .quantities import seconds
 from .terminal import Stop, interruptible, tell
 
@@ -41,25 +41,37 @@ def run(arguments: argparse.Namespace) -> int:
 
     lake, options, runner = store(arguments.lake), batch_options(arguments), chosen_runner(arguments)
     told: set[str] = set()
+
+    def tell_once(words: str) -> None:
+        if words not in told:
+            told.add(words)
+            tell(words)
+
+    if not arguments.once:
+        tell(f"looks for new captures every {arguments.every:g} s, until Ctrl-C")
+    failed = False
     with interruptible() as stop:
         while not stop():
+            refused: list[str] = []
             try:
-                files = settled(found(arguments.source), 0.0 if arguments.once else min(arguments.every, 10.0))
-                lines = lines_of(files, arguments.site, arguments.site_from)
-                result = run_batch(lake, lines, options, runner, progress=shown_progress("watch"), stop=stop)
+                files = settled(found(arguments.source, refused), 0.0 if arguments.once else min(arguments.every, 10.0))
+                lines = lines_of(files, arguments.site, arguments.site_from, refused)
+                progress = shown_progress("watch")
+                result = run_batch(lake, lines, options, runner, redo=arguments.redo, progress=progress, stop=stop)
             except FleetError as error:  # a network that is down now is up again later
                 if arguments.once:
                     raise
-                if str(error) not in told:
-                    tell(str(error))
-                told.add(str(error))
+                tell_once(str(error))
             else:
-                result.troubles = [each for each in result.troubles if each not in told]
+                failed = bool(result.failed or result.damaged or refused)
+                result.troubles = [each for each in (*refused, *result.troubles) if each not in told]
                 told.update(result.troubles)
-                if result.captures or result.troubles:
+                if result.captures or result.troubles or arguments.once:
                     tell_result(result)
+                if result.outdated and not arguments.redo:
+                    tell_once(outdated(result))
             if arguments.once:
-                break
+                return FAILED if failed else DONE
             _wait(arguments.every, stop)
     return DONE
 

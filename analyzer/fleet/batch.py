@@ -15,7 +15,7 @@ from .errors import FleetError
 from .manifest import LakeLine, Manifest, writing
 from .packs import LakePacking, pack
 from .runners import Runner
-from .sources import LineFiles, SourceFile
+from .sources import LineFiles, SourceFile, readable
 from .stores import LakeStore
 from .tasks import BatchOptions, KeptRows, LineTask
 
@@ -123,9 +123,7 @@ def _anew(before: LakeLine, plain: LineTask, outdated: frozenset[str]) -> LineTa
     """The whole line again; rows of other tables than these stay, where one pass over the same captures made them."""
     slices = tuple(before.slices())
     same = [(file.url, file.size, file.stamp) for file in plain.files[: len(slices)]]
-    if len({entry["version"] for entry in before.entries}) > 1 or same != [
-        (one["url"], one["size"], one["stamp"]) for one in slices
-    ]:
+    if not _one_pass(before) or same != [(one["url"], one["size"], one["stamp"]) for one in slices]:
         return plain
     if not (stay := DATASETS.keys() - outdated):
         return plain
@@ -133,22 +131,41 @@ def _anew(before: LakeLine, plain: LineTask, outdated: frozenset[str]) -> LineTa
     return replace(plain, kept=KeptRows(settled, tail, slices))
 
 
-def _continued(before: LakeLine, plain: LineTask, fresh: tuple[SourceFile, ...], result: BatchResult) -> LineTask:
+def _one_pass(line: LakeLine) -> bool:
+    """Whether each entry went on from the state of the one before."""
+    made = {(entry["version"], *sorted(entry.get("rules", {}).items())) for entry in line.entries}
+    return len(made) == 1 and not any(entry.get("trouble") for entry in line.entries)
+
+
+def _continued(
+    before: LakeLine, plain: LineTask, fresh: tuple[SourceFile, ...], result: BatchResult
+) -> LineTask | None:
     """The newer slices behind what the lake has; the whole line anew where one of them belongs before that."""
+    taken = {one["url"] for one in before.slices() if one["state"] in _HAVE_ROWS}
     newest = max(one["url"].rpartition("/")[2] for one in before.slices())
-    here = {file.url for file in plain.files}
-    anew = {one["url"] for one in before.slices()} <= here
     if min(file.name for file in fresh) <= newest:
-        if anew:
+        if {one["url"] for one in before.slices()} <= {file.url for file in plain.files}:
             return plain
-        result.troubles.append(
-            f"{fresh[0].url}: belongs before slices of which some are there no more: taken in behind them"
-        )
-    hashes = plain.known | {one["sha256"] for one in before.slices() if one["sha256"]}
-    usable = before.last["version"] == __version__ and not touched(before.last.get("rules", {}))
-    state = before.last["state"] if usable else None
-    return LineTask(
-        plain.lake, plain.site, plain.line, fresh, plain.options, hashes, state, sliced=True, after=before.numbers[-1]
+        for file in fresh:
+            if file.url in taken:
+                words = "has changed since, and older slices of its line are there no more: left as it was"
+            elif file.name <= newest:
+                words = "belongs before slices of which some are there no more: taken in behind them"
+            else:
+                continue
+            result.troubles.append(f"{readable(file.url)}: {words}")
+        fresh = tuple(file for file in fresh if file.url not in taken)
+        if not fresh:
+            return None
+    last = before.last
+    usable = last["version"] == __version__ and not touched(last.get("rules", {}))
+    return replace(
+        plain,
+        files=fresh,
+        known=plain.known | {one["sha256"] for one in before.slices() if one["sha256"]},
+        state=last["state"] if usable else None,
+        tail=last["tail"],
+        after=before.numbers[-1],
     )
 
 
@@ -212,6 +229,8 @@ def _enter(manifest: Manifest, task: LineTask, outcome: dict[str, Any] | Excepti
         result.troubles.append(f"site {task.site}, line {task.line}: not done: {' '.join(words.split())}")
         return
     manifest.add(outcome)
+    if outcome["trouble"]:
+        result.troubles.append(f"site {task.site}, line {task.line}: {outcome['trouble']}")
     result.lines += 1
     result.captures += len(outcome["slices"])
     result.frames += outcome["frames"]
@@ -221,7 +240,7 @@ def _enter(manifest: Manifest, task: LineTask, outcome: dict[str, Any] | Excepti
             result.damaged += 1
             more = f" (and {len(one['damage']) - 1} more)" if len(one["damage"]) > 1 else ""
             said = one["damage"][0] if one["damage"] else "damaged"
-            result.troubles.append(said + more if one["url"] in said else f"{one['url']}: {said}{more}")
+            result.troubles.append(f"{readable(one['url'])}: {said}{more}")
 
 
 def compact_lake(store: LakeStore) -> LakePacking:

@@ -8,7 +8,8 @@ costs. Small files of either kind are made into larger ones by and by (`packs`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,11 +19,13 @@ from uuid import uuid4
 
 import numpy as np
 
+from captures.errors import os_reason
+
 from ..exports.records import TABLES
 from ..extras import needs
 from ..version import RULES
 from ..words import moment_of
-from .errors import FleetError
+from .errors import FleetError, LakeWriteError
 
 if TYPE_CHECKING:
     from .stores import LakeStore
@@ -155,6 +158,11 @@ def day_name(day: int) -> str:
     return f"{moment_of(day * 86_400):%Y-%m-%d}"
 
 
+def _folder_name(site: str) -> str:
+    """Percent-encoded where a store or a reader could take a character for its own; letters of any language stay."""
+    return "".join(each if ord(each) > 127 and each.isprintable() else quote(each, safe="") for each in site)
+
+
 @dataclass(slots=True)
 class _DayFile:
     """A file being written."""
@@ -181,12 +189,17 @@ class LakeFiles:
         self._done: dict[str, list[tuple[str, int]]] = {}
 
     def add(self, table: str, part: Any) -> None:
-        """A RecordBatch of rows of a table, its column `line` left out."""
+        """A RecordBatch of rows of a table, its column `line` left out. Raises LakeWriteError."""
         if not len(part) or table not in self.tables:
             return
         dataset = DATASETS[table]
         none = pa.DictionaryArray.from_arrays(pa.array(np.zeros(len(part), np.int8)), self._line)
         part = pa.record_batch([none, *part.columns], schema=dataset.schema)
+        with _writing():
+            self._add_days(table, part)
+
+    def _add_days(self, table: str, part: Any) -> None:
+        dataset = DATASETS[table]
         if dataset.time is None:
             self._add(table, None, part)
             return
@@ -220,17 +233,27 @@ class LakeFiles:
         file = self._open.pop((table, day))
         _flush(file, DATASETS[table].schema)
         file.writer.close()
-        folder = f"{table}/site={quote(self._site, safe='')}" + ("" if day is None else f"/day={day_name(day)}")
+        folder = f"{table}/site={_folder_name(self._site)}" + ("" if day is None else f"/day={day_name(day)}")
         name = f"{folder}/{self._prefix}-{uuid4().hex[:12]}.parquet"
         self._store.put(name, file.path)
         self._done.setdefault(table, []).append((name, file.rows))
 
     def close(self) -> dict[str, list[tuple[str, int]]]:
-        """The names of all files by table, each with its count of rows."""
-        for key in list(self._open):
-            self._close(*key)
+        """The names of all files by table, each with its count of rows. Raises LakeWriteError."""
+        with _writing():
+            for key in list(self._open):
+                self._close(*key)
         done, self._done, self._days = self._done, {}, {}
         return done
+
+
+@contextmanager
+def _writing() -> Iterator[None]:
+    try:
+        yield
+    except (FleetError, OSError) as error:
+        words = os_reason(error) if isinstance(error, OSError) else str(error)
+        raise LakeWriteError(f"the lake cannot be written: {words}") from error
 
 
 def _flush(file: _DayFile, schema: Any) -> None:

@@ -74,6 +74,7 @@ class LineState:
     hours: UnitHours = field(init=False, default_factory=UnitHours)
     frames: int = 0
     octets: int = 0
+    steps: list[str] = field(default_factory=list)  # of the clock, between the newest slice and the one before
     _until_ns: int = NEVER  # of the newest byte
     _ledger: Ledger | None = None
     _day: int = 0  # of the ledger, since the epoch
@@ -84,6 +85,7 @@ class LineState:
 
     def slice(self, capture: Capture, files: LakeFiles) -> Iterator[tuple[int, int, int]]:
         """Take in a slice: of each block, as it comes, its bytes, first and last time. Raises CaptureError."""
+        self.steps = []
         self.notes = [*self.notes, *capture.notes()][-_NOTES:]
         self.analyzer.deafen(deaf_times(self.notes))
         if INFERRED not in capture.line.notes and _settings(capture.line) != _settings(self.line):
@@ -99,7 +101,12 @@ class LineState:
         """The same with times that go on from the slice before; anew where a clock was set back in between."""
         if not block.timed:
             return block
-        if int(block.t_ns.min()) < self._until_ns - CLOCK_STEP_NS:
+        back_ns = self._until_ns - int(block.t_ns.min())
+        if back_ns > CLOCK_STEP_NS:
+            self.steps.append(
+                f"begins {back_ns / 1e9:.3f} s before the slice before it ends (a clock set back, or bytes that both "
+                "hold): the line begins anew here"
+            )
             self._restart(self.line, files)
         block = replace(block, t_ns=self.order.mend(block.t_ns, block.port))
         self._until_ns = int(block.t_ns.max())

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from ..meant import meant
 from .errors import FleetError
 from .lake import Lake
 
@@ -109,8 +110,7 @@ ORDER BY what, requests_since DESC NULLS LAST, site, line, unit LIMIT {asked.lim
 def _compare(lake: Lake, asked: Asked) -> Any:
     one, two = asked.words
     for site in (one, two):
-        if site not in lake.sites:
-            raise FleetError(f"no site {site!r} in the lake: there are {', '.join(lake.sites[:20])}")
+        _known_site(lake, site)
     return lake.arrow(
         f"""SELECT site, count(DISTINCT line) AS lines, count(DISTINCT (line, unit)) FILTER (WHERE unit > 0) AS units,
   {UNIT_COLUMNS},
@@ -121,7 +121,17 @@ FROM hours WHERE site IN ($one, $two) GROUP BY site ORDER BY site = $two""",
     )
 
 
+_SITES: Final = 20  # named where none is meant
 _REGISTER_AREAS: Final = ("coil", "discrete", "input", "holding")
+
+
+def _known_site(lake: Lake, site: str) -> None:
+    if site in lake.sites:
+        return
+    if near := meant(site, lake.sites):
+        raise FleetError(f"no site {site!r} in the lake: did you mean {near}?")
+    more = f" and {len(lake.sites) - _SITES:,} more" if len(lake.sites) > _SITES else ""
+    raise FleetError(f"no site {site!r} in the lake: there are {', '.join(lake.sites[:_SITES])}{more}")
 
 
 def _register(lake: Lake, asked: Asked) -> Any:
@@ -185,6 +195,6 @@ def ready(lake: Lake, name: str, asked: Asked) -> Any:
     least = sum(not word.startswith("[") for word in takes)
     if not least <= len(asked.words) <= len(takes):
         raise FleetError(f"{name} takes {question.usage or 'no further words'}")
-    if asked.site is not None and asked.site not in lake.sites:
-        raise FleetError(f"no site {asked.site!r} in the lake: there are {', '.join(lake.sites[:20])}")
+    if asked.site is not None:
+        _known_site(lake, asked.site)
     return question.answer(lake, asked)

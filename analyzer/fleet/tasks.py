@@ -21,10 +21,10 @@ from ..languages import telling
 from ..options import Options
 from ..version import RULES, __version__
 from .datasets import CAPTURES, DATASETS, LakeFiles
-from .errors import FleetError
+from .errors import FleetError, LakeWriteError
 from .linestate import LineState, resumed
 from .manifest import PackMember
-from .sources import SourceFile
+from .sources import SourceFile, as_it_is, readable
 from .stores import LakeStore, fetched, store
 
 _PIECE: Final = 1 << 20
@@ -75,6 +75,7 @@ class LineTask:
     state: str | None = None  # name of the file in the lake
     sliced: bool = False  # more of the line may come
     after: int | None = None  # the manifest's entry that this one goes on from
+    tail: Mapping[str, Sequence[PackMember]] = field(default_factory=dict)  # of that: stays where `state` is of no use
     kept: KeptRows | None = None
 
 
@@ -117,11 +118,22 @@ class _TaskRun:
     def __init__(self, task: LineTask) -> None:
         self.task = task
         self.store: LakeStore = store(task.lake)
-        self.state = resumed(self.store.read(task.state)) if task.state else None
+        self.state, self.trouble = self._resumed()
+        self._goes_on = self.state is not None
         self._before = (self.state.frames, self.state.octets) if self.state else (0, 0)
         self.files = LakeFiles(self.store, task.site, task.line, line_key(task.site, task.line))
         self.slices: list[dict[str, Any]] = []
         self._known = set(task.known)
+
+    def _resumed(self) -> tuple[LineState | None, str | None]:
+        """The state to go on from; without one that can be used the line begins anew, and why is told."""
+        if self.task.state is None:
+            return None, None
+        try:
+            return resumed(self.store.read(self.task.state)), None
+        except (FleetError, OSError) as error:
+            words = os_reason(error) if isinstance(error, OSError) else str(error)
+            return None, f"begins anew behind what the lake has: {words}"
 
     def entry(self) -> dict[str, Any]:
         task, kept = self.task, self.task.kept
@@ -143,6 +155,8 @@ class _TaskRun:
             done = {table: [*kept.files.get(table, ()), *done.get(table, ())] for table in {*kept.files, *done}}
             if len(task.files) == len(kept.slices):
                 tail |= {table: list(files) for table, files in kept.tail.items()}
+        if not self._goes_on:  # the tail is all that is known of what stood at the seam
+            done = {table: [*task.tail.get(table, ()), *done.get(table, ())] for table in {*task.tail, *done}}
         frames, octets = (self.state.frames, self.state.octets) if self.state else (0, 0)
         return {
             "site": task.site,
@@ -155,16 +169,21 @@ class _TaskRun:
             "files": done,
             "tail": tail,
             "state": state,
+            "trouble": self.trouble,
             "frames": frames - self._before[0],
             "bytes": octets - self._before[1],
         }
 
     def _slice(self, file: SourceFile) -> dict[str, Any]:
-        """Take in one file, whatever it is; what is known of it."""
+        """Take in one file, whatever it is; what is known of it. Raises LakeWriteError."""
         about: dict[str, Any] = {**file.to_json(), "sha256": None, "state": "unreadable", "damage": []}
         span = _SliceSpan()
         capture: Capture | None = None
         try:
+            now = as_it_is(file)
+            about |= now.to_json()
+            if now.trouble is not None:
+                raise FleetError(now.trouble)
             with fetched(file.url) as path:
                 about["sha256"] = _digest(path)
                 if about["sha256"] in self._known:
@@ -173,13 +192,22 @@ class _TaskRun:
                     capture = _opened(path, self.task.options)
                     for octets, first, last in self._fed(capture):
                         span.add(octets, first, last)
-                    about["state"] = "damaged" if capture.damage_count else "whole"
+                    about["state"] = "whole"
                     self._known.add(about["sha256"])
+            if (after := as_it_is(file)) != now and after.trouble is None:
+                raise FleetError("changed while it was read")
+        except LakeWriteError:
+            raise
         except (CaptureError, FleetError, OSError) as error:
-            about["damage"] = [_without(str(error), file)]
+            about["damage"] = [_without(os_reason(error) if isinstance(error, OSError) else str(error), file)]
             about["state"] = "damaged" if span.octets else "unreadable"
             if self.state is not None:
                 self.state.broken(self.files)
+        if capture is not None:
+            steps = [] if self.state is None else self.state.steps
+            about["damage"] += [*steps, *(readable(str(each)) for each in capture.damage)]
+            if about["damage"] and about["state"] == "whole":
+                about["state"] = "damaged"
         self._tell(about, span, capture)
         about["bytes"] = span.octets
         return about
@@ -193,13 +221,11 @@ class _TaskRun:
         """The row of the table `captures`."""
         import pyarrow as pa
 
-        if capture is not None:
-            about["damage"] += [str(each) for each in capture.damage]
         line = None if capture is None else capture.line
         row = {
             "t_ns": span.first or 0,
             "t_last_ns": span.last,
-            "source": about["url"],
+            "source": readable(about["url"]),
             "sha256": about["sha256"],
             "size": about["size"],
             "format": None if capture is None else capture.format,
@@ -244,9 +270,6 @@ def _digest(path: Path) -> str:
 
 
 def _without(text: str, file: SourceFile) -> str:
-    """A complaint that begins with a temporary file's name, with the source's."""
-    return (
-        text
-        if file.url in text or not (at := text.find(f"{file.name}: ")) >= 0
-        else f"{file.url}: {text[at + len(file.name) + 2 :]}"
-    )
+    """A complaint without the name that it begins with, a temporary file's it may be: the source stands beside it."""
+    at = text.find(f"{file.name}: ")
+    return readable(text if at < 0 else text[at + len(file.name) + 2 :])

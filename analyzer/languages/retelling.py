@@ -15,12 +15,18 @@ from typing import Final, NamedTuple
 from . import catalogue, in_use
 
 _PLACE: Final = re.compile(r"\{\d+\}")
+_COLONS: Final = 24  # so many at most in a line of ours
 _LONGEST: Final = 2000  # characters: a longer line is somebody's data
 
 
 class _Template(NamedTuple):
     pieces: tuple[str, ...]  # the words around its places
     words: str
+
+    @property
+    def weight(self) -> int:
+        """How much of a line it says itself."""
+        return sum(map(len, self.pieces))
 
     def matched(self, line: str) -> re.Match[str] | None:
         """The line as this template, if it is one; most are not by the first look."""
@@ -34,13 +40,13 @@ def _templates(language: str, table: str) -> tuple[_Template, ...]:
     """Those that say most first."""
     known: dict[str, str] = catalogue(language).get(table, {})
     made = [_Template(tuple(_PLACE.split(english)), words) for english, words in known.items()]
-    return tuple(sorted(made, key=lambda one: -sum(map(len, one.pieces))))
+    return tuple(sorted(made, key=lambda one: -one.weight))
 
 
 def retold(line: str, table: str = "errors") -> str:
     """A line in the language in use; as it is where no template of the catalogue's table has its words."""
     templates = _templates(in_use(), table) if len(line) <= _LONGEST else ()
-    return (_retold(line, templates) or line) if templates else line
+    return _told(line, templates, {})[1] if templates else line
 
 
 def error_words(error: BaseException) -> str:
@@ -48,24 +54,29 @@ def error_words(error: BaseException) -> str:
     return retold(str(error)) or type(error).__name__
 
 
-def _retold(line: str, templates: tuple[_Template, ...]) -> str | None:
-    if (told := _matched(line, templates)) is not None:
-        return told
+def _told(line: str, templates: tuple[_Template, ...], known: dict[str, tuple[int, str]]) -> tuple[int, str]:
+    """How many letters of a line templates have, and the line told: by one template, or what stands around a colon."""
+    if line in known:
+        return known[line]
+    ways = [(0, line)]
+    if (found := _match(line, templates)) is not None:
+        template, match = found
+        parts = [_told(part, templates, known) for part in match.groups()]
+        ways.append((template.weight + sum(n for n, _ in parts), template.words.format(*(part for _, part in parts))))
     for head, rest in _split(line):
-        if (told := _matched(rest, templates)) is not None:
-            return f"{_matched(head, templates) or head}: {told}"
-    return None
+        if (told := _told(rest, templates, known))[0]:
+            before = _told(head, templates, known)
+            ways.append((before[0] + told[0], f"{before[1]}: {told[1]}"))
+    known[line] = max(ways, key=lambda way: way[0])
+    return known[line]
 
 
-def _matched(line: str, templates: tuple[_Template, ...]) -> str | None:
-    for template in templates:
-        if (match := template.matched(line)) is not None:
-            return template.words.format(*(_retold(part, templates) or part for part in match.groups()))
-    return None
+def _match(line: str, templates: tuple[_Template, ...]) -> tuple[_Template, re.Match[str]] | None:
+    return next(((each, match) for each in templates if (match := each.matched(line)) is not None), None)
 
 
 def _split(line: str) -> Iterator[tuple[str, str]]:
     """What stands before each colon, and what behind."""
-    for match in re.finditer(": ", line):
+    for match in re.finditer(": ", line) if line.count(": ") <= _COLONS else ():
         if match.end() < len(line):
             yield line[: match.start()], line[match.end() :]

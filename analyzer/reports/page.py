@@ -12,6 +12,7 @@ from typing import Final
 from dissectors.values import harmless
 
 from ..languages import counted, page_words
+from ..languages.retelling import retold
 from ..outages import unheard
 from ..words import duration, is_clock, moment
 from . import against, findings, pagetables, values
@@ -57,7 +58,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     yield "span", _span(report)
     label = "skipped" if report.format == "text" else "damaged"  # a log's words between its bytes are no damage
     for loss in report.damage[:_LOSSES]:
-        yield label, loss
+        yield label, retold(loss)
     if report.damage_count > _LOSSES:
         yield "", page_words("and {count:,} more such places", count=report.damage_count - _LOSSES)
     yield from _recording(report)

@@ -9,6 +9,7 @@ from typing import Any, Final
 from ...causes.model import Cause
 from ...causes.telling import CauseWords, told_again
 from ...languages import counted, in_use, page_words
+from ...languages.retelling import retold as in_language
 from ...reports.html.outcomes import OutcomeBar, OutcomePart
 from ...reports.page import file_name
 from ...words import between, duration, is_clock, moment
@@ -212,7 +213,7 @@ def _capture(row: LakeRow) -> CaptureEntry:
         span=duration(ended - begun) if heard else "–",
         octets=row["bytes"],
         state=row["state"],
-        damage=tuple(each.replace(row["source"], name) for each in (row["damage"] or ())[:_DAMAGE]),
+        damage=tuple(in_language(each.replace(row["source"], name)) for each in (row["damage"] or ())[:_DAMAGE]),
         damage_count=row["damage_count"],
     )
 
