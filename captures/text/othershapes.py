@@ -38,6 +38,7 @@ _LAST_ROW: Final = re.compile(r"^\s*(\d{1,3}(?:\s*,\s*\d{1,3}){0,2})\s*(?:[\])}]
 _ROW_END: Final = re.compile(r"^[0-7]{7} {1,4}(\d{1,3}(?: {1,3}\d{1,3}){0,2})\s*$")  # of od
 _GOES_ON: Final = re.compile(r"\w|[.,]\d|-\d")
 _LEAST_BYTES: Final = 4
+_TWO: Final = 2  # bytes in a string: a check value that somebody quotes
 _NODE_JSON: Final = re.compile(r'"type"\s*:\s*"Buffer"\s*,\s*"data"\s*:\s*\[\s*$')
 _DIGITS: Final = (
     re.compile(rf"{EDGE}{H}{{1,2}}(?:[ \t]{{1,4}}{H}{{1,2}}){{3,}}{END}"),
@@ -145,7 +146,8 @@ def _string(body: str, start: int, end: int) -> Iterator[HexWindow]:
     level = Writing.BYTES if hexadecimal or len(_ESCAPES.findall(body)) > 2 else Writing.NUMBER
     if _HALF.search(body):
         level = Writing.NUMBER
-    yield HexWindow(unescape(body), start, end, "\\x", level)
+    data = unescape(body)
+    yield HexWindow(data, start, end, "\\x", level if len(data) > _TWO else min(level, Writing.LIKELY))
     if _NUL.search(body):  # as Rust and JavaScript have it
         yield HexWindow(unescape(_NUL.sub(r"\\x00", body)), start, end, "\\0", Writing.NUMBER)
     if not hexadecimal:  # as Lua and Haskell have it
