@@ -128,6 +128,31 @@ def test_bytes_of_ascii_mode_that_lost_their_line_breaks() -> None:
     assert [piece.adu.data.hex() for piece in paste.frames()] == ["070302000aea"]
 
 
+@pytest.mark.parametrize(
+    "form",
+    [
+        "Got 9 bytes: {digits} \nCRC error",
+        ">>> binascii.hexlify(ser.read(20))\nb'{hex}'",
+        "DEBUG read {hex}",
+        "Slave answers: {pairs}",
+    ],
+)
+def test_an_answer_with_a_wrong_crc_below_a_right_request(form: str) -> None:
+    bad = ANSWER[:-1] + bytes((ANSWER[-1] ^ 0x21,))
+    digits, sent = " ".join(f"{b:X}" for b in bad), " ".join(f"{b:X}" for b in REQUEST)
+    said = form.format(digits=digits, hex=bad.hex(), pairs=bad.hex(" "))
+    assert pieces(f"Sending: {sent} \n{said}")[-1] == bad
+
+
+def test_a_buffer_that_did_not_fill_is_said_once() -> None:
+    text = (
+        f"  modbus-serial   data: <Buffer {REQUEST.hex(' ')}>,\n  modbus-serial   unitid: 7,\n"
+        f"  modbus-serial   data: <Buffer {ANSWER[:4].hex(' ')}>,\n"
+        f"  modbus-serial   buffer: <Buffer {ANSWER[:4].hex(' ')}> }} +12ms"
+    )
+    assert pieces(text) == [REQUEST, ANSWER[:4]]
+
+
 @pytest.mark.parametrize("data", [REQUEST, ANSWER, REQUEST + ANSWER, GARBLED])
 def test_a_judge_of_damaged_frames_goes_by_their_lengths(data: bytes) -> None:
     cut = data[:-1] + bytes((data[-1] ^ 0xFF,))

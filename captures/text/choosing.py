@@ -22,6 +22,7 @@ from .tools import either_way
 
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value
+_HEADED: Final = 6  # bytes for which the header of a frame speaks
 _PAIR_AND_BLANK: Final = 3  # characters
 _ENOUGH: Final = 0.5  # of a number's bytes that a check value must cover
 _AROUND: Final = " \t|<>"  # signs around the characters of a row
@@ -124,6 +125,7 @@ class Experience:
     growing: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of buffers shown at each arrival
     in_vain: int = 0  # rows of numbers whose columns were searched without finding anything
     right: dict[tuple[str, str], int] = field(default_factory=dict)
+    shapes: set[str] = field(default_factory=set)  # in which check values are right
     mail: bool = False  # it is as mails are sent: `=3D`, and `=` where a line goes on
     threshold: Writing = Writing.BYTES
     meanings: bool = False  # a byte a line beside what it means is bytes: there is nothing else
@@ -133,6 +135,8 @@ class Experience:
 
     def note(self, run: ByteRun) -> None:
         """One more run."""
+        if run.checked:
+            self.shapes.update((run.shape, *run.rivals))
         right = run.checked or (run.level is Writing.BYTES and run.label)
         for label in (run.label, _MARKED) if run.direct else (run.label,):
             self.met[label, run.shape] = self.met.get((label, run.shape), 0) + 1
@@ -190,7 +194,7 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
 class _Ranked(NamedTuple):
     """A candidate with what speaks for it; `whole`: all of it has right check values."""
 
-    rank: tuple[int, int, int, int, int]
+    rank: tuple[int, int, int, int, int, int]
     candidate: HexWindow
     checked: Sequence[Checked]
     whole: bool
@@ -202,11 +206,14 @@ def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: 
     judged = size >= _LEAST and not (experience.damaged and _is_word(candidate, line))
     checked = checked_in(candidate, judge) if judged else ()
     covered = sum(span.end - span.start for span in checked)
-    trusted = 0
+    trusted = announced = 0
     if experience.right:
         direct = candidate.start in line.first and candidate.start > line.begin
         trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
-    rank = (covered, covered - size if covered else 0, trusted, candidate.level, candidate.end - candidate.start)
+        if not checked and size >= _HEADED and candidate.shape in experience.shapes:
+            announced = int(bool(judge(candidate.data[:MOST_JUDGED], damaged=True)))
+    length = candidate.end - candidate.start
+    rank = (covered, covered - size if covered else 0, announced, trusted, candidate.level, length)
     return _Ranked(rank, candidate, checked, covered == size > 0)
 
 

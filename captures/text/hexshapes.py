@@ -154,7 +154,8 @@ def _words(line: TextLine) -> Iterator[HexWindow]:
 def _level_of_words(line: TextLine, start: int, end: int, tokens: list[str]) -> Writing:
     digits = "".join(tokens)
     size = len(digits) // 2
-    bare = line.alone(start, end)
+    quoted = line.text[start - 1 : start] in ("'", '"') and line.text[end : end + 1] == line.text[start - 1 : start]
+    bare = line.alone(start, end) or (quoted and line.alone(max(start - len("b'"), 0), end))
     alone = bare or (end >= line.last and line.before(start).rstrip()[-1:] in (":", "=", ","))
     if line.text[start - 1 : start] == "-" or line.text[end : end + 1] == "-":
         return Writing.NUMBER  # part of a UUID

@@ -307,7 +307,7 @@ class LineReader:
         before = line.clean[: first.start]
         if first.offset is not None:
             before = before[: before.rfind(first.offset)].removesuffix("0x")
-        worded = mark or _LETTER.search(before)
+        worded = mark or _LETTER.search(before.removesuffix("b'").removesuffix('b"'))
         if heading is None or worded:
             if first.level or first.checked:
                 self._heading = None

@@ -179,6 +179,7 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: 
                 line.continues = line.continues or any(span.start < at < span.end for span in checked)
                 at += len(run.data)
                 experience.right[run.label, shape] = experience.right.get((run.label, shape), 0) + 1
+            experience.shapes.add(shape)
             block[0][1].checked = checked
             return
 
@@ -248,14 +249,13 @@ def _bytes_alone(lines: Sequence[LogLine]) -> None:
 
 def _as_long_as_they_say(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """A frame with a wrong check value, or without one, in a writing in which others of the text are right."""
-    shapes = {shape for (_, shape), right in experience.right.items() if right}
     for line in lines:
         for run in line.runs:
             if run.taken or run.why or run.halved or line.quiet or len(run.data) < _HEADED:
                 continue
             readings: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
             for reading in readings:
-                if reading.shape in shapes and _all_of(reading.data, judge(reading.data, damaged=True)):
+                if reading.shape in experience.shapes and _all_of(reading.data, judge(reading.data, damaged=True)):
                     run.take(reading)
                     run.taken = True
                     break
