@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import tzinfo
 from typing import Final
 
-from .text.choosing import Judge, no_judge
+from .text.choosing import ByteJudge, no_judge
 from .text.halves import HexError as HexError
 from .text.halves import halves
 from .text.logs import LOOKED_FOR, Piece, UnreadLine, joined, read_lines
@@ -55,12 +55,12 @@ def read_line(text: str) -> Words | None:
     return max(words, key=lambda one: len(one.data))
 
 
-def read_text(text: str, judge: Judge = no_judge) -> list[Words]:
+def read_text(text: str, judge: ByteJudge = no_judge) -> list[Words]:
     """All bytes of a text, in order. Raises HexError where there are none: see `read_paste`."""
     return list(read_paste(text, judge).words)
 
 
-def read_paste(text: str, judge: Judge = no_judge, zone: tzinfo | None = None) -> TextBytes:
+def read_paste(text: str, judge: ByteJudge = no_judge, zone: tzinfo | None = None) -> TextBytes:
     """The bytes of a text, and what of it was not read; lines of one dump are put together.
 
     `judge` says which bytes have right check values, by which bytes are told from other numbers; `zone` is that of
@@ -72,7 +72,7 @@ def read_paste(text: str, judge: Judge = no_judge, zone: tzinfo | None = None) -
     return paste
 
 
-def _read(text: str, judge: Judge, zone: tzinfo | None) -> TextBytes:
+def _read(text: str, judge: ByteJudge, zone: tzinfo | None) -> TextBytes:
     reads = list(joined(read_lines(text.splitlines(), judge, zone)))
     words = tuple(
         Words(read.data, read.mark, read.t_ns, read.line, read.text, read.ascii)

@@ -18,7 +18,7 @@ from .line import POLARITIES, LineSettings
 from .packed import STANDARD_INPUT, LocalFile, local_file, unpacked
 from .recording.notes import Note as LineNote
 from .spacing import INFERRED, inferred
-from .text.choosing import Judge, no_judge
+from .text.choosing import ByteJudge, no_judge
 
 _OFFSET_LENGTH: Final = len("+hh:mm")
 
@@ -34,7 +34,7 @@ def open(
     polarity: str | None = None,
     tz: str | tzinfo | None = None,
     sample_rate: float | None = None,
-    judge: Judge = no_judge,
+    judge: ByteJudge = no_judge,
 ) -> Capture:
     """The capture in a file, its format seen from content and suffix, or given by name; `-` is standard input.
 

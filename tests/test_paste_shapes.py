@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from paste_forums import FORUMS
+from paste_issues import ISSUES
 from paste_posts import POSTS
 from paste_shapes import SHAPES
 from paste_tools import DECODERS, TOOLS
@@ -18,7 +19,7 @@ from analyzer.paste import PastedFrame, PasteError, judge, read
 from captures import CaptureError
 from captures.text.halves import HexError
 
-ALL = {**STYLES, **SHAPES, **FORUMS, **POSTS, **TOOLS, **DECODERS}
+ALL = {**STYLES, **SHAPES, **FORUMS, **POSTS, **TOOLS, **DECODERS, **ISSUES}
 TIMED = [
     *("JSON with epoch", "InfluxDB", "count before", "wrapped at 40", "Docklight", "pymodbus 3"),
     *("sigrok packets", "Moxa traffic", "pyserial spy", "BLE log"),
@@ -114,6 +115,37 @@ def test_one_damaged_frame_is_read_as_those_around_it() -> None:
         ):
             wrong.append(name)
     assert 30 * len(wrong) <= len(ALL), wrong
+
+
+def flat(text: str) -> bytes:
+    """All bytes that are read."""
+    try:
+        pieces = read(text).pieces
+    except (HexError, PasteError):
+        return b""
+    return b"".join(piece.adu.data if isinstance(piece, PastedFrame) else piece.data for piece in pieces)
+
+
+def damaged(message: Message) -> Message:
+    return Message(message.data[:-1] + bytes((message.data[-1] ^ 0x40,)), message.sent, message.ms)
+
+
+@pytest.mark.parametrize(("name", "share"), [("request right", 35), ("nothing right", 15), ("no check values", 12)])
+def test_where_little_is_right_the_bytes_are_read(name: str, share: int) -> None:
+    """A request and a damaged answer; all damaged; none with its CRC: not one shape in `share` loses its bytes."""
+    wrong, shapes = [], [shape for shape in ALL if not shape.startswith("manual")]
+    for shape in shapes:
+        rng = random.Random(f"{shape} survey")
+        log = messages(rng, 2)
+        if name == "request right":
+            log = [log[0], damaged(log[1])]
+        elif name == "nothing right":
+            log = [damaged(message) for message in log]
+        else:
+            log = [Message(message.data[:-2], message.sent, message.ms) for message in log]
+        if flat(ALL[shape](log, rng)) != b"".join(message.data for message in log):
+            wrong.append(shape)
+    assert share * len(wrong) <= len(shapes), wrong
 
 
 def test_a_log_written_newest_first_is_read_from_its_end(tmp_path: Path) -> None:

@@ -11,20 +11,56 @@ from collections.abc import Iterator
 from typing import Final, Literal
 
 from captures.text.choosing import Checked
-from dissectors.adu import EXCEPTION, MAX_ADU, MIN_ADU
+from dissectors.adu import CRC_SIZE, EXCEPTION, LAST_UNIT, MAX_ADU, MIN_ADU
 from dissectors.answers import expectation
 from dissectors.crc import crc_ok
 from dissectors.envelopes import MBAP, ascii_frames, tcp_frames
-from dissectors.lengths import Role, pdu_length, rule, sound_roles
+from dissectors.lengths import Role, pdu_length, plausibility, rule, sound_roles
 
 from .tiling import predicted
 
 _REACH: Final = 20  # places, behind the last right frame, at which another may begin
 _LAST_EXCEPTION: Final = 0x0B
+_LEAST_DAMAGED: Final = 6  # bytes that a header speaks for
+_MOST_DAMAGED: Final = 1024
 
 
-def judge(data: bytes) -> list[Checked]:
-    """The stretches of these bytes whose check value is right, in order; none overlaps another."""
+def judge(data: bytes, *, damaged: bool = False) -> list[Checked]:
+    """The stretches of these bytes whose check value is right, in order; none overlaps another.
+
+    `damaged`: where there are none, all of it if frames are as long as their headers say, with a wrong CRC or without.
+    """
+    return _right(data) or (_as_announced(data) if damaged else [])
+
+
+def _as_announced(data: bytes) -> list[Checked]:
+    if not _LEAST_DAMAGED <= len(data) <= _MOST_DAMAGED:
+        return []
+    return _end_to_end(data, CRC_SIZE) or _end_to_end(data, 0)
+
+
+def _end_to_end(data: bytes, behind: int) -> list[Checked]:
+    """Frames of legal values one after another, each with so many bytes behind its PDU; none where some are left."""
+    ways: dict[int, int] = {0: 0}  # where a frame may begin, and where the one before it does
+    for at in range(len(data) - 1):
+        if at not in ways or not 0 < data[at] <= LAST_UNIT:
+            continue
+        for role in Role:
+            length = pdu_length(data[at + 1 : at + MAX_ADU], role)
+            if length is None or length < 2 or rule(data[at + 1], role) is None:
+                continue
+            end = at + 1 + length + behind
+            if end <= len(data) and not plausibility(data[at + 1 : at + 1 + length], role):
+                ways.setdefault(end, at)
+    frames: list[Checked] = []
+    end = len(data)
+    while end in ways and end:
+        frames.append(Checked(ways[end], end, _answers_itself(data[ways[end] : end - behind]), "rtu"))
+        end = ways[end]
+    return frames[::-1]
+
+
+def _right(data: bytes) -> list[Checked]:
     if len(data) < MIN_ADU:
         return []
     if data[:1] in (b":", b">"):

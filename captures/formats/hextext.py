@@ -26,7 +26,7 @@ from ..chunks import Block, Chunk, Mark, Note
 from ..errors import CaptureError
 from ..files import HEAD_BYTES, line_batches, opened, read_head
 from ..line import PROTOCOLS_NOTE, LineSettings
-from ..text.choosing import Judge, no_judge
+from ..text.choosing import ByteJudge, no_judge
 from ..text.logs import LOOKED_FOR, LogReader, Piece, UnreadLine, joined
 from . import Format
 
@@ -50,7 +50,7 @@ class _TextReader:
     first_ns: int  # time for bytes before the first line with a time
     notices: tuple[str, ...]
     ports: Mapping[tuple[str, str], int]  # of those who speak, and of the protocols where there are several
-    judge: Judge
+    judge: ByteJudge
     zone: tzinfo | None
     sample_rate: float | None
     learnt: LogReader
@@ -144,7 +144,7 @@ def _sniff(head: bytes) -> float:
 
 
 def _read(
-    path: Path, *, judge: Judge = no_judge, tz: tzinfo | None = None, sample_rate: float | None = None
+    path: Path, *, judge: ByteJudge = no_judge, tz: tzinfo | None = None, sample_rate: float | None = None
 ) -> _TextReader:
     if encodings.is_binary(read_head(path)):
         raise CaptureError(f"{path}: not text: name it .bin if it is the raw bytes of a line")

@@ -1,6 +1,6 @@
 """Which of the runs of characters in a line are bytes: the check values say, then the writing, then a person's sense.
 
-`Judge` is how this package, which knows nothing of protocols, hears of check values: a caller who knows a protocol
+`ByteJudge` is how this package, which knows nothing of protocols, hears of check values: a caller who knows a protocol
 passes one in. Without it the writing alone decides.
 """
 
@@ -8,26 +8,28 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import Final, NamedTuple
+from functools import lru_cache, partial
+from typing import Final, NamedTuple, Protocol, cast
 
 from .candidates import HexWindow, TextLine, Writing, holds_digits, holds_several
 from .hexshapes import hex_candidates
 from .othershapes import other_candidates
 from .places import in_its_place, is_cut, is_halved
 from .rows import ROWS, shows
+from .tools import either_way
 
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value
+_HEADED: Final = 6  # bytes for which the header of a frame speaks
 _PAIR_AND_BLANK: Final = 3  # characters
 _ENOUGH: Final = 0.5  # of a number's bytes that a check value must cover
 _AROUND: Final = " \t|<>"  # signs around the characters of a row
 _MARKED: Final = "\0marked"  # in place of the label, for all runs behind direction marks
 _LABEL: Final = 28  # characters
 _NUMBERS: Final = re.compile(r"0[xX][0-9A-Fa-f]+|\b(?=[a-fA-F]*\d)[0-9A-Fa-f]+\b|\d+")
-_BLANKS: Final = re.compile(r"[\s|*#/>`-]+")
+_BLANKS: Final = re.compile(r"[\s|*#/<>`-]+(?=([:=]?))")
 
 
 class Checked(NamedTuple):
@@ -42,12 +44,23 @@ class Checked(NamedTuple):
     envelope: str = ""
 
 
-Judge = Callable[[bytes], Sequence[Checked]]
+class ByteJudge(Protocol):
+    """Says which stretches of some bytes have right check values.
+
+    `damaged`: also which bytes are, end to end, as long as their headers say, whatever the check values are.
+    """
+
+    def __call__(self, data: bytes, *, damaged: bool = False) -> Sequence[Checked]: ...
 
 
-def no_judge(_: bytes) -> Sequence[Checked]:
+def no_judge(data: bytes, *, damaged: bool = False) -> Sequence[Checked]:  # noqa: ARG001 - as judges are called
     """For those who know no protocol."""
     return ()
+
+
+def lenient(judge: ByteJudge) -> ByteJudge:
+    """A judge of a text in which no check value is right."""
+    return cast(ByteJudge, partial(judge, damaged=True))
 
 
 @dataclass(slots=True)
@@ -112,14 +125,18 @@ class Experience:
     growing: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of buffers shown at each arrival
     in_vain: int = 0  # rows of numbers whose columns were searched without finding anything
     right: dict[tuple[str, str], int] = field(default_factory=dict)
+    shapes: set[str] = field(default_factory=set)  # in which check values are right
     mail: bool = False  # it is as mails are sent: `=3D`, and `=` where a line goes on
     threshold: Writing = Writing.BYTES
     meanings: bool = False  # a byte a line beside what it means is bytes: there is nothing else
     decimals: bool = False  # lists of decimal numbers are bytes: there is nothing else
     other: bool = False  # there are bytes that are beyond doubt
+    damaged: bool = False  # no check value is right: what has the length that its header says is as good
 
     def note(self, run: ByteRun) -> None:
         """One more run."""
+        if run.checked:
+            self.shapes.update((run.shape, *run.rivals))
         right = run.checked or (run.level is Writing.BYTES and run.label)
         for label in (run.label, _MARKED) if run.direct else (run.label,):
             self.met[label, run.shape] = self.met.get((label, run.shape), 0) + 1
@@ -136,7 +153,7 @@ class Experience:
         return most
 
 
-def runs_in(line: TextLine, judge: Judge, experience: Experience) -> list[ByteRun]:
+def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[ByteRun]:
     """The runs of a line, none overlapping another, in order; none is taken yet."""
     if not holds_digits(line.text):
         return []
@@ -177,23 +194,32 @@ def runs_in(line: TextLine, judge: Judge, experience: Experience) -> list[ByteRu
 class _Ranked(NamedTuple):
     """A candidate with what speaks for it; `whole`: all of it has right check values."""
 
-    rank: tuple[int, int, int, int, int]
+    rank: tuple[int, int, int, int, int, int]
     candidate: HexWindow
     checked: Sequence[Checked]
     whole: bool
 
 
-def _ranked(candidate: HexWindow, line: TextLine, judge: Judge, experience: Experience) -> _Ranked:
+def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: Experience) -> _Ranked:
     candidate = in_its_place(candidate, line)
     size = len(candidate.data)
-    checked = checked_in(candidate, judge) if size >= _LEAST else ()
+    judged = size >= _LEAST and not (experience.damaged and _is_word(candidate, line))
+    checked = checked_in(candidate, judge) if judged else ()
     covered = sum(span.end - span.start for span in checked)
-    trusted = 0
+    trusted = announced = 0
     if experience.right:
         direct = candidate.start in line.first and candidate.start > line.begin
         trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
-    rank = (covered, covered - size if covered else 0, trusted, candidate.level, candidate.end - candidate.start)
+        if not checked and size >= _HEADED and candidate.shape in experience.shapes:
+            announced = int(bool(judge(candidate.data[:MOST_JUDGED], damaged=True)))
+    length = candidate.end - candidate.start
+    rank = (covered, covered - size if covered else 0, announced, trusted, candidate.level, length)
     return _Ranked(rank, candidate, checked, covered == size > 0)
+
+
+def _is_word(candidate: HexWindow, line: TextLine) -> bool:
+    """Whether it is bytes in letters alone."""
+    return candidate.shape == "base64" and line.text[candidate.start : candidate.end].isalpha()
 
 
 def _run(candidate: HexWindow, line: TextLine, checked: Sequence[Checked]) -> ByteRun:
@@ -209,7 +235,7 @@ def _overlaps(places: Sequence[tuple[int, int, ByteRun]], i: int, candidate: Hex
     return 0 <= i < len(places) and places[i][0] < candidate.end and candidate.lead < places[i][1]
 
 
-def checked_in(candidate: HexWindow, judge: Judge) -> Sequence[Checked]:
+def checked_in(candidate: HexWindow, judge: ByteJudge) -> Sequence[Checked]:
     """The stretches of a candidate with a right check value; of a number's bytes they must cover enough."""
     checked = judge(candidate.data[:MOST_JUDGED])
     if checked and candidate.level is Writing.NUMBER:
@@ -227,6 +253,7 @@ def label_of(line: TextLine, start: int) -> str:
 
 @lru_cache(maxsize=4096)
 def label_in(before: str) -> str:
-    """The same of a text; nothing where there are no words."""
-    words = _BLANKS.sub(" ", _NUMBERS.sub("", before.lower())).strip()[-_LABEL:]
+    """The same of a text, whoever speaks; nothing where there are no words."""
+    words = either_way(_NUMBERS.sub("", before.lower()))
+    words = _BLANKS.sub(lambda match: "" if match[1] else " ", words).strip()[-_LABEL:]
     return words if any(char.isalpha() for char in words) else ""

@@ -12,6 +12,10 @@ from .columns import COLUMN_SHAPE
 from .loglines import LogLine
 
 _LEAST_COPY: Final = 3  # bytes: fewer are alike by chance
+_FIELD: Final = 2  # bytes
+_CRC: Final = 2  # bytes
+_MBAP: Final = 7  # bytes before a PDU
+_NAMED_ALIKE: Final = 8  # characters
 _ENTRY_LINES: Final = 8  # between two reports of the same bytes
 _ENTRY_FINE_NS: Final = 60_000_000
 _ENTRY_COARSE_NS: Final = 1_000_000_000
@@ -120,6 +124,8 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
     same_line = earlier.last is entry.first
     if earlier.template == entry.template and not turned and _has_grown(earlier, entry, experience):
         return earlier
+    if _is_pdu_of(entry, earlier) or _explains(entry, earlier):
+        return entry
     if min(len(earlier.data), len(entry.data)) < _LEAST_COPY:
         return None
     if earlier.template == entry.template and not same_line:
@@ -140,6 +146,8 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
         elsewise = earlier.runs[0].shape != entry.runs[0].shape  # the same bytes, written in another way
         if same_line:
             return entry if elsewise else None
+        if _is_named_alike(earlier, entry):
+            return entry
         buffered = elsewise and timed and not earlier.checked  # what was read, and the buffer that holds it
         return entry if marked or buffered or pair in experience.reports else None
     if same_line and len(entry.data) == len(earlier.data):  # a string and its hex, in another encoding
@@ -155,6 +163,28 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
     if not turned and not earlier.checked and entry.checked and earlier.data in entry.data:
         return earlier
     return None
+
+
+def _is_pdu_of(entry: _Entry, earlier: _Entry) -> bool:
+    """Whether bytes are what a frame carries, without its unit and all that is around."""
+    if entry.checked or not earlier.checked or entry.template == earlier.template:
+        return False
+    return len(entry.data) > 1 and entry.data in (earlier.data[1:-_CRC], earlier.data[_MBAP:])
+
+
+def _explains(entry: _Entry, earlier: _Entry) -> bool:
+    """Whether two bytes are a field of the frame above, in a row below words."""
+    if entry.checked or not earlier.checked or not entry.runs[0].heading or entry.first.t_ns is not None:
+        return False
+    return len(entry.data) == _FIELD and entry.data in earlier.data
+
+
+def _is_named_alike(earlier: _Entry, entry: _Entry) -> bool:
+    """Whether two lines of one entry show the same bytes under names that begin alike: `port data:`, `port buffer:`."""
+    first, second = earlier.template, entry.template
+    if entry.first.number - earlier.last.number != 1 or first[1] != second[1] or earlier.mark != entry.mark:
+        return False
+    return first[0] != second[0] and first[0][:_NAMED_ALIKE] == second[0][:_NAMED_ALIKE] != ""
 
 
 def _is_logged_twice(earlier: _Entry, entry: _Entry) -> bool:

@@ -20,6 +20,8 @@ _GLUED: Final = (
 )
 _SIGN: Final = r"(?:0[xX]|(?:[A-Z]+#)?16#|\$|&[hH]|%|[XxHh]['\"]?)"  # C, PLC languages, Pascal, Basic, URLs
 _PAIRS: Final = re.compile(rf"{EDGE}{H}{{2}}(?:[ \t]{{1,4}}{H}{{2}})*{_GLUED}")
+_LOOSE: Final = re.compile(rf"{EDGE}(?:{H}{{2}}){{1,4}}(?:[ \t]{{1,6}}(?:{H}{{2}}){{1,4}})+{END}")
+_PAIR_OF_PAIRS: Final = 2
 _SIGNED: Final = re.compile(
     rf"{EDGE}{H}{{2}}(?P<gap>[ \t]{{0,2}}[^\w\s][^\w\n]{{0,5}}|_){H}{{2}}(?:(?P=gap){H}{{2}})*{_GLUED}"
 )
@@ -51,6 +53,7 @@ def hex_candidates(line: TextLine) -> Iterator[HexWindow]:
     yield from _pairs(line)
     yield from _signed(line)
     yield from _words(line)
+    yield from _loose_words(line)
     if not _SIGNS.isdisjoint(text):
         yield from _prefixed(line)
     if "h" in text or "H" in text:
@@ -151,7 +154,8 @@ def _words(line: TextLine) -> Iterator[HexWindow]:
 def _level_of_words(line: TextLine, start: int, end: int, tokens: list[str]) -> Writing:
     digits = "".join(tokens)
     size = len(digits) // 2
-    bare = line.alone(start, end)
+    quoted = line.text[start - 1 : start] in ("'", '"') and line.text[end : end + 1] == line.text[start - 1 : start]
+    bare = line.alone(start, end) or (quoted and line.alone(max(start - len("b'"), 0), end))
     alone = bare or (end >= line.last and line.before(start).rstrip()[-1:] in (":", "=", ","))
     if line.text[start - 1 : start] == "-" or line.text[end : end + 1] == "-":
         return Writing.NUMBER  # part of a UUID
@@ -162,6 +166,15 @@ def _level_of_words(line: TextLine, start: int, end: int, tokens: list[str]) -> 
     if size >= _WORD_LENGTH:
         return Writing.BYTES if size > _WORD_LENGTH or alone or digits[0] == "0" or len(tokens) > 1 else Writing.LIKELY
     return Writing.LIKELY if bare or (alone and len(tokens) > 1) else Writing.NUMBER
+
+
+def _loose_words(line: TextLine) -> Iterator[HexWindow]:
+    """`01 03  006B   0003 74 17`: fields of one, two or more bytes, as far from one another as a person likes."""
+    for match in _LOOSE.finditer(line.text):
+        tokens = match[0].split()
+        last = len(tokens) == _PAIR_OF_PAIRS and line.alone(*match.span())  # row of an array
+        if last or len({len(token) for token in tokens}) > 1 or "  " in match[0]:
+            yield HexWindow(bytes.fromhex(match[0]), *match.span(), "loose words", Writing.NUMBER)
 
 
 def _prefixed(line: TextLine) -> Iterator[HexWindow]:

@@ -18,7 +18,7 @@ from typing import Final
 from captures.text import stamps
 
 from .candidates import Writing, line_of
-from .choosing import ByteRun, Experience, Judge, label_in, no_judge, runs_in
+from .choosing import ByteJudge, ByteRun, Experience, label_in, no_judge, runs_in
 from .dumps import Dump
 from .halves import halves
 from .headings import Heading, marks_of_cells
@@ -81,7 +81,7 @@ class LineReader:
     `zone` is that of dates without one (None: this machine's), `sample_rate` of logs that count samples, in Hz.
     """
 
-    judge: Judge = no_judge
+    judge: ByteJudge = no_judge
     zone: tzinfo | None = None
     sample_rate: float | None = None
     experience: Experience = field(default_factory=Experience)
@@ -282,12 +282,13 @@ class LineReader:
 
     def _as_heading(self, line: LogLine, rest: str, line_marks: list[LineMark]) -> None:
         """A line of words: what it says of rows below."""
-        mark = line_marks[-1].mark if line_marks else NONE
+        bare = bool(line_marks) and not _WORD.search(rest[line_marks[-1].end :])
+        said = [one.mark for one in line_marks if bare or not one.arrow]  # an arrow between words is none
+        mark = said[-1] if said else NONE
         above, t_ns, fine = self._heading, line.t_ns, line.fine
         if t_ns is None and above is not None and not above.rows:
             t_ns, fine = above.t_ns, above.fine
         port = ""
-        bare = line_marks and not _WORD.search(rest[line_marks[-1].end :])
         if (match := _JPNEVULATOR.match(line.text)) is not None:
             port, bare = match["label"], True
         announced = _ANNOUNCED.search(rest.rstrip(" :"))
@@ -295,10 +296,8 @@ class LineReader:
         columns = tuple(one.mark for one in line_marks) if len(line_marks) > 1 else ()
         label = label_in(rest[-_LABELLED:])
         parted, cells = marks_of_cells(rest, line_marks)
-        self._heading = Heading(
-            mark, t_ns, fine, label, port, left, bool(bare), columns=columns, parted=parted, cells=cells
-        )
-        line.quiet = bool(bare) and line.t_ns is not None
+        self._heading = Heading(mark, t_ns, fine, label, port, left, bare, columns=columns, parted=parted, cells=cells)
+        line.quiet = bare and line.t_ns is not None
 
     def _placed(self, line: LogLine, stamp: stamps.Stamp | None, mark: int) -> LogLine:
         """A line with bytes below its heading, and in its dump."""
@@ -308,7 +307,7 @@ class LineReader:
         before = line.clean[: first.start]
         if first.offset is not None:
             before = before[: before.rfind(first.offset)].removesuffix("0x")
-        worded = mark or _LETTER.search(before)
+        worded = mark or _LETTER.search(before.removesuffix("b'").removesuffix('b"'))
         if heading is None or worded:
             if first.level or first.checked:
                 self._heading = None

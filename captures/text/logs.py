@@ -16,7 +16,7 @@ from itertools import islice, pairwise
 from typing import Final
 
 from .candidates import H, Writing
-from .choosing import ByteRun, Experience, Judge, no_judge
+from .choosing import MOST_JUDGED, ByteJudge, ByteRun, Experience, lenient, no_judge
 from .halves import halves
 from .loglines import LineReader, LogLine
 from .payloads import payload_of
@@ -41,7 +41,8 @@ _PLAIN_PAIRS: Final = ("pairs", "pairs-", "pairs:", "pairs,")
 _STRETCH: Final = 512  # lines that are settled together
 _MOST: Final = 1 << 18  # characters of a line that is searched at once
 _ENTRY: Final = re.compile(  # how one begins
-    r"\[\d\d:\d\d:\d\d(?:\.\d+)?\]\[[A-Z]{1,2}\]\[|(?<![\w:.-])20\d\d-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d{3} [A-Z(]"
+    r"\[\d\d:\d\d:\d\d(?:\.\d+)?\]\[[A-Z]{1,2}\]\[|(?<!\S)\[[A-Z]\] ?\d+\| |"
+    r"(?<![\w:.-])20\d\d-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d{3} [A-Z(]"
 )
 _ENTRIES: Final = (120, 3)  # characters, and entries, of a line that may be several
 _ADDRESS: Final = re.compile(r"\d{1,3}(?:\.\d{1,3}){3}")  # of a network
@@ -89,7 +90,7 @@ class LogReader:
 
     def __init__(
         self,
-        judge: Judge = no_judge,
+        judge: ByteJudge = no_judge,
         zone: tzinfo | None = None,
         sample_rate: float | None = None,
         experience: Experience | None = None,
@@ -111,26 +112,46 @@ class LogReader:
 
     def learn(self, lines: Iterable[str]) -> list[Piece | UnreadLine]:
         """Look at the beginning of a text, which is given again with `feed`; gives what it holds."""
-        experience = self._experience = Experience()
-        reader = self._line_reader()
         beginning = list(_beginning(lines))
+        read = self._learnt(beginning, Experience())
+        if not self._is_any_right(read):
+            strict = self._experience, self._lines
+            again = self._learnt(beginning, Experience(damaged=True))
+            if any(run.checked for line in again for run in line.runs if run.taken):
+                read = again
+            else:
+                self._experience, self._lines = strict
+        return [content for line in read for content in _contents(line)]
+
+    def _is_any_right(self, lines: Sequence[LogLine]) -> bool:
+        """Whether a check value of these lines is right, in a run of its own or with others."""
+        taken = [run for line in lines for run in line.runs if run.taken]
+        if self._experience.tails or any(run.checked or self._judge(run.data[:MOST_JUDGED]) for run in taken):
+            return True
+        return bool(self._judge(b"".join(run.data for run in taken)[:MOST_JUDGED]))
+
+    def _learnt(self, beginning: Sequence[str], experience: Experience) -> list[LogLine]:
+        """The beginning of a text, settled."""
+        self._experience = experience
+        reader = self._line_reader()
+        judge = self._settler()
         experience.mail = any(is_of_mail(line) for line in beginning)
         read = [part for number, line in self._whole(enumerate(beginning, 1)) for part in _read(reader, line, number)]
         for run in (run for line in read for run in line.runs):
             experience.note(run)
         for experience.threshold, experience.decimals in _STANDARDS[only_bytes(read) :]:
-            settle(read, self._judge, experience)
+            settle(read, judge, experience)
             experience.other = any(run.taken for line in read for run in line.runs)
             if experience.other:
                 break
         else:
             experience.threshold, experience.decimals = _STANDARDS[0]
             experience.meanings = True
-            settle(read, self._judge, experience)
+            settle(read, judge, experience)
             experience.meanings = experience.other = any(run.taken for line in read for run in line.runs)
         self._lines = self._line_reader()
         self._lines.zoneless = reader.zoneless
-        return [content for line in read for content in _contents(line)]
+        return read
 
     def feed(self, lines: Iterable[tuple[int, str]]) -> Iterator[Piece | UnreadLine]:
         """Lines with their numbers; gives what has been settled."""
@@ -150,17 +171,20 @@ class LogReader:
         return _parted(_mended(_unfolded(lines) if self._experience.mail else lines))
 
     def _line_reader(self) -> LineReader:
-        return LineReader(self._judge, self._zone, self._sample_rate, self._experience)
+        return LineReader(self._settler(), self._zone, self._sample_rate, self._experience)
+
+    def _settler(self) -> ByteJudge:
+        return lenient(self._judge) if self._experience.damaged else self._judge
 
     def _settled(self, count: int) -> Iterator[Piece | UnreadLine]:
         lines, self._waiting = self._waiting[:count], self._waiting[count:]
-        settle(lines, self._judge, self._experience)
+        settle(lines, self._settler(), self._experience)
         for line in lines:
             yield from _contents(line)
 
 
 def read_lines(
-    lines: Sequence[str], judge: Judge = no_judge, zone: tzinfo | None = None, sample_rate: float | None = None
+    lines: Sequence[str], judge: ByteJudge = no_judge, zone: tzinfo | None = None, sample_rate: float | None = None
 ) -> list[Piece | UnreadLine]:
     """All of a text at once."""
     reader = LogReader(judge, zone, sample_rate)

@@ -37,7 +37,9 @@ _DECIMALS: Final = (
 _LAST_ROW: Final = re.compile(r"^\s*(\d{1,3}(?:\s*,\s*\d{1,3}){0,2})\s*(?:[\])}]|,?\s*$)")  # of an array
 _ROW_END: Final = re.compile(r"^[0-7]{7} {1,4}(\d{1,3}(?: {1,3}\d{1,3}){0,2})\s*$")  # of od
 _GOES_ON: Final = re.compile(r"\w|[.,]\d|-\d")
+_PADDED: Final = re.compile(r"\d{3}(?:\]\[\d{3})+")  # three digits each
 _LEAST_BYTES: Final = 4
+_TWO: Final = 2  # bytes in a string: a check value that somebody quotes
 _NODE_JSON: Final = re.compile(r'"type"\s*:\s*"Buffer"\s*,\s*"data"\s*:\s*\[\s*$')
 _DIGITS: Final = (
     re.compile(rf"{EDGE}{H}{{1,2}}(?:[ \t]{{1,4}}{H}{{1,2}}){{3,}}{END}"),
@@ -145,7 +147,8 @@ def _string(body: str, start: int, end: int) -> Iterator[HexWindow]:
     level = Writing.BYTES if hexadecimal or len(_ESCAPES.findall(body)) > 2 else Writing.NUMBER
     if _HALF.search(body):
         level = Writing.NUMBER
-    yield HexWindow(unescape(body), start, end, "\\x", level)
+    data = unescape(body)
+    yield HexWindow(data, start, end, "\\x", level if len(data) > _TWO else min(level, Writing.LIKELY))
     if _NUL.search(body):  # as Rust and JavaScript have it
         yield HexWindow(unescape(_NUL.sub(r"\\x00", body)), start, end, "\\0", Writing.NUMBER)
     if not hexadecimal:  # as Lua and Haskell have it
@@ -253,7 +256,8 @@ def _decimals(text: str) -> Iterator[HexWindow]:
                 continue
             if max(values) < 256 and min(values) > -129 and not (min(values) < 0 and max(values) > 127):
                 node = _NODE_JSON.search(text, max(match.start() - 40, 0), match.start())
-                level = Writing.BYTES if node else Writing.NUMBER
+                padded = _PADDED.fullmatch(text, match.start(), end) and "0" in text[match.start() : end : len("000][")]
+                level = Writing.BYTES if node or padded else Writing.NUMBER
                 yield HexWindow(bytes(value & 0xFF for value in values), match.start(), end, "decimal", level)
 
 

@@ -13,11 +13,12 @@ from itertools import pairwise
 from typing import Final
 
 from .candidates import HexWindow, Writing
-from .choosing import MOST_JUDGED, ByteRun, Experience, Judge
-from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns, settle_unchecked
+from .choosing import MOST_JUDGED, ByteJudge, ByteRun, Checked, Experience
+from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns
 from .copies import settle_copies
 from .loglines import LogLine
 from .rows import is_ruler, shows
+from .unchecked import settle_unchecked
 
 _TAIL: Final = 260  # bytes without a right check value that a later run may complete
 _TAIL_RUNS: Final = 4
@@ -26,9 +27,12 @@ _ADDRESS: Final = 4  # numbers of an IP address
 _ROWS: Final = (8, 16, 20, 32)  # bytes of a full row
 _NEAR: Final = 5  # lines between a count and the bytes that it counts
 _SHORT: Final = 3  # bytes: no more where text stands behind them
+_HEADED: Final = 6  # bytes for which the header of a frame speaks
+_CRC: Final = 2  # bytes
+_CALLED_CRC: Final = re.compile(r"^\W*(?:crc|lrc|checksum)(?:-?16)?\W*$", re.IGNORECASE)
 
 
-def settle(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> None:
+def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Decide for every run of these lines whether it is taken; the others say why not."""
     for line in lines:
         for run in line.runs:
@@ -38,8 +42,11 @@ def settle(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> No
     settle_columns(lines, judge, experience)
     _blocks(lines, judge, experience)
     _rows_of_dumps(lines, judge)
-    _tails(lines, judge, experience)
+    if not experience.damaged:
+        _tails(lines, judge, experience)
     settle_unchecked(lines, experience)
+    _as_long_as_they_say(lines, judge, experience)
+    _named_check_values(lines)
     _ends_of_arrays(lines)
     _bytes_alone(lines)
     settle_copies(lines, experience)
@@ -118,7 +125,7 @@ def _beside(lines: Sequence[LogLine]) -> None:
 # Arrays over several lines.
 
 
-def _blocks(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> None:
+def _blocks(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Runs that fill lines one below the other, read in another way where that makes right what is not."""
     block: list[tuple[LogLine, ByteRun]] = []
     for line in [*lines, None]:
@@ -153,7 +160,7 @@ def _closes(line: LogLine, run: ByteRun) -> bool:
     return line.clean[run.end :].lstrip()[:1] in ("]", "}", ")")
 
 
-def _reread(block: list[tuple[LogLine, ByteRun]], judge: Judge, experience: Experience) -> None:
+def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: Experience) -> None:
     """Rows that are right together in one shape are read in it, and so are those like them."""
     if any(run.checked for _, run in block):
         return
@@ -165,15 +172,19 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: Judge, experience: Expe
         if len(data) <= MOST_JUDGED and (checked := judge(data)):
             if 2 * sum(span.end - span.start for span in checked) < len(data):
                 continue
-            for (_, run), reading in zip(block, readings, strict=True):
+            at = 0
+            for (line, run), reading in zip(block, readings, strict=True):
                 run.take(reading[shape])
                 run.taken = True
+                line.continues = line.continues or any(span.start < at < span.end for span in checked)
+                at += len(run.data)
                 experience.right[run.label, shape] = experience.right.get((run.label, shape), 0) + 1
+            experience.shapes.add(shape)
             block[0][1].checked = checked
             return
 
 
-def _rows_of_dumps(lines: Sequence[LogLine], judge: Judge) -> None:
+def _rows_of_dumps(lines: Sequence[LogLine], judge: ByteJudge) -> None:
     """The rows of a dump are read as its first one is; of 16-bit words the last may be half filled."""
     for one, below in pairwise(lines):
         if below.continues and one.runs and below.runs and one.runs[-1].taken:
@@ -195,7 +206,7 @@ def _rows_of_dumps(lines: Sequence[LogLine], judge: Judge) -> None:
     _check_dump(dump, judge)
 
 
-def _check_dump(rows: Sequence[ByteRun], judge: Judge) -> None:
+def _check_dump(rows: Sequence[ByteRun], judge: ByteJudge) -> None:
     """What check values say of all rows together outweighs what the first row alone may look like."""
     data = b"".join(run.data for run in rows)
     if len(rows) > 1 and (checked := judge(data[:MOST_JUDGED])):
@@ -236,10 +247,44 @@ def _bytes_alone(lines: Sequence[LogLine]) -> None:
                 below.continues = True
 
 
+def _as_long_as_they_say(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
+    """A frame with a wrong check value, or without one, in a writing in which others of the text are right."""
+    for line in lines:
+        for run in line.runs:
+            if run.taken or run.why or run.halved or line.quiet or len(run.data) < _HEADED:
+                continue
+            readings: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
+            for reading in readings:
+                if reading.shape in experience.shapes and _all_of(reading.data, judge(reading.data, damaged=True)):
+                    run.take(reading)
+                    run.taken = True
+                    break
+
+
+def _all_of(data: bytes, checked: Sequence[Checked]) -> bool:
+    return sum(span.end - span.start for span in checked) == len(data)
+
+
+def _named_check_values(lines: Sequence[LogLine]) -> None:
+    """Two bytes called `CRC` right behind others are theirs, right or not."""
+    for line in lines:
+        for before, run in pairwise(line.runs):
+            if (
+                not run.taken
+                and not run.why
+                and before.taken
+                and not before.checked
+                and len(run.data) == _CRC
+                and run.shape.startswith("pairs")
+                and _CALLED_CRC.search(line.clean[before.end : run.start])
+            ):
+                run.taken = True
+
+
 # What completes a frame that other output interrupted.
 
 
-def _tails(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> None:
+def _tails(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     open_runs: list[bytes] = []  # taken, but with no right check value yet
     since, shape = 0, ""
     for line in lines:
@@ -259,7 +304,7 @@ def _tails(lines: Sequence[LogLine], judge: Judge, experience: Experience) -> No
                 since, shape = line.number, run.shape
 
 
-def _completes(run: ByteRun, open_runs: Sequence[bytes], judge: Judge) -> bool:
+def _completes(run: ByteRun, open_runs: Sequence[bytes], judge: ByteJudge) -> bool:
     """Whether a frame begins in one of the open runs and ends with this one, which then is taken."""
     candidates: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
     for reading in candidates:

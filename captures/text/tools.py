@@ -98,6 +98,7 @@ _NAMES: Final = re.compile(  # `Master -> Slave`: who says it to whom
 )
 _PROMPT: Final = re.compile(r"^>>> ?(?=[A-Za-z_][\w.]*(?:\(| ?=|$))")  # of Python: no arrow
 _NAMED: Final = re.compile("地址|编号|号|名称|数量|个数|番号|アドレス|주소|번호")  # a station's, and no message
+_LETTERS: Final = re.compile(r"[tr]x(?=buf|data|msg|frame|packet)|[^\W\d_]+")
 _ASCII_WORD: Final = re.compile(r"[a-z]+")
 _ARROW: Final = re.compile(r"->|=>|>>|<-|<=|<<|^\s*[<>]\s")
 _OTHER: Final = {NONE: NONE, TX: RX, RX: TX}
@@ -157,6 +158,23 @@ def _of_word(word: str, *, signed: bool) -> int:
         if (at := word.rfind(part)) > last and _NAMED.match(word, at + len(part)) is None:
             last, kind = at, mark
     return kind
+
+
+def is_mark(word: str) -> bool:
+    """Whether a word in small letters may be a direction mark."""
+    return word in _MARKING or (not word.isascii() and _of_word(word, signed=True) != NONE)
+
+
+def names_a_way(text: str) -> bool:
+    """Whether a text in small letters has a word that may be a direction mark."""
+    return any(map(is_mark, _LETTERS.findall(text)))
+
+
+def either_way(text: str) -> str:
+    """A text in small letters as it is whoever speaks: `sent` and `received`, `txBuf` and `rxBuf` are the same."""
+    if not names_a_way(text):
+        return text
+    return _LETTERS.sub(lambda match: "tx" if is_mark(match[0]) else match[0], text)
 
 
 class LineRole(Enum):
