@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from math import log2
 from statistics import median
 from typing import Any, Final
+
+from dissectors.crc import crc16
 
 from ...tables.findings import Severity
 from ..bits import surplus_bits
@@ -75,6 +78,7 @@ _SHARE: Final = "{damaged} of {answers} answers of unit {unit}[, {others_damaged
 
 
 _BYTE: Final = 8.0
+_CHECKED: Final = 16.0
 _OWN_BITS: Final = 6.0
 _RUN_INTO_BITS: Final = 20.0
 _BEGINNING: Final = 3  # bytes of garbage that count
@@ -105,7 +109,7 @@ def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in evidence.units:
         readings = evidence.readings(unit)
         if len(readings) >= _LEAST and share_of(readings, "head") < _MOSTLY:
-            bits = _out_of_step(evidence, unit)
+            bits = max(_out_of_step(evidence, unit), _whole_behind(readings))
             if bits > 0:
                 bits += evidence.surplus(unit) + kind_bits(readings, _BEHEADED)
                 yield damage_suspicion(evidence, unit, bits, {"bytes": 1})
@@ -129,6 +133,20 @@ def _out_of_step(evidence: Evidence, unit: UnitLedger) -> float:
                 bits += count * (_BYTE * fits - price if fits else -_MISSED)
             best = max(best, bits)
     return best
+
+
+def _whole_behind(readings: Sequence[Signature]) -> float:
+    """Bits for garbage whose end is whole, though its beginning is not known: two answers to one request, as long and
+    not the same, leave the same rest by the check value where all in which they differ is right."""
+    alike: dict[tuple[bytes, int], list[bytes]] = defaultdict(list)
+    for each in readings:
+        if not each.heard.startswith(known_header(each.request)[:1]):
+            alike[each.request, each.length].append(each.heard)
+    bits = -_BYTE
+    for several in alike.values():
+        for one, two in pairwise(dict.fromkeys(several)):
+            bits += _CHECKED if crc16(one) == crc16(two) else -1
+    return bits
 
 
 def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
