@@ -185,3 +185,18 @@ def test_silences_of_just_what_is_due_are_no_haste_where_a_character_s_length_is
                 yield due_ms, _answer(unit, 1000 + i % 7, i)
 
     assert _named(_causes(sent(), LineSettings(baud=9600))) == []
+
+
+def test_a_tap_of_seven_data_bits_is_its_own_fault_though_some_frames_are_whole() -> None:
+    """Those of which no byte has the highest bit."""
+
+    def sent() -> Iterator[Sent]:
+        for i in range(150):
+            for unit in (1, 2, 3):
+                yield 20.0, bytes(octet & 127 for octet in _read(unit, 1 + i % 9))
+                yield (
+                    6.0,
+                    bytes(octet & 127 for octet in _answer(unit, *(i * 37 * k % 65536 for k in range(2 + i % 9)))),
+                )
+
+    assert _named(_causes(sent()))[0] == ("tap-line-settings", ())

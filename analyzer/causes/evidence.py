@@ -207,6 +207,12 @@ class Evidence:
         return (name, frames) if frames >= _FOREIGN_FRAMES else ("", 0)
 
     @cached_property
+    def declared_bytes(self) -> int:
+        """Bytes in right frames of functions whose lengths are known: those of others chance makes of any bytes."""
+        sizes = enumerate(self.ledger.function_bytes.tolist())
+        return sum(size for code, size in sizes if size and rule(code & ~EXCEPTION, Role.REQUEST) is not None)
+
+    @cached_property
     def odd(self) -> int:
         """Right frames of functions that nobody has declared and that are not free for users."""
         functions = enumerate(self.ledger.functions.tolist())

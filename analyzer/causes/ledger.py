@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
+from ..deframing.directions import either_way
 from ..diagnosis.tap_clock import TapClock
 from ..options import Options
 from ..tables.batch import Batch
@@ -161,13 +162,14 @@ class Ledger:
         if len(frames) < len(rows):
             self._count_noise(table, (~framed).nonzero()[0])
         port = rows.port
-        misshapen = self._misshapen(table, right)
+        misshapen, alike = self._misshapen(table, right), either_way(rows)
         for number in np.flatnonzero(np.bincount(port)).tolist():
             here = port == number
             tally = self.ports[number]
             tally["requests"] += int(np.count_nonzero(here & right & asks))
             tally["responses"] += int(np.count_nonzero(here & right & ~asks))
             tally["misshapen"] += int(np.count_nonzero(here & misshapen))
+            tally["alike"] += int(np.count_nonzero(here & alike))
 
     @staticmethod
     def _misshapen(table: RowColumns, right: NDArray[np.bool_]) -> NDArray[np.bool_]:

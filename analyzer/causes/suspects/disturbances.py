@@ -65,6 +65,8 @@ def _load(evidence: Evidence) -> float:
 def _anywhere(evidence: Evidence, *, sparse: bool = False) -> tuple[Hits, float]:
     """Hits of all senders alike, and their weight; `sparse`: where frames are rare, so may those be that are hit."""
     hits = Hits(evidence)
+    if not any(unit.answered for unit in evidence.units):
+        return hits, 0.0  # a line on which nothing is ever well is not disturbed
     if hits.all < _LEAST or (hits.frames < _LEAST and not (sparse and _as_exposed(evidence, hits))):
         return hits, 0.0
     if (hits.requests < _FEW * hits.damaged and is_one_units(evidence)) or spares_requests(evidence, hits):
