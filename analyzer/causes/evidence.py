@@ -16,6 +16,7 @@ from dissectors.declaration import USER_DEFINED
 from dissectors.lengths import Role, rule
 
 from ..diagnosis.tap_clock import UNKNOWN, TimeTrust, silences
+from ..tables.transactions import ECHOED
 from .bits import surplus_bits
 from .exchanges import Ending
 from .foreign import PROTOCOLS
@@ -34,6 +35,7 @@ _RARE: Final = 0.01
 _STRAYED: Final = 2  # bytes
 _FOREIGN: Final = 0.02  # of all bytes
 _FOREIGN_FRAMES: Final = 3
+_BY_CHANCE: Final = 0.01  # of all bytes
 
 # How damage spreads over kinds where it strikes anywhere, by chance.
 _ANYWHERE: Final[Mapping[str, float]] = {
@@ -72,8 +74,9 @@ class Evidence:
 
     @cached_property
     def units(self) -> list[UnitLedger]:
-        """Units that are polled."""
-        return self.ledger.polled
+        """Units that are polled; none where next to nothing is a frame, for chance makes right check values."""
+        ledger = self.ledger
+        return ledger.polled if ledger.right_bytes > _BY_CHANCE * ledger.bytes else []
 
     @cached_property
     def verdict(self) -> TimeTrust:
@@ -98,6 +101,11 @@ class Evidence:
         if not self.ordered and unit.answered + unit.strays + unit.late + unit.doubles + unit.unfit:
             return 0
         return unit.count(Ending.SILENT) if self.is_open(Symptom.SILENCE, unit.unit) else 0
+
+    def unanswered(self, unit: UnitLedger) -> int:
+        """Requests without a byte, but for those whose answer is the request once more: two answers to one of them read
+        like a request that stayed without and another that did not."""
+        return sum(poll.count(Ending.SILENT) for poll in self.polls_of(unit.unit) if not ECHOED[poll.function])
 
     def damaged(self, unit: UnitLedger) -> int:
         """Answers that are none and that nothing explains; of those looked at, the share that is damaged indeed."""
@@ -168,7 +176,7 @@ class Evidence:
     @cached_property
     def requests(self) -> KnownRequests:
         """What is asked on this bus, by which a request that collides with something is known again."""
-        return KnownRequests.of(self.ledger.polls.requests)
+        return KnownRequests.of(self.ledger.polls.sure_requests)
 
     @cached_property
     def polls(self) -> list[Poll]:
@@ -183,7 +191,7 @@ class Evidence:
         """The rate at which the answers of other units are damaged; of nobody's doing at the least."""
         others = [other for other in self.units if other.unit != unit.unit]
         hits, trials = sum(map(self.damaged, others)), sum(other.asked for other in others)
-        return max(HEALTHY, (hits + 0.5) / (trials + 50))
+        return max(HEALTHY, (hits + 0.5) / (trials + 0.5 / HEALTHY))
 
     def surplus(self, unit: UnitLedger) -> float:
         """How much likelier the damage of a unit is as its own than as everybody's, in bits."""
@@ -197,6 +205,12 @@ class Evidence:
         data = b"".join(octets for _, _, octets in self.ledger.noise)
         name, frames = max(((name, count(data)) for name, count in PROTOCOLS.items()), key=lambda item: item[1])
         return (name, frames) if frames >= _FOREIGN_FRAMES else ("", 0)
+
+    @cached_property
+    def declared_bytes(self) -> int:
+        """Bytes in right frames of functions whose lengths are known: those of others chance makes of any bytes."""
+        sizes = enumerate(self.ledger.function_bytes.tolist())
+        return sum(size for code, size in sizes if size and rule(code & ~EXCEPTION, Role.REQUEST) is not None)
 
     @cached_property
     def odd(self) -> int:

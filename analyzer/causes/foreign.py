@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping
 from typing import Final
 
@@ -10,6 +11,8 @@ from dissectors.crc import crc16
 from dissectors.foreign import IN_ANY_BYTES
 
 _DCON: Final = re.compile(rb"[#$%@~][0-9A-F]{2}[0-9A-Z]{0,12}\r|[!>?][0-9A-Z+\-.]{2,60}\r")
+_SHORTEST: Final = 7  # bytes of a meter's frame
+_SHARE: Final = 0.05  # of the bytes, at the least
 _MODBUS: Final = (1, 2, 3, 4, 5, 6, 7, 8, 15, 16, 17, 22, 23, 43)
 
 
@@ -19,13 +22,15 @@ def _dcon(data: bytes) -> int:
 
 
 def _serial_number(data: bytes) -> int:
-    """Meters with an address of four bytes, a command, and the CRC of Modbus: the same first four bytes, and it checks."""
-    heads: dict[bytes, int] = {}
+    """Meters with an address of four bytes, a command, and the CRC of Modbus: the same first four bytes, and it checks,
+    of frames that differ: garbage that comes again and again checks as often as once."""
+    heads: defaultdict[bytes, Counter[bytes]] = defaultdict(Counter)
     for at in range(len(data) - 6):
         for length in (7, 8, 9, 10, 11, 14, 22):
             if at + length <= len(data) and crc16(data[at : at + length]) == 0:
-                heads[data[at : at + 4]] = heads.get(data[at : at + 4], 0) + 1
-    return max((count for head, count in heads.items() if count >= 4 and head[1] & 0x7F not in _MODBUS), default=0)
+                heads[data[at : at + 4]][data[at : at + length]] += 1
+    counts = (found.total() for head, found in heads.items() if head[1] & 0x7F not in _MODBUS and len(found) > 1)
+    return max((count for count in counts if count >= max(4, _SHARE * len(data) / _SHORTEST)), default=0)
 
 
 def _counted(name: str) -> Callable[[bytes], int]:

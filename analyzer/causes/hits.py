@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import exp, log1p, log2
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .bits import likelihood_bits, surplus_bits
 from .evidence import Evidence
 from .registry import Symptom
-from .signatures import Behind, known_header
+from .signatures import AnswerDamage, Behind, Signature, known_header
 from .unitledger import UnitLedger
 
 WELL: Final = 0.03  # of stray bytes that hit frames all the same, on a line that floats when nobody drives it
@@ -22,9 +24,17 @@ _MOST_LATE: Final = 0.85  # what one late answer meets may make another late
 _ONE_LATE_BITS: Final = 12.0
 _MOST_HIT: Final = 0.98
 _ABOUT: Final = 20.0  # bytes
+_AT_ONCE: Final = 0.05  # of a timeout
+_STEADY: Final = 0.3  # of what else strays
+_STEADIER: Final = 0.5
+_RUN_INTO: Final = (AnswerDamage.CROSSED, AnswerDamage.LONG)
 _TOLD: Final = 5  # waits or delays, by which a clock's errors even out
 _SOONEST: Final = 0.05  # of delays
 _SOONER: Final = 0.8  # of them: no timer strays so far
+_REQUEST: Final = 8  # bytes: of a read, and no request has fewer
+_MANY: Final = 10  # answers
+_SOME: Final = 0.1  # of the requests
+_FAR_MORE: Final = 4.0
 _HEADER: Final = 3  # bytes: unit, function, byte count
 
 # How damage spreads over kinds where it strikes all senders alike.
@@ -92,6 +102,21 @@ def is_one_units(evidence: Evidence) -> bool:
     return hits[at] >= _NEARLY_ALL * sum(hits) and -sum(hits) * log2(share) >= _SURE_BITS
 
 
+def spares_requests(evidence: Evidence, hits: Hits) -> bool:
+    """Whether the one unit's answers are hit and the requests behind its good ones are not, though by their bytes many
+    must be if what strikes comes from outside."""
+    if len(evidence.units) != 1 or not hits.damaged:
+        return False
+    unit = evidence.units[0]
+    a_byte = -log1p(-min(hits.damaged / unit.asked, _MOST_HIT)) / max(_mean_due(evidence, unit.unit) - _REQUEST, 1)
+    share = 1 - exp(-a_byte * _REQUEST)
+    seen, behind = min(hits.requests + hits.idle, unit.answered), unit.answered
+    if seen >= share * behind:
+        return False
+    own = (seen + 0.5) / (behind + 1)
+    return likelihood_bits(seen, behind, own) - likelihood_bits(seen, behind, share) >= _SURE_BITS
+
+
 def is_about_one(evidence: Evidence) -> bool:
     """Whether nearly all that was hit is a unit's or at most two behind what it was asked, and that is no such share of the
     time that exchanges take: what comes from elsewhere, a second master too, meets whatever is going on.
@@ -116,7 +141,7 @@ def is_about_one(evidence: Evidence) -> bool:
 def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
     """Requests to a unit behind which another came well before it ever answers, for which the master does wait: nobody
     gives up so soon, that is another who sends. Of a coarse clock all or none, by the mean of the waits."""
-    waits, delays, off = unit.waits.numbers, unit.delays.numbers, evidence.verdict.wait_ns
+    waits, delays, off = unit.quiet_waits.numbers, unit.delays.numbers, evidence.verdict.wait_ns
     if len(waits) < 1 or len(delays) < _TOLD or not evidence.is_open(Symptom.SILENCE, unit.unit):
         return 0
     soonest = float(np.quantile(delays, _SOONEST))
@@ -124,7 +149,46 @@ def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
     if len(waits) >= _TOLD:
         error = 3 * off / (12 * len(waits)) ** 0.5  # of the mean of times that are wrong by up to so much
         early = 1.0 if waits.mean() + error < _SOONER * float(np.quantile(delays, 0.25)) else early
-    return round(early * len(unit.waits))
+    return round(early * len(unit.quiet_waits))
+
+
+def answers_too_many(evidence: Evidence, unit: UnitLedger) -> int:
+    """By how many a unit's right answers are more than the requests to it that were heard: one device answers each once.
+    0 where it is so of others too, whose requests the tap does not hear."""
+    if not evidence.ordered or not evidence.is_open(Symptom.DOUBLES, unit.unit):
+        return 0
+    others = [other for other in evidence.units if other is not unit]
+    most = max((_surplus(other) / other.asked for other in others if other.asked), default=0.0)
+    found = _surplus(unit)
+    return found if found >= max(_MANY, _FAR_MORE * most * unit.asked, _SOME * unit.asked) else 0
+
+
+def _surplus(unit: UnitLedger) -> int:
+    return max(unit.answered + unit.late + unit.strays + unit.doubles - unit.asked, 0)
+
+
+def timed_by_the_master(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
+    """Damaged answers of a unit into which the master's own next request was sent, for it came by its timer: they begin
+    just when it gives up, or end always as long behind their request, though the unit answers now sooner, now later."""
+    off, char_ns = evidence.verdict.wait_ns, evidence.ledger.char_ns
+    readings = [each for each in evidence.readings(unit) if each.delay >= 0 and each.length]
+    found: list[Signature] = []
+    timeout = evidence.timeout_ns
+    if timeout is not None and off < _AT_ONCE * timeout:
+        begun = [each for each in readings if abs(each.delay - timeout) <= _AT_ONCE * timeout]
+        good = unit.delays.numbers
+        steady = len(good) < _TOLD or _spread([each.delay for each in begun]) < _STEADY * _spread(good)
+        found += begun if len(begun) >= _TOLD and steady else []
+    run_into = [each for each in readings if each.damage in _RUN_INTO and each.length >= each.due]
+    ends = [each.delay + each.length * char_ns for each in run_into]
+    begun_within = _spread([each.delay for each in run_into])
+    if len(ends) >= _TOLD and begun_within > 2 * char_ns and _spread(ends) + off < _STEADIER * begun_within + char_ns:
+        found += [each for each in readings if each.damage is not AnswerDamage.HEAD and each not in found]
+    return found
+
+
+def _spread(numbers: Sequence[float] | NDArray[np.float64]) -> float:
+    return float(np.subtract(*np.quantile(numbers, (0.9, 0.1)))) if len(numbers) else 0.0
 
 
 def late_of_any(evidence: Evidence) -> int:

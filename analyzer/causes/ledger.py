@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
+from ..deframing.directions import either_way
 from ..diagnosis.tap_clock import TapClock
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol
-from ..tables.transactions import NEVER, Status, TransactionRows
+from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
 from .crowdedtimes import CrowdedTimes
 from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
 from .polls import PollTable
@@ -161,13 +162,14 @@ class Ledger:
         if len(frames) < len(rows):
             self._count_noise(table, (~framed).nonzero()[0])
         port = rows.port
-        misshapen = self._misshapen(table, right)
+        misshapen, alike = self._misshapen(table, right), either_way(rows)
         for number in np.flatnonzero(np.bincount(port)).tolist():
             here = port == number
             tally = self.ports[number]
             tally["requests"] += int(np.count_nonzero(here & right & asks))
             tally["responses"] += int(np.count_nonzero(here & right & ~asks))
             tally["misshapen"] += int(np.count_nonzero(here & misshapen))
+            tally["alike"] += int(np.count_nonzero(here & alike))
 
     @staticmethod
     def _misshapen(table: RowColumns, right: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -243,7 +245,9 @@ class Ledger:
         self.request_gaps.add(gaps[gaps != NO_GAP])
         self._count_broadcasts(exchanges, outcome == _BROADCAST)
         waits = np.where(t_next == NEVER, 0, t_next - exchanges.t_asked)
-        self.successors.add(exchanges.unit, outcome == _SILENT, odd, exchanges.t_asked, exchanges.delay, waits)
+        silent = outcome == _SILENT
+        silent &= ~(ECHOED[exchanges.function] & exchanges.next_same)  # one of two echoes reads like a repeated request
+        self.successors.add(exchanges.unit, silent, odd, exchanges.t_asked, exchanges.delay, waits)
         self.grid.add("asked", times)
         self.grid.add("damage", times[(outcome == _GARBAGE) | (exchanges.noise > 0)])
 

@@ -14,6 +14,7 @@ from .exchanges import Ending, Exchanges, Stretch
 from .thinned import Thinned
 
 _POLLS: Final = 4096
+_SEVERAL: Final = 3  # times
 _RING: Final = 32  # intervals of a poll that are remembered, the newest
 _HOLDS: Final = np.isin(np.arange(256), (1, 2, 3, 4, 23))
 _OK, _EXCEPTION, _SILENT, _KINDS = int(Ending.OK), int(Ending.EXCEPTION), int(Ending.SILENT), len(Ending)
@@ -167,6 +168,13 @@ class PollTable:
     def requests(self) -> list[bytes]:
         """A request of each poll."""
         return self._requests
+
+    @property
+    def sure_requests(self) -> list[bytes]:
+        """A request of each poll that was answered or came several times: garbage holds a right check value by chance."""
+        outcomes = self._outcomes[: len(self._requests)]
+        sure = (outcomes[:, [_OK, _EXCEPTION]].sum(axis=1) > 0) | (outcomes.sum(axis=1) >= _SEVERAL)
+        return [self._requests[slot] for slot in sure.nonzero()[0].tolist()]
 
     def polls(self) -> list[Poll]:
         """All of them, by unit, function and address."""

@@ -229,13 +229,20 @@ def _of_length(sample: Sample, data: bytes, due: int, header: bytes) -> _Signatu
     for head in range(1, min(len(known), _HEAD_MOST, due - 3) + 1):
         rest = due - head
         if count >= rest and crc16(known[:head] + data[count - rest :]) == 0:
-            flips: tuple[int, ...] = ()
-            if count == due and head == 1:
-                flips = _bits(data[0] ^ known[0])
-            return _SignatureSums(AnswerDamage.HEAD, head, 0, flips)
+            return _headless(data, known[:head]) if count == due else _SignatureSums(AnswerDamage.HEAD, head, 0)
     if data.startswith(header[: min(3, due - 2)]) and count >= due - 1:
         return _tail(data, due)
     return None
+
+
+def _headless(data: bytes, head: bytes) -> _SignatureSums:
+    """What is wrong with the first bytes of an answer as long as is due: damage at its head begins with its first byte."""
+    wrong = [i for i, (one, two) in enumerate(zip(head, data, strict=False)) if one != two]
+    at = wrong[0]
+    flips = _bits(data[at] ^ head[at]) if len(wrong) == 1 else ()
+    if not at:
+        return _SignatureSums(AnswerDamage.HEAD, len(head), 0, flips if len(head) == 1 else ())
+    return _SignatureSums(AnswerDamage.BITS if flips else AnswerDamage.MIDDLE, len(wrong), at, flips)
 
 
 def _tail(data: bytes, due: int) -> _SignatureSums | None:

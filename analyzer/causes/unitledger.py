@@ -51,6 +51,7 @@ class UnitLedger:
         self.last = 0
         self.delays = Thinned()  # ns
         self.waits = Thinned()  # ns, of requests that stayed without an answer, to the next request
+        self.quiet_waits = Thinned()  # and of those behind which nothing at all came
         self.garbage_waits = Thinned()
         self.gaps = Thinned()  # ns, silence between a request and its answer by the reads
         self.holes = Thinned()  # ns, the longest silence inside an answer
@@ -108,7 +109,9 @@ class UnitLedger:
         if timed and counts[_SILENT] + counts[_GARBAGE]:
             waits = mine.t_next - mine.t_asked
             known = mine.t_next != NEVER
-            self.waits.add(waits[known & (outcome == _SILENT)])
+            silent = known & (outcome == _SILENT)
+            self.waits.add(waits[silent])
+            self.quiet_waits.add(waits[silent & (mine.late == 0) & (mine.strays == 0)])
             self.garbage_waits.add(waits[known & (outcome == _GARBAGE)])
 
     def _add_answers(self, good: Exchanges, *, timed: bool, hole_ns: float) -> None:

@@ -1,8 +1,8 @@
-"""What masters and the ways to them do wrong: two of them, broadcasts, haste, too much, pieces."""
+"""What masters and the ways to them do wrong: two of them, broadcasts, too much, pieces."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -13,9 +13,9 @@ from ..asciireading import is_in_ascii
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid, share_of
 from ..exchanges import Ending
-from ..hits import evenness_bits, interrupted, is_about_one, late_of_any
+from ..hits import answers_too_many, evenness_bits, interrupted, is_about_one, late_of_any, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
-from ..signatures import Behind
+from ..signatures import Behind, Signature
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 5
@@ -64,13 +64,18 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     late = late_of_any(evidence)
     sure = sum(early.values()) >= _MET or late - max((unit.late for unit in units), default=0) >= _LEAST
     if not evidence.ordered or _broadcasts_answered(evidence) or (is_about_one(evidence) and not sure):
+        return
+    if any(answers_too_many(evidence, unit) for unit in units):
         return  # where it is sure, it need not meet all alike: slow units are met most
     hasty = sum(max(_hasty(evidence, unit), early[unit.unit]) for unit in units)
     late = sum(unit.late for unit in units) if sure else late
     behind = sum(evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in units)
-    damaged = sum(map(evidence.damaged, units))
+    own = {unit.unit: timed_by_the_master(evidence, unit) for unit in units}  # what its own requests ran into
+    damaged = sum(round(evidence.damaged(unit) * (1 - _part(evidence, unit, own[unit.unit]))) for unit in units)
     told = sure or not _BLIND_NS < evidence.verdict.wait_ns < UNKNOWN  # damaged answers from what is sent behind them
-    readings = [each for unit in units for each in evidence.readings(unit)] if told else []
+    readings = (
+        [each for unit in units for each in evidence.readings(unit) if each not in own[unit.unit]] if told else []
+    )
     hit = [unit for unit in units if evidence.damaged(unit) or unit.late or _hasty(evidence, unit)]
     requests = sum(map(evidence.requests_behind, units))
     sent_into = max(
@@ -107,6 +112,11 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     )
 
 
+def _part(evidence: Evidence, unit: UnitLedger, some: Sequence[Signature]) -> float:
+    """The share of a unit's damaged answers that these are."""
+    return len(some) / max(len(evidence.readings(unit)), 1)
+
+
 def _broadcasts_answered(evidence: Evidence) -> bool:
     """Whether many broadcasts are, for what answers them runs into requests as a second master's would."""
     ledger = evidence.ledger
@@ -118,10 +128,10 @@ def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
     timeout = 0.0 if evidence.timeout_ns is None else max(evidence.timeout_ns, evidence.patience_ns)
     if not timeout or not evidence.is_open(Symptom.SILENCE, unit.unit) or evidence.verdict.wait_ns > _HASTY * timeout:
         return 0
-    waits = unit.waits.numbers
+    waits = unit.quiet_waits.numbers  # what a master hears, though it is another answer, ends its waiting
     if not len(waits) or (evidence.verdict.wait_ns > _AT_ONCE * timeout and (waits <= 0).mean() > _OFTEN):
         return 0  # a tap that passes several requests on at once tells nothing of their waits
-    return round(len(unit.waits) * float((waits < _HASTY * timeout).mean()))
+    return round(len(unit.quiet_waits) * float((waits < _HASTY * timeout).mean()))
 
 
 @suspect(
@@ -205,86 +215,6 @@ def _mean_pause(evidence: Evidence) -> float | None:
     silent = sum(unit.count(Ending.SILENT) for unit in evidence.units)
     rested = ledger.span_ns - ledger.bytes * ledger.char_ns - waited
     return max(rested, 0.0) / max(ledger.exchanges - silent, 1)
-
-
-@suspect(
-    "master-too-fast",
-    Severity.WARNING,
-    blame="master",
-    text="The master sends its next request {gap:.3g} characters after an answer (median), where 3.5 are due: {short} of "
-    "{requests} requests",
-    share="{short} of {requests} requests",
-    deciding_test="Let the master pause for 5 ms before each request, and watch the units that lost requests",
-    remedy="Set the master's inter-frame delay to 3.5 characters ({due:.3g} ms) at the least",
-)
-def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
-    """Less than t3.5 before requests, where the clock carries it."""
-    gaps, due = evidence.ledger.request_gaps, evidence.t35_ns
-    if (
-        due is None
-        or not evidence.verdict.fine
-        or evidence.verdict.jitter_ns > 0.3 * due
-        or len(evidence.ledger.ports) > 1
-    ):
-        return
-    share = 1 - gaps.above(_TOO_SOON * due)
-    median = gaps.quantile(0.5)
-    if len(gaps) < 20 or share < _MOSTLY or median is None:
-        return
-    yield Suspicion(
-        (),
-        surplus_bits(share * len(gaps), len(gaps), 0.05),
-        frozenset({(Symptom.TIMING, None)}),
-        {
-            "gap": median / evidence.ledger.char_ns,
-            "short": round(share * len(gaps)),
-            "requests": len(gaps),
-            "due": due / 1e6,
-        },
-    )
-
-
-@suspect(
-    "unit-too-fast",
-    Severity.WARNING,
-    blame="unit",
-    text="Answers of {units:unit|units} come {gap:.3g} characters after the request (median), where 3.5 are due: {short} "
-    "of {answers}",
-    share="{short} of {answers} answers of {units:unit|units}",
-    deciding_test="Look whether the master, or units that listen, lose frames right behind requests to {units:unit|units}",
-    remedy="Set the unit's response delay to 3.5 characters ({due:.3g} ms) at the least",
-)
-def unit_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
-    """Less than t3.5 before the answers of some units."""
-    due = evidence.t35_ns
-    if (
-        due is None
-        or not evidence.verdict.fine
-        or evidence.verdict.jitter_ns > 0.3 * due
-        or len(evidence.ledger.ports) > 1
-    ):
-        return
-    found = []
-    for unit in evidence.units:
-        share = 1 - unit.gaps.above(_TOO_SOON * due) if len(unit.gaps) else 0.0
-        if len(unit.gaps) >= _LEAST and share >= _MOSTLY and evidence.is_open(Symptom.TIMING, unit.unit):
-            found.append((surplus_bits(share * len(unit.gaps), len(unit.gaps), 0.05), unit, share))
-    if not found:
-        return
-    found.sort(key=lambda one: -one[0])
-    yield Suspicion(
-        tuple(unit.unit for _, unit, _ in found),
-        sum(bits for bits, _, _ in found),
-        frozenset((Symptom.TIMING, unit.unit) for _, unit, _ in found),
-        {
-            "units": tuple(unit.unit for _, unit, _ in found),
-            "gap": float(np.median(np.concatenate([unit.gaps.numbers for _, unit, _ in found])))
-            / evidence.ledger.char_ns,
-            "short": round(sum(share * len(unit.gaps) for _, unit, share in found)),
-            "answers": sum(len(unit.gaps) for _, unit, _ in found),
-            "due": due / 1e6,
-        },
-    )
 
 
 @suspect(

@@ -12,7 +12,7 @@ from ..bits import likelihood_bits, phase_bits, surplus_bits
 from ..crowdedtimes import CrowdedTimes
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
 from ..exchanges import Ending
-from ..hits import ALIKE, WELL, Hits, end_of_part, evenness_bits, is_one_units, span_of_hits
+from ..hits import ALIKE, WELL, Hits, end_of_part, evenness_bits, is_one_units, span_of_hits, spares_requests
 from ..registry import Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 from ..spells import spells_of
@@ -65,9 +65,11 @@ def _load(evidence: Evidence) -> float:
 def _anywhere(evidence: Evidence, *, sparse: bool = False) -> tuple[Hits, float]:
     """Hits of all senders alike, and their weight; `sparse`: where frames are rare, so may those be that are hit."""
     hits = Hits(evidence)
+    if not any(unit.answered for unit in evidence.units):
+        return hits, 0.0  # a line on which nothing is ever well is not disturbed
     if hits.all < _LEAST or (hits.frames < _LEAST and not (sparse and _as_exposed(evidence, hits))):
         return hits, 0.0
-    if hits.requests < _FEW * hits.damaged and is_one_units(evidence):
+    if (hits.requests < _FEW * hits.damaged and is_one_units(evidence)) or spares_requests(evidence, hits):
         return hits, 0.0
     bits = surplus_bits(hits.all, max(hits.exchanges, hits.all), HEALTHY) + _place_bits(hits, _load(evidence))
     readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]

@@ -15,7 +15,7 @@ from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
 from ..exchanges import Ending
-from ..hits import interrupted
+from ..hits import interrupted, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Signature
 from ..unitledger import UnitLedger
@@ -35,6 +35,7 @@ _STEADIEST: Final = 0.01  # of a delay: so much any device's strays
 _SHIFTED: Final = 4.0
 _OVERDUE: Final = 0.8  # of the timeout
 _FAR_SLOWER: Final = 3.0
+_TIMED_BITS: Final = 3.0  # of a time that is just the timeout, and might be any
 _KINDS: Final = {
     "crossed": 0.5,
     "other": 0.12,
@@ -87,7 +88,12 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         slow = unit.delays.quantile(0.9)
         yield Suspicion(
             (unit.unit,),
-            surplus_bits(mine, max(unit.asked, mine), background) + 2 * mine + behind + silent + garbled,
+            surplus_bits(mine, max(unit.asked, mine), background)
+            + 2 * mine
+            + behind
+            + silent
+            + garbled
+            + _TIMED_BITS * len(timed_by_the_master(evidence, unit)),
             frozenset(explains),
             {
                 "unit": unit.unit,
@@ -153,16 +159,21 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
     if not evidence.is_open(Symptom.LATENESS, unit.unit):
         return 0
     found = unit.late + unit.strays
-    if unit.doubles <= 1.2 * unit.count(Ending.SILENT):
+    if unit.doubles <= 1.2 * evidence.unanswered(unit):
         found += unit.doubles
     readings = evidence.readings(unit)
     slow = _redundant(unit)
     bound = min(slow.bound_ns, _overdue_ns(evidence, unit))
     hurried, char_ns = _hurried(evidence, unit), evidence.ledger.char_ns
+    by_timer = timed_by_the_master(evidence, unit)
     late = [
         r
         for r in readings
-        if kind_of(r) == "crossed" or r.delay >= bound or r.delay + r.due * char_ns >= hurried.bound_ns or _own(r, unit)
+        if kind_of(r) == "crossed"
+        or r.delay >= bound
+        or r.delay + r.due * char_ns >= hurried.bound_ns
+        or _own(r, unit)
+        or r in by_timer
     ]
     found += round(unit.count(Ending.GARBAGE) * len(late) / max(len(readings), 1))
     return found + max(slow.count, hurried.count, _unheeded(evidence, unit))

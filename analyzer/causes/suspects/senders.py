@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from math import log2
 from statistics import median
 from typing import Any, Final
+
+from dissectors.crc import crc16
 
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
 from ..exchanges import Ending
+from ..hits import answers_too_many
 from ..ledger import STRAY
 from ..misreading import beheaded, formats_of
 from ..registry import Suspicion, Symptom, suspect
@@ -53,7 +57,7 @@ def damage_suspicion(evidence: Evidence, unit: UnitLedger, bits: float, more: Ma
     return Suspicion(
         (unit.unit,),
         bits,
-        frozenset({(Symptom.DAMAGE, unit.unit), (Symptom.MARKS, unit.unit)}),
+        frozenset((kind, unit.unit) for kind in (Symptom.DAMAGE, Symptom.MARKS, Symptom.BEHIND)),
         {
             "unit": unit.unit,
             "damaged": unit.count(Ending.GARBAGE),
@@ -74,6 +78,7 @@ _SHARE: Final = "{damaged} of {answers} answers of unit {unit}[, {others_damaged
 
 
 _BYTE: Final = 8.0
+_CHECKED: Final = 16.0
 _OWN_BITS: Final = 6.0
 _RUN_INTO_BITS: Final = 20.0
 _BEGINNING: Final = 3  # bytes of garbage that count
@@ -104,7 +109,7 @@ def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in evidence.units:
         readings = evidence.readings(unit)
         if len(readings) >= _LEAST and share_of(readings, "head") < _MOSTLY:
-            bits = _out_of_step(evidence, unit)
+            bits = max(_out_of_step(evidence, unit), _whole_behind(readings))
             if bits > 0:
                 bits += evidence.surplus(unit) + kind_bits(readings, _BEHEADED)
                 yield damage_suspicion(evidence, unit, bits, {"bytes": 1})
@@ -128,6 +133,20 @@ def _out_of_step(evidence: Evidence, unit: UnitLedger) -> float:
                 bits += count * (_BYTE * fits - price if fits else -_MISSED)
             best = max(best, bits)
     return best
+
+
+def _whole_behind(readings: Sequence[Signature]) -> float:
+    """Bits for garbage whose end is whole, though its beginning is not known: two answers to one request, as long and
+    not the same, leave the same rest by the check value where all in which they differ is right."""
+    alike: dict[tuple[bytes, int], list[bytes]] = defaultdict(list)
+    for each in readings:
+        if not each.heard.startswith(known_header(each.request)[:1]):
+            alike[each.request, each.length].append(each.heard)
+    bits = -_BYTE
+    for several in alike.values():
+        for one, two in pairwise(dict.fromkeys(several)):
+            bits += _CHECKED if crc16(one) == crc16(two) else -1
+    return bits
 
 
 def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
@@ -201,16 +220,18 @@ def byte_count(evidence: Evidence) -> Iterator[Suspicion]:
 def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
     """Overlap, or two answers, for one unit alone."""
     for unit in evidence.units:
-        readings = evidence.readings(unit)
-        if sum(evidence.begun_by(reading) is not None for reading in readings) >= max(_LEAST, _OFTEN * len(readings)):
+        readings, too_many = evidence.readings(unit), answers_too_many(evidence, unit)
+        foreign = sum(evidence.begun_by(reading) is not None for reading in readings)
+        if foreign >= max(_LEAST, _OFTEN * len(readings)) and not too_many:
             continue  # another unit is still answering when this one is asked
         doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
         doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
         doubles += max(evidence.begun[unit.unit] - unit.count(Ending.SILENT, Ending.GARBAGE), 0)
         crossed = evidence.behind(unit, Behind.REQUEST, Behind.NOISE)
         crossed = round(crossed) if doubles >= _LEAST or (len(readings) >= _LEAST and crossed >= _LEAST) else 0
-        if doubles <= 1.2 * unit.count(Ending.SILENT):
+        if doubles <= 1.2 * evidence.unanswered(unit):
             doubles = 0
+        doubles = max(doubles, too_many)
         rest = [other for other in evidence.units if other is not unit]
         noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)
         background = max(HEALTHY, (noisy + 0.5) / (sum(other.answered for other in rest) + 50))
@@ -225,9 +246,17 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
             continue
         run_into = _run_into(evidence, unit) if doubles >= _LEAST else {}
         found = damage_suspicion(evidence, unit, bits + sum(run_into.values()), {"doubles": doubles})
-        explains = found.explains | {(kind, unit.unit) for kind in (Symptom.DOUBLES, Symptom.BEHIND, Symptom.LATENESS)}
+        explains = found.explains | {(kind, unit.unit) for kind in _ITS_OWN}
         explains |= {(kind, other) for other in run_into for kind in (Symptom.DAMAGE, Symptom.BEHIND)}
+        if too_many:  # the master takes one for what it asked next, and so on
+            explains |= {(kind, other.unit) for other in evidence.units for kind in _DISORDER}
+            disorder = sum(surplus_bits(evidence.damaged(other), other.asked, HEALTHY) for other in rest)
+            found = replace(found, bits=found.bits + disorder)
         yield replace(found, explains=explains)
+
+
+_ITS_OWN: Final = (Symptom.DOUBLES, Symptom.LATENESS, Symptom.VALUES)  # values of two devices
+_DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE)
 
 
 def _run_into(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:

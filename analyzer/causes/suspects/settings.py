@@ -49,6 +49,8 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
         readings = evidence.readings(unit)
         if len(readings) >= _LEAST and share_of(readings, "whole", "middle", "long", "cut") >= 0.6:
             bits, words, drift = _fitting(evidence, readings)
+            if (seven := _seven_bits(readings)) > bits:
+                bits, words, drift = seven, "seven data bits and parity", 0.0
             bits += evidence.surplus(unit) + kind_bits(readings, _EXPECTED) + _steadiness(evidence, unit)
             if bits > 0:
                 yield damage_suspicion(evidence, unit, bits, {"settings": words, "drift": drift, "how": _GARBAGE})
@@ -72,6 +74,13 @@ def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, 
                 best, off = bits, drift
                 words = "a clock that is off" if drift else sender.words
     return best, words, off
+
+
+def _seven_bits(readings: Sequence[Signature]) -> float:
+    """How much likelier it is that the highest bit of each byte is the parity of the others, each byte taken once."""
+    odd = [byte.bit_count() & 1 for byte in set(b"".join(reading.heard for reading in readings))]
+    one = min(sum(odd), len(odd) - sum(odd))
+    return one * _OTHER + (len(odd) - one) * _SAME - _BYTE
 
 
 def _match(header: bytes, heard: bytes, sender: CharacterFormat, receiver: CharacterFormat, sample: float) -> float:

@@ -27,6 +27,7 @@ _LEAST: Final = 20  # frames
 _FRAMES: Final = 10  # by which a wrong direction is told: chance makes no right check value so often
 _NEARLY_ALL: Final = 0.9
 _NOTHING: Final = 0.12  # of the bytes in right frames
+_HALF: Final = 0.5  # of them, those of functions that nobody knows among them
 _BYTES: Final = 150
 _TEXT: Final = 0.7  # of bytes that people can read: no UART set wrongly gives so many
 _MOSTLY: Final = 0.5
@@ -187,7 +188,7 @@ def tap_reversed(evidence: Evidence) -> Iterator[Suspicion]:
             continue
         other = Role.RESPONSE if role is Role.REQUEST else Role.REQUEST
         misshapen = tally["misshapen"]  # of the other kind by their length, though said to be of this one
-        right += tally["requests" if role is Role.REQUEST else "responses"] - misshapen
+        right += max(tally["requests" if role is Role.REQUEST else "responses"] - misshapen - tally["alike"], 0)
         found = tally["responses" if role is Role.REQUEST else "requests"] + misshapen
         found += _hidden(evidence, port, other)
         if found > wrong / 2:
@@ -244,6 +245,11 @@ def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
     yield Suspicion((), _COPY_BITS * echoed, frozenset(explains), numbers, ledger.begin, ledger.end)
 
 
+def _has_seven_bits(data: bytes) -> bool:
+    """Whether bytes in no frame never have the highest bit, as a third of them have: the tap takes seven bits of each."""
+    return len(data) >= _BYTES and max(data) < 0x80
+
+
 @suspect(
     "tap-line-settings",
     Severity.ERROR,
@@ -261,7 +267,8 @@ def tap_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
     if (
         evidence.foreign[1]
         or ledger.bytes < _BYTES
-        or ledger.right_bytes > _NOTHING * ledger.bytes
+        or (evidence.declared_bytes > _NOTHING * ledger.bytes and not _has_seven_bits(data))
+        or ledger.right_bytes > _HALF * ledger.bytes
         or len(data) < _BYTES / 2
         or sum(_hidden(evidence, port, role) for port in ledger.ports for role in Role) >= _FRAMES
     ):
@@ -277,5 +284,10 @@ def tap_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
         "baud": ledger.line.baud or 0,
     }
     yield Suspicion(
-        (), 30 + 200 * marks + ledger.noise_bytes / 2, _everything(evidence), numbers, ledger.begin, ledger.end
+        (),
+        30 + 200 * marks + (ledger.bytes - ledger.right_bytes if _has_seven_bits(data) else ledger.noise_bytes / 2),
+        _everything(evidence),
+        numbers,
+        ledger.begin,
+        ledger.end,
     )

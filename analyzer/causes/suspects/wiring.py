@@ -48,7 +48,8 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
         return
     touched = sum(evidence.damaged(unit) * _run_into(evidence, unit) for unit in evidence.units)
     idle, frames = hits.idle + touched, hits.frames - touched
-    bits = surplus_bits(idle, max(hits.exchanges, idle), HEALTHY)
+    hit = idle + frames if hits.damaged < _FEW * idle else idle
+    bits = surplus_bits(hit, max(hits.exchanges, hit), HEALTHY)
     bits += likelihood_bits(frames, idle + frames, WELL) - likelihood_bits(frames, idle + frames, 0.5)
     stray = [evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units]
     if len(stray) > 1 and max(stray) > _ONE_UNIT * sum(stray):
