@@ -93,7 +93,8 @@ def test_the_convention_of_a_check_value_is_named() -> None:
 def test_frames_of_a_unit_whose_address_flow_control_eats_are_told_apart_and_mended() -> None:
     """Unit 19 never shows its address: its requests and answers are noise, which its silences part; a request that was
     mended tells how long its answer is, and so how many bytes that lost."""
-    polls = [(adu("050300330002"), adu("050304ff00fe01")), (adu("130300750020"), adu("130340" + "0102aa13" + "0102aaff" * 15))]
+    words = "0102aa13" + "0102aaff" * 15
+    polls = [(adu("050300330002"), adu("050304ff00fe01")), (adu("130300750020"), adu("130340" + words))]
     chunks, now, due = [], 10**9, []
     offset = 0
     for number in range(60):
