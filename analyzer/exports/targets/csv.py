@@ -84,7 +84,7 @@ _EXACT: Final = 1 << 53  # nanoseconds that a float still counts
 _SPECIAL: Final = frozenset(',"\r\n')
 
 
-class _Spoken(NamedTuple):
+class _SpokenWords(NamedTuple):
     """What frames speak of: -1 for none; how many values each has, and the values of all, end to end."""
 
     address: Ints
@@ -196,7 +196,7 @@ class _CsvTable:
         cursor.put(b",")
         cursor.put_numbers(rows.t_end_ns)
 
-    def _put_tail(self, rows: Rows, contents: _Spoken, batch: Batch, row_numbers: Ints, cursor: Cursor) -> None:
+    def _put_tail(self, rows: Rows, contents: _SpokenWords, batch: Batch, row_numbers: Ints, cursor: Cursor) -> None:
         """What is behind the summary, and the line's end."""
         findings = np.full(len(row_numbers), self._store.fixed(b'",,'), np.int64)
         odd = np.flatnonzero(batch.finding_counts[row_numbers])
@@ -228,7 +228,7 @@ class _CsvTable:
         for part in (second, fraction, zone):
             cursor.put(part)
 
-    def _contents(self, batch: Batch, row_numbers: Ints) -> _Spoken:
+    def _contents(self, batch: Batch, row_numbers: Ints) -> _SpokenWords:
         """What some rows speak of."""
         if self._decoded is None or self._decoded[0] is not batch:
             self._decoded = batch, decode(batch, self._pdus)
@@ -237,7 +237,7 @@ class _CsvTable:
         counts = decoded.offsets[row_numbers + 1] - begins
         values = decoded.values.take(np.repeat(begins, counts) + within(counts)).astype(np.int64)
         address, quantity = (column[row_numbers].astype(np.int64) for column in (decoded.address, decoded.quantity))
-        return _Spoken(address, quantity, counts, values)
+        return _SpokenWords(address, quantity, counts, values)
 
     def _noise(self, batch: Batch, row_numbers: Ints) -> list[bytes]:
         blank = b"," * (COLUMNS.index("hex") - COLUMNS.index("t_end_ns"))
