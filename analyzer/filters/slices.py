@@ -240,18 +240,18 @@ class TableSlice:
             return None
         return self.octets.some(np.flatnonzero(requested))
 
-    def spoken(self, requested: Mask | None) -> Spoken:
+    def spoken(self, requested: Mask | None) -> SpokenAddresses:
         """The addresses that each row speaks of; of rows that are not asked for maybe none."""
         some = self.some(requested)
         if some is None:
-            return Spoken(self.decoded.address, self.decoded.quantity, self.decoded.area)
+            return SpokenAddresses(self.decoded.address, self.decoded.quantity, self.decoded.area)
         batch, rows = some
         decoded, here = decode(batch), rows >= 0
         address, quantity = np.full((2, len(self)), -1, np.int64)
         area = np.zeros(len(self), np.uint8)
         address[rows[here]], quantity[rows[here]] = decoded.address[here], decoded.quantity[here]
         area[rows[here]] = decoded.area[here]
-        return Spoken(address, quantity, area)
+        return SpokenAddresses(address, quantity, area)
 
     @cached_property
     def held(self) -> HeldValues:
@@ -278,7 +278,7 @@ class TableSlice:
         return TextSlice(texts, rows, len(self))
 
 
-class Spoken(NamedTuple):
+class SpokenAddresses(NamedTuple):
     """What rows speak of: first address and how many, -1 for none; AreaCodes."""
 
     address: NDArray[np.integer[Any]]

@@ -16,7 +16,8 @@ from textual.strip import Strip
 from ..languages import counted, tr
 from ..model.bands import Band, bands
 from ..model.explained import rows_of_causes
-from ..words import percent, short
+from ..model.timemarks import time_marks
+from ..words import is_clock, percent, short
 from .keptfilters import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen
 from .paint import Painted, StyledText, fitted
@@ -35,6 +36,8 @@ _BELOW: Final = 5  # lines under it
 _LEAST_PLOT: Final = 3  # lines that bands leave to it
 _ABOVE: Final = 2
 _LEAST_NS: Final = 1_000_000  # no span is shorter
+_LONG_NS: Final = 600 * 10**9  # from which on times of day say more than seconds
+_LEAST: Final = 0.001  # the least load that fills the plot
 _AGAIN_S: Final = 2.0  # between two reckonings of causes while rows come
 
 
@@ -151,8 +154,20 @@ class Timeline(Painted, can_focus=True):
             StyledText(tr("   a column is {time}", time=short(round(bins.width_ns))) + most, "dim"),
         ]
 
+    @property
+    def _by_the_clock(self) -> bool:
+        """Whether times are those of day: seconds since the start of a week say little."""
+        return is_clock(self.desk.bus.t_first) and self.t_end - self.t_start >= _LONG_NS
+
     def _scale(self) -> str:
-        """Times under the title, at round numbers of seconds since the start."""
+        """Times under the title: of day, or round numbers of seconds since the start."""
+        if self._by_the_clock:
+            line = [" "] * (self.columns + _LABEL)
+            for t_ns, words in time_marks(self.t_start, self.t_end, self.columns // 10, self.desk.zone):
+                column = int((t_ns - self.t_start) / (self.t_end - self.t_start) * self.columns)
+                if column < self.columns - 6:
+                    line[_LABEL + column : _LABEL + column + 6] = f"|{words:<5}"
+            return "".join(line)
         first = self.desk.bus.t_first
         size = (self.t_end - self.t_start) / 1e9
         least = size * 14 / self.columns  # room for a label
@@ -174,10 +189,10 @@ class Timeline(Painted, can_focus=True):
 
     def _bars(self, y: int, plot: int, bins: Bins) -> list[StyledText]:
         load = self._loads(bins)
-        top = max(float(load.max()), 0.01)
+        top = max(float(load.max()), _LEAST)
         level = np.clip(np.round(load / top * plot * 8).astype(int), (load > 0).astype(int), None)
         cells = np.clip(level - (plot - 1 - y) * 8, 0, 8)
-        label = f"{top:.0%}" if y == 0 else "0%" if y == plot - 1 else ""
+        label = percent(top) if y == 0 else "0%" if y == plot - 1 else ""
         if not self.desk.bus.char_ns:
             label = ""
         span, deaf = self._span_columns(), self._deaf_columns()
@@ -235,10 +250,11 @@ class Timeline(Painted, can_focus=True):
 
     def _under_cursor(self, bins: Bins) -> list[StyledText]:
         i = self.cursor
-        at = (self.time_at(i) - self.desk.bus.t_first) / 1e9
+        t_ns = self.time_at(i)
+        at = self.desk.when(t_ns) if self._by_the_clock else f"{(t_ns - self.desk.bus.t_first) / 1e9:.6f} s"
         load = f", {tr('load {share}', share=percent(self._loads(bins)[i]))}" if self.desk.bus.char_ns else ""
         frames = counted(int(bins.frames[i]), "frame", "frames")
-        words = f" {at:.6f} s: {frames}{load}, {counted(int(bins.troubles[i]), 'trouble', 'troubles')}"
+        words = f" {at}: {frames}{load}, {counted(int(bins.troubles[i]), 'trouble', 'troubles')}"
         span = self._span()
         if i in self._deaf_columns():
             words += tr("; the recorder heard nothing here")
