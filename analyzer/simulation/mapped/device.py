@@ -29,7 +29,8 @@ _QUANTITY: Final = re.compile(
 _COUNTED: Final = frozenset(
     ("Wh", "kWh", "MWh", "varh", "kvarh", "VAh", "kVAh", "Ah", "GJ", "MJ", "m³", "t", "h", "s", "min", "kg", "l")
 )
-_ABSENT: Final = (0.03, 0.03, 0.1, 0.3)  # of the values that a map lists: devices lack whole parts
+_ABSENT: Final = 0.03  # of the values that a map lists
+_LACKING: Final = (0.03, 0.03, 0.1, 0.3)  # of a wild device, which lacks whole parts
 _MARKS: Final = ("zero", "zero", "zero", "ones", "least", "greatest")  # of what a device lacks
 _CLOCK: Final = re.compile(
     r"\bclock ((?:years?|months?|days?|hours?|minutes?|(?:milli)?seconds?)(?: and [a-z]+)?)\b", re.IGNORECASE
@@ -57,11 +58,13 @@ class MappedDevice:
     words: dict[tuple[MapArea, int], int] = field(default_factory=dict)
     motions: list[tuple[MappedValue, Series]] = field(default_factory=list)
     _unlisted: list[tuple[tuple[MapArea, int], Series]] = field(default_factory=list)
-    _mark: str = "zero"
+    _mark: str | None = None  # None: any, value by value
 
     def __post_init__(self) -> None:
         plant = Plant(self.random, self.seconds, self.wild)
-        absent, self._mark = self.random.choice(_ABSENT), self.random.choice(_MARKS)
+        absent = _ABSENT
+        if self.wild:
+            absent, self._mark = self.random.choice(_LACKING), self.random.choice(_MARKS)
         powers = {(row.area, row.scale_address) for row in self.chart.rows if row.scale_address is not None}
         for row in self.chart.rows:
             if (row.area, row.address) in powers:
@@ -122,6 +125,9 @@ class MappedDevice:
         if row.area in ("coil", "discrete"):
             return [0]
         size = 2 * row.length
+        if self._mark is None:
+            absent = self.random.choice((b"\0" * 2, b"\xff" * 2, b"\x80\0" if row.length == 1 else b"\0" * 2))
+            return registers_of(absent * row.length, cast(Order, row.order))
         if row.is_float and self._mark != "zero":
             return registers_of((b"\x7f\xc0" if size == 4 else b"\x7f\xf8").ljust(size, b"\0"), cast(Order, row.order))
         signed = {"least": b"\x80".ljust(size, b"\0"), "greatest": b"\x7f".ljust(size, b"\xff")}

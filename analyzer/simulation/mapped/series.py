@@ -67,17 +67,6 @@ def stays_and_jumps(random: Random, level: float, reach: float) -> Series:
         yield value
 
 
-def switched(random: Random, level: float, reach: float) -> Series:
-    """A load that is switched among a few levels, and scatters a little on each."""
-    levels = [level + random.uniform(-1, 1) * reach for _ in range(random.randint(2, 4))]
-    share, spread = random.uniform(0.02, 0.25), random.choice((0.0, 0.002, 0.02)) * reach
-    now = level
-    while True:
-        if random.random() < share:
-            now = random.choice(levels)
-        yield random.gauss(now, spread)
-
-
 def bursts(random: Random, level: float) -> Series:
     """Zero most of the time."""
     share, running, value = random.uniform(0.02, 0.2), False, 0.0
@@ -168,7 +157,6 @@ _MOTIONS: tuple[Callable[[Random, float, float], Series], ...] = (
     wave,
     ramp,
     stays_and_jumps,
-    switched,
 )
 
 
