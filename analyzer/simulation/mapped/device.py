@@ -153,7 +153,9 @@ class MappedDevice:
             self.words[key] = random.randrange(random.choice((10, 1000, 65536)))
         else:
             level = random.uniform(10, 10 ** random.uniform(1.2, 4.5))
-            self._unlisted.append((key, series.motion(random, level, level * random.uniform(0.02, 0.3))))
+            self._unlisted.append(
+                (key, series.motion(random, level, level * random.uniform(0.02, 0.3), wild=self.wild > 0))
+            )
             self.words[key] = int(next(self._unlisted[-1][1])) & 0xFFFF
 
 
@@ -245,6 +247,9 @@ class Plant:
             return self._rounded(row, self._anything(row))
         return self._rounded(row, self._measured(row))
 
+    def _motion(self, level: float, reach: float) -> Series:
+        return series.motion(self._random, level, reach, wild=self._wild > 0)
+
     def _measured(self, row: MappedValue) -> Series:
         unit, name = row.unit, row.name
         if unit in _COUNTED and not re.search(r"demand|interval|delay|left|capacity$", name, re.I):
@@ -255,13 +260,13 @@ class Plant:
             return self._electric(name, base if base else "PF", factor)
         if "°C" in unit:
             level = self._random.choice((5.0, 22.0, 22.0, 45.0, 65.0, -8.0))
-            return series.motion(self._random, level, self._random.uniform(0.5, 8))
+            return self._motion(level, self._random.uniform(0.5, 8))
         if unit == "Hz" and not re.search(r"output|motor|compressor|pulse|setpoint|reference|meter \d", name, re.I):
             return series.walk(self._random, self._mains, 0.01, 0.05)
         level, reach = _LEVELS.get(unit, (0.0, 0.0))
         if level:
             low = self._random.uniform(0.02, 1)
-            return series.motion(self._random, level * self._random.uniform(0.3, 1.3), reach * low)
+            return self._motion(level * self._random.uniform(0.3, 1.3), reach * low)
         if unit == "" and re.search(r"count|starts|cycles", name, re.I):
             return series.counter(self._random, 10 ** self._random.uniform(0, 6), 10 ** self._random.uniform(-2, 2))
         if unit == "" and re.search(r"status|alarm|state|mode|code|fault|error|warning|sequence|decimal", name, re.I):
@@ -299,7 +304,7 @@ class Plant:
             still = random.random() < 0.04
             self._channels[key] = _Circuit(
                 series.constant(volts) if still else series.walk(random, volts, volts * 0.002, volts * 0.02),
-                series.motion(random, amperes, abs(amperes) * self._lively),
+                self._motion(amperes, abs(amperes) * self._lively),
                 series.walk(random, random.uniform(0.75, 0.99), 0.003, 0.01),
             )
         return self._channels[key]
@@ -338,7 +343,7 @@ class Plant:
             return series.counter(random, abs(level), reach * random.uniform(0.001, 0.1))
         if kind < 0.2:
             return series.bursts(random, level or reach)
-        return series.motion(random, level, reach)
+        return self._motion(level, reach)
 
     def _rounded(self, row: MappedValue, motion: Series) -> Series:
         """As a device tells it: integers by their scale, some coarser; floats often of a few decimals."""

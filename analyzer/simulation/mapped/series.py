@@ -67,6 +67,17 @@ def stays_and_jumps(random: Random, level: float, reach: float) -> Series:
         yield value
 
 
+def switched(random: Random, level: float, reach: float) -> Series:
+    """A load that is switched among a few levels, and scatters a little on each."""
+    levels = [level + random.uniform(-1, 1) * reach for _ in range(random.randint(2, 4))]
+    share, spread = random.uniform(0.02, 0.25), random.choice((0.0, 0.002, 0.02)) * reach
+    now = level
+    while True:
+        if random.random() < share:
+            now = random.choice(levels)
+        yield random.gauss(now, spread)
+
+
 def bursts(random: Random, level: float) -> Series:
     """Zero most of the time."""
     share, running, value = random.uniform(0.02, 0.2), False, 0.0
@@ -160,6 +171,6 @@ _MOTIONS: tuple[Callable[[Random, float, float], Series], ...] = (
 )
 
 
-def motion(random: Random, level: float, reach: float) -> Series:
-    """Any of the motions of a measurement about a level."""
-    return random.choice(_MOTIONS)(random, level, reach)
+def motion(random: Random, level: float, reach: float, *, wild: bool = False) -> Series:
+    """Any of the motions of a measurement about a level; of a wild device a load may be switched."""
+    return random.choice((*_MOTIONS, switched) if wild else _MOTIONS)(random, level, reach)
