@@ -133,14 +133,14 @@ def _restless(random: Random, *, signed: bool) -> series.Series:
     match random.choice(("walk", "scatter", "count", "carry", "carry")):
         case "walk":
             reach = min(level / 3, 10 ** random.uniform(4.3, 7.5))
-            return series.motion(random, level, reach)
+            return series.motion(random, level, reach, wild=True)
         case "scatter":
             return series.noise(random, level, level * 10 ** random.uniform(-2.2, -0.6))
         case "count":
             return series.counter(random, level, 10 ** random.uniform(2.5, 6))
     about = 0x10000 * (0 if signed and random.random() < 0.5 else random.randrange(1, random.choice((3, 40, 4000))))
     reach = 10 ** random.uniform(0.5, 4)
-    return series.motion(random, about + random.uniform(-1, 1) * reach / 2, reach)
+    return series.motion(random, about + random.uniform(-1, 1) * reach / 2, reach, wild=True)
 
 
 def _in_forms(device: MappedDevice) -> None:

@@ -95,3 +95,25 @@ def test_a_high_word_that_is_zero_all_the_time_contradicts_no_wide_integer() -> 
     assert [remark.kind for remark in check_map(readings, {1: RegisterMap("meter", (turned, rows[1]))})] == [
         "contradiction"
     ]
+
+
+@pytest.mark.parametrize("order", ["ABCD", "CDAB"])
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("s32", (0x8000, 0)),
+        ("s32", (0x7FFF, 0xFFFF)),
+        ("u32", (0xFFFF, 0xFFFF)),
+        ("f32", (0x7FC0, 0)),
+        ("s16", (0x7FFF,)),
+    ],
+)
+def test_what_a_device_lacks_contradicts_no_map(kind: str, words: tuple[int, ...], order: str) -> None:
+    row = MappedValue("input", 10, "Level", kind, order, len(words), minimum=-50, maximum=50)
+    stored = words if order == "ABCD" else words[::-1]
+    readings = RegisterReadings()
+    readings.put(1, "input", 10, np.tile(np.array(stored, np.uint16), (40, 1)))
+    assert not [r for r in check_map(readings, {1: RegisterMap("made up", (row,))}) if r.kind == "contradiction"]
+    readings = RegisterReadings()
+    readings.put(1, "input", 10, np.tile(np.array(stored, np.uint16) ^ 0x0100, (40, 1)))
+    assert [r for r in check_map(readings, {1: RegisterMap("made up", (row,))}) if r.kind == "contradiction"]

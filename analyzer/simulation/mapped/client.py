@@ -43,7 +43,7 @@ class MappedClient:
         self.devices = [
             MappedDevice(unit, chart, random.uniform(2.5e6, 31e6), seconds, random, wild) for unit, chart in charts
         ]
-        self.polls = [poll for device in self.devices for poll in _polls(random, device)]
+        self.polls = [poll for device in self.devices for poll in _polls(random, device, _EVEN if wild else 0.0)]
         self._turn = 0
         self._settable = [(d, row) for d in self.devices for row in d.chart.rows if row.writable and row.length <= 4]
 
@@ -96,8 +96,9 @@ class MappedClient:
         return Exchange(adu(device.unit, pdu), adu(device.unit, answer), device.response_ns)
 
 
-def _polls(random: Random, device: MappedDevice) -> list[PolledBlock]:
-    """The blocks in which a master asks for a device's values."""
+def _polls(random: Random, device: MappedDevice, even: float) -> list[PolledBlock]:
+    """The blocks in which a master asks for a device's values; by chance `even` so many registers at a time, whatever a
+    map says of them."""
     reach = random.choice((0, 1, 2, 4, 8, 16, 40, 40))
     longest = random.choice((2, 10, 20, 40, 60, 100, 125, 125))
     share = random.choice((1.0, 1.0, 1.0, 0.7, 0.4))
@@ -114,7 +115,7 @@ def _polls(random: Random, device: MappedDevice) -> list[PolledBlock]:
                 blocks[-1][1] = max(blocks[-1][1], row.end)
             else:
                 blocks.append([row.address, row.end])
-        if rows and random.random() < _EVEN:  # so many registers at a time, whatever a map says of them
+        if rows and even and random.random() < even:
             stretch = random.choice((10, 16, 25, 50, 100))
             begins = range(rows[0].address, rows[-1].end, stretch)
             blocks = [[begin, min(begin + stretch, rows[-1].end)] for begin in begins]

@@ -29,7 +29,8 @@ _QUANTITY: Final = re.compile(
 _COUNTED: Final = frozenset(
     ("Wh", "kWh", "MWh", "varh", "kvarh", "VAh", "kVAh", "Ah", "GJ", "MJ", "m³", "t", "h", "s", "min", "kg", "l")
 )
-_ABSENT: Final = (0.03, 0.03, 0.1, 0.3)  # of the values that a map lists: devices lack whole parts
+_ABSENT: Final = 0.03  # of the values that a map lists
+_LACKING: Final = (0.03, 0.03, 0.1, 0.3)  # of a wild device, which lacks whole parts
 _MARKS: Final = ("zero", "zero", "zero", "ones", "least", "greatest")  # of what a device lacks
 _CLOCK: Final = re.compile(
     r"\bclock ((?:years?|months?|days?|hours?|minutes?|(?:milli)?seconds?)(?: and [a-z]+)?)\b", re.IGNORECASE
@@ -57,11 +58,13 @@ class MappedDevice:
     words: dict[tuple[MapArea, int], int] = field(default_factory=dict)
     motions: list[tuple[MappedValue, Series]] = field(default_factory=list)
     _unlisted: list[tuple[tuple[MapArea, int], Series]] = field(default_factory=list)
-    _mark: str = "zero"
+    _mark: str | None = None  # None: any, value by value
 
     def __post_init__(self) -> None:
         plant = Plant(self.random, self.seconds, self.wild)
-        absent, self._mark = self.random.choice(_ABSENT), self.random.choice(_MARKS)
+        absent = _ABSENT
+        if self.wild:
+            absent, self._mark = self.random.choice(_LACKING), self.random.choice(_MARKS)
         powers = {(row.area, row.scale_address) for row in self.chart.rows if row.scale_address is not None}
         for row in self.chart.rows:
             if (row.area, row.address) in powers:
@@ -122,6 +125,9 @@ class MappedDevice:
         if row.area in ("coil", "discrete"):
             return [0]
         size = 2 * row.length
+        if self._mark is None:
+            absent = self.random.choice((b"\0" * 2, b"\xff" * 2, b"\x80\0" if row.length == 1 else b"\0" * 2))
+            return registers_of(absent * row.length, cast(Order, row.order))
         if row.is_float and self._mark != "zero":
             return registers_of((b"\x7f\xc0" if size == 4 else b"\x7f\xf8").ljust(size, b"\0"), cast(Order, row.order))
         signed = {"least": b"\x80".ljust(size, b"\0"), "greatest": b"\x7f".ljust(size, b"\xff")}
@@ -147,7 +153,9 @@ class MappedDevice:
             self.words[key] = random.randrange(random.choice((10, 1000, 65536)))
         else:
             level = random.uniform(10, 10 ** random.uniform(1.2, 4.5))
-            self._unlisted.append((key, series.motion(random, level, level * random.uniform(0.02, 0.3))))
+            self._unlisted.append(
+                (key, series.motion(random, level, level * random.uniform(0.02, 0.3), wild=self.wild > 0))
+            )
             self.words[key] = int(next(self._unlisted[-1][1])) & 0xFFFF
 
 
@@ -239,6 +247,9 @@ class Plant:
             return self._rounded(row, self._anything(row))
         return self._rounded(row, self._measured(row))
 
+    def _motion(self, level: float, reach: float) -> Series:
+        return series.motion(self._random, level, reach, wild=self._wild > 0)
+
     def _measured(self, row: MappedValue) -> Series:
         unit, name = row.unit, row.name
         if unit in _COUNTED and not re.search(r"demand|interval|delay|left|capacity$", name, re.I):
@@ -249,13 +260,13 @@ class Plant:
             return self._electric(name, base if base else "PF", factor)
         if "°C" in unit:
             level = self._random.choice((5.0, 22.0, 22.0, 45.0, 65.0, -8.0))
-            return series.motion(self._random, level, self._random.uniform(0.5, 8))
+            return self._motion(level, self._random.uniform(0.5, 8))
         if unit == "Hz" and not re.search(r"output|motor|compressor|pulse|setpoint|reference|meter \d", name, re.I):
             return series.walk(self._random, self._mains, 0.01, 0.05)
         level, reach = _LEVELS.get(unit, (0.0, 0.0))
         if level:
             low = self._random.uniform(0.02, 1)
-            return series.motion(self._random, level * self._random.uniform(0.3, 1.3), reach * low)
+            return self._motion(level * self._random.uniform(0.3, 1.3), reach * low)
         if unit == "" and re.search(r"count|starts|cycles", name, re.I):
             return series.counter(self._random, 10 ** self._random.uniform(0, 6), 10 ** self._random.uniform(-2, 2))
         if unit == "" and re.search(r"status|alarm|state|mode|code|fault|error|warning|sequence|decimal", name, re.I):
@@ -293,7 +304,7 @@ class Plant:
             still = random.random() < 0.04
             self._channels[key] = _Circuit(
                 series.constant(volts) if still else series.walk(random, volts, volts * 0.002, volts * 0.02),
-                series.motion(random, amperes, abs(amperes) * self._lively),
+                self._motion(amperes, abs(amperes) * self._lively),
                 series.walk(random, random.uniform(0.75, 0.99), 0.003, 0.01),
             )
         return self._channels[key]
@@ -332,7 +343,7 @@ class Plant:
             return series.counter(random, abs(level), reach * random.uniform(0.001, 0.1))
         if kind < 0.2:
             return series.bursts(random, level or reach)
-        return series.motion(random, level, reach)
+        return self._motion(level, reach)
 
     def _rounded(self, row: MappedValue, motion: Series) -> Series:
         """As a device tells it: integers by their scale, some coarser; floats often of a few decimals."""

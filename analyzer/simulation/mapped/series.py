@@ -168,10 +168,9 @@ _MOTIONS: tuple[Callable[[Random, float, float], Series], ...] = (
     wave,
     ramp,
     stays_and_jumps,
-    switched,
 )
 
 
-def motion(random: Random, level: float, reach: float) -> Series:
-    """Any of the motions of a measurement about a level."""
-    return random.choice(_MOTIONS)(random, level, reach)
+def motion(random: Random, level: float, reach: float, *, wild: bool = False) -> Series:
+    """Any of the motions of a measurement about a level; of a wild device a load may be switched."""
+    return random.choice((*_MOTIONS, switched) if wild else _MOTIONS)(random, level, reach)
